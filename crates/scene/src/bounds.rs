@@ -1,4 +1,4 @@
-//! Boxes in the world.
+//! Axis-aligned boxes in the world.
 
 use glam::Vec3;
 use serde::Serialize;
@@ -22,7 +22,7 @@ impl Aabb {
             && (self.min.up..=self.max.up).contains(&p.up)
     }
 
-    /// The smallest box about some points; none for no points.
+    /// The smallest box around some points; `None` for no points.
     pub(crate) fn around(points: impl Iterator<Item = Vec3>) -> Option<Self> {
         let (min, max) =
             points.fold(None, |sum: Option<(Vec3, Vec3)>, p| Some(sum.map_or((p, p), |(min, max)| (min.min(p), max.max(p)))))?;

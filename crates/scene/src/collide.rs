@@ -5,7 +5,6 @@
 //! accurate to 0.02 mm at 200 m from the origin; results are metres in the world frame. The structure is immutable, so
 //! any number of threads can share one collider in an `Arc`. It is part of this crate because loaders (is the start
 //! free?), actors (where is the ground?) and craft all need it.
-//! they walk on?) and craft all ask it.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +19,7 @@ use thiserror::Error;
 
 use crate::geometry::{ObjectId, Part, Role, SceneGeometry};
 
-/// A sweep steps at least this far, metres: grazing a surface is then found to within a millimetre of depth and in a bounded
+/// Minimum advance of a sweep, metres: grazing contacts are then found to within a millimetre of depth and in a bounded
 /// number of steps.
 const LEAST_ADVANCE: f64 = 1e-3;
 
@@ -94,7 +93,7 @@ pub struct Collider {
     bodies: Vec<Body>,
     /// Leaves are indices into `bodies`.
     tree: Bvh,
-    /// Openings: their distance can be asked for, nothing touches them. Ascending by id.
+    /// Openings: distances to them are available, but they do not collide. Ascending by id.
     openings: Vec<Body>,
 }
 
@@ -217,7 +216,7 @@ impl Collider {
     }
 }
 
-/// One mesh an object from its parts of those roles, ascending by id.
+/// One mesh per object from its parts with these roles, ascending by id.
 fn bodies(parts: &[Part], roles: &[Role]) -> Result<Vec<Body>, ColliderError> {
     let mut soups: BTreeMap<ObjectId, Soup> = BTreeMap::new();
     for (index, part) in parts.iter().enumerate().filter(|(_, part)| roles.contains(&part.role)) {

@@ -78,7 +78,7 @@ impl SceneError {
     }
 }
 
-/// The candidate nearest to a word, if it is near enough to be meant (a third of its letters may differ).
+/// The candidate nearest to a word, if it is close enough (at most a third of the letters differ).
 pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let distance = |c: &str| strsim::damerau_levenshtein(word, c);
     let best = candidates.min_by_key(|c| distance(c))?;

@@ -46,7 +46,7 @@ impl Lighting {
         matches!(self, Self::Dusk | Self::Night)
     }
 
-    /// Elevation of sun or moon, degrees, and the light in clear weather but for the sun's place.
+    /// Elevation of sun or moon, degrees, and the light in clear weather apart from the sun's position.
     pub(crate) fn clear(self) -> (f64, Light) {
         let light = Light::default();
         match self {
@@ -106,7 +106,7 @@ impl Weather {
         Self::ALL.into_iter().find(|weather| weather.name() == name)
     }
 
-    /// The light that is left of a clear one.
+    /// A clear-sky light as changed by the weather.
     pub(crate) fn over(self, light: Light) -> Light {
         let grey = |c: Vec3, fraction: f32, gain: f32| c.lerp(Vec3::splat(c.dot(Vec3::new(0.21, 0.72, 0.07))), fraction) * gain;
         match self {
@@ -122,7 +122,7 @@ impl Weather {
             },
             Self::Rain => Light {
                 sun: grey(light.sun, 0.7, 0.06),
-                // Clouds spread a part of the sun's light.
+                // Clouds scatter a part of the sunlight.
                 sky_ambient: grey(light.sky_ambient + light.sun * 0.12, 0.7, 1.0),
                 ground_ambient: grey(light.ground_ambient, 0.6, 0.9),
                 zenith: grey(light.zenith.lerp(light.horizon, 0.4), 0.8, 0.6),
@@ -146,7 +146,7 @@ pub struct SceneLook {
     pub weather: Option<Weather>,
 }
 
-/// The light of a scene while it is put together.
+/// The light of a scene during loading.
 pub(crate) struct Shining {
     pub(crate) lighting: Lighting,
     pub(crate) weather: Weather,

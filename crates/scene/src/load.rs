@@ -13,7 +13,7 @@ use crate::limits::MAX_BYTES;
 use crate::mesh::KINDS;
 use crate::world::Scene;
 
-/// The scenes that come with the program: name and text.
+/// The built-in scenes: name and text.
 const BUILT_IN: &[(&str, &str)] = &[
     ("city", include_str!("../../../scenes/city.toml")),
     ("park", include_str!("../../../scenes/park.toml")),
@@ -21,13 +21,13 @@ const BUILT_IN: &[(&str, &str)] = &[
     ("yard", include_str!("../../../scenes/yard.toml")),
 ];
 
-/// Whether a name is the path of a file that a scene can be read from.
+/// Whether a name is the path of a file that can be read as a scene.
 fn is_file(name: &str) -> bool {
     gltf::is_model(name) || name.ends_with(".toml")
 }
 
-/// Splits the seed of a variant off a scene's name: `city@17` is variant 17 of `city`. What stands before the `@` must be a
-/// scene's name, so that other paths may have an `@`.
+/// Splits the seed of a variant off a scene's name: `city@17` is variant 17 of `city`. The part before the `@` must be
+/// a scene's name, so that other paths may contain an `@`.
 fn split(name: &str) -> Result<(&str, Option<u64>), SceneError> {
     let Some((scene, seed)) = name.rsplit_once('@') else { return Ok((name, None)) };
     let is_scene = BUILT_IN.iter().any(|(known, _)| *known == scene) || is_file(scene);

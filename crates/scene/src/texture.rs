@@ -62,7 +62,7 @@ impl Texture {
         Some(Self::from_roots(width as usize, height as usize, rgb.chunks_exact(3).map(texel).collect()))
     }
 
-    /// A texture from texels as they are kept, `width` × `height` of them and at least one.
+    /// A texture from texels in the stored format, `width` × `height` of them and at least one.
     pub(crate) fn from_roots(width: usize, height: usize, texels: Vec<[u8; 4]>) -> Self {
         let mut levels = vec![Level { width, height, texels }];
         while let Some(half) = levels.last().and_then(Level::halved) {

@@ -62,7 +62,7 @@ pub struct Object {
     pub opening: bool,
     /// Extent of its meshes.
     pub bounds: Aabb,
-    /// Footprint polygons for drawings seen from above, metres east and north, counter-clockwise.
+    /// Footprint polygons for maps, metres east and north, counter-clockwise.
     pub outline: Vec<Vec<[f64; 2]>>,
 }
 

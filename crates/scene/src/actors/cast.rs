@@ -10,7 +10,7 @@ use crate::bounds::Aabb;
 use crate::collide::{Collider, ColliderError};
 use crate::geometry::{ObjectId, Part};
 
-/// Below this speed a person stands, m/s.
+/// Below this speed a person stands still, m/s.
 const STANDING: f64 = 0.05;
 /// Length of a double step on foot as a multiple of the person's height (Murray, Drought & Kory 1964: 1.5 m at 1.75 m).
 const STRIDE: f64 = 0.86;
@@ -29,7 +29,7 @@ struct Member {
     outline: Vec<Vec<[f64; 2]>>,
     /// Metres of one double step.
     stride: f64,
-    /// A ball about this height above the place holds the whole body.
+    /// A sphere centred at this height above the actor's position encloses the whole body.
     middle: f32,
     ball: f32,
 }

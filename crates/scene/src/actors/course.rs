@@ -11,41 +11,41 @@ use super::{Actor, Gait, Motion, Round};
 
 /// Length of a tick, seconds.
 pub(super) const STEP: f64 = 0.05;
-/// An actor this near to where it stops has arrived, metres.
+/// An actor within this distance of its stopping point has arrived, metres.
 const ARRIVED: f64 = 0.01;
-/// How fast a person steps aside, m/s, and turns, rad/s.
+/// Speed at which a person steps aside, m/s, and turns, rad/s.
 const ASIDE_SPEED: f64 = 0.5;
 const TURN_RATE: f64 = 3.5;
-/// A person turns on the spot until it faces its way within this, radians.
+/// A person turns on the spot until it faces its path within this angle, radians.
 const FACING: f64 = 1.0;
-/// A person looks so far for others in its way, metres.
+/// Distance up to which a person looks for others in its path, metres.
 const NOTICED: f64 = 8.0;
-/// How far ahead vehicles look where a person wants to go, metres.
+/// Distance up to which vehicles look for places that a person wants to enter, metres.
 pub(super) const WISH: f64 = 3.0;
-/// One that could not go on for so long turns round, or no longer gives way to what others only want to do; seconds.
+/// An actor blocked for this long turns round, or stops giving way to places that others only want to enter; seconds.
 const PATIENCE: f64 = 12.0;
 /// Actors whose heights differ by more than this pass over one another, metres.
 const STOREY: f64 = 3.0;
 
-/// How something of this gait speeds up, slows down and keeps its distance; m/s² and metres.
+/// Acceleration, braking and clearances of an actor with this gait; m/s² and metres.
 #[derive(Clone, Copy, Debug)]
 struct MotionLimits {
     speeding: f64,
-    /// Braking where it foresees the end.
+    /// Deceleration for a foreseen stop.
     braking: f64,
-    /// Braking for others, the hardest.
+    /// Maximum deceleration, for others in the way.
     stopping: f64,
     lateral: f64,
-    /// Free room to others when it goes on; persons come nearer to a vehicle than it comes to them.
+    /// Clearance from others when it moves on; people approach a vehicle more closely than it approaches them.
     gap: f64,
-    /// Distance of the places at which the way ahead is checked.
+    /// Spacing of the places at which the path ahead is checked.
     sample: f64,
 }
 
 const WALKING: MotionLimits = MotionLimits { speeding: 1.0, braking: 0.8, stopping: 2.0, lateral: 2.0, gap: 0.1, sample: 0.2 };
 const DRIVING: MotionLimits = MotionLimits { speeding: 1.5, braking: 1.5, stopping: 4.0, lateral: 2.0, gap: 0.5, sample: 0.5 };
 
-/// A path and what goes along it.
+/// A path and the actor that moves along it.
 #[derive(Clone, Debug)]
 pub(crate) struct Course {
     pub(super) motion: Motion,
@@ -54,7 +54,7 @@ pub(crate) struct Course {
     limits: MotionLimits,
 }
 
-/// Where an actor is on its course, and how it moves.
+/// Position of an actor on its course, and its motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
     /// Metres along the route.
@@ -63,21 +63,21 @@ pub(super) struct State {
     aside: f64,
     pub(super) speed: f64,
     back: bool,
-    /// Seconds of pause left; infinite at the end of the last way.
+    /// Remaining pause, seconds; infinite at the end of the last lap.
     wait: f64,
-    /// On a round with a pause: the pause is over, the beginning not passed yet.
+    /// On a closed path with a pause: the pause is over, but the start has not been passed yet.
     rested: bool,
     heading: f64,
     walked: f64,
     cruise: f64,
-    /// Seconds without getting on.
+    /// Seconds without progress.
     blocked: f64,
     pauses: u64,
     seed: u64,
     number: u64,
 }
 
-/// The room an actor may come to need until it stands: discs, checked against those of the others.
+/// The space that an actor may need until it stands still: discs, which are compared with those of the others.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Claim {
     centre: DVec2,
@@ -88,7 +88,7 @@ pub(super) struct Claim {
     discs: Vec<DVec2>,
 }
 
-/// What another actor looks like to one that may have to step aside.
+/// What an actor that may have to step aside knows about another one.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Seen {
     pub(super) at: DVec2,
@@ -97,7 +97,7 @@ pub(super) struct Seen {
 }
 
 impl Course {
-    /// The course of an actor; with `ground`, standing on it.
+    /// The course of an actor; if `ground` is given, it follows the ground.
     pub(crate) fn new(actor: &Actor, ground: Option<&crate::collide::Collider>) -> Self {
         let limits = match actor.motion.gait {
             Gait::Walk => WALKING,
@@ -107,23 +107,23 @@ impl Course {
         Self { motion: actor.motion.clone(), route, body: Footprint::of(actor), limits }
     }
 
-    /// Where it begins.
+    /// The start position.
     pub(crate) fn start(&self) -> ActorPlace {
         self.place(&self.begin(0, 0))
     }
 
-    /// Lets it begin elsewhere, at a fraction of its path.
+    /// Sets the start position, as a fraction of the path.
     pub(crate) fn set_start(&mut self, start: f64) {
         self.motion.start = start;
     }
 
-    /// Its way on the map, a point at least every half metre, and how far its body reaches to the sides.
+    /// Its path on the map, a point at least every half metre, and the half width of its body.
     pub(crate) fn way(&self) -> (Vec<DVec2>, f64) {
         (self.route.points(), self.body.radius)
     }
 
-    /// The state at the beginning. Chance (pauses, a cruising speed up to a tenth below the given) follows from the seed and
-    /// the actor's number.
+    /// The initial state. Random values (pauses, a cruising speed up to a tenth below the given one) follow from the
+    /// seed and the actor's number.
     pub(super) fn begin(&self, seed: u64, number: u64) -> State {
         let along = self.motion.start * self.route.length();
         State {
@@ -143,7 +143,7 @@ impl Course {
         }
     }
 
-    /// Where that is in the world.
+    /// Its position in the world.
     pub(super) fn place(&self, state: &State) -> ActorPlace {
         let (at, up, heading, pitch) = if self.body.axle > 0.0 {
             let (rear, front) = (self.route.at(state.along - self.body.axle), self.route.at(state.along + self.body.axle));
@@ -158,26 +158,26 @@ impl Course {
         ActorPlace { position, heading, pitch, walked: state.walked, speed: state.speed }
     }
 
-    /// What others see of it.
+    /// Its state as others see it.
     pub(super) fn seen(&self, place: &ActorPlace) -> Seen {
         let ahead = DVec2::new(libm::sin(place.heading), libm::cos(place.heading));
         Seen { at: on_map(place), velocity: ahead * place.speed, radius: self.body.radius }
     }
 
-    /// The bounds of the room that it needs until it stands, braking as hard as it can, written into `claim`. `place` is the
-    /// state's.
+    /// Writes the bounds of the space that it needs until it stands still at maximum braking into `claim`. `place` is
+    /// the state's.
     pub(super) fn claim(&self, state: &State, place: &ActorPlace, claim: &mut Claim) {
         self.bound(state, place, self.stopping(state), claim);
     }
 
-    /// The room itself, within bounds made for the same state; nothing when it is known already.
+    /// The space itself, within bounds computed for the same state; does nothing if it is already known.
     pub(super) fn fill(&self, state: &State, claim: &mut Claim) {
         if claim.discs.is_empty() {
             self.cover(state, self.stopping(state), claim);
         }
     }
 
-    /// The room that a person wants to go through next; none for a vehicle and for one that stands for a while.
+    /// The space that a person wants to enter next; none for a vehicle and for a person who stands for a while.
     pub(super) fn claim_ahead(&self, state: &State, place: &ActorPlace, claim: &mut Claim) -> bool {
         if self.body.axle > 0.0 || state.wait > 0.0 {
             return false;
@@ -205,7 +205,7 @@ impl Course {
         }
     }
 
-    /// The way to standstill, metres.
+    /// Stopping distance, metres.
     fn stopping(&self, state: &State) -> f64 {
         (state.speed * state.speed / (2.0 * self.limits.stopping)).min(self.left(state))
     }
@@ -217,17 +217,17 @@ impl Course {
         discs.extend(self.body.offsets.iter().map(|offset| at + forward * *offset));
     }
 
-    /// Free room that it keeps to others when it goes on.
+    /// Clearance from others when it moves on.
     pub(super) fn gap(&self) -> f64 {
         self.limits.gap
     }
 
-    /// Whether it has waited long enough for what others only want to do.
+    /// Whether it has waited long enough for places that others only want to enter.
     pub(super) fn is_impatient(state: &State) -> bool {
         state.blocked > PATIENCE
     }
 
-    /// Metres to where it stops next; infinite on a round without a pause.
+    /// Metres to its next stop; infinite on a closed path without a pause.
     fn left(&self, state: &State) -> f64 {
         if self.route.closed() && (self.motion.wait <= 0.0 || state.rested) {
             return f64::INFINITY;
@@ -236,8 +236,8 @@ impl Course {
         left.max(0.0)
     }
 
-    /// The next state if `is_free` lets pass all that it needs then: the best that does. Braking as hard as it can is always
-    /// free.
+    /// The next state: the best one for which `is_free` accepts the space that it needs. Maximum braking is always
+    /// possible.
     pub(super) fn next(&self, state: &State, others: &[Seen], mut is_free: impl FnMut(&State, &ActorPlace) -> bool) -> State {
         let mut now = *state;
         if now.wait > 0.0 {
@@ -298,7 +298,7 @@ impl Course {
         state.pauses += 1;
         state.wait = match self.motion.round {
             Round::Once => f64::INFINITY,
-            // At least a tick: the pause is where it turns round.
+            // At least one tick: the pause is where it turns round.
             Round::Circle | Round::ThereAndBack => {
                 let fraction = RandomStream::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
                 (self.motion.wait * (0.5 + fraction)).max(STEP)
@@ -307,15 +307,16 @@ impl Course {
         state
     }
 
-    /// Turns a person towards a heading; how far it is off, radians.
+    /// Turns a person towards a heading; returns the remaining angle, radians.
     fn turn_towards(state: &mut State, heading: f64) -> f64 {
         let off = wrap_angle(heading - state.heading);
         state.heading = wrap_angle(state.heading + off.clamp(-TURN_RATE * STEP, TURN_RATE * STEP));
         libm::fabs(off)
     }
 
-    /// Where beside its path a person wants to walk: to the right of the nearest that stands or comes in its way, or to the
-    /// left where there is no room, and on the path when nobody does. As it is for vehicles.
+    /// Lateral offset at which a person wants to walk: to the right of the nearest person who stands or comes the other
+    /// way, to the left if there is no space on the right, and on the path if nobody is in the way. Unchanged for
+    /// vehicles.
     fn step_aside(&self, state: &State, spot: &Spot, others: &[Seen]) -> f64 {
         if self.motion.aside <= 0.0 {
             return state.aside;
@@ -325,7 +326,7 @@ impl Course {
         let mut nearest: Option<(f64, f64)> = None;
         for other in others {
             let (away, ahead) = (other.at - here, spot.direction * sign);
-            // Too far off, or itself.
+            // Too far away, or itself.
             if !(1e-6..NOTICED * NOTICED).contains(&away.length_squared()) {
                 continue;
             }
@@ -352,7 +353,7 @@ impl Course {
 }
 
 impl Claim {
-    /// Becomes the room of a craft, in the air or on the ground.
+    /// Sets it to the space of a craft, in the air or on the ground.
     pub(super) fn take_craft(&mut self, position: EnuPosition, radius: f64) {
         let centre = DVec2::new(position.east, position.north);
         (self.centre, self.reach, self.up, self.radius) = (centre, radius, position.up, radius);
@@ -360,13 +361,13 @@ impl Claim {
         self.discs.push(centre);
     }
 
-    /// Whether these bounds come nearer than `gap`, so that the discs must be compared.
+    /// Whether these bounds come closer than `gap`, so that the discs must be compared.
     pub(super) fn near(&self, other: &Self, gap: f64) -> bool {
         let reach = self.reach + other.reach + gap;
         libm::fabs(self.up - other.up) < STOREY && self.centre.distance_squared(other.centre) < reach * reach
     }
 
-    /// Whether the room itself does.
+    /// Whether the space itself does.
     pub(super) fn meets(&self, other: &Self, gap: f64) -> bool {
         let room = self.radius + other.radius + gap;
         let close = |a: &DVec2, b: &DVec2| a.distance_squared(*b) < room * room;
@@ -383,7 +384,7 @@ fn bearing(direction: DVec2) -> f64 {
     libm::atan2(direction.x, direction.y)
 }
 
-/// The room that an actor takes where it begins.
+/// The space that an actor occupies at its start.
 fn first_claim(course: &Course) -> Claim {
     let (state, mut claim) = (course.begin(0, 0), Claim::default());
     course.claim(&state, &course.place(&state), &mut claim);
@@ -391,13 +392,13 @@ fn first_claim(course: &Course) -> Claim {
     claim
 }
 
-/// Whether an actor begins on one of others.
+/// Whether the start of an actor overlaps that of another.
 pub(crate) fn begins_on<'a>(course: &Course, mut others: impl Iterator<Item = &'a Course>) -> bool {
     let own = first_claim(course);
     others.any(|other| own.meets(&first_claim(other), course.gap().min(other.gap())))
 }
 
-/// The first two courses whose actors begin on one another, by their place in the list.
+/// The first two courses whose starts overlap, by their indices in the list.
 pub(crate) fn first_clash(courses: &[Course]) -> Option<(usize, usize)> {
     let claims: Vec<Claim> = courses.iter().map(first_claim).collect();
     let pairs = (0..courses.len()).flat_map(|j| (0..j).map(move |i| (i, j)));

@@ -12,15 +12,15 @@ pub(crate) struct Footprint {
     pub(crate) radius: f64,
     /// Their centres, metres forward of the middle.
     pub(crate) offsets: Vec<f64>,
-    /// Half the distance of the axles, metres; 0 on foot.
+    /// Half the wheelbase, metres; 0 on foot.
     pub(crate) axle: f64,
-    /// Metres from the middle to the farthest point.
+    /// Metres from the centre to the farthest point.
     pub(crate) reach: f64,
 }
 
 impl Footprint {
-    /// The discs that cover the solid parts of an actor as it stands, however it turns. The step of one that walks reaches
-    /// farther, into the room that it holds until it stands.
+    /// The discs that cover the solid parts of an actor when it stands, at any heading. The stride of a walking person
+    /// reaches farther, into the space reserved until it stands still.
     pub(crate) fn of(actor: &Actor) -> Self {
         let solid = actor.postures.iter().take(1).flatten().filter(|part| part.role == Role::Solid);
         let (mut half, mut round) = (DVec2::splat(0.05), 0.05_f64);

@@ -23,7 +23,7 @@ pub struct ActorPlace {
 }
 
 impl ActorPlace {
-    /// The place `fraction` of the way to a later one.
+    /// The pose at `fraction` of the interval to a later one.
     pub(crate) fn towards(&self, later: &Self, fraction: f64) -> Self {
         let part = |a: f64, b: f64| a + (b - a) * fraction;
         Self {
@@ -37,13 +37,13 @@ impl ActorPlace {
 }
 
 impl ActorPlace {
-    /// Extent of a mesh in the actor's frame when it is here; none for an empty mesh.
+    /// Extent of a mesh in the actor's frame when the actor is here; `None` for an empty mesh.
     pub(crate) fn bounds(&self, parts: &[Part]) -> Option<Aabb> {
         let frame = Frame::of(self);
         Aabb::around(parts.iter().flat_map(|part| part.vertices.iter().map(|v| frame.point(v.position))))
     }
 
-    /// Footprint polygons in the actor's frame as they lie on the map.
+    /// Footprint polygons in the actor's frame, transformed to the map.
     pub(crate) fn outline(&self, polygons: &[Vec<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
         let (sin, cos) = (libm::sin(self.heading), libm::cos(self.heading));
         let EnuPosition { east, north, .. } = self.position;
@@ -52,7 +52,7 @@ impl ActorPlace {
     }
 }
 
-/// An actor's own frame in the world: nose up by the pitch, turned clockwise by the heading, moved.
+/// Transform from an actor's own frame to the world: pitched, turned clockwise by the heading, moved.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     right: Vec3,

@@ -6,21 +6,21 @@ use spf_core::geometry::EnuPosition;
 use super::{Motion, Round};
 use crate::collide::Collider;
 
-/// Distance of the knots on straight pieces, at most, metres: the ground is looked for at each.
+/// Maximum spacing of knots on straight segments, metres; the ground height is sampled at each.
 const SPACING: f64 = 0.5;
-/// An arc has a knot at least this often, radians.
+/// Maximum angle between knots on an arc, radians.
 const ARC_STEP: f64 = 0.17;
 /// Sharper corners than this are not rounded, radians (150°).
 const SHARPEST: f64 = 2.618;
-/// The ground may rise by this much from one knot to the next, metres.
+/// Maximum rise of the ground from one knot to the next, metres.
 const STEP_UP: f64 = 0.6;
-/// The ground is looked for from this height above the first corner, metres.
+/// The ground is searched from this height above the first corner, metres.
 const HEAD: f64 = 1.0;
 
-/// A path, measured.
+/// A measured path.
 #[derive(Clone, Debug)]
 pub(crate) struct Route {
-    /// In order; of a closed path the first comes again at the end.
+    /// In order; for a closed path the first one is repeated at the end.
     knots: Vec<Knot>,
     closed: bool,
 }
@@ -31,9 +31,9 @@ struct Knot {
     up: f64,
     /// Metres from the first knot.
     along: f64,
-    /// Unit vector, the mean of the pieces before and after.
+    /// Unit vector, the mean of the segments before and after.
     direction: DVec2,
-    /// Maximum speed there, going on and going back, m/s.
+    /// Maximum speed there, in both directions, m/s.
     limit: [f64; 2],
 }
 
@@ -54,7 +54,7 @@ impl Spot {
 }
 
 impl Route {
-    /// Measures a path. `lateral` and `braking`, m/s², give the speed in bends and before them.
+    /// Measures a path. `lateral` and `braking`, m/s², determine the speed in bends and before them.
     pub(crate) fn new(motion: &Motion, lateral: f64, braking: f64, ground: Option<&Collider>) -> Self {
         let closed = motion.round == Round::Circle;
         let heights = motion.heights.clone().unwrap_or_else(|| vec![0.0; motion.path.len()]);
@@ -68,22 +68,23 @@ impl Route {
         route
     }
 
-    /// Metres from one end to the other, or once around.
+    /// Metres from one end to the other, or around the loop.
     pub(crate) fn length(&self) -> f64 {
         self.knots.last().map_or(0.0, |knot| knot.along)
     }
 
-    /// Points of it, in order.
+    /// Its points, in order.
     pub(crate) fn points(&self) -> Vec<DVec2> {
         self.knots.iter().map(|knot| knot.at).collect()
     }
 
-    /// Whether it leads back to its beginning.
+    /// Whether it is closed.
     pub(crate) fn closed(&self) -> bool {
         self.closed
     }
 
-    /// The point `along` metres from the beginning. A closed route goes round; beyond the ends of an open one it goes straight on.
+    /// The point `along` metres from the start. A closed route wraps around; an open one is extended straight beyond
+    /// its ends.
     pub(crate) fn at(&self, along: f64) -> Spot {
         let along = self.wrapped(along);
         let [before, after] = self.around(along);
@@ -102,7 +103,7 @@ impl Route {
         before.limit[side].min(after.limit[side])
     }
 
-    /// `along` as it is within one round.
+    /// `along` reduced to one lap.
     pub(crate) fn wrapped(&self, along: f64) -> f64 {
         if !self.closed || (0.0..=self.length()).contains(&along) {
             return along;
@@ -140,7 +141,7 @@ impl Route {
             let greatest = if bend > 1e-6 { libm::sqrt(lateral / bend) } else { cruise };
             knots[i].limit = [greatest.max(0.2).min(cruise); 2];
         }
-        // Slow enough before each bend to brake in time; twice round, for a bend at the beginning of a closed route.
+        // Slow enough before each bend to brake in time; two passes, for a bend at the start of a closed route.
         let slowed = |next: f64, gap: f64| libm::sqrt(next * next + 2.0 * braking * gap);
         for _ in 0..2 {
             for i in (0..last).rev() {
@@ -171,7 +172,7 @@ impl Corner {
     }
 }
 
-/// The path with arcs instead of corners and knots often enough; a closed one ends on its first knot.
+/// The path with arcs instead of corners, and knots at sufficient density; a closed one ends on its first knot.
 fn rounded(corners: &[Corner], closed: bool, radius: f64) -> Vec<Corner> {
     let n = corners.len();
     let mut turns: Vec<Corner> = Vec::new();
@@ -193,7 +194,7 @@ fn rounded(corners: &[Corner], closed: bool, radius: f64) -> Vec<Corner> {
     knots
 }
 
-/// The arc that rounds a corner, tangent to both its pieces; a sharper one where they are short.
+/// The arc that rounds a corner, tangent to both segments; of smaller radius where they are short.
 fn arc(from: Corner, corner: Corner, to: Corner, radius: f64) -> Vec<Corner> {
     let (arriving, leaving) = (corner.at - from.at, to.at - corner.at);
     let (into, out) = (arriving.normalize_or_zero(), leaving.normalize_or_zero());
@@ -208,7 +209,7 @@ fn arc(from: Corner, corner: Corner, to: Corner, radius: f64) -> Vec<Corner> {
     let begin = corner.at - into * reach;
     let side = if turn > 0.0 { DVec2::new(-into.y, into.x) } else { DVec2::new(into.y, -into.x) };
     let centre = begin + side * radius;
-    // Pieces that are not divided any more: the bend of a route is that of its knots.
+    // Segments that are not divided further: the bends of a route are those of its knots.
     let steps = (libm::fabs(turn) / ARC_STEP).max(libm::fabs(turn) * radius / SPACING).ceil().max(1.0) as u32;
     let fraction = reach / arriving.length();
     let (low, high) = (corner.towards(from, fraction).up, corner.towards(to, reach / leaving.length()).up);

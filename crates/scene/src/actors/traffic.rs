@@ -31,9 +31,9 @@ pub struct Traffic {
     states: Vec<State>,
     rooms: Rooms,
     seen: Vec<Seen>,
-    /// Who chooses first.
+    /// The order in which actors choose.
     order: Vec<usize>,
-    /// Places at the last ticks; the latest last.
+    /// Places at the last ticks, the newest last.
     history: VecDeque<Vec<ActorPlace>>,
     tick: u64,
 }
@@ -105,7 +105,7 @@ impl Traffic {
         Some(earlier.get(actor)?.towards(later.get(actor)?, fraction))
     }
 
-    /// Places at the ticks before and after, and where between them.
+    /// The ticks before and after, and the fraction between them.
     fn about(&self, at: Time) -> Option<(&[ActorPlace], &[ActorPlace], f64)> {
         let (tick, rest) = (at.as_nanos() / TICK_NANOS, at.as_nanos() % TICK_NANOS);
         let oldest = self.tick + 1 - self.history.len() as u64;
@@ -136,8 +136,8 @@ impl Traffic {
 }
 
 impl Rooms {
-    /// Whether the room that an actor would need in a state is free: of what the others hold, and for a vehicle also of where
-    /// persons want to go next, unless it is in their way already.
+    /// Whether the space that an actor would need in a state is free of the reservations of others, and for a vehicle
+    /// also of places that people want to enter next, unless the vehicle already blocks them.
     fn are_free(
         &mut self,
         cast: &Cast,

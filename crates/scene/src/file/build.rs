@@ -22,13 +22,13 @@ use crate::mesh::{Generator, Sketch, Surface, convex_hull};
 use crate::pose::{above, parse_pose};
 use crate::world::{Object, Scene};
 
-/// Postures of one double step: about as many a second as a flight's video has images.
+/// Postures of one double step: about as many per second as a video has frames.
 const GAIT: u32 = 12;
 
-/// Most triangles of all postures of all who walk.
+/// Maximum number of triangles of all postures of all walking people.
 const MAX_GAIT_TRIANGLES: usize = 8 * MAX_TRIANGLES;
 
-/// Most objects that move: each looks out for all others.
+/// Maximum number of moving objects: each checks all others.
 const MAX_ACTORS: usize = 200;
 
 /// Materials by name, each stored once.
@@ -75,7 +75,7 @@ pub(super) fn build(
 ) -> Result<Scene, SceneError> {
     let mut shining = shine::shining(raw, conditions, source)?;
     let mut materials = Materials { raw, lit: shining.lit(), wet: shining.wet(), list: Vec::new(), index: BTreeMap::new() };
-    // Every material is checked, also those that nothing uses.
+    // Every material is checked, even if nothing uses it.
     for (name, material) in &raw.materials {
         materials.get(name, &material.span(), source)?;
     }
@@ -103,7 +103,7 @@ pub(super) fn build(
             return Err(source.error(&placed.span, message, None));
         }
         let to_world = Frame::of(placed);
-        // A light that moves would need other shadows at every moment.
+        // A moving lamp would need new shadows at every instant.
         for lamp in sketch.lamps.iter().filter(|_| placed.motion.is_none()) {
             shine::add(&mut shining, lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
         }
@@ -162,8 +162,8 @@ fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, objec
     sketch.surfaces.iter().map(part).collect()
 }
 
-/// The meshes of a model, whose materials' numbers grow by `more`. Its texture coordinates count repetitions of an image, and do
-/// not grow with it.
+/// The meshes of a model; its material indices are offset by `more`. Its texture coordinates count repetitions of an
+/// image, so they do not scale with the object.
 fn model_parts(parts: &[Part], more: u16, to_world: &Frame, object: ObjectId) -> Vec<Part> {
     let vertex = |v: &Vertex| Vertex { uv: v.uv, ..to_world.vertex(v) };
     let part = |part: &Part| Part {
@@ -176,7 +176,7 @@ fn model_parts(parts: &[Part], more: u16, to_world: &Frame, object: ObjectId) ->
     parts.iter().map(part).collect()
 }
 
-/// What a person looks like on its way; nothing for what does not walk.
+/// The postures of a walking person; empty for everything else.
 fn gait(generator: &dyn Generator, motion: &Motion) -> Vec<Sketch> {
     let drawn = |k: u32| {
         let mut sketch = Sketch::default();
@@ -209,7 +209,7 @@ fn slots(
     Ok(slots)
 }
 
-/// Local frame of an object to the world: scaled, turned clockwise by the heading, moved.
+/// Transform from the local frame of an object to the world: scaled, turned clockwise by the heading, moved.
 struct Frame {
     cos: f32,
     sin: f32,
@@ -270,7 +270,7 @@ fn object(
     Ok(Object { id, key: placed.key.clone(), tags, mesh: placed.mesh_kind, opening, bounds, outline })
 }
 
-/// What moves by itself.
+/// Moving objects.
 #[derive(Default)]
 struct Actors {
     list: Vec<Actor>,
@@ -278,7 +278,7 @@ struct Actors {
 }
 
 impl Actors {
-    /// Adds one whose parts and object are in its own frame; the object is moved to where it begins.
+    /// Adds one whose parts and object are in its own frame; the object is moved to its start.
     fn add(
         &mut self,
         motion: &Motion,
@@ -301,7 +301,7 @@ impl Actors {
         Ok(())
     }
 
-    /// Nobody begins on someone else.
+    /// No actor may start on another.
     fn check(&self, placed: &[Placed], source: &Source<'_>) -> Result<(), SceneError> {
         let Some((first, second)) = first_clash(&self.courses) else { return Ok(()) };
         let of = |actor: usize| &placed[usize::from(self.list[actor].object) - 1];
@@ -319,7 +319,7 @@ pub(super) fn checked_name(written: &Spanned<String>, source: &Source<'_>) -> Re
     Ok(name.clone())
 }
 
-/// One line for lists of scenes.
+/// Reduces a text to one line, for lists of scenes.
 pub(super) fn description(written: Option<&Spanned<String>>, source: &Source<'_>) -> Result<String, SceneError> {
     let Some(text) = written else { return Ok(String::new()) };
     if text.get_ref().chars().count() > 120 || text.get_ref().chars().any(char::is_control) {
@@ -352,7 +352,7 @@ pub(super) fn bounds(raw: &Spanned<RawBounds>, source: &Source<'_>) -> Result<Aa
     Ok(Aabb { min: corner(0), max: corner(1) })
 }
 
-/// The pose of a key, within `bounds` where there are some.
+/// Parses the pose of a key, which must lie within `bounds` if there are any.
 pub(super) fn pose(text: &Spanned<String>, key: &str, bounds: Option<&Aabb>, source: &Source<'_>) -> Result<Pose, SceneError> {
     let at = text.span();
     let hint = || Some(format!("use `{key} = \"east,north,up,heading_deg\"`"));

@@ -15,7 +15,7 @@ use crate::limits::{FARTHEST, LONGEST_TAG, MAX_OBJECTS};
 use crate::mesh::{Generator, KINDS};
 use crate::world::Tags;
 
-/// One object of the scene before its mesh is drawn.
+/// One object of the scene before its mesh is built.
 #[derive(Debug)]
 pub(super) struct Placed {
     pub(super) key: String,
@@ -26,23 +26,23 @@ pub(super) struct Placed {
     pub(super) mesh: usize,
     /// Kind of that generator.
     pub(super) mesh_kind: &'static str,
-    /// Number of the model that it is, where it is one.
+    /// Index of its model, if it is one.
     pub(super) model: Option<usize>,
-    /// Slot and material, with the place in the text.
+    /// Slot and material, with their position in the text.
     pub(super) materials: Vec<(String, String, Range<usize>)>,
     /// East, north, up, metres.
     pub(super) position: [f64; 3],
     /// Clockwise from north, degrees.
     pub(super) heading_deg: f64,
     pub(super) scale: f64,
-    /// How it moves by itself; `position` and `heading_deg` are then its path's.
+    /// Its motion, if it moves; `position` and `heading_deg` are then those of its path.
     pub(super) motion: Option<Motion>,
-    /// The key that fits it better in a variant.
+    /// The key that suits it better in a variant.
     pub(super) new_key: Option<String>,
     pub(super) span: Range<usize>,
 }
 
-/// The objects and the generators they are drawn with.
+/// The objects, and the generators of their meshes.
 #[derive(Debug, Default)]
 pub(super) struct Expanded {
     pub(super) placed: Vec<Placed>,
@@ -57,7 +57,7 @@ impl Expanded {
         self.keys.contains(key)
     }
 
-    /// Takes the last object, which stood by itself, out again.
+    /// Removes the last object, which was not part of a row.
     pub(super) fn pop(&mut self) {
         self.meshes.pop();
         if let Some(last) = self.placed.pop() {
@@ -75,7 +75,7 @@ pub(super) fn expand(raw: &RawScene, source: &Source<'_>) -> Result<Expanded, Sc
     Ok(out)
 }
 
-/// Unrolls one entry: a thing, a row of things, or one at each of some places.
+/// Unrolls one entry: a single object, a row, or one object at each of some places.
 pub(super) fn unroll(
     raw: &RawScene,
     object: &Spanned<RawObject>,
@@ -201,10 +201,10 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
     Ok(tags)
 }
 
-/// The kind of an object's mesh, what draws it, and the model that it is.
+/// The kind of an object's mesh, its generator, and its model.
 type Drawing = (&'static str, Box<dyn Generator>, Option<usize>);
 
-/// How an object is drawn.
+/// The generator of an object's mesh.
 fn generator(object: &RawObject, models: &mut Models, span: &Range<usize>, source: &Source<'_>) -> Result<Drawing, SceneError> {
     let Some(mesh) = &object.mesh else {
         let hint = "for example `mesh = { kind = \"tree\", style = \"conifer\", height = 9.0 }`".to_owned();

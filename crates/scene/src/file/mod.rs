@@ -25,8 +25,8 @@ pub(crate) fn own_light(conditions: &SceneLook) -> Result<Shining, SceneError> {
     shine::light_alone(&RawLight::default(), conditions, &Source::new("", "", None))
 }
 
-/// Reads a scene from its text; `file` names it in errors, `folder` is where it lies, none when only its text is known. With a seed,
-/// the variant of that seed.
+/// Reads a scene from its text. `file` is its name in errors; `folder` is the file's folder, `None` if only the text is
+/// known. With a seed, reads the variant with that seed.
 pub(crate) fn parse(
     text: &str,
     file: &str,

@@ -16,13 +16,13 @@ use crate::texture::Texture;
 /// The kind of such a mesh.
 pub(super) const KIND: &str = "model";
 
-/// What its surfaces are called; its materials are its own.
+/// The slot name of its surfaces; its materials are its own.
 const SLOT: &str = "model";
 
-/// Most different models in a scene.
+/// Maximum number of different models in a scene.
 const MAX_MODELS: usize = 100;
 
-/// Most memory that the images of all models may take, bytes: as much as those of one world.
+/// Maximum memory for the images of all models, bytes: as much as those of one world.
 const MAX_TEXTURE_BYTES: usize = 256 << 20;
 
 /// The keys of such a mesh.
@@ -39,12 +39,12 @@ struct RawModel {
 #[derive(Debug, Default)]
 pub(super) struct Models {
     list: Vec<(RawModel, Arc<Model>)>,
-    /// Memory that their images take, bytes.
+    /// Memory used by their images, bytes.
     images: usize,
 }
 
 impl Models {
-    /// The model that the keys of an object's mesh name, by its number, loaded if it is not yet.
+    /// The index of the model that an object's mesh names; loads it if necessary.
     pub(super) fn get(
         &mut self,
         object: &RawObject,
@@ -87,19 +87,19 @@ impl Models {
         Ok(self.list.len() - 1)
     }
 
-    /// What draws the model of a number.
+    /// The generator for the model with an index.
     pub(super) fn generator(&self, number: usize) -> Box<dyn Generator> {
         Box::new(Drawn(self.list[number].1.clone()))
     }
 
-    /// Adds the materials and images of all models to those of the scene; for each model, what its materials' numbers grow by.
-    /// None where there are more than fit.
+    /// Adds the materials and images of all models to those of the scene; returns the offset of each model's material
+    /// indices, `None` if there are too many.
     pub(super) fn add_looks(&self, materials: &mut Vec<Material>, textures: &mut Vec<Texture>) -> Option<Vec<u16>> {
         let mut grown = Vec::with_capacity(self.list.len());
         for (_, model) in &self.list {
             let more = u16::try_from(textures.len()).ok()?;
             grown.push(u16::try_from(materials.len()).ok()?);
-            // A number that leads nowhere stands for white.
+            // An invalid index stands for white.
             u16::try_from(textures.len() + model.textures.len()).ok().filter(|count| *count < u16::MAX)?;
             materials.extend(model.materials.iter().map(|material| match material.pattern {
                 Pattern::Image { texture, mirror } if usize::from(texture) < model.textures.len() => {
@@ -118,7 +118,7 @@ impl Models {
     }
 }
 
-/// A model on the drawing board: a surface for each of its parts, in their order.
+/// A model as a sketch: one surface per part, in order.
 #[derive(Debug)]
 struct Drawn(Arc<Model>);
 

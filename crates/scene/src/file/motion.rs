@@ -8,12 +8,12 @@ use crate::actors::{Gait, Motion, Round};
 use crate::error::SceneError;
 use crate::limits::FARTHEST;
 
-/// Most corners of a path.
+/// Maximum number of corners of a path.
 const MAX_CORNERS: usize = 1000;
-/// Longest path, metres: it is measured every half metre.
+/// Maximum path length, metres: it is sampled every half metre.
 const LONGEST: f64 = 20_000.0;
 
-/// How the object moves; none for one that stands still.
+/// The motion of an object; `None` for a static one.
 pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<Motion>, SceneError> {
     let (raw, gait) = match (&object.walk, &object.drive) {
         (None, None) => return Ok(None),
@@ -70,7 +70,7 @@ pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<M
 
 type Corners = (Vec<[f64; 2]>, Option<Vec<f64>>);
 
-/// The corners of a path, all with a height or none.
+/// The corners of a path, either all with a height or none.
 fn corners(path: &Spanned<Vec<Vec<f64>>>, round: Round, source: &Source<'_>) -> Result<Corners, SceneError> {
     let refuse = |message: String, hint: &str| Err(source.error(&path.span(), message, Some(hint.to_owned())));
     let least = if round == Round::Circle { 3 } else { 2 };

@@ -17,7 +17,7 @@ use crate::light::{Lighting, Weather};
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawScene {
-    /// Looked at before all else, see [`super::source::Source::read`].
+    /// Checked first, see [`super::source::Source::read`].
     #[serde(rename = "format")]
     _format: u32,
     pub(super) name: Spanned<String>,
@@ -41,7 +41,7 @@ pub(super) struct RawScene {
     pub(super) vary: Option<RawVary>,
 }
 
-/// Flying room, metres.
+/// Flyable region, metres.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawBounds {
@@ -50,7 +50,7 @@ pub(super) struct RawBounds {
     pub(super) up: [f64; 2],
 }
 
-/// Light as written; what is left out is that of `time` and `weather`, and those are a clear day.
+/// Light as written; defaults are those of `time` and `weather`, whose own default is a clear day.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawLight {
@@ -70,7 +70,7 @@ pub(super) struct RawLight {
     pub(super) horizon: Option<Colour>,
 }
 
-/// A lamp that belongs to no object.
+/// A lamp that does not belong to an object.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawLamp {
@@ -110,12 +110,12 @@ pub(super) struct RawObject {
     pub(super) number: Option<u32>,
 }
 
-/// A row of equal objects.
+/// A row of identical objects.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RawRepeat {
     pub(super) count: u32,
-    /// From one to the next, metres east and north.
+    /// Offset from one to the next, metres east and north.
     pub(super) step: [f64; 2],
 }
 

@@ -13,13 +13,13 @@ use crate::geometry::{Lamp, Light};
 use crate::light::{Lighting, SceneLook, Shining, Weather};
 use crate::mesh::Bulb;
 
-/// Most lamps that shine in a scene: each costs a millisecond when the scene is prepared.
+/// Maximum number of active lamps in a scene: each costs a millisecond when the scene is prepared.
 const MAX_LAMPS: usize = 500;
 
-/// Azimuth of the sun where the file names none, degrees clockwise from north.
+/// Azimuth of the sun if the file does not set one, degrees clockwise from north.
 const AZIMUTH_DEG: f64 = 222.0;
 
-/// The light of the file under these conditions, with the lamps that belong to no object.
+/// The light of the file under these conditions, with the lamps that do not belong to objects.
 pub(super) fn shining(raw: &RawScene, conditions: &SceneLook, source: &Source<'_>) -> Result<Shining, SceneError> {
     let mut shining = light_alone(&raw.light, conditions, source)?;
     for lamp in &raw.lamps {
@@ -36,7 +36,7 @@ pub(super) fn light_alone(raw: &RawLight, conditions: &SceneLook, source: &Sourc
     Ok(Shining { lighting, weather, light: light(raw, lighting, weather, own, source)? })
 }
 
-/// Adds a lamp if it shines now; `to_world` moves a point of its frame, `scale` its lengths.
+/// Adds a lamp if it is active; `to_world` transforms a point of its frame, `scale` scales its lengths.
 pub(super) fn add(
     shining: &mut Shining,
     bulb: &Bulb,
@@ -75,7 +75,8 @@ fn bulb(lamp: &Spanned<RawLamp>, source: &Source<'_>) -> Result<Bulb, SceneError
     Ok(Bulb { lamp, always: raw.always })
 }
 
-/// The named light under the named weather, and over it the file's keys, as far as `own` light and weather are in force.
+/// The named light in the named weather, overridden by the file's keys as far as the file's own light and weather
+/// (`own`) are in force.
 fn light(
     raw: &RawLight,
     lighting: Lighting,
@@ -89,7 +90,7 @@ fn light(
         }
         v => Ok(v.as_ref().map(|v| *v.get_ref())),
     };
-    // Every key is checked, also those that are put aside.
+    // Every key is checked, even if it is overridden.
     let azimuth = number(&raw.sun_azimuth_deg, "sun_azimuth_deg", -360.0, 360.0)?.unwrap_or(AZIMUTH_DEG).to_radians();
     let elevation = number(&raw.sun_elevation_deg, "sun_elevation_deg", 1.0, 90.0)?;
     let strength = number(&raw.sun_strength, "sun_strength", 0.0, 10.0)?;

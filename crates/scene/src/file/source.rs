@@ -10,10 +10,10 @@ use toml::Spanned;
 use crate::error::{SceneError, hint_from};
 use crate::limits::MAX_BYTES;
 
-/// The version of the format that is read.
+/// The supported format version.
 const FORMAT: u32 = 1;
 
-/// The text of a scene file with its name, for errors, and where it lies.
+/// The text of a scene file with its name, for errors, and its folder.
 pub(super) struct Source<'a> {
     text: &'a str,
     file: &'a str,
@@ -21,7 +21,7 @@ pub(super) struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    /// `folder` is that of the file; none when only its text is known.
+    /// `folder` is that of the file; `None` if only its text is known.
     pub(super) const fn new(text: &'a str, file: &'a str, folder: Option<&'a Path>) -> Self {
         Self { text, file, folder }
     }
@@ -31,7 +31,7 @@ impl<'a> Source<'a> {
         self.file
     }
 
-    /// Where the files lie that it names.
+    /// The folder of the files that it names.
     pub(super) const fn folder(&self) -> Option<&'a Path> {
         self.folder
     }
@@ -49,12 +49,14 @@ impl<'a> Source<'a> {
         self.error(&error.span().unwrap_or(0..0), message.clone(), hint_from(&message))
     }
 
-    /// Reads the text into its keys, those of a scene or of a scene that names a model, and checks the format version first.
+    /// Parses the text into its keys, those of a scene or of a scene that names a model; the format version is checked
+    /// first.
     pub(super) fn read<T: DeserializeOwned>(&self) -> Result<T, SceneError> {
         if self.text.len() > MAX_BYTES {
             return Err(SceneError::too_large(self.file));
         }
-        // The version is looked at before the keys, so that a newer file is not blamed for keys that this program does not know.
+        // The version is checked before the keys, so that a newer file is not reported for keys that this program does
+        // not know.
         let format = toml::from_str::<Version>(self.text).map_err(|e| self.toml_error(&e))?.format;
         if *format.get_ref() != FORMAT {
             let message = format!("unsupported scene format `{}`; this version reads format {FORMAT}", format.get_ref());
@@ -64,7 +66,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The first line of a parser's message, in the house's manner.
+/// The first line of a parser's message, in the style of our own errors.
 pub(super) fn first_line(message: &str) -> String {
     message.lines().next().unwrap_or_default().to_owned()
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 use crate::geometry::{Material, Pattern};
 use crate::texture::srgb_to_linear;
 
-/// A colour written as `#rrggbb` in sRGB, kept linear.
+/// A colour written as `#rrggbb` in sRGB, stored as linear light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Colour(pub(super) Vec3);
 
@@ -52,25 +52,24 @@ pub(super) struct RawMaterial {
     cell: Option<[f32; 2]>,
     /// Fraction of a cell that is glass.
     glass: Option<f32>,
-    /// Marked road width, metres.
+    /// Width of the marked road, metres.
     width: Option<f32>,
-    /// Distance of joints, metres.
+    /// Distance between joints, metres.
     joint: Option<f32>,
     /// Period of stripes, metres.
     period: Option<f32>,
     #[serde(default)]
     two_sided: bool,
     emission: Option<Colour>,
-    /// Instead of `emission` where lamps are lit.
+    /// Replaces `emission` where lamps are lit.
     emission_lit: Option<Colour>,
 }
 
-/// What windows give off where lamps are lit: rooms behind them. The pattern leaves most of them dark.
+/// Emission of windows where lamps are lit: rooms behind them. The pattern leaves most of them dark.
 const ROOMS: Vec3 = Vec3::new(0.62, 0.40, 0.17);
 
 impl RawMaterial {
-    /// The material, or what is wrong with it; `lit` says whether lamps are lit, `wet` whether
-    /// it rains.
+    /// The material, or an error; `lit`: whether lamps are lit, `wet`: whether it rains.
     pub(super) fn material(&self, lit: bool, wet: bool) -> Result<Material, String> {
         let measure = |name: &str, value: Option<f32>, default: f32, low: f32, high: f32| match value.unwrap_or(default) {
             v if (low..=high).contains(&v) => Ok(v),
@@ -118,7 +117,7 @@ impl RawMaterial {
     }
 }
 
-/// The materials that every scene may name.
+/// The palette available to every scene.
 pub(super) fn palette() -> &'static BTreeMap<String, RawMaterial> {
     static PALETTE: OnceLock<BTreeMap<String, RawMaterial>> = OnceLock::new();
     PALETTE.get_or_init(|| toml::from_str(include_str!("palette.toml")).expect("the embedded palette is valid"))

@@ -17,7 +17,7 @@ use crate::world::Scene;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawWrapper {
-    /// Looked at before, see [`Source::read`].
+    /// Checked earlier, see [`Source::read`].
     #[serde(rename = "format")]
     _format: u32,
     name: Option<Spanned<String>>,
@@ -47,7 +47,7 @@ struct Probe {
     gltf: Option<IgnoredAny>,
 }
 
-/// Whether a text is a scene that names a model.
+/// Whether a text is a scene file that names a model.
 pub(super) fn names_a_model(text: &str) -> bool {
     toml::from_str::<Probe>(text).is_ok_and(|probe| probe.gltf.is_some())
 }

@@ -7,7 +7,7 @@ use gltf::json::{Index, Root, buffer};
 use super::files::Buffers;
 use super::problem::{Problem, missing};
 
-/// Most elements of one accessor.
+/// Maximum number of elements of one accessor.
 pub(super) const MAX_ELEMENTS: usize = 6_000_000;
 
 /// Reads the accessors of a file.
@@ -37,7 +37,7 @@ fn component_size(component: ComponentType) -> usize {
     }
 }
 
-/// One unsigned whole number.
+/// One unsigned integer.
 fn whole(bytes: &[u8]) -> u32 {
     match *bytes {
         [a] => u32::from(a),
@@ -47,7 +47,7 @@ fn whole(bytes: &[u8]) -> u32 {
     }
 }
 
-/// One number of a vector: a float, or an unsigned fraction.
+/// One component of a vector: a float, or an unsigned fraction.
 fn number(bytes: &[u8], component: ComponentType) -> f32 {
     match component {
         ComponentType::U8 => whole(bytes) as f32 / 255.0,
@@ -57,7 +57,7 @@ fn number(bytes: &[u8], component: ComponentType) -> f32 {
 }
 
 impl<'a> Accessors<'a> {
-    /// How many elements an accessor has.
+    /// Number of elements of an accessor.
     pub(super) fn count(&self, index: Index<Accessor>) -> Result<usize, Problem> {
         let accessor = self.accessor(index)?;
         usize::try_from(accessor.count.0).ok().filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| {
@@ -67,8 +67,8 @@ impl<'a> Accessors<'a> {
         })
     }
 
-    /// Vectors of floats or, where that is a share (texture coordinates, colours), of unsigned fractions. A vector with fewer
-    /// than `N` numbers is filled up with `fill`, where `least` allows it.
+    /// Vectors of floats or, for normalised values (texture coordinates, colours), of unsigned fractions. A vector with
+    /// fewer than `N` components is filled up with `fill`, where `least` allows it.
     pub(super) fn vectors<const N: usize>(
         &self,
         index: Index<Accessor>,
@@ -154,7 +154,7 @@ impl<'a> Accessors<'a> {
         Ok(elements.map(|elements| (0..count).map(|i| whole(elements.get(i))).collect()))
     }
 
-    /// `count` elements of `size` bytes from `offset` in a buffer view; none when they do not fit it.
+    /// `count` elements of `size` bytes from `offset` in a buffer view; `None` if they do not fit.
     fn within(&self, view: Index<buffer::View>, offset: u64, count: usize, size: usize) -> Result<Option<Elements<'a>>, Problem> {
         let (bytes, stride) = self.buffers.view(self.root, view)?;
         let stride = stride.unwrap_or(size);

@@ -9,20 +9,20 @@ use serde_json::json;
 
 use super::problem::{Problem, short};
 
-/// Longest file, and most bytes of all buffers of a file together.
+/// Maximum file size, and maximum size of all buffers of a file together, bytes.
 pub(super) const MAX_BYTES: u64 = 256 << 20;
-/// Longest JSON text, bytes; embedded buffers and images are part of it.
+/// Maximum length of the JSON text, bytes, including embedded buffers and images.
 const MAX_JSON_BYTES: usize = 128 << 20;
-/// Most values in the JSON text. What they become in memory is bounded with them.
+/// Maximum number of values in the JSON text, which also bounds the memory for them.
 const MAX_JSON_VALUES: usize = 500_000;
 
-/// A file's description, and the binary chunk that came with it.
+/// The JSON of a file, and its binary chunk.
 pub(super) struct Container<'a> {
     pub(super) root: Root,
     pub(super) blob: Option<Cow<'a, [u8]>>,
 }
 
-/// What is looked at before all else.
+/// The keys that are checked first.
 #[derive(Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct Head {
@@ -46,7 +46,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<Container<'_>, Problem> {
 type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 
 fn split(bytes: &[u8]) -> Result<Chunks<'_>, Problem> {
-    // The reader subtracts the header's length from the one that the file claims.
+    // The reader subtracts the header's length from the claimed file length.
     let claimed = bytes.get(8..12).and_then(|b| b.try_into().ok()).map_or(0, u32::from_le_bytes);
     if claimed < 12 {
         return Err(Problem::new("the file is truncated in its header"));
@@ -71,7 +71,7 @@ fn root(text: &[u8]) -> Result<Root, Problem> {
         let message = format!("its JSON exceeds {} MiB", MAX_JSON_BYTES >> 20);
         return Err(Problem::new(message).hint("save as .glb, or store buffers and images in separate files"));
     }
-    // Each value but the first stands after one of these, so this bounds what reading can allocate.
+    // Each value except the first follows one of these characters, so this bounds the allocations of the reader.
     let values = text.iter().filter(|byte| matches!(byte, b'{' | b'[' | b',')).count();
     if values > MAX_JSON_VALUES {
         let message = format!("its JSON has more than {MAX_JSON_VALUES} values");
@@ -90,14 +90,14 @@ fn root(text: &[u8]) -> Result<Root, Problem> {
     }
     head.extensions_required.iter().try_for_each(|name| supported(name))?;
     let mut root: Root = serde_json::from_slice(text).map_err(broken)?;
-    // Checked above, against what is done here and not against what the reader knows.
+    // Checked above against the actual use, not against the extensions known to the reader.
     root.extensions_required.clear();
     complete_positions(&mut root)?;
     validate(&root)?;
     Ok(root)
 }
 
-/// Refuses extensions without which the file cannot be understood.
+/// Rejects required extensions that are not supported.
 fn supported(name: &str) -> Result<(), Problem> {
     let harmless = ["KHR_materials_", "KHR_lights_", "EXT_lights_", "KHR_texture_transform", "KHR_xmp"];
     if harmless.iter().any(|prefix| name.starts_with(prefix)) && !name.ends_with("pbrSpecularGlossiness") {
@@ -116,8 +116,8 @@ fn supported(name: &str) -> Result<(), Problem> {
     Err(Problem::new(format!("unsupported extension `{}`", short(name))).hint(remedy))
 }
 
-/// The reader's check demands the extent of positions, which nothing here uses, and follows their index before it has looked
-/// whether that leads anywhere.
+/// The reader's own check demands the extent of positions, which nothing here uses, and follows their index without
+/// checking it first.
 fn complete_positions(root: &mut Root) -> Result<(), Problem> {
     let positions = Checked::Valid(Semantic::Positions);
     for (m, mesh) in root.meshes.iter().enumerate() {

@@ -13,19 +13,19 @@ use percent_encoding::percent_decode_str;
 use super::container::MAX_BYTES;
 use super::problem::{Problem, missing};
 
-/// Where a file's other files may lie, and how much of them may still be read.
+/// The folder of a file's other files, and how much of them may still be read.
 pub(super) struct Surroundings {
     folder: Option<PathBuf>,
     left: u64,
 }
 
 impl Surroundings {
-    /// `folder` is that of the file; none when a file comes without one and may name no other.
+    /// `folder` is that of the file; `None` if a file has none and may not name others.
     pub(super) fn new(folder: Option<&Path>) -> Self {
         Self { folder: folder.map(Path::to_owned), left: MAX_BYTES }
     }
 
-    /// The bytes behind a URI.
+    /// The bytes of a URI.
     pub(super) fn read(&mut self, uri: &str) -> Result<Vec<u8>, Problem> {
         let bytes = match uri.strip_prefix("data:") {
             Some(data) => self.embedded(data)?,
@@ -74,7 +74,7 @@ impl Surroundings {
         Ok(bytes)
     }
 
-    /// The path behind a relative URI, inside the folder.
+    /// The path of a relative URI, inside the folder.
     fn path(&self, uri: &str, shown: &str) -> Result<PathBuf, Problem> {
         let outside = || {
             Problem::new(format!("the referenced `{shown}` is not a file in its folder"))
@@ -86,7 +86,7 @@ impl Surroundings {
     }
 }
 
-/// The path of a file that lies in a folder or below it; none for one that does not.
+/// The path of a file inside a folder; `None` if it lies elsewhere.
 pub(super) fn inside(folder: &Path, relative: &Path) -> Option<PathBuf> {
     let written = relative.to_str()?;
     let inward = |part: Component<'_>| matches!(part, Component::Normal(_) | Component::CurDir);
@@ -96,14 +96,14 @@ pub(super) fn inside(folder: &Path, relative: &Path) -> Option<PathBuf> {
     // The folder of a bare name is the working directory.
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let path = folder.join(relative);
-    // Links may lead out.
+    // Links may lead out of the folder.
     match (folder.canonicalize(), path.canonicalize()) {
         (Ok(folder), Ok(path)) if !path.starts_with(&folder) => None,
         _ => Some(path),
     }
 }
 
-/// All buffers of a file, as long as they say.
+/// All buffers of a file, with the lengths given there.
 pub(super) struct Buffers<'a>(Vec<Cow<'a, [u8]>>);
 
 impl<'a> Buffers<'a> {
@@ -124,7 +124,7 @@ impl<'a> Buffers<'a> {
         Ok(Self(buffers))
     }
 
-    /// The bytes of a buffer view, and the step between its elements if it has one.
+    /// The bytes of a buffer view, and its stride if it has one.
     pub(super) fn view(&self, root: &Root, index: Index<buffer::View>) -> Result<(&[u8], Option<usize>), Problem> {
         let view = root.buffer_views.get(index.value()).ok_or_else(|| missing("buffer view", index.value()))?;
         let buffer = self.0.get(view.buffer.value()).ok_or_else(|| missing("buffer", view.buffer.value()))?;

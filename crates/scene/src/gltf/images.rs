@@ -10,16 +10,16 @@ use super::files::{Buffers, Surroundings};
 use super::problem::{Problem, missing};
 use crate::texture::{MAX_SIDE, Texture};
 
-/// Most memory of all textures together, bytes.
+/// Maximum memory of all textures together, bytes.
 const MAX_MEMORY: u64 = 256 << 20;
-/// Longest side that is kept, texels.
+/// Maximum side that is kept, texels.
 const KEPT_SIDE: u32 = 4096;
-/// Most pixels that are decoded, of all images together.
+/// Maximum number of decoded pixels, of all images together.
 const MAX_PIXELS: u64 = 1 << 29;
-/// What decoding one image may take: 256 MiB.
+/// Memory limit for decoding one image: 256 MiB.
 const LIMITS: Limits = Limits { side: u32::MAX, memory: 256 << 20 };
 
-/// The images that are used.
+/// The images in use.
 #[derive(Debug, Default)]
 pub(super) struct Images {
     pub(super) textures: Vec<Texture>,
@@ -33,7 +33,7 @@ struct Encoded<'a> {
 }
 
 impl Images {
-    /// Reads the images of these materials: those on their surfaces and those that glow.
+    /// Reads the images of these materials: base colour and emission.
     pub(super) fn load(
         root: &Root,
         used: &BTreeSet<usize>,
@@ -68,7 +68,7 @@ impl Images {
 
     /// Adds a texture.
     pub(super) fn push(&mut self, texture: Texture) -> Result<u16, Problem> {
-        // The greatest number stands for a texture that is not there.
+        // The largest index stands for a missing texture.
         let index = u16::try_from(self.textures.len()).ok().filter(|&index| index < u16::MAX);
         let index = index.ok_or_else(|| Problem::new("it has more than 65534 textures"))?;
         self.textures.push(texture);
@@ -80,10 +80,10 @@ fn source(root: &Root, info: &texture::Info) -> Option<usize> {
     root.textures.get(info.index.value()).map(|texture| texture.source.value())
 }
 
-/// How often each image is halved so that all fit the memory.
+/// Number of times each image is halved so that all fit the memory limit.
 fn halvings(sizes: &[(u32, u32)]) -> Vec<usize> {
     let own = |(w, h): (u32, u32)| (0..).find(|&n| w.max(h) >> n <= KEPT_SIDE).unwrap_or(0);
-    // Four bytes a texel, and a third more for the smaller copies.
+    // Four bytes per texel, and a third more for the mip levels.
     let memory = |all: u32| -> u64 {
         let side = |side: u32, n: u32| u64::from((side >> n).max(1));
         sizes.iter().map(|&(w, h)| (side(w, own((w, h)).max(all)) * side(h, own((w, h)).max(all)) * 16).div_ceil(3)).sum()
@@ -124,7 +124,8 @@ fn decode(encoded: &Encoded<'_>) -> Result<Texture, Problem> {
     Texture::from_srgb(width, height, &rgb).ok_or_else(|| Problem::new(format!("image {} has no pixels", encoded.image)))
 }
 
-/// Colours without alpha: transparent pixels get the mean colour of the opaque ones, since their own is arbitrary.
+/// Colours without alpha: transparent pixels get the mean colour of the opaque ones, since their own colour is
+/// arbitrary.
 fn filled(image: Samples) -> Vec<u8> {
     let rgba = image.into_rgba();
     let (mut sum, mut count) = ([0_u64; 3], 0_u64);

@@ -12,40 +12,40 @@ use super::problem::{Problem, missing};
 use crate::geometry::{Material, Pattern};
 use crate::texture::Texture;
 
-/// Steps of a channel in the palette for colours at corners.
+/// Steps per channel in the palette of vertex colours.
 const STEPS: usize = 32;
 /// Width of that palette, texels.
 const PALETTE_WIDTH: usize = 256;
 /// Its height.
 const PALETTE_HEIGHT: usize = STEPS * STEPS * STEPS / PALETTE_WIDTH;
 
-/// How a primitive is drawn.
+/// Appearance of a primitive.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Look {
     /// Index into the scene's materials.
     pub(super) material: u16,
     /// Mean colour, linear RGB.
     pub(super) mean: Vec3,
-    /// The image on it.
+    /// Its image.
     pub(super) image: Option<TextureUse>,
-    /// Whether its corners bring the colours.
+    /// Whether it uses vertex colours.
     pub(super) by_corner: bool,
-    /// Clear: touched, not drawn.
+    /// Clear: solid, not rendered.
     pub(super) invisible: bool,
 }
 
-/// How an image lies on a primitive.
+/// Mapping of an image onto a primitive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TextureUse {
-    /// Which texture coordinates.
+    /// Index of the texture coordinates.
     pub(super) set: u32,
     offset: Vec2,
-    /// Columns of the matrix that turns and scales.
+    /// Columns of the matrix of rotation and scale.
     columns: [Vec2; 2],
 }
 
 impl TextureUse {
-    /// Texture coordinates of a corner.
+    /// Texture coordinates of a vertex.
     pub(super) fn at(&self, uv: [f32; 2]) -> Vec2 {
         let at = self.offset + self.columns[0] * uv[0] + self.columns[1] * uv[1];
         if at.is_finite() { at } else { Vec2::ZERO }
@@ -65,7 +65,7 @@ impl TextureUse {
     }
 }
 
-/// The materials of a scene as they come to be used.
+/// The materials of a scene, in order of first use.
 pub(super) struct Looks<'a> {
     root: &'a Root,
     images: Images,
@@ -79,12 +79,12 @@ impl<'a> Looks<'a> {
         Self { root, images, palette: None, known: BTreeMap::new(), materials: Vec::new() }
     }
 
-    /// The textures, whose order the materials know.
+    /// The textures, in the order that the materials refer to.
     pub(super) fn into_parts(self) -> (Vec<Material>, Vec<Texture>) {
         (self.materials, self.images.textures)
     }
 
-    /// Colour of a corner, for what is coloured by corner.
+    /// Colour of a vertex, for primitives with vertex colours.
     pub(super) fn corner_colour(uv: Vec2) -> Vec3 {
         let (x, y) = ((uv.x * PALETTE_WIDTH as f32) as usize, (uv.y * PALETTE_HEIGHT as f32) as usize);
         let index = y * PALETTE_WIDTH + x;
@@ -92,7 +92,7 @@ impl<'a> Looks<'a> {
         Vec3::from(root) * Vec3::from(root)
     }
 
-    /// The look of a primitive with this material; `coloured` when its corners have colours.
+    /// The appearance of a primitive with this material; `coloured`: whether its vertices have colours.
     pub(super) fn look(&mut self, material: Option<usize>, coloured: bool) -> Result<Look, Problem> {
         if let Some(look) = self.known.get(&(material, coloured)) {
             return Ok(look.clone());
@@ -121,7 +121,7 @@ impl<'a> Looks<'a> {
                 (Pattern::Image { texture, mirror }, colour * image, false)
             }
             None if coloured => (Pattern::Image { texture: self.palette()?, mirror }, colour, true),
-            // A texture that is not there is white.
+            // A missing texture is white.
             None if mirror > 0.0 => (Pattern::Image { texture: u16::MAX, mirror }, colour, false),
             None => (Pattern::Plain, colour, false),
         };
@@ -142,7 +142,7 @@ impl<'a> Looks<'a> {
         given * mean
     }
 
-    /// The image that holds all colours that corners may have.
+    /// The palette image of vertex colours.
     fn palette(&mut self) -> Result<u16, Problem> {
         if let Some(palette) = self.palette {
             return Ok(palette);
@@ -156,7 +156,7 @@ impl<'a> Looks<'a> {
     }
 }
 
-/// Where in the palette the mean of three corners' colours lies.
+/// Position in the palette of the mean of three vertex colours.
 pub(super) fn shade_of(corners: [[f32; 4]; 3]) -> Vec2 {
     let mean = |channel: usize| corners.iter().map(|c| fraction(c[channel])).sum::<f32>() / 3.0;
     let step = |channel: usize| (mean(channel).sqrt() * (STEPS - 1) as f32 + 0.5) as usize;
@@ -165,12 +165,12 @@ pub(super) fn shade_of(corners: [[f32; 4]; 3]) -> Vec2 {
     Vec2::new((x as f32 + 0.5) / PALETTE_WIDTH as f32, (y as f32 + 0.5) / PALETTE_HEIGHT as f32)
 }
 
-/// A share, 0..=1, whatever the file says.
+/// A fraction, clamped to 0..=1.
 fn fraction(value: f32) -> f32 {
     if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) }
 }
 
-/// How much of a mirror a surface is: polished metal much, gloss paint and glass some, what is rough nothing.
+/// Reflectivity of a surface: high for polished metal, low for gloss paint and glass, zero for rough surfaces.
 fn mirror(metallic: f32, roughness: f32) -> f32 {
     let smooth = (1.0 - roughness) * (1.0 - roughness);
     let mirror = smooth * (0.4 + 0.6 * metallic);

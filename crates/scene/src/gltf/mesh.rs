@@ -15,32 +15,32 @@ use super::problem::Problem;
 use super::walk::{Placed, point};
 use crate::geometry::Vertex;
 
-/// Most triangles of a file, each as often as it is placed.
+/// Maximum number of triangles of a file, each counted as often as it is placed.
 pub(super) const MAX_TRIANGLES: usize = 2_000_000;
-/// Most corners before they are joined, likewise.
+/// Maximum number of vertices before they are merged, counted likewise.
 const MAX_CORNERS: usize = 6_000_000;
-/// Farthest corner from the origin in each axis, metres.
+/// Farthest vertex from the origin along each axis, metres.
 const FARTHEST: f32 = 2000.0;
 /// Twice the area of the smallest triangle that is kept, square metres.
 const SMALLEST: f32 = 1e-10;
 
-/// Corners and triangles in the world.
+/// Vertices and triangles in the world.
 #[derive(Debug, Default)]
 pub(super) struct Drawn {
     pub(super) vertices: Vec<Vertex>,
     pub(super) triangles: Vec<[u32; 3]>,
 }
 
-/// Reads meshes and keeps count.
+/// Reads meshes and counts their size.
 pub(super) struct Meshes<'a> {
     pub(super) accessors: Accessors<'a>,
     triangles: usize,
     corners: usize,
-    /// Points and lines, which are not drawn.
+    /// Points and lines, which are not rendered.
     pub(super) skipped: usize,
 }
 
-/// What a primitive brings, before it is placed.
+/// The data of a primitive, before it is placed.
 struct Attributes {
     positions: Vec<[f32; 3]>,
     normals: Option<Vec<[f32; 3]>>,
@@ -53,12 +53,12 @@ impl<'a> Meshes<'a> {
         Self { accessors, triangles: 0, corners: 0, skipped: 0 }
     }
 
-    /// Whether a primitive has colours at its corners.
+    /// Whether a primitive has vertex colours.
     pub(super) fn is_coloured(primitive: &Primitive) -> bool {
         attribute(primitive, Semantic::Colors(0)).is_some()
     }
 
-    /// The triangles of a primitive, none for points and lines. `of` says whose they are.
+    /// The triangles of a primitive; empty for points and lines. `of` names the primitive in errors.
     pub(super) fn draw(&mut self, primitive: &Primitive, placed: &Placed, look: &Look, of: &str) -> Result<Drawn, Problem> {
         let Checked::Valid(mode) = primitive.mode else { return Err(Problem::new(format!("{of} has an unknown mode"))) };
         if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
@@ -78,7 +78,7 @@ impl<'a> Meshes<'a> {
         place(&attributes, triangles(&corners, mode), placed, look, of)
     }
 
-    /// Counts before anything is read, so that no small file becomes a large scene.
+    /// Counts before reading, so that no small file becomes a large scene.
     fn count(&mut self, primitive: &Primitive, mode: Mode) -> Result<(), Problem> {
         let positions = position(primitive)?;
         let corners = self.accessors.count(positions)?;
@@ -101,7 +101,7 @@ impl<'a> Meshes<'a> {
         let uv = set.and_then(|set| attribute(primitive, set)).map(|i| accessors.vectors::<2>(i, 2, 0.0, true));
         let coloured = look.by_corner.then(|| attribute(primitive, Semantic::Colors(0))).flatten();
         let colours = coloured.map(|i| accessors.vectors::<4>(i, 3, 1.0, true));
-        // Attributes with another number of corners than the positions are left out, as if they were not there.
+        // Attributes whose count differs from that of the positions are ignored.
         let count = positions.len();
         Ok(Attributes {
             positions,
@@ -120,7 +120,7 @@ fn position(primitive: &Primitive) -> Result<Index<Accessor>, Problem> {
     attribute(primitive, Semantic::Positions).ok_or_else(|| Problem::new("a mesh has no positions"))
 }
 
-/// The triangles of a list, a strip or a fan, as its order means them.
+/// The triangles of a list, a strip or a fan.
 fn triangles(corners: &[u32], mode: Mode) -> Vec<[u32; 3]> {
     match mode {
         Mode::TriangleStrip => {
@@ -136,7 +136,7 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
     let positions: Vec<Vec3> = from.positions.iter().map(|&p| point(&placed.to_world, p)).collect();
     let turn = DMat3::from_mat4(placed.to_world);
     if turn.determinant() < 0.0 {
-        // A mirrored mesh shows its back.
+        // A mirrored mesh shows its back faces.
         triangles.iter_mut().for_each(|t| t.swap(1, 2));
     }
     for &i in triangles.iter().flatten() {
@@ -173,7 +173,8 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
             let uv = match (own, &look.image, &from.uv) {
                 (Some(shade), _, _) => shade,
                 (None, Some(image), Some(uv)) => image.at(uv[i as usize]),
-                // What no image covers has metres, slanted so that no upright or level plane is seen edge-on.
+                // Texture coordinates for surfaces without an image: metres, slanted so that no upright or level plane
+                // is seen edge-on.
                 _ => Vec2::new(position.x + 0.31 * position.z, position.y + 0.47 * position.z),
             };
             (i, Vertex { position, normal: normals[k], uv })
@@ -183,29 +184,29 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
     Ok(Drawn { vertices: weld.vertices, triangles: drawn })
 }
 
-/// Turns normals as the surface turns, also where a scale is not the same in all directions.
+/// Transforms normals with the surface, also under non-uniform scale.
 fn normal_matrix(turn: DMat3) -> DMat3 {
     let [x, y, z] = [turn.x_axis, turn.y_axis, turn.z_axis];
     let sign = if turn.determinant() < 0.0 { -1.0 } else { 1.0 };
     DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * sign
 }
 
-/// Normals of a triangle's corners as given; the triangle's own where they are none or look away from it.
+/// Vertex normals of a triangle as given; the triangle's own normal if they are missing or point away from it.
 fn facing(given: [Vec3; 3], flat: Vec3) -> [Vec3; 3] {
     given.map(|n| if n.dot(flat) > 0.05 { n } else { flat })
 }
 
-/// Joins corners that agree in everything.
+/// Merges identical vertices.
 struct Weld {
     vertices: Vec<Vertex>,
-    /// For each corner of the file the last that was made of it, plus one.
+    /// For each vertex of the file, the last one created from it, plus one.
     last: Vec<u32>,
-    /// For each made corner the one made before it of the same, plus one.
+    /// For each created vertex, the previous one created from the same, plus one.
     before: Vec<u32>,
 }
 
 impl Weld {
-    /// How many variants of a corner are looked through.
+    /// Maximum number of variants of a vertex that are compared.
     const TRIES: usize = 24;
 
     fn new(count: usize) -> Self {
@@ -228,7 +229,7 @@ impl Weld {
     }
 }
 
-/// Area of some triangles, square metres, by the word for the colour that they have.
+/// Area of some triangles, square metres, by colour word.
 pub(super) fn add_areas(areas: &mut BTreeMap<&'static str, f32>, drawn: &Drawn, word: impl Fn(&Vertex) -> &'static str) {
     for triangle in &drawn.triangles {
         let corners = triangle.map(|i| drawn.vertices[i as usize]);

@@ -46,14 +46,14 @@ use crate::pose;
 use crate::world::Scene;
 use spf_core::craft::CraftKind;
 
-/// Which of the file's axes points up.
+/// The file's upward axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum UpAxis {
-    /// As the format has it: x east, −z north.
+    /// As defined by the format: x east, −z north.
     #[default]
     Y,
-    /// As many scans have it: x east, y north.
+    /// As in many scans: x east, y north.
     Z,
 }
 
@@ -72,13 +72,14 @@ pub(crate) struct ModelOverrides {
     pub(crate) up: Option<UpAxis>,
 }
 
-/// Worlds at least this wide or deep are flown by the quad over distances of a city, smaller ones by the Tello as in a room; metres.
+/// Worlds at least this wide or deep use the quad and the distances of a city; smaller ones use the Tello and those of
+/// a room; metres.
 const WIDE: f64 = 60.0;
 
-/// Flying room above the highest point, metres.
+/// Free height above the highest point, metres.
 const HEADROOM: f64 = 20.0;
 
-/// Whether a path is that of a model.
+/// Whether a path has the extension of a model.
 pub(crate) fn is_model(path: &str) -> bool {
     let end = Path::new(path).extension().unwrap_or_default();
     end.eq_ignore_ascii_case("glb") || end.eq_ignore_ascii_case("gltf")
@@ -91,7 +92,7 @@ pub(crate) fn load(path: &str, overrides: &ModelOverrides, shining: Shining) -> 
     parse(&bytes, path, Path::new(path).parent(), overrides, shining)
 }
 
-/// The bytes of a file that is not too large.
+/// The bytes of a file, up to the size limit.
 fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
     match std::fs::metadata(path) {
         Ok(about) if about.len() > container::MAX_BYTES => {
@@ -104,8 +105,8 @@ fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
     }
 }
 
-/// Reads a scene from the bytes of a file; `file` names it in errors and gives the scene its name. Other files are looked for in
-/// `folder`, or refused without one.
+/// Reads a scene from the bytes of a file; `file` names it in errors and gives the scene its name. Other files are read
+/// from `folder`, or rejected without one.
 pub(crate) fn parse(
     bytes: &[u8],
     file: &str,
@@ -131,14 +132,14 @@ fn import(
     world(assembly, start, &extras, overrides, file, shining)
 }
 
-/// Everything that a file holds for us.
+/// Everything read from a file.
 struct Assembled {
     assembly: Assembly,
     start: Option<Viewpoint>,
     extras: SceneSpec,
 }
 
-/// Reads a file; scale and the axis that points up stand over what its extras say.
+/// Reads a file; the given scale and upward axis take precedence over its extras.
 fn assemble(bytes: &[u8], folder: Option<&Path>, scale: Option<f64>, up: Option<UpAxis>) -> Result<Assembled, Problem> {
     let Container { root, blob } = container::read(bytes)?;
     let mut around = Surroundings::new(folder);
@@ -157,13 +158,13 @@ fn assemble(bytes: &[u8], folder: Option<&Path>, scale: Option<f64>, up: Option<
     Ok(Assembled { assembly, start: walked.start, extras })
 }
 
-/// What the scene's extras say.
+/// The extras of the scene.
 fn scene_spec(root: &Root, scene: usize) -> Result<SceneSpec, Problem> {
     let extras = root.scenes.get(scene).map(|scene| spec::ours(&scene.extras)).transpose()?.flatten();
     extras.map_or(Ok(SceneSpec::default()), |own| spec::read(own, "the scene"))
 }
 
-/// Materials of what stands in the scene.
+/// The materials in use.
 fn materials(root: &Root, walked: &Walked) -> BTreeSet<usize> {
     let meshes: BTreeSet<usize> = walked.placed.iter().map(|placed| placed.mesh).collect();
     let primitives = meshes.into_iter().filter_map(|mesh| root.meshes.get(mesh)).flat_map(|mesh| &mesh.primitives);
@@ -207,7 +208,7 @@ fn world(
     if !grounded {
         let given = start.map(|pose| pose.position).or(view.map(|view| view.position));
         bounds = widened(&extent, given);
-        // A little below the lowest point, so that no two faces share a plane.
+        // Slightly below the lowest point, so that no two faces are coplanar.
         let up = extent.min.up.min(given.map_or(f64::MAX, |at| at.up)) - 0.01;
         objects::lay_ground(&mut geometry, &mut objects, &bounds, up)?;
         extent.min.up = up;
@@ -263,7 +264,7 @@ fn radius(key: &str, value: Option<f64>, default: f64) -> Result<f64, Problem> {
     Err(Problem::new(format!("`{key}` must be from 0.1 to 50 metres, not `{value}`")))
 }
 
-/// The extent with a point that is to be in it.
+/// The extent, enlarged to include a point.
 fn widened(extent: &Aabb, point: Option<EnuPosition>) -> Aabb {
     let corners = [Some(extent.min), Some(extent.max), point].into_iter().flatten();
     let narrow = corners.map(|p| Vec3::new(p.east as f32, p.north as f32, p.up as f32));
@@ -286,7 +287,7 @@ fn above_middle(extent: &Aabb) -> EnuPosition {
     }
 }
 
-/// A scene's name as others may write it.
+/// A scene name restricted to permitted characters.
 fn shown(name: &str) -> Option<String> {
     let name: String = name.trim().chars().filter(|c| !c.is_control()).take(60).collect();
     (!name.is_empty()).then_some(name)

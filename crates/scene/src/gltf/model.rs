@@ -7,23 +7,23 @@ use super::{Problem, UpAxis, assemble, open};
 use crate::geometry::{Material, Part, Role};
 use crate::texture::Texture;
 
-/// A model in the frame of an object that it is the mesh of: x right, y forward (the file's −z), z up; metres.
+/// A model in the frame of the object whose mesh it is: x right, y forward (the file's −z), z up; metres.
 #[derive(Debug)]
 pub(crate) struct Model {
     /// Its meshes. The object id is set on placement; materials and textures are the model's own.
     pub(crate) parts: Vec<Part>,
     /// Its materials.
     pub(crate) materials: Vec<Material>,
-    /// The images of its materials.
+    /// Its material images.
     pub(crate) textures: Vec<Texture>,
 }
 
 impl Model {
-    /// Loads a `.glb` or `.gltf` with the files it names. `file` is a path from `folder`, in which it must lie. Openings of the
-    /// model are left out: an opening is an object of its own, which one can speak of.
+    /// Loads a `.glb` or `.gltf` with the files it names. `file` is a path relative to `folder`, in which it must lie.
+    /// Openings of the model are omitted: an opening is an object of its own, to which instructions can refer.
     ///
     /// # Errors
-    /// What is wrong with the file, in words that want its name before them.
+    /// The error, worded so that it can follow the file's name.
     pub(crate) fn load(folder: &Path, file: &str, up: Option<UpAxis>) -> Result<Self, Problem> {
         let outside = || {
             Problem::new("it is not a file in the scene's folder")

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use spf_core::tags::SURFACES;
 
-/// Longest name that is read, characters.
+/// Maximum length of a name that is read, characters.
 const LONGEST: usize = 60;
 
 /// The lower-case words of a node's name, without the numbers that programs add.
@@ -30,7 +30,7 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Names for the tags: all words and, where a colour or a number stands before it, the thing alone.
+/// Names for the tags: all words and, if a colour or a number precedes it, the noun alone.
 pub(super) fn names(words: &[String]) -> Vec<String> {
     let mut names = vec![words.join(" ")];
     let thing = words.iter().position(|w| !is_colour(w)).unwrap_or(0);
@@ -67,7 +67,7 @@ fn is_colour(word: &str) -> bool {
     COLOURS.contains(&word)
 }
 
-/// The colour that a name tells.
+/// The colour named in a name.
 pub(super) fn colour(words: &[String]) -> Option<String> {
     words.iter().find(|word| is_colour(word)).cloned()
 }
@@ -78,7 +78,7 @@ pub(super) fn kind(words: &[String]) -> String {
     last.filter(|word| SURFACES.contains(word)).unwrap_or("object").to_owned()
 }
 
-/// A colour in a word; `light` is linear RGB.
+/// The word for a colour; `light` is linear RGB.
 pub(super) fn colour_word(light: Vec3) -> &'static str {
     // Perceptual: roughly the square root of linear light.
     let seen = light.clamp(Vec3::ZERO, Vec3::ONE).map(f32::sqrt);
@@ -96,7 +96,7 @@ pub(super) fn colour_word(light: Vec3) -> &'static str {
             "grey"
         };
     }
-    // Degrees about the circle of hues: red 0, green 120, blue 240.
+    // Hue angle in degrees: red 0, green 120, blue 240.
     let sector = if most == seen.x {
         (seen.y - seen.z) / spread
     } else if most == seen.y {

@@ -19,30 +19,30 @@ use crate::mesh::convex_hull;
 use crate::texture::Texture;
 use crate::world::{Object, Tags};
 
-/// What the objects' meshes are called in lists.
+/// Mesh kind shown for the objects in lists.
 const MESH_KIND: &str = "gltf";
 
-/// Everything of a file that is drawn and touched.
+/// All rendered and solid parts of a file.
 #[derive(Debug)]
 pub(super) struct Assembly {
     pub(super) objects: Vec<Object>,
     pub(super) parts: Vec<Part>,
     pub(super) materials: Vec<Material>,
     pub(super) textures: Vec<Texture>,
-    /// Points and lines that are not drawn.
+    /// Number of points and lines, which are not rendered.
     pub(super) skipped: usize,
 }
 
-/// What an owner turned out to have.
+/// The contents collected for an owner.
 #[derive(Default)]
 struct Gathered {
     parts: Vec<Part>,
-    /// Square metres by the word for their colour.
+    /// Area in square metres by colour word.
     areas: BTreeMap<&'static str, f32>,
 }
 
 impl Assembly {
-    /// Draws all meshes where they stand.
+    /// Places all meshes in the world.
     pub(super) fn build(root: &Root, walked: &Walked, mut meshes: Meshes<'_>, mut looks: Looks<'_>) -> Result<Self, Problem> {
         let mut gathered: Vec<Gathered> = walked.owners.iter().map(|_| Gathered::default()).collect();
         for placed in &walked.placed {
@@ -68,7 +68,7 @@ impl Assembly {
                     (false, true) => continue,
                 };
                 let (vertices, triangles) = (drawn.vertices, drawn.triangles);
-                // The object is numbered when it is known which have triangles.
+                // Objects are numbered once it is known which have triangles.
                 gathered.parts.push(Part { vertices, triangles, material: look.material, object: 0, role });
             }
         }
@@ -115,7 +115,7 @@ impl Assembly {
     }
 }
 
-/// The object that an opening leads through: the one it names, else the next above it.
+/// The object that an opening leads through: the one it names, else the nearest one above it.
 fn opening_of(opening: &Owner, solids: &Solids<'_>) -> Result<Option<ObjectId>, Problem> {
     let Some(name) = &opening.spec.opening_of else {
         let mut above = opening.above;
@@ -135,12 +135,12 @@ fn opening_of(opening: &Owner, solids: &Solids<'_>) -> Result<Option<ObjectId>, 
     Ok(Some(*found))
 }
 
-/// What openings may lead through.
+/// Candidates for `opening_of`.
 struct Solids<'a> {
     owners: &'a [Owner],
-    /// For each owner its object, if that is no opening.
+    /// For each owner its object, unless that is an opening.
     ids: Vec<Option<ObjectId>>,
-    /// The first of a name counts.
+    /// The first one with a name counts.
     by_name: BTreeMap<String, ObjectId>,
 }
 
@@ -193,7 +193,7 @@ fn tags(owner: &Owner, areas: &BTreeMap<&'static str, f32>) -> Result<Tags, Prob
     Ok(tags)
 }
 
-/// Lays a meadow under a model that has no ground of its own.
+/// Adds a meadow under a model that has no ground of its own.
 pub(super) fn lay_ground(geometry: &mut SceneGeometry, objects: &mut Vec<Object>, extent: &Aabb, up: f64) -> Result<(), Problem> {
     let id = objects.len() as ObjectId + 1;
     let material = u16::try_from(geometry.materials.len()).map_err(|_| Problem::new("it has more than 65535 materials"))?;

@@ -1,6 +1,6 @@
 //! Errors in a file, before its name is added.
 
-/// A refusal: what was wrong and where in the file, and what to do about it.
+/// An error: the problem, its place in the file, and a remedy.
 #[derive(Debug)]
 pub(crate) struct Problem {
     pub(crate) message: String,
@@ -17,12 +17,12 @@ impl Problem {
     }
 }
 
-/// The start of someone's text, short enough for a message.
+/// The beginning of a text from the file, short enough for a message.
 pub(super) fn short(text: &str) -> String {
     text.chars().take(60).collect()
 }
 
-/// An index of the file that leads nowhere. The file was checked for these when it was read.
+/// An invalid index in the file. Indices were validated when the file was read.
 pub(super) fn missing(what: &str, index: usize) -> Problem {
     Problem::new(format!("{what} {index} does not exist in the file"))
 }

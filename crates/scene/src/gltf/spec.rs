@@ -28,13 +28,13 @@ pub(super) struct NodeSpec {
     pub(super) uses: Option<Words>,
     pub(super) group: Option<String>,
     pub(super) number: Option<u32>,
-    /// A surface to fly through, which hides and touches nothing.
+    /// A surface to fly through, which neither hides nor collides with anything.
     pub(super) opening: Option<Switch>,
-    /// Name of the node that an opening leads through, unless it is the one above.
+    /// Name of the node that an opening leads through; default: the one above.
     pub(super) opening_of: Option<String>,
-    /// False for what is drawn but not touched.
+    /// False for nodes that are rendered but not solid.
     pub(super) solid: Option<Switch>,
-    /// True for what is left out, with all below it.
+    /// True to omit a node with all nodes below it.
     pub(super) ignore: Option<Switch>,
 }
 
@@ -82,7 +82,7 @@ impl<'de> Deserialize<'de> for Words {
     }
 }
 
-/// A tag as the scenes have it: lower case, single spaces.
+/// A tag in the form used in scenes: lower case, single spaces.
 pub(super) fn tidy(word: &str) -> String {
     word.to_lowercase().split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -102,7 +102,7 @@ impl<'de> Deserialize<'de> for Switch {
     }
 }
 
-/// Our keys of some extras; none where there are none of ours.
+/// Our keys in some extras; `None` if there are none.
 pub(super) fn ours(extras: &Extras) -> Result<Option<Map<String, Value>>, Problem> {
     let Some(raw) = extras else { return Ok(None) };
     let Value::Object(all) = serde_json::from_str(raw.get()).map_err(|e| Problem::new(format!("extras: {e}")))? else {
@@ -121,7 +121,7 @@ pub(super) fn ours(extras: &Extras) -> Result<Option<Map<String, Value>>, Proble
     Ok((!own.is_empty()).then_some(own))
 }
 
-/// Reads our keys; `of` says whose they are.
+/// Reads our keys; `of` names the owner in errors.
 pub(super) fn read<T: DeserializeOwned>(own: Map<String, Value>, of: &str) -> Result<T, Problem> {
     serde_json::from_value(Value::Object(own)).map_err(|e| {
         let reason = e.to_string();

@@ -8,18 +8,18 @@ use crate::bounds::Aabb;
 use crate::collide::Collider;
 use crate::geometry::{ObjectId, Part, Role, Vertex};
 
-/// Columns and rows of the grid that tells whether there is ground.
+/// Columns and rows of the grid used to detect ground.
 const GRID: usize = 16;
-/// Ways round the middle that are tried for a start.
+/// Directions from the middle that are tried for a start.
 const WAYS: usize = 16;
-/// How far from the middle to the edge they are tried.
+/// Fractions of the distance from the middle to the edge that are tried.
 const RINGS: [f64; 5] = [0.9, 0.75, 0.55, 0.35, 0.15];
-/// Ground that is laid reaches this far beyond the model, metres.
+/// Added ground extends this far beyond the model, metres.
 pub(super) const BEYOND: f64 = 60.0;
-/// Height at which the craft looks about after take-off, metres.
+/// Height of the craft's view after take-off, metres.
 const EYE: f64 = 2.5;
 
-/// Whether the world has ground: a quarter of what is seen from above lies low.
+/// Whether the world has ground: a quarter of the surface visible from above lies low.
 pub(super) fn has_ground(collider: &Collider, extent: &Aabb) -> bool {
     let (low, high) = (extent.min, extent.max);
     let limit = low_limit(extent);
@@ -37,12 +37,12 @@ fn low_limit(extent: &Aabb) -> f64 {
     extent.min.up + ((extent.max.up - extent.min.up) / 3.0).max(0.3)
 }
 
-/// Height of what is below a point, in whole millimetres: a floor at 0 is at 0, whatever the ray's rounding.
+/// Height of the surface below a point, rounded to millimetres, so that a floor at 0 is at exactly 0.
 pub(super) fn ground(collider: &Collider, at: EnuPosition) -> Option<f64> {
     collider.ground_below(at).map(|ground| libm::round(ground.up * 1000.0) / 1000.0 + 0.0)
 }
 
-/// A level square under the model and around it.
+/// A level square under and around the model.
 pub(super) fn laid(extent: &Aabb, up: f64, material: u16, object: ObjectId) -> Part {
     let (west, south) = ((extent.min.east - BEYOND) as f32, (extent.min.north - BEYOND) as f32);
     let (east, north) = ((extent.max.east + BEYOND) as f32, (extent.max.north + BEYOND) as f32);
@@ -51,7 +51,7 @@ pub(super) fn laid(extent: &Aabb, up: f64, material: u16, object: ObjectId) -> P
     Part { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], material, object, role: Role::Solid }
 }
 
-/// The pose that stands below a viewpoint; none where nothing is below it.
+/// The pose on the surface below a viewpoint; `None` if there is none.
 pub(super) fn below(collider: &Collider, view: &Viewpoint) -> Option<Pose> {
     // Start slightly above, so that ground exactly at the requested height is found.
     let up = ground(collider, EnuPosition { up: view.position.up + 0.1, ..view.position })?;
@@ -62,8 +62,9 @@ fn pose(position: EnuPosition, heading: f64) -> Pose {
     Pose { position, attitude: Attitude { heading, ..Attitude::default() } }
 }
 
-/// A free place on low ground near the edge, facing the middle: the first of a fixed order from which nothing stands in the way
-/// for 10 m or half of the way, else the one with the freest view. `room` is half the width and depth to look in.
+/// A free place on low ground near the edge, facing the middle: the first of a fixed order with a clear view for 10 m
+/// or half the distance to the middle, else the one with the longest clear view. `room` is half the width and depth of
+/// the search area.
 pub(super) fn find(collider: &Collider, extent: &Aabb, room: [f64; 2]) -> Option<Pose> {
     let middle = EnuPosition {
         east: 0.5 * (extent.min.east + extent.max.east),
@@ -82,7 +83,7 @@ pub(super) fn find(collider: &Collider, extent: &Aabb, room: [f64; 2]) -> Option
             let heading = libm::atan2(middle.east - east, middle.north - north);
             let eye = EnuPosition { up: at.up + EYE, ..at };
             let whole = eye.distance(EnuPosition { up: eye.up, ..middle });
-            // No farther than is wanted: a sweep past surfaces takes many steps.
+            // No farther than needed: a sweep along surfaces takes many steps.
             let wanted = (0.5 * whole).min(10.0);
             let (sin, cos) = (libm::sin(heading), libm::cos(heading));
             let goal = EnuPosition { east: eye.east + wanted * sin, north: eye.north + wanted * cos, ..eye };
@@ -97,7 +98,7 @@ pub(super) fn find(collider: &Collider, extent: &Aabb, room: [f64; 2]) -> Option
     best.map(|(_, pose)| pose)
 }
 
-/// A place to stand at: low, level for a step around, and free up to the take-off height.
+/// A place for the craft: low, level within a step around it, and free up to the take-off height.
 fn stand(collider: &Collider, extent: &Aabb, east: f64, north: f64) -> Option<EnuPosition> {
     let from = extent.max.up + 1.0;
     let up = ground(collider, EnuPosition { east, north, up: from })?;

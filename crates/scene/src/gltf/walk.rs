@@ -10,12 +10,12 @@ use super::UpAxis;
 use super::problem::{Problem, missing, short};
 use super::spec::{self, NodeSpec};
 
-/// Most nodes of a file.
+/// Maximum number of nodes of a file.
 const MAX_NODES: usize = 50_000;
-/// Most nodes above one another.
+/// Maximum depth of the node tree.
 const MAX_DEPTH: usize = 200;
 
-/// A mesh at its place.
+/// A placed mesh.
 #[derive(Clone, Debug)]
 pub(super) struct Placed {
     /// Index of the mesh.
@@ -42,7 +42,7 @@ impl Owner {
     }
 }
 
-/// A place to start from, found among the nodes.
+/// A start pose found among the nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Viewpoint {
     pub(super) position: EnuPosition,
@@ -50,7 +50,7 @@ pub(super) struct Viewpoint {
     pub(super) heading: f64,
 }
 
-/// What stands in a file's scene.
+/// The contents of a file's scene.
 #[derive(Debug, Default)]
 pub(super) struct Walked {
     pub(super) placed: Vec<Placed>,
@@ -71,15 +71,15 @@ pub(super) fn axes(up: UpAxis, scale: f64) -> DMat4 {
 struct Visit {
     node: usize,
     above: DMat4,
-    /// The tagged node that owns what is not tagged itself.
+    /// The tagged node that owns untagged nodes.
     tagged: Option<usize>,
-    /// The object next above, tagged or not.
+    /// The nearest object above, tagged or not.
     object: Option<usize>,
     solid: bool,
     depth: usize,
 }
 
-/// Walks the file's scene.
+/// Traverses the file's scene.
 pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Problem> {
     let mut walk = Walk { root, out: Walked::default(), seen: BTreeSet::new(), camera: None };
     let tops: Vec<usize> = match root.scenes.get(scene) {
@@ -87,7 +87,7 @@ pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Pro
         None => tops(root),
     };
     let visit = |node| Visit { node, above: axes, tagged: None, object: None, solid: true, depth: 0 };
-    // The last is visited first, so that ids follow the file's order.
+    // The last one is visited first, so that ids follow the file's order.
     let mut stack: Vec<Visit> = tops.into_iter().rev().map(visit).collect();
     while let Some(next) = stack.pop() {
         walk.visit(next, &mut stack)?;
@@ -96,7 +96,7 @@ pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Pro
     Ok(walk.out)
 }
 
-/// Root nodes, which a file without scenes shows.
+/// Root nodes, which are shown for a file without scenes.
 fn tops(root: &Root) -> Vec<usize> {
     let children: BTreeSet<usize> = root.nodes.iter().filter_map(|n| n.children.as_ref()).flatten().map(Index::value).collect();
     (0..root.nodes.len()).filter(|node| !children.contains(node)).collect()
@@ -161,7 +161,7 @@ impl Walk<'_> {
         if name.is_empty() { of_mesh().unwrap_or_default() } else { name }
     }
 
-    /// The extras of a node over those of its mesh.
+    /// The extras of a node, which take precedence over those of its mesh.
     fn spec(&self, node: &Node, name: &str, index: usize) -> Result<Option<NodeSpec>, Problem> {
         let mesh = node.mesh.and_then(|m| self.root.meshes.get(m.value()));
         let below = mesh.map_or(Ok(None), |mesh| spec::ours(&mesh.extras))?;
@@ -172,13 +172,13 @@ impl Walk<'_> {
     }
 }
 
-/// `spf_start`, however the program writes or numbers it.
+/// Whether it is `spf_start`, in any spelling or numbering of exporters.
 fn is_start(name: &str) -> bool {
     let name = name.to_ascii_lowercase();
     name.strip_prefix("spf_start").is_some_and(|rest| rest.bytes().all(|b| b == b'.' || b == b'_' || b.is_ascii_digit()))
 }
 
-/// A node's place above its children.
+/// Transform of a node relative to its parent.
 fn local(node: &Node) -> DMat4 {
     if let Some(m) = node.matrix {
         return DMat4::from_cols_array(&m.map(f64::from));
@@ -186,17 +186,17 @@ fn local(node: &Node) -> DMat4 {
     let wide = |v: [f32; 3]| DVec3::from(v.map(f64::from));
     let [x, y, z, w] = node.rotation.unwrap_or_default().0.map(f64::from);
     let turn = DQuat::from_xyzw(x, y, z, w);
-    // Exporters round; a turn of no length is none.
+    // Exporters round; a quaternion of zero length means no rotation.
     let turn = if turn.length_squared() > 1e-12 { turn.normalize() } else { DQuat::IDENTITY };
     let (scale, moved) = (wide(node.scale.unwrap_or([1.0; 3])), wide(node.translation.unwrap_or_default()));
     DMat4::from_scale_rotation_translation(scale, turn, moved)
 }
 
-/// Where a node is and looks: along its own −z, as cameras do, which is forward of an empty of Blender.
+/// Position and direction of a node: along its own −z, as for cameras, which is forward of an empty of Blender.
 fn viewpoint(to_world: DMat4) -> Option<Viewpoint> {
     let at = to_world.w_axis.truncate();
     let ahead = to_world.transform_vector3(DVec3::NEG_Z);
-    // Looking straight down, the top of the image is forward.
+    // When looking straight down, the top of the image is forward.
     let level = |v: DVec3| (v.x * v.x + v.y * v.y > 1e-6 * v.length_squared()).then_some(v);
     let ahead = level(ahead).or_else(|| level(to_world.transform_vector3(DVec3::Y)));
     let heading = ahead.map_or(0.0, |v| libm::atan2(v.x, v.y));
@@ -204,7 +204,7 @@ fn viewpoint(to_world: DMat4) -> Option<Viewpoint> {
     usable.then_some(Viewpoint { position: EnuPosition { east: at.x, north: at.y, up: at.z }, heading })
 }
 
-/// A point of the file in the world.
+/// Transforms a point of the file to the world.
 pub(super) fn point(to_world: &DMat4, p: [f32; 3]) -> Vec3 {
     to_world.transform_point3(DVec3::from(p.map(f64::from))).as_vec3()
 }

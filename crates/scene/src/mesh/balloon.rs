@@ -12,7 +12,7 @@ use super::tunnel::arch_line;
 use super::{Generator, Metres, Sketch, Slots, parts};
 use crate::geometry::Role;
 
-/// A round balloon on a ribbon: `height` is that of its middle above the weight on the ground.
+/// A round balloon on a ribbon: `height` is that of its centre above the weight on the ground.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Balloon {

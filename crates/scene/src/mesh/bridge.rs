@@ -5,8 +5,8 @@ use serde::Deserialize;
 
 use super::{Generator, Metres, Sketch, Slots, parts};
 
-/// A bridge along y: level deck in the middle, a ramp at each end down to the ground, piers that reach `depth_below` under the
-/// ground (into the water), parapets with posts, lamps none.
+/// A bridge along y: level deck in the middle, a ramp at each end down to the ground, piers that reach `depth_below`
+/// under the ground (into the water), parapets with posts, no lamps.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Bridge {
@@ -45,7 +45,7 @@ impl Generator for Bridge {
         ];
         let profile: Vec<Vec2> = points.iter().map(|&(y, z)| Vec2::new(y, z)).collect();
         sketch.on("body").extrude(&profile, -half, half);
-        // Road surface a hair above, in three pieces.
+        // Road surface slightly above the deck, in three pieces.
         let road = half - 0.55;
         for (a, b) in [(-end, -deck), (-deck, deck), (deck, end)] {
             let (za, zb) = (height_at(a) + 0.03, height_at(b) + 0.03);

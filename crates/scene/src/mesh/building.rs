@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::{Count, Generator, Metres, Size, Sketch, Slots, parts};
 
-/// What stands on a flat roof.
+/// Equipment on a flat roof.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Roof {
@@ -94,7 +94,7 @@ fn ground_floor(sketch: &mut Sketch, min: Vec3, max: Vec3) {
     sketch.on("trim").cuboid((min.truncate() - edge).extend(max.z - 0.35), (max.truncate() + edge).extend(max.z));
 }
 
-/// The door in the front wall (towards −y, the side that the heading leaves behind) under a canopy.
+/// The door in the front wall (towards −y, the side opposite to the heading) under a canopy.
 fn entrance(sketch: &mut Sketch, front: f32) {
     sketch.on("trim").cuboid(Vec3::new(-1.6, front - 0.12, 0.0), Vec3::new(1.6, front, 2.9));
     sketch.on("door").cuboid(Vec3::new(-1.2, front - 0.16, 0.0), Vec3::new(1.2, front - 0.12, 2.5));
@@ -205,7 +205,7 @@ impl Generator for HollowBuilding {
     }
 }
 
-/// A building that is only floors and columns yet, with a stair core, and starter bars on top.
+/// An unfinished building of floors and columns only, with a stair core, and starter bars on top.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct FrameBuilding {

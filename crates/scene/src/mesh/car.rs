@@ -54,7 +54,7 @@ struct Shape {
     shoulder: f32,
     boot: f32,
     roof: f32,
-    /// y of the glass house's foot in front and behind, of the roof in front and behind.
+    /// y of the base of the windows in front and behind, and of the roof in front and behind.
     foot: (f32, f32),
     head: (f32, f32),
     wheel: f32,
@@ -232,7 +232,7 @@ fn glass_house(sketch: &mut Sketch, shape: &Shape) {
     }
 }
 
-/// A wheel whose outer face looks to `side`.
+/// A wheel whose outer face points to `side`.
 pub(super) fn wheel(sketch: &mut Sketch, centre: Vec3, side: f32, radius: f32) {
     let out = Vec3::X * side;
     sketch.on("tyre").rod(centre - out * 0.22, centre, radius, radius, 18);
@@ -255,7 +255,7 @@ impl Generator for Van {
             [(end, sill), (end + 0.02, 0.8), (end - 0.25, 1.1), (1.45, 1.32), (0.75, 2.2), (0.5, 2.32), (-end + 0.06, 2.32)];
         profile.extend(rest.map(|(y, z)| Vec2::new(y, z)));
         sketch.on("body").extrude(&profile, -half, half);
-        // Windscreen and cab side windows, a hair outside the body.
+        // Windscreen and cab side windows, slightly outside the body.
         let lift = Vec3::new(0.0, 0.016, 0.013);
         let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) + lift;
         sketch.on("glass").face(&[

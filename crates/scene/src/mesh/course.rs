@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::{Offset, Sketch, Surface, parts};
 
-/// Corners that a course may have, so that a hostile file costs little.
+/// Maximum number of points of a course, so that a hostile file costs little.
 const MOST_POINTS: usize = 60;
 
 /// A smooth line through points `[right, forward]` in the local frame (Catmull-Rom: straight where four follow in line).
@@ -32,7 +32,7 @@ impl TryFrom<Vec<[Offset; 2]>> for Course {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Station {
     pub(super) at: Vec2,
-    /// Unit vector to the right of the way.
+    /// Unit vector to the right of the course.
     pub(super) right: Vec2,
     /// Metres from the start.
     pub(super) along: f32,
@@ -44,7 +44,7 @@ impl Station {
         (self.at + self.right * across).extend(up)
     }
 
-    /// Unit vector along the way.
+    /// Unit vector along the course.
     pub(super) fn forward(&self) -> Vec2 {
         Vec2::new(-self.right.y, self.right.x)
     }
@@ -103,8 +103,8 @@ impl Course {
     }
 }
 
-/// Sweeps an open `profile` of (across, up) along the stations: from left to right with the outside above it, seen in the
-/// direction of the way. Level strips have u = 0 on the middle line, so that road markings lie where they belong.
+/// Sweeps an open `profile` of (across, up) along the stations: from left to right with the outside above it, seen in
+/// the direction of the course. Level strips have u = 0 on the centre line, so that road markings are placed correctly.
 pub(super) fn sweep(surface: &mut Surface, stations: &[Station], profile: &[(f32, f32)]) {
     let mut u = 0.0;
     for pair in profile.windows(2) {

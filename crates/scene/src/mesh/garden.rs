@@ -1,4 +1,4 @@
-//! What people build in a park: footbridge, pavilion, windmill, picnic table, jetty; and at an airfield: hangar, windsock.
+//! Structures of a park: footbridge, pavilion, windmill, picnic table, jetty; and of an airfield: hangar, windsock.
 
 use core::f64::consts::{PI, TAU};
 
@@ -77,7 +77,7 @@ impl Generator for Pavilion {
         for i in 0..8 {
             sketch.on("column").rod(corner(i, 0.9 * r, 0.55), corner(i, 0.9 * r, eaves), 0.14, 0.12, 10);
             sketch.on("trim").closed_plank(corner(i, 0.9 * r, eaves - 0.15), corner(i + 1, 0.9 * r, eaves - 0.15), 0.2, 0.34);
-            // The way in lies forward.
+            // The entrance faces forward.
             if i != 1 {
                 for z in [0.8, 1.5] {
                     sketch.on("trim").plank(corner(i, 0.9 * r, z), corner(i + 1, 0.9 * r, z), 0.08, 0.1);
@@ -246,7 +246,7 @@ impl Generator for Jetty {
     }
 }
 
-/// A round-roofed hangar open to nothing: corrugated shell, big sliding doors in front, a window band in them.
+/// A round-roofed hangar, closed all round: corrugated shell, big sliding doors in front with a window band.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Hangar {

@@ -103,7 +103,7 @@ const STROKES: [(Vec2, Vec2); 7] = [
     (Vec2::new(-0.24, -0.6), Vec2::new(0.24, -0.44)),
 ];
 
-/// Which strokes make the digits 0 to 9, lowest bit the top.
+/// Strokes of the digits 0 to 9, lowest bit the top.
 const DIGITS: [u8; 10] =
     [0b111_0111, 0b010_0100, 0b101_1101, 0b110_1101, 0b010_1110, 0b110_1011, 0b111_1011, 0b010_0101, 0b111_1111, 0b110_1111];
 

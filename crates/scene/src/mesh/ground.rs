@@ -198,7 +198,7 @@ impl Generator for Pile {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (r, h) = (self.radius.0, self.height.0);
-        // Three lobes make a heap that no cone is.
+        // Three lobes, which look less regular than a cone.
         let lobes = [(0.0, 0.0, 1.0, 1.0), (0.45, 0.25, 0.62, 0.66), (-0.4, 0.35, 0.58, 0.55)];
         for (x, y, across, up) in lobes {
             let profile: Vec<(f32, f32)> = (0..=6)

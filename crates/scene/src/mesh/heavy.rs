@@ -159,7 +159,7 @@ impl Generator for Excavator {
     }
 }
 
-/// A small cabin boat; the origin is the water line.
+/// A small cabin boat; the origin is at the water line.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Boat {

@@ -14,10 +14,10 @@ use crate::geometry::Vertex;
 /// Corners of an outline.
 const CORNERS: u32 = 72;
 
-/// A closed line about the origin that every ray from there meets once: an ellipse within the size, dented by waves.
+/// A closed line around the origin that every ray from there crosses once: an ellipse within the size, dented by waves.
 struct Shore {
     half: Vec2,
-    /// Height of each wave over its base, and its phase as a fraction of a turn.
+    /// Height of each wave relative to its base, and its phase as a fraction of a turn.
     waves: [(f32, f64); 4],
 }
 
@@ -27,7 +27,7 @@ impl Shore {
         Self { half: plan(size) * 0.5, waves }
     }
 
-    /// The outline's reach towards a fraction of the full turn, in fractions of the ellipse: 0.5..=1.
+    /// The outline's radius at a fraction of the full turn, in fractions of the ellipse: 0.5..=1.
     fn reach(&self, fraction: f32) -> f32 {
         let most: f32 = 1.0 + self.waves.iter().map(|w| w.0).sum::<f32>();
         let waves = self
@@ -38,7 +38,7 @@ impl Shore {
         (1.0 + waves.sum::<f32>()) / most
     }
 
-    /// The point at a fraction of the full turn, `scale` times as far out as the line and `beyond` metres more.
+    /// The point at a fraction of the full turn, at `scale` times the line's radius plus `beyond` metres.
     fn at(&self, fraction: f32, scale: f32, beyond: f32) -> Vec2 {
         let unit = on_circle(fraction, 1.0, 0.0).truncate();
         let line = self.half * unit * (self.reach(fraction) * scale);
@@ -145,7 +145,7 @@ fn reeds(sketch: &mut Sketch, rng: &mut RandomStream, shore: &Shore, free: &impl
     }
 }
 
-/// A rounded hill that runs out into the ground, its foot an irregular line within `size`.
+/// A rounded hill that flattens out into the ground, its foot an irregular line within `size`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Knoll {
@@ -154,7 +154,7 @@ pub(crate) struct Knoll {
 }
 
 impl Knoll {
-    /// Height at a fraction of the turn and of the way from the middle to the foot; smooth at both.
+    /// Height at a fraction of the turn and of the distance from the middle to the foot; smooth at both.
     fn height_at(&self, fraction: f32, out: f32, phase: f64) -> f32 {
         let fall = 0.5 + 0.5 * cos_sin(PI * f64::from(out.powi(2) * 0.35 + out * 0.65)).0;
         let swell = cos_sin(TAU * (f64::from(fraction) * 3.0 + phase) + 4.0 * f64::from(out)).0 * out * (1.0 - out);
@@ -204,7 +204,8 @@ impl Generator for Knoll {
     }
 }
 
-/// A grove: `count` trees, broad and pointed, scattered over `size`, light enough to stand as a wood in the distance.
+/// A grove: `count` trees, broadleaf and conifer, scattered over `size`, with few enough triangles for a wood in the
+/// distance.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Grove {
@@ -221,7 +222,7 @@ impl Generator for Grove {
         let mut rng = RandomStream::new(0, seed, &[]);
         let size = plan(self.size);
         for i in 0..self.count.0 {
-            // One tree a strip along x, so that they stand apart.
+            // One tree per strip along x, so that they stand apart.
             let x = ((i as f32 + 0.2 + 0.6 * rng.uniform() as f32) / self.count.0 as f32 - 0.5) * size.x;
             let foot = Vec3::new(x, (rng.uniform() as f32 - 0.5) * size.y, 0.0);
             let h = 7.0 + 5.0 * rng.uniform() as f32;

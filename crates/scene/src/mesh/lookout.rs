@@ -164,7 +164,7 @@ impl Generator for ClockTower {
     }
 }
 
-/// What one wall (facing forward) carries: narrow windows, the dial, in front also the door.
+/// The details of one wall (facing forward): narrow windows, the dial, in front also the door.
 fn clock_side(sketch: &mut Sketch, half: f32, h: f32, front: bool) {
     let window = |sketch: &mut Sketch, x: f32, z: f32, width: f32, height: f32| {
         sketch.on("stone").block(Vec3::new(x, half, z - 0.12), Vec3::new(width + 0.3, 0.16, height + 0.3));

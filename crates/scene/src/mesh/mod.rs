@@ -48,24 +48,24 @@ pub(crate) use sketch::{Bulb, Sketch, Surface};
 /// Material slots of a generator with their default materials.
 pub(crate) type Slots = &'static [(&'static str, &'static str)];
 
-/// A kind of thing, with its measures.
+/// A kind of object, with its dimensions.
 pub(crate) trait Generator: Debug {
     /// The slots that [`Generator::draw`] uses.
     fn slots(&self) -> Slots;
     /// Builds the mesh. `seed` identifies the instance for randomly generated ones (trees).
     fn draw(&self, sketch: &mut Sketch, seed: &str);
-    /// Draws what walks at `phase` of its gait, whose cycle runs from 0 to 1 and takes 0.86 of the height in metres; false for
-    /// what does not walk.
+    /// Builds the mesh of a walking person at `phase` of its gait, whose cycle runs from 0 to 1 and takes 0.86 of the
+    /// height in metres; false for everything else.
     fn draw_walking(&self, _sketch: &mut Sketch, _phase: f32) -> bool {
         false
     }
-    /// Whether it is an opening: a tagged surface that hides and touches nothing.
+    /// Whether it is an opening: a tagged surface that neither hides nor collides with anything.
     fn is_opening(&self) -> bool {
         false
     }
 }
 
-/// A measure in metres, 0.01..=2000: checked when read, so that no generator loops without bound.
+/// A length in metres, 0.01..=2000; checked on reading, so that no generator loops without bound.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Metres(pub(crate) f32);
 
@@ -80,7 +80,7 @@ impl<'de> Deserialize<'de> for Metres {
     }
 }
 
-/// A place in metres within ±2000.
+/// A coordinate in metres within ±2000.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Offset(pub(crate) f32);
 
@@ -95,7 +95,7 @@ impl<'de> Deserialize<'de> for Offset {
     }
 }
 
-/// A number of things, 1..=100.
+/// A count, 1..=100.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Count(pub(crate) u32);
 
@@ -125,7 +125,7 @@ impl<'de> Deserialize<'de> for Degrees {
     }
 }
 
-/// A fraction of a whole, 0..=1.
+/// A fraction, 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Share(pub(crate) f32);
 
@@ -147,7 +147,7 @@ fn plan(size: Size<2>) -> Vec2 {
     Vec2::new(size[0].0, size[1].0)
 }
 
-/// How many equal parts of about `part` metres fill `length`: 1..=200.
+/// Number of equal parts of about `part` metres that fill `length`: 1..=200.
 fn parts(length: f32, part: f32) -> u32 {
     (length / part).round().clamp(1.0, 200.0) as u32
 }

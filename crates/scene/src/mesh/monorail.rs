@@ -73,7 +73,7 @@ const GANGWAY: f32 = 0.7;
 const SECTION: [(f32, f32); 8] =
     [(0.0, 3.0), (0.85, 2.92), (1.26, 2.62), (1.42, 2.2), (1.5, 1.25), (1.5, 0.95), (1.4, 0.12), (0.0, 0.12)];
 
-/// A closed ring about the way forward: `widen` scales across, `drop` lowers what lies above the sill.
+/// A closed ring around the forward axis: `widen` scales across, `drop` lowers everything above the sill.
 fn section(y: f32, widen: f32, drop: f32) -> Vec<Vec3> {
     let right = SECTION.iter().map(|&(x, z)| (x, z));
     let left = SECTION[1..SECTION.len() - 1].iter().rev().map(|&(x, z)| (-x, z));
@@ -81,7 +81,7 @@ fn section(y: f32, widen: f32, drop: f32) -> Vec<Vec3> {
     right.chain(left).map(|(x, z)| Vec3::new(x * widen, y, lower(z))).collect()
 }
 
-/// Which band of the section lies between corner `j` and the next, counted on either side from the roof: 0, 1, 2, ….
+/// The band of the section between corner `j` and the next, counted on either side from the roof: 0, 1, 2, ….
 fn band(j: usize) -> usize {
     let half = SECTION.len() - 1;
     if j < half { j } else { 2 * half - 1 - j }
@@ -148,7 +148,7 @@ fn car(sketch: &mut Sketch, rear: f32, front: f32, first: bool, last: bool) {
     }
 }
 
-/// The streamlined end that reaches beyond y = `from` towards `out`: windscreen, stripe, lamps.
+/// The streamlined end that extends beyond y = `from` towards `out`: windscreen, stripe, lamps.
 fn nose(sketch: &mut Sketch, from: f32, out: f32) {
     let shape = [(0.0, 1.0, 0.0), (0.7, 0.97, 0.03), (1.5, 0.88, 0.14), (2.1, 0.74, 0.36), (2.5, 0.5, 0.62), (2.6, 0.3, 0.74)];
     let mut rings: Vec<Vec<Vec3>> = shape.iter().map(|&(y, widen, drop)| section(from + out * y, widen, drop)).collect();

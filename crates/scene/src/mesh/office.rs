@@ -1,4 +1,4 @@
-//! Things of offices and break rooms: desks, tables, computers, shelves, machines, bottles.
+//! Office and break room objects: desks, tables, computers, shelves, machines, bottles.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -8,7 +8,7 @@ use super::sign::write;
 use super::sketch::cos_sin;
 use super::{Count, Generator, Metres, Size, Sketch, Slots, parts};
 
-/// A desk; one sits behind it, on the side away from the heading, where the drawers are.
+/// A desk; the seat is behind it, on the side away from the heading, where the drawers are.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Desk {
@@ -86,7 +86,7 @@ impl Generator for Table {
     }
 }
 
-/// A screen with keyboard and mouse; the screen looks back, at who sits there.
+/// A screen with keyboard and mouse; the screen faces back, towards the user.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Computer {}
@@ -126,7 +126,7 @@ impl Generator for Computer {
     }
 }
 
-/// An open shelf with books, folders and gaps; its open side looks forward.
+/// An open shelf with books, folders and gaps; its open side faces forward.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Shelf {
@@ -189,7 +189,7 @@ fn books(sketch: &mut Sketch, rng: &mut RandomStream, start: Vec3, room: f32, hi
     }
 }
 
-/// A machine that sells drinks: a lit window with rows of bottles and cans, a keypad, a flap.
+/// A vending machine for drinks: a lit window with rows of bottles and cans, a keypad, a flap.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct VendingMachine {}
@@ -282,7 +282,7 @@ impl Generator for Bottle {
     }
 }
 
-/// A dispenser with a water bottle upside down on it.
+/// A water dispenser with an inverted bottle on top.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct WaterCooler {}
@@ -429,7 +429,7 @@ impl Generator for Carton {
     }
 }
 
-/// A wall clock that looks forward, its back on the wall; the origin is its lowest point.
+/// A wall clock that faces forward, its back on the wall; the origin is its lowest point.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Clock {
@@ -463,7 +463,7 @@ impl Generator for Clock {
     }
 }
 
-/// A lamp of a panel and its rim, hanging from a ceiling at its position; shines downwards, by day too.
+/// A ceiling lamp of a panel and its rim, hanging at its position; shines downwards, by day too.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct CeilingLamp {

@@ -5,14 +5,14 @@ use serde::Deserialize;
 
 use super::{Generator, Metres, Sketch, Slots};
 
-/// A high-winged single-engined aircraft on a nose wheel, heading forward; sizes follow the wing's `span`.
+/// A high-winged single-engined aircraft on a nose wheel, heading forward; dimensions scale with the wing's `span`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Plane {
     span: Metres,
 }
 
-/// The span that the shapes below are drawn for, metres.
+/// The span for which the shapes below are given, metres.
 const DRAWN_SPAN: f32 = 15.0;
 
 /// Half of the fuselage's section: across in half widths, up from the middle in half heights; from the top down the right side.

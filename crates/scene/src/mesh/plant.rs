@@ -249,7 +249,7 @@ pub(crate) struct OvalBed {
     size: Size<2>,
 }
 
-/// Blossoms a bed has at most.
+/// Maximum number of blossoms of a bed.
 const MOST_BLOSSOMS: f32 = 130.0;
 
 impl Generator for OvalBed {

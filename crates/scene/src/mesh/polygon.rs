@@ -23,7 +23,8 @@ pub(super) fn triangulate(polygon: &[Vec2]) -> Vec<[u32; 3]> {
                     turn(a, b, x) < 0.0 || turn(b, c, x) < 0.0 || turn(c, a, x) < 0.0
                 })
         });
-        // Without an ear what is left has no area (corners in line): drop a corner and go on, so the loop always ends.
+        // If there is no ear, the remainder has no area (collinear corners): drop a corner and go on, so the loop
+        // always ends.
         match ear {
             Some(i) => {
                 triangles.push([left[(i + n - 1) % n], left[i], left[(i + 1) % n]]);
@@ -51,8 +52,8 @@ fn cross(o: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0])
 }
 
-/// Points without those well inside of the octagon between the outermost ones of eight directions, which are on no hull (Akl and
-/// Toussaint 1978): of a mesh that is most of them.
+/// Points without those well inside the octagon between the outermost ones of eight directions, which cannot be on a
+/// hull (Akl and Toussaint 1978): for a mesh that removes most of them.
 fn rim(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     const WAYS: [[f64; 2]; 8] =
         [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [-1.0, 1.0], [-1.0, 0.0], [-1.0, -1.0], [0.0, -1.0], [1.0, -1.0]];
@@ -67,13 +68,13 @@ fn rim(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut corners = far.map(|(_, p)| p).to_vec();
     corners.dedup();
     let sides: Vec<_> = corners.iter().copied().zip(corners.iter().copied().cycle().skip(1)).filter(|(a, b)| a != b).collect();
-    // Far more than rounding can be wrong by.
+    // Far more than any rounding error.
     let well = 1e-6 * (far[0].0 + far[4].0) * (far[2].0 + far[6].0);
     let is_inside = |p: &[f64; 2]| sides.len() > 2 && sides.iter().all(|(a, b)| cross(*a, *b, *p) > well);
     points.iter().copied().filter(|p| !is_inside(p)).collect()
 }
 
-/// Convex hull, counter-clockwise (Andrew's monotone chain). Fewer than three distinct points give what there is.
+/// Convex hull, counter-clockwise (Andrew's monotone chain). Fewer than three distinct points are returned unchanged.
 pub(crate) fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut sorted = rim(points);
     sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));

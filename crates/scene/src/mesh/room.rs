@@ -1,4 +1,4 @@
-//! What rooms are made of: walls with holes, doors, windows.
+//! Room elements: walls with holes, doors, windows.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -6,7 +6,7 @@ use serde::Deserialize;
 use super::{Degrees, Generator, Metres, Offset, Share, Sketch, Slots, parts};
 use crate::geometry::Role;
 
-/// Most holes of a wall.
+/// Maximum number of holes in a wall.
 const MAX_HOLES: usize = 20;
 
 /// A wall across its heading, with rectangular holes for doors and windows. Skirting boards run along both sides.
@@ -29,7 +29,7 @@ struct RawWall {
     thickness: Metres,
     #[serde(default)]
     skirting: bool,
-    /// Middle from the wall's middle, width, and the heights of sill and lintel.
+    /// Offset from the wall's centre, width, and the heights of sill and lintel.
     #[serde(default)]
     holes: Vec<[Offset; 4]>,
 }
@@ -114,7 +114,7 @@ impl Generator for Wall {
 }
 
 impl Wall {
-    /// A whole piece of the wall, seen from both sides.
+    /// A continuous piece of the wall, visible from both sides.
     fn leaf(&self, sketch: &mut Sketch, low: Vec2, high: Vec2) {
         if (high - low).min_element() < 1e-4 {
             return;
@@ -151,7 +151,7 @@ impl Wall {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Door {
-    /// Of the frame; the passage is 0.12 m narrower.
+    /// Width of the frame; the passage is 0.12 m narrower.
     width: Metres,
     height: Metres,
     #[serde(default)]
@@ -159,7 +159,7 @@ pub(crate) struct Door {
     /// As seen from the front.
     #[serde(default)]
     hinge: Hinge,
-    /// How far it stands open.
+    /// Opening angle.
     #[serde(default)]
     open_deg: Degrees,
 }
@@ -241,7 +241,7 @@ impl Door {
     }
 }
 
-/// A pane of clear glass across y: touched, not drawn.
+/// A pane of clear glass across y: solid, not rendered.
 fn pane(sketch: &mut Sketch, foot: Vec3, size: Vec2) {
     let half = Vec3::X * (0.5 * size.x);
     let up = Vec3::Z * size.y;
@@ -254,7 +254,7 @@ fn pane(sketch: &mut Sketch, foot: Vec3, size: Vec2) {
 pub(crate) struct Window {
     width: Metres,
     height: Metres,
-    /// Height of the bar across, as a fraction of the height; none without.
+    /// Height of the transom, as a fraction of the height; 0 for none.
     #[serde(default)]
     transom: Share,
 }

@@ -15,7 +15,7 @@ pub(super) struct Ring {
     pub(super) up: Vec3,
 }
 
-/// A cross-section of a limb: where, and half its width and depth in metres.
+/// A cross-section of a limb: its position, and half its width and depth in metres.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Section {
     pub(super) at: Vec3,
@@ -30,19 +30,19 @@ impl Section {
     }
 }
 
-/// How a skin is drawn.
+/// Shape of a skin.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Skin {
     /// Corners of a cross-section.
     pub(super) sides: u32,
     /// Exponent on the circle's cosine and sine: 1 round, towards 0 square.
     pub(super) squareness: f32,
-    /// How far the rounded ends reach beyond the first and last section, metres; 0 for an open end.
+    /// Length by which the rounded ends extend beyond the first and last section, metres; 0 for an open end.
     pub(super) caps: [f32; 2],
 }
 
 impl Skin {
-    /// A round skin with open ends, for what begins and ends inside other solids.
+    /// A round skin with open ends, for parts that begin and end inside other solids.
     pub(super) const fn open(sides: u32) -> Self {
         Self { sides, squareness: 1.0, caps: [0.0; 2] }
     }

@@ -1,4 +1,4 @@
-//! Chairs of several kinds. Each looks forward and stands with the middle of its seat over the origin.
+//! Chairs of several kinds. Each faces forward and stands with the middle of its seat over the origin.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -12,7 +12,7 @@ use super::{Generator, Metres, Sketch, Slots, Surface};
 #[serde(deny_unknown_fields)]
 pub(crate) struct Chair {
     style: Style,
-    /// Whole width of an armchair or a sofa.
+    /// Overall width of an armchair or a sofa.
     #[serde(default = "armchair_width")]
     width: Metres,
 }

@@ -6,10 +6,10 @@ use spf_media::marks::{Glyph, glyph};
 
 use super::{Generator, Metres, Sketch, Slots, Surface};
 
-/// How far letters stand out of their board, metres.
+/// Depth of the letters in front of their board, metres.
 const RELIEF: f32 = 0.004;
 
-/// A text of one to four lines of at most 40 printable characters each, lines parted by `\n`.
+/// A text of one to four lines of at most 40 printable characters each, separated by `\n`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Text(Vec<String>);
 
@@ -28,17 +28,18 @@ impl<'de> Deserialize<'de> for Text {
     }
 }
 
-/// A board with a text that is read from the front. It stands on its position: on the ground with posts, else as it hangs.
+/// A board with a text that is read from the front. With posts its position is on the ground, otherwise at its lower
+/// edge.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Sign {
     text: Text,
     /// Height of a line of text; capitals fill about six tenths of it.
     letter: Metres,
-    /// Whether the text stands on both sides.
+    /// Whether both sides show the text.
     #[serde(default)]
     double: bool,
-    /// Height of the posts that carry it.
+    /// Height of the posts.
     posts: Option<Metres>,
     #[serde(default = "usual_thickness")]
     thickness: Metres,
@@ -86,7 +87,7 @@ impl Generator for Sign {
     }
 }
 
-/// A line of text `height` high, centred about x = 0, standing out of a wall that faces forward; `at` is the middle of its foot.
+/// A line of text `height` high, centred about x = 0, on a wall that faces forward; `at` is the middle of its base.
 /// Seen from the front, the text runs from +x to −x.
 pub(super) fn write(surface: &mut Surface, text: &str, at: Vec3, height: f32) {
     let advance = 0.5 * height;
@@ -105,7 +106,7 @@ pub(super) fn write(surface: &mut Surface, text: &str, at: Vec3, height: f32) {
     }
 }
 
-/// A rectangle of set pixels: left and top inside, right and bottom beyond.
+/// A rectangle of set pixels: left and top inclusive, right and bottom exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Block {
     left: u32,
@@ -114,7 +115,7 @@ struct Block {
     bottom: u32,
 }
 
-/// The pixels of a glyph as few rectangles: equal runs of rows that follow each other are one.
+/// The pixels of a glyph as few rectangles: equal runs in successive rows are merged.
 fn blocks(glyph: &Glyph<'_>) -> Vec<Block> {
     let mut done: Vec<Block> = Vec::new();
     let mut open: Vec<Block> = Vec::new();
@@ -131,7 +132,8 @@ fn blocks(glyph: &Glyph<'_>) -> Vec<Block> {
     done
 }
 
-/// The rows of a glyph with strokes twice as wide: the font's are a sixteenth of its height, too thin to be read from afar.
+/// The rows of a glyph with strokes twice as wide: the font's own are a sixteenth of its height, too thin to be read
+/// from afar.
 fn bold(glyph: &Glyph<'_>) -> Vec<u32> {
     let rows: Vec<u32> = glyph.rows().collect();
     let kept = (1u64 << glyph.width()) - 1;
@@ -141,7 +143,7 @@ fn bold(glyph: &Glyph<'_>) -> Vec<u32> {
         .collect()
 }
 
-/// Runs of set pixels in a row, the left pixel highest: first and beyond the last.
+/// Runs of set pixels in a row, the left pixel in the highest bit: first pixel, and the one after the last.
 fn runs(bits: u32, width: u32) -> Vec<(u32, u32)> {
     let set = |column: u32| column < width && bits >> (width - 1 - column) & 1 == 1;
     let starts = (0..width).filter(|&c| set(c) && (c == 0 || !set(c - 1)));

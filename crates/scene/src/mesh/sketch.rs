@@ -26,7 +26,7 @@ pub(super) fn on_circle(fraction: f32, radius: f32, z: f32) -> Vec3 {
 pub(crate) struct Surface {
     /// Material slot, one of the generator's.
     pub(crate) slot: &'static str,
-    /// What the surface takes part in.
+    /// Role of the surface.
     pub(crate) role: Role,
     /// Corners in the local frame.
     pub(crate) vertices: Vec<Vertex>,
@@ -43,20 +43,20 @@ pub(crate) struct Bulb {
     pub(crate) always: bool,
 }
 
-/// What a generator has drawn.
+/// The output of a generator.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sketch {
     /// Surfaces in the order of first use.
     pub(crate) surfaces: Vec<Surface>,
     /// Footprint polygons, local x and y; empty means the convex hull of all corners.
     pub(crate) outline: Vec<Vec<Vec2>>,
-    /// Lamps that shine on things.
+    /// Lamps that light their surroundings.
     pub(crate) lamps: Vec<Bulb>,
     cells: Vec<(&'static str, Vec2)>,
 }
 
 impl Sketch {
-    /// An empty sketch that knows the window cells of those slots whose material has windows.
+    /// An empty sketch with the window cells of those slots whose material has windows.
     pub(crate) fn new(cells: Vec<(&'static str, Vec2)>) -> Self {
         Self { cells, ..Self::default() }
     }
@@ -123,12 +123,12 @@ impl Sketch {
         }
     }
 
-    /// A lamp that shines when it is dark.
+    /// A lamp that is lit in the dark.
     pub(super) fn lamp(&mut self, position: Vec3, colour: Vec3, reach: f32) {
         self.lamps.push(Bulb { lamp: Lamp { position, colour, reach }, always: false });
     }
 
-    /// A lamp that shines by day too.
+    /// A lamp that is always lit.
     pub(super) fn lamp_by_day(&mut self, position: Vec3, colour: Vec3, reach: f32) {
         self.lamps.push(Bulb { lamp: Lamp { position, colour, reach }, always: true });
     }
@@ -172,7 +172,7 @@ impl Surface {
         self.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
     }
 
-    /// A triangle with a normal at each corner; one without area is left out.
+    /// A triangle with a normal at each corner; omitted if it has no area.
     pub(super) fn smooth(&mut self, corners: [Vec3; 3], normals: [Vec3; 3], uv: [Vec2; 3]) {
         if (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() < 1e-7 {
             return;
@@ -279,8 +279,8 @@ impl Surface {
         }
     }
 
-    /// A body of revolution about the vertical through `centre`: `profile` of (radius, height) from its bottom upwards on the
-    /// outside; each step of the profile keeps its own edge, the way round is smooth.
+    /// A body of revolution about the vertical through `centre`: `profile` of (radius, height) from its bottom upwards
+    /// on the outside; profile edges stay sharp, the circumference is smooth.
     pub(super) fn revolve(&mut self, centre: Vec3, profile: &[(f32, f32)], sides: u32) {
         for pair in profile.windows(2) {
             let ((r0, z0), (r1, z1)) = (pair[0], pair[1]);
@@ -323,7 +323,7 @@ impl Surface {
     }
 }
 
-/// Texture coordinates of a flat face: level faces take x and y, so that a road's centre line is u = 0.
+/// Texture coordinates of a flat face: level faces use x and y, so that a road's centre line is u = 0.
 fn uv_of(normal: Vec3, position: Vec3, plane: Vec2) -> Vec2 {
     if normal.z > 0.98 { position.truncate() } else { plane }
 }
@@ -337,7 +337,8 @@ fn newell(corners: &[Vec3]) -> Vec3 {
     sum
 }
 
-/// Two unit vectors across a direction: to its right, and upwards as far as it allows (for a vertical one: x and y).
+/// Two unit vectors perpendicular to a direction: to its right, and as far upwards as possible (for a vertical one: x
+/// and y).
 fn across(direction: Vec3) -> (Vec3, Vec3) {
     let forward = direction.normalize();
     let reference = if forward.z.abs() > 0.98 { Vec3::Y } else { Vec3::Z };

@@ -1,4 +1,4 @@
-//! Smooth skins: bodies through rings of corners, and round bodies that are smooth along their profile too.
+//! Smooth skins: surfaces through rings of corners, and bodies of revolution that are smooth along their profile too.
 
 use glam::{Vec2, Vec3};
 
@@ -72,7 +72,8 @@ fn centre(ring: &[Vec3]) -> Vec3 {
     ring.iter().sum::<Vec3>() / ring.len() as f32
 }
 
-/// Mean of the normals of the cells about each corner, weighted by their areas; all corners of a closing ring share one.
+/// Mean of the normals of the cells around each corner, weighted by area; all corners of a degenerate ring have the
+/// same one.
 fn normals(rings: &[Vec<Vec3>]) -> Vec<Vec<Vec3>> {
     let mut sums: Vec<Vec<Vec3>> = rings.iter().map(|ring| vec![Vec3::ZERO; ring.len()]).collect();
     for i in 0..rings.len() - 1 {

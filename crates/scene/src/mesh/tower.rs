@@ -1,4 +1,4 @@
-//! Slender round things: needle tower, chimney, water tower.
+//! Slender round structures: needle tower, chimney, water tower.
 
 use glam::Vec3;
 use serde::Deserialize;

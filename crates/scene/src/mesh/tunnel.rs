@@ -1,4 +1,4 @@
-//! A hill with a road tunnel through it, and openings: the tagged surfaces that one flies through.
+//! A hill with a road tunnel through it, and openings: the tagged surfaces for flying through.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -40,7 +40,7 @@ impl Hill {
     fn height_at(&self, x: f32, y: f32) -> f32 {
         let [a, b] = self.size.map(|m| 0.5 * m.0);
         let r = (x / a) * (x / a) + (y / b) * (y / b);
-        // A flat-topped dome; small swells keep it from looking turned on a lathe.
+        // A flat-topped dome with small swells, so that it does not look like a body of revolution.
         let dome = (1.0 - r).max(0.0);
         let shape = dome * (2.0 - dome);
         let swell = libm::sin(f64::from(x) * 0.21 + 1.0) * libm::cos(f64::from(y) * 0.17);
@@ -187,7 +187,7 @@ pub(crate) enum Shape {
     Arch,
 }
 
-/// An opening: an upright surface across the heading, drawn into the second id and depth image only.
+/// An opening: an upright surface across the heading, rendered only into the second id and depth images.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Opening {

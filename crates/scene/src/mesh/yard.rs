@@ -1,4 +1,4 @@
-//! Things of a yard: cones, bins, bicycles, parasols, canopies.
+//! Yard objects: cones, bins, bicycles, parasols, canopies.
 
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
@@ -7,7 +7,7 @@ use super::round::{Ring, Section, Skin};
 use super::sketch::{cos_sin, on_circle};
 use super::{Generator, Metres, Size, Sketch, Slots, parts};
 
-/// Corners of a cone's rounds.
+/// Number of corners of a cone's circles.
 const SIDES: u32 = 14;
 
 /// A traffic cone on its square foot, with two bands; `slots` are body, bands, foot.
@@ -41,7 +41,7 @@ impl Generator for Cone {
     }
 }
 
-/// A wheeled bin, its lid's hinge behind.
+/// A wheeled bin with the hinge of its lid at the back.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Bin {
@@ -79,7 +79,7 @@ impl Generator for Bin {
     }
 }
 
-/// A bicycle on its stand; looks forward.
+/// A bicycle on its stand, facing forward.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Bicycle {}
@@ -210,9 +210,9 @@ pub(crate) struct Canopy {
     size: Size<2>,
     /// Of the roof's lower edge.
     height: Metres,
-    /// How much higher the back edge is.
+    /// Rise of the back edge.
     rise: Metres,
-    /// Without back posts it hangs on a wall behind.
+    /// Without back posts it is mounted on a wall.
     #[serde(default)]
     on_wall: bool,
 }
@@ -252,7 +252,7 @@ impl Generator for Canopy {
     }
 }
 
-/// A ladder that leans forward against whatever stands there.
+/// A ladder that leans forward against an object.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Ladder {

@@ -25,14 +25,14 @@ pub(in crate::file) struct RawVary {
     pub(in crate::file) light: RawVaryLight,
 }
 
-/// Objects that change places.
+/// Objects that exchange places.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::file) struct RawShuffle {
     pub(in crate::file) objects: Spanned<Vec<String>>,
 }
 
-/// Objects that stand a little elsewhere.
+/// Objects that are moved a little.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::file) struct RawJitter {
@@ -44,7 +44,7 @@ pub(in crate::file) struct RawJitter {
     pub(in crate::file) together: bool,
 }
 
-/// Objects that take other colours: word and material change together.
+/// Objects that are repainted: colour word and material change together.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::file) struct RawRepaint {
@@ -53,14 +53,14 @@ pub(in crate::file) struct RawRepaint {
     pub(in crate::file) colours: Spanned<BTreeMap<String, Spanned<String>>>,
 }
 
-/// Actors that begin elsewhere on their paths.
+/// Actors that start at other points of their paths.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::file) struct RawDepart {
     pub(in crate::file) objects: Spanned<Vec<String>>,
 }
 
-/// Things that come in addition, at some of the places.
+/// Objects that are added at some of the places.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::file) struct RawAdd {

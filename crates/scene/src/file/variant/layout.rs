@@ -15,12 +15,12 @@ use crate::actors::begins_on;
 use crate::error::SceneError;
 use crate::limits::MAX_OBJECTS;
 
-/// How often a change that does not fit is drawn again.
+/// Maximum number of attempts for a change that does not fit.
 const TRIES: usize = 24;
-/// Most things that a table adds, and places it may name.
+/// Maximum number of objects that a table adds, and of its places.
 const MOST: usize = 200;
 
-/// How far a thing may move and turn.
+/// Maximum displacement and turn of an object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reach {
     /// Metres.
@@ -29,7 +29,7 @@ pub(super) struct Reach {
     pub(super) turn_deg: f64,
 }
 
-/// Lets things change places, two at a time, wherever both have room (Fisher and Yates, with more tries).
+/// Lets objects exchange places, two at a time, where both fit (Fisher and Yates, with more attempts).
 pub(super) fn shuffle(objects: &[usize], placed: &mut [Placed], room: &mut Room, rng: &mut RandomStream) {
     for last in (1..objects.len()).rev() {
         for _ in 0..TRIES {
@@ -41,7 +41,7 @@ pub(super) fn shuffle(objects: &[usize], placed: &mut [Placed], room: &mut Room,
                 break;
             }
             if room.try_move(&moves, false, placed) {
-                // Where something belongs goes with the place: what stands in the car park is of the car park.
+                // The group belongs to the place: an object in the car park belongs to the car park.
                 let group = placed[a].tags.group.take();
                 placed[a].tags.group = core::mem::replace(&mut placed[b].tags.group, group);
                 break;
@@ -50,12 +50,12 @@ pub(super) fn shuffle(objects: &[usize], placed: &mut [Placed], room: &mut Room,
     }
 }
 
-/// Moves some things as one, turning about the first, if they have room somewhere within reach.
+/// Moves some objects as one, turning about the first, if they fit somewhere within reach.
 pub(super) fn jitter(group: &[usize], reach: Reach, placed: &mut [Placed], room: &mut Room, rng: &mut RandomStream) {
     let Some(&first) = group.first() else { return };
     let pivot = room.place(first);
     for _ in 0..TRIES {
-        // Even over the disc.
+        // Uniform over the disc.
         let distance = reach.distance * libm::sqrt(rng.uniform());
         let direction = TAU * rng.uniform();
         let turn_deg = reach.turn_deg * (2.0 * rng.uniform() - 1.0);
@@ -71,7 +71,7 @@ pub(super) fn jitter(group: &[usize], reach: Reach, placed: &mut [Placed], room:
     }
 }
 
-/// Lets actors begin elsewhere on their paths, none of them on another.
+/// Lets actors start elsewhere on their paths, none of them on another.
 pub(super) fn depart(objects: &[usize], placed: &mut [Placed], room: &mut Room, rng: &mut RandomStream) {
     for &object in objects {
         let Some(motion) = &mut placed[object].motion else { continue };
@@ -93,7 +93,7 @@ pub(super) fn depart(objects: &[usize], placed: &mut [Placed], room: &mut Room, 
     }
 }
 
-/// Adds some things at some of the places, where they have room.
+/// Adds some objects at some of the places, where they fit.
 pub(super) fn add(
     table: &Spanned<RawAdd>,
     raw: &RawScene,
@@ -128,7 +128,8 @@ pub(super) fn add(
     Ok(())
 }
 
-/// Refuses what would be refused of one seed and not of another: the number, the places, the template, the ids, the colours.
+/// Rejects what would otherwise be rejected for some seeds only: the number, the places, the template, the ids, the
+/// colours.
 fn check(table: &RawAdd, span: &Span, raw: &RawScene, expanded: &mut Expanded, source: &Source<'_>) -> Result<(), SceneError> {
     let [least, most] = table.count.get_ref().map(|n| n as usize);
     if least > most || most > MOST {
@@ -165,7 +166,7 @@ fn paint_slot(table: &RawAdd) -> &str {
     table.slot.as_deref().unwrap_or("body")
 }
 
-/// The object that a table adds at a place, as it would stand in a file.
+/// The object that a table adds at a place, as a file would define it.
 fn extra(table: &RawAdd, place: &[f64], number: usize, colour: Option<&(String, (String, Span))>) -> RawObject {
     let mut object = RawObject {
         id: Some(format!("{}_{number}", table.id)),
@@ -183,7 +184,7 @@ fn extra(table: &RawAdd, place: &[f64], number: usize, colour: Option<&(String, 
             object.position = at(&[east, north, up]);
             object.heading_deg = Some(Spanned::new(table.places.span(), heading));
         }
-        // What has too few or too many numbers is refused as the position of an object.
+        // Wrong numbers of coordinates are rejected like those of an object's position.
         _ => object.position = at(&place[..place.len().min(5)]),
     }
     if let Some((word, (material, at))) = colour {

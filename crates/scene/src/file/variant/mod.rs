@@ -1,9 +1,9 @@
 //! Variants of a scene: layout, colours, people and light changed from a seed (`docs/reference/scene-format.md`,
 //! "Variants").
 //!
-//! The `vary` tables of the file define what may change. Each table draws from the seed and its own number, so that an
-//! additional table does not affect the others. A change that would make objects overlap, or block the start, is drawn
-//! again, and dropped after some attempts.
+//! The `vary` tables of the file define what may change. Each table samples from the seed and its own number, so that
+//! an additional table does not affect the others. A change that would make objects overlap, or block the start, is
+//! sampled again, and dropped after some attempts.
 
 mod layout;
 mod paint;
@@ -24,10 +24,10 @@ use super::source::Source;
 use crate::error::{SceneError, nearest};
 use crate::light::SceneLook;
 
-/// Most tables of a kind.
+/// Maximum number of tables of a kind.
 const MAX_TABLES: usize = 64;
 
-/// Turns a scene into its variant of that seed; light and weather that the conditions leave open are drawn too.
+/// Turns a scene into its variant with that seed; light and weather that the conditions leave open are sampled too.
 pub(super) fn vary(
     raw: &mut RawScene,
     expanded: &mut Expanded,
@@ -72,7 +72,7 @@ pub(super) fn vary(
     relight(&tables.light, raw, conditions, seed, source)
 }
 
-/// Refuses more tables than anyone writes: each costs some work.
+/// Rejects an excessive number of tables: each costs some work.
 fn check_number(tables: &RawVary, source: &Source<'_>) -> Result<(), SceneError> {
     let numbers = [tables.shuffle.len(), tables.jitter.len(), tables.repaint.len(), tables.depart.len(), tables.add.len()];
     if numbers.iter().all(|number| *number <= MAX_TABLES) {
@@ -81,7 +81,7 @@ fn check_number(tables: &RawVary, source: &Source<'_>) -> Result<(), SceneError>
     Err(source.error(&(0..0), format!("there may be at most {MAX_TABLES} tables of each kind under `vary`"), None))
 }
 
-/// Other colours for the things of one table: each colour once before one comes again.
+/// Repaints the objects of one table: each colour is used once before any is used again.
 fn repaint(
     table: &RawRepaint,
     raw: &RawScene,
@@ -109,7 +109,7 @@ fn repaint(
     Ok(())
 }
 
-/// Light, weather and the sun's place.
+/// Light, weather and the position of the sun.
 fn relight(
     table: &RawVaryLight,
     raw: &mut RawScene,
@@ -143,7 +143,7 @@ fn relight(
     Ok(())
 }
 
-/// Which objects a table may name.
+/// The objects that a table may name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wanted {
     Still,
@@ -151,7 +151,7 @@ enum Wanted {
     Any,
 }
 
-/// The objects of some ids; the id of a row means all of it. In the order of the scene, each once.
+/// The objects with some ids; the id of a row means all of it. In the order of the scene, each once.
 fn select(ids: &Spanned<Vec<String>>, placed: &[Placed], wanted: Wanted, source: &Source<'_>) -> Result<Vec<usize>, SceneError> {
     let error = |message: String, hint: Option<String>| source.error(&ids.span(), message, hint);
     let mut known: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
@@ -203,7 +203,7 @@ fn permutation(n: usize, rng: &mut RandomStream) -> Vec<usize> {
     order
 }
 
-/// Where in the text a table stands.
+/// Position of a table in the text.
 type Span = Range<usize>;
 
 #[cfg(test)]

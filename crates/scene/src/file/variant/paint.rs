@@ -26,7 +26,7 @@ pub(super) fn order(colours: &BTreeMap<String, Spanned<String>>, rng: &mut Rando
     permutation(written.len(), rng).into_iter().map(named).collect()
 }
 
-/// Refuses colours without a word or material, and a slot that the mesh lacks, whether this seed comes to use them or not.
+/// Rejects colours without a word or material, and a slot that the mesh lacks, whether or not this seed uses them.
 pub(super) fn check(
     colours: &BTreeMap<String, Spanned<String>>,
     slot: &str,
@@ -58,7 +58,7 @@ pub(super) fn check(
     Ok(())
 }
 
-/// Gives a thing another colour: its material, its `colour`, and that word in its names.
+/// Repaints an object: its material, its `colour`, and that word in its names.
 pub(super) fn paint(object: &mut Placed, slot: &str, word: &str, material: &(String, Span)) {
     object.materials.retain(|(name, _, _)| name != slot);
     object.materials.push((slot.to_owned(), material.0.clone(), material.1.clone()));
@@ -73,7 +73,8 @@ pub(super) fn paint(object: &mut Placed, slot: &str, word: &str, material: &(Str
     }
 }
 
-/// `text` with whole words `old` replaced; words are divided by `divider`. Unchanged if it became too long for a tag.
+/// `text` with whole words `old` replaced; words are separated by `divider`. Unchanged if it would become too long for
+/// a tag.
 fn replaced(text: &str, old: &str, new: &str, divider: char) -> String {
     let pad = |s: &str| format!("{divider}{s}{divider}");
     let padded = pad(text).replace(&pad(old), &pad(new));
@@ -81,13 +82,13 @@ fn replaced(text: &str, old: &str, new: &str, divider: char) -> String {
     if new.is_empty() || new.chars().count() > LONGEST_TAG { text.to_owned() } else { new.to_owned() }
 }
 
-/// How much text there is to look through when a thing is painted.
+/// Amount of text to search when an object is repainted.
 pub(super) fn text_length(object: &Placed) -> u64 {
     let tags = &object.tags;
     tags.names.iter().chain(&tags.synonyms).chain(&tags.qualities).map(|text| 40 + text.len() as u64).sum()
 }
 
-/// Takes the new ids in place of the old, each once, and in what refers to them.
+/// Replaces the old ids by the new ones, each once, also where other objects refer to them.
 pub(super) fn rename(placed: &mut [Placed]) {
     let mut taken: BTreeSet<String> = placed.iter().filter(|p| p.new_key.is_none()).map(|p| p.key.clone()).collect();
     let mut names = BTreeMap::new();

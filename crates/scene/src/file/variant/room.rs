@@ -12,33 +12,34 @@ use crate::limits::MAX_TRIANGLES;
 use crate::mesh::{Generator, Sketch};
 use crate::pose::parse_pose;
 
-/// What keeps its foot this near to a top stands on it, metres.
+/// An object whose base is within this distance of another's top stands on it, metres.
 const ON_TOP: f64 = 0.06;
 /// Free height above the paths of people and vehicles, metres: crowns and jibs may extend above it.
 const HEAD: f64 = 2.2;
 const ROOF: f64 = 4.0;
 /// Vehicles cut corners by less than this, metres.
 const CUT: f64 = 0.3;
-/// Free of what moves: the start's surroundings, and a way ahead; as multiples of the scene's success radius.
+/// Space kept free around the start and ahead of it, as multiples of the scene's success radius.
 const START_ROOM: f64 = 0.6;
 const START_VIEW: f64 = 1.6;
-/// Height of the free room over the start, metres.
+/// Height of the free space over the start, metres.
 const START_HEIGHT: f64 = 8.0;
-/// Work spent on one variant, in units of about ten nanoseconds: whatever a file asks for, there is an end, the same everywhere.
+/// Work spent on one variant, in units of about ten nanoseconds: the amount is bounded whatever the file contains, and
+/// the same on every machine.
 const EFFORT: u64 = 60_000_000;
-/// Work of one edge against a mesh, with its shifts, and of one triangle drawn and measured.
+/// Work of one edge against a mesh, with its shifts, and of one triangle generated and measured.
 const EDGE_EFFORT: u64 = 500;
 const TRIANGLE_EFFORT: u64 = 40;
-/// Work of comparing where one actor begins with where another does.
+/// Work of comparing the starts of two actors.
 const ACTOR_EFFORT: u64 = 100;
 
-/// A thing that shall stand elsewhere.
+/// A displaced object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Move {
     pub(super) object: usize,
     pub(super) place: Place,
-    /// Who stands there now, itself when it only moves a little: what that one touches may be touched, a chair its desk. None
-    /// for what is new: it touches nothing.
+    /// The object that stands there now (itself if it only moves a little): whatever it touches may still be touched,
+    /// such as a desk by its chair. `None` for a new object, which must not touch anything.
     pub(super) tenant: Option<usize>,
 }
 
@@ -50,13 +51,13 @@ struct Way {
     height: f64,
 }
 
-/// The room of a scene. Things are numbered as in the list of objects.
+/// The occupied space of a scene. Objects are numbered as in the list of objects.
 #[derive(Debug)]
 pub(super) struct Room {
     shapes: Vec<Shape>,
     places: Vec<Place>,
     prints: Vec<Print>,
-    /// Of an opening: what it leads through.
+    /// For an opening: the object it leads through.
     owners: Vec<Option<usize>>,
     /// Actors with their objects.
     courses: Vec<(usize, Course)>,
@@ -69,7 +70,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// The room of a scene as its file lays it out.
+    /// The occupied space of a scene as its file lays it out.
     pub(super) fn new(raw: &RawScene, placed: &[Placed], meshes: &[Box<dyn Generator>]) -> Self {
         let bounds = raw.bounds.get_ref();
         let mut room = Self {
@@ -94,12 +95,12 @@ impl Room {
         room
     }
 
-    /// Whether there are more triangles than a scene may have: it will be refused, however it is laid out.
+    /// Whether there are more triangles than a scene may have: it will be rejected in any layout.
     pub(super) fn is_full(&self) -> bool {
         self.triangles > MAX_TRIANGLES
     }
 
-    /// Takes note of one thing more, at the end of the list.
+    /// Registers one more object, at the end of the list.
     pub(super) fn push(&mut self, object: &Placed, owner: Option<usize>, mesh: &dyn Generator) {
         let mut sketch = Sketch::default();
         mesh.draw(&mut sketch, &object.key);
@@ -121,7 +122,7 @@ impl Room {
         self.shapes.push(shape);
     }
 
-    /// Takes the last thing off the list again.
+    /// Removes the last object from the list.
     pub(super) fn pop(&mut self) {
         let Some(shape) = self.shapes.pop() else { return };
         self.triangles -= shape.triangles();
@@ -134,12 +135,12 @@ impl Room {
         }
     }
 
-    /// Where something is now.
+    /// The current pose of an object.
     pub(super) fn place(&self, object: usize) -> Place {
         self.places[object]
     }
 
-    /// Whether there is work left to compare where actors begin.
+    /// Whether there is work left to compare the starts of actors.
     pub(super) fn may_look_at_actors(&self) -> bool {
         self.spend(ACTOR_EFFORT * self.courses.len() as u64)
     }
@@ -149,7 +150,8 @@ impl Room {
         &mut self.courses
     }
 
-    /// Moves things, if they all have room, and what they open. `rigid`: they move as one, so that nothing changes among them.
+    /// Moves objects together with their openings, if they all fit. `rigid`: they move as one, so that nothing changes
+    /// among them.
     pub(super) fn try_move(&mut self, moves: &[Move], rigid: bool, placed: &mut [Placed]) -> bool {
         let moves = self.with_openings(moves);
         let prints: Vec<Print> = moves.iter().map(|m| self.shapes[m.object].print(&m.place)).collect();
@@ -165,7 +167,7 @@ impl Room {
         true
     }
 
-    /// Moves, and those of the openings that go with them.
+    /// The moves, with those of the openings that go along.
     fn with_openings(&self, moves: &[Move]) -> Vec<Move> {
         let mut all = moves.to_vec();
         for m in moves {
@@ -179,7 +181,7 @@ impl Room {
         all
     }
 
-    /// Whether one of some moves puts something where it has room.
+    /// Whether all of some moves fit.
     fn has_room(&self, k: usize, moves: &[Move], prints: &[Print], rigid: bool) -> bool {
         let (m, print) = (&moves[k], &prints[k]);
         let points: usize = self.ways.iter().map(|way| way.points.len()).sum();
@@ -210,7 +212,7 @@ impl Room {
             && (m.tenant.is_none() || !self.has_footing(own) || self.has_footing(print))
     }
 
-    /// Whether nothing solid but what it leads through stands in an opening or before it.
+    /// Whether an opening and the space before it are free of everything solid but the object it leads through.
     fn is_free_passage(&self, opening: usize, print: &Print, moves: &[Move], prints: &[Print]) -> bool {
         let mut others = (0..self.shapes.len()).filter(|other| moves.iter().all(|m| m.object != *other));
         let blocks =
@@ -218,8 +220,9 @@ impl Room {
         !others.any(|other| blocks(other, &self.prints[other])) && !moves.iter().zip(prints).any(|(m, at)| blocks(m.object, at))
     }
 
-    /// Whether two things would stand in one another, or one of them in an opening. `before`: the prints that stood there, or
-    /// of those two themselves; what touched then may touch again, as long as no edge pierces the other's surface.
+    /// Whether two objects would overlap, or one of them would stand in an opening. `before`: the footprints that stood
+    /// there, or those of the two themselves; objects that touched may touch again, as long as no edge of one pierces
+    /// the other's surface.
     fn clash(&self, a: (usize, &Print, &Place), b: (usize, &Print, &Place), before: Option<(&Print, &Print)>) -> bool {
         let (one, other) = (&self.shapes[a.0], &self.shapes[b.0]);
         if !a.1.meets(b.1) || self.owners[b.0] == Some(a.0) || self.owners[a.0] == Some(b.0) {
@@ -236,19 +239,19 @@ impl Room {
         !touched || !self.spend(EDGE_EFFORT * edges) || one.pierces(a.2, other, b.2)
     }
 
-    /// Whether a foot keeps within the flying room.
+    /// Whether a footprint stays within the flyable region.
     fn is_within(&self, print: &Print) -> bool {
         let (low, high) = print.extent();
         let within = |from: f64, to: f64, [least, most]: [f64; 2]| from >= least && to <= most;
         within(low.x, high.x, self.bounds[0]) && within(low.y, high.y, self.bounds[1])
     }
 
-    /// Whether a foot stands on something, ground too.
+    /// Whether a footprint stands on something, including ground.
     fn has_footing(&self, print: &Print) -> bool {
         self.prints.iter().any(|other| other.carries(print, ON_TOP))
     }
 
-    /// Takes some of the work that is left; false when there is none.
+    /// Spends some of the remaining work; false if there is none left.
     pub(super) fn spend(&self, effort: u64) -> bool {
         let left = self.effort.get().checked_sub(effort);
         self.effort.set(left.unwrap_or(0));
@@ -260,7 +263,7 @@ impl Room {
         self.effort.get() == 0
     }
 
-    /// Whether a thing that was just added at the end has room where it is.
+    /// Whether an object just added at the end fits where it is.
     pub(super) fn has_room_for_last(&self) -> bool {
         let Some(object) = self.shapes.len().checked_sub(1) else { return false };
         let new = [Move { object, place: self.places[object], tenant: None }];
@@ -269,13 +272,13 @@ impl Room {
 }
 
 impl Way {
-    /// Whether what stands there leaves the way free, or at least as free as `old` did.
+    /// Whether the object there leaves the path free, or at least as free as `old` did.
     fn is_clear_of(&self, print: &Print, old: Option<&Print>) -> bool {
         let clearance = self.clearance(print);
         clearance >= self.reach || old.is_some_and(|old| clearance >= self.clearance(old))
     }
 
-    /// Metres from the way to a foot; infinite beyond its reach.
+    /// Metres from the path to a footprint; infinite beyond its reach.
     fn clearance(&self, print: &Print) -> f64 {
         let (low, high) = print.extent();
         let near = |p: &DVec2| {
@@ -289,9 +292,9 @@ impl Way {
     }
 }
 
-/// About the start and before it.
+/// Around the start and ahead of it.
 fn start_room(raw: &RawScene) -> Vec<Print> {
-    // What is no pose is refused when the scene is built.
+    // An invalid pose is rejected when the scene is built.
     let Some(pose) = parse_pose(raw.start.get_ref()) else { return Vec::new() };
     let at = pose.position;
     let start = Place { position: [at.east, at.north, at.up], heading_deg: pose.attitude.heading.to_degrees() };

@@ -10,21 +10,22 @@ use crate::collide::Collider;
 use crate::geometry::{Part, Role};
 use crate::mesh::{Sketch, Surface, convex_hull};
 
-/// Things are kept this far apart, metres.
+/// Minimum distance between objects, metres.
 const APART: f64 = 0.1;
-/// What lies on something may reach so deep into it, metres.
+/// An object may sink this deep into what it lies on, metres.
 const SUNK: f64 = 0.05;
-/// Ground no higher than this is stood on, not run into, metres.
+/// Ground no higher than this is stood on and does not count as an obstacle, metres.
 const STEP: f64 = 0.5;
-/// Heights above the foot at which things are cut, metres.
+/// Heights above the base at which objects are sliced, metres.
 const CUTS: [f64; 14] = [0.5, 1.0, 1.5, 2.2, 3.0, 4.0, 6.0, 9.0, 13.0, 19.0, 28.0, 42.0, 63.0, 95.0];
-/// An opening is kept free to both sides, as a multiple of its width.
+/// Depth kept free on both sides of an opening, as a multiple of its width.
 const PASSAGE: f64 = 0.6;
-/// Half the width of what has none, metres.
+/// Half width of objects without a shape, metres.
 const THIN: f64 = 0.01;
-/// Before two meshes are compared the higher one is raised, metres: it may stand on the other.
+/// The higher of two meshes is raised by this before they are compared, metres: it may stand on the other.
 const RAISED: f64 = 0.01;
-/// To the sides they are compared shifted by so much each way, metres: what all but touches might pierce once it is rounded.
+/// They are also compared with lateral shifts of this size, metres: objects that barely touch might intersect after
+/// rounding.
 const SHIFTS: [DVec2; 5] =
     [DVec2::ZERO, DVec2::new(0.01, 0.0), DVec2::new(-0.01, 0.0), DVec2::new(0.0, 0.01), DVec2::new(0.0, -0.01)];
 
@@ -40,14 +41,14 @@ impl Place {
         Self { position: placed.position, heading_deg: placed.heading_deg }
     }
 
-    /// A vector of a thing's own frame, turned as it stands here.
+    /// A vector of an object's own frame, turned by this pose.
     pub(super) fn turned(&self, v: DVec2) -> DVec2 {
         let heading = self.heading_deg.to_radians();
         let (sin, cos) = (libm::sin(heading), libm::cos(heading));
         DVec2::new(v.x * cos + v.y * sin, v.y * cos - v.x * sin)
     }
 
-    /// The vector in the frame of a thing that stands here.
+    /// The vector in the frame of an object with this pose.
     fn turned_back(&self, v: DVec2) -> DVec2 {
         Self { heading_deg: -self.heading_deg, ..*self }.turned(v)
     }
@@ -56,7 +57,7 @@ impl Place {
         DVec2::new(self.position[0], self.position[1])
     }
 
-    /// Where this is when it is carried along while `from` becomes `to`.
+    /// This pose carried along when `from` moves to `to`.
     pub(super) fn carried(&self, from: &Self, to: &Self) -> Self {
         let turn_deg = to.heading_deg - from.heading_deg;
         let turn = Self { position: [0.0; 3], heading_deg: turn_deg };
@@ -76,19 +77,19 @@ impl Place {
     }
 }
 
-/// What a thing takes part as.
+/// The role of an object in the layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Nature {
     Solid,
-    /// Ground that is stood on.
+    /// Ground to stand on.
     Flat,
-    /// An opening and the room before and behind it.
+    /// An opening and the space before and behind it.
     Passage,
-    /// What moves by itself, or has no body: it takes no room here.
+    /// Moves, or has no body: it occupies no space here.
     Nothing,
 }
 
-/// A thing in its own frame.
+/// An object in its own frame.
 #[derive(Debug)]
 pub(super) struct Shape {
     nature: Nature,
@@ -97,7 +98,7 @@ pub(super) struct Shape {
     collider: OnceCell<Option<Collider>>,
 }
 
-/// What of a thing is between two heights, seen from above: a convex polygon, counter-clockwise.
+/// The part of an object between two heights, seen from above: a convex polygon, counter-clockwise.
 #[derive(Clone, Debug)]
 struct Slice {
     hull: Vec<DVec2>,
@@ -160,7 +161,7 @@ impl Shape {
         Print::new(self.slices.iter().map(placed).collect())
     }
 
-    /// Whether an edge of one of two things pierces the other's surface, or would a centimetre beside.
+    /// Whether an edge of one of two objects pierces the other's surface, or would after a shift of a centimetre.
     pub(super) fn pierces(&self, at: &Place, other: &Self, there: &Place) -> bool {
         let foot = |shape: &Self, place: &Place| shape.slices.first().map_or(0.0, |slice| slice.low) + place.position[2];
         let higher = foot(self, at) - foot(other, there);
@@ -171,7 +172,7 @@ impl Shape {
         })
     }
 
-    /// Whether an edge of this, shifted by so much east, north and up, pierces the other's surface.
+    /// Whether an edge of this object, shifted by some distance east, north and up, pierces the other's surface.
     fn cuts(&self, at: &Place, shift: DVec3, other: &Self, there: &Place) -> bool {
         let collider = other.collider.get_or_init(|| Collider::of_parts(&other.parts).ok());
         let Some(collider) = collider else { return true };
@@ -194,7 +195,7 @@ fn own_part(surface: &Surface, scale: f32) -> Part {
     Part { vertices, triangles: surface.triangles.clone(), material: 0, object: 0, role: surface.role }
 }
 
-/// The room before and behind an opening.
+/// The space before and behind an opening.
 fn passage(parts: &[Part], low: f64, high: f64) -> Option<Slice> {
     let across = || parts.iter().flat_map(|part| &part.vertices).map(|v| f64::from(v.position.x));
     let (left, right) = (across().fold(f64::INFINITY, f64::min), across().fold(f64::NEG_INFINITY, f64::max));
@@ -203,7 +204,7 @@ fn passage(parts: &[Part], low: f64, high: f64) -> Option<Slice> {
     (right > left).then_some(Slice { hull, low, high })
 }
 
-/// Cuts meshes at the heights of [`CUTS`] above their foot.
+/// Slices meshes at the heights of [`CUTS`] above their base.
 fn slices(parts: &[Part], low: f64, high: f64) -> Vec<Slice> {
     let mut floors = vec![f64::NEG_INFINITY];
     floors.extend(CUTS.iter().map(|cut| low + cut).take_while(|floor| *floor < high));
@@ -226,7 +227,7 @@ fn slices(parts: &[Part], low: f64, high: f64) -> Vec<Slice> {
                     heights[k] = (heights[k].0.min(z), heights[k].1.max(z));
                 }
                 if b.z <= ceiling {
-                    // A level edge lies in one slice; of its two ends one was taken.
+                    // A level edge lies in one slice; one of its two ends was taken.
                     points[k].push([b.x, b.y]);
                 }
             }
@@ -245,7 +246,7 @@ fn slice(points: &[[f64; 2]], (low, high): (f64, f64)) -> Slice {
     Slice { hull: hull.into_iter().map(DVec2::from_array).collect(), low, high }
 }
 
-/// A thing at a place: its slices in the world.
+/// An object at a pose: its slices in the world.
 #[derive(Clone, Debug)]
 pub(super) struct Print {
     slices: Vec<Slice>,
@@ -271,20 +272,20 @@ impl Print {
         (self.least, self.most)
     }
 
-    /// Whether two come nearer than [`APART`] (at their corners: a little farther).
+    /// Whether two objects come closer than [`APART`] (at their corners: slightly more).
     pub(super) fn meets(&self, other: &Self) -> bool {
         let gap = self.least.max(other.least) - self.most.min(other.most);
         gap.max_element() <= APART && self.slices.iter().any(|a| other.slices.iter().any(|b| a.meets(b, APART)))
     }
 
-    /// Whether another stands on its top.
+    /// Whether another object stands on its top.
     pub(super) fn carries(&self, other: &Self, within: f64) -> bool {
         let (Some(top), Some(foot)) = (self.slices.last(), other.slices.first()) else { return false };
         let middle = foot.hull.iter().sum::<DVec2>() / foot.hull.len() as f64;
         libm::fabs(foot.low - top.high) < within && distance(middle, &top.hull) <= 0.0
     }
 
-    /// Its polygons that begin no higher than so much above its foot.
+    /// Its polygons that begin no higher than this above its base.
     pub(super) fn below(&self, height: f64) -> impl Iterator<Item = &[DVec2]> {
         let foot = self.slices.first().map_or(0.0, |slice| slice.low);
         self.slices.iter().filter(move |slice| slice.low < foot + height).map(|slice| slice.hull.as_slice())
@@ -298,7 +299,7 @@ impl Slice {
     }
 }
 
-/// Whether a line along one of the edges of `hull` has one polygon on each side, `apart` from one another.
+/// Whether an edge of `hull` separates two polygons by at least `apart`.
 fn separates(hull: &[DVec2], a: &[DVec2], b: &[DVec2], apart: f64) -> bool {
     let span = |polygon: &[DVec2], axis: DVec2| {
         let along = polygon.iter().map(|p| p.dot(axis));

@@ -1,4 +1,4 @@
-//! Skin and hair: head, neck, hands, and whatever of arms and legs the clothes leave bare.
+//! Skin and hair: head, neck, hands, and the parts of arms and legs not covered by clothes.
 
 use glam::Vec3;
 
@@ -8,7 +8,7 @@ use super::super::sketch::cos_sin;
 use super::posture::{Limb, Pose};
 use super::{Bottom, Hair, Headgear, Person, Top};
 
-/// The head's measures below are those of a skull 0.22 m high; with hair and chin a person's is a little more.
+/// The dimensions below are for a skull 0.22 m high; with hair and chin a head is slightly higher.
 const HEAD: f32 = 1.07;
 
 /// The head's own frame: middle of the skull, right, front, up.
@@ -94,11 +94,11 @@ fn face(figure: &mut Sketch, head: &Head) {
     }
     for x in [-1.0f32, 1.0] {
         figure.on("skin").ellipsoid(head.at(0.075 * x, -0.008, -0.012), Vec3::new(0.011, 0.018, 0.030), 5, 3);
-        // Eyes and brows, a hair before the skin.
+        // Eyes and brows, slightly in front of the skin.
         for (slot, up, low, high, wide) in [("eyes", 0.014, -0.0045, 0.0045, 0.010), ("hair", 0.035, -0.0025, 0.0025, 0.017)] {
             let at = |dx: f32, dz: f32| {
                 let (x, z) = (0.030 * x + dx, up + dz);
-                // The brow's curve: back by the square of the way out.
+                // The curve of the brow: it recedes with the square of the lateral distance.
                 head.at(x, 0.1005 - 8.5 * x * x, z)
             };
             figure.on(slot).face(&[at(-wide, low), at(-wide, high), at(wide, high), at(wide, low)]);
@@ -131,7 +131,7 @@ fn hair(figure: &mut Sketch, head: &Head, person: &Person) {
     }
 }
 
-/// A hand that goes on from the forearm, the thumb to the front.
+/// A hand that continues the forearm, with the thumb in front.
 fn hand(figure: &mut Sketch, arm: &Limb, front: Vec3, side: f32) {
     let along = (arm.end - arm.bend).normalize();
     let thumb = (front - along * front.dot(along)).normalize_or(Vec3::X * -side);

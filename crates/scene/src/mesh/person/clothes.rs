@@ -22,7 +22,7 @@ pub(super) fn draw(figure: &mut Sketch, pose: &Pose, person: &Person) {
 
 /// A level slice of the trunk: height above the hip joints, half width, half depth, offset to the front.
 fn slice(pose: &Pose, (height, wide, deep, front): (f32, f32, f32, f32)) -> Ring {
-    // The shoulders' turn grows from the waist up.
+    // The turn of the shoulders grows from the waist up.
     let turn = ((height - 0.08) / 0.35).clamp(0.0, 1.0);
     let right = pose.hips_right.lerp(pose.shoulders_right, turn).normalize();
     let ahead = pose.spine.cross(right).normalize();
@@ -171,7 +171,7 @@ fn held(figure: &mut Sketch, pose: &Pose, arm: &Limb, holds: Held) {
     let grip = arm.end + (arm.end - arm.bend).normalize() * 0.09;
     match holds {
         Held::Nothing => {}
-        // Carried by its tip, as one does.
+        // Carried by its tip.
         Held::Cone => draw_cone(figure, ["held", "held_trim", "held"], grip - Vec3::Z * 0.50, 0.5),
         Held::Bag => {
             let size = Vec3::new(0.10, 0.38, 0.28);

@@ -1,4 +1,4 @@
-//! People: bodies put together from a few measures, in a posture, dressed.
+//! People: bodies built from a few dimensions, in a posture, dressed.
 
 mod body;
 mod clothes;
@@ -11,10 +11,11 @@ use self::posture::Pose;
 use super::sketch::on_circle;
 use super::{Generator, Metres, Share, Sketch, Slots};
 
-/// Height at which the measures of this folder hold, metres; others are scaled.
+/// Height for which the dimensions in this folder hold, metres; others are scaled.
 const HEIGHT: f32 = 1.75;
 
-/// A person; looks forward, lies with the head forward. Stands on the origin, sits with the seat above it, lies about it.
+/// A person who faces forward, or lies with the head forward. The origin is below the feet when standing, below the
+/// seat when sitting, and in the middle when lying.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Person {
@@ -22,10 +23,10 @@ pub(crate) struct Person {
     height: Metres,
     #[serde(default)]
     posture: Posture,
-    /// Where in the gait a walker is: 0 and 1 are the left heel's strike.
+    /// Phase of the gait: 0 and 1 are the left heel strike.
     #[serde(default)]
     phase: Share,
-    /// Height of what one sits on.
+    /// Height of the seat.
     #[serde(default = "default_seat_height")]
     seat: Metres,
     #[serde(default)]
@@ -48,7 +49,7 @@ const fn default_seat_height() -> Metres {
     Metres(0.45)
 }
 
-/// What the body does.
+/// Posture of the body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Posture {
@@ -61,7 +62,7 @@ enum Posture {
     Waving,
 }
 
-/// What the upper body wears, in the slot `body`.
+/// Clothing of the upper body, in the slot `body`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Top {
@@ -72,7 +73,7 @@ enum Top {
     Shirt,
 }
 
-/// What the legs wear, in the slot `legs`.
+/// Clothing of the legs, in the slot `legs`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Bottom {
@@ -102,7 +103,7 @@ enum Headgear {
     Helmet,
 }
 
-/// What the right hand holds, in the slots `held` and `held_trim`.
+/// Item in the right hand, in the slots `held` and `held_trim`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Held {

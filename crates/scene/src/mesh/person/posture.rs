@@ -35,13 +35,13 @@ pub(super) struct Limb {
 pub(super) struct Pose {
     /// Between the hip joints.
     pub(super) pelvis: Vec3,
-    /// Along the trunk, and the way that hips and shoulders point to their right.
+    /// Along the trunk, and the directions in which hips and shoulders point to their right.
     pub(super) spine: Vec3,
     pub(super) hips_right: Vec3,
     pub(super) shoulders_right: Vec3,
     pub(super) legs: [Limb; 2],
     pub(super) arms: [Limb; 2],
-    /// The way the toes point.
+    /// Direction of the toes.
     pub(super) toes: [Vec3; 2],
     /// Turn of the head to the right, radians.
     pub(super) look: f64,
@@ -55,7 +55,7 @@ struct Plan {
     twist: f64,
     ankles: [Vec3; 2],
     toes: [Vec3; 2],
-    /// Wrists from their shoulders, metres, and the way the elbows point.
+    /// Wrists relative to their shoulders, metres, and the direction of the elbows.
     wrists: [Vec3; 2],
     elbows: [Vec3; 2],
     look: f64,
@@ -67,16 +67,16 @@ pub(super) struct Gait;
 impl Gait {
     /// Metres walked in a cycle of two steps (Murray, Drought & Kory 1964: 0.86 of the height).
     pub(super) const STRIDE: f32 = 1.505;
-    /// Fraction of the cycle that a foot is on the ground.
+    /// Fraction of the cycle for which a foot is on the ground.
     const STANCE: f32 = 0.6;
-    /// How far the ankle goes forward and up while the foot rolls off over its toes.
+    /// Forward and upward motion of the ankle while the foot rolls off over its toes.
     const ROLL: [f32; 2] = [0.09, 0.11];
 
     /// Ankle, from below the hip, and pitch of the foot (toes down positive, radians) at a fraction of that leg's own cycle.
     fn foot(fraction: f32) -> (Vec3, f64) {
         let half = 0.5 * Self::STANCE * Self::STRIDE;
         if fraction < Self::STANCE {
-            // On the ground the foot moves back as fast as the body moves on: heel strike, flat, heel off.
+            // On the ground the foot moves back as fast as the body moves forward: heel strike, flat, heel off.
             let s = fraction / Self::STANCE;
             let strike = (1.0 - s / 0.18).max(0.0);
             let off = ((s - 0.6) / 0.4).max(0.0);
@@ -154,7 +154,7 @@ impl Plan {
         }
     }
 
-    /// As standing upright; the figure is laid on its back when it has been drawn.
+    /// As standing upright; the figure is laid on its back once it is complete.
     fn lying() -> Self {
         Self {
             pelvis: Vec3::new(0.0, 0.0, HIPS),
@@ -187,7 +187,7 @@ impl Pose {
             Posture::Lying => Plan::lying(),
             Posture::Waving => Plan::waving(),
         };
-        // Both hands are busy waving: what is held stays in the one that hangs.
+        // Both hands are waving: a held item stays in the lower one.
         let hand = usize::from(posture != Posture::Waving);
         let outward = if hand == 1 { 1.0 } else { -1.0 };
         match holds {
@@ -238,13 +238,13 @@ impl Pose {
         self.pelvis + self.spine * height
     }
 
-    /// The way the trunk faces.
+    /// Direction in which the trunk faces.
     pub(super) fn front(&self) -> Vec3 {
         self.spine.cross(self.shoulders_right).normalize()
     }
 }
 
-/// A limb of two bones from `root` towards `end`, bending towards `hint`; an end out of reach is drawn in.
+/// A limb of two bones from `root` towards `end`, bending towards `hint`; an end out of reach is moved closer.
 fn jointed(root: Vec3, end: Vec3, bones: [f32; 2], hint: Vec3) -> Limb {
     let [a, b] = bones;
     let way = end - root;
@@ -289,7 +289,7 @@ mod tests {
     fn the_gait_closes() {
         let (a, b) = (Pose::of(Posture::Walking, 0.0, 0.45, Held::Nothing), Pose::of(Posture::Walking, 1.0, 0.45, Held::Nothing));
         assert_eq!(a.legs[0].end, b.legs[0].end);
-        // Half a cycle later left and right have changed places.
+        // Half a cycle later left and right are exchanged.
         let c = Pose::of(Posture::Walking, 0.5, 0.45, Held::Nothing);
         assert!((a.legs[0].end.y - c.legs[1].end.y).abs() < 1e-5 && (a.arms[0].end.y - c.arms[1].end.y).abs() < 0.02);
         // The foot arrives where it will be put down.
