@@ -12,33 +12,33 @@ use super::lanes::{F, Instructions, LANES, Simd, U, V3, four_bytes, whole, with_
 use super::prepare::Soup;
 use super::visibility::{self, Map, centres};
 
-/// Cells along the longer side, at most, and layers.
+/// Maximum number of cells along the longer side, and number of layers.
 const CELLS: usize = 192;
 const LAYERS: usize = 24;
 /// Minimum side of a cell, metres.
 const FINEST: f32 = 0.4;
-/// Openness of a place that sees no sky: light gets about corners.
+/// Openness of a place from which no sky is visible: light is scattered around corners.
 const CLOSED: f32 = 0.09;
-/// Directions of the sky that are looked towards.
+/// Sampled directions of the sky.
 const DIRECTIONS: usize = 36;
-/// Points that are looked from together.
+/// Points processed together.
 const NEIGHBOURS: usize = 8192;
-/// Points below the ground are looked from this far above it, metres.
+/// Points below the ground are evaluated this far above it, metres.
 const ABOVE: f32 = 0.3;
 
-/// Openness, 0 (closed in) to 1 (open), on a grid.
+/// Openness, 0 (enclosed) to 1 (open), on a grid.
 #[derive(Debug)]
 pub(crate) struct Ambient {
     low: Vec3,
-    /// Cells a metre.
+    /// Cells per metre.
     cells: Vec3,
     columns: usize,
     rows: usize,
-    /// Openness in steps of 1/255 at the four corners of each cell's floor and of its ceiling, a byte each.
+    /// Openness in steps of 1/255 at the four corners of each cell's floor and of its ceiling, one byte each.
     corners: Vec<[u32; 2]>,
 }
 
-/// What the openness of a place is worked out from.
+/// The inputs from which the openness of a place is computed.
 #[derive(Debug)]
 struct Survey {
     low: Vec3,
@@ -50,20 +50,21 @@ struct Survey {
 }
 
 impl Survey {
-    /// Places of the grid.
+    /// Points of the grid.
     fn len(&self) -> usize {
         LAYERS * self.rows * self.columns
     }
 
-    /// Where the place of that number is looked from.
+    /// The place from which the point with this index is evaluated.
     fn point(&self, i: usize) -> Vec3 {
         let (column, row, up) = (i % self.columns, i / self.columns % self.rows, i / (self.columns * self.rows));
         let p = self.low + Vec3::new(column as f32, row as f32, up as f32) * self.step;
-        // What lies under the ground stands for the air above it, which pixels on the ground read.
+        // Points under the ground stand for the air above it, which pixels on the ground read.
         Vec3::new(p.x, p.y, p.z.max(self.ground[row * self.columns + column] + ABOVE))
     }
 
-    /// The fraction of the sky that each of these sees, in steps of 1/255. A map after the other: neighbours read the same part.
+    /// Fraction of the sky visible from each of these points, in steps of 1/255. One map after the other, because
+    /// neighbours read the same part.
     fn openness(&self, points: &[Vec3]) -> Vec<u8> {
         let fraction = 255.0 / DIRECTIONS as f32;
         let mut seen = vec![0u8; points.len()];
@@ -73,7 +74,7 @@ impl Survey {
         seen.into_iter().map(|seen| (f32::from(seen) * fraction + 0.5) as u8).collect()
     }
 
-    /// The corners of the cell of that number, as they are kept.
+    /// The stored corners of the cell with this index.
     fn corners(&self, i: usize, open: impl Fn(usize) -> u8) -> [u32; 2] {
         let at = |i: usize| if i < self.len() { u32::from(open(i)) } else { 255 };
         let four = |i: usize| at(i) | at(i + 1) << 8 | at(i + self.columns) << 16 | at(i + self.columns + 1) << 24;
@@ -90,7 +91,7 @@ impl Ambient {
         Self { corners: (0..open.len()).map(|i| survey.corners(i, |i| open[i])).collect(), ..grid }
     }
 
-    /// The grid without its values, and what these come from; none where nothing stands.
+    /// The grid without its values, and the inputs for these; `None` for an empty scene.
     fn survey(soup: &Soup) -> (Self, Option<Survey>) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for cluster in soup.clusters.iter().filter(|c| !c.opening && c.high.z - c.low.z > 0.5) {
@@ -115,7 +116,7 @@ impl Ambient {
         (grid, Some(Survey { low, step, columns, rows, ground, maps }))
     }
 
-    /// The number of the cell in which a place lies; none outside of the grid. As [`Self::open`] finds it.
+    /// Index of the cell that contains a place; `None` outside the grid. Same rule as [`Self::open`].
     fn cell(&self, p: Vec3) -> Option<usize> {
         let at = (p - self.low) * self.cells;
         let most = Vec3::new(self.columns as f32 - 1.0, self.rows as f32 - 1.0, LAYERS as f32 - 1.0);
@@ -124,7 +125,7 @@ impl Ambient {
         inside.then_some((up * self.rows + row) * self.columns + column)
     }
 
-    /// The lowest surface that looks upwards at each column of points; far below where there is none.
+    /// The lowest upward-facing surface at each column of points; far below where there is none.
     fn ground(&self, soup: &Soup, cell: f32) -> Vec<f32> {
         let mut ground = vec![f32::INFINITY; self.columns * self.rows];
         for cluster in soup.clusters.iter().filter(|c| !c.opening) {
@@ -135,7 +136,7 @@ impl Ambient {
                 }
                 let corners = soup.corners[i as usize].map(|k| {
                     let p = soup.positions[cluster.positions.0 as usize + usize::from(k)];
-                    // Points lie at whole numbers, centres of cells half a one farther.
+                    // Points lie at whole numbers, centres of cells half a step farther.
                     (p - self.low) / cell + 0.5
                 });
                 centres(corners, (self.columns, self.rows), |x, y| {
@@ -150,7 +151,7 @@ impl Ambient {
         ground
     }
 
-    /// Openness at `p`: 1 outside of the grid, never quite 0.
+    /// Openness at `p`: 1 outside the grid, never exactly 0.
     #[inline(always)]
     pub(crate) fn open<S: Simd>(&self, p: V3<F<S>>) -> F<S> {
         let simd = p.x.token();
@@ -179,7 +180,7 @@ impl Ambient {
     }
 }
 
-/// The same openness where it is asked for at some thousand places and not in every pixel: cells are worked out one by one.
+/// The same openness for some thousand places instead of every pixel: cells are computed on demand.
 #[derive(Debug)]
 pub(crate) struct Spots {
     survey: Option<Survey>,
@@ -188,9 +189,9 @@ pub(crate) struct Spots {
 
 #[derive(Debug)]
 struct Known {
-    /// With the corners of the cells that were asked for.
+    /// With the corners of the requested cells.
     ambient: Ambient,
-    /// Which these are.
+    /// The requested cells.
     cells: BTreeSet<usize>,
 }
 

@@ -17,28 +17,28 @@ use super::visibility::centres;
 const TEXEL: f32 = 0.1;
 /// Cells between texels along a tile.
 const TILE: usize = 32;
-/// Most tiles, 8 KiB each.
+/// Maximum number of tiles, 8 KiB each.
 const TILES: usize = 8192;
-/// Things larger than this (hills, grounds) stand on nothing, metres.
+/// Objects larger than this (hills, ground) cast no contact shadow, metres.
 const LARGEST: f32 = 45.0;
-/// Things lower than this are ground, metres.
+/// Objects lower than this are ground, metres.
 const LOWEST: f32 = 0.12;
-/// What hangs higher than this above the ground darkens it no more, metres.
+/// Geometry higher than this above the ground does not darken it, metres.
 const REACH: f32 = 1.0;
-/// Radii of the two blurs, texels: for what touches the ground, and for what is above it.
+/// Radii of the two blurs, texels: for geometry that touches the ground, and for geometry above it.
 const BLURS: [usize; 2] = [2, 5];
-/// Texels that a patch is wider than its thing on each side.
+/// Margin of a patch on each side of its object, texels.
 const RIM: usize = 2 * BLURS[1] + 1;
-/// Ground this far above or below where the thing stands is another's, metres.
+/// Ground farther above or below the base of the object than this is not darkened, metres.
 const STEP: f32 = 0.3;
 
-/// Darkness about the feet of things.
+/// Darkness around the bases of objects.
 #[derive(Debug, Default)]
 pub(crate) struct Contact {
     low: Vec3,
     columns: usize,
     rows: usize,
-    /// The number of each tile; 0 for one in which nothing stands.
+    /// Index of each tile; 0 for an empty one.
     tiles: Vec<u16>,
     /// The cells of the tiles, row after row of each.
     cells: Vec<Cell>,
@@ -47,14 +47,14 @@ pub(crate) struct Contact {
 /// The square between four texels.
 #[derive(Clone, Copy, Debug, Default)]
 struct Cell {
-    /// Darkness at the corners, in steps of 1/255, a byte each: the two of lesser y, then the others.
+    /// Darkness at the corners, in steps of 1/255, one byte each: the two with lower y, then the others.
     corners: u32,
-    /// Height of the ground over the map's `low`, centimetres.
+    /// Height of the ground above the map's `low`, centimetres.
     height: u32,
 }
 
 impl Cell {
-    /// Takes on what another thing does to a corner. Of grounds at different heights the darkest counts.
+    /// Merges the darkness of another object at a corner. Of grounds at different heights the darkest counts.
     fn darken(&mut self, corner: u32, dark: u8, height: u32) {
         let darkest = self.corners.to_le_bytes().into_iter().max().unwrap_or(0);
         let other_ground = height.abs_diff(self.height) > (STEP * 100.0) as u32;
@@ -72,12 +72,12 @@ impl Cell {
 }
 
 impl Contact {
-    /// The map of all things of `soup` that are at most `far` from `eye`.
+    /// The map of all objects of `soup` that are at most `far` from `eye`.
     pub(crate) fn about(soup: &Soup, eye: Vec3, far: f32) -> Self {
         Self::of(soup, |low, high| (low - eye).max(eye - high).max(Vec3::ZERO).length_squared() < far * far)
     }
 
-    /// The map of all things of `soup`.
+    /// The map of all objects of `soup`.
     pub(crate) fn new(soup: &Soup) -> Self {
         Self::of(soup, |_, _| true)
     }
@@ -96,13 +96,13 @@ impl Contact {
         if patches.is_empty() {
             return Self::default();
         }
-        // A texel darkens the cells about it, those before it too.
+        // A texel darkens the cells around it, including those before it.
         low -= Vec3::new(TEXEL, TEXEL, STEP);
         let tile = TILE as f32 * TEXEL;
-        // A scene reaches 2 km each way, its things rarely half a kilometre.
+        // A scene extends 2 km in each direction, but its objects rarely half a kilometre.
         let size = ((high - low) / tile).min(Vec3::splat(1024.0));
         let (columns, rows) = (size.x as usize + 2, size.y as usize + 2);
-        // The first tile is that of nothing.
+        // The first tile is the empty one.
         let mut map = Self { low, columns, rows, tiles: vec![0; columns * rows], cells: vec![Cell::default(); TILE * TILE] };
         patches.iter().for_each(|patch| map.add(patch));
         map
@@ -122,7 +122,7 @@ impl Contact {
         }
     }
 
-    /// A cell, whose tile is made if need be; none beyond the map, or when there are too many tiles.
+    /// A cell, whose tile is created if necessary; `None` outside the map, or when there are too many tiles.
     fn cell_mut(&mut self, x: usize, y: usize) -> Option<&mut Cell> {
         if x / TILE >= self.columns || y / TILE >= self.rows {
             return None;
@@ -162,7 +162,7 @@ impl Contact {
             #[inline(always)]
             |lane| self.tiles.get(tile[lane] as usize).copied().unwrap_or(0),
         );
-        // Most ground has nothing standing on it.
+        // Most ground has no object on it.
         if tiles == [0; LANES] {
             return none;
         }
@@ -181,11 +181,11 @@ impl Contact {
     }
 }
 
-/// The darkness about one thing.
+/// The darkness around one object.
 struct Patch {
     /// Its south-western corner.
     corner: Vec2,
-    /// The height that it stands at.
+    /// Height of the ground on which it stands.
     ground: f32,
     width: usize,
     height: usize,
@@ -193,7 +193,7 @@ struct Patch {
 }
 
 impl Patch {
-    /// None for what is no thing that stands.
+    /// `None` for an object that casts no contact shadow.
     fn new(soup: &Soup, clusters: &[&Cluster]) -> Option<Self> {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         for cluster in clusters {
@@ -204,11 +204,11 @@ impl Patch {
             return None;
         }
         let rim = RIM as f32 * TEXEL;
-        // On the raster of the map, so that patches are added texel by texel.
+        // Aligned to the raster of the map, so that patches are added texel by texel.
         let snap = |x: f32| floor((x - rim) / TEXEL) as f32 * TEXEL;
         let corner = Vec2::new(snap(low.x), snap(low.y));
         let (width, height) = ((size.x / TEXEL) as usize + 2 * RIM + 2, (size.y / TEXEL) as usize + 2 * RIM + 2);
-        // How far above the ground the lowest surface is.
+        // Height of the lowest surface above the ground.
         let mut over = vec![f32::INFINITY; width * height];
         for cluster in clusters {
             for i in cluster.triangles.0..cluster.triangles.1 {
@@ -231,7 +231,7 @@ impl Patch {
     }
 }
 
-/// Lowers `over` to a triangle whose corners are texels and height. What stands upright counts by its edges.
+/// Lowers `over` to a triangle whose corners are texels and height. Vertical triangles count by their edges.
 fn lower(over: &mut [f32], (width, height): (usize, usize), corners: [Vec3; 3]) {
     let n = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     if n.z.abs() > 1e-6 {
@@ -259,7 +259,7 @@ fn lower(over: &mut [f32], (width, height): (usize, usize), corners: [Vec3; 3]) 
     }
 }
 
-/// Blurred twice by a box of this radius, along both axes.
+/// Two box blurs of this radius, along both axes.
 fn blurred(mut image: Vec<f32>, width: usize, radius: usize) -> Vec<f32> {
     let height = image.len() / width.max(1);
     for _ in 0..2 {
@@ -273,7 +273,7 @@ fn blurred(mut image: Vec<f32>, width: usize, radius: usize) -> Vec<f32> {
     image
 }
 
-/// Replaces a line of numbers by their running means.
+/// Replaces a row of numbers by its running means.
 fn means(image: &mut [f32], first: usize, stride: usize, count: usize, radius: usize) {
     let line: Vec<f32> = (0..count).map(|i| image[first + i * stride]).collect();
     let fraction = 1.0 / (2 * radius + 1) as f32;

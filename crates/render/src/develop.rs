@@ -5,12 +5,13 @@ use glam::Vec3;
 
 use super::lanes::{F, Instructions, LANES, Simd, U, V3, clamp, each, with_instructions};
 
-/// How bright linear RGB is.
+/// Luminance of linear RGB.
 pub(super) fn luminance(colour: Vec3) -> f32 {
     colour.dot(Vec3::new(0.21, 0.72, 0.07))
 }
 
-/// Film: a rational fit to the ACES curve (Narkowicz 2015), for each channel; light 0 or more to 0..=1 in linear display light.
+/// A rational fit to the ACES film curve (Narkowicz 2015), for each channel; light of at least 0 to 0..=1 in linear
+/// display light.
 #[inline(always)]
 pub(crate) fn film<S: Simd>(light: F<S>) -> F<S> {
     let x = light.max(0.0);
@@ -40,7 +41,7 @@ impl Srgb {
         self.linear[usize::from(byte)]
     }
 
-    /// Values outside of 0..=1 are clamped.
+    /// Values outside 0..=1 are clamped.
     #[inline]
     pub(crate) fn byte(&self, linear: f32) -> u8 {
         self.bytes[((linear.clamp(0.0, 1.0) * 4096.0 + 0.5) as usize).min(4096)]
@@ -53,7 +54,7 @@ pub(crate) struct Developed {
     bytes: Box<[u8; DEVELOPED]>,
 }
 
-/// Entries of the film's table: 4096 for each unit of light; the film is white at 8 units.
+/// Entries of the film table: 4096 per unit of light; the film is white at 8 units.
 const DEVELOPED: usize = 8 * 4096;
 
 impl Developed {
@@ -72,7 +73,7 @@ impl Developed {
     /// Red, green and blue of eight pixels. Light below 0 is black, beyond the table white.
     #[inline(always)]
     pub(crate) fn bytes<S: Simd>(&self, light: V3<F<S>>) -> [[u8; 3]; LANES] {
-        // Added to 2²³, a number is rounded to a whole one, which its lowest bits then hold.
+        // After addition to 2²³ a number is rounded to an integer, stored in its lowest bits.
         let steps = light.map(
             #[inline(always)]
             |light| -> U<S> { (clamp(light * 4096.0, 0.0, (DEVELOPED - 1) as f32) + 8_388_608.0).bitcast() },
@@ -94,7 +95,7 @@ mod tests {
     fn srgb_follows_its_function() {
         let srgb = Srgb::new();
         assert_eq!([srgb.byte(-1.0), srgb.byte(0.0), srgb.byte(0.2122), srgb.byte(2.0)], [0, 0, 127, 255]);
-        // The darkest steps are finer than the table's.
+        // The darkest steps are finer than those of the table.
         assert!((16..=255).all(|byte| srgb.byte(srgb.linear(byte)) == byte));
     }
 

@@ -5,16 +5,16 @@ use fearless_simd::prelude::*;
 use super::lanes::{I, Simd, each};
 use super::raster::{NONE, SUB, ScreenTriangle, TILE};
 
-/// Samples of an edge pixel.
+/// Number of samples of an edge pixel.
 pub(crate) const COUNT: usize = 8;
-/// Where they lie, 1/16 pixel: no two on a row or column (an eight queens' pattern).
+/// Their positions, 1/16 pixel: no two in a row or column (an eight queens pattern).
 pub(crate) const SAMPLES: [(i32, i32); COUNT] = [(1, 9), (3, 3), (5, 13), (7, 7), (9, 1), (11, 11), (13, 5), (15, 15)];
-/// The farthest of a pixel's samples from its corner, right or down.
+/// Maximum offset of a pixel's samples from its corner, right or down.
 const SPAN: i32 = SUB - 1;
 /// Blocks of a tile, each 8×8 pixels.
 const BLOCKS: usize = 64;
 
-/// What is seen at the samples of one pixel.
+/// The visible triangles at the samples of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
     /// Pixel in the tile.
@@ -32,7 +32,7 @@ pub(crate) struct Edges {
     first: [u32; BLOCKS],
     /// Each block's pixels, a bit each, row after row.
     wanted: [u64; BLOCKS],
-    /// The least nearness of each block where it is known, else what it was before: never too near.
+    /// The minimum nearness of each block where it is known, otherwise an earlier lower bound.
     far: [f32; BLOCKS],
     stale: u64,
 }
@@ -68,7 +68,8 @@ impl Edges {
         &self.pixels
     }
 
-    /// Draws a triangle over the tile whose upper left pixel is given: nearer wins, the first of equals stays.
+    /// Renders a triangle over the tile whose upper left pixel is given: the nearer one wins; of equal ones the first
+    /// stays.
     #[inline(always)]
     pub(crate) fn draw<S: Simd>(&mut self, simd: S, t: &ScreenTriangle, (x, y): (i32, i32)) {
         let (left, top) = (x * SUB, y * SUB);
@@ -92,11 +93,12 @@ impl Edges {
             }
             let whole = i64::from(TILE * SUB - 1);
             if c + da.min(0) * whole + db.min(0) * whole < 0 {
-                // It crosses the tile, so its values there fit 32 bits; an edge that does not is left zero, always inside.
+                // The edge crosses the tile, so its values there fit 32 bits; for an edge that does not, they stay
+                // zero, always inside.
                 (a[i], b[i], e[i]) = (da as i32, db as i32, c as i32);
             }
         }
-        // Steps to the samples are worked out when a block wants them.
+        // Steps to the samples are computed when a block needs them.
         let (mut steps, mut across) = (None, None);
         let most = [0, 1, 2].map(|i| (a[i].max(0) + b[i].max(0)) * SPAN);
         let (da, db) = (a, b);
@@ -146,7 +148,7 @@ impl Edges {
         }
     }
 
-    /// The least nearness at the samples of a block.
+    /// The minimum nearness at the samples of a block.
     #[inline(always)]
     fn far(&mut self, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {
@@ -174,14 +176,14 @@ fn multiples<S: Simd>(simd: S, step: i32) -> I<S> {
     I::from_slice(simd, &multiples)
 }
 
-/// How a triangle's edges and nearness change from a pixel's corner to its samples.
+/// Change of a triangle's edges and nearness from a pixel's corner to its samples.
 struct Steps {
     edges: [[i32; COUNT]; 3],
     near: [f32; COUNT],
 }
 
 impl Steps {
-    /// `a` and `b` are the edges' changes for 1/16 pixel right and down.
+    /// `a` and `b` are the edges' changes per 1/16 pixel right and down.
     fn new(t: &ScreenTriangle, a: [i32; 3], b: [i32; 3]) -> Self {
         let mut steps = Self { edges: [[0; COUNT]; 3], near: [0.0; COUNT] };
         let (slope_x, slope_y) = (t.slope_x / SUB as f32, t.slope_y / SUB as f32);

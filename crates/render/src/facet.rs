@@ -15,23 +15,25 @@ pub(crate) struct Facet<T> {
     /// Texture coordinates of the eye itself.
     pub(crate) eye_u: T,
     pub(crate) eye_v: T,
-    /// Change of u and v for a pixel right and a pixel down at 1 m of depth, as for a surface across the axis.
+    /// Change of u and v per pixel right and per pixel down at 1 m of depth, as for a surface perpendicular to the
+    /// axis.
     pub(crate) right_u: T,
     pub(crate) right_v: T,
     pub(crate) down_u: T,
     pub(crate) down_v: T,
-    /// What the slant adds, for each metre that (u, v) is off the eye's.
+    /// Additional change due to the slant, per metre of distance of (u, v) from the eye's.
     pub(crate) slant_right: T,
     pub(crate) slant_down: T,
-    /// Cosine of the plane to the sun.
+    /// Cosine of the angle between the plane's normal and the sun.
     pub(crate) faces_sun: T,
     pub(crate) receiver: Receiver<T>,
-    /// Fraction of the sun's light, and light of sky and ground, on the flat plane, before anything stands between.
+    /// Unoccluded fraction of the sun's light, and light of sky and ground, on the flat plane.
     pub(crate) direct: T,
     pub(crate) ambient: V3<T>,
 }
 
-/// The curved surface that a triangle stands for: its normals, not of length 1, are `rows · p + offset`, towards the eye's side.
+/// Normals of the curved surface that the triangle approximates: `rows · p + offset`, not normalised, on the eye's
+/// side.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Curve<T> {
     pub(crate) rows: [V3<T>; 3],

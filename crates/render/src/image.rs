@@ -16,7 +16,7 @@ pub struct RenderedImage {
     pub width: u32,
     /// Height, pixels.
     pub height: u32,
-    /// sRGB, three bytes a pixel.
+    /// sRGB, three bytes per pixel.
     pub rgb: Option<Vec<u8>>,
     /// Depth along the optical axis, metres; 0 where there is nothing.
     pub depth: Option<Vec<f32>>,
@@ -46,7 +46,7 @@ pub enum SaveError {
 }
 
 impl RenderedImage {
-    /// Gives the image its size and the channels asked for, keeping memory.
+    /// Sets size and channels, keeping the memory.
     pub(crate) fn shape(&mut self, width: u32, height: u32, channels: Channels) {
         fn fit<T: Clone + Default>(channel: &mut Option<Vec<T>>, wanted: bool, len: usize) {
             if wanted { channel.get_or_insert_default().resize(len, T::default()) } else { *channel = None }
@@ -72,7 +72,7 @@ impl RenderedImage {
         }
     }
 
-    /// The channels of openings where none is in view.
+    /// The channels of openings if none is in view.
     pub(crate) fn take_no_openings(&mut self) {
         self.opening_depth.iter_mut().for_each(|depth| depth.fill(0.0));
         self.opening_ids.iter_mut().for_each(|ids| ids.fill(0));
@@ -145,18 +145,18 @@ fn centimetres(metres: f32) -> u16 {
     if steps < 65_536.0 { steps as u16 } else { 0 }
 }
 
-/// Pixels of a row that lie one after another in the order of tiles.
+/// Pixels of a row that are adjacent in the order of tiles.
 const EIGHT: usize = 8;
 
-/// The objects of neighbouring triangles, which mostly are one.
+/// The object ids of neighbouring triangles, which are mostly the same.
 fn objects(ids: &[u32; EIGHT], object: &impl Fn(u32) -> u16) -> [u16; EIGHT] {
     let of = |id| if id == NONE { 0 } else { object(id) };
-    // Without a branch for each, they are compared at once.
+    // Compared together, without a branch for each.
     let differ = ids.iter().fold(0, |differ, id| differ | (id ^ ids[0]));
     if differ == 0 { [of(ids[0]); EIGHT] } else { ids.map(of) }
 }
 
-/// Brings samples from the order of tiles into rows, [`EIGHT`] neighbours at once, which `eight` finds by their number.
+/// Converts samples from the order of tiles to rows, [`EIGHT`] neighbours at once; `eight` returns them by index.
 fn untile<T: Copy + Send>(out: &mut [T], width: usize, columns: usize, eight: impl Fn(usize) -> [T; EIGHT] + Sync) {
     let side = TILE as usize;
     out.par_chunks_exact_mut(width).enumerate().for_each(|(y, line)| {

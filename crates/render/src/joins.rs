@@ -3,10 +3,10 @@
 use super::raster::NONE;
 use super::shade::Shader;
 
-/// Answers kept, a power of two.
+/// Number of cached answers, a power of two.
 const KEPT: usize = 256;
 
-/// Answers about pairs of triangles in one image.
+/// Cached answers about pairs of triangles in one image.
 #[derive(Debug)]
 pub(crate) struct Joins {
     answers: Vec<(u32, u32, bool)>,
@@ -19,7 +19,7 @@ impl Default for Joins {
 }
 
 impl Joins {
-    /// True when the common edge of two triangles is not seen.
+    /// True if the common edge of two triangles is not visible.
     #[inline]
     pub(crate) fn continuous(&mut self, shader: &Shader<'_>, a: u32, b: u32) -> bool {
         if a == b || a == NONE || b == NONE {

@@ -16,25 +16,25 @@ use super::setup::{Bins, Wanted};
 use super::view::View;
 use super::walls::{Lattice, Walls};
 
-/// Points of the lattice, at most about; it takes eight bytes for each.
+/// Approximate maximum number of lattice points; each takes eight bytes.
 const POINTS: f32 = 1_000_000.0;
-/// Minimum distance of points, metres.
+/// Minimum distance between points, metres.
 const FINEST: f32 = 0.3;
-/// Brightest light that is kept, in units of the sun's.
+/// Maximum stored light, in units of the sun's.
 const BRIGHTEST: f32 = 4.0;
-/// Fraction of the light on walls that they give back, over what of it points at other walls.
+/// Fraction of the light on walls that they reflect, divided by the part of it that hits other walls.
 const BOUNCED: f32 = 0.75;
-/// How far bounced light is looked for, metres.
+/// Maximum distance for bounced light, metres.
 const BOUNCE_REACH: f32 = 7.0;
-/// A lamp has about this radius, metres: light no longer grows nearer to it.
+/// Approximate radius of a lamp, metres: closer to it the light does not increase.
 const BULB: f32 = 0.15;
 
-/// Light of lamps over a lattice.
+/// Light of lamps on a lattice.
 #[derive(Debug, Default)]
 pub(crate) struct LampLight {
     lattice: Lattice,
-    /// At each point: square roots of red, green and blue of [`BRIGHTEST`], in steps of 1/255; then the mean of the unit vectors
-    /// that light comes from, weighted by it, in steps of 1/127 from 128 on.
+    /// At each point: square roots of red, green and blue of [`BRIGHTEST`], in steps of 1/255; then the mean of the
+    /// unit vectors towards the light, weighted by it, in steps of 1/127 from 128 on.
     points: Vec<[u8; 8]>,
 }
 
@@ -70,7 +70,7 @@ impl LampLight {
         Self { lattice, points }
     }
 
-    /// Colour of the light at `p` from all sides; nothing beyond the lattice.
+    /// Colour of the light at `p` from all sides; black outside the lattice.
     pub(crate) fn at(&self, p: Vec3) -> Vec3 {
         let at = (p - self.lattice.low) / self.lattice.step;
         let inside = at.min_element() >= 0.0 && (0..3).all(|k| at[k] < self.lattice.size[k] as f32 - 1.0);
@@ -82,7 +82,7 @@ impl LampLight {
         root * root * BRIGHTEST
     }
 
-    /// Light of lamps on surfaces at `p` of unit `normal`, whose planes' is `flat`.
+    /// Light of lamps on surfaces at `p` with unit `normal`; `flat` is the normal of their planes.
     #[inline(always)]
     pub(crate) fn on<S: Simd>(&self, p: V3<F<S>>, flat: V3<F<S>>, normal: V3<F<S>>) -> V3<F<S>> {
         let simd = p.x.token();
@@ -92,7 +92,7 @@ impl LampLight {
             return dark;
         }
         let steps = 1.0 / self.lattice.step.x;
-        // Read one step before the surface, where no point lies behind it.
+        // Sampled one step in front of the surface, so that no lattice point behind it contributes.
         let at = p.plus_same(-self.lattice.low) * F::splat(simd, steps) + flat;
         let [wide, long, high] = self.lattice.size.map(|n| n as f32 - 1.0);
         let inside = at.x.simd_ge(0.0)
@@ -120,13 +120,13 @@ impl LampLight {
         };
         let root = three(0) * F::splat(simd, 1.0 / 255.0);
         let from = three(3).plus_same(Vec3::splat(-128.0)) * F::splat(simd, 1.0 / 127.0);
-        // Of light from all sides alike a fourth falls on each surface.
+        // Of uniform light from all sides a quarter falls on each surface.
         let even = (1.0 - from.dot(from)).max(0.0) * 0.25;
         let fraction = (normal.dot(from).max(0.0) + even) * BRIGHTEST;
         V3::select(inside, root.times(root) * fraction, dark)
     }
 
-    /// The eight points about a place, mixed; `at` is its place in steps, within the lattice.
+    /// Interpolates the eight points around a place; `at` is its position in steps, within the lattice.
     #[inline(always)]
     fn between(&self, at: [f32; 3]) -> [f32; 8] {
         let [x, y, z] = at.map(|x| x as usize);
@@ -150,7 +150,7 @@ impl LampLight {
     }
 }
 
-/// The lattice about all that lamps may light.
+/// The lattice around everything that lamps may light.
 fn lattice(soup: &Soup, lamps: &[Lamp]) -> Lattice {
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     for lamp in lamps {
@@ -166,7 +166,7 @@ fn lattice(soup: &Soup, lamps: &[Lamp]) -> Lattice {
     Lattice::over(low, high, Vec3::splat(step))
 }
 
-/// What arrives at the points of a row straight from the lamps.
+/// Direct light of the lamps at the points of a row.
 fn direct_line(lattice: &Lattice, first: usize, lamps: &[Lamp], cubes: &[Cube]) -> Vec<Flux> {
     let mut line = vec![Flux::default(); lattice.size[0]];
     let start = lattice.at(first);
@@ -196,7 +196,7 @@ fn direct_line(lattice: &Lattice, first: usize, lamps: &[Lamp], cubes: &[Cube]) 
     line
 }
 
-/// What the walls about a point give on: it looks along the six axes.
+/// Reflected light of the walls around a point, along the six axes.
 fn bounced(lattice: &Lattice, walls: &Walls, direct: &[Flux], index: usize) -> Vec3 {
     let strides = lattice.strides();
     let [columns, rows, _] = lattice.size;
@@ -204,7 +204,7 @@ fn bounced(lattice: &Lattice, walls: &Walls, direct: &[Flux], index: usize) -> V
     let mut sum = Vec3::ZERO;
     for axis in 0..3 {
         let reach = (BOUNCE_REACH / lattice.step[axis]) as usize + 1;
-        // Onwards, then back.
+        // Forward, then back.
         let onwards = (lattice.size[axis] - 1 - place[axis]).min(reach);
         let hit = (0..onwards).map(|k| index + k * strides[axis]).find(|&i| walls.after(i, axis));
         sum += hit.map_or(Vec3::ZERO, |i| direct[i].colour);
@@ -212,7 +212,7 @@ fn bounced(lattice: &Lattice, walls: &Walls, direct: &[Flux], index: usize) -> V
         let hit = (0..back).map(|k| index - k * strides[axis]).find(|&i| walls.after(i - strides[axis], axis));
         sum += hit.map_or(Vec3::ZERO, |i| direct[i].colour);
     }
-    // A wall is seen over a sixth of all directions, and throws a half of its light forward at most.
+    // A wall is seen over a sixth of all directions, and reflects at most half of its light forward.
     sum.min(Vec3::splat(6.0 * BRIGHTEST)) * (BOUNCED / 6.0)
 }
 
@@ -226,13 +226,13 @@ fn pack(direct: &Flux, bounced: Vec3) -> [u8; 8] {
     [root(colour.x), root(colour.y), root(colour.z), part(from.x), part(from.y), part(from.z), 0, 0]
 }
 
-/// What a lamp sees: how near the first surface is, over six faces of a cube.
+/// Depth map of a lamp: nearness of the first surface, on six faces of a cube.
 struct Cube {
     near: Vec<f32>,
 }
 
 impl Cube {
-    /// Forward and right of each face.
+    /// Forward and right axes of each face.
     const FACES: [(Vec3, Vec3); 6] = [
         (Vec3::X, Vec3::Y),
         (Vec3::NEG_X, Vec3::Y),
@@ -272,7 +272,7 @@ impl Cube {
         Self { near }
     }
 
-    /// How much of the lamp is seen from what lies `off` from it: a lamp is no point, so its shadows have soft edges.
+    /// Fraction of the lamp that is visible from offset `off`: a lamp is not a point, so its shadows have soft edges.
     fn seen(&self, off: Vec3) -> f32 {
         let size = off.abs();
         let axis = if size.x >= size.y && size.x >= size.z { 0 } else { usize::from(size.y < size.z) + 1 };
@@ -282,7 +282,7 @@ impl Cube {
         let texel = |along: f32| ((along / depth) * 0.5 + 0.5) * TILE as f32;
         let (x, y) = (texel(off.dot(right)), texel(off.dot(forward.cross(right))));
         let faces = &self.near[face * TILE_AREA..(face + 1) * TILE_AREA];
-        // Surfaces a little nearer are those that the point lies on.
+        // Surfaces slightly nearer are those on which the point lies.
         let limit = depth * 0.97 - 0.05;
         let inside = |at: f32| at.clamp(0.0, (TILE - 1) as f32) as usize;
         let taps = (0..9).filter(|k| {

@@ -14,33 +14,33 @@ pub(crate) use fearless_simd::Simd;
 
 /// Pixels shaded together.
 pub(crate) const LANES: usize = 8;
-/// A real number for each pixel.
+/// A real number per pixel.
 pub(crate) type F<S> = f32x8<S>;
-/// A whole number for each pixel.
+/// An integer per pixel.
 pub(crate) type I<S> = i32x8<S>;
-/// Bits for each pixel.
+/// Bits per pixel.
 pub(crate) type U<S> = u32x8<S>;
-/// Yes or no for each pixel.
+/// A truth value per pixel.
 pub(crate) type M<S> = mask32x8<S>;
 
-/// The instructions that compute images.
+/// Instruction sets that compute images.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instructions(pub(crate) Level);
 
 impl Instructions {
-    /// The widest that this machine has and the renderer uses.
+    /// The widest that this machine has and the renderer supports.
     pub(crate) fn best() -> Self {
         Self(Level::new())
     }
 
-    /// Those that every machine of this architecture has.
+    /// The baseline of this architecture.
     pub(crate) fn plain() -> Self {
         Self(Level::baseline())
     }
 }
 
-/// Runs an expression compiled for each kind of instructions with the kind that `$on` names; `$simd` is the proof of having them.
-/// On x86-64 two kinds are compiled: AVX2, and SSE2 for machines without.
+/// Runs an expression compiled for each instruction set, with the one that `$on` names; `$simd` is the proof that it is
+/// available. On x86-64 two are compiled: AVX2, and SSE2 for machines without it.
 macro_rules! with_instructions {
     ($on:expr, $simd:ident => $body:expr) => {{
         let level = $on.0;
@@ -111,7 +111,7 @@ impl<T: Copy + Mul<Output = T> + Add<Output = T>> V3<T> {
         self.x * o.x + self.y * o.y + self.z * o.z
     }
 
-    /// Each component by its own.
+    /// Applies a function to each component.
     #[inline(always)]
     pub(crate) fn times(self, o: Self) -> Self {
         Self { x: self.x * o.x, y: self.y * o.y, z: self.z * o.z }
@@ -143,7 +143,7 @@ impl<S: Simd> V3<F<S>> {
         Self { x: self.x + v.x, y: self.y + v.y, z: self.z + v.z }
     }
 
-    /// One vector, each pixel's as long as its number says.
+    /// One vector, scaled by a different number for each pixel.
     #[inline(always)]
     pub(crate) fn along(v: Vec3, by: F<S>) -> Self {
         Self { x: by * v.x, y: by * v.y, z: by * v.z }
@@ -161,7 +161,7 @@ impl<S: Simd> V3<F<S>> {
         Self { x: self.x.min(0.0), y: self.y.min(0.0), z: self.z.min(0.0) }
     }
 
-    /// Length 1, or `other` where there is none.
+    /// Normalised, or `other` if the length is zero.
     #[inline(always)]
     pub(crate) fn unit_or(self, other: Self) -> Self {
         let square = self.dot(self);
@@ -181,8 +181,8 @@ impl<S: Simd> V3<F<S>> {
     }
 }
 
-/// A value for each pixel. The library's way of filling an array is not always inlined, and what it calls is then compiled without
-/// the wide instructions.
+/// A value for each pixel. The library's function for filling an array is not always inlined, and code called from it
+/// is then compiled without the wide instructions.
 #[inline(always)]
 pub(crate) fn each<T: Copy + Default>(mut value: impl FnMut(usize) -> T) -> [T; LANES] {
     let mut all = [T::default(); LANES];
@@ -192,7 +192,7 @@ pub(crate) fn each<T: Copy + Default>(mut value: impl FnMut(usize) -> T) -> [T; 
     all
 }
 
-/// `x` kept within `low` and `high`.
+/// `x` clamped to `low`..=`high`.
 #[inline(always)]
 pub(crate) fn clamp<S: Simd>(x: F<S>, low: f32, high: f32) -> F<S> {
     x.max(low).min(high)
@@ -205,16 +205,17 @@ pub(crate) fn smooth<S: Simd>(x: F<S>) -> F<S> {
     x * x * (3.0 - x * 2.0)
 }
 
-/// The whole numbers of whole-valued `x`, |x| < 2³¹.
+/// The integers of whole-valued `x`, |x| < 2³¹.
 #[inline(always)]
 pub(crate) fn whole<S: Simd>(x: F<S>) -> I<S> {
     x.to_int()
 }
 
-/// Between the four corners of a square, a byte each (the two of lesser y, then the others): 0..=255 at (x, y), 0..=1 each.
+/// Bilinear interpolation between the four corners of a square, one byte each (the two with lower y, then the others):
+/// 0..=255 at (x, y), 0..=1 each.
 #[inline(always)]
 pub(crate) fn four_bytes<S: Simd>(corners: U<S>, [x, y]: [F<S>; 2]) -> F<S> {
-    // Spelled out: a closure that is not inlined has no wide instructions, and a call for each operation.
+    // Written out: a closure that is not inlined has no wide instructions, and costs a call per operation.
     let (a, b): (I<S>, I<S>) = ((corners & 0xff).bitcast(), ((corners >> 8) & 0xff).bitcast());
     let (c, d): (I<S>, I<S>) = (((corners >> 16) & 0xff).bitcast(), (corners >> 24).bitcast());
     let (a, b, c, d): (F<S>, F<S>, F<S>, F<S>) = (a.to_float(), b.to_float(), c.to_float(), d.to_float());
@@ -228,7 +229,7 @@ pub(crate) fn decay<S: Simd>(x: F<S>) -> F<S> {
     let halvings = clamp(x * core::f32::consts::LOG2_E, 0.0, 120.0);
     let full = halvings.floor();
     let f = halvings - full;
-    // 2⁻ᶠ by the polynomial of degree 4 through five Chebyshev nodes of 0..=1, both ends among them.
+    // 2⁻ᶠ by the polynomial of degree 4 through five Chebyshev nodes of 0..=1, including both ends.
     let part = (((f * 0.006_842 - 0.053_286_06) * f + 0.239_528_47) * f - 0.693_084_4) * f + 1.0;
     let power: U<S> = (I::splat(part.token(), 127) - whole(full)).bitcast();
     let power: F<S> = (power << 23).bitcast();

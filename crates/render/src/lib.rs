@@ -102,21 +102,21 @@ impl Channels {
     pub const ALL: Self = Self { rgb: true, ..Self::TRUTH };
 }
 
-/// What only colour needs of a scene, made when the first colour image is asked for.
+/// Data that only colour images need, created for the first one.
 #[derive(Debug)]
 struct Palette {
     sky: Sky,
     noise: Noise,
-    /// Of each material those for upright and for lying surfaces; then one for surfaces without a material.
+    /// For each material the paints of upright and of level surfaces; then one for surfaces without a material.
     paints: Vec<Paint>,
     ambient: Ambient,
     lamps: LampLight,
     contact: Contact,
-    /// Things that give off light.
+    /// Objects that emit light.
     glowing: BTreeSet<u16>,
     shadows: ShadowMap,
     srgb: Srgb,
-    /// From light on the film to bytes at once.
+    /// Light on the film directly to bytes.
     developed: Developed,
 }
 
@@ -134,7 +134,7 @@ pub struct Renderer {
     instructions: Instructions,
 }
 
-/// Memory that is used again from image to image. Samples are kept tile after tile.
+/// Buffers reused from image to image. Samples are stored tile after tile.
 #[derive(Debug, Default)]
 struct Scratch {
     solid: Bins,
@@ -239,7 +239,7 @@ impl Renderer {
                 if openings.is_empty(index) {
                     return;
                 }
-                // An opening flush with its wall is seen: it need not be nearer than the wall, only not behind it.
+                // An opening flush with its wall is visible: it need not be nearer than the wall, only not behind it.
                 near.iter_mut().zip(solid).for_each(|(n, s)| *n = s * 0.999);
                 let mut tile = Tile::new(near, id, corner(index), (SUB / 2, SUB / 2));
                 with_instructions!(self.instructions, simd => {
@@ -268,7 +268,7 @@ impl Renderer {
     }
 
     fn palette(&self) -> &Palette {
-        // Materials are checked when a scene is made; a part without one is black.
+        // Materials are validated when a scene is created; a part without one is black.
         let black = Paint::new(Vec3::ZERO, Vec3::ZERO, Pattern::Plain, Vec3::ZERO);
         self.palette.get_or_init(|| Palette {
             sky: Sky::new(&self.light),

@@ -16,24 +16,24 @@ use super::sky::Sky;
 use super::view::View;
 use super::{Palette, RenderedImage, Renderer};
 
-/// Exposure under a roof over that outside, at most.
+/// Maximum exposure under a roof, relative to outside.
 const GREATEST: f32 = 5.0;
-/// White things that come to less than this on the film are hard to make out; more light makes them no easier.
+/// White objects below this value on the film are hard to see; more light above it makes no difference.
 const CLEAR: f32 = 0.06;
-/// Things that give off this much are seen in any dark.
+/// Objects that emit this much are visible in any darkness.
 const GLOWING: f32 = 0.1;
 
-/// What the light on a thing is worked out from.
+/// Data from which the light on an object is computed.
 struct Lights<'a> {
     sky: &'a Sky,
     lamps: &'a LampLight,
     shadows: &'a ShadowMap,
     glowing: &'a BTreeSet<u16>,
-    /// How open to the sky a place is.
+    /// Openness of a place to the sky.
     open: &'a dyn Fn(Vec3) -> f32,
 }
 
-/// What it needs of a scene, for a renderer that has drawn no colours: the openness of a place is worked out where it is asked for.
+/// The data for a renderer that has rendered no colour image: openness is computed on demand.
 #[derive(Debug)]
 pub(super) struct Meter {
     sky: Sky,
@@ -44,7 +44,7 @@ pub(super) struct Meter {
 }
 
 impl Palette {
-    /// What light is multiplied by on the film of a camera at `eye`: the scene's own value if it names one.
+    /// Exposure factor of a camera at `eye`: the scene's own value if it has one.
     pub(super) fn exposure(&self, eye: Vec3) -> f32 {
         self.lights(&|p| self.open(p)).exposure(eye)
     }
@@ -106,7 +106,7 @@ impl Renderer {
         }
     }
 
-    /// Things that give off light of their own.
+    /// Objects that emit light.
     pub(super) fn glowing(&self) -> BTreeSet<u16> {
         let glows = |material: u16| self.materials.get(usize::from(material)).is_some_and(|m| luminance(m.emission) >= GLOWING);
         let triangles = self.soup.triangles.iter().zip(&self.soup.objects);
@@ -131,13 +131,13 @@ fn light_on(lights: &Lights<'_>, view: &View, width: u32, ids: &[u16], depth: &[
             (last, count) = (id, seen.get(&id).map_or(0, |thing| thing.0));
         }
         count += 1;
-        // The first, second, fourth, … pixel: spread over the thing, however large.
+        // The first, second, fourth, … pixel: spread over objects of any size.
         if count.is_power_of_two() {
             let (x, y) = (i as u32 % width, i as u32 / width);
             let ray = view.forward
                 + view.right * ((x as f32 + 0.5 - view.cx) / view.fx)
                 + view.down * ((y as f32 + 0.5 - view.cy) / view.fy);
-            // A little towards the eye, off the surface.
+            // Slightly towards the eye, off the surface.
             let at = view.eye + ray * (z * 0.99) - ray * 0.3f32.min(0.1 * z);
             let thing = seen.entry(id).or_default();
             thing.1 += 1;
@@ -149,7 +149,7 @@ fn light_on(lights: &Lights<'_>, view: &View, width: u32, ids: &[u16], depth: &[
 }
 
 impl Lights<'_> {
-    /// Luminance of the light on a white surface at `p`, over all ways that it may face.
+    /// Luminance of the light on a white surface at `p`, averaged over its orientations.
     fn white(&self, p: Vec3) -> f32 {
         let light = &self.sky.light;
         let open = (self.open)(p);

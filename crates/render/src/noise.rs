@@ -10,11 +10,12 @@ const SIDE: usize = 256;
 /// Value noise from a table, −1..=1, with smooth steps between cells.
 #[derive(Debug)]
 pub(crate) struct Noise {
-    /// The values at the four corners of each cell, in steps of 1/127, a byte each: the upper two, then the lower two.
+    /// The values at the four corners of each cell, in steps of 1/127, one byte each: the upper two, then the lower
+    /// two.
     cells: Box<[u32; SIDE * SIDE]>,
 }
 
-/// A number 0..1 for a lattice cell.
+/// A random value 0..1 of a lattice cell.
 #[inline]
 pub(crate) fn cell_hash(x: i32, y: i32, salt: u32) -> f32 {
     // The finaliser of MurmurHash3 (Appleby): full avalanche of 32 bits.
@@ -24,7 +25,7 @@ pub(crate) fn cell_hash(x: i32, y: i32, salt: u32) -> f32 {
     (h >> 8) as f32 * (1.0 / 16_777_216.0)
 }
 
-/// The greatest whole number not above `x`, for |x| < 2³¹: a truncation and a compare, where the library calls a function.
+/// The greatest integer not above `x`, for |x| < 2³¹: a truncation and a comparison instead of a function call.
 #[inline]
 pub(crate) fn floor(x: f32) -> i32 {
     let whole = x as i32;
@@ -69,14 +70,14 @@ impl Noise {
             |lane| self.cells[place[lane] as usize & (SIDE * SIDE - 1)] as i32,
         );
         let cell = I::from_slice(x.token(), &cell);
-        // Bytes with a sign: up to the top, and down again.
+        // Signed bytes: up to the top, and down again.
         let (a, b): (F<S>, F<S>) = (((cell << 24) >> 24).to_float(), ((cell << 16) >> 24).to_float());
         let (c, d): (F<S>, F<S>) = (((cell << 8) >> 24).to_float(), (cell >> 24).to_float());
         let (top, bottom) = (a + (b - a) * sx, c + (d - c) * sx);
         (top + (bottom - top) * sy) * (1.0 / 127.0)
     }
 
-    /// Noise of so many cells a metre, faded out as the footprint of a pixel nears the cell.
+    /// Noise with this many cells per metre, faded out as the footprint of a pixel approaches the size of a cell.
     #[inline(always)]
     pub(crate) fn faded<S: Simd>(&self, x: F<S>, y: F<S>, cells: f32, footprint: F<S>) -> F<S> {
         let fade = clamp(1.6 - footprint * (1.6 * cells), 0.0, 1.0);

@@ -6,27 +6,27 @@ use super::lanes::{F, LANES, Simd, V3};
 use super::raster::{NONE, TILE_AREA};
 use super::shade::{Place, Shader, Shape};
 
-/// Up to eight pixels of one paint.
+/// Up to eight pixels with one paint.
 #[derive(Clone, Copy, Debug)]
 struct Packet {
     place: Place,
-    /// Index into the shapes; nothing for the sky.
+    /// Index into the shapes; unused for the sky.
     shape: [u32; LANES],
     pixel: [u16; LANES],
-    /// How many samples of the pixel are like this: all of them, or some of a pixel on an edge.
+    /// Number of samples of the pixel with this surface: all of them, or some for an edge pixel.
     samples: [u8; LANES],
     len: u8,
     sky: bool,
 }
 
-/// What is to be shaded of a tile.
+/// The pixels of a tile that are to be shaded.
 #[derive(Debug, Default)]
 pub(crate) struct Packets {
     packets: Vec<Packet>,
-    /// For the sky and each paint the packet that is being filled, counted from one; 0 for none.
+    /// For the sky and each paint the packet being filled, counted from one; 0 for none.
     open: Vec<u32>,
     shapes: Vec<Shape>,
-    /// The triangle and index of shapes, by the last bits of the triangle's id.
+    /// Triangle and index of shapes, hashed by the last bits of the triangle's id.
     slots: Vec<(u32, u32)>,
     /// Pixels in which several surfaces meet, and for each pixel of the tile the sum of its samples' display light.
     blended: Vec<u16>,
@@ -59,7 +59,8 @@ impl Packets {
         slot.1
     }
 
-    /// Adds eight pixels side by side that show one triangle or the sky: the first at index `pixel` of the tile and (`x`, `y`).
+    /// Adds eight adjacent pixels that show one triangle or the sky: the first at index `pixel` of the tile and (`x`,
+    /// `y`).
     pub(crate) fn push_row(&mut self, shader: &Shader<'_>, id: u32, (x, y): (f32, f32), near: [f32; LANES], pixel: u16) {
         let shape = self.shape(shader, id);
         let lane = |i: usize| i as f32;
@@ -99,14 +100,14 @@ impl Packets {
         }
     }
 
-    /// Says that `pixel` comes in several parts.
+    /// Marks `pixel` as composed of several parts.
     pub(crate) fn blend(&mut self, pixel: u16) {
         self.blended.push(pixel);
         self.sums.resize(TILE_AREA, [0.0; 3]);
         self.sums[usize::from(pixel)] = [0.0; 3];
     }
 
-    /// Adds samples of a pixel that look like another pixel, which is shaded already.
+    /// Adds samples of a pixel that look like another pixel, which is already shaded.
     #[inline]
     pub(crate) fn add_like(&mut self, shader: &Shader<'_>, pixel: u16, colour: [u8; 3], samples: u8) {
         let sum = &mut self.sums[usize::from(pixel)];
@@ -115,7 +116,7 @@ impl Packets {
         }
     }
 
-    /// Shades what was pushed, into three bytes a pixel or, of pixels in parts, into their sums.
+    /// Shades the pending pixels, into three bytes per pixel or, for composed pixels, into their sums.
     #[inline(always)]
     pub(crate) fn shade<S: Simd>(&mut self, simd: S, shader: &Shader<'_>, rgb: &mut [u8]) {
         for packet in &self.packets {
@@ -143,7 +144,7 @@ impl Packets {
         self.open.fill(0);
     }
 
-    /// Writes the pixels that came in parts.
+    /// Writes the composed pixels.
     pub(crate) fn put_blended(&self, shader: &Shader<'_>, rgb: &mut [u8]) {
         for &pixel in &self.blended {
             let pixel = usize::from(pixel);

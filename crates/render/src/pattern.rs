@@ -11,16 +11,16 @@ use spf_scene::geometry::{Material, Pattern};
 use super::lanes::{F, Simd, V3, clamp, whole};
 use super::noise::{Noise, cell_hashes};
 
-/// What a surface is painted with, and what follows from it.
+/// The paint of a surface, with derived values.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Paint {
     /// Linear RGB.
     pub(crate) base: Vec3,
     pub(crate) accent: Vec3,
     pub(crate) pattern: Pattern,
-    /// Light given off.
+    /// Emitted light.
     pub(crate) emission: Vec3,
-    /// Periods a metre, along u and v, of patterns that have periods.
+    /// Periods per metre, along u and v, for periodic patterns.
     cells: Vec2,
 }
 
@@ -35,7 +35,7 @@ impl Paint {
         Self { base, accent, pattern, emission, cells: Vec2::ONE / period }
     }
 
-    /// The paints of a material: upright, and lying. Windows stand in walls: a roof of the same part is bare.
+    /// The paints of a material: upright, and level. Windows belong to walls: a roof of the same part has none.
     pub(crate) fn both(m: &Material) -> [Self; 2] {
         let upright = Self::new(m.colour, m.accent, m.pattern, m.emission);
         let lying = match m.pattern {
@@ -46,7 +46,7 @@ impl Paint {
     }
 }
 
-/// Eight pixels' place on their surfaces.
+/// Positions of eight pixels on their surfaces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spot<S: Simd> {
     /// Texture coordinates, metres.
@@ -55,12 +55,13 @@ pub(crate) struct Spot<S: Simd> {
     /// Metres of u and of v that a pixel covers.
     pub(crate) foot_u: F<S>,
     pub(crate) foot_v: F<S>,
-    /// Noise fades as if a pixel covered this many times more: the greater, the less of it is left, and the quicker it is drawn.
+    /// Noise fades as if a pixel covered this many times more: the greater, the less noise remains, and the faster it
+    /// renders.
     pub(crate) coarse: f32,
 }
 
 impl<S: Simd> Spot<S> {
-    /// Metres that a pixel covers, as far as noise is concerned.
+    /// Metres that a pixel covers, for the fading of noise.
     #[inline(always)]
     fn wide(&self) -> F<S> {
         self.foot_u.max(self.foot_v) * self.coarse
@@ -72,15 +73,15 @@ impl<S: Simd> Spot<S> {
 pub(crate) struct Surface<S: Simd> {
     /// Linear RGB.
     pub(crate) albedo: V3<F<S>>,
-    /// Fraction of a mirror (glass, water), 0..=1; none for what does not mirror at all.
+    /// Reflectivity (glass, water), 0..=1; `None` for surfaces that do not mirror.
     pub(crate) mirror: Option<F<S>>,
     /// Bend of the normal, in the surface's u and v.
     pub(crate) bump: Option<[F<S>; 2]>,
-    /// Fraction of the material's emission that is given off here, 0..=1; all where none.
+    /// Fraction of the material's emission that is emitted here, 0..=1; `None` for all of it.
     pub(crate) glow: Option<F<S>>,
 }
 
-/// How much the pulses [n, n + `duty`] cover of 0..`x`.
+/// Length of 0..`x` covered by the pulses [n, n + `duty`].
 #[inline(always)]
 fn pulsed<S: Simd>(x: F<S>, duty: f32) -> F<S> {
     let whole = x.floor();
@@ -171,7 +172,7 @@ impl<S: Simd> Surface<S> {
                     ..Self::matt(mix(base, accent, one * 0.3))
                 }
             }
-            // The image itself is laid over it by the shader, which knows the textures.
+            // The image itself is applied by the shader, which has the textures.
             Pattern::Image { mirror, .. } => {
                 let one = F::splat(u.token(), 1.0);
                 Self { mirror: (mirror > 0.0).then(|| one * mirror), ..Self::matt(V3::along(base, one)) }
@@ -192,7 +193,7 @@ fn ripple<S: Simd>(at: &Spot<S>, off: (f32, f32), noise: &Noise) -> F<S> {
         + noise.faded(at.u * 1.3 - off.1, at.v + off.0, 1.0 / 0.5, wide) * 0.024
 }
 
-/// A grid of windows: frames, glass that mirrors, some with curtains or lamps behind.
+/// A grid of windows: frames, reflecting glass, some with curtains or lamps behind.
 #[inline(always)]
 fn windows<S: Simd>(paint: &Paint, cell: Vec2, glass: f32, at: &Spot<S>, noise: &Noise) -> Surface<S> {
     let simd = at.u.token();
@@ -209,7 +210,7 @@ fn windows<S: Simd>(paint: &Paint, cell: Vec2, glass: f32, at: &Spot<S>, noise: 
     let room = draw.simd_gt(0.78).select(one * 1.9, draw * 0.6 + 0.65);
     let over = 1.0 / glass.max(0.01);
     let (inner_x, inner_y) = ((x - x0 - edge) * over, (y - y0 - edge) * over);
-    // A mullion down the middle of wide panes, the frame, and the lintel's shade over the upper part.
+    // A mullion in the middle of wide panes, the frame, and the lintel's shadow on the upper part.
     let mullion = if cell.x * glass > 1.0 { band(inner_x, fx * over, 0.485, 0.515) * near } else { none };
     let lintel = inner_y.simd_gt(0.86).select(near * 0.55, none);
     let wide = at.wide();

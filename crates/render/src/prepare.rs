@@ -4,14 +4,14 @@ use glam::{Vec2, Vec3};
 
 use spf_scene::geometry::{Material, Part, Role, Vertex};
 
-/// Triangles in a cluster, at most. Local corner numbers then fit a byte.
+/// Maximum number of triangles in a cluster, so that local corner indices fit a byte.
 const CLUSTER: usize = 64;
 
-/// Surfaces among which a triangle looks for its own.
+/// Number of recent surfaces that a triangle is compared with.
 const REMEMBERED: usize = 8;
 
-/// What the shader knows of a triangle. Everything is an affine function of the world position, so that a pixel needs
-/// nothing but its position: no interpolation in the image, and so exact perspective.
+/// Data of a triangle for the shader. Everything is an affine function of the world position, so that a pixel needs
+/// nothing but its position: no interpolation in the image, and therefore exact perspective.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Triangle {
     /// Unit normal of the plane, and the plane's offset: `normal · p = offset`.
@@ -51,11 +51,11 @@ pub(crate) struct Cluster {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Soup {
     pub(crate) positions: Vec<Vec3>,
-    /// Corners of each triangle, counted from the start of its cluster's positions.
+    /// Corners of each triangle, relative to the start of its cluster's positions.
     pub(crate) corners: Vec<[u8; 3]>,
     pub(crate) triangles: Vec<Triangle>,
-    /// For each triangle the first of those that lie in its plane and are painted on in one piece with it, itself or an earlier one:
-    /// what is seen of either is shaded alike.
+    /// For each triangle the first one that lies in its plane and has the same continuous paint, itself or an earlier
+    /// one: both are shaded alike.
     pub(crate) surfaces: Vec<u32>,
     pub(crate) objects: Vec<u16>,
     pub(crate) smooth: Vec<SmoothNormal>,
@@ -67,7 +67,7 @@ impl Soup {
         Self::with(parts, materials, true)
     }
 
-    /// The same without what only colours need: surfaces, texture coordinates and curvature.
+    /// The same without colour data: surfaces, texture coordinates and curvature.
     pub(crate) fn unpainted(parts: &[Part], materials: &[Material]) -> Self {
         Self::with(parts, materials, false)
     }
@@ -108,7 +108,8 @@ impl Soup {
             let [a, b, c] = part.triangles[i as usize].map(|i| part.vertices[i as usize]);
             let corners = [a.position, b.position, c.position].map(|p| {
                 (low, high) = (low.min(p), high.max(p));
-                // The latest ones first: neighbours in the list share corners. To look costs more than to turn a corner into one view.
+                // The latest ones first: neighbours in the list share corners. The search costs more than transforming
+                // a corner for one view.
                 let known = painted.then(|| self.positions[position_start..].iter().rposition(|&q| q == p));
                 known.flatten().unwrap_or_else(|| {
                     self.positions.push(p);
@@ -137,8 +138,8 @@ impl Soup {
 }
 
 impl Soup {
-    /// What a triangle with these corners, the next of a cluster that begins with triangle `start`, is painted on as: its surface
-    /// and itself.
+    /// The paint index of a triangle with these corners, the next of a cluster that begins with triangle `start`: its
+    /// surface and itself.
     fn paint(&mut self, unpainted: Triangle, affine: &Affine, corners: &[Vertex; 3], start: usize) -> (u32, Triangle) {
         let [x, y, z] = corners;
         let (u_axis, u_offset) = affine.of(x.uv.x, y.uv.x, z.uv.x);
@@ -156,7 +157,7 @@ impl Soup {
         (surface, Triangle { u_axis, u_offset, v_axis, v_offset, smooth, ..unpainted })
     }
 
-    /// The flat surface among the last ones since triangle `start` that has these corners too.
+    /// The flat surface among the latest ones since triangle `start` that has these corners too.
     fn piece(&self, start: usize, corners: &[Vertex; 3]) -> Option<u32> {
         let earlier = self.triangles.iter().zip(&self.surfaces).enumerate().skip(start).rev();
         let mut surfaces = earlier.filter(|&(i, (t, &surface))| surface as usize == i && t.smooth == 0).take(REMEMBERED);
@@ -179,8 +180,8 @@ impl Triangle {
         }
     }
 
-    /// True when a corner of another triangle lies in this one's plane, faces as it does, and has the texture coordinates that
-    /// this one's go on to.
+    /// True if a corner of another triangle lies in this one's plane, with the same facing and continuous texture
+    /// coordinates.
     fn has(&self, corner: &Vertex) -> bool {
         let p = corner.position;
         let (u, v) = (self.u_axis.dot(p) + self.u_offset, self.v_axis.dot(p) + self.v_offset);
@@ -191,7 +192,7 @@ impl Triangle {
     }
 }
 
-/// Turns three corner values into an affine function of the position (constant along the normal).
+/// Converts three corner values to an affine function of the position (constant along the normal).
 struct Affine {
     origin: Vec3,
     normal: Vec3,
@@ -217,7 +218,7 @@ impl Affine {
     }
 }
 
-/// Ten bits of each coordinate interleaved, so that neighbours in the list are neighbours in space.
+/// Interleaves ten bits of each coordinate (Morton order), so that neighbours in the list are neighbours in space.
 fn morton(p: Vec3) -> u64 {
     let spread = |x: f32| {
         let x = x as u64 & 1023;

@@ -16,19 +16,19 @@ use super::view::View;
 const DROPS: f32 = 2600.0;
 /// Nearest and farthest drops, metres.
 const DEPTHS: (f32, f32) = (0.8, 14.0);
-/// How far a drop falls while the shutter is open, metres: 8 m/s for 1/50 s.
+/// Fall distance of a drop while the shutter is open, metres: 8 m/s for 1/50 s.
 const FALL: f32 = 0.16;
-/// How thick a drop looks, metres.
+/// Apparent width of a drop, metres.
 const WIDTH: f32 = 0.004;
 
-/// Draws drops into `rgb`; `near` gives 1/z of what is seen at a pixel.
+/// Renders drops into `rgb`; `near` gives 1/z of the visible surface at a pixel.
 pub(super) fn fall(rgb: &mut [u8], view: &View, palette: &Palette, exposure: f32, near: impl Fn(usize, usize) -> f32) {
     let rain = palette.sky.light.rain.clamp(0.0, 1.0);
     let salt =
         view.eye.to_array().iter().chain(&view.forward.to_array()).fold(1, |salt: u32, x| salt.rotate_left(5) ^ x.to_bits());
     for i in 0..(DROPS * rain) as i32 {
         let draw = |k: u32| cell_hash(i, k as i32, salt);
-        // As many at each distance as the image's field is wide there.
+        // The number at each distance is proportional to the width of the field there.
         let fraction = libm::cbrtf(draw(0));
         let depth = DEPTHS.0 + (DEPTHS.1 - DEPTHS.0) * fraction;
         let (x, y) = (draw(1) * view.width as f32, draw(2) * view.height as f32);
@@ -52,7 +52,7 @@ pub(super) fn fall(rgb: &mut [u8], view: &View, palette: &Palette, exposure: f32
     }
 }
 
-/// How open a place is, and the light that a drop there throws towards the eye.
+/// Openness of a place, and the light that a drop there scatters towards the eye.
 fn light(palette: &Palette, p: Vec3) -> (f32, Vec3) {
     let open = with_instructions!(Instructions::plain(), simd => palette.ambient.open(V3::splat(simd, p))[0]);
     let light = &palette.sky.light;

@@ -11,9 +11,9 @@ use super::lanes::{F, I, LANES, Simd, U, each};
 pub(crate) const TILE: i32 = 64;
 /// Samples of a tile.
 pub(crate) const TILE_AREA: usize = (TILE * TILE) as usize;
-/// Sub-pixel steps of a pixel.
+/// Sub-pixel steps per pixel.
 pub(crate) const SUB: i32 = 16;
-/// Nothing drawn here.
+/// No triangle here.
 pub(crate) const NONE: u32 = u32::MAX;
 /// Screen coordinates stay within this many pixels of the origin, so that edge values over one tile fit 32 bits.
 pub(crate) const GUARD: f32 = 16000.0;
@@ -31,12 +31,12 @@ pub(crate) struct ScreenTriangle {
     /// Range of nearness over the triangle.
     pub(crate) farthest: f32,
     pub(crate) nearest: f32,
-    /// What is written where the triangle is seen; several triangles may have one.
+    /// Value written where the triangle is visible; several triangles may have the same.
     pub(crate) id: u32,
 }
 
 impl ScreenTriangle {
-    /// Orders the corners; `None` when the triangle has no area in the image.
+    /// Orders the corners; `None` if the triangle has no area in the image.
     pub(crate) fn oriented(mut self) -> Option<Self> {
         let [x0, x1, x2] = self.x.map(i64::from);
         let [y0, y1, y2] = self.y.map(i64::from);
@@ -48,7 +48,7 @@ impl ScreenTriangle {
         (area != 0).then_some(self)
     }
 
-    /// The pixels whose centres may be covered, first and last of each axis; `None` when there are none in the image.
+    /// The pixels whose centres may be covered, first and last along each axis; `None` if there are none in the image.
     pub(crate) fn pixels(&self, width: i32, height: i32) -> Option<[i32; 4]> {
         let [x0, x1, x2] = self.x;
         let [y0, y1, y2] = self.y;
@@ -60,7 +60,7 @@ impl ScreenTriangle {
         (left <= right && top <= bottom).then_some([left, right, top, bottom])
     }
 
-    /// False when the square of `side` pixels at (`x`, `y`) surely lies outside of an edge.
+    /// False if the square of `side` pixels at (`x`, `y`) certainly lies outside an edge.
     pub(crate) fn may_touch(&self, x: i32, y: i32, side: i32) -> bool {
         (0..3).all(|i| {
             let j = (i + 1) % 3;
@@ -74,7 +74,7 @@ impl ScreenTriangle {
 }
 
 impl ScreenTriangle {
-    /// True for slivers and specks that may pass between the centres of pixels.
+    /// True for slivers and specks that may fall between pixel centres.
     pub(crate) fn is_thin(&self) -> bool {
         let [x0, x1, x2] = self.x.map(i64::from);
         let [y0, y1, y2] = self.y.map(i64::from);
@@ -85,12 +85,12 @@ impl ScreenTriangle {
         area < i64::from(SUB) * 3 / 2 * long.max(tall)
     }
 
-    /// Calls `touched` with each pixel (of the tile at pixel `x`, `y`, `width` × `height` of it in the image) whose square the
-    /// triangle may touch, and with the triangle's nearness there.
+    /// Calls `touched` with each pixel whose square the triangle may touch, and with the triangle's nearness there. The
+    /// tile is at pixel (`x`, `y`), and `width` × `height` of it lie in the image.
     pub(crate) fn squares(&self, (x, y): (i32, i32), width: i32, height: i32, mut touched: impl FnMut(usize, usize, f32)) {
         let Some([left, right, top, bottom]) = self.pixels(x + width, y + height) else { return };
-        // Each edge's value at the centre of pixel 0 of row 0, moved out by half a pixel, and its steps right and down. Whole
-        // numbers below 2⁵³, and so exact.
+        // Each edge's value at the centre of pixel 0 of row 0, moved out by half a pixel, and its steps right and down.
+        // Integers below 2⁵³, and therefore exact.
         let half = i64::from(SUB / 2);
         let edges = [0, 1, 2].map(|i| {
             let j = (i + 1) % 3;
@@ -104,7 +104,7 @@ impl ScreenTriangle {
             let (mut first, mut last) = (i64::from(left.max(x)), i64::from(right));
             for (e, down, over) in edges {
                 let e = e + down * f64::from(py);
-                // Where the value is 0.
+                // Position at which the value is 0.
                 let zero = -e * over;
                 if over.is_infinite() {
                     last = if e < 0.0 { first - 1 } else { last };
@@ -125,17 +125,17 @@ impl ScreenTriangle {
     }
 }
 
-/// The place of a pixel in a tile: blocks of 8×8 pixels lie one after another.
+/// Index of a pixel in a tile: blocks of 8×8 pixels are stored one after another.
 #[inline]
 pub(crate) const fn place(x: usize, y: usize) -> usize {
     (y >> 3) << 9 | (x >> 3) << 6 | (y & 7) << 3 | (x & 7)
 }
 
-/// A tile being drawn: nearness and triangle of each sample, in the order of [`place`].
+/// A tile during rendering: nearness and triangle of each sample, in the order of [`place`].
 pub(crate) struct Tile<'a> {
     pub(crate) near: &'a mut [f32],
     pub(crate) id: &'a mut [u32],
-    /// The least nearness of each block where it is known, else what it was before: never too near.
+    /// The minimum nearness of each block where it is known, otherwise an earlier lower bound.
     block_far: [f32; 64],
     stale: u64,
     /// Pixel of the upper left corner.
@@ -146,13 +146,13 @@ pub(crate) struct Tile<'a> {
 }
 
 impl<'a> Tile<'a> {
-    /// `near` and `id` hold what is there already.
+    /// `near` and `id` contain the previous content.
     pub(crate) fn new(near: &'a mut [f32], id: &'a mut [u32], (x, y): (i32, i32), sample: (i32, i32)) -> Self {
         assert!(near.len() == TILE_AREA && id.len() == TILE_AREA);
         Self { near, id, block_far: [0.0; 64], stale: !0, x, y, sample }
     }
 
-    /// Draws a triangle: nearer wins, the first of equals stays.
+    /// Renders a triangle: the nearer one wins; of equal ones the first stays.
     #[inline(always)]
     pub(crate) fn draw<S: Simd>(&mut self, simd: S, t: &ScreenTriangle) {
         let (sx, sy) = self.sample;
@@ -179,7 +179,8 @@ impl<'a> Tile<'a> {
             }
             let whole = i64::from((TILE - 1) * SUB);
             if c + da.min(0) * whole + db.min(0) * whole < 0 {
-                // It crosses the tile, so its values there fit 32 bits; an edge that does not is left zero, always inside.
+                // The edge crosses the tile, so its values there fit 32 bits; for an edge that does not, they stay
+                // zero, always inside.
                 (a[i], b[i], e[i]) = ((da * i64::from(SUB)) as i32, (db * i64::from(SUB)) as i32, c as i32);
             }
         }
@@ -204,8 +205,8 @@ impl<'a> Tile<'a> {
         }
     }
 
-    /// Draws the rows of a block a row at once. The edges have the values `at` its first pixel, and go on by `a` to the right and `b`
-    /// downwards; nearness there is `z`.
+    /// Renders the rows of a block, one row at once. The edges have the values `at` at its first pixel, and change by
+    /// `a` to the right and `b` downwards; nearness there is `z`.
     #[inline(always)]
     fn draw_block<S: Simd>(
         &mut self,
@@ -227,19 +228,19 @@ impl<'a> Tile<'a> {
             let down = row as i32;
             let inside = (a0 + (at[0] + b[0] * down)) | (a1 + (at[1] + b[1] * down)) | (a2 + (at[2] + b[2] * down));
             let value = (along + (z + t.slope_y * row as f32)).max(t.farthest).min(t.nearest);
-            // Farther than anything where the triangle is not.
+            // Farther than anything outside the triangle.
             let value = inside.simd_ge(0).select(value, F::splat(simd, -1.0));
             let there = F::from_slice(simd, near);
             let seen = value.simd_gt(there);
             value.max(there).store_slice(near);
-            // The greater of two numbers, one of them 0, and no choice between what is there and another: a compiler makes a store
-            // under a mask of that, which takes many times as long on some machines.
+            // The greater of two numbers, one of them 0, instead of a choice between the old and the new value: a
+            // compiler turns that choice into a masked store, which takes many times as long on some machines.
             let (old, new) = (seen.select(nothing, U::from_slice(simd, id)), seen.select(own, nothing));
             old.max(new).store_slice(id);
         }
     }
 
-    /// The least nearness in a block.
+    /// The minimum nearness in a block.
     #[inline(always)]
     fn far<S: Simd>(&mut self, simd: S, block: usize) -> f32 {
         if self.stale >> block & 1 == 1 {

@@ -9,7 +9,7 @@ use super::prepare::{Cluster, Soup};
 use super::raster::{GUARD, SUB, ScreenTriangle, TILE};
 use super::view::View;
 
-/// Nothing nearer to the lens is drawn, metres along the optical axis.
+/// Near plane: nothing closer to the lens is rendered, metres along the optical axis.
 pub(crate) const NEAR: f32 = 0.05;
 /// Clusters set up by one task: fixed, so that the order of triangles does not depend on the number of threads.
 const GROUP: usize = 8;
@@ -20,31 +20,31 @@ pub(crate) struct Bins {
     groups: Vec<Group>,
     /// Start of each tile's list in `entries`, and the end of the last.
     starts: Vec<u32>,
-    /// Group in the upper, place in the group in the lower 16 bits.
+    /// Group in the upper, index in the group in the lower 16 bits.
     entries: Vec<u32>,
     order: Vec<(u32, u32, u32)>,
 }
 
-/// What is set up of a scene.
+/// The part of a scene that is set up.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wanted {
-    /// The openings, or all but the openings.
+    /// The openings, or everything except the openings.
     pub(crate) openings: bool,
-    /// Only what may cover the centre of a pixel.
+    /// Only triangles that may cover the centre of a pixel.
     pub(crate) centres: bool,
 }
 
-/// The corners of a cluster as a view sees them, and then some that stand for nothing.
+/// The corners of a cluster in view coordinates, followed by padding.
 #[derive(Debug, Default)]
 struct Corners {
     /// Metres along the optical axis.
     depth: Vec<f32>,
-    /// Place in the image, 1/16 pixel; [`OUTSIDE`] for those before the near plane or out of the guard band.
+    /// Position in the image, 1/16 pixel; [`OUTSIDE`] for corners in front of the near plane or outside the guard band.
     x: Vec<i32>,
     y: Vec<i32>,
 }
 
-/// No place in the image.
+/// No position in the image.
 const OUTSIDE: i32 = i32::MIN;
 
 impl Corners {
@@ -74,20 +74,20 @@ impl Corners {
     }
 }
 
-/// Where a point in camera axes lies across the image, 1/16 pixel.
+/// Horizontal image position of a point in camera axes, 1/16 pixel.
 #[inline]
 fn column(p: Vec3, view: &View) -> i32 {
     snap(view.fx * p.x / p.z + view.cx)
 }
 
-/// Where it lies down the image.
+/// Vertical image position.
 #[inline]
 fn row(p: Vec3, view: &View) -> i32 {
     snap(view.fy * p.y / p.z + view.cy)
 }
 
-/// Whether corners at these places along one side of an image, `side` pixels long, leave room for a pixel of it that a triangle may
-/// cover: its centre, or any of its samples.
+/// Whether corners at these positions along one side of an image, `side` pixels long, leave room for a pixel that a
+/// triangle may cover: its centre, or any of its samples.
 #[inline]
 fn may_be_seen([a, b, c]: [i32; 3], side: i32, centres: bool) -> bool {
     // A pixel's centre, or its first sixteenth, is at or after the first corner, and at or before the last.
@@ -100,7 +100,7 @@ fn may_be_seen([a, b, c]: [i32; 3], side: i32, centres: bool) -> bool {
 #[derive(Debug, Default)]
 struct Group {
     triangles: Vec<ScreenTriangle>,
-    /// (tile, place in `triangles`)
+    /// (tile, index in `triangles`)
     tiles: Vec<(u32, u32)>,
     corners: Corners,
 }
@@ -127,7 +127,7 @@ impl Bins {
         self.starts[tile] == self.starts[tile + 1]
     }
 
-    /// Sets up what `view` sees. Ids count on from one soup to the next.
+    /// Sets up the triangles visible from `view`. Ids continue from one soup to the next.
     pub(crate) fn fill(&mut self, instructions: Instructions, soups: &[&Soup], view: &View, wanted: Wanted) {
         self.order.clear();
         let planes = view.frustum();
@@ -205,7 +205,7 @@ impl Bins {
     }
 }
 
-/// How far the cluster's box reaches along `n`.
+/// Extent of the cluster's box along `n`.
 fn reaches(cluster: &Cluster, n: Vec3) -> f32 {
     let pick = |n: f32, low: f32, high: f32| n * if n > 0.0 { high } else { low };
     pick(n.x, cluster.low.x, cluster.high.x) + pick(n.y, cluster.low.y, cluster.high.y) + pick(n.z, cluster.low.z, cluster.high.z)
@@ -226,14 +226,14 @@ impl Group {
             let corners = soup.corners[t].map(usize::from);
             let (x, y) = (corners.map(|i| self.corners.x[i]), corners.map(|i| self.corners.y[i]));
             let in_guard = x.iter().all(|x| *x != OUTSIDE);
-            // Most triangles far away lie between the centres of pixels.
+            // Most distant triangles fall between pixel centres.
             if in_guard && (!may_be_seen(x, width, centres) || !may_be_seen(y, height, centres)) {
                 continue;
             }
             let normal = soup.triangles[t].normal;
             let first = positions[corners[0]];
             let height = normal.dot(first - view.eye);
-            // Seen from behind, or exactly on edge.
+            // Seen from behind, or exactly edge-on.
             if height == 0.0 || (height > 0.0 && !cluster.two_sided) {
                 continue;
             }
@@ -298,7 +298,8 @@ fn snap_all<S: Simd>(x: F<S>) -> I<S> {
     whole((x * SUB as f32 + (524_288.0 + 0.5)).floor()) - 524_288
 }
 
-/// Clips to the near plane and the guard band, and hands on the triangles of the rest (Sutherland and Hodgman 1974).
+/// Clips to the near plane and the guard band, and passes on the triangles of the remainder (Sutherland and Hodgman
+/// 1974).
 fn clip(corners: [Vec3; 3], view: &View, mut emit: impl FnMut([Vec3; 3])) {
     let band = GUARD - 8192.0;
     let planes: [(Vec3, f32); 5] = [
@@ -330,7 +331,7 @@ fn clip(corners: [Vec3; 3], view: &View, mut emit: impl FnMut([Vec3; 3])) {
         }
     }
     for i in 1..polygon.1 - 1 {
-        // A corner on the near plane may be a rounding error before it.
+        // A corner on the near plane may be a rounding error in front of it.
         emit([polygon.0[0], polygon.0[i], polygon.0[i + 1]].map(|p| Vec3::new(p.x, p.y, p.z.max(NEAR * 0.999))));
     }
 }

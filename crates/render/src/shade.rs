@@ -14,34 +14,34 @@ use super::prepare::{Soup, Triangle};
 use super::texture;
 use super::view::View;
 
-/// Fraction of a mirror that level ground is in heavy rain.
+/// Reflectivity of level ground in heavy rain.
 const WET: f32 = 0.75;
-/// [`Spot::coarse`] of images that are not fine: noise of fewer than so many pixels to a cell is left out.
+/// [`Spot::coarse`] of images that are not `full`: noise with fewer pixels per cell is omitted.
 const COARSE: f32 = 8.0;
-/// Moving things farther away than this darken no ground, metres.
+/// Moving objects farther away than this cast no contact shadows, metres.
 const STANDING: f32 = 80.0;
 
 /// Shades pixels of one image.
 pub(crate) struct Shader<'a> {
     pub(super) soup: &'a Soup,
-    /// Triangles that this image alone has; their ids follow the scene's.
+    /// Triangles that belong to this image only; their ids follow the scene's.
     pub(super) actors: &'a Soup,
     pub(super) palette: &'a Palette,
     textures: &'a [Texture],
     pub(super) view: &'a View,
     pub(super) instructions: Instructions,
-    /// Smooth edges, and everything that only a longer look shows.
+    /// Smooth edges, and details visible only on close inspection.
     pub(super) fine: bool,
-    /// What light is multiplied by on the film.
+    /// Exposure factor.
     exposure: f32,
-    /// Where this image's own things stand.
+    /// Contact shadows of this image's own objects.
     standing: Contact,
-    /// Steps of the ray for a pixel right and a pixel down.
+    /// Change of the ray per pixel right and per pixel down.
     right: Vec3,
     down: Vec3,
 }
 
-/// A triangle made ready to be shaded.
+/// A triangle prepared for shading.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shape {
     /// Index into the palette's paints.
@@ -51,7 +51,7 @@ pub(crate) struct Shape {
     curve: Curve<f32>,
 }
 
-/// Where eight pixels are seen in the image, and how near: 1/z.
+/// Positions of eight pixels in the image, and their nearness: 1/z.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) x: [f32; LANES],
@@ -61,7 +61,7 @@ pub(crate) struct Place {
 
 /// Rays through eight pixels.
 struct Rays<S: Simd> {
-    /// With a component of 1 along the optical axis, and its length.
+    /// With a component of 1 along the optical axis, and their lengths.
     ray: V3<F<S>>,
     length: F<S>,
     /// Unit vectors.
@@ -90,7 +90,7 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// True when two triangles belong to one smooth surface, so that their common edge is not seen.
+    /// True if two triangles belong to one smooth surface, so that their common edge is not visible.
     pub(crate) fn joined(&self, a: u32, b: u32) -> bool {
         let ((_, s), (_, t)) = (self.triangle(a), self.triangle(b));
         let curved = s.smooth != 0 && t.smooth != 0;
@@ -102,7 +102,7 @@ impl<'a> Shader<'a> {
             }
     }
 
-    /// Makes triangle `id` ready.
+    /// Prepares triangle `id`.
     pub(crate) fn shape(&self, id: u32) -> Shape {
         let (soup, t) = self.triangle(id);
         let eye = self.view.eye;
@@ -139,7 +139,7 @@ impl<'a> Shader<'a> {
         Shape { paint: paint as u32, curved: t.smooth != 0, facet, curve }
     }
 
-    /// [`Shader::unshaded`] of one normal.
+    /// [`Shader::unshaded`] for one normal.
     fn flat_light(&self, normal: Vec3, leaves: bool) -> (f32, Vec3) {
         let light = &self.palette.sky.light;
         let cosine = normal.dot(light.to_sun);
@@ -148,15 +148,15 @@ impl<'a> Shader<'a> {
         (direct, (light.ground_ambient + (light.sky_ambient - light.ground_ambient) * (0.5 + 0.5 * normal.z)) * turn)
     }
 
-    /// Fraction of the sun's light on surfaces of unit `normal`, and light of sky and ground, both before anything stands between.
+    /// Unoccluded fraction of the sun's light on surfaces with unit `normal`, and light of sky and ground.
     #[inline(always)]
     fn unshaded<S: Simd>(&self, normal: V3<F<S>>, leaves: bool) -> (F<S>, V3<F<S>>) {
         let light = &self.palette.sky.light;
         let cosine = normal.dot_same(light.to_sun);
-        // Leaves let light through: their dark side is dimmer, not dark.
+        // Leaves transmit light: their dark side is dimmer, not dark.
         let direct = if leaves { (cosine * 0.72 + 0.28).max(0.12) } else { cosine.max(0.0) };
         let sky = V3::along(light.sky_ambient - light.ground_ambient, normal.z * 0.5 + 0.5).plus_same(light.ground_ambient);
-        // Walls in the shade differ a little by where they face, as skies are never even.
+        // Shaded walls differ slightly by orientation, because real skies are not uniform.
         (direct, sky * (normal.x * 0.10 - normal.y * 0.06 + 1.0))
     }
 
@@ -190,7 +190,7 @@ impl<'a> Shader<'a> {
         sky.hazed(lit, rays.to, z * rays.length) * F::splat(simd, self.exposure)
     }
 
-    /// Light on surfaces but for the sun's: of sky and ground (`ambient`), of lamps, less where something stands on them.
+    /// Light on surfaces except the sun's: of sky and ground (`ambient`) and of lamps, reduced by contact shadows.
     #[inline(always)]
     fn even<S: Simd>(&self, p: V3<F<S>>, flat: V3<F<S>>, normal: V3<F<S>>, ambient: V3<F<S>>) -> V3<F<S>> {
         let light = ambient + self.palette.lamps.on(p, flat, normal);
@@ -271,7 +271,7 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// Where on their surfaces pixels are, and how much of them they cover.
+/// Positions of pixels on their surfaces, and the areas that they cover.
 #[inline(always)]
 fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>, coarse: f32) -> Spot<S> {
     let (u, v) = (facet.u_axis.dot(away), facet.v_axis.dot(away));
@@ -286,7 +286,7 @@ fn spot<S: Simd>(facet: &Facet<F<S>>, away: V3<F<S>>, z: F<S>, coarse: f32) -> S
     }
 }
 
-/// About the length of (`x`, `y`).
+/// Approximate length of (`x`, `y`).
 #[inline(always)]
 fn longer<S: Simd>(x: F<S>, y: F<S>) -> F<S> {
     let (x, y) = (x.abs(), y.abs());

@@ -10,20 +10,20 @@ use super::prepare::Soup;
 use super::raster::{NONE, SUB, ScreenTriangle, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, tiles};
 
-/// Texels along the longer side, at most.
+/// Maximum number of texels along the longer side.
 const SIDE: f32 = 4096.0;
-/// Finest texel, metres.
+/// Minimum texel size, metres.
 const FINEST: f32 = 0.04;
-/// Triangles longer than this do not decide how far the map reaches, metres.
+/// Triangles longer than this do not affect the extent of the map, metres.
 const LONGEST: f32 = 150.0;
-/// The map reaches this far from the middle, at most, metres.
+/// Maximum extent of the map from its middle, metres.
 const REACH: f32 = 190.0;
 /// Texels of a block of the coarse map.
 const BLOCK: usize = 8;
-/// Texels of the pieces that a block is put together from.
+/// Texels of the pieces that make up a block.
 const PIECE: usize = 4;
 
-/// Nearness to the sun of the first surface, as 16 bits over the scene's reach.
+/// Nearness of the first surface to the sun, as 16 bits over the scene's depth.
 #[derive(Debug)]
 pub(crate) struct ShadowMap {
     across: Vec3,
@@ -31,25 +31,25 @@ pub(crate) struct ShadowMap {
     to_sun: Vec3,
     low: Vec3,
     texel: f32,
-    /// Texels a metre.
+    /// Texels per metre.
     texels: f32,
-    /// Metres of nearness to steps of the map.
+    /// Conversion of metres of nearness to steps of the map.
     scale: f32,
     width: usize,
     height: usize,
     near: Vec<u16>,
-    /// World box of the first surfaces in each block and about it.
+    /// World box of the first surfaces in and around each block.
     blocks: Vec<(Vec3, Vec3)>,
 }
 
-/// A plane that light falls on, or one for each of eight pixels.
+/// A lit plane, or one for each of eight pixels.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Receiver<T> {
     /// Unit normal, turned towards the sun.
     pub(crate) normal: V3<T>,
-    /// Off the surface by about the filter's radius, or a surface would shade itself.
+    /// Offset from the surface by about the filter's radius; without it a surface would shade itself.
     pub(crate) shift: V3<T>,
-    /// How far the filter reaches along the normal, metres.
+    /// Extent of the filter along the normal, metres.
     pub(crate) margin: T,
 }
 
@@ -75,7 +75,8 @@ impl ShadowMap {
                 let corners =
                     soup.corners[i as usize].map(|k| turn(soup.positions[cluster.positions.0 as usize + usize::from(k)]));
                 let [a, b, c] = corners;
-                // Ground is shone upon but casts little; it may reach to the horizon, and so may the sides of its slab.
+                // Ground receives shadows but casts few; it may extend to the horizon, and so may the sides of its
+                // slab.
                 let long = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
                 let ground = soup.triangles[i as usize].normal.z > 0.9 || long > LONGEST * LONGEST;
                 for p in corners {
@@ -89,7 +90,7 @@ impl ShadowMap {
         if low.x > high.x {
             (low, high) = (Vec3::ZERO, Vec3::ONE);
         }
-        // What stands far from where most things stand goes without shadows, so that the rest has fine ones.
+        // Objects far from most others get no shadows, so that the rest has fine ones.
         let middle = |axis: Vec3| {
             let solid = soup.clusters.iter().filter(|c| !c.opening);
             let mut all: Vec<f32> = solid.map(|c| (c.low + c.high).dot(axis) * 0.5).collect();
@@ -144,7 +145,7 @@ impl ShadowMap {
                 .collect();
             for i in cluster.triangles.0..cluster.triangles.1 {
                 let [a, b, c] = soup.corners[i as usize].map(|k| corners[usize::from(k)]);
-                // Larger than the guard band, so far outside: only ground is, and ground casts nothing.
+                // Larger than the guard band, hence far outside: there is only ground, which casts no shadow.
                 if [a, b, c].iter().any(|p| p.x.abs().max(p.y.abs()) > 16_000.0) {
                     continue;
                 }
@@ -199,7 +200,7 @@ impl ShadowMap {
         });
     }
 
-    /// Boxes of the blocks: of their own pieces and of those around.
+    /// Boxes of the blocks: of their own pieces and of the surrounding ones.
     fn summarise(&mut self) {
         let (columns, rows) = (self.width / PIECE, self.height / PIECE);
         let pieces: Vec<(Vec3, Vec3)> =
@@ -220,7 +221,8 @@ impl ShadowMap {
             .collect();
     }
 
-    /// World box of what the sun sees in the piece at (`x`, `y`). Where it sees nothing, the box reaches to the map's bottom.
+    /// World box of the surfaces lit by the sun in the piece at (`x`, `y`). Where there are none, the box extends to
+    /// the map's bottom.
     fn piece(&self, x: usize, y: usize) -> (Vec3, Vec3) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let step = 1.0 / self.scale;
@@ -236,18 +238,19 @@ impl ShadowMap {
         (low, high)
     }
 
-    /// What [`ShadowMap::lit`] needs of a plane of unit `normal`, turned towards the sun, whose cosine to the sun is `cosine`.
+    /// Data that [`ShadowMap::lit`] needs for a plane with unit `normal`, turned towards the sun, whose cosine to the
+    /// sun is `cosine`.
     pub(crate) fn receiver(&self, normal: Vec3, cosine: f32) -> Receiver<f32> {
         Receiver {
             normal: normal.into(),
             shift: (normal * (self.texel * (2.2 - 1.2 * cosine)) + self.to_sun * (self.texel * 0.6)).into(),
-            // The filter's outermost texels are almost two off, where they weigh nothing.
+            // The filter's outermost texels are almost two away, where their weight is zero.
             margin: 1.75 * self.texel * (normal.dot(self.across).abs() + normal.dot(self.along).abs()),
         }
     }
 
-    /// Fraction of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; pixels outside of `mask` get any
-    /// answer.
+    /// Fraction of the sun's light that reaches `p` on a surface, all or nothing unless `soft`; the values of pixels
+    /// outside `mask` are unspecified.
     #[inline(always)]
     pub(crate) fn lit<S: Simd>(&self, p: V3<F<S>>, on: &Receiver<F<S>>, mask: M<S>, soft: bool) -> F<S> {
         let simd = p.x.token();
@@ -277,7 +280,7 @@ impl ShadowMap {
             let index = block[left.trailing_zeros() as usize];
             let same = block.simd_eq(index);
             left &= !(same.to_bitmask() as u32);
-            // All that the sun sees hereabouts lies behind the plane, or all before it.
+            // All lit surfaces nearby lie behind the plane, or all in front of it.
             let (low, high) = self.blocks[index as usize];
             let behind = (positive.dot_same(high) + negative.dot_same(low)).simd_le(height - on.margin);
             let before = (positive.dot_same(low) + negative.dot_same(high)).simd_gt(height + on.margin) & !behind;
@@ -297,18 +300,18 @@ impl ShadowMap {
         F::from_slice(simd, &fractions)
     }
 
-    /// 1 if the texel in the middle of [`ShadowMap::filtered`]'s is no nearer to the sun than `own`, else 0.
+    /// 1 if the middle texel of [`ShadowMap::filtered`] is no nearer to the sun than `own`, else 0.
     #[inline(always)]
     fn nearest(&self, own: f32, x: f32, y: f32) -> f32 {
         let texel = self.near[(y + 1.5) as usize * self.width + (x + 1.5) as usize];
         f32::from(u8::from(i32::from(texel) <= own as i32))
     }
 
-    /// Fraction of the texels about (`x`, `y`) no nearer to the sun than `own`.
+    /// Fraction of the texels around (`x`, `y`) that are no nearer to the sun than `own`.
     #[inline(always)]
     fn filtered<S: Simd>(&self, simd: S, own: f32, x: f32, y: f32) -> f32 {
         let (ix, iy) = (x as usize, y as usize);
-        // Nearness is whole, so comparing with the whole part of `own` is the same.
+        // Nearness is an integer, so comparing with the integer part of `own` is equivalent.
         let own = own as i32;
         // Three by three filter with linear weights: four by four texels.
         let (fx, fy) = (x - ix as f32, y - iy as f32);

@@ -8,12 +8,12 @@ use super::develop::luminance;
 use super::lanes::{F, Simd, V3, clamp, decay, smooth};
 use super::noise::Noise;
 
-/// The film's greatest exposure by itself: nights stay dark.
+/// Maximum automatic exposure: nights stay dark.
 const DARKEST: f32 = 2.0;
-/// About this far away all ground fades into the sky's foot, metres: it has no edge.
+/// Approximate distance at which all ground fades into the horizon, metres, so that it has no edge.
 const FAR: f32 = 480.0;
 
-/// The light of a scene with what follows from it.
+/// The light of a scene with derived values.
 #[derive(Debug)]
 pub(crate) struct Sky {
     pub(crate) light: Light,
@@ -22,7 +22,7 @@ pub(crate) struct Sky {
     sunset: Vec3,
     cloud_lit: Vec3,
     cloud_shade: Vec3,
-    /// What the film's exposure multiplies light by: white ground in the sun is bright in any daylight, and nights stay dark.
+    /// Automatic exposure factor: white ground in the sun is bright in any daylight, and nights stay dark.
     pub(crate) exposure: f32,
 }
 
@@ -30,7 +30,7 @@ impl Sky {
     pub(crate) fn new(light: &Light) -> Self {
         let cloud_lit = light.horizon * 0.55 + light.sun * 0.42;
         let ground = light.sun * light.to_sun.z.max(0.3) + light.sky_ambient;
-        // Under clouds the sky itself is a great part of the image, and people leave it grey.
+        // Under clouds the sky itself is a large part of the image and should stay grey.
         let white = 0.92 - 0.6 * (light.clouds - 0.5).clamp(0.0, 0.5);
         let exposure = (white / luminance(ground).max(1e-3)).clamp(0.3, DARKEST);
         let low = ((0.3 - light.to_sun.z) * 4.0).clamp(0.0, 1.0);
@@ -44,7 +44,7 @@ impl Sky {
         }
     }
 
-    /// Clear sky towards unit vectors `to`: what glass mirrors and what haze fades into.
+    /// Clear sky in the directions of unit vectors `to`: reflected in glass, and the colour of distant haze.
     #[inline(always)]
     pub(crate) fn clear<S: Simd>(&self, to: V3<F<S>>) -> V3<F<S>> {
         let low = 1.0 - to.z.max(0.0);
@@ -62,19 +62,19 @@ impl Sky {
         blue + band + V3::along(self.glow, c8 * 0.05 + c32 * 0.10 + c64 * c64 * 0.2)
     }
 
-    /// How far to the evening's side of the sky unit vectors point, 0 to 1.
+    /// Similarity of unit vectors to the direction of the evening sun, 0 to 1.
     #[inline(always)]
     fn sided<S: Simd>(&self, to: V3<F<S>>) -> F<S> {
         let side = to.dot_same(self.light.to_sun) * 0.5 + 0.5;
         side * side * side
     }
 
-    /// The sky as seen: clouds and the sun's disc too. `wide` is the angle of a pixel, radians.
+    /// The visible sky, with clouds and the sun's disc. `wide` is the angle of a pixel, radians.
     #[inline(always)]
     pub(crate) fn seen<S: Simd>(&self, to: V3<F<S>>, noise: &Noise, wide: f32) -> V3<F<S>> {
         let mut colour = self.clear(to);
         let c = to.dot_same(self.light.to_sun);
-        // The disc (half a degree across, drawn four times as wide, as a lens blooms).
+        // The disc (half a degree across, rendered four times as wide, for lens bloom).
         let disc = clamp((c - 0.999_3) * (1.0 / 0.000_3), 0.0, 1.0);
         colour = colour + V3::along(self.glow, disc * 3.0);
         if to.z.simd_gt(0.015).any_true() {
@@ -94,7 +94,7 @@ impl Sky {
         colour
     }
 
-    /// Lays haze over `colour`, seen along unit vectors `to` over `distance` metres.
+    /// Applies haze to `colour`, seen along unit vectors `to` over `distance` metres.
     #[inline(always)]
     pub(crate) fn hazed<S: Simd>(&self, colour: V3<F<S>>, to: V3<F<S>>, distance: F<S>) -> V3<F<S>> {
         let far = distance * (1.0 / FAR);

@@ -7,7 +7,7 @@ use spf_scene::geometry::ObjectId;
 
 use crate::RenderedImage;
 
-/// How much wider than the camera's the view is.
+/// Width of the view as a multiple of the camera's.
 const WIDE: f64 = 2.5;
 /// Size of that view, pixels.
 const SIZE: (u32, u32) = (320, 240);
@@ -68,7 +68,7 @@ fn widened(camera: &Camera) -> Camera {
     }
 }
 
-/// The frame of a pinhole is a rectangle of tangents.
+/// The frame of a pinhole camera is a rectangle of tangents.
 fn straight(camera: &Camera, wide: &Camera) -> Vec<bool> {
     let inside = |size: u32, centre: f64, focal: f64, low: f64, high: f64| -> Vec<bool> {
         (0..size).map(|i| (low..=high).contains(&((f64::from(i) + 0.5 - centre) / focal))).collect()
@@ -80,7 +80,7 @@ fn straight(camera: &Camera, wide: &Camera) -> Vec<bool> {
     rows.iter().flat_map(|row| columns.iter().map(move |column| *row && *column)).collect()
 }
 
-/// Behind a lens the frame is what the lens projects into it.
+/// With a lens the frame is the region that the lens projects into it.
 fn through_lens(camera: &Camera, wide: &Camera) -> Vec<bool> {
     let inside = |(x, y): (u32, u32)| {
         let right = (f64::from(x) + 0.5 - wide.cx) / wide.fx;
@@ -121,7 +121,7 @@ mod tests {
         let mut lens = camera;
         lens.distortion.k1 = 1e-12;
         assert_eq!(Surroundings::of(&lens).inside, Surroundings::of(&camera).inside);
-        // A barrel sees more.
+        // Barrel distortion widens the view.
         lens.distortion.k1 = -0.3;
         let count = |camera: &Camera| Surroundings::of(camera).inside.iter().filter(|inside| **inside).count();
         assert!(count(&lens) > count(&camera) + 100);

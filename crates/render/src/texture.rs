@@ -8,7 +8,7 @@ use super::lanes::{F, LANES, Simd, V3};
 use super::noise::floor;
 use super::pattern::Spot;
 
-/// Most samples along the longer side of a pixel's footprint.
+/// Maximum number of samples along the longer side of a pixel's footprint.
 const PROBES: f32 = 4.0;
 
 /// [`sample`] for eight pixels.
@@ -20,12 +20,13 @@ pub(crate) fn samples<S: Simd>(texture: &Texture, at: &Spot<S>) -> V3<F<S>> {
     V3 { x: F::from_fn(simd, |i| found[i].x), y: F::from_fn(simd, |i| found[i].y), z: F::from_fn(simd, |i| found[i].z) }
 }
 
-/// Mean linear light about `uv` (one unit a repetition, v down from the top), where a pixel covers `foot` of u and of v.
+/// Mean linear light around `uv` (one unit per repetition, v down from the top), where a pixel covers `foot` of u and
+/// of v.
 pub(crate) fn sample(texture: &Texture, uv: Vec2, foot: Vec2) -> Vec3 {
     let levels = texture.levels();
     let covered = foot * Vec2::new(levels[0].width as f32, levels[0].height as f32);
     let (long, short) = (covered.max_element(), covered.min_element().max(1.0));
-    // A ground seen at a slant is sharp across and sampled several times along.
+    // Ground at a grazing angle is sharp across and sampled several times along.
     let probes = (long / short + 0.75).clamp(1.0, PROBES) as u32;
     let (finer, fraction) = level(short.max(long / probes as f32), levels.len());
     let step = if covered.x > covered.y { Vec2::new(foot.x, 0.0) } else { Vec2::new(0.0, foot.y) } / probes as f32;
@@ -38,9 +39,9 @@ pub(crate) fn sample(texture: &Texture, uv: Vec2, foot: Vec2) -> Vec3 {
     light / probes as f32
 }
 
-/// The size of image whose texels are as wide as `texels` of the finest: a size, and the fraction of the next coarser one.
+/// The mip level whose texels are as wide as `texels` of the finest, and the fraction of the next coarser one.
 fn level(texels: f32, count: usize) -> (usize, f32) {
-    // The exponent is the whole part of the logarithm to base 2, the mantissa nearly its fraction.
+    // The exponent is the integer part of the logarithm to base 2, the mantissa nearly its fraction.
     let bits = texels.max(1.0).to_bits();
     let (whole, fraction) = ((bits >> 23) as usize - 127, (bits & 0x7f_ffff) as f32 * (1.0 / 8_388_608.0));
     if whole + 1 < count { (whole, fraction) } else { (count - 1, 0.0) }
@@ -56,9 +57,9 @@ fn bilinear(level: &Level, uv: Vec2) -> Vec3 {
     top + (bottom - top) * fy
 }
 
-/// The texels whose centres lie about `at` (one unit a repetition), and the fraction of the second.
+/// The texels whose centres lie around `at` (one unit per repetition), and the weight of the second.
 fn neighbours(at: f32, side: usize) -> (usize, usize, f32) {
-    // Clamped, for a triangle's corners may hold any numbers.
+    // Clamped, because a triangle's corners may contain any numbers.
     let at = at.clamp(-1e9, 1e9);
     let within = ((at - floor(at) as f32).clamp(0.0, 1.0) * side as f32 - 0.5).max(-0.5);
     let whole = floor(within);
@@ -96,7 +97,7 @@ mod tests {
         for i in 0..40 {
             let at = Vec2::new(i as f32 * 0.137, i as f32 * 0.071);
             assert!((sample(&texture, at, Vec2::splat(0.2)).x - 0.5).abs() < 0.01);
-            // At a slant too: wide along v alone.
+            // At a grazing angle too: wide along v alone.
             assert!((sample(&texture, at, Vec2::new(0.03, 2.0)).x - 0.5).abs() < 0.01);
         }
     }

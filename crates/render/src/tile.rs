@@ -13,7 +13,7 @@ use super::shade::Shader;
 /// A tile with a rim of one pixel.
 const RIMMED: usize = TILE as usize + 2;
 
-/// What the first pass found, tile after tile.
+/// Results of the first pass, tile after tile.
 pub(crate) struct Samples<'a> {
     pub(crate) near: &'a [f32],
     pub(crate) id: &'a [u32],
@@ -26,7 +26,7 @@ impl Samples<'_> {
         (y / TILE as usize * self.columns + x / TILE as usize) * TILE_AREA + place(x % TILE as usize, y % TILE as usize)
     }
 
-    /// 1/z of what is seen at a pixel, 0 for the sky.
+    /// 1/z of the visible surface at a pixel, 0 for the sky.
     pub(crate) fn near_at(&self, x: usize, y: usize) -> f32 {
         self.near[self.place(x, y)]
     }
@@ -38,7 +38,7 @@ impl Samples<'_> {
     }
 }
 
-/// Memory of one task.
+/// Buffers of one task.
 #[derive(Default)]
 pub(crate) struct Work {
     /// Nearness and triangles of the tile and its rim, row after row.
@@ -49,7 +49,7 @@ pub(crate) struct Work {
     packets: Packets,
 }
 
-/// A tile's place in the image, pixels, and how much of it is in the image.
+/// Position of a tile in the image, pixels, and its extent inside the image.
 #[derive(Clone, Copy)]
 struct Area {
     left: usize,
@@ -84,7 +84,7 @@ impl Work {
         });
     }
 
-    /// Pixels, a bit each, where surfaces meet.
+    /// Pixels in which surfaces meet, one bit each.
     #[inline(always)]
     fn find_edges<S: Simd>(
         &mut self,
@@ -108,7 +108,7 @@ impl Work {
         edges
     }
 
-    /// Hands on the pixels that are not on edges.
+    /// Passes on the pixels that are not on edges.
     #[inline(always)]
     fn fill(&mut self, shader: &Shader<'_>, samples: &Samples<'_>, index: usize, area: Area, edges: &[u64; TILE as usize]) {
         self.edges.clear();
@@ -139,7 +139,7 @@ impl Work {
         }
     }
 
-    /// Draws the pixels on edges again with more samples.
+    /// Renders edge pixels again with more samples.
     #[inline(always)]
     fn draw_edges<S: Simd>(&mut self, simd: S, bins: &Bins, index: usize, area: Area) {
         for t in bins.of(index) {
@@ -147,8 +147,8 @@ impl Work {
         }
     }
 
-    /// Hands on each surface in a pixel on an edge once: it looks as beside the edge or, where it is nowhere else, is shaded amid
-    /// its samples.
+    /// Passes on each surface of an edge pixel once: it looks as in a neighbouring pixel or, if it is in none, is
+    /// shaded at the centre of its samples.
     fn fill_edges(&mut self, shader: &Shader<'_>, area: Area, edges: &[u64; TILE as usize], rgb: &[u8]) {
         for seen in self.edges.seen() {
             let (x, y) = (usize::from(seen.x), usize::from(seen.y));
@@ -176,7 +176,7 @@ impl Work {
         }
     }
 
-    /// Pixels, a bit each, that seen slivers touch: the first pass may have missed them.
+    /// Pixels touched by visible slivers, one bit each: the first pass may have missed the slivers.
     #[inline(always)]
     fn slivers(&self, bins: &Bins, index: usize, area: Area) -> [u64; TILE as usize] {
         let mut rows = [0u64; TILE as usize];
@@ -201,7 +201,7 @@ impl Work {
         for y in 0..RIMMED {
             let sy = (top + y).saturating_sub(1).min(height - 1);
             let (near, ids) = (&mut self.near[y * RIMMED..][..RIMMED], &mut self.ids[y * RIMMED..][..RIMMED]);
-            // Eight pixels of a row lie together. Those beyond the image are never looked at but for the first, at the right.
+            // Eight pixels of a row are adjacent. Of those beyond the image only the first, at the right, is used.
             for x in (0..TILE as usize).step_by(8) {
                 let start = samples.place(left + x, sy);
                 near[x + 1..x + 9].copy_from_slice(&samples.near[start..start + 8]);
@@ -216,7 +216,7 @@ impl Work {
         }
     }
 
-    /// Pixels, a bit each, that have another triangle beside, above or below them.
+    /// Pixels that have another triangle beside, above or below them, one bit each.
     #[inline(always)]
     fn borders<S: Simd>(&self, simd: S) -> [u64; TILE as usize] {
         let mut rows = [0; TILE as usize];
@@ -235,7 +235,7 @@ impl Work {
         rows
     }
 
-    /// True when another surface is seen beside, above or below.
+    /// True if another surface is visible beside, above or below.
     fn on_edge(&mut self, shader: &Shader<'_>, x: usize, y: usize) -> bool {
         let at = (y + 1) * RIMMED + x + 1;
         let beside = [at - RIMMED, at - 1, at + 1, at + RIMMED];
@@ -246,13 +246,13 @@ impl Work {
 /// Pixels of the tile left, right, above and below that are not on edges.
 fn shaded_neighbours(edges: &[u64; TILE as usize], area: Area, x: usize, y: usize) -> [Option<(usize, usize)>; 4] {
     let shaded = |x: usize, y: usize| {
-        // Before the first is beyond the last.
+        // The one before the first is the one after the last.
         (x < area.width && y < area.height && edges[y] >> x & 1 == 0).then_some((x, y))
     };
     [shaded(x.wrapping_sub(1), y), shaded(x + 1, y), shaded(x, y.wrapping_sub(1)), shaded(x, y + 1)]
 }
 
-/// Samples of a pixel that show one surface: how many, and the sums of their nearness and places.
+/// Samples of a pixel that show one surface: their number, and the sums of their nearness and positions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Group {
     id: u32,
@@ -262,7 +262,7 @@ struct Group {
     y: i32,
 }
 
-/// Parts a pixel's samples by surfaces; the number of groups.
+/// Groups a pixel's samples by surface; returns the number of groups.
 fn part(shader: &Shader<'_>, joins: &mut Joins, seen: &Seen, groups: &mut [Group; COUNT]) -> usize {
     let mut left = (1u32 << COUNT) - 1;
     let mut count = 0;

@@ -4,9 +4,9 @@ use glam::Vec3;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 
-/// A camera at a pose, in single precision: what the rasteriser and the shader need of both.
+/// A camera at a pose, in single precision, for rasteriser and shader.
 ///
-/// Lens distortion is not drawn: images are those of the perfect pinhole with the same fx, fy, cx, cy.
+/// Lens distortion is not rendered: images are those of the ideal pinhole camera with the same fx, fy, cx, cy.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct View {
     pub(crate) width: u32,
@@ -56,7 +56,7 @@ impl View {
         }
     }
 
-    /// Planes (inward normal, offset) that bound what the view sees.
+    /// Planes (inward normal, offset) that bound the visible region.
     pub(crate) fn frustum(&self) -> [(Vec3, f32); 5] {
         let (left, right) = (-self.cx / self.fx, (self.width as f32 - self.cx) / self.fx);
         let (top, bottom) = (-self.cy / self.fy, (self.height as f32 - self.cy) / self.fy);

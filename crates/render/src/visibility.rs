@@ -17,16 +17,16 @@ pub(crate) struct Map {
     to: Vec3,
     low: Vec3,
     texel: f32,
-    /// Texels a metre.
+    /// Texels per metre.
     texels: f32,
     width: usize,
     height: usize,
-    /// Row after row, and then as many as are looked at together.
+    /// Row after row, followed by padding for vector access.
     near: Vec<f32>,
 }
 
 impl Map {
-    /// The map of parallel rays from unit vector `to` for the points of a box, with texels of so many metres.
+    /// The map of parallel rays from unit vector `to` for the points of a box, with the given texel size in metres.
     pub(crate) fn new(soup: &Soup, to: Vec3, (low, high): (Vec3, Vec3), texel: f32) -> Self {
         let across = to.cross(if to.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }).normalize_or(Vec3::X);
         let along = across.cross(to);
@@ -62,7 +62,7 @@ impl Map {
         Vec3::new(p.dot(self.across), p.dot(self.along), p.dot(self.to))
     }
 
-    /// Where up to eight places lie in the map, texels, texels, and metres towards the light; and then what stands for nothing.
+    /// Positions of up to eight points in the map, texels, texels, and metres towards the light; then padding.
     #[inline(always)]
     fn place<S: Simd>(&self, simd: S, eight: &[Vec3], out: &mut Vec<Vec3>) {
         let last = eight.len() - 1;
@@ -79,7 +79,7 @@ impl Map {
         }
     }
 
-    /// Draws a triangle, several cells of a row at once.
+    /// Renders a triangle, several cells of a row at once.
     #[inline(always)]
     fn draw<S: Simd>(&mut self, simd: S, [a, b, c]: [Vec3; 3]) {
         let n = (b - a).cross(c - a);
@@ -99,13 +99,13 @@ impl Map {
                 let near = &mut self.near[y * self.width + x..][..LANES];
                 let there = F::from_slice(simd, near);
                 let here = F::splat(simd, a.z) - (px - a.x) * slope.0 - slope.1 * (py - a.y);
-                // The greater one, and no choice between what is there and another: see `Tile::draw_block`.
+                // The greater one, instead of a choice between the old and the new value: see `Tile::draw_block`.
                 inside.select(here, F::splat(simd, f32::NEG_INFINITY)).max(there).store_slice(near);
             }
         }
     }
 
-    /// Whether nothing stands between the light and `p`, but for things nearer to `p` than half a texel.
+    /// Whether `p` is lit, ignoring surfaces closer to `p` than half a texel.
     #[inline]
     pub(crate) fn sees(&self, p: Vec3) -> bool {
         let at = self.turned(p) - self.low;
@@ -115,7 +115,7 @@ impl Map {
     }
 }
 
-/// On which side of the line from `p` to `q` each of some points in a row lies.
+/// The side of the line from `p` to `q` for each of some points in a row.
 #[inline(always)]
 fn side<S: Simd>((p, q): (Vec3, Vec3), x: F<S>, y: f32) -> F<S> {
     (x - p.x) * (p.y - q.y) + (q.x - p.x) * (y - p.y)
@@ -148,8 +148,8 @@ pub(crate) fn centres([a, b, c]: [Vec3; 3], size: (usize, usize), mut seen: impl
     }
 }
 
-/// Unit vectors over the upper half sphere, each standing for the same fraction of what a level surface gets from an even sky: a
-/// spiral of equal steps.
+/// Unit vectors over the upper hemisphere, each with the same fraction of the light that a level surface receives from
+/// a uniform sky: a spiral of equal steps.
 pub(crate) fn sky(count: usize) -> Vec<Vec3> {
     /// π(3 − √5).
     const GOLDEN: f64 = 2.399_963_229_728_653;
@@ -171,7 +171,7 @@ mod tests {
     fn an_even_sky_gives_a_level_surface_its_weighted_mean() {
         let sky = sky(64);
         assert!(sky.iter().all(|to| to.z > 0.0 && (to.length() - 1.0).abs() < 1e-6));
-        // The mean of the cosine under its own weight is 2/3; the way round cancels out.
+        // The mean of the cosine under its own weight is 2/3; the azimuths cancel out.
         let mean = sky.iter().sum::<Vec3>() / 64.0;
         assert!((mean.z - 2.0 / 3.0).abs() < 0.01 && mean.truncate().length() < 0.03, "{mean}");
     }

@@ -10,7 +10,7 @@ use super::visibility::centres;
 pub(crate) struct Lattice {
     /// The first point.
     pub(crate) low: Vec3,
-    /// Metres from point to point.
+    /// Distance between points, metres.
     pub(crate) step: Vec3,
     /// Points along each axis.
     pub(crate) size: [usize; 3],
@@ -28,12 +28,12 @@ impl Lattice {
         self.size.iter().product()
     }
 
-    /// Points from one to the next along each axis.
+    /// Index step to the next point along each axis.
     pub(crate) fn strides(&self) -> [usize; 3] {
         [1, self.size[0], self.size[0] * self.size[1]]
     }
 
-    /// Place of the point of this number.
+    /// Position of the point with this index.
     pub(crate) fn at(&self, index: usize) -> Vec3 {
         let [columns, rows, _] = self.size;
         let steps = Vec3::new((index % columns) as f32, (index / columns % rows) as f32, (index / (columns * rows)) as f32);
@@ -41,7 +41,8 @@ impl Lattice {
     }
 }
 
-/// For each point of a lattice, a bit for each axis: whether a surface stands between it and the next point that way.
+/// For each point of a lattice one bit per axis: whether a surface stands between it and the next point along that
+/// axis.
 pub(crate) struct Walls(Vec<u8>);
 
 impl Walls {
@@ -57,7 +58,7 @@ impl Walls {
                 let triangle = soup.corners[i as usize].map(|k| corners[usize::from(k)]);
                 for axis in 0..3 {
                     let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-                    // Points lie at whole numbers, centres of cells half a one farther.
+                    // Points lie at whole numbers, centres of cells half a step farther.
                     let seen = triangle.map(|p| Vec3::new(p[u] + 0.5, p[v] + 0.5, p[axis]));
                     let n = (seen[1] - seen[0]).cross(seen[2] - seen[0]);
                     if n.z.abs() < 1e-9 {

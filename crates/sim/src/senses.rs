@@ -1,10 +1,9 @@
 //! Telemetry of the simulated craft, derived from its true motion with errors (`docs/reference/dynamics.md`). The
 //! parameters of each model are in [`Model`](crate::model::Model).
 //!
-//! There is one report per period, on the absolute grid of ticks. Slow errors drift, fast ones are drawn for each
+//! There is one report per period, on the absolute grid of ticks. Slow errors drift, fast ones are sampled for each
 //! report, and values are rounded to the model's resolution. The frame is the world's: the user who places a Tello
 //! gives its driver the initial heading, from which the Tello counts in whole degrees.
-//! way it faces, and its own whole degrees count from there.
 
 use spf_core::geometry::{EnuPosition, EnuVelocity, wrap_angle};
 use spf_core::rng::RandomStream;

@@ -11,11 +11,11 @@ use spf_core::time::{Duration, Time};
 use super::light::Curve;
 use crate::RenderedImage;
 
-/// Pixels that the image may move from one moment to the next: anti-aliased edges then leave no steps.
+/// Maximum image motion between instants, pixels: anti-aliased edges then show no steps.
 const STEP: f64 = 1.5;
-/// Moments at most; beyond 24 pixels of blur steps begin to show.
+/// Maximum number of instants; beyond 24 pixels of blur steps begin to show.
 const MOST: usize = 16;
-/// What is nearest in most images, metres: translation blurs as if everything were this near.
+/// Assumed distance of the nearest surface in most images, metres: translation blurs as if everything were this near.
 const NEAR: f64 = 3.0;
 
 /// The state of a scene at one instant, for rendering: the craft's pose, and whatever else moves.
@@ -66,7 +66,7 @@ pub(super) fn shot<M: Posed>(
 ) -> Option<Shot<M>> {
     let capture = snapshot_at(at)?;
     let Some(shutter) = shutter else { return Some(Shot::still(at, capture)) };
-    // Before the flight began there was nothing to see: a shutter that opens then opens at its beginning.
+    // Nothing exists before the flight began: a shutter that would open earlier opens at its beginning.
     let opens = Time::from_nanos(at.as_nanos().saturating_sub(shutter.as_nanos() as u64 / 2));
     let closes = at + shutter / 2;
     let open = closes.since(opens).as_nanos() as u64;
@@ -78,7 +78,7 @@ pub(super) fn shot<M: Posed>(
     Some(Shot { at, moments: (0..count).map(moment).collect::<Option<_>>()? })
 }
 
-/// How many moments the way from one pose to the other needs.
+/// Number of instants that the motion from one pose to the other requires.
 fn moments(camera: &Camera, from: &Pose, to: &Pose) -> usize {
     let (a, b) = (from.attitude, to.attitude);
     let turned = wrap_angle(b.heading - a.heading).abs() + (b.pitch - a.pitch).abs() + (b.roll - a.roll).abs();
@@ -87,7 +87,7 @@ fn moments(camera: &Camera, from: &Pose, to: &Pose) -> usize {
     (libm::ceil(pixels / STEP) as usize).clamp(1, MOST)
 }
 
-/// Draws every moment and puts the mean of their light into `image`.
+/// Renders every instant and stores the mean of their light in `image`.
 pub(super) fn add_up<M>(moments: &[M], image: &mut RenderedImage, mut draw: impl FnMut(&M, &mut RenderedImage)) {
     let curve = Curve::get();
     let mut sum: Vec<f32> = Vec::new();

@@ -35,7 +35,7 @@ impl std::fmt::Display for Compression {
     }
 }
 
-/// Through an encoder and a decoder of its own, so that an image does not depend on those before it.
+/// Uses an encoder and a decoder of its own, so that an image does not depend on those before it.
 fn key_frame(image: &Rgb, quantiser: u8) -> Option<Rgb> {
     let (width, height) = (image.width(), image.height());
     let even = padded(image);
@@ -45,7 +45,8 @@ fn key_frame(image: &Rgb, quantiser: u8) -> Option<Rgb> {
     Some(cut(&back, width, height))
 }
 
-/// With even sides: the last column and row stand twice where they are odd, for 4:2:0 video has no odd sides.
+/// Padded to even sides: the last column and row are repeated where the size is odd, because 4:2:0 video has even
+/// sides.
 fn padded(image: &Rgb) -> Rgb {
     let (width, height) = (image.width(), image.height());
     fitted(image, width.next_multiple_of(2), height.next_multiple_of(2))
@@ -98,7 +99,8 @@ mod tests {
         ] {
             assert!(errors[0] > 0.0 && errors.is_sorted_by(|fine, coarse| fine < coarse), "{errors:?}");
         }
-        // The chroma of either is halved both ways, which alone costs this image some; luma is nearly kept.
+        // Both halve the chroma in each direction, which alone causes some error in this image; luma is nearly
+        // preserved.
         assert!(error(Compression::H264(12), &image) < 1000.0);
     }
 

@@ -9,7 +9,7 @@ use spf_core::query::ImagePoint;
 
 use crate::{MAX_SIDE, RenderedImage};
 
-/// The lenses that have a name: calibrations of a Tello's video at 960×720 that people published, and a plain wide angle.
+/// The named lenses: published calibrations of a Tello's video at 960×720, and a generic wide-angle lens.
 const CALIBRATED: [(&str, [f64; 8]); 3] = [
     // fx, fy, cx, cy, k1, k2, p1, p2: `camera_info.yaml` of tello_ros.
     ("tello_ros", [921.2, 919.0, 459.9, 351.2, -0.033, 0.105, 0.0013, -0.0066]),
@@ -19,12 +19,12 @@ const CALIBRATED: [(&str, [f64; 8]); 3] = [
     ("tello_course", [897.1, 902.3, 453.9, 355.0, -0.013, -0.019, 0.001, -0.005]),
 ];
 
-/// Barrel distortion as strong as a cheap wide-angle lens has: a line along the edge of the `quad` image bows by a tenth.
+/// Barrel distortion of a cheap wide-angle lens: a line along the edge of the `quad` image bows by a tenth.
 const WIDE: Distortion = Distortion { k1: -0.1, k2: 0.01, p1: 0.0, p2: 0.0 };
 
-/// Tangent of the farthest angle off the axis that is drawn.
+/// Tangent of the maximum rendered angle off the axis.
 const FARTHEST: f64 = 5.0;
-/// The pinhole image is at most this many times as wide and high as the lens's.
+/// Maximum width and height of the pinhole image, as a multiple of the lens image.
 const LARGEST: f64 = 3.0;
 
 /// The lens of a simulated camera.
@@ -81,30 +81,30 @@ impl std::fmt::Display for Lens {
     }
 }
 
-/// Where one pixel of the lens's image comes from.
+/// Source of one pixel of the lens image.
 #[derive(Clone, Copy, Debug)]
 struct Source {
-    /// Index of the upper left of four pixels of the pinhole's image; [`NOWHERE`] where the lens shows nothing.
+    /// Index of the upper left of four pixels of the pinhole image; [`NOWHERE`] where the lens shows nothing.
     upper_left: u32,
-    /// How far beyond its centre, 1/256 pixel.
+    /// Offset from its centre, 1/256 pixel.
     right: u8,
     down: u8,
 }
 
 const NOWHERE: u32 = u32::MAX;
 
-/// The map of one camera.
+/// The mapping of one camera.
 #[derive(Debug)]
 pub(super) struct Remap {
-    /// The camera whose images it makes.
+    /// The camera with the lens.
     pub(super) camera: Camera,
-    /// The pinhole whose images it is made from.
+    /// The pinhole camera that is rendered.
     pub(super) pinhole: Camera,
     sources: Vec<Source>,
 }
 
 impl Remap {
-    /// The map of a camera, whose size is at most [`MAX_SIDE`] a side.
+    /// The mapping of a camera, whose size is at most [`MAX_SIDE`] per side.
     pub(super) fn new(camera: &Camera) -> Self {
         let camera = Camera { width: camera.width.min(MAX_SIDE), height: camera.height.min(MAX_SIDE), ..*camera };
         let (w, h) = (camera.width as usize, camera.height as usize);
@@ -114,7 +114,7 @@ impl Remap {
         Self { camera, pinhole, sources }
     }
 
-    /// Bends every channel of the pinhole's image that is there.
+    /// Distorts every channel of the pinhole image.
     pub(super) fn bend(&self, from: &RenderedImage, to: &mut RenderedImage) {
         (to.width, to.height) = (self.camera.width, self.camera.height);
         to.depth = from.depth.as_ref().map(|channel| self.nearest(channel, to.depth.take()));
@@ -141,7 +141,7 @@ impl Remap {
         to
     }
 
-    /// Between four pixels, in whole numbers of 1/65536.
+    /// Interpolates between four pixels, in integers of 1/65536.
     fn blended(&self, from: &[u8], memory: Option<Vec<u8>>) -> Vec<u8> {
         let width = self.pinhole.width as usize;
         let mut to = memory.unwrap_or_default();
@@ -165,7 +165,8 @@ impl Remap {
     }
 }
 
-/// The direction of a pixel's centre, metres right and down a metre ahead; none where no direction leads to the pixel.
+/// The direction of a pixel's centre, metres right and down at a distance of one metre; `None` if no direction leads to
+/// the pixel.
 fn ray(camera: &Camera, x: usize, y: usize) -> Option<(f64, f64)> {
     let (w, h) = (f64::from(camera.width), f64::from(camera.height));
     let point = ImagePoint { u: (x as f64 + 0.5) / w, v: (y as f64 + 0.5) / h };
@@ -178,15 +179,15 @@ fn ray(camera: &Camera, x: usize, y: usize) -> Option<(f64, f64)> {
     (off < 0.01).then_some((ray.right, -ray.up))
 }
 
-/// The undistorted camera whose image holds all of these directions, as fine as the lens in its middle unless that would be
-/// too large.
+/// The undistorted camera whose image contains all of these directions, with the lens's resolution at the centre unless
+/// that would be too large.
 fn pinhole(camera: &Camera, rays: &[Option<(f64, f64)>]) -> Camera {
     let seen = || rays.iter().flatten();
     let range = |pick: fn(&(f64, f64)) -> f64| seen().map(pick).fold((0.0, 0.0), |(a, b): (f64, f64), t| (a.min(t), b.max(t)));
     let axis = |size: u32, focal: f64, (low, high): (f64, f64)| {
         let largest = (LARGEST * f64::from(size)).min(f64::from(MAX_SIDE) - 4.0);
         let focal = focal.min(largest / (high - low).max(1e-9));
-        // Two pixels on each side, for the neighbours of the outermost.
+        // Two pixels on each side, for the neighbours of the outermost ones.
         let (before, after) = (2.0 - low * focal, 2.0 + high * focal);
         (libm::ceil(before + after) as u32, focal, before)
     };
@@ -213,7 +214,7 @@ fn source(pinhole: &Camera, ray: Option<(f64, f64)>) -> Source {
 mod tests {
     use super::*;
 
-    /// An image of the pinhole that says at each pixel where it is: red across, green down, ids and depth in steps.
+    /// A pinhole image that encodes the position of each pixel: red across, green down, ids and depth in steps.
     fn ruler(camera: &Camera) -> RenderedImage {
         let (w, h) = (camera.width, camera.height);
         let pixels = || (0..h).flat_map(move |y| (0..w).map(move |x| (x, y)));
@@ -259,11 +260,11 @@ mod tests {
         let remap = Remap::new(&camera);
         assert!(remap.pinhole.width > plain.width + 100 && remap.pinhole.height > plain.height + 60);
         assert!(remap.sources.iter().all(|source| source.upper_left != NOWHERE));
-        // As fine in the middle as the lens itself.
+        // Same resolution in the middle as the lens itself.
         assert_eq!((remap.pinhole.fx, remap.pinhole.fy), (plain.fx, plain.fy));
     }
 
-    /// A lens whose polynomial folds back within the image shows nothing beyond, rather than the same things twice.
+    /// A lens whose polynomial folds back within the image shows nothing beyond, instead of the same things twice.
     #[test]
     fn beyond_the_fold_there_is_nothing() {
         let fold = Distortion { k1: -0.4, ..Distortion::default() };

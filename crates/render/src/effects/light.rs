@@ -4,18 +4,18 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-/// Mean of the logarithm of light that automatic exposure aims at: the 18 % of a grey card.
+/// Mean logarithm of light at which automatic exposure aims: that of an 18 % grey card.
 const GREY_CARD: f64 = 0.18;
 /// Automatic exposure changes by at most this many stops.
 const AUTOMATIC: f64 = 3.0;
-/// Light is resolved to one part in this many when converted to a byte: 20 steps at the steepest part of the curve.
+/// Light is quantised to this many steps for conversion to a byte: 20 steps at the steepest part of the curve.
 const STEPS: usize = 65_536;
 
 /// Tables of the sRGB curve.
 pub(super) struct Curve {
     light: [f32; 256],
     byte: Vec<u8>,
-    /// Logarithm to base 2 of the light of a byte, in millionths; that of black is taken for that of the darkest grey.
+    /// Logarithm to base 2 of the light of a byte, in millionths; black counts as the darkest grey.
     log: [i64; 256],
 }
 
@@ -47,7 +47,7 @@ impl Curve {
         self.light[usize::from(byte)]
     }
 
-    /// The byte of an amount of light; clipped below 0 and above 1.
+    /// The byte of a light value, clipped to 0..=1.
     pub(super) fn byte(&self, light: f32) -> u8 {
         self.byte[(light.clamp(0.0, 1.0) * (STEPS - 1) as f32 + 0.5) as usize]
     }
@@ -57,9 +57,9 @@ impl Curve {
         rgb.par_iter().map(|byte| self.light(*byte)).collect()
     }
 
-    /// Stops by which an automatic exposure brightens this light: those that bring its mean logarithm to a grey card's.
+    /// Stops by which automatic exposure brightens this light: its mean logarithm becomes that of a grey card.
     pub(super) fn automatic_stops(&self, light: &[f32]) -> f64 {
-        // Whole numbers, so that the order of adding has no say.
+        // Integers, so that the order of addition has no effect.
         let log = |pixel: &[f32]| self.log[usize::from(self.byte(0.2126 * pixel[0] + 0.7152 * pixel[1] + 0.0722 * pixel[2]))];
         let sum: i64 = light.par_chunks_exact(3).map(log).sum();
         let mean = sum as f64 / 1e6 / (light.len() / 3).max(1) as f64;

@@ -27,7 +27,7 @@ use lens::Remap;
 use light::Curve;
 pub use settings::{Effects, EffectsError, Exposure};
 
-/// Sizes whose maps through the lens are kept: the camera's, the film's, and what a VLM is sent.
+/// Number of cached lens maps: the camera's size, the video's, and that of the VLM's images.
 const SIZES: usize = 4;
 
 /// A simulated camera: intrinsics, lens and image effects. Share it by reference.
@@ -37,7 +37,7 @@ pub struct SimCamera {
     effects: Effects,
     seed: u64,
     remaps: Mutex<Vec<Arc<Remap>>>,
-    /// Images of the pinhole, whose memory is used again.
+    /// Buffers for pinhole images, reused.
     scratch: Mutex<Vec<RenderedImage>>,
 }
 
@@ -136,7 +136,7 @@ impl SimCamera {
         if let Some(remap) = known(&self.remaps.lock().unwrap_or_else(PoisonError::into_inner)) {
             return remap;
         }
-        // Computed outside of the lock: two threads may both do so, and both get the same.
+        // Computed outside the lock: two threads may both do so, with the same result.
         let made = Arc::new(Remap::new(camera));
         let mut remaps = self.remaps.lock().unwrap_or_else(PoisonError::into_inner);
         if remaps.len() >= SIZES {
@@ -160,7 +160,7 @@ mod tests {
     use super::*;
     use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
-    /// A white stripe whose place follows the heading.
+    /// A white stripe whose position depends on the heading.
     fn stripe(camera: &Camera, pose: &Pose, image: &mut RenderedImage) {
         let (w, h) = (camera.width as usize, camera.height as usize);
         (image.width, image.height) = (camera.width, camera.height);
@@ -170,7 +170,7 @@ mod tests {
         image.ids = Some((0..w * h).map(|i| u16::from(lit(i))).collect());
     }
 
-    /// Turning at a radian a second.
+    /// Turning at a radian per second.
     fn turning(at: Time) -> Option<Pose> {
         let heading = at.as_secs_f64() - 1.0;
         Some(Pose { position: EnuPosition::default(), attitude: Attitude { heading, ..Attitude::default() } })
@@ -199,7 +199,7 @@ mod tests {
         let touched = |row: &[u8]| row.iter().filter(|value| **value > 0).count();
         let (sharp, smeared) = (row("none"), row("blur=50"));
         assert_eq!(touched(&sharp), 8);
-        // 0.05 rad at 200 pixels a radian.
+        // 0.05 rad at 200 pixels per radian.
         assert!((16..=19).contains(&touched(&smeared)), "{smeared:?}");
         // The light is the same, and the middle stays in the middle.
         let light = |row: &[u8]| row.iter().map(|value| f64::from(Curve::get().light(*value))).sum::<f64>();

@@ -8,19 +8,19 @@ use spf_core::rng::{RandomStream, finalise};
 
 use super::light::Curve;
 
-/// Fraction of the variance at middle grey that the read-out makes; the rest is the light's own and grows with it.
+/// Fraction of the variance at middle grey that comes from read-out; the rest is shot noise and grows with the light.
 const READ_OUT: f32 = 0.2;
 /// A middle grey, as a byte.
 const MIDDLE: u8 = 128;
-/// Pixels a piece of work.
+/// Pixels per task.
 const PIECE: usize = 4096;
 
-/// Adds noise to light that was brightened by `gain`. `grey_levels` is the standard deviation at middle grey without gain, in
-/// steps of a byte; `image` names the image.
+/// Adds noise to light that was brightened by `gain`. `grey_levels` is the standard deviation at middle grey without
+/// gain, in 8-bit levels; `image` identifies the image.
 pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, image: u64) {
     let curve = Curve::get();
     let middle = curve.light(MIDDLE);
-    // Light of one step of a byte at middle grey.
+    // Light of one 8-bit level at middle grey.
     let step = 0.5 * (curve.light(MIDDLE + 1) - curve.light(MIDDLE - 1));
     let sigma = grey_levels as f32 * step;
     let variance = sigma * sigma;
@@ -34,7 +34,7 @@ pub(super) fn add(light: &mut [f32], gain: f32, grey_levels: f64, seed: u64, ima
     });
 }
 
-/// Nearly standard normal: four uniform numbers of 16 bits added (Irwin and Hall), within ±3.46.
+/// Nearly standard normal: the sum of four uniform numbers of 16 bits (Irwin and Hall), within ±3.46.
 fn deviate(key: u64, index: u64) -> f32 {
     let bits = finalise(key ^ finalise(index.wrapping_mul(0x9e37_79b9_7f4a_7c15)));
     let sum: u64 = (0..4).map(|i| bits >> (16 * i) & 0xffff).sum();

@@ -8,7 +8,7 @@ use spf_core::time::{Duration, duration_from_secs};
 use super::compression::Compression;
 use super::lens::Lens;
 
-/// Longest list that is read, bytes.
+/// Maximum length of a list, bytes.
 const LONGEST: usize = 400;
 
 /// Exposure of the image.
@@ -158,7 +158,7 @@ impl FromStr for Effects {
             }
         }
         if all {
-            // What was named keeps its strength.
+            // Effects that were named keep their strength.
             for effect in WORDS {
                 let named = effects.clone();
                 if effects.set(effect, "").is_err() {
