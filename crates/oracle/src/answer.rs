@@ -228,7 +228,7 @@ impl View<'_> {
             .max_by_key(|&i| (like(self.seen[i]), self.seen[i].area, core::cmp::Reverse(i)))
     }
 
-    /// Draws whether a range counts as arrival: P = logistic(ln(near / range) / width).
+    /// Samples whether a range counts as arrival: P = logistic(ln(near / range) / width).
     pub(super) fn arrived(&self, range: f64, near: f64) -> bool {
         let p = logistic(libm::log(near / range.max(1e-9)), self.oracle.errors.done.log_width);
         self.oracle.by_query("done", self.query).chance(p)

@@ -38,7 +38,7 @@ impl Found {
 }
 
 /// Boxes nearer than the target that intersect the corridor. The error file gives the fraction that is missed, and the
-/// rate of spurious boxes. Drawn by frame, like the rest of the percept.
+/// rate of spurious boxes. Sampled by frame, like the rest of the percept.
 pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject], way: &Way<'_>) -> Vec<Found> {
     let errors = &oracle.errors.boxes;
     let mut out: Vec<Found> = seen
@@ -94,7 +94,7 @@ fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &PerceivedObject, way: &
         && meets(oracle, percept, way.point, thing.bounds, thing.nearest)
 }
 
-/// Whether an object surrounds the opening: a hill around a tunnel entrance does not block the way into it.
+/// Whether an object surrounds the opening: a hill around a tunnel entrance does not block the path into it.
 fn frames(thing: &PerceivedObject, way: &Way<'_>) -> bool {
     way.opening.is_some_and(|(hole, range)| {
         let b = thing.bounds;

@@ -155,7 +155,7 @@ pub enum Reading {
     },
     /// The highest label whose length is at most `fraction · range`.
     IntendedTravel {
-        /// Fraction of the range that is to be flown.
+        /// Fraction of the range to fly.
         #[serde(rename = "share")]
         fraction: f64,
         /// Length of each label, metres, ascending.

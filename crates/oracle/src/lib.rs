@@ -79,7 +79,7 @@ impl Oracle {
         &self.errors
     }
 
-    /// The percept of a frame; random draws depend on the frame number. `tags` are those of the scene's objects; those
+    /// The percept of a frame; random values depend on the frame number. `tags` are those of the scene's objects; those
     /// without a visible pixel are ignored.
     #[must_use]
     pub fn percept(&self, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Percept {

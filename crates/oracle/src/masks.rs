@@ -71,7 +71,7 @@ pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
     let mut runs: Vec<Run> = Vec::new();
     // Side of the largest square whose lower right corner is at each pixel, of two rows.
     let (mut above, mut side) = (vec![0_u16; width], vec![0_u16; width]);
-    // Row −1: an id that never matches a drawn one.
+    // Row −1: an id that never matches a rendered one.
     let nothing = vec![0_u16; width];
     for row in 0..height {
         let line = &ids[row * width..(row + 1) * width];

@@ -1,4 +1,5 @@
-//! The percept of a frame: what the oracle notices in the image, drawn by frame number (`docs/explanation/oracle.md`).
+//! The percept of a frame: what the oracle notices in the image, sampled by frame number
+//! (`docs/explanation/oracle.md`).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -85,12 +86,12 @@ pub struct Percept {
     /// The image point with the most room for level flight, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<PerceivedObject>,
-    /// All words of the scene's tags, seen or not: an instruction is read alike in every frame.
+    /// All words of the scene's tags, visible or not, so that an instruction is read alike in every frame.
     pub(super) words: BTreeSet<String>,
 }
 
 impl Percept {
-    /// Draws the percept of a frame. Independent parts run in parallel; the result does not depend on the number of
+    /// Samples the percept of a frame. Independent parts run in parallel; the result does not depend on the number of
     /// threads.
     pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Self {
         let things = |opening| things((errors, seed, frame), sight, tags, opening);

@@ -36,7 +36,7 @@ pub struct ReadStep {
     pub unknown: Vec<UnknownWord>,
     /// If nothing matches: the names of the objects in the scene that are closest in meaning.
     pub alike: Vec<String>,
-    /// Whether it names something that may be searched for where nothing fits.
+    /// Whether it names something that may be searched for if nothing matches.
     names_something: bool,
 }
 
@@ -107,12 +107,12 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
         let alike = if candidates.is_empty() { alike(&target, objects) } else { Vec::new() };
         let names_something = match () {
             () if verb == Verb::Scan => true,
-            // "Play some music" asks for nothing to fly to, "fly to the music" does.
+            // "Play some music" has no target, "fly to the music" does.
             () if order == Order::Other => false,
             () if !target.nouns.is_empty() => {
                 order == Order::Flight || target.nouns.iter().any(|noun| is_thing(noun) || scene.contains(noun))
             }
-            // "What should I cook" does not either, "somewhere to cook" does.
+            // "What should I cook" has none either, "somewhere to cook" does.
             () if !target.uses.is_empty() => target.written.iter().any(|word| NOUNS.vague.contains(word)),
             () => !target.is_empty(),
         };
@@ -121,7 +121,7 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
     reading
 }
 
-/// Names of what the scene has that one general word takes in together with what is meant, each once: a bus for a tram.
+/// Names of the scene's objects that belong to the same general word as the phrase, each once: a bus for a tram.
 fn alike(target: &Phrase, objects: &[Placed<'_>]) -> Vec<String> {
     let Some(head) = target.nouns.last() else { return Vec::new() };
     let same = |word: &str| word == head || NOUNS.synonyms.iter().any(|group| group.contains(word) && group.contains(head));
@@ -141,10 +141,10 @@ fn alike(target: &Phrase, objects: &[Placed<'_>]) -> Vec<String> {
     names
 }
 
-/// How many things of a like meaning are named.
+/// Maximum number of similar objects that are named.
 const ALIKE: usize = 3;
 
-/// A phrase, and all that it is related to or is not.
+/// A phrase, and all phrases that it relates to or excludes.
 fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
     note(phrase);
     phrase.relations.iter().flat_map(|(_, anchors)| anchors).chain(&phrase.not).for_each(|within| each_within(within, note));
@@ -162,7 +162,7 @@ fn in_few_words(phrase: &Phrase) -> String {
     if phrase.other {
         words.push("other");
     }
-    // "Silver" asks for grey, and rather for silver: it stands among both, and the person said the latter.
+    // "Silver" matches grey, and preferably silver: both are stored, and the user wrote the latter.
     let own = |colour: &&String| !phrase.soft.iter().any(|word| ADJECTIVES.colours.plain(word) == Some(colour.as_str()));
     words.extend(phrase.colours.iter().filter(own).chain(&phrase.soft).chain(&phrase.nouns).map(String::as_str));
     let number = phrase.number.map(|number| number.to_string());

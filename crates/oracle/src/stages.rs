@@ -54,14 +54,14 @@ pub(super) struct Aim {
     pub(super) target: Option<String>,
 }
 
-/// The task of a stage.
+/// The action of a stage.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Step {
     /// Approach it; complete at the scene's `near` times this factor.
     Approach(f64),
     /// To its nearest opening; complete at `near`.
     Opening,
-    /// Through the farthest opening in view, to what is seen through it; complete when none is in view.
+    /// Through the farthest opening in view, to the place visible through it; complete when none is in view.
     Pass,
     /// Straight on; complete when the object itself is out of view.
     Beyond,
@@ -91,7 +91,7 @@ fn steps(verb: Verb) -> Vec<Step> {
         Verb::Through => vec![Opening, Pass, Beyond, On, On, On, On],
         Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
         Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
-        // What leaves the image at the bottom is still between here and the far side.
+        // An object that leaves the image at the bottom is still between the craft and the far side.
         Verb::Over => [Above, Across].into_iter().chain([On; 10]).collect(),
         Verb::Up => vec![Above, Summit],
         Verb::Scan => vec![Turn],
@@ -189,7 +189,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     aim
 }
 
-/// On the way to another of several objects, the nearer ones, except the object to which the intended opening belongs
+/// On the path to another of several objects: the nearer ones, except the object to which the intended opening belongs
 /// and its other openings, since the path leads through it.
 fn past(stage: Stage<'_>, thing: Option<&PerceivedObject>, view: &View<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };

@@ -135,11 +135,11 @@ fn an_object_cut_by_the_edge_is_looked_for_beyond_it() {
     painting.in_frame.insert(1, 0.2);
     let reply = ask(&oracle, &painting, &at);
     assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Left)));
-    // What fills a tenth of the image is in view however much of it is outside.
+    // An object that fills a tenth of the image is in view however much of it is outside.
     let mut painting = Painting::new().with(tagged(1, "building", "building", "grey"), 0..960, 0..72, 9.0);
     painting.in_frame.insert(1, 0.1);
     assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the building")).status, Status::Navigating);
-    // 5 rows of 720 are less than 0.8 % of the height: nothing to be seen, and no edge to blame.
+    // 5 rows of 720 are less than 0.8 % of the height: not visible, and no edge to name.
     let painting = Painting::new().with(tagged(1, "wall", "structure", "grey"), 100..900, 300..305, 9.0);
     assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the wall")).look, Some(Look::Right));
 }
@@ -151,7 +151,7 @@ fn done_is_judged_by_range_alone() {
         let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, depth);
         assert_eq!(ask(&oracle, &painting, &query(0, POINT, "go to the car")).status, status);
     }
-    // At `near` exactly the default oracle says done half the time (range noise included), drawn by query number.
+    // At `near` exactly the default oracle answers done half the time (range noise included), sampled by query number.
     let oracle = Oracle::new(ErrorFile::default(), 3.0, 1);
     let painting = Painting::new().with(tagged(1, "car", "vehicle", "black"), 430..530, 310..410, 3.0);
     let percept = painting.percept(&oracle, 5);
@@ -255,7 +255,7 @@ fn obstacles_are_boxed_and_pointed_clear_of() {
     assert!(ask(&oracle, &painting, &query(0, POINT, "fly to the white building")).boxes.is_empty());
 }
 
-/// A bush left of the tree is not in the way to the building, but in the way past the tree on its left.
+/// A bush left of the tree does not obstruct the path to the building, but the path past the tree on its left.
 #[test]
 fn what_stands_beside_the_first_way_is_looked_at_when_the_way_leads_there() {
     let oracle = oracle("perfect");
@@ -337,7 +337,7 @@ fn through_goes_by_the_opening() {
     let mut query = query(0, POINT, "fly through the tunnel in front of you");
     let reply = ask(&oracle, &painting, &query);
     assert_eq!((reply.stage, reply.target.as_deref()), (Some(1), Some("tunnel mouth")));
-    // Inside, the exit is what is left to go to.
+    // Inside, the exit is the next target.
     query.memory.stage = 2;
     let inside = Painting::new().with(solid, 0..960, 0..720, 5.0).with(mouth(3, "tunnel exit"), 440..520, 350..420, 20.0);
     let reply = ask(&oracle, &inside, &query);
@@ -359,7 +359,7 @@ fn right_in_an_opening_one_flies_on_and_no_building_passes_for_a_hollow_one() {
     query.memory.targets = vec!["opening".to_owned()];
     let reply = ask(&oracle, &out, &query);
     assert_eq!((reply.status, reply.stage), (Status::Navigating, Some(2)));
-    // Searched for already, it is not where one is.
+    // After a search, the craft is not inside it.
     query.memory.turned = 1.2;
     assert_eq!(ask(&oracle, &out, &query).status, Status::NotVisible);
 
@@ -371,7 +371,7 @@ fn right_in_an_opening_one_flies_on_and_no_building_passes_for_a_hollow_one() {
     let hollow = Tagged { qualities: vec!["hollow".to_owned()], ..school };
     let far = Painting::new().with(hollow.clone(), 300..500, 200..400, 40.0);
     assert_eq!(ask(&oracle, &far, &query).status, Status::Navigating);
-    // Come up to, and no opening seen: not flown into.
+    // Reached without seeing an opening: not flown into.
     let near = Painting::new().with(hollow, 100..800, 100..600, 2.0);
     assert_eq!(ask(&oracle, &near, &query).status, Status::NotVisible);
 }
@@ -382,11 +382,11 @@ fn who_goes_round_keeps_to_what_he_began_with_and_no_longer() {
     let tree = |id, colour: &str| tagged(id, "tree", "tree", colour);
     let two = Painting::new().with(tree(1, "green"), 100..200, 200..500, 9.0).with(tree(2, "red"), 500..900, 100..600, 9.0);
     let mut query = query(0, POINT, "go around the tree, then go around the tree");
-    // Beside, with the green one begun: the larger red one is not taken for it.
+    // Beside it, with the green one begun: the larger red one is not mistaken for it.
     query.memory.stage = 7;
     query.memory.targets = ["green tree", "left of the green tree", "straight on", "tree"].map(str::to_owned).to_vec();
     assert_eq!(ask(&oracle, &two, &query).target.as_deref(), Some("left of the green tree"));
-    // Come up to another, that one is gone round.
+    // After reaching another one, that one is circled.
     query.memory.targets.push("red tree".to_owned());
     assert_eq!(ask(&oracle, &two, &query).target.as_deref(), Some("left of the red tree"));
 }
@@ -435,13 +435,14 @@ fn a_scan_ends_after_a_full_turn_and_follow_never() {
     let close = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 5.0);
     let reply = ask(&oracle, &close, &query(0, POINT, "follow the person"));
     assert_eq!((reply.status, reply.depth), (Status::Navigating, Some(1)));
-    // Nearer than that one backs off.
+    // The craft backs off when nearer than that.
     let closer = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 1.0);
     let reply = ask(&oracle, &closer, &query(0, POINT, "follow the person"));
     assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Down)));
 }
 
-/// Tasks of a bench share their seeds; what an answer's errors cost is only known from many draws if they do not share these.
+/// Tasks of a bench share their seeds; the cost of an answer's errors can only be measured over many samples if the
+/// tasks do not share these.
 #[test]
 fn the_luck_of_answers_differs_with_seed_question_and_words() {
     let oracle = oracle("default");
@@ -479,12 +480,12 @@ fn the_other_kinds_answer_from_the_same_percept() {
     let mut program = query(0, QueryKind::Program, "go to the yellow crane");
     program.detections = lines.lines().map(str::to_owned).collect();
     assert_eq!(oracle.answer(&program, &percept).text, "o('crane_2');_1=a('crane_2');?_1==False{rp;}->True;");
-    // What was gone to is gone on from, and what is not listed is looked for.
+    // After an earlier target the program continues from there, and searches for an unlisted object.
     let mut later = query(0, QueryKind::Program, "go to the yellow crane, then to the black car");
     later.detections = program.detections.clone();
     later.memory.stage = 2;
     assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;");
-    // Of COCO's classes there is none here, and a detector takes no VLM's time.
+    // None of COCO's classes is here, and a detector does not take a VLM's time.
     let known = oracle.answer(&query(0, QueryKind::Detect { coco: true, scored: false }, ""), &percept);
     assert_eq!((known.text.as_str(), known.latency), ("", Duration::from_millis(100)));
     let mut requested = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");

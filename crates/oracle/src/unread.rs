@@ -1,4 +1,5 @@
-//! Finds the words of an instruction that have no effect on how it is read, so that nobody takes a part for the whole.
+//! Finds the words of an instruction that have no effect on how it is read, so that a partial reading is not mistaken
+//! for a complete one.
 
 use std::collections::BTreeSet;
 
@@ -70,7 +71,7 @@ impl<'a> Reader<'a> {
         Read { parse, targets }
     }
 
-    /// Whether somebody would miss the word: it is known, and more than an article, a courtesy or a verb.
+    /// Whether omitting the word would lose something: it is known, and more than an article, a courtesy or a verb.
     fn may_matter(&self, token: &str, words: &[&str], at: usize) -> bool {
         // "The top of the crane", but not "in a yellow top".
         let is_part = token == "top" && words.get(at + 1) == Some(&"of");
@@ -80,12 +81,12 @@ impl<'a> Reader<'a> {
 
     /// Whether the instruction means the same without the word.
     fn is_without_effect(&self, token: &str, words: &[&str], at: usize, whole: &Read) -> bool {
-        // The punctuation stays: it separates what is left.
+        // The punctuation stays: it separates the remaining words.
         let punctuation: String =
             words[at].chars().filter(|c| !c.is_alphanumeric() && !matches!(c, '\'' | '’' | '`' | '-')).collect();
         let mut others = words.to_vec();
         others[at] = &punctuation;
-        // A use ranks objects; a place or another object among its words would be flown to, and is not.
+        // A use ranks objects; a place or another object among its words would be a target, but is not flown to.
         let of_target =
             || whole.targets.iter().flatten().any(|&at| vocabulary([self.items[at].tags].into_iter()).contains(token));
         let ranks_only = ABOVE_AND_BELOW.contains(&token) || (is_thing(token) && self.scene.contains(token) && !of_target());
@@ -98,7 +99,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The token of a word that is only one, without punctuation.
+/// The token of a single word without punctuation.
 fn only_token(word: &str) -> Option<String> {
     let mut tokens = raw_tokens(word).into_iter().filter(|token| !matches!(token.as_str(), "," | "."));
     tokens.next().filter(|_| tokens.next().is_none())
@@ -123,7 +124,7 @@ fn spans(words: &[&str], length: impl Fn(&[String]) -> usize) -> Vec<bool> {
 /// Maximum number of words considered: each costs a parse.
 const MOST_WORDS: usize = 60;
 
-/// Neighbouring unread words together, with the small words before and between them.
+/// Adjacent unread words together, with the small words before and between them.
 fn parts(words: &[&str], unread: &[bool]) -> Vec<String> {
     let mut parts: Vec<String> = Vec::new();
     let mut last = None;
@@ -140,7 +141,7 @@ fn parts(words: &[&str], unread: &[bool]) -> Vec<String> {
     parts.into_iter().map(bare).collect()
 }
 
-/// Where the small words before a word begin.
+/// Start of the small words before a word.
 fn before(words: &[&str], at: usize) -> usize {
     let small = |at: &usize| raw_tokens(words[*at]).iter().all(|token| SMALL.contains(&token.as_str()));
     (0..at).rev().take_while(small).last().unwrap_or(at)
@@ -150,7 +151,7 @@ fn before(words: &[&str], at: usize) -> usize {
 const SMALL: [&str; 16] =
     ["a", "an", "the", "in", "on", "at", "of", "from", "to", "with", "by", "for", "its", "their", "into", "onto"];
 
-/// A parse without what only tells how it was written; `unused`: also without the uses of what has a name.
+/// A parse without details of spelling; `unused`: also without the uses of named objects.
 fn meaning(mut instruction: Instruction, unused: bool) -> Instruction {
     instruction.clauses.iter_mut().for_each(|clause| strip(&mut clause.target, unused));
     instruction

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use super::lexicon::{ADJECTIVES, PHRASES, SPELLING, VERBS};
 
-/// Tokens with words of several parts as the one word that is meant, and those run together as several. `scene` holds the words of
-/// the scene's tags: what is one word there is one word.
+/// Joins words of several parts into the single word that is meant, and splits words that were run together. `scene`
+/// holds the words of the scene's tags, which are kept as they are.
 pub(super) fn compounded(tokens: &[String], scene: &BTreeSet<String>) -> Vec<String> {
     let words: Vec<&str> = tokens.iter().flat_map(|token| token.split(' ')).collect();
     let mut out: Vec<String> = Vec::with_capacity(words.len());
@@ -27,8 +27,8 @@ pub(super) fn compounded(tokens: &[String], scene: &BTreeSet<String>) -> Vec<Str
     out
 }
 
-/// A word of two that were run together, with a space between them: "flyto", "thechurch", "redcar". `known` says of the second what
-/// may stand there.
+/// Two words that were run together, with a space between them: "flyto", "thechurch", "redcar". `known` returns what
+/// the second part may be.
 pub(super) fn apart(word: &str, known: impl Fn(&str) -> bool) -> Option<String> {
     let leads = |first: &str| {
         matches!(first, "the" | "to" | "a")

@@ -97,7 +97,7 @@ fn parse_tokens(words: &[String]) -> Instruction {
             }
         }
     }
-    // "There is somebody on the roof": said alone, it asks to go there.
+    // "There is somebody on the roof": on its own, this is an instruction to go there.
     if clauses.is_empty()
         && motions.is_empty()
         && let Some(target) = context.into_iter().rfind(|phrase| !phrase.nouns.is_empty())
@@ -143,7 +143,7 @@ fn refer(target: &mut Phrase, clauses: &[Clause], context: &[Phrase], excluded: 
     {
         target.uses.extend(need.uses.iter().cloned());
     }
-    // "Stop in front of it": of what was meant before.
+    // "Stop in front of it": refers to the previous target.
     if let ([(_, anchors)], true) = (target.relations.as_slice(), target.nouns.is_empty())
         && anchors.iter().all(|anchor| anchor.pronoun && Phrase { pronoun: false, ..anchor.clone() }.is_empty())
     {
@@ -225,10 +225,10 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let verb = (0..words.len()).find_map(|at| {
         let subordinate = at > 0 && PHRASES.subordinating.contains(&words[at - 1]) && !leads_in(&words[..at]);
         let noun = at > 0 && (words[at - 1] == "the" || words[at - 1] == "a");
-        // "The car *parked* behind the van" is not told to park.
+        // "The car *parked* behind the van" is not an instruction to park.
         let word = words[at].as_str();
         let form = word.ends_with("ing") || word.ends_with("ed") || NOUNS.participles.contains(word);
-        // Nor is "the meeting room" to meet: a verb has an article or a preposition after it.
+        // Likewise "the meeting room" is not "meet": a verb is followed by an article or a preposition.
         let name = word.ends_with("ing") && words.get(at + 1).is_some_and(|next| is_listed(next) && is_thing(&singular(next)));
         let described = form && ((at > 0 && !leads_in(&words[..at])) || name);
         if subordinate || noun || described { None } else { starts_verb(&words[at..]).map(|(n, verb)| (at, n, verb)) }
@@ -270,7 +270,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
             return Some(Read::Clause(Clause { verb: Verb::Scan, target: near.unwrap_or_default(), order: Order::Flight }));
         }
     }
-    // "Go to the shed, is there somebody inside": asked by the way.
+    // "Go to the shed, is there somebody inside": a side question.
     let asks = [["is", "there"], ["are", "there"], ["do", "you"], ["do", "we"], ["have", "you"]];
     if previous.is_some() && asks.iter().any(|ask| words[at..].starts_with(&ask.map(str::to_owned))) {
         return Some(Read::Context(target));
@@ -372,7 +372,7 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
     let mut verb = verb;
     loop {
         let Some(word) = rest.first().map(String::as_str) else { return (verb, rest) };
-        // "The way out" is a thing for all its adverbs.
+        // "The way out" is a noun, although it looks like adverbs.
         if starts(rest, "the way out") || starts(rest, "way out") {
             return (verb, rest);
         }

@@ -11,8 +11,8 @@ use super::table::Words;
 /// Maximum length of an instruction, bytes; the rest is ignored, to bound memory use.
 const LONGEST: usize = 4096;
 
-/// Words of an instruction; `,` and `.` stand for soft and hard breaks. Misspelt words are put right where one known word is
-/// clearly nearest, and two that were run together are one token with a space between them.
+/// Words of an instruction; `,` and `.` stand for soft and hard breaks. Misspelt words are corrected where one known
+/// word is clearly nearest, and two that were run together are one token with a space between them.
 ///
 /// Words close to one of `tags` are left unchanged: they are corrected later against the tags.
 pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
@@ -90,7 +90,7 @@ pub(super) fn singular(word: &str) -> String {
             }
         }
         if let Some(base) = word.strip_suffix('s') {
-            // "Children's" stands here without its mark.
+            // The mark of "children's" has been removed here.
             return SPELLING.irregular.plain(base).unwrap_or(base).to_owned();
         }
     }
@@ -155,7 +155,7 @@ pub(crate) fn is_known(word: &str) -> bool {
         || word.chars().all(|c| c.is_ascii_digit() || c == ',' || c == '.')
 }
 
-/// Whether the word stands in one of the lists, as it is or in the plural.
+/// Whether one of the lists contains the word, in singular or plural.
 pub(super) fn is_listed(word: &str) -> bool {
     let lists = [
         &SPELLING.everyday_nouns,
@@ -182,7 +182,8 @@ pub(crate) fn adds_nothing(words: &[String]) -> usize {
     PHRASES.dropped.length(words).unwrap_or(0)
 }
 
-/// Whether leaving the word out changes nothing of what is wanted: articles, courtesies, verbs, and what introduces them.
+/// Whether the word can be omitted without changing the request: articles, courtesies, verbs, and words that introduce
+/// them.
 pub(crate) fn is_harmless(word: &str) -> bool {
     let lists = [
         &PHRASES.fillers,
@@ -207,7 +208,7 @@ pub(crate) fn is_harmless(word: &str) -> bool {
     verb || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
 }
 
-/// Whether the word or its stem is English, known or not: nothing to put right.
+/// Whether the word or its stem is English, known to the parser or not, and must not be corrected.
 pub(super) fn is_right(word: &str) -> bool {
     let has = |w: &str| ENGLISH.binary_search(&w).is_ok() || ADJECTIVES.compass.contains(w);
     has(word) || has(&format!("{word}s")) || stems(word).iter().any(|stem| has(stem))
@@ -217,13 +218,14 @@ pub(super) fn is_right(word: &str) -> bool {
 static ENGLISH: LazyLock<Vec<&'static str>> =
     LazyLock::new(|| include_str!("../../data/english.txt").lines().filter(|line| !line.starts_with('#')).collect());
 
-/// Whether the word names a thing: what may be looked for, whatever is said of it besides.
+/// Whether the word names an object that may be searched for, whatever its description.
 pub(crate) fn is_thing(word: &str) -> bool {
     let general = NOUNS.synonyms.iter().any(|group| group.iter().flat_map(|term| term.split(' ')).any(|part| part == word));
     general || NOUNS.hypernyms.contains_key(word) || SPELLING.everyday_nouns.contains(word)
 }
 
-/// Words that are names: with a capital letter within a sentence that has none elsewhere. "The Eiffel Tower" is no other tower.
+/// Proper names: words with a capital letter inside a sentence that has no other capitals. "The Eiffel Tower" means no
+/// other tower.
 pub(super) fn names(text: &str) -> BTreeSet<String> {
     let words: Vec<&str> = text.split_whitespace().take(LONGEST).collect();
     let capital = |word: &&str| word.starts_with(char::is_uppercase) && word.chars().skip(1).any(char::is_lowercase);

@@ -13,9 +13,9 @@ use super::table::{Compounds, Forms, Phrases, Words, list};
 
 /// Verbs and prepositions.
 pub(super) static VERBS: LazyLock<Verbs> = LazyLock::new(|| embedded(include_str!("../../data/verbs.toml")));
-/// Words that tell one thing from another of its kind.
+/// Words that distinguish objects of one kind.
 pub(crate) static ADJECTIVES: LazyLock<Adjectives> = LazyLock::new(|| embedded(include_str!("../../data/adjectives.toml")));
-/// Words for things.
+/// Words for objects.
 pub(crate) static NOUNS: LazyLock<Nouns> = LazyLock::new(|| embedded(include_str!("../../data/nouns.toml")));
 /// Conjunctions, locative and excluding phrases.
 pub(crate) static PHRASES: LazyLock<Joints> = LazyLock::new(|| embedded(include_str!("../../data/phrases.toml")));
@@ -44,15 +44,15 @@ pub(super) struct Verbs {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Adjectives {
-    /// They say little.
+    /// Words with little content.
     pub(super) fluff: Words,
     /// Shape and material.
     pub(super) soft: Words,
-    /// Directions of the compass: no image shows them.
+    /// Compass directions: no image shows them.
     pub(super) compass: Words,
     /// Ordinals; −1 is the last.
     pub(super) ordinals: BTreeMap<String, i32>,
-    /// The plain colour of each.
+    /// The basic colour of each.
     pub(crate) colours: Forms,
     /// Size, height and distance.
     pub(super) sizes: Phrases<Size>,
@@ -76,21 +76,21 @@ pub(crate) struct Nouns {
     pub(super) people: Words,
     /// Clothes.
     pub(super) clothes: Words,
-    /// Parts that a thing has and that a scene does not list.
+    /// Parts of objects that scenes do not list.
     pub(super) features: Words,
-    /// Verbs in a form that describes what stands before, besides all that end in "ing".
+    /// Participles that describe the preceding noun, besides all words that end in "ing".
     pub(super) participles: Words,
-    /// What is flown through.
+    /// Nouns for objects to fly through.
     pub(crate) openings: Words,
     /// Objects taller than a house.
     pub(crate) large: Words,
     /// Words after which the head of a name does not follow.
     pub(super) placing: Words,
-    /// Groups for the same thing.
+    /// Groups of words for the same object.
     pub(crate) synonyms: Vec<Words>,
-    /// What a general word takes in.
+    /// The nouns that a general word includes.
     pub(crate) hypernyms: BTreeMap<String, Words>,
-    /// What things serve for, as stems.
+    /// Uses of objects, as stems.
     pub(super) uses: BTreeMap<String, Words>,
 }
 
@@ -115,7 +115,7 @@ pub(crate) struct Joints {
     /// Phrases that exclude what follows.
     #[serde(deserialize_with = "list")]
     pub(super) forbidding: Phrases,
-    /// Words between a negation and what is to be avoided.
+    /// Words between a negation and the object to avoid.
     pub(super) harm: Words,
     /// A verb after one of these belongs to a description.
     pub(super) subordinating: Words,
@@ -137,16 +137,16 @@ pub(crate) struct Joints {
     pub(crate) question_starts: Vec<String>,
     /// Suffixes of questions, in the order in which they are removed.
     pub(crate) question_ends: Vec<String>,
-    /// Where one may fly or turn without a thing to fly to.
+    /// Directions for flying or turning without a target.
     pub(super) directions: Words,
-    /// Verbs of moving and turning that name no thing to go to.
+    /// Verbs of moving and turning that name no target.
     pub(super) turning: Words,
     /// Measures of such a motion.
     pub(super) measures: Words,
-    /// Phrases that say that several targets are flown to in turn.
+    /// Phrases that express a sequence of several targets.
     #[serde(deserialize_with = "list")]
     pub(super) in_turn: Phrases,
-    /// How something is to be done, in one word.
+    /// Single words of manner.
     pub(super) manners: Words,
     /// Units of length.
     pub(super) lengths: Words,
@@ -154,16 +154,16 @@ pub(crate) struct Joints {
     pub(super) extents: Words,
     /// Numbers without a value.
     pub(super) quantities: Words,
-    /// What the drone does at a target anyway.
+    /// Actions that the drone performs at a target anyway.
     pub(super) anyway: Words,
-    /// A question or another order begins so after a comma.
+    /// Beginnings of a question or another instruction after a comma.
     #[serde(deserialize_with = "list")]
     pub(super) asking: Phrases,
     /// Between a noun and its number.
     pub(super) numbering: Words,
-    /// Verbs of what is not flown.
+    /// Verbs of actions other than flying.
     pub(super) other_orders: Words,
-    /// Of persons: a noun, and not any thing.
+    /// For people: a noun that cannot mean an object.
     pub(super) somebody: Words,
     /// One object to another.
     pub(super) relations: Phrases<Relation>,
@@ -199,7 +199,7 @@ pub(super) struct Spelling {
 mod tests {
     use super::*;
 
-    /// The first line of what is said against a file with a line more at its top.
+    /// The first line of the error for a file with an additional line at its top.
     fn refused<T: DeserializeOwned>(text: &str, more: &str) -> String {
         toml::from_str::<T>(&format!("{more}\n{text}")).err().map(|e| e.message().to_owned()).unwrap_or_default()
     }

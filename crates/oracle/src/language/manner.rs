@@ -1,17 +1,16 @@
-//! How often, how far and in which order something is to be done: recognised, so that it becomes no part of a name, but not
-//! carried out.
+//! Words of manner, number and order: recognised, so that they do not become part of a name, but not carried out.
 
 use super::lexicon::PHRASES;
 use super::motion::measured;
 use super::turns::CARDINALS;
 
-/// Number of words at the start that say "each in turn"; zero if there are none.
+/// Number of words at the start that mean "each in turn"; zero if there are none.
 pub(crate) fn in_turn(words: &[String]) -> usize {
     PHRASES.in_turn.length(words).unwrap_or(0)
 }
 
-/// Number of words at the start that say how often or how far ("twice", "three times", "10 metres high"); zero if there are
-/// none.
+/// Number of words at the start that state how often or how far ("twice", "three times", "10 metres high"); zero if
+/// there are none.
 pub(crate) fn amount(words: &[String]) -> usize {
     let word = |at: usize| words.get(at).map_or("", String::as_str);
     let first = word(0);

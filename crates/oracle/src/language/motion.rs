@@ -1,10 +1,10 @@
-//! Orders to move in a direction or by a distance: they name no thing, and no image shows where they end.
+//! Instructions to move in a direction or by a distance: they name no object, and no image shows where they end.
 
 use super::lexicon::{ADJECTIVES, PHRASES};
 use super::pieces::filler;
 use super::verbs::starts_verb;
 
-/// Whether the words ask for nothing but a motion: "fly north 20 metres", "go up a bit", "turn left".
+/// Whether the words describe a motion only: "fly north 20 metres", "go up a bit", "turn left".
 pub(super) fn is_motion(words: &[String]) -> bool {
     let motion = |word: &str| PHRASES.directions.contains(word) || ADJECTIVES.compass.contains(word);
     let measure = |word: &str| PHRASES.measures.contains(word) || measured(word);
@@ -15,7 +15,7 @@ pub(super) fn is_motion(words: &[String]) -> bool {
         let little = PHRASES.determiners.contains(word) || PHRASES.lead_in.contains(word);
         motion(word) || measure(word) || verb(word) || little
     });
-    // "Fly 20 metres" says how far, though not where.
+    // "Fly 20 metres" states how far, though not where.
     let far = spoken.iter().any(|word| PHRASES.measures.contains(word)) && spoken.iter().any(|word| measured(word));
     all && (commanded || far)
 }

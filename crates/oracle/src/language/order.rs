@@ -18,7 +18,7 @@ pub(super) fn on_side(side: Side, found: Vec<usize>, items: &[Item<'_>]) -> Vec<
     rank(size, &found, items).map_or(found, |i| vec![i])
 }
 
-/// Those whose tags say that they are of the size asked for; all where none says so.
+/// Those whose tags state the requested size; all if none do.
 pub(super) fn of_size(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     let words = phrase.sizes.iter().filter(|_| !phrase.superlative).filter_map(|size| ADJECTIVES.qualities.get(size));
     words.fold(found, |found, words| {
@@ -28,8 +28,8 @@ pub(super) fn of_size(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) ->
     })
 }
 
-/// Narrows by size and place. A superlative and words of place take the one that has most of it; "tall" by itself takes
-/// those whose tags say so, and all where none says so.
+/// Narrows by size and position. Superlatives and words of position select the extreme; "tall" by itself selects those
+/// whose tags state it, and all if none do.
 pub(super) fn ranked(phrase: &Phrase, found: Vec<usize>, items: &[Item<'_>]) -> Vec<usize> {
     let mut found = found;
     for &size in &phrase.sizes {

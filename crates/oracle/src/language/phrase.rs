@@ -102,7 +102,7 @@ impl Phrase {
         phrase
     }
 
-    /// Takes on what an apposition says: "the second cone, *the one further away*".
+    /// Adds the content of an apposition: "the second cone, *the one further away*".
     fn narrow(&mut self, of: Self) {
         if !of.sizes.is_empty() || of.ordinal.is_some() {
             (self.ordinal, self.sizes, self.superlative) = (of.ordinal, of.sizes, of.superlative);
@@ -223,8 +223,8 @@ impl Phrase {
         }
     }
 
-    /// Whether the words go on with what the thing does: "*waving* at me", "*sat* on the bench". Before another noun such a word is
-    /// part of a name: "swimming pool".
+    /// Whether the words continue with an activity of the object: "*waving* at me", "*sat* on the bench". Before
+    /// another noun such a word is part of a name: "swimming pool".
     fn is_described_by(&self, words: &[String]) -> bool {
         let word = words[0].as_str();
         let form = NOUNS.participles.contains(word) || (word.len() > 4 && word.ends_with("ing") && !is_thing(&singular(word)));
@@ -235,7 +235,7 @@ impl Phrase {
             && (person() || words.get(1).is_none_or(|next| ends_description(next) || ARTICLES.contains(&next.as_str())))
     }
 
-    /// Takes in one word; true when it is a head that names nothing.
+    /// Adds one word; true if it is a head that names nothing.
     fn word(&mut self, rest: &[String]) -> bool {
         let word = rest[0].as_str();
         let plain = singular(word);
@@ -337,7 +337,7 @@ impl Phrase {
         let Some(first) = words.first().map(String::as_str) else { return };
         let negated = matches!(first, "not" | "isnt" | "arent" | "wasnt");
         let rest = if negated { &words[1..] } else { words };
-        // "which is a car": after the copula an article leads in another noun.
+        // "which is a car": after the copula an article introduces another noun.
         let copula = stripped && words.first().is_some_and(|w| matches!(w.as_str(), "a" | "an" | "the"));
         let head = rest.iter().map(String::as_str).find(|w| !PHRASES.determiners.contains(w) && !ADJECTIVES.fluff.contains(w));
         let descriptive = head.is_some_and(is_adjective)
@@ -354,7 +354,7 @@ impl Phrase {
         } else if descriptive && !matches!(first, "with" | "used" | "for" | "has" | "having" | "made" | "to") {
             self.take(rest, depth + 1);
         } else {
-            // "Somewhere to sit near the fountain": the place is no use.
+            // "Somewhere to sit near the fountain": the place is not part of the use.
             let beside = (1..rest.len()).find(|&at| place(&rest[at..]).is_some());
             let (rest, place) = (&rest[..beside.unwrap_or(rest.len())], beside.and_then(|at| place(&rest[at..])));
             if let Some((relation, anchor)) = place {
@@ -375,7 +375,7 @@ impl Phrase {
                 self.with.push(with);
             }
             self.having |= holds && listed && rest.iter().any(|w| is_colour(w));
-            // "The person who needs help": words that say little elsewhere are all there is to tell one by.
+            // "The person who needs help": words with little content elsewhere are the only description here.
             if self.uses.len() == before && !self.nouns.is_empty() {
                 self.uses.extend(rest.iter().filter(|w| w.len() > 1).cloned());
             }

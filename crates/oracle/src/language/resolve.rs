@@ -25,7 +25,7 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         items.iter().enumerate().map(|(i, item)| (i, score(phrase, nouns, item.tags))).filter(|(_, score)| *score > 0).collect();
     if let Some(number) = phrase.number {
         let borne = |(i, _): &(usize, u32)| numbers(items[*i].tags);
-        // "Gate 7" of four is none of them; where nothing bears a number it says nothing.
+        // "Gate 7" matches none of four gates; if nothing has a number, the number is ignored.
         if scored.iter().any(|of| !borne(of).is_empty()) {
             scored.retain(|of| borne(of).contains(&number));
         }
@@ -42,7 +42,7 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         found = related(*relation, &anchors, found, items, phrase.ordinal.is_some() || !phrase.sizes.is_empty());
     }
     if let Some(side) = phrase.side {
-        // "The huge tree on the left" is the leftmost of those that are huge.
+        // "The huge tree on the left" is the leftmost of the huge ones.
         found = on_side(side, of_size(phrase, found, items), items);
     }
     let merely_tall = phrase.sizes.contains(&Size::Tall) && !phrase.superlative && phrase.ordinal.is_none();
@@ -58,7 +58,7 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
         };
     }
     if found.is_empty() && !phrase.with.is_empty() {
-        // "The table with the white chairs": what it has with it is a thing of its own.
+        // "The table with the white chairs": the accessory is an object of its own.
         let near = phrase.with.iter().map(|with| (Relation::Near, vec![with.clone()]));
         let relations = phrase.relations.iter().cloned().chain(near).collect();
         let beside = Phrase { with: Vec::new(), uses: Vec::new(), having: false, relations, ..phrase.clone() };
@@ -72,7 +72,7 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
     found
 }
 
-/// What is flown into where the thing itself is: its entrances, if some are known by its name, else itself.
+/// The target for flying into an object: its entrances, if some are known by its name, else the object itself.
 pub(crate) fn meant_by(verb: Verb, phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
     let found = meant(phrase, items);
     let opens = |found: &[usize]| found.iter().any(|&i| items[i].tags.opening);
@@ -83,7 +83,7 @@ pub(crate) fn meant_by(verb: Verb, phrase: &Phrase, items: &[Item<'_>]) -> Vec<u
     entrances(phrase).map(|entrance| meant(&entrance, items)).find(|entrance| opens(entrance)).unwrap_or(found)
 }
 
-/// The phrase for the openings that one goes into it by: "the entrance of the cafe".
+/// The phrase for the openings that lead into it: "the entrance of the cafe".
 pub(crate) fn entrances(phrase: &Phrase) -> impl Iterator<Item = Phrase> {
     let by = |opening: &&str| {
         let nouns = phrase.nouns.iter().cloned().chain([(*opening).to_owned()]).collect();
@@ -93,8 +93,8 @@ pub(crate) fn entrances(phrase: &Phrase) -> impl Iterator<Item = Phrase> {
     ["entrance", "doorway", "mouth", "opening"].iter().filter(move |_| named).map(by)
 }
 
-/// Whether the words hold a name of the object that is a whole description: "person in the dark", "engine of the train". Taken
-/// apart, such a name would ask for an object called "dark".
+/// Whether the words contain a name of the object that is a complete description: "person in the dark", "engine of the
+/// train". Parsed in parts, such a name would require an object called "dark".
 fn described(written: &[String], tags: &Tagged) -> bool {
     let place = |w: &String| NOUNS.placing.contains(w);
     tags.names.iter().chain(&tags.synonyms).any(|name| {
@@ -116,7 +116,7 @@ fn barred(not: &Phrase, nouns: &[String], found: &[usize], items: &[Item<'_>], d
     if not.ordinal.is_some() || !not.sizes.is_empty() || !not.relations.is_empty() || not.side.is_some() {
         return meant_within(&not, items, depth + 1);
     }
-    // Compared among the candidates only: those that it matches best.
+    // Compared among the candidates only: the best matches count.
     let scores: Vec<u32> = found
         .iter()
         .map(|&i| if score(&not, &not.nouns, items[i].tags) > 0 { named(&not.nouns, items[i].tags) } else { 0 })

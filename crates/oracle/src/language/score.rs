@@ -70,7 +70,7 @@ pub(super) fn score(phrase: &Phrase, nouns: &[String], tags: &Tagged) -> u32 {
     if !phrase.musts.iter().all(holds) {
         return 0;
     }
-    // "A glass tower": matter may be part of the name.
+    // "A glass tower": the material may be part of the name.
     let whole: Vec<String> = phrase.soft.iter().chain(nouns).cloned().collect();
     let named = named(nouns, tags).max(if nouns.is_empty() { 0 } else { named(&whole, tags) });
     // A red and white mast is not a white needle, however similar mast and needle are.
@@ -171,7 +171,7 @@ fn joined(words: &[String]) -> String {
     words.concat()
 }
 
-/// How many of the words say what the object serves for; with `named`, or what it is like: "somebody who is hurt".
+/// Number of words that match the object's use; with `named`, also its qualities: "somebody who is hurt".
 fn used(uses: &[String], tags: &Tagged, named: bool) -> u32 {
     let mut own: Vec<String> = tags
         .uses
@@ -205,7 +205,7 @@ pub(crate) fn knows(tags: &Tagged, word: &String) -> bool {
     words_of(tags).contains(word)
 }
 
-/// The numbers that an object bears in its names: "room 102", "gate two", "first gate".
+/// The numbers in an object's names: "room 102", "gate two", "first gate".
 pub(super) fn numbers(tags: &Tagged) -> Vec<u32> {
     let number = |word: String| {
         let cardinal = CARDINALS.iter().position(|c| *c == word).map(|at| at + 1);

@@ -31,7 +31,7 @@ impl Words<'_> {
             return noun.to_owned();
         }
         let near = spelling::nearest(noun, self.scene.iter().map(String::as_str).filter(|word| word.len() > 2));
-        // "The hanger" where there is a hangar, for all that it is a word.
+        // "The hanger" in a scene with a hangar, although it is an English word.
         if is_known(noun) || is_right(noun) {
             let one_letter =
                 |near: &&str| noun.len() > 5 && near.as_bytes()[0] == noun.as_bytes()[0] && spelling::distance(noun, near) == 1;
@@ -39,7 +39,7 @@ impl Words<'_> {
         }
         match near {
             Some(near) if spelling::distance(noun, near) <= slips(noun, near) => near.to_owned(),
-            // "Glas" lost its last letter for a plural.
+            // "Glas" lost its last letter as if it were a plural.
             Some(near) if spelling::distance(&format!("{noun}s"), near) <= spelling::forgiven(noun.len() + 1) => near.to_owned(),
             _ => general_noun(noun),
         }
@@ -78,7 +78,7 @@ impl Words<'_> {
                 phrase.relations.push((relation, anchors));
             }
         }
-        // What nothing here is said to do tells nothing of anything here.
+        // An activity that no tag mentions does not distinguish objects.
         let forms: BTreeSet<String> = match phrase.musts.is_empty() {
             true => BTreeSet::new(),
             false => self.scene.iter().flat_map(|word| stems(word)).collect(),
@@ -89,7 +89,8 @@ impl Words<'_> {
     }
 }
 
-/// Edits forgiven between a word nobody knows and a tag: one more than elsewhere when it starts alike and neither is short.
+/// Number of edits allowed between an unknown word and a tag: one more than elsewhere if both start alike and neither
+/// is short.
 fn slips(word: &str, tag: &str) -> usize {
     let alike = tag.len() > 4 && (5..7).contains(&word.len()) && word.bytes().next() == tag.bytes().next();
     spelling::forgiven(word.len()) + usize::from(alike)

@@ -118,7 +118,7 @@ pub(super) fn list<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Phrases
 pub(crate) struct Forms(BTreeMap<String, String>);
 
 impl Forms {
-    /// The plain word that this one counts as.
+    /// The basic form of this word.
     pub(crate) fn plain(&self, word: &str) -> Option<&str> {
         self.0.get(word).map(String::as_str)
     }
@@ -152,12 +152,12 @@ impl<'de> Deserialize<'de> for Forms {
     }
 }
 
-/// Phrases and the one word that each counts as.
+/// Phrases, and the single word that each stands for.
 #[derive(Debug)]
 pub(super) struct Compounds(Vec<(Vec<String>, String)>);
 
 impl Compounds {
-    /// The longest phrase that `words` start with: how many words it has, and the word it counts as.
+    /// The longest phrase at the start of `words`: its number of words, and the word that it stands for.
     pub(super) fn longest(&self, words: &[&str]) -> Option<(usize, &str)> {
         let starts = |phrase: &[String]| phrase.len() <= words.len() && phrase.iter().zip(words).all(|(part, word)| part == word);
         let longest = self.0.iter().filter(|(phrase, _)| starts(phrase)).max_by_key(|(phrase, _)| phrase.len());
@@ -165,7 +165,7 @@ impl Compounds {
     }
 }
 
-/// From lists of phrases by the plain word.
+/// From lists of phrases by word.
 impl<'de> Deserialize<'de> for Compounds {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let mut known = BTreeMap::new();
@@ -185,7 +185,7 @@ impl<'de> Deserialize<'de> for Compounds {
     }
 }
 
-/// Refuses what no instruction can hold: its words are lower case with one space between.
+/// Rejects phrases that no instruction can contain: words must be lower case, with single spaces between them.
 fn check(phrase: &str) -> Result<(), String> {
     let usable = |word: &str| !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() && !c.is_uppercase());
     if phrase.split(' ').all(usable) {

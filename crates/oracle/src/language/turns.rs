@@ -1,10 +1,10 @@
-//! Turns of phrase that tell one thing from another: clothes, numbers, appositions, and where a noun phrase ends.
+//! Expressions that distinguish objects: clothes, numbers, appositions, and the end of a noun phrase.
 
 use super::lex::{is_thing, singular};
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES};
 use super::meaning::Relation;
 
-/// "in the blue coat", "wearing red": how many words, and the plain colour.
+/// "in the blue coat", "wearing red": number of words, and the basic colour.
 pub(super) fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
     if !matches!(words[0].as_str(), "in" | "wearing" | "with" | "dressed") {
         return None;
@@ -30,14 +30,14 @@ pub(super) fn apposition(words: &[String]) -> (&[String], Option<&[String]>) {
         let one = rest.iter().take(5).take_while(|w| *w != ",").any(|w| w == "one");
         words[*at] == "," && *at > 0 && matches!(rest.first().map(String::as_str), Some("the" | "that")) && one
     };
-    // "Not the red one, the blue one": what is no more than an exception goes before.
+    // "Not the red one, the blue one": an exclusion stays before the split.
     match (0..words.len()).find(begins) {
         Some(at) => (&words[..at], Some(&words[at + 1..])),
         None => (words, None),
     }
 }
 
-/// "2", "nr 2", "two": how many words, and the number. Where no noun stands before, a word must say that a number follows.
+/// "2", "nr 2", "two": number of words, and the number. If no noun precedes it, a word must announce the number.
 pub(super) fn number(words: &[String], first: bool) -> Option<(usize, u32)> {
     let lead = words.iter().take_while(|w| PHRASES.numbering.contains(w)).count();
     let word = words.get(lead)?;
@@ -50,14 +50,15 @@ pub(super) fn number(words: &[String], first: bool) -> Option<(usize, u32)> {
 /// Numbers as words, from one.
 pub(super) const CARDINALS: [&str; 10] = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"];
 
-/// Whether a word right after "somebody" tells of them: "someone *I could ask*", and not "somebody *in red*" or "someone *near*".
+/// Whether a word right after "somebody" begins a relative clause: "someone *I could ask*", and not "somebody *in red*"
+/// or "someone *near*".
 pub(super) fn describes_person(words: &[String], at: usize) -> bool {
     let (before, word) = (at.checked_sub(1).map(|at| words[at].as_str()), words[at].as_str());
     let explicit = matches!(word, "i" | "we" | "you" | "they" | "he" | "she" | "can" | "could" | "to" | "has" | "needs" | "need");
     before.is_some_and(|word| PHRASES.somebody.contains(word)) && explicit
 }
 
-/// "With a bottle *on it*": where that begins.
+/// "With a bottle *on it*": start of the closing preposition.
 pub(super) fn beside_it(words: &[String]) -> Option<usize> {
     let end = words.iter().position(|w| matches!(w.as_str(), "," | ".")).unwrap_or(words.len());
     let at = (2..end.saturating_sub(1)).find(|&at| matches!(words[at + 1].as_str(), "it" | "them" | "him"))?;
@@ -65,7 +66,7 @@ pub(super) fn beside_it(words: &[String]) -> Option<usize> {
         .then_some(at)
 }
 
-/// A relation to something with an article that a place is told by: "near the fountain", and what it is near.
+/// A relation to an object with an article that describes a place: "near the fountain"; returns the anchor.
 pub(super) fn place(words: &[String]) -> Option<(Relation, &[String])> {
     let (n, relation) = PHRASES.relations.longest(words)?;
     let explicit = n > 1 || matches!(words[0].as_str(), "near" | "beside" | "behind" | "opposite");
@@ -77,10 +78,10 @@ pub(super) fn place(words: &[String]) -> Option<(Relation, &[String])> {
     (explicit && article && beside).then_some((relation, &words[n..]))
 }
 
-/// They lead in a noun.
+/// Words that introduce a noun.
 pub(super) const ARTICLES: [&str; 9] = ["the", "a", "an", "this", "that", "some", "his", "her", "my"];
 
-/// What a word that describes a thing stands before, other than a noun.
+/// Words, other than nouns, that may follow a descriptive word.
 pub(super) fn ends_description(next: &str) -> bool {
     ends_phrase(Some(next))
         || matches!(next, "at" | "up" | "down" | "over" | "around" | "about" | "along" | "to" | "out" | "off" | "away" | "into")
@@ -108,7 +109,7 @@ pub(super) fn is_adjective(word: &str) -> bool {
         || ADJECTIVES.fluff.contains(word)
 }
 
-/// Whether some word may be a noun.
+/// Whether one of the words may be a noun.
 pub(super) fn has_noun(words: &[String]) -> bool {
     words.iter().any(|w| {
         let w = w.as_str();
@@ -118,7 +119,7 @@ pub(super) fn has_noun(words: &[String]) -> bool {
     })
 }
 
-/// Whether the words say no more than "the city", "the image".
+/// Whether the words mean only the whole scene or image: "the city", "the image".
 pub(super) fn surroundings(words: &[String]) -> bool {
     words
         .iter()

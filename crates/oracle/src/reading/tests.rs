@@ -75,7 +75,7 @@ fn a_word_that_nobody_knows_is_passed_over_beside_a_thing_and_named() {
         assert!(reading.is_understood(), "{message}: {reading:?}");
         assert_eq!((&reading.steps[0].candidates, ignored(&reading)), (&vec![object], vec![passed_over.to_owned()]), "{message}");
     }
-    // What excludes is not passed over: a colour, a name, and what is known to be something else.
+    // Exclusions are kept: a colour, a name, and words known to mean something else.
     for message in ["fly to the wonky green crane", "fly to the Hilton church", "go to the police car"] {
         assert!(read(message).steps[0].candidates.is_empty(), "{message}: {:?}", read(message));
     }
@@ -95,7 +95,7 @@ fn a_look_around_needs_no_target() {
     assert!(reading.is_understood() && reading.steps[0].verb == Verb::Scan && reading.steps[0].target.is_empty());
 }
 
-/// What is read in a scene with persons and with things that bear numbers: steps as verb and candidates.
+/// The reading in a scene with people and numbered objects: steps as verb and candidates.
 fn steps(instruction: &str) -> Vec<(Verb, Vec<u16>)> {
     let mut tags = vec![
         tagged(1, &["person", "man"], Some("red"), "person"),
@@ -200,7 +200,7 @@ fn what_asks_for_no_flight_ends_at_once() {
     ] {
         assert!(!read(message).is_understood(), "{message}: {:?}", read(message));
     }
-    // What is not here is searched for all the same.
+    // An absent target is searched for.
     for message in
         ["is there a bicycle anywhere? go to it", "fly to the windmill", "find me a printer", "somewhere to pray", "hotel"]
     {
@@ -225,7 +225,7 @@ proptest::proptest! {
         for step in &reading.steps {
             proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
         }
-        // It is the same however often it is read.
+        // The result is the same on every call.
         proptest::prop_assert_eq!(&reading, &read(&words.join(" ")));
     }
 }
