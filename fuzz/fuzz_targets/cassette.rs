@@ -1,4 +1,4 @@
-//! Any text as a recording of answers: refused by its line, or a stand-in that answers without end.
+//! Any text as a recording of answers: rejected with its line, or a stand-in that answers without end.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

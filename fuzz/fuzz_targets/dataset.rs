@@ -1,4 +1,5 @@
-//! Any text as the file of a dataset of pictures, in every form that is told apart by its name: items or an error that names the file.
+//! Any text as the file of an image dataset, in every format that is recognised by its name: items or an error that
+//! names the file.
 #![no_main]
 
 use std::fs;
@@ -9,7 +10,7 @@ use libfuzzer_sys::fuzz_target;
 use spf_bench::ground::source::open;
 use spf_media::{Jpeg, Rgb};
 
-/// A folder of this process with one picture of 8×6 pixels in it, `a.jpg`.
+/// A folder of this process that contains one image of 8×6 pixels, `a.jpg`.
 static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = std::env::temp_dir().join(format!("spf-fuzz-dataset-{}", std::process::id()));
     fs::create_dir_all(&folder).expect("a temporary folder can be made");

@@ -1,4 +1,4 @@
-//! Any text as a list of detections, any numbers as a network's output: no panic, and boxes that lie in the picture.
+//! Any text as a list of detections, any numbers as a network's output: no panic, and boxes inside the image.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

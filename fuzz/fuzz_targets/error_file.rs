@@ -1,4 +1,4 @@
-//! Any text as the oracle's error file: read or refused, never a panic.
+//! Any text as the oracle's error file: parsed or rejected, never a panic.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Any text as operator events: read or refused, in bounded memory, and never a velocity that is no number.
+//! Any text as operator events: parsed or rejected, in bounded memory, and never a velocity that is not a number.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -6,6 +6,6 @@ use spf_flight::world::Script;
 
 fuzz_target!(|text: &str| {
     let script = Script::from_toml(text);
-    // TOML writes it `nan`; an instruction may say what it likes.
+    // TOML writes it as `nan`; an instruction may contain it.
     assert!(text.contains("NaN") || !format!("{script:?}").contains("NaN"));
 });

@@ -1,4 +1,4 @@
-//! Any bytes as a geofence: read or refused, and what was read writes and reads back the same.
+//! Any bytes as a geofence: parsed or rejected, and a parsed one is written and parsed again unchanged.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

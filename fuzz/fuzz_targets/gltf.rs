@@ -1,4 +1,4 @@
-//! Any bytes as a model: read or refused, and what was read can be stood in and touched.
+//! Any bytes as a model: parsed or rejected, and collisions in a parsed one can be computed.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

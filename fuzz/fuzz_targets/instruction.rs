@@ -1,4 +1,5 @@
-//! Any text as an instruction to the oracle: read in a scene, with candidates out of that scene alone, and alike every time.
+//! Any text as an instruction to the oracle: read in a scene, with candidates from that scene only, and equally every
+//! time.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -19,7 +20,7 @@ fuzz_target!(|text: &str| {
     let reading = read_instruction(text, &objects, None);
     assert!(reading.steps.iter().flat_map(|step| &step.candidates).all(|id| (1..=3).contains(id)));
     assert_eq!(reading, read_instruction(text, &objects, None));
-    // What is quoted to the user stands in the text, but for its white space.
+    // Words quoted to the user are in the text, except for white space.
     let words = text.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(unread(text, &objects, None).iter().all(|part| !part.is_empty() && words.contains(part.as_str())));
     let truth = resolve_truth(text, &objects, None);

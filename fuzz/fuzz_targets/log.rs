@@ -1,4 +1,4 @@
-//! Any bytes as a flight log: read to an error or the end, and what was read can be written again and is then whole.
+//! Any bytes as a flight log: read to an error or the end, and the messages read can be written to a complete log.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

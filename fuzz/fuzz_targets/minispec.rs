@@ -1,4 +1,4 @@
-//! Any text, in any two pieces: the same program as in one, no panic, and a run of it that ends.
+//! Any text, in any two pieces: the same program as in one piece, no panic, and a run that ends.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -6,7 +6,7 @@ use spf_baselines::typefly::minispec::{
     Block, Machine, Precedence, ProgramStream, Progress, Skills, Value, parse_body, parse_program,
 };
 
-/// Two skills, one of them in the language.
+/// Two skills, one of them written in the language.
 struct Few(Block);
 
 impl Skills for Few {

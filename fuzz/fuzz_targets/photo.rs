@@ -1,4 +1,4 @@
-//! Any bytes as a photo and as a video: a picture of bounded size, or an error.
+//! Any bytes as a photo and as a video: an image of bounded size, or an error.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,5 @@
-//! Any text, cut anywhere: no panic, nothing out of range, the same reply whole and in chunks, and what is read writes back.
+//! Any text, split anywhere: no panic, nothing out of range, the same reply whole and in chunks, and a parsed reply can
+//! be written again.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -26,8 +27,8 @@ fuzz_target!(|data: &[u8]| {
     assert_eq!(stream.finish(), whole);
     if let Ok(reply) = whole {
         check(&reply);
-        // Written and read again it is the same, but for the rounding of coordinates, which may turn a point near the corner
-        // into one that looks like a share.
+        // Written and parsed again it is the same except for the rounding of coordinates, which may turn a point near
+        // the corner into one that looks like fractions.
         if let Ok(again) = parse_reply(&reply.to_json(&profile, true), &profile, avoid) {
             assert_eq!((again.status, again.look, again.stage, again.depth), (reply.status, reply.look, reply.stage, reply.depth));
             assert_eq!(again.target, reply.target);

@@ -1,4 +1,4 @@
-//! Any text as rows of a bench's results: refused, or read, and then written and read again the same.
+//! Any text as rows of a bench's results: rejected, or parsed, and then written and parsed again unchanged.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,5 +1,5 @@
-//! Any text as a scene and as a variant of one: read or refused with its place, and what was read can be stood in, within what
-//! ids can count.
+//! Any text as a scene and as a variant of one: parsed or rejected with its position; a parsed scene is usable and its
+//! ids are within range.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

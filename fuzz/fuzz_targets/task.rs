@@ -1,4 +1,4 @@
-//! Any text as a task of the bench: read or refused with its place, and what was read has goals within bounds.
+//! Any text as a task of the bench: parsed or rejected with its position; a parsed task has goals within bounds.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Any bytes as what a Tello and its clients send each other: read or refused, never a panic.
+//! Any bytes as a message between a Tello and its clients: parsed or rejected, never a panic.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -14,7 +14,7 @@ fuzz_target!(|bytes: &[u8]| {
     for firmware in [Firmware::V13, Firmware::V20, Firmware::V30] {
         let _ = parse(bytes, firmware);
     }
-    // The first byte says how long datagrams are.
+    // The first byte sets the length of datagrams.
     let mut joiner = Joiner::default();
     let mut units = Vec::new();
     let length = bytes.first().map_or(1, |byte| 6 * usize::from(*byte) + 1);

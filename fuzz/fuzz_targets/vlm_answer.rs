@@ -1,4 +1,5 @@
-//! Any bytes as a vendor's answer, of any wire, streamed or whole: text or a named error, and never more than is allowed.
+//! Any bytes as a vendor's answer, in any wire format, streamed or whole: text or a named error, and never more than
+//! the limit.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
@@ -20,7 +21,7 @@ fuzz_target!(|data: &[u8]| {
     if choice & 4 == 0 {
         take(rest);
     } else {
-        // However a stream is cut, its events are the same.
+        // The events of a stream do not depend on how it is split.
         let size = usize::from(choice >> 3) + 1;
         let mut events = Events::default();
         let mut pieces: Vec<String> = rest.chunks(size).flat_map(|piece| events.push(piece)).collect();

@@ -1,4 +1,4 @@
-//! Any text as rows of models, and any text as the name of one: an error with a reason, or a model that can be asked.
+//! Any text as rows of models, and any text as the name of one: an error with a reason, or a model that can be queried.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

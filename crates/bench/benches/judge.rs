@@ -1,6 +1,7 @@
-//! The judge over the way that a task's file says it must accept, on rails: five looks a second of flight.
+//! The judge on the path that a task's file declares as accepted, without a craft: five evaluations per second of
+//! flight.
 //!
-//! `cargo bench -p spf-bench`; loading the scene is apart.
+//! `cargo bench -p spf-bench`; loading the scene is not included.
 
 use std::sync::Arc;
 
@@ -9,7 +10,7 @@ use spf_bench::judge::judge_trajectory;
 use spf_bench::task::shipped;
 use spf_flight::sim::LoadedScene;
 
-/// Comes up to a thing, passes several, and keeps beside one that walks.
+/// Approaches an object, passes several, and stays beside one that walks.
 #[divan::bench(args = ["sim-nav-black-car", "real-long-cones", "real-follow-green-shirt"])]
 fn accepted(bencher: Bencher<'_, '_>, task: &str) {
     let task = shipped(task).expect("it can be read").expect("it is shipped");

@@ -1,4 +1,4 @@
-//! What the envelope costs a control tick (`docs/reference/performance.md`).
+//! Cost of the envelope per control tick (`docs/reference/performance.md`).
 
 use divan::{Bencher, black_box};
 use spf_core::command::Setpoint;
@@ -14,7 +14,7 @@ fn main() {
     divan::main();
 }
 
-/// A fence with `corners` on a circle of 50 m; none for 0.
+/// A fence with `corners` on a circle of 50 m; `None` for 0.
 fn fence(corners: u32) -> Option<Geofence> {
     let point = |i: u32| {
         let angle = core::f64::consts::TAU * f64::from(i % corners) / f64::from(corners);

@@ -1,4 +1,4 @@
-//! One tick of the executor, as it flies, and what the estimator adds to it. `cargo bench -p spf-core --bench executor`
+//! One tick of the executor in flight, and the cost that the estimator adds. `cargo bench -p spf-core --bench executor`
 
 use divan::{Bencher, black_box};
 use spf_core::craft::Craft;
@@ -20,7 +20,7 @@ const CASES: [(Motion, Ending); 4] = [
     (Motion::Blended, Ending::Measured),
 ];
 
-/// A craft on its way, 2.2 m/s and turning, with a bit of everything still to do.
+/// A craft in motion, at 2.2 m/s and turning, with some error left on every axis.
 fn on_the_way() -> Known {
     Known {
         position: EnuPosition { east: 0.2, north: 1.0, up: 0.1 },
@@ -51,7 +51,7 @@ fn twenty_ticks(bencher: Bencher<'_, '_>, (motion, ending): (Motion, Ending)) {
         });
 }
 
-/// Twenty ticks where the fitting fraction of a setpoint has to be found each time: 5 cm are left.
+/// Twenty ticks in each of which the matching fraction of a setpoint has to be found: 5 cm are left.
 #[divan::bench(args = [Motion::Sequential, Motion::Blended])]
 fn twenty_last_ticks(bencher: Bencher<'_, '_>, motion: Motion) {
     let known = Known { velocity: EnuVelocity { north: 0.3, ..EnuVelocity::default() }, ..Known::default() };
@@ -72,7 +72,7 @@ fn twenty_last_ticks(bencher: Bencher<'_, '_>, motion: Motion) {
         });
 }
 
-/// One report of a Tello and one question about now.
+/// One report of a Tello and one query for the current motion.
 #[divan::bench]
 fn observe_and_ask(bencher: Bencher<'_, '_>) {
     let mut estimator = MotionEstimator::new(&Craft::tello(), Senses::tello());

@@ -1,4 +1,4 @@
-//! One tick of pilot, executor and envelope, as it flies. `cargo bench -p spf-core --bench pilot`
+//! One tick of pilot, executor and envelope in flight. `cargo bench -p spf-core --bench pilot`
 
 use divan::{Bencher, black_box};
 use spf_core::avoid::PathShape;
@@ -50,7 +50,7 @@ fn frame(now: Time) -> Event {
     })
 }
 
-/// Polls until nothing is left to be done; true when something was commanded that moves.
+/// Polls until nothing is left to do; true if a moving command was issued.
 fn poll(pilot: &mut Pilot, now: Time) -> bool {
     let mut moves = false;
     while let Some(action) = pilot.poll(now) {
@@ -58,7 +58,7 @@ fn poll(pilot: &mut Pilot, now: Time) -> bool {
             Action::Command(cleared) => moves |= matches!(cleared.get(), Command::Setpoint(setpoint) if !setpoint.is_hold()),
             Action::Ask(query) => {
                 let text = r#"{"status":"navigating","point":[400,700],"depth":10,"target":"red crane"}"#.to_owned();
-                // The first is answered; in continuous mode the next one stays out while the craft flies.
+                // The first is answered; in continuous mode the next one stays open while the craft flies.
                 if query.id.0 == 0 {
                     pilot.handle(now, Event::Reply { id: query.id, text });
                 }
@@ -118,7 +118,7 @@ fn eight_ticks(bencher: Bencher<'_, '_>, preset: Preset) {
     });
 }
 
-/// The same with a report and a frame at every tick: what a loop of 10 Hz costs altogether.
+/// The same with a report and a frame at every tick: the total cost of a loop at 10 Hz.
 #[divan::bench(args = PRESETS)]
 fn eight_ticks_with_reports_and_frames(bencher: Bencher<'_, '_>, preset: Preset) {
     bencher.with_inputs(|| flying(preset)).bench_local_values(|(mut pilot, mut now)| {

@@ -1,4 +1,4 @@
-//! Reading a reply (the aim is under 20 µs) and checking a path against obstacles.
+//! Parsing a reply (the aim is under 20 µs) and checking a path against obstacles.
 
 use divan::{Bencher, black_box};
 use spf_core::actions::parse_actions;
@@ -54,7 +54,7 @@ fn parse_in_chunks_of_four(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// The slowest text known of the greatest length that is read: brackets that never close, each of which is tried.
+/// The slowest known text of the maximum length: brackets that never close, each of which is tried.
 #[divan::bench]
 fn refuse_hostile_64_kib(bencher: Bencher<'_, '_>) {
     let profile = GroundingProfile::default();
@@ -98,7 +98,7 @@ fn avoid_four_poles(bencher: Bencher<'_, '_>) {
     check(bencher, PathShape::Straight, &boxes);
 }
 
-/// Nothing is free, so every direction is tried.
+/// No direction is free, so every one is tried.
 #[divan::bench(args = [PathShape::Straight, PathShape::LevelThenClimb])]
 fn avoid_a_wall_of_ten(bencher: Bencher<'_, '_>, shape: PathShape) {
     let boxes: Vec<ObstacleBox> = (0..10)

@@ -4,10 +4,11 @@
 //! The paper relies on the model to choose a point clear of the boxes it reports. Models do not always do so, so the
 //! geometry is checked here. A box with its depth label is treated as a solid that starts at the near edge of the
 //! label's range interval (for the lowest label, anywhere before it) and extends without end, because its far side is
-//! unseen; a box that an image edge cuts off extends beyond that edge. The body sweeps a tube along its path. Where tube and solid come closer than the clearance, the point is
-//! shifted to the nearest free direction; failing that the step is shortened; failing that the craft holds and asks
-//! again. Obstacles are never ignored. The area outside the frame is unknown, so the craft first turns towards a path
-//! that runs along the frame's edge ([`leads_along_edge`]).
+//! unseen; a box that an image edge cuts off extends beyond that edge. The body sweeps a tube along its path. Where
+//! tube and solid come closer than the clearance, the point is shifted to the nearest free direction; failing that, the
+//! step is shortened; failing that, the craft holds and queries again. Obstacles are never ignored. The area outside
+//! the frame is unknown, so the craft first turns towards a path that runs along the frame's edge
+//! ([`leads_along_edge`]).
 
 use core::f64::consts::PI;
 
@@ -96,8 +97,8 @@ pub enum Avoidance {
         /// Index of the blocking box.
         by: usize,
     },
-    /// Hold and ask again. `by` is `None` if the step itself is invalid: a point outside the image, or a length that is
-    /// not positive.
+    /// Hold and query again. `by` is `None` if the step itself is invalid: a point outside the image, or a length that
+    /// is not positive.
     Hold {
         /// Index of the blocking box.
         by: Option<usize>,

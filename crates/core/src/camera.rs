@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(Camera::quad().project(f64::NAN, 1.0, 0.0), None);
     }
 
-    /// A barrel lens whose polynomial folds at r² = 1 / 0.9: what lies beyond must not appear inside the image.
+    /// A barrel lens whose polynomial folds at r² = 1 / 0.9: points beyond must not appear inside the image.
     #[test]
     fn folded_distortion_projects_nothing() {
         let mut camera = Camera::quad();

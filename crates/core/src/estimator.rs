@@ -99,7 +99,7 @@ const WANDER_TIME: f64 = 30.0;
 const JUMP: f64 = 10.0;
 /// Correlation time of the velocity report error, s: while the velocity is constant it is rounded the same way.
 const ERROR_TIME: f64 = 1.0;
-/// Maximum extrapolation of telemetry; after a longer silence it says nothing.
+/// Maximum extrapolation of telemetry; after a longer gap it carries no information.
 const HORIZON: Duration = Duration::from_millis(500);
 /// How long poses are kept: the age of the oldest frame that a reply may refer to.
 const MEMORY: Duration = Duration::from_secs(15);

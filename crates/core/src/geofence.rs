@@ -137,7 +137,7 @@ impl Geofence {
         self.areas.iter().map(Area::width).fold(0.0, f64::max)
     }
 
-    /// The outer rings and holes, for drawing: metres east and north, first point not repeated.
+    /// The outer rings and holes, for maps: metres east and north, first point not repeated.
     pub fn outlines(&self) -> impl Iterator<Item = &[(f64, f64)]> {
         self.areas.iter().flat_map(|a| a.rings.iter().map(Vec::as_slice))
     }

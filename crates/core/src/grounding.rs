@@ -1,8 +1,8 @@
 //! Grounding profiles: the coordinate conventions in which model families give image points.
 //!
 //! A model family points well only in the convention it was trained on (Gemini: `[y, x]` in thousandths; Qwen 3: `[x,
-//! y]` in thousandths; Claude and Qwen 2.5: pixels of the image they receive). Each is asked in its own convention, and
-//! the result is converted here once: the rest of the core uses [`ImagePoint`] and [`ImageBox`] only.
+//! y]` in thousandths; Claude and Qwen 2.5: pixels of the image they receive). Each is queried in its own convention,
+//! and the result is converted here once: the rest of the core uses [`ImagePoint`] and [`ImageBox`] only.
 
 use core::fmt::Write as _;
 

@@ -20,7 +20,7 @@ pub struct CameraDisplacement {
     pub up: f64,
 }
 
-/// Which rotations are applied between camera axes and the level body frame.
+/// The rotations applied between camera axes and the level body frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Lifting {
@@ -140,8 +140,8 @@ pub fn lower(displacement: BodyDisplacement, camera: &Camera, attitude: Attitude
     CameraDisplacement { right, forward, up }
 }
 
-/// Projects the end of a body-frame displacement into the image: the inverse of [`unproject`] and [`lift`], for drawing
-/// waypoints and corridors. The point may lie outside the image; `None` if it is not in front of the lens.
+/// Projects the end of a body-frame displacement into the image: the inverse of [`unproject`] and [`lift`], for
+/// overlaying waypoints and corridors. The point may lie outside the image; `None` if it is not in front of the lens.
 #[must_use]
 pub fn project_displacement(
     displacement: BodyDisplacement,
@@ -221,7 +221,7 @@ mod tests {
         assert_near(lift(point, &camera, attitude_deg(-9.0, 0.0), Lifting::Levelled), 0.0, 9.70, -2.42);
     }
 
-    /// Right side down by 30°: what the image shows to the right is below: 2·cos 30° = 1.73 right, −2·sin 30° = −1 up.
+    /// Right side down by 30°: a point to the right in the image is below: 2·cos 30° = 1.73 right, −2·sin 30° = −1 up.
     #[test]
     fn roll_by_hand() {
         let camera = tilted(0.0);

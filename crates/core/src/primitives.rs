@@ -74,8 +74,8 @@ impl PrimitiveKind {
 
 impl Primitives {
     /// Decomposes a displacement of the level body frame (paper §3.4): `Δθ = atan2(Sx, Sy)`, `√(Sx² + Sy²)`, `Sz`. A
-    /// purely vertical displacement does not turn. The result is never sideways or backwards: the craft turns towards
-    /// what lies behind it.
+    /// purely vertical displacement does not turn. The result is never sideways or backwards: the craft turns towards a
+    /// target behind it.
     ///
     /// ```
     /// use spf_core::geometry::BodyDisplacement;

@@ -1,4 +1,4 @@
-//! Queries: what is asked of a VLM about one frame.
+//! Queries: questions to a VLM about one frame.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub enum QueryKind {
         /// Whether obstacle boxes are requested as well (the paper's obstacle-avoidance mode).
         avoid: bool,
     },
-    /// A choice among the numbered marks drawn on the image (PIVOT).
+    /// A choice among the numbered marks overlaid on the image (PIVOT).
     Choose,
     /// Text actions (the plain-text baseline).
     Act {
@@ -68,7 +68,7 @@ impl ActForm {
     }
 }
 
-/// A mark to be drawn on the image before it is sent. Coordinates are [`ImagePoint`]s.
+/// A mark to be overlaid on the image before it is sent. Coordinates are [`ImagePoint`]s.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Mark {
@@ -190,7 +190,7 @@ pub struct Query {
     pub memory: Memory,
     /// The whole text sent to the VLM.
     pub prompt: String,
-    /// Marks to draw on the image.
+    /// Marks to overlay on the image.
     pub marks: Vec<Mark>,
     /// Detections, one per line, that a `Program` or `Question` query refers to, or that a `Point` query must keep
     /// clear of.

@@ -1,7 +1,7 @@
 //! Randomness that depends only on a seed and a key.
 //!
-//! Every draw is named by its purpose (a stream) and its instance (frame, object, query), so that an extra query never
-//! changes the result of another, and the order of evaluation does not matter.
+//! Every random value is identified by its purpose (a stream) and its instance (frame, object, query), so that an extra
+//! query never changes the result of another, and the order of evaluation does not matter.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,4 +1,4 @@
-//! Pre- and postprocessing: the input made from a frame, and the boxes made from the output.
+//! Pre- and postprocessing: from a frame to the input, and from the output to boxes.
 
 use divan::{Bencher, black_box};
 use spf_detect::decode::{Candidate, Layout, suppress};
@@ -13,7 +13,7 @@ fn main() {
     divan::main();
 }
 
-/// An output in which every twentieth cell is sure of something, as around a few things.
+/// An output in which every twentieth cell has a confident detection, as around a few objects.
 fn output() -> Vec<f32> {
     let value = |row: usize, cell: usize| match row {
         0 => (cell * 37 % 640) as f32,

@@ -1,4 +1,5 @@
-//! What a model finds in a picture: `cargo run -p spf-detect --features onnx --example look -- yolov8n.onnx picture.jpg`.
+//! The objects that a model finds in an image: `cargo run -p spf-detect --features onnx --example look -- yolov8n.onnx
+//! photo.jpg`.
 #![allow(clippy::print_stdout, reason = "it says what it found")]
 
 use std::error::Error;

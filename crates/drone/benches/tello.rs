@@ -1,5 +1,5 @@
-//! What one picture of a Tello's video costs, from datagrams to RGB, and what its state lines do. `TELLO_VIDEO` names a recorded
-//! video to be taken in place of a drawn one (`docs/bench/tello_video.py` records it, and decodes it with PyAV).
+//! Cost of one image of a Tello's video, from datagrams to RGB, and of its state lines. `TELLO_VIDEO` names a recorded
+//! video to use instead of a synthetic one (`docs/bench/tello_video.py` records it, and decodes it with PyAV).
 
 use divan::{Bencher, black_box};
 use spf_core::time::Time;
@@ -13,7 +13,7 @@ fn main() {
     divan::main();
 }
 
-/// A room-like picture that moves a little from frame to frame.
+/// A room-like image that moves a little from frame to frame.
 fn room(shift: u32) -> Rgb {
     let mut image = Rgb::new(960, 720);
     for y in 0..720 {
@@ -33,7 +33,7 @@ fn room(shift: u32) -> Rgb {
     image
 }
 
-/// A NAL unit as a Tello cuts it: a full datagram is never the last.
+/// A NAL unit split as by a Tello: a full datagram is never the last.
 fn datagrams(nal: &[u8]) -> Vec<Vec<u8>> {
     let mut bytes = [&[0, 0, 0, 1][..], nal].concat();
     if bytes.len().is_multiple_of(1460) {
@@ -42,7 +42,7 @@ fn datagrams(nal: &[u8]) -> Vec<Vec<u8>> {
     bytes.chunks(1460).map(<[u8]>::to_vec).collect()
 }
 
-/// Datagrams of a second's pictures.
+/// Datagrams of one second of images.
 fn second() -> Vec<Vec<Vec<u8>>> {
     let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(960, 720, 30.0) };
     let mut encoder = Encoder::new(settings).expect("the size is valid");
@@ -52,7 +52,7 @@ fn second() -> Vec<Vec<Vec<u8>>> {
         .collect()
 }
 
-/// Datagrams of a recording's pictures: NAL units behind start codes, cut as a Tello cuts them.
+/// Datagrams of a recording's images: NAL units behind start codes, split as by a Tello.
 fn recorded(path: &std::ffi::OsStr) -> Vec<Vec<Vec<u8>>> {
     let stream = std::fs::read(path).expect("TELLO_VIDEO can be read");
     let (mut images, mut waiting) = (Vec::new(), Vec::new());
@@ -80,7 +80,7 @@ fn video_to_rgb(bencher: Bencher<'_, '_>) {
     });
 }
 
-/// Part of what each frame costs beyond decoding.
+/// Part of the cost of each frame besides decoding.
 #[divan::bench]
 fn whether_a_frame_is_usable(bencher: Bencher<'_, '_>) {
     let image = room(0);

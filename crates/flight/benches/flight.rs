@@ -1,6 +1,7 @@
-//! Whole lockstep flights in the city: decisions a second, without pictures and with the picture that a VLM would be sent.
+//! Whole lockstep flights in the city: decisions per second, without images and with the image that a VLM would
+//! receive.
 //!
-//! `cargo bench -p spf-flight`; scene loading is apart. Items are decisions.
+//! `cargo bench -p spf-flight`; loading the scene is not included. Items are decisions.
 
 use std::sync::Arc;
 
@@ -12,7 +13,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, Simulated, VlmFactory};
 use spf_oracle::ErrorFile;
 use spf_vlm::{Answer, QueryImage, QueryRequest, Vlm};
 
-/// The oracle, but the picture is drawn and encoded all the same.
+/// The oracle, but with the image rendered and encoded anyway.
 struct Looks(OracleVlm);
 
 impl Vlm for Looks {
@@ -26,7 +27,7 @@ impl Vlm for Looks {
     }
 }
 
-/// Flies to the red crane; the number of decisions.
+/// Flies to the red crane; returns the number of decisions.
 fn fly(loaded: &Arc<LoadedScene>, images: bool) -> u32 {
     let vlm_factory: VlmFactory = Arc::new(move |world, seed| {
         let world = world.ok_or("the oracle needs the simulator")?;

@@ -1,11 +1,11 @@
-//! What a decision costs besides the model, end to end over a real socket: CPU time from a frame of 960×720 to the request that is sent,
-//! and from the answer to the first setpoint.
+//! Cost of a decision apart from the model, end to end over a real socket: CPU time from a frame of 960×720 to the
+//! request sent, and from the answer to the first setpoint.
 //!
 //! `cargo run --release -p spf-flight --example decision_overhead [VLM …]`; `openai`, `gemini`, `anthropic` and `vllm` without an argument.
 //!
-//! A server in this process answers at once with a stream of 12 events. Its own CPU time is taken off that of the whole process, so that
-//! what is left is the client: writing the prompt, scaling, encoding, sending, reading the stream, parsing, lifting, the first setpoint.
-//! The pictures are those of the city that the simulator draws, all drawn beforehand.
+//! A server in this process answers at once with a stream of 12 events. Its own CPU time is subtracted from that of the
+//! whole process, so the remainder is the client's: writing the prompt, scaling, encoding, sending, reading the stream,
+//! parsing, lifting, the first setpoint. The images are those of the simulated city, all rendered in advance.
 
 #![expect(clippy::print_stdout, reason = "an example that prints what it measured")]
 
@@ -39,7 +39,7 @@ type Failure = Box<dyn Error + Send + Sync>;
 const WARM: u64 = 20;
 const DECISIONS: u64 = 400;
 
-/// A camera's frame, as `spf_flight::image` shows it.
+/// A camera frame, prepared as by `spf_flight::image`.
 struct Frame<'a>(&'a Rgb, &'a mut Scaler);
 
 impl QueryImage for Frame<'_> {
@@ -55,26 +55,26 @@ impl QueryImage for Frame<'_> {
     }
 }
 
-/// Nanoseconds that a thread has had a core (Linux).
+/// CPU time of a thread, nanoseconds (Linux).
 fn on_core(task: &str) -> Result<u64, Failure> {
     let text = std::fs::read_to_string(format!("/proc/{task}/schedstat"))?;
     Ok(text.split(' ').next().unwrap_or_default().parse()?)
 }
 
-/// The same of all threads of this process.
+/// The same for all threads of this process.
 fn on_cores() -> Result<u64, Failure> {
     let tasks = std::fs::read_dir("/proc/self/task")?;
     tasks.map(|task| on_core(&format!("self/task/{}", task?.file_name().to_string_lossy()))).sum()
 }
 
-/// Nanoseconds that the server's threads have had a core, and bytes that they were sent.
+/// CPU time of the server's threads, nanoseconds, and number of bytes received.
 #[derive(Default)]
 struct Server {
     cpu: AtomicU64,
     bytes: AtomicU64,
 }
 
-/// A reply in a vendor's stream, cut into twelve events.
+/// A reply in a vendor's stream, split into twelve events.
 fn stream(vlm: &str) -> String {
     let text = r#"{"status":"navigating","look":null,"stage":1,"point":[480,500],"depth":6,"target":"the crane"}"#;
     let pieces = text.as_bytes().chunks(8).map(|piece| String::from_utf8_lossy(piece).into_owned());
@@ -87,7 +87,7 @@ fn stream(vlm: &str) -> String {
     pieces.map(|piece| format!("data: {}\n\n", event(piece))).collect()
 }
 
-/// Answers whatever a connection asks until it closes.
+/// Answers all requests of a connection until it closes.
 fn serve(connection: TcpStream, answer: &str, server: &Server) -> Result<(), Failure> {
     let mut spent = 0;
     let mut reader = BufReader::new(connection.try_clone()?);
@@ -121,7 +121,7 @@ fn frame(drawn: RenderedImage) -> Result<Rgb, Failure> {
     Ok(Rgb::from_raw(drawn.width, drawn.height, drawn.rgb.ok_or("nothing was drawn")?)?)
 }
 
-/// Pictures along a street of the city.
+/// Images along a street of the city.
 fn frames(camera: &Camera) -> Result<Vec<Rgb>, Failure> {
     let renderer = Renderer::new(&Scene::load("city")?.geometry);
     let poses = (0..8).map(|i| Pose {
@@ -131,7 +131,7 @@ fn frames(camera: &Camera) -> Result<Vec<Rgb>, Failure> {
     poses.map(|pose| frame(renderer.render(camera, &pose, Channels::RGB))).collect()
 }
 
-/// One decision: the policy asks, the model answers, and the executor gives the first setpoint.
+/// One decision: the policy queries, the model answers, and the executor returns the first setpoint.
 fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camera, number: u64) -> Result<(), Failure> {
     let now = Time::from_millis(1000 * number);
     let meta = FrameMeta {

@@ -1,5 +1,5 @@
-//! A drone of one's own (`toy/mod.rs`), flown by the library with nothing else touched: pilot, policy, envelope and log are those of
-//! every flight. Who points is a few lines that look for red.
+//! A custom drone (`toy/mod.rs`) flown by the unmodified library: pilot, policy, envelope and log are those of every
+//! flight. The VLM is a few lines that look for red.
 //!
 //! `cargo run -p spf-flight --example drone`
 
@@ -17,7 +17,7 @@ use spf_flight::sim::VlmFactory;
 use spf_flight::site::Clock;
 use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
 
-/// Points at what is red in the image, and says how far a ball of a metre is that looks so large.
+/// Points at red in the image, with the depth label of a ball one metre across that appears this large.
 struct SeesRed;
 
 impl SeesRed {
@@ -42,7 +42,7 @@ impl Vlm for SeesRed {
     }
 }
 
-/// `SeesRed`, for each flight.
+/// Creates a `SeesRed` for each flight.
 pub(crate) fn sees_red() -> VlmFactory {
     Arc::new(|_, _| Ok(Box::new(SeesRed)))
 }

@@ -1,5 +1,5 @@
-//! A policy of one's own, flown in the simulator: a square of three metres. It sends no query; one that does answers a frame
-//! with `Step::Ask` and a reply with a move.
+//! A custom policy, flown in the simulator: a square of three metres. It sends no query; a policy that does answers a
+//! frame with `Step::Ask` and a reply with a move.
 //!
 //! `cargo run -p spf-flight --example policy`
 
@@ -29,7 +29,7 @@ impl Policy for Square {
 
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
-            // An instruction, the first or an operator's new one, starts the policy over.
+            // An instruction, the first or an operator's new one, restarts the policy.
             PolicyEvent::Instruction(_) => {
                 self.sides = 0;
                 Step::Look
@@ -49,12 +49,12 @@ impl Policy for Square {
     }
 }
 
-/// After so many sides.
+/// Number of sides to fly.
 pub(crate) fn square(sides: u32) -> impl Policy {
     Square { sides }
 }
 
-/// Makes one for each flight.
+/// Creates a policy for each flight.
 struct Squares;
 
 impl PolicyMaker for Squares {
@@ -63,7 +63,7 @@ impl PolicyMaker for Squares {
     }
 
     fn prompt(&self) -> PromptKind {
-        // Without use: it sends no query.
+        // Unused: the policy sends no query.
         PromptKind::Point
     }
 

@@ -1,6 +1,6 @@
-//! What was decided in a flight, from its log: `flight.mcap`, whose topics docs/reference/flight-log.md has.
+//! The decisions of a flight, read from its log `flight.mcap` (topics: docs/reference/flight-log.md).
 //!
-//! `cargo run -p spf-flight --example read_log [flight.mcap]`; without a log a short flight makes one.
+//! `cargo run -p spf-flight --example read_log [flight.mcap]`; without a log it makes a short flight first.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
@@ -19,7 +19,8 @@ use spf_oracle::ErrorFile;
 use spf_record::log::LogReader;
 use spf_record::out_dir::OutDir;
 
-/// The decisions of a log, each with its time in seconds and in words. A log that was cut off gives those that it has, and why it ends.
+/// The decisions of a log, each with its time in seconds and a description. A truncated log returns the decisions that
+/// it contains, and the reason why it ends.
 pub(crate) fn decisions(log: &Path) -> Result<Vec<(f64, String)>, Box<dyn Error>> {
     let mut decisions = Vec::new();
     for entry in LogReader::open(log)? {
@@ -32,7 +33,7 @@ pub(crate) fn decisions(log: &Path) -> Result<Vec<(f64, String)>, Box<dyn Error>
     Ok(decisions)
 }
 
-/// Flies twenty seconds in the office, and leaves its files in a folder.
+/// Flies twenty seconds in the office; leaves the files in a folder.
 pub(crate) fn flown(folder: &Path) -> Result<PathBuf, Box<dyn Error>> {
     let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("office")?), "office"));
     let vlm_factory = oracle_factory("oracle".to_owned(), ErrorFile::default());

@@ -1,8 +1,8 @@
-//! What each further trial in one process adds to its memory, the scene being shared:
-//! `cargo run --release -p spf-flight --example trial_memory`. Linux only: it reads what the kernel says is resident.
+//! Memory added by each further trial in one process, with a shared scene: `cargo run --release -p spf-flight --example
+//! trial_memory`. Linux only: it reads the resident memory from the kernel.
 //!
-//! A trial is a simulated craft, its pilot, the oracle and the lockstep world between them, as `spf fly --no-video` has them.
-//! Each is flown for 20 s of flight and then kept, with all it remembers.
+//! A trial is a simulated craft, its pilot, the oracle and the lockstep world that connects them, as in `spf fly
+//! --no-video`. Each is flown for 20 s of flight and then kept with its complete state.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
@@ -22,10 +22,10 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimDrone, SimWorld};
 use spf_flight::world::{Lockstep, Script};
 use spf_oracle::ErrorFile;
 
-/// Numbers of trials that are reported.
+/// Reported numbers of trials.
 const COUNTS: [usize; 4] = [1, 2, 10, 100];
 
-/// A trial that has flown, all of it.
+/// A trial after its flight, with all its parts.
 fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<dyn Error>> {
     let world = SimWorld::new(scene.clone(), CraftKind::Quad, scene.scene.start, seed);
     let drone = SimDrone::new(world.clone());

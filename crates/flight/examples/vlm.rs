@@ -1,4 +1,5 @@
-//! A vision-language model of one's own: a query and a picture go in, text comes out. This one says where the picture is lightest.
+//! A custom vision-language model: it receives a query and an image, and returns text. This one points at the brightest
+//! place in the image.
 //!
 //! `cargo run -p spf-flight --example vlm`
 
@@ -12,13 +13,13 @@ use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::sim::{LoadedScene, Simulated};
 use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
 
-/// Counts what it was asked.
+/// Counts its queries.
 #[derive(Default)]
 struct Lightest(u32);
 
 impl Lightest {
-    /// Here stands the call of a model: `asked.query.prompt` is what it is told, `image` what it is shown, `asked.time_left` how long
-    /// it may take. Its words are read by the parser that reads everybody's (docs/reference/reply.md).
+    /// A real model would be called here: `request.query.prompt` is its prompt, `image` its image, and
+    /// `request.time_left` the time it may take. The common parser reads its text (docs/reference/reply.md).
     fn ask(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Result<String, VlmError> {
         self.0 += 1;
         if self.0 > 3 || request.query.memory.confirming {
@@ -28,7 +29,7 @@ impl Lightest {
         let small = spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))?;
         let light = |(_, pixel): &(usize, &[u8])| pixel.iter().map(|byte| u32::from(*byte)).sum::<u32>();
         let at = small.data().chunks_exact(3).enumerate().max_by_key(light).map_or(0, |(at, _)| at);
-        // The profile that `eyesight` tells: [y, x] in thousandths.
+        // In the coordinates stated by `image_spec`: [y, x] in thousandths.
         let (x, y) = (1000 * (at % 64) / 64, 1000 * (at / 64) / 48);
         Ok(format!(r#"{{"status":"navigating","look":null,"stage":1,"point":[{y},{x}],"depth":3,"target":"light"}}"#))
     }
@@ -44,7 +45,7 @@ impl Vlm for Lightest {
     }
 
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
-        // What the flight waits. A fixed time keeps it the same from run to run; a model's own is measured.
+        // The latency that the flight assumes. A fixed one makes runs repeatable; that of a real model is measured.
         let (latency, model) = (Duration::from_secs(1), "lightest".to_owned());
         Answer { text: self.ask(request, image), latency, model, account: Account::default() }
     }

@@ -1,6 +1,6 @@
-//! A VLM behind HTTP that needs no key, to try a new drone with the `spf` command. It points at what is red in the image. While
-//! nothing is, it points straight ahead three times and then says that the instruction is fulfilled. It speaks OpenAI's chat
-//! completions, and answers queries for points only (`--policy spf`).
+//! A VLM behind HTTP that needs no key, for trying a new drone with the `spf` command. It points at red in the image.
+//! While nothing is red, it points straight ahead three times and then replies that the instruction is fulfilled. It
+//! implements OpenAI's chat completions, and answers queries for points only (`--policy spf`).
 //!
 //! `cargo run -p spf-flight --example vlm_server`, then `spf fly "…" --drone … --vlm http://127.0.0.1:8090/v1#red`
 
@@ -18,9 +18,9 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 use spf_media::Rgb;
 
-/// Where it listens unless an argument names another address.
+/// Default address; an argument sets another one.
 const ADDRESS: &str = "127.0.0.1:8090";
-/// A model takes its time. Without it a flight in continuous mode would spend all its decisions within seconds.
+/// Latency of a model. Without it a flight in continuous mode would use up all its decisions within seconds.
 const LATENCY: Duration = Duration::from_millis(300);
 /// Steps straight ahead in a flight without anything red.
 const AHEAD: u32 = 3;
@@ -31,7 +31,7 @@ pub(crate) fn reply(prompt: &str, image: &Rgb, ahead: &AtomicU32) -> Value {
     if !prompt.contains("What came before:") {
         ahead.store(0, Ordering::Relaxed);
     }
-    // A model that the table does not know is asked for [x, y] in thousandths (docs/guide/vlm.md).
+    // A model without a row in the table is queried in [x, y] in thousandths (docs/guide/vlm.md).
     let (status, target, point, depth) = match red::find(image) {
         Some(spot) => (spot.status(), "red", [1000.0 * spot.u, 1000.0 * spot.v], spot.depth()),
         None if ahead.fetch_add(1, Ordering::Relaxed) < AHEAD => ("navigating", "ahead", [500.0; 2], 2.0),
@@ -41,7 +41,7 @@ pub(crate) fn reply(prompt: &str, image: &Rgb, ahead: &AtomicU32) -> Value {
     json!({ "status": status, "look": null, "stage": 1, "point": [x, y], "depth": depth, "target": target })
 }
 
-/// The response to a request's body; `None` if it is no question about an image.
+/// The response to a request body; `None` if it is not a question about an image.
 fn response(body: &[u8], ahead: &AtomicU32) -> Option<Value> {
     let requested: Value = serde_json::from_slice(body).ok()?;
     let parts = requested["messages"][0]["content"].as_array()?;
@@ -83,7 +83,7 @@ pub(crate) fn serve(listener: &TcpListener) -> io::Result<()> {
     std::thread::scope(|scope| {
         for stream in listener.incoming() {
             let (stream, ahead) = (stream?, &ahead);
-            // A connection that breaks off is the client's business.
+            // A broken connection is the client's problem.
             scope.spawn(move || drop(converse(&stream, ahead)));
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! Speed of what runs once a recorded frame.
+//! Speed of the steps that run once per recorded frame.
 
 use divan::{Bencher, black_box};
 use spf_core::query::ImagePoint;
@@ -11,7 +11,7 @@ fn main() {
     divan::main();
 }
 
-/// A city-like picture: blocks with window grids that shift a little from frame to frame.
+/// A city-like image: blocks with window grids that shift a little from frame to frame.
 fn scene(width: u32, height: u32, shift: u32) -> Rgb {
     let mut image = Rgb::new(width, height);
     for y in 0..height {

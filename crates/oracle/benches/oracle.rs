@@ -1,4 +1,4 @@
-//! A percept at 960×720 and the answers made from it.
+//! A percept at 960×720 and the answers based on it.
 
 use std::collections::BTreeMap;
 

@@ -1,9 +1,10 @@
-//! What recording a camera of 30 pictures a second costs, apart from whoever makes the pictures: CPU time a second of flight.
+//! Cost of recording a camera at 30 images per second, apart from creating the images: CPU time per second of flight.
 //!
 //! `cargo run --release -p spf-record --example recording_rate`
 //!
-//! Pictures of 960×720 with detail all over are encoded as the film of a flight encodes them, and written with poses 20 times and JSON
-//! rows 40 times a second. Nothing waits for the clock: the whole process's CPU time is shared out over the seconds of flight.
+//! Images of 960×720 with detail everywhere are encoded like the video of a flight, and written with poses 20 times and
+//! JSON rows 40 times per second. Nothing waits for the clock: the CPU time of the whole process is divided by the
+//! seconds of flight.
 
 #![expect(clippy::print_stdout, reason = "an example that prints what it measured")]
 
@@ -31,7 +32,7 @@ struct Row {
     cleared: [f64; 8],
 }
 
-/// A frame with soft shapes and grain, another for each number.
+/// A frame with soft shapes and grain, different for each number.
 fn frame(number: u64) -> Rgb {
     let mut frame = Rgb::new(960, 720);
     let shift = number as u32 * 7;
@@ -44,7 +45,7 @@ fn frame(number: u64) -> Rgb {
     frame
 }
 
-/// CPU time of this process, all threads, seconds: Linux's own count.
+/// CPU time of this process, all threads, seconds: as counted by Linux.
 fn cpu() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     let fields: Vec<&str> = stat.rsplit_once(") ")?.1.split(' ').collect();

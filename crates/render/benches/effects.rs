@@ -1,6 +1,6 @@
-//! What each camera effect costs a picture of 960×720, the drawing of the scene left out.
+//! Cost of each camera effect for an image of 960×720, without rendering the scene.
 //!
-//! `cargo bench -p spf-render --bench effects`. With `blur` a picture is drawn several times besides.
+//! `cargo bench -p spf-render --bench effects`. With `blur` an image is also rendered several times.
 
 use divan::Bencher;
 use spf_core::camera::Camera;
@@ -14,7 +14,7 @@ fn main() {
     divan::main();
 }
 
-/// The city as a camera sees it, drawn once.
+/// The city as a camera sees it, rendered once.
 fn city(camera: &Camera, channels: Channels) -> RenderedImage {
     let scene = Scene::load("city").expect("a built-in scene is sound");
     let mut pose = scene.start;
@@ -26,7 +26,7 @@ fn city(camera: &Camera, channels: Channels) -> RenderedImage {
 fn photograph(bencher: Bencher<'_, '_>, effects: &str) {
     let eye = SimCamera::new(Camera::quad(), effects.parse().expect("these are effects"), 1);
     let shot = Shot::still(Time::ZERO, Pose::default());
-    // The lens asks for a larger picture; both are drawn before the time is taken.
+    // The lens needs a larger image; both are rendered before the measurement.
     let mut drawn: Option<RenderedImage> = None;
     bencher.bench_local(|| {
         eye.photograph(&shot, None, |camera, _, image| {

@@ -1,4 +1,5 @@
-//! How long a picture of a town of some 50,000 triangles takes at 960×720 on all cores: `cargo bench -p spf-render --bench render`.
+//! Time to render an image of a town of some 50,000 triangles at 960×720 on all cores: `cargo bench -p spf-render
+//! --bench render`.
 
 #[path = "../tests/it/yard/mod.rs"]
 mod yard;
@@ -39,7 +40,7 @@ fn prepare() -> Renderer {
     Renderer::new(&yard::town().geometry)
 }
 
-/// Scene, sun's map, sky light and one small picture.
+/// Scene, sun's map, sky light and one small image.
 #[divan::bench(sample_count = 3)]
 fn first_colour() -> RenderedImage {
     let renderer = Renderer::new(&yard::town().geometry);

@@ -1,9 +1,10 @@
-//! Pictures a second on a fixed path through the city at street height, and how the cost grows with triangles and with pixels.
+//! Images per second on a fixed path through the city at street height, and the growth of the cost with triangles and
+//! with pixels.
 //!
-//! `cargo run --release -p spf-render --example frame_rate [path | triangles | pixels …]`; all three without an argument. After `path`
-//! the names of presets (`full`, `live`, `"ids and depth"`) leave out the others.
-//! Wall time counts, so the machine must be idle; the time that all cores together spend is given beside it (Linux only) and
-//! suffers less from other programs.
+//! `cargo run --release -p spf-render --example frame_rate [path | triangles | pixels …]`; all three without an
+//! argument. After `path` the names of presets (`full`, `live`, `"ids and depth"`) select those. Wall time is measured,
+//! so the machine must be idle; the CPU time of all cores is printed as well (Linux only) and is less affected by other
+//! programs.
 
 #![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "an example prints, and this one measures time on the wall")]
 
@@ -30,9 +31,9 @@ const STREETS: [[f64; 4]; 7] = [
     [28.0, 10.0, 2.0, 250.0],
     [4.0, -2.0, 2.0, 300.0],
 ];
-/// Pictures of the path.
+/// Number of images on the path.
 const FRAMES: usize = 240;
-/// Every picture of the path shows more than sky in at least this share of its pixels.
+/// Minimum fraction of the pixels of every image of the path that shows more than sky.
 const COVERED: f64 = 0.6;
 
 const FULL: Channels = Channels::RGB;
@@ -60,7 +61,7 @@ fn path() -> Vec<Pose> {
     (0..FRAMES).map(at).collect()
 }
 
-/// Milliseconds that the threads of this process have had a core.
+/// CPU time of the threads of this process, milliseconds.
 fn on_cores() -> Result<f64, Failure> {
     let mut sum = 0.0;
     for task in std::fs::read_dir("/proc/self/task")? {
@@ -72,14 +73,14 @@ fn on_cores() -> Result<f64, Failure> {
 
 /// What pictures took.
 struct Took {
-    /// Milliseconds of each picture on the wall, sorted.
+    /// Wall time of each image, milliseconds, sorted.
     wall: Vec<f64>,
-    /// Mean milliseconds of all cores together.
+    /// Mean CPU time of all cores together, milliseconds.
     cores: f64,
 }
 
 impl Took {
-    /// Milliseconds that this share of the pictures does not exceed.
+    /// Time in milliseconds that this fraction of the images does not exceed.
     fn within(&self, fraction: f64) -> f64 {
         self.wall[((self.wall.len() - 1) as f64 * fraction) as usize]
     }
@@ -136,7 +137,7 @@ fn report_path(presets: &[(&str, Channels)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A walk along a street of a town, the same whatever the town's size.
+/// A walk along a street of a town, the same for every size of town.
 fn street() -> Vec<Pose> {
     (0..60).map(|i| pose([0.5, -40.0 + f64::from(i), 2.0, f64::from(i * 3 % 50) - 25.0])).collect()
 }

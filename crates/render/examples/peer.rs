@@ -1,7 +1,7 @@
-//! The city for renderers of others, and our own over the same camera path: what `docs/bench/peers.py` runs.
+//! The city for other renderers, and our own renderer on the same camera path; used by `docs/bench/peers.py`.
 //!
-//! `peer export FOLDER` writes one OBJ file a material and `scene.json` (colours, sun, camera, path).
-//! `peer time WIDTH FRAMES` draws pictures along the path and prints one line of JSON.
+//! `peer export FOLDER` writes one OBJ file per material and `scene.json` (colours, sun, camera, path). `peer time
+//! WIDTH FRAMES` renders images along the path and prints one line of JSON.
 
 #![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "an example's output, and what it measures is time")]
 
@@ -28,7 +28,7 @@ const STREETS: [[f64; 4]; 7] = [
     [28.0, 10.0, 2.0, 250.0],
     [4.0, -2.0, 2.0, 300.0],
 ];
-/// Pictures of the path.
+/// Number of images on the path.
 const FRAMES: usize = 240;
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -73,7 +73,7 @@ fn export(folder: &Path) -> Result<(), Box<dyn Error>> {
         let count: usize = parts.iter().map(|part| part.triangles.len()).sum();
         triangles += count;
         let colour = scene.geometry.materials[usize::from(*material)].colour;
-        // Linear light to the display's curve.
+        // Linear light to the display's transfer curve.
         let srgb = colour.to_array().map(|c| if c <= 0.003_130_8 { 12.92 * c } else { 1.055 * libm::powf(c, 1.0 / 2.4) - 0.055 });
         materials.push(json!({"file": file, "colour": srgb, "triangles": count}));
     }
@@ -115,7 +115,7 @@ fn obj(parts: &[&Part]) -> Result<String, std::fmt::Error> {
     Ok(text)
 }
 
-/// Seconds on all cores that this process has used.
+/// CPU time on all cores that this process has used, seconds.
 fn on_cores() -> Result<f64, Box<dyn Error>> {
     let text = std::fs::read_to_string("/proc/self/stat")?;
     // After the name in brackets come state and numbers; user and system time are the twelfth and thirteenth, in hundredths.

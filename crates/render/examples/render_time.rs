@@ -1,5 +1,5 @@
-//! How much of one core a picture of the city takes, over eight poses: `cargo run -p spf-render --example render_time`.
-//! Linux only: it reads the thread's own time on a core, which other programs disturb less than the time on the wall.
+//! CPU time of an image of the city on one core, over eight poses: `cargo run -p spf-render --example render_time`.
+//! Linux only: it reads the thread's CPU time, which other programs affect less than wall time.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
@@ -21,10 +21,10 @@ const EYES: [[f64; 5]; 8] = [
     [-60.0, 60.0, 4.0, 90.0, 0.0],
     [20.0, 100.0, 5.0, 300.0, 5.0],
 ];
-/// Pictures of each pose; the fastest counts.
+/// Images per pose; the fastest counts.
 const REPEATS: usize = 10;
 
-/// Milliseconds that this thread has had a core.
+/// CPU time of this thread, milliseconds.
 fn on_core() -> Result<f64, Box<dyn Error + Send + Sync>> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
     Ok(text.split(' ').next().unwrap_or_default().parse::<f64>()? * 1e-6)

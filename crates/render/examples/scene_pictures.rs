@@ -1,4 +1,4 @@
-//! Pictures of a scene from given viewpoints, each with a list of the objects that fill more than 1 % of it.
+//! Images of a scene from given viewpoints, each with a list of the objects that fill more than 1 % of it.
 //!
 //! `cargo run -p spf-render --example scene_pictures -- city[:LIGHT[:WEATHER]] OUT_FOLDER [east,north,up,heading_deg[,pitch_deg] …]`
 //! Without poses: five views of the city. The list goes into `N.txt` beside `N.png`.

@@ -29,7 +29,7 @@ impl Judge {
     /// Starts a judging thread. If `file` is given, the results are written to it.
     ///
     /// # Errors
-    /// The operating system's error if cannot start a thread.
+    /// The operating system's error if the thread cannot be started.
     pub(crate) fn start(world: SimWorld, instruction: SharedInstruction, file: Option<File>) -> std::io::Result<Self> {
         let stopped = Arc::new(AtomicBool::new(false));
         let judging = Judging { world, instruction, file, flights: 0, flight: None };

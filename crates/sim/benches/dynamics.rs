@@ -1,4 +1,4 @@
-//! One second of simulated flight, collision checks and senses included; and the queries of the collider.
+//! One second of simulated flight, collision checks and sensors included; and the queries of the collider.
 
 use std::sync::Arc;
 
@@ -17,7 +17,7 @@ fn main() {
     divan::main();
 }
 
-/// A tower of `floors` storeys, each cut into small quads as a lattice or a façade would be.
+/// A tower of `floors` storeys, each divided into small quads like a lattice or a façade.
 fn tower(object: ObjectId, east: f32, north: f32, floors: u32) -> Part {
     let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material: 0, object, role: Role::Solid };
     for floor in 0..floors {
@@ -78,7 +78,7 @@ fn at(east: f64, north: f64, up: f64) -> EnuPosition {
     EnuPosition { east, north, up }
 }
 
-/// A quad under way at 3 m/s, honest senses.
+/// A quad in flight at 3 m/s, with realistic sensors.
 fn under_way(world: &Arc<Collider>, position: EnuPosition) -> SimCraft {
     let conditions = SimConditions { hovering: true, ..SimConditions::new(1) };
     let pose = Pose { position, ..Pose::default() };

@@ -1,5 +1,5 @@
-//! What a decision costs besides the model: from a camera's frame of 960×720 to the bytes of a request, and from the bytes of an
-//! answer to a reply.
+//! Cost of a decision apart from the model: from a camera frame of 960×720 to the bytes of a request, and from the
+//! bytes of an answer to a reply.
 //!
 //! `cargo bench -p spf-vlm`
 
@@ -13,7 +13,7 @@ use spf_vlm::table::Table;
 use spf_vlm::wire::sse::Events;
 use spf_vlm::wire::{Gathered, Question, WireKind};
 
-/// A frame with detail all over, which is harder to encode than what a camera sees.
+/// A frame with detail everywhere, which is harder to encode than a camera frame.
 fn frame() -> Rgb {
     let mut frame = Rgb::new(960, 720);
     for y in 0..720 {

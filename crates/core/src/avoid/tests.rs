@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::reply::DEPTH_LABELS;
 
-/// What a quad keeps free: 0.3 m and the margin.
+/// Clearance of a quad: 0.3 m and the margin.
 const CLEARANCE: f64 = 0.55;
 const MIDDLE: ImagePoint = ImagePoint { u: 0.5, v: 0.5 };
 
@@ -27,7 +27,7 @@ fn plan(camera: &Camera, step: f64) -> PlannedStep<'_> {
     }
 }
 
-/// Failing 9 of programs of this kind: boxes that are asked for and never used against the path.
+/// Failing 9 of similar programs: boxes that are requested but never compared with the path.
 #[test]
 fn failing_9_a_box_on_the_path_changes_the_flight() {
     let camera = square();
@@ -40,16 +40,16 @@ fn failing_9_a_box_on_the_path_changes_the_flight() {
     // A step of 1.5 m ends 0.65 m before it, one of 1.7 m would end 0.45 m before it.
     assert_eq!(avoid(&plan(&camera, 1.5), CLEARANCE, &pole, None), Avoidance::Clear);
     assert_ne!(avoid(&plan(&camera, 1.7), CLEARANCE, &pole, None), Avoidance::Clear);
-    // Where there is no way round: stop before it, 2.154 − 0.55 = 1.604 m; 16 of 40 parts of 4 m.
+    // If there is no path around it: stop before it, 2.154 − 0.55 = 1.604 m; 16 of 40 parts of 4 m.
     let wall = [boxed(0.0, 0.0, 1.0, 1.0, 3, "wall")];
     assert_eq!(avoid(&plan(&camera, 4.0), CLEARANCE, &wall, None), Avoidance::Shortened { step: 1.6, by: 0 });
-    // Nowhere to go at all: label 2 begins at 1.292 m, of which 0.092 m may be flown, which is no step.
+    // No direction is free: label 2 begins at 1.292 m, which allows 0.092 m, less than any step.
     let close = |depth| [boxed(0.0, 0.0, 1.0, 1.0, 9, "sky"), boxed(0.0, 0.0, 1.0, 1.0, depth, "wall")];
     assert_eq!(avoid(&plan(&camera, 0.4), 1.2, &close(2), None), Avoidance::Hold { by: Some(1) });
 }
 
-/// Label 1 is said of whatever is nearer than 1.29 m. Its interval's middle leaves room for a short step, and after ten of those, each
-/// short enough, a wall is touched.
+/// Label 1 stands for anything nearer than 1.29 m. The middle of its interval leaves room for a short step, but after
+/// ten of those the craft would touch a wall.
 #[test]
 fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
     let camera = square();
@@ -57,11 +57,11 @@ fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
     for step in [0.1, 0.2, 0.4, 4.0] {
         assert_eq!(avoid(&plan(&camera, step), CLEARANCE, &all, None), Avoidance::Hold { by: Some(0) }, "{step}");
     }
-    // Past it one may fly, as far from it as its label's near edge says.
+    // A path past it is allowed, at a distance given by the near edge of its label.
     let right = [boxed(0.0, 0.0, 0.6, 1.0, 1, "wall")];
     let Avoidance::Shifted { point, .. } = avoid(&plan(&camera, 0.2), CLEARANCE, &right, None) else { panic!() };
     assert!(point.u > 0.6, "{point:?}");
-    // What is pointed at is not in the way.
+    // The object at the point is not an obstacle.
     assert_eq!(avoid(&plan(&camera, 0.2), CLEARANCE, &all, Some("wall")), Avoidance::Clear);
     // Level first and then up to a lamp right above: the corner is beside it, the end is not.
     let lamp = [boxed(0.0, 0.0, 1.0, 0.4, 1, "lamp")];
@@ -76,7 +76,7 @@ fn a_way_along_the_left_or_right_edge_is_told() {
     // 45° to the edge: at 4 m along the axis the end is (1 − tan)·4·cos 45° from its plane, 0.55 m at tan = 0.81.
     assert!(along(0.92, 4.0) && along(0.08, 4.0));
     assert!(!along(0.89, 4.0) && !along(0.11, 4.0));
-    // A short step stays near the lens, and so near the edge, but not where it leads ahead.
+    // A short step stays near the lens and therefore near the edge, but does not lead along it.
     assert!(along(0.7, 0.5) && !along(0.6, 0.5) && !along(0.5, 0.1));
 }
 
@@ -114,7 +114,7 @@ fn what_is_far_beside_or_the_target_itself_is_not_in_the_way() {
     let crane = [boxed(0.4, 0.4, 0.6, 0.6, 2, "Red crane ")];
     assert!(clear(&crane, Some("red Crane")));
     assert!(!clear(&crane, Some("crane")) && !clear(&crane, None));
-    // Another thing of the same name, which the point is not on.
+    // Another object with the same name, which does not contain the point.
     assert!(!clear(&[boxed(0.4, 0.52, 0.6, 0.9, 2, "tree")], Some("tree")));
 }
 
@@ -170,8 +170,8 @@ fn no_step_is_no_flight() {
     }
 }
 
-/// The least distance between path and obstacle by brute force, in steps of 1 % of the path, 24 by 24 rays of the box and 60
-/// ranges: an independent reckoning, too great by what the grid misses.
+/// The minimum distance between path and obstacle by brute force, in steps of 1 % of the path, 24 by 24 rays of the box
+/// and 60 ranges: an independent calculation, too large by what the grid misses.
 fn sampled_distance(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, obstacle: &ObstacleBox) -> f64 {
     let path = plan.path(point, step).unwrap();
     let near = 10.0_f64.powf((f64::from(obstacle.depth) - 1.5) / 4.5);

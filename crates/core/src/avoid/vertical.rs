@@ -1,7 +1,7 @@
 //! Whether a climb or a descent on the spot is clear of the obstacles in a view.
 //!
-//! A forward camera sees neither what is above nor what is below the craft. What reaches beyond the upper edge of the frame
-//! may hang over it, unless its visible part is already higher than the end of the climb.
+//! A forward camera sees neither the space above nor the space below the craft. An object that extends beyond the upper
+//! edge of the frame may hang over it, unless its visible part is already higher than the end of the climb.
 
 use super::{CUT, near_edge};
 use crate::camera::Camera;
@@ -19,10 +19,10 @@ pub fn is_clear_vertically(camera: &Camera, attitude: Attitude, boxes: &[Obstacl
         let ray = camera.ray(ImagePoint { u: 0.5 * (obstacle.area.left + obstacle.area.right), v });
         let along = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
         let level = lift(along, camera, attitude, Lifting::Levelled);
-        // The lowest label also stands for whatever is nearer than its interval.
+        // The lowest label also stands for anything nearer than its interval.
         let near = if obstacle.depth <= 1 { 0.0 } else { near_edge(obstacle) };
-        // A label is a distance along the line of sight. Where it leaves the frame it is this high above, or low below, the
-        // craft.
+        // A label is a distance along the line of sight. At the edge of the frame, that is this high above or far below
+        // the craft.
         let away = near * level.up * climb.signum() / level.length();
         reaches && away < climb.abs() + clearance
     })
@@ -50,7 +50,7 @@ mod tests {
         assert!(is_clear_vertically(&camera, Attitude::default(), &[], 3.0, 0.5));
         // A Tello's lens is tilted down by 5°: its upper edge points up by 16°, and 3.6 m along that is 1.0 m up, not 1.4 m.
         assert!(!is_clear_vertically(&Camera::tello(), Attitude::default(), &[obstacle(0.0, 0.5, 4)], 1.0, 0.35));
-        // Label 1 is said of whatever is nearer.
+        // Label 1 stands for anything nearer.
         assert!(!clear(obstacle(0.0, 0.5, 1), 0.1));
     }
 }

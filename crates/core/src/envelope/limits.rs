@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use crate::craft::Craft;
 use crate::geofence::Geofence;
 
-/// The envelope's figures (`docs/explanation/safety.md`). Metres, seconds, radians; infinity switches a
-/// limit off. Altitudes are above the take-off point.
+/// The envelope's parameters (`docs/explanation/safety.md`). Metres, seconds, radians; infinity switches a limit off.
+/// Altitudes are above the take-off point.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Limits {

@@ -1,4 +1,4 @@
-//! The safety envelope: the last word before a driver (`docs/explanation/safety.md`).
+//! The safety envelope: the last check before a driver (`docs/explanation/safety.md`).
 //!
 //! It is enforced by types: drivers accept only [`Cleared<Command>`](Cleared), which only [`Envelope`] can create. The
 //! envelope takes observations ([`observe_telemetry`](Envelope::observe_telemetry),
@@ -29,7 +29,7 @@ use crate::geometry::{EnuPosition, EnuVelocity, Spread};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
-/// Looks up and down keep this distance from floor and ceiling, metres.
+/// Vertical search moves keep this distance from floor and ceiling, metres.
 const LOOK_MARGIN: f64 = 0.5;
 
 /// A value cleared by the envelope. It cannot be created, deserialised or modified anywhere else.
@@ -83,7 +83,7 @@ pub struct Envelope {
     now: Time,
     /// World velocity of the last cleared setpoint, and its expiry.
     commanded: Option<(EnuVelocity, Time)>,
-    /// What the position may be off by, beyond what `margin` covers.
+    /// Bound of the position error, beyond what `margin` covers.
     spread: Spread,
     /// A spread of this radius leaves no room within the limits, m.
     room: f64,
@@ -225,8 +225,8 @@ impl Envelope {
         self.clear_under(now, Setpoint::HOLD, Control::Pilot)
     }
 
-    /// How far the craft may sink and climb for a look, metres: down to 0.5 m above the minimum altitude, above the ground if
-    /// its clearance is measured, and up to 0.5 m below the maximum altitude. Negative outside.
+    /// Available descent and climb for a vertical search move, metres: down to 0.5 m above the minimum altitude, above
+    /// the ground if its clearance is measured, and up to 0.5 m below the maximum altitude. Negative outside.
     #[must_use]
     pub fn vertical_room(&self) -> (f64, f64) {
         let low = self.estimate.clearance.map_or(self.estimate.height, |clearance| clearance.min(self.estimate.height));
@@ -255,7 +255,7 @@ impl Envelope {
         }
     }
 
-    /// Which limits the craft has breached: altitude, distance, geofence.
+    /// The limits that the craft has breached: altitude, distance, geofence.
     fn breached(&self) -> [bool; 3] {
         let Some(home) = self.estimate.home else { return [false; 3] };
         let high = self.estimate.height > self.limits.max_altitude;
@@ -322,7 +322,7 @@ impl Envelope {
         Clearance { cleared: Cleared { what: Command::Setpoint(allowed), valid_until }, changed }
     }
 
-    /// Why no motion is allowed now, if so.
+    /// Why no motion is allowed now; `None` if it is.
     fn stopped_by(&self, now: Time, setpoint: Setpoint, control: Control) -> Option<Cause> {
         if !setpoint.is_finite() {
             return Some(Cause::NotFinite);
@@ -366,10 +366,11 @@ impl Envelope {
         (setpoint, confined.or(low).or(cause))
     }
 
-    /// A setpoint that stops sinking at the minimum altitude above what is measured below the craft: a table, a slope.
+    /// A setpoint that stops descending at the minimum altitude above the surface measured below the craft, such as a
+    /// table or a slope.
     fn above_ground(&self, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
         let Some(clearance) = self.estimate.clearance.filter(|_| setpoint.up < 0.0) else { return (setpoint, None) };
-        // From where the setpoint takes effect on, as for the other limits.
+        // From the position at which the setpoint takes effect, as for the other limits.
         let lasts = self.limits.setpoint_validity + self.craft.dead_time + self.craft.lag;
         let slowest = ((clearance - self.limits.min_altitude) / lasts).max(0.0);
         if -setpoint.up <= slowest {

@@ -77,7 +77,7 @@ pub(super) struct Situation {
     pub(super) home: EnuPosition,
     /// Clockwise from north.
     pub(super) heading: f64,
-    /// What the position may be off by: it adds to the margin of every limit.
+    /// Bound of the position error, which adds to the margin of every limit.
     pub(super) spread: Spread,
 }
 

@@ -11,7 +11,7 @@ use crate::geofence::Geofence;
 use crate::geometry::{Attitude, BodyDisplacement};
 use crate::time::Duration;
 
-/// An envelope about a craft that hovers 3 m above its take-off point, facing north, with everything fresh.
+/// An envelope around a craft that hovers 3 m above its take-off point, facing north, with everything fresh.
 struct Rig {
     envelope: Envelope,
     telemetry: Telemetry,
@@ -111,7 +111,7 @@ fn home_is_the_last_place_on_the_ground() {
     rig.place(70.0, 80.0, 90.0);
     rig.tell(ms(1200));
     assert_eq!(rig.envelope.home(), Some(EnuPosition { east: 7.0, north: 8.0, up: 9.0 }));
-    // First heard of in the air: below.
+    // First seen in the air: the point below.
     let mut envelope = Envelope::new(Limits::default(), Craft::quad());
     envelope.observe_telemetry(ms(100), &Telemetry { time: ms(100), height: Some(80.0), ..rig.telemetry });
     assert_eq!(envelope.home(), Some(EnuPosition { east: 70.0, north: 80.0, up: 10.0 }));

@@ -1,7 +1,7 @@
 use super::*;
 use crate::executor::craft_model::{Coarse, CraftModel, Sense, pass};
 
-/// Exactly what is so, as telemetry.
+/// Exact telemetry.
 fn exact(model: &CraftModel) -> Telemetry {
     let known = model.known();
     Telemetry {
@@ -15,7 +15,7 @@ fn exact(model: &CraftModel) -> Telemetry {
     }
 }
 
-/// Setpoints of a lively flight: forward, turning, climbing, sideways; one a second.
+/// Setpoints of an agile flight: forward, turning, climbing, sideways; one per second.
 fn setpoint(second: u32) -> Setpoint {
     match second % 5 {
         0 => Setpoint { forward: 2.5, yaw_rate: 0.4, ..Setpoint::HOLD },
@@ -26,7 +26,8 @@ fn setpoint(second: u32) -> Setpoint {
     }
 }
 
-/// Flies for `seconds`, telling the estimator what `report` makes of the craft every `every`; calls `check` every 10 ms.
+/// Flies for `seconds` and passes the estimator what `report` makes of the craft every `every`; calls `check` every 10
+/// ms.
 fn fly(
     estimator: &mut MotionEstimator,
     seconds: u32,
@@ -60,7 +61,7 @@ fn exact_telemetry_is_known_between_reports() {
     });
 }
 
-/// The pose of a frame that was taken between two reports, while flying and turning, seconds ago.
+/// The pose of a frame that was captured between two reports, while flying and turning, seconds ago.
 #[test]
 fn pose_at_capture_is_interpolated() {
     let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
@@ -75,7 +76,7 @@ fn pose_at_capture_is_interpolated() {
     assert!(estimator.pose_at(end.now).is_some());
 }
 
-/// A Tello tells no position: it is reckoned from velocities in dm/s, heading in whole degrees, height in 10 cm.
+/// A Tello reports no position: it is dead-reckoned from velocities in dm/s, heading in whole degrees, height in 10 cm.
 #[test]
 fn tello_is_dead_reckoned() {
     let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::tello());
@@ -91,7 +92,8 @@ fn tello_is_dead_reckoned() {
     });
 }
 
-/// The same for a craft that answers half as fast as its figures say: coarse reports still hold the reckoning.
+/// The same for a craft that responds half as fast as its parameters: coarse reports still keep the dead reckoning
+/// correct.
 #[test]
 fn drift_grows_with_time_and_distance_and_is_zero_with_a_position() {
     let fly = |speed: f64, position: bool, height: bool| {
@@ -134,7 +136,7 @@ fn reports_win_over_a_wrong_response() {
     });
 }
 
-/// No velocity and no position: only what was commanded tells.
+/// No velocity and no position: only the commands are known.
 #[test]
 fn commands_alone_are_reckoned() {
     let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
@@ -175,7 +177,7 @@ fn silence_is_extrapolated_for_half_a_second() {
     assert_eq!(estimator.at(Time::ZERO), None);
     assert_eq!(estimator.pose_at(Time::ZERO), None);
     let velocity = EnuVelocity { north: 2.0, ..EnuVelocity::default() };
-    // Taking off by itself, it goes on as it goes.
+    // During its own take-off it continues its motion.
     let told = Telemetry { time: Time::from_millis(1000), velocity: Some(velocity), ..Telemetry::default() };
     estimator.observe(&Telemetry { phase: FlightPhase::TakingOff, ..told });
     let north = |ms| estimator.at(Time::from_millis(ms)).unwrap().position.north;
@@ -195,14 +197,14 @@ fn old_and_broken_reports_are_passed_over() {
     estimator.observe(&at(1100, f64::NAN));
     assert_eq!(estimator.newest(), Some(Time::from_millis(1000)));
     assert!((estimator.at(Time::from_millis(1100)).unwrap().position.east - 1.0).abs() < 1e-12);
-    // Ten minutes at 100 Hz are not kept.
+    // Ten minutes at 100 Hz are not stored.
     for i in 0..60_000 {
         estimator.observe(&at(2000 + 10 * i, 1.0));
     }
     assert!(estimator.past.len() <= POSES && estimator.past.capacity() <= 2 * POSES);
 }
 
-/// The heading passes ±180° without a swing.
+/// The heading passes ±180° without a jump.
 #[test]
 fn heading_wraps() {
     let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::tello());

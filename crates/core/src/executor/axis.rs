@@ -25,7 +25,6 @@ impl Rules {
 /// The axis moves until a stop would end within `fine` of the goal, or beyond it. It then waits until the craft has
 /// come to rest, and moves again only if it rests farther than `coarse` away. Correcting immediately would make a craft
 /// oscillate that responds later than its parameters say.
-/// that answers later than its figures say.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
     preset: f64,

@@ -7,7 +7,8 @@ use crate::command::Setpoint;
 use crate::geometry::EnuPosition;
 use crate::primitives::PrimitiveKind;
 
-/// With more than this left to turn, the craft turns first: otherwise it would fly where its camera has not looked.
+/// If more than this is left to turn, the craft turns first: otherwise it would fly into space that its camera has not
+/// seen.
 const TURN_FIRST: f64 = core::f64::consts::FRAC_PI_3;
 
 /// A goal, and the progress of each axis.

@@ -118,7 +118,7 @@ impl CraftModel {
     }
 }
 
-/// What the executor knows of the craft.
+/// The executor's input from the craft.
 pub(crate) trait Sense {
     /// Called every 10 ms of flight.
     fn look(&mut self, craft: &mut CraftModel);

@@ -13,7 +13,7 @@ fn at_cruise(craft: Craft, cruise_speed: f64) -> Craft {
     Craft { cruise_speed, ..craft }
 }
 
-/// Displacements of the paper's ten steps: straight ahead, and to a point right of and below the middle.
+/// Displacements of the paper's ten steps: straight ahead, and to a point right of and below the centre.
 fn steps() -> Vec<BodyDisplacement> {
     (1..=10)
         .map(|label| StepRule::PAPER.length(label))
@@ -46,8 +46,8 @@ fn distance(a: BodyDisplacement, b: BodyDisplacement) -> f64 {
     BodyDisplacement { right: a.right - b.right, forward: a.forward - b.forward, up: a.up - b.up }.length()
 }
 
-/// What is promised: with dead time, lag and acceleration limit, in still air and with exact telemetry, every step from
-/// 0.16 m to 10 m is flown to within the larger of 5 % and 3 cm at every cruise speed, and the turn to within 2°.
+/// The specification: with dead time, lag and acceleration limit, in still air and with exact telemetry, every step
+/// from 0.16 m to 10 m is flown to within the larger of 5 % and 3 cm at every cruise speed, and the turn to within 2°.
 #[test]
 fn measured_steps_are_flown_exactly() {
     for (name, craft) in [("quad", Craft::quad()), ("tello", Craft::tello())] {
@@ -78,7 +78,7 @@ fn measured_steps_are_flown_exactly() {
     }
 }
 
-/// Ticks that come early and late by up to 40 % change nothing: what a tick held for is measured.
+/// Ticks that come early and late by up to 40 % change nothing: the actual interval of a tick is measured.
 #[test]
 fn irregular_ticks_cost_nothing() {
     for motion in [Motion::Sequential, Motion::Blended] {
@@ -104,7 +104,7 @@ fn irregular_ticks_cost_nothing() {
     }
 }
 
-/// Sums setpoint times interval until finished, for a craft that is told to be ideal: what the command alone amounts to.
+/// Sums setpoint times interval until finished, for a craft assumed to be ideal: the effect of the commands alone.
 fn commanded_integral(motion: Motion, period: Duration, primitives: Primitives) -> (BodyDisplacement, f64, Vec<Setpoint>) {
     let craft = Craft { lag: 0.0, dead_time: 0.0, ..Craft::quad() };
     let mut executor = Executor::new(craft, motion, Ending::Timed);
@@ -133,8 +133,8 @@ fn commanded_integral(motion: Motion, period: Duration, primitives: Primitives) 
     (EnuPosition::default().displacement_to(known.position, 0.0), heading, setpoints)
 }
 
-/// What is promised: the integral of what is commanded equals the primitive to 1 %, also when a duration is no multiple of
-/// the tick.
+/// The specification: the integral of the commands equals the primitive to 1 %, also when a duration is not a multiple
+/// of the tick.
 #[test]
 fn no_time_is_rounded_away() {
     for motion in [Motion::Sequential, Motion::Blended] {
@@ -179,7 +179,7 @@ fn paper_queue_by_hand() {
     }
 }
 
-/// What the timed ending loses: the paper's manner at 3 m/s flies 0.06 m of a step of 0.158 m (closed-loop study, finding 4).
+/// The loss of the timed ending: with the paper's settings at 3 m/s, 0.06 m of a step of 0.158 m is flown.
 #[test]
 fn timed_steps_fall_short() {
     let requested = BodyDisplacement { right: 0.0, forward: 0.158, up: 0.0 };
@@ -188,7 +188,7 @@ fn timed_steps_fall_short() {
     assert!((flown.displacement.forward - 0.06).abs() < 0.03, "{flown:?}");
 }
 
-/// Failing 6: the end is reported when the craft has flown it and rests, not when the queue is empty.
+/// Failing 6: the end is reported when the craft has flown the motion and rests, not when the queue is empty.
 #[test]
 fn failing_6_finished_means_flown() {
     for ending in [Ending::Timed, Ending::Measured] {
@@ -226,7 +226,8 @@ fn failing_11_small_stays_small() {
     }
 }
 
-/// Blended motion goes straight, turns on the way and arrives everywhere at once: half way along, half turned and half climbed.
+/// Blended motion goes straight, turns while flying and finishes all axes at once: half the distance, half the turn and
+/// half the climb.
 #[test]
 fn blended_motion_arrives_together() {
     let craft = Craft::quad();
@@ -264,7 +265,7 @@ fn sideways_and_backwards_primitives_are_flown() {
             Primitives { forward: -2.0, ..Primitives::default() },
             Primitives { right: 1.5, climb: -0.4, ..Primitives::default() },
             Primitives { yaw: -0.6, forward: -1.0, right: -1.0, climb: 0.3 },
-            // Turns right round, the long way.
+            // Turns the long way round.
             Primitives { yaw: -5.5, forward: 2.0, ..Primitives::default() },
         ] {
             let craft = Craft::quad();
@@ -278,7 +279,7 @@ fn sideways_and_backwards_primitives_are_flown() {
     }
 }
 
-/// A new goal in mid-flight is flown on to without a stop, and reached as exactly as any.
+/// A new goal in mid-flight is reached without a stop, and as exactly as any.
 #[test]
 fn replaced_goals_are_flown_on_to() {
     for craft in [Craft::quad(), Craft::tello()] {
@@ -321,7 +322,7 @@ fn stop_holds_from_the_next_tick_on() {
     assert_eq!(executor.tick(model.now, model.known()), Tick { setpoint: Setpoint::HOLD, manoeuvre: None, finished: true });
 }
 
-/// A craft that does not move at all ends the motion by its time limit, and says so.
+/// A craft that does not move at all ends the motion by its time limit, and this is reported.
 #[test]
 fn time_limit_ends_what_cannot_be_flown() {
     for ending in [Ending::Timed, Ending::Measured] {
@@ -369,8 +370,8 @@ fn goals_by_hand() {
     assert!(!above.is_passed(pose.position, beyond));
 }
 
-/// A craft that answers unlike its figures (half again the lag, a third more dead time, 0.7 of the acceleration, and the other
-/// way) is still brought to the goal, by correcting at the end; it only takes longer.
+/// A craft that responds unlike its parameters (half again the lag, a third more dead time, 0.7 of the acceleration,
+/// and the opposite) still reaches the goal, by corrections at the end; it only takes longer.
 #[test]
 fn wrong_figures_are_corrected() {
     for (name, believed) in [("quad", Craft::quad()), ("tello", Craft::tello())] {
@@ -404,8 +405,8 @@ fn wrong_figures_are_corrected() {
     }
 }
 
-/// What is reached with each model's own telemetry (the table of docs/explanation/method.md).
-/// `cargo test -p spf-core coarse -- --nocapture`
+/// The accuracy with each model's own telemetry (the table of docs/explanation/method.md). `cargo test -p spf-core
+/// coarse -- --nocapture`
 #[test]
 fn coarse_telemetry_table() {
     println!("| craft | motion | step m | error m mean / worst | turn ° mean / worst | seconds |");

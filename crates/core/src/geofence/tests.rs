@@ -177,7 +177,7 @@ proptest! {
         prop_assert_eq!(Geofence::from_geojson(&text).unwrap(), fence);
     }
 
-    /// What lies before the exit is allowed, what lies just behind it is not.
+    /// Points before the exit are allowed, points just behind it are not.
     #[test]
     fn exit_is_the_first_point_out(fence in star(), x in -1.0..1.0_f64, y in -1.0..1.0_f64, angle in 0.0..core::f64::consts::TAU) {
         let centre = fence.outlines().next().unwrap().iter().fold((0.0, 0.0), |s, p| (s.0 + p.0, s.1 + p.1));
@@ -191,7 +191,7 @@ proptest! {
             prop_assert!(fence.allows(point(exit.distance * f64::from(i) / 20.0), LOW));
         }
         let behind = fence.allows(point(exit.distance + 1e-5), LOW);
-        // A ray may graze a corner by less than what counts as one crossing.
+        // A ray may graze a corner by less than the distance that counts as one crossing.
         prop_assert!(!behind || fence.edge_distance(at(point(exit.distance).0, point(exit.distance).1, 0.0)) < 1e-4);
         prop_assert!((libm::hypot(exit.out.0, exit.out.1) - 1.0).abs() < 1e-12);
         prop_assert!(exit.out.0 * along.0 + exit.out.1 * along.1 >= 0.0);

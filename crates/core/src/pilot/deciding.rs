@@ -68,7 +68,7 @@ impl Pilot {
             self.late_replies += 1;
             return self.note(Note::LateReply(id));
         };
-        // What has moved the craft as it arrived is not outdated by that motion.
+        // Motion that began as it arrived does not outdate it.
         if let Some(reason) = self.outdated(now, &waiting.view).filter(|_| !waiting.decided) {
             return self.set_aside(now, id, &waiting.view, reason);
         }
@@ -174,7 +174,7 @@ impl Pilot {
         }
     }
 
-    /// Carries out a step, and asks the policy for more until it waits.
+    /// Carries out a step, and requests further steps from the policy until it waits.
     pub(super) fn carry_out(&mut self, now: Time, step: Step, view: &View) {
         let mut step = step;
         for _ in 0..STEPS_AT_ONCE {

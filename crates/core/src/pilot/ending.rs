@@ -6,7 +6,7 @@ use crate::command::Command;
 use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time};
 
-/// A craft that does not report flying this long after take-off is given up on.
+/// A craft that does not report flying this long after take-off is abandoned.
 const TAKE_OFF_TIME: Duration = Duration::from_secs(30);
 /// How long a craft on the ground is given to send its first usable frame, where take-off requires one.
 const VIDEO_TIME: Duration = Duration::from_secs(15);
@@ -76,7 +76,7 @@ impl Pilot {
         }
     }
 
-    /// The end of a timeout's sentence: the boundary that held the craft back, if any.
+    /// The end of the message of a timeout: the boundary that held the craft back, if any.
     pub(super) fn held_back(&self, now: Time) -> String {
         let recent = self.held_back.filter(|(at, _)| now.since(*at) <= HELD_BACK);
         recent.map_or(String::new(), |(_, cause)| format!("; in its last {} s it was {cause}", HELD_BACK.as_secs()))

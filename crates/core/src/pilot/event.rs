@@ -38,14 +38,14 @@ pub enum Event {
     ReplyFailed {
         /// The query.
         id: QueryId,
-        /// The reason, for a person.
+        /// The reason, as text for a person.
         reason: String,
     },
     /// The operator intervened.
     Operator(OperatorEvent),
     /// A budget of the flight, such as money, is exhausted: hold and land.
     Spent {
-        /// What is exhausted, for a person.
+        /// The exhausted budget, as text for a person.
         reason: String,
     },
     /// The link to the craft is lost.
@@ -112,7 +112,7 @@ pub enum Outcome {
 pub struct Ending {
     /// The outcome.
     pub outcome: Outcome,
-    /// The cause, for a person.
+    /// The cause, as text for a person.
     pub cause: String,
 }
 

@@ -199,7 +199,7 @@ impl Pilot {
             Event::LinkLost => {
                 self.envelope.link_lost(now);
                 self.link_lost = true;
-                // The craft may be anywhere by the time it is heard again: what was asked before is asked again.
+                // The craft may be anywhere when the link returns: pending queries are repeated.
                 self.cancel_queries();
                 self.needs_rest = true;
                 self.stop_motion(now);

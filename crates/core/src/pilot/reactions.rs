@@ -1,6 +1,6 @@
 //! The pilot's reactions to the envelope: hold, or land with an outcome.
 //!
-//! Which condition demands what, and after how long, is the envelope's (`docs/explanation/safety.md`, "Reactions";
+//! The conditions and their delays belong to the envelope (`docs/explanation/safety.md`, "Reactions";
 //! `envelope/watch.rs`).
 
 use super::{Note, Outcome, Phase, Pilot};
@@ -44,7 +44,7 @@ impl Pilot {
     }
 }
 
-/// What ending by a cause means for the outcome (`docs/explanation/safety.md`).
+/// The outcome of a flight that ends by a cause (`docs/explanation/safety.md`).
 fn outcome_of(cause: Cause) -> Outcome {
     match cause {
         Cause::Crashed => Outcome::Collision,

@@ -1,4 +1,4 @@
-//! What the pilot can be set to, and the two named presets (`docs/explanation/method.md`).
+//! The pilot's settings, and the two named presets (`docs/explanation/method.md`).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -58,7 +58,7 @@ pub struct PilotSettings {
     pub avoid: bool,
     /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
-    /// What follows a fulfilled or failed instruction.
+    /// Action after a fulfilled or failed instruction.
     #[serde(default)]
     pub at_end: AtEnd,
     /// Flight time limit, counted from the start, or from the operator's resumption of a flight that had ended. Manual

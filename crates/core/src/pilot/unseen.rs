@@ -1,5 +1,5 @@
-//! What no camera frame has shown: no autonomous motion goes backwards into it, and looks up or down stay between floor and
-//! ceiling.
+//! Space that no camera frame has shown: no autonomous motion goes backwards into it, and vertical search moves stay
+//! between floor and ceiling.
 
 use std::collections::VecDeque;
 
@@ -12,19 +12,19 @@ use crate::policy::Move;
 use crate::primitives::Primitives;
 use crate::time::{Duration, Time};
 
-/// What a frame has shown counts for this long.
+/// Content of a frame counts for this long.
 const REMEMBERED: Duration = Duration::from_secs(3);
 /// Minimum interval of remembered frames.
 const SPACING: Duration = Duration::from_millis(100);
 /// Distance of the points checked along a path, metres.
 const STRIDE: f64 = 0.25;
-/// Farther than this a frame shows no free space, metres.
+/// Maximum range at which a frame shows free space, metres.
 const SIGHT: f64 = 10.0;
-/// Where the craft itself has been, within this distance, is free, metres.
+/// Space within this distance of the craft's own path is free, metres.
 const OWN_PATH: f64 = 0.3;
 /// A motion back by less than this is a correction, metres.
 const BACK: f64 = 0.05;
-/// A look up or down shorter than this shows nothing new, metres.
+/// A vertical search move shorter than this shows nothing new, metres.
 const WORTH_LOOKING: f64 = 0.05;
 
 /// The poses of the frames of the last seconds.

@@ -1,4 +1,4 @@
-//! Which headings a search has looked at.
+//! The headings that a search has observed.
 
 use core::f64::consts::TAU;
 

@@ -88,7 +88,7 @@ pub enum Step {
     Wait,
     /// The instruction is fulfilled.
     Done,
-    /// The reply is unusable; the pilot counts it and asks again.
+    /// The reply is unusable; the pilot counts it and queries again.
     Reject(String),
     /// The flight cannot go on.
     Fail(FailReason),
@@ -131,7 +131,7 @@ pub struct Reading {
     pub displacement: Option<BodyDisplacement>,
     /// The resulting primitives (paper §3.4).
     pub primitives: Option<Primitives>,
-    /// What obstacle mode did to the waypoint.
+    /// The effect of obstacle mode on the waypoint.
     pub avoidance: Option<Avoidance>,
     /// Why the reply was rejected.
     pub refused: Option<String>,

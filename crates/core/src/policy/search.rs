@@ -17,7 +17,8 @@ const VERTICAL_LOOKS: u32 = 3;
 const EXCURSIONS: u32 = 2;
 /// Moves per excursion, each based on its own frame.
 const EXCURSION_MOVES: u32 = 3;
-/// An open way within this angle of the direction back to the last excursion's start counts as leading back, radians.
+/// An open direction within this angle of the direction back to the last excursion's start counts as leading back,
+/// radians.
 const BACK: f64 = 1.0;
 /// Heading difference below which a direction counts as faced, radians.
 const FACED: f64 = 0.1;
@@ -36,7 +37,7 @@ pub struct Way {
 pub enum SearchAction {
     /// Turn or climb, then look again.
     Look(Primitives),
-    /// Fly along the open way of the reply, whose frame was taken in that direction.
+    /// Fly along the open direction of the reply, whose frame was taken in that direction.
     Fly,
     /// The search is exhausted.
     Exhausted,
@@ -47,15 +48,15 @@ pub enum SearchAction {
 enum Stage {
     /// Turning on the spot.
     Sweep,
-    /// Has turned to the most open way seen, to look at it again.
+    /// Has turned to the most open direction seen, to observe it again.
     Face,
     /// Flying along it, with this many moves left.
     Excursion(u32),
 }
 
 /// The search: turn by 0.8 of the horizontal field of view; after a full turn climb once and turn again; then twice fly
-/// along the most open way reported and turn there; then give up. A way is flown only from a frame taken in its
-/// direction.
+/// along the most open direction reported and turn there; then give up. An open direction is flown only from a frame
+/// taken in that direction.
 #[derive(Clone, Debug)]
 pub struct Search {
     /// Angle per turn, radians, positive.
@@ -68,14 +69,14 @@ pub struct Search {
     vertical: u32,
     climbed: bool,
     stage: Stage,
-    /// Headings of which a frame of this sweep was answered. The view that it began with does not count: the sweep ends
-    /// where it began.
+    /// Headings for which a frame of this sweep was answered. The initial view does not count: the sweep ends where it
+    /// began.
     covered: Coverage,
     /// Turns of this sweep.
     turns: u32,
     /// Whether the last action was a turn of this sweep.
     turning: bool,
-    /// The most open way seen in this sweep.
+    /// The most open direction seen in this sweep.
     open: Option<Way>,
     excursions: u32,
     /// Heading of the last excursion.
@@ -114,7 +115,8 @@ impl Search {
         self.turned
     }
 
-    /// The next action after a look at `heading`, radians, that did not show the target but may have shown an open way.
+    /// The next action after a look at `heading`, radians, that did not show the target but may have shown an open
+    /// direction.
     pub fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> SearchAction {
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
@@ -126,7 +128,7 @@ impl Search {
             self.stage = Stage::Sweep;
             self.begin_sweep();
         }
-        // Where the craft looks, not where it was to turn: a turn may have been cut short.
+        // The craft's actual heading, not the intended one: a turn may have been cut short.
         if core::mem::take(&mut self.turning) {
             self.covered.look(heading);
         }
@@ -139,8 +141,8 @@ impl Search {
                 self.vertical += 1;
                 return SearchAction::Look(Primitives { climb: 1.0, ..Primitives::default() });
             }
-            // The camera cannot tilt, and what is behind the craft has not been seen: what is below comes into view from
-            // lower down.
+            // The camera cannot tilt, and the space behind the craft has not been seen: objects below come into view
+            // from lower down.
             Look::Down if self.vertical < VERTICAL_LOOKS => {
                 self.vertical += 1;
                 return SearchAction::Look(Primitives { climb: -1.0, ..Primitives::default() });
@@ -155,7 +157,7 @@ impl Search {
             Look::Behind => PI,
             _ => self.turn,
         };
-        // Whatever the replies ask for, each turn shows something new: left and right in turn are not a full circle.
+        // Whatever the replies request, each turn shows something new: alternating left and right is not a full circle.
         let yaw = if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished };
         (self.turning, self.turns) = (true, self.turns + 1);
         self.turn_by(yaw)
@@ -264,7 +266,7 @@ mod tests {
         };
         let seen = flown(&mut search, Look::Right, open);
         let circle = ["72"; 5];
-        // 144° is where it looked south-east. The way back lies at -36°, and is left out the second time.
+        // 144° is where it observed the south-east. The direction back lies at -36°, and is left out the second time.
         let first = [&circle[..], &["up 2"], &circle, &["144", "fly", "fly", "fly"]].concat();
         assert_eq!(seen[..first.len()], first);
         let flights: Vec<usize> = seen.iter().enumerate().filter(|(_, step)| *step == "fly").map(|(i, _)| i).collect();
@@ -281,7 +283,7 @@ mod tests {
         let mut flew = false;
         for _ in 0..100 {
             looks += 1;
-            // Twelve looks of the two sweeps show a way, and then none does any more.
+            // Twelve looks of the two sweeps show an open direction, and later ones do not.
             let way = (looks <= 12).then_some(Way { heading: 1.0, depth: 5 });
             match search.next(Look::Right, heading, way) {
                 SearchAction::Exhausted => break,

@@ -23,7 +23,7 @@ const REMEMBERED_TARGETS: usize = 8;
 const TURNS_FIRST: u32 = 2;
 /// How long obstacles count for climbs and descents after the frame in which they were reported.
 const REPORTED: Duration = Duration::from_secs(3);
-/// Number of times in a row that a blocked path is answered by holding and asking again before searching for another.
+/// Number of times in a row that a blocked path is answered by holding and querying again before searching for another.
 const BLOCKED_LOOKS: u32 = 3;
 /// Climb with which that search begins, metres.
 const BLOCKED_CLIMB: f64 = 1.0;
@@ -123,7 +123,7 @@ impl Spf {
     }
 
     /// Adds a detector: in obstacle mode each decision starts with a list of detections ([`QueryKind::Detect`]), which
-    /// goes into the prompt and provides the obstacle boxes. The VLM is then asked for the point and its depth only.
+    /// goes into the prompt and provides the obstacle boxes. The VLM is then queried for the point and its depth only.
     #[must_use]
     pub fn with_detector(self) -> Self {
         Self { detector: true, ..self }
@@ -192,7 +192,7 @@ impl Spf {
         Step::Ask(Box::new(query))
     }
 
-    /// Handles the detector's list: the VLM is asked about the same frame.
+    /// Handles the detector's list: the VLM is queried about the same frame.
     fn listed(&mut self, view: &View, text: &str) -> Step {
         self.reading = Reading::default();
         match parse_detections(text) {
@@ -254,7 +254,7 @@ impl Spf {
 
     fn not_visible(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
-        // Whatever follows is not the step to which it has turned.
+        // Any other step is not the one for which it turned.
         self.turned_first = None;
         let View { camera, pose, .. } = open_query.view;
         let heading = pose.attitude.heading;
@@ -267,8 +267,8 @@ impl Spf {
             primitives.climb == 0.0 || reported.iter().all(|report| report.clears(&pose, primitives.climb, clearance))
         };
         let mut action = search.next(look, heading, way);
-        // A climb or descent that is not clear is left out, and the search goes on turning. Its next action may be another
-        // climb, but only one: the search climbs once between its turns.
+        // A climb or descent that is not clear is omitted, and the search continues turning. Its next action may be
+        // another climb, but only one: the search climbs once between its turns.
         while let SearchAction::Look(primitives) = action
             && !is_clear(&primitives)
         {
@@ -357,11 +357,11 @@ impl Spf {
             return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true });
         }
         self.reading.primitives = Some(primitives);
-        // A way to look from is flown to its end.
+        // An open direction is flown to its end.
         Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible })
     }
 
-    /// No free direction: hold and ask again; if that repeats, the policy looks from higher up, or to the side.
+    /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
     fn blocked(&mut self, open_query: OpenQuery) -> Step {
         self.blocked += 1;
         if self.blocked < BLOCKED_LOOKS {

@@ -1,4 +1,5 @@
-//! The reply contract: what a VLM is asked to answer, and the types it becomes (paper §3.1; `docs/reference/reply.md`).
+//! The reply contract: the answer expected from a VLM, and the types it becomes (paper §3.1;
+//! `docs/reference/reply.md`).
 //!
 //! [`parse_reply`] reads a complete answer and [`ReplyStream`] one that is still arriving. [`reply_schema`] is the
 //! schema for VLMs that support structured output, and [`Reply::to_json`] writes the same form, so that the oracle also

@@ -1,4 +1,4 @@
-//! Converts a JSON value to a [`Reply`]: what is accepted and what is refused.
+//! Converts a JSON value to a [`Reply`]: accepted and refused forms.
 
 use super::json::Value;
 use super::scan::Verdict;
@@ -13,7 +13,7 @@ pub const MAX_NAME: usize = 80;
 /// Maximum stage number.
 pub const MAX_STAGE: u32 = 99;
 
-/// Why an answer is not a reply. Nothing may be flown on it: the pilot holds, asks again and counts a failure.
+/// Why an answer is not a reply. Nothing may be flown on it: the pilot holds, queries again and counts a failure.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReplyError {
@@ -114,7 +114,7 @@ const BOXES: [&str; 2] = ["boxes", "obstacles"];
 const BOX: [&str; 4] = ["box", "box_2d", "bbox", "bbox_2d"];
 const NAME: [&str; 2] = ["name", "label"];
 
-/// What was asked for.
+/// The requirements of the query.
 #[derive(Clone, Copy)]
 pub(super) struct Asked<'a> {
     /// The coordinates of the reply.
@@ -165,7 +165,7 @@ fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, Re
         let (point, depth) = (point?.ok_or(ReplyError::MissingPoint)?, depth?.ok_or(ReplyError::MissingDepth)?);
         (Some(point), Some(depth), boxes?)
     } else {
-        // What a search flies is kept clear of the boxes, too; `done` flies nowhere.
+        // Steps of a search are kept clear of the boxes, too; `done` flies nowhere.
         let boxes = if avoid && status == Status::NotVisible { boxes? } else { boxes.unwrap_or_default() };
         // Models that must fill every field fill these with zeros; what cannot be parsed is omitted.
         (point.unwrap_or(None), depth.unwrap_or(None), boxes)

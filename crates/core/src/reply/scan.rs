@@ -1,7 +1,7 @@
 //! Finds the JSON in an answer, complete or still arriving, surrounded by prose, code fences and reasoning.
 //!
-//! The scanner is a byte-wise state machine without look-ahead, so the way an answer is split into chunks cannot change
-//! the result.
+//! The scanner is a byte-wise state machine without look-ahead, so the result does not depend on how an answer is split
+//! into chunks.
 
 use super::json::{Broken, MAX_DEPTH, Value, read};
 

@@ -1,4 +1,4 @@
-//! Short answers: which of the numbered marks ([`Choose`]), and whether the instruction is fulfilled ([`Done`]).
+//! Short answers: a choice among the numbered marks ([`Choose`]), and whether the instruction is fulfilled ([`Done`]).
 //!
 //! [`Choose`]: crate::query::QueryKind::Choose
 //! [`Done`]: crate::query::QueryKind::Done

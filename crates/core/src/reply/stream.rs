@@ -8,8 +8,9 @@ use crate::grounding::GroundingProfile;
 /// Parses the reply in `text`, in the coordinates of `profile`. `avoid`: it answers a query in obstacle mode, and must have
 /// the list of `boxes` unless it is `done`; an empty list means that there is no obstacle.
 ///
-/// `docs/reference/reply.md` lists what is forgiven: fences and prose around the JSON, an array for the object, numbers as text,
-/// other keys and spellings, coordinates up to 1 % outside. Of several objects the first that reads as a reply counts.
+/// `docs/reference/reply.md` lists the accepted deviations: fences and prose around the JSON, an array for the object,
+/// numbers as text, other keys and spellings, coordinates up to 1 % outside. Of several objects the first valid reply
+/// counts.
 ///
 /// # Errors
 /// [`ReplyError`] of the first object that was intended as a reply. Every number of a returned reply is finite and

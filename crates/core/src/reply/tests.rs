@@ -76,13 +76,13 @@ fn short_forms_are_read() {
     assert_eq!((done.status, done.depth), (Status::Done, None));
     let lost = short("{\"status\":\"not visible\",\"look\":\"Left\",\"point\":[-20,-20]}");
     assert_eq!((lost.status, lost.look, lost.point), (Status::NotVisible, Some(Look::Left), None));
-    // Which side to try first is then the pilot's to choose.
+    // Which side to try first is then the pilot's choice.
     assert_eq!(short("{\"status\":\"not-visible\"}").look, None);
     // The paper's reply: a point and a label, nothing else.
     let bare = short("[{\"point\":[1005,-3],\"depth\":1,\"stage\":0,\"target\":\"\"}]");
     assert_eq!((bare.status, bare.stage, bare.target), (Status::Navigating, None, None));
     assert_eq!(bare.point, Some(ImagePoint { u: 0.0, v: 1.0 }));
-    // An obstacle without a name is an obstacle all the same.
+    // An obstacle without a name still counts.
     let unnamed = short("{\"point\":[1,2],\"depth\":1,\"boxes\":{\"box\":[1,2,3,4],\"depth\":1,\"name\":null}}");
     assert_eq!(unnamed.boxes[0].name, "obstacle");
 }
@@ -243,7 +243,7 @@ fn profiles() -> impl Strategy<Value = GroundingProfile> {
 }
 
 fn fraction() -> impl Strategy<Value = f64> {
-    // Below 2 % a percent value may be a share that was meant as such, which is refused on purpose.
+    // Below 2 % a percent value may be meant as a fraction, which is refused on purpose.
     0.02..=1.0
 }
 

@@ -1,4 +1,4 @@
-//! All there is to see: a red ball in the air, a metre across.
+//! The only object: a red ball in the air, one metre across.
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -8,8 +8,8 @@ use spf_media::Rgb;
 
 const BALL: EnuPosition = EnuPosition { east: 4.0, north: 14.0, up: 3.5 };
 
-/// Light blue, and the ball where a camera sees it from there. A dark dot in the first row moves on from image to image,
-/// since a camera that repeats an image counts as frozen (`FrameStore` says what exactly is compared).
+/// Light blue, and the ball as seen by a camera at this pose. A dark dot in the first row moves from image to image,
+/// because a camera that repeats an image counts as frozen (`FrameStore` documents what exactly is compared).
 pub(super) fn paint(camera: &Camera, from: &Pose, at: Time) -> Rgb {
     let mut image = Rgb::filled(camera.width, camera.height, [200, 220, 255]);
     let ahead = from.position.displacement_to(BALL, from.attitude.heading);

@@ -1,4 +1,4 @@
-//! A drone of one's own: a point that moves as it is told, and a camera that paints what it sees, a red ball.
+//! A custom drone: a point that moves as commanded, and a camera that renders its view, a red ball.
 
 mod ball;
 mod craft;
@@ -16,7 +16,7 @@ use spf_core::time::{Duration, Time};
 use spf_drone::frames::{FrameStore, Frames};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 
-/// Telemetry and frames come this often.
+/// Interval of telemetry and frames.
 const TICK: Duration = Duration::from_millis(50);
 
 /// The drone.
@@ -24,7 +24,7 @@ const TICK: Duration = Duration::from_millis(50);
 pub(crate) struct Toy {
     now: Time,
     pose: Pose,
-    /// What it holds, and until when.
+    /// The current setpoint and its expiry.
     wanted: (Setpoint, Time),
     phase: FlightPhase,
     events: VecDeque<(Time, DroneEvent)>,

@@ -50,7 +50,7 @@ impl Camera {
         Time::ZERO + self.began.elapsed()
     }
 
-    /// Takes an image and stores it in the memory; `None` if the camera gives no image.
+    /// Takes an image and stores it in the memory; `None` if the camera has no image yet.
     pub fn take(&self) -> Option<(FrameId, Rgb)> {
         let now = self.now();
         let nanos = (now.as_nanos() as u128 % SCENE_TIME.as_nanos()) as u64;

@@ -25,7 +25,7 @@ const SILENCE: Duration = Duration::from_secs(50);
 /// Time limit for the closing handshake.
 pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 
-/// Serves a page, starting with `beginning`, until it disconnects or server shutting down.
+/// Serves a page, starting with `beginning`, until it disconnects or the server shuts down.
 pub(super) async fn converse(
     mut socket: WebSocket,
     library: Arc<Library>,

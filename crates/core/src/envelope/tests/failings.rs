@@ -1,4 +1,4 @@
-//! Failings that programs of this kind are known for, as far as the envelope can prevent them (`docs/explanation/safety.md`).
+//! Known failings of similar programs, as far as the envelope can prevent them (`docs/explanation/safety.md`).
 
 use super::*;
 
@@ -21,7 +21,7 @@ fn failing_2_nothing_but_a_good_reply_resets_the_count_of_failures() {
     assert_eq!(rig.envelope.reaction(ms(6000)), Reaction::Land(Cause::FailedReplies));
 }
 
-/// Failing 3: a frozen, blank or placeholder frame is taken for a live one.
+/// Failing 3: a frozen, blank or placeholder frame is mistaken for a live one.
 #[test]
 fn failing_3_a_frozen_blank_or_placeholder_frame_moves_nothing() {
     let frozen = |_: Time, first: FrameMeta| first;
@@ -48,8 +48,8 @@ fn failing_3_a_frozen_blank_or_placeholder_frame_moves_nothing() {
     }
 }
 
-/// Failing 4: a slow VLM lets the craft's own no-command timer land it (Tello: 15 s). A hold expires like any setpoint, so
-/// whoever obeys the deadlines sends it again and again while waiting.
+/// Failing 4: during a slow VLM query the craft's own no-command timer lands it (Tello: 15 s). A hold expires like any
+/// setpoint, so a caller that obeys the deadlines sends it again and again while waiting.
 #[test]
 fn failing_4_a_hold_is_due_again_while_a_slow_vlm_thinks() {
     let mut rig = Rig::flying(Limits::default());
@@ -67,14 +67,14 @@ fn failing_4_a_hold_is_due_again_while_a_slow_vlm_thinks() {
     assert_eq!(sent, 80, "every 0.5 s for 40 s");
 }
 
-/// Failing 8: an emergency that is only zero sticks, an override that leaves the command in execution.
+/// Failing 8: an emergency stop that only centres the sticks, an override that leaves the old command active.
 #[test]
 fn failing_8_an_emergency_is_no_hold_and_ends_what_was_cleared() {
     let mut rig = Rig::flying(Limits::default());
     let _ = rig.envelope.clear_setpoint(ms(1000), forward(1.0));
     let stop = rig.envelope.clear(ms(1100), Command::EmergencyStop).unwrap();
     assert_eq!(*stop.cleared.get(), Command::EmergencyStop);
-    // The setpoint's end at 1.5 s is nobody's business any more: the next thing is the age of frame and telemetry.
+    // The setpoint's end at 1.5 s no longer matters: the next deadline is the age of frame and telemetry.
     assert_eq!(rig.envelope.next_deadline(ms(1100)), Some(ms(2000)));
     // The operator's setpoint replaces the pilot's, and counts from its own time.
     let manual = rig.envelope.clear_manual(ms(1200), forward(-0.5));

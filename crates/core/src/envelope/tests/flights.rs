@@ -1,10 +1,10 @@
-//! What leaves the envelope respects it: for arbitrary events, and for a craft that flies what was cleared.
+//! Cleared commands respect the limits: for arbitrary events, and for a craft that flies them.
 
 use proptest::prelude::*;
 
 use super::*;
 
-/// Anything that could stand in a telemetry report or a setpoint.
+/// Anything that a telemetry report or a setpoint may contain.
 fn any_number() -> impl Strategy<Value = f64> {
     prop_oneof![
         6 => -10.0..10.0_f64,
@@ -82,7 +82,7 @@ fn within(is: Setpoint, requested: Setpoint, limits: &Limits) -> Result<(), Test
     prop_assert!(libm::hypot(is.right, is.forward) <= limits.max_speed * slack, "{is:?}");
     prop_assert!(is.up.abs() <= limits.max_climb && is.yaw_rate.abs() <= limits.max_yaw_rate, "{is:?}");
     if requested.is_finite() && libm::hypot(requested.right, requested.forward) < 1e6 {
-        // Limited, slid or stopped; never more than was asked, never the other way.
+        // Limited, slid or stopped; never more than requested, never in the opposite direction.
         prop_assert!(libm::hypot(is.right, is.forward) <= libm::hypot(requested.right, requested.forward) * slack + 1e-9);
         prop_assert!(is.right * requested.right + is.forward * requested.forward >= -1e-9, "{is:?} of {requested:?}");
         prop_assert!(is.up * requested.up >= 0.0 && is.up.abs() <= requested.up.abs());
@@ -94,7 +94,7 @@ fn within(is: Setpoint, requested: Setpoint, limits: &Limits) -> Result<(), Test
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(512))]
 
-    /// Whatever it is told, in whatever order and at whatever times: finite, within the limits, and no motion without cause.
+    /// For any inputs, in any order and at any times: finite, within the limits, and no motion without cause.
     #[test]
     fn whatever_it_is_told_what_leaves_is_bounded(
         events in prop::collection::vec((any_event(), -100..900_i64), 1..80), fence in any::<bool>()
@@ -157,7 +157,7 @@ proptest! {
         }
     }
 
-    /// From any place and at any velocity: where the setpoint can still carry the craft is inside, or nearer to it.
+    /// From any position and at any velocity: the point that the setpoint can still reach is inside, or closer to it.
     #[test]
     fn the_reach_of_what_leaves_is_inside(
         place in (-32.0..32.0_f64, -32.0..32.0_f64, 0.4..11.0_f64), heading in -3.0..3.0_f64,
@@ -167,14 +167,15 @@ proptest! {
     }
 }
 
-/// Turning on the way back, the craft must not fly in on one side and out on another.
+/// Turning while flying back, the craft must not enter on one side and leave on another.
 #[test]
 fn a_way_back_that_turns_ends_inside() {
     let requested = Setpoint { right: 0.0, forward: 247.48767999337304, up: 0.0, yaw_rate: -1.4317031117876124 };
     reach_is_inside((-26.374545365294615, -30.66691734644264, 0.4), 0.0, (0.0, 0.0, 0.0), requested, 44.4090247433437).unwrap();
 }
 
-/// A fence with a bay and a hole, and a craft at `place` (east, north, up; m) that moves at `velocity` and is `requested` to move.
+/// A fence with a notch and a hole, and a craft at `place` (east, north, up; m) that moves at `velocity` and is
+/// `requested` to move.
 fn reach_is_inside(
     place: (f64, f64, f64),
     heading: f64,
@@ -221,7 +222,7 @@ fn reach_is_inside(
                 prop_assert!(inside(p), "{p:?} of {is:?} from {place:?}");
             }
         } else {
-            // Coming back: it ends inside, or at least nearer.
+            // Flying back: it ends inside, or at least nearer.
             let away = |p: EnuPosition| (-fence.edge_distance(p)).max(0.0).max(libm::hypot(p.east, p.north) - max_distance);
             prop_assert!(inside(at(end, up)) || away(at(end, up)) <= away(at(0.0, up)) + 1e-9);
         }
@@ -236,7 +237,7 @@ struct Body {
     v: EnuVelocity,
     heading: f64,
     yaw_rate: f64,
-    /// What was sent and until when it holds, newest last.
+    /// The setpoints sent, with their expiry, newest last.
     sent: Vec<(Time, Setpoint, Time)>,
 }
 
@@ -263,9 +264,9 @@ impl Body {
     }
 }
 
-/// Flies setpoints at full stick, each for a while, with exact telemetry at 10 Hz, and says the least room to the fence, to
-/// the distance limit, to floor and ceiling, and the greatest distance from the origin. Commands stop coming between
-/// `silent` (a dead pilot).
+/// Flies setpoints at full stick, each for a while, with exact telemetry at 10 Hz; returns the minimum distance to the
+/// fence, to the distance limit, to floor and ceiling, and the maximum distance from the origin. No commands are sent
+/// between `silent` (a dead pilot).
 fn fly(craft: Craft, told: bool, seed: u64, silent: (Time, Time)) -> [f64; 4] {
     let fence = Geofence::from_geojson(
         r#"{"type": "Polygon", "coordinates": [[[-12, -8], [12, -8], [12, 10], [0, 4], [-12, 10], [-12, -8]]]}"#,
@@ -327,7 +328,7 @@ fn a_craft_at_full_stick_stays_inside() {
             for seed in 0..8 {
                 let [fence, distance, altitude, farthest] = fly(craft, told, seed, (Time::MAX, Time::MAX));
                 assert!(fence > 0.0 && distance > 0.0 && altitude > -0.05, "{seed} {told}: {fence} {distance} {altitude}");
-                // It did get about, and up to the limits.
+                // It did move, and up to the limits.
                 assert!(farthest > 8.0, "{farthest}");
             }
         }

@@ -1,4 +1,4 @@
-//! What the limits leave of a setpoint, one test for each row of the table in `docs/explanation/safety.md`.
+//! The part of a setpoint that the limits leave, one test for each row of the table in `docs/explanation/safety.md`.
 
 use super::*;
 
@@ -11,7 +11,7 @@ fn climb(up: f64) -> Setpoint {
     Setpoint { up, ..Setpoint::HOLD }
 }
 
-/// A quad within a fence of 40 m × 40 m, at a place, facing north.
+/// A quad at a place within a fence of 40 m × 40 m, facing north.
 fn fenced(east: f64, north: f64, up: f64) -> Rig {
     let limits = Limits { geofence: Some(square(20.0, r#"{"max_altitude_m": 12}"#)), ..Limits::default() };
     let mut rig = Rig::flying(limits);
@@ -30,7 +30,7 @@ fn speeds_are_clamped_and_the_direction_kept() {
     near(is.yaw_rate, 1.5 * 95.0_f64.to_radians());
     assert_eq!(why, Some(Cause::SpeedLimit));
     assert_eq!(rig.ask(ms(1000), climb(9.0)), (climb(1.5), Some(Cause::ClimbLimit)));
-    // Sinking from 3 m: far enough from the floor for 1 m/s, that takes 0.9 + 1/6 m.
+    // Descending from 3 m: far enough from the floor for 1 m/s, which takes 0.9 + 1/6 m.
     assert_eq!(rig.ask(ms(1000), climb(-1.0)), (climb(-1.0), None));
 }
 
@@ -55,7 +55,7 @@ fn the_floor_limits_sinking_only() {
     rig.place(0.0, 0.0, 0.2);
     rig.fresh(ms(1100));
     assert_eq!(rig.ask(ms(1100), climb(-1.0)), (climb(0.0), Some(Cause::FloorLimit)));
-    // Below it nothing makes the craft climb, and moving on is free.
+    // Below it nothing makes the craft climb, and other motion is free.
     let along = Setpoint { forward: 1.0, up: 0.0, right: 0.0, yaw_rate: 0.1 };
     assert_eq!(rig.ask(ms(1100), along), (along, None));
     assert_eq!(rig.ask(ms(1100), climb(0.5)), (climb(0.5), None));
@@ -87,7 +87,7 @@ fn the_fence_is_approached_at_a_speed_that_stops_before_it() {
     // 3 m to the edge less 0.5 m: v·0.9 + v²/8 = 2.5.
     near(is.forward * 0.9 + is.forward * is.forward / 8.0, 2.5);
     assert_eq!((is.right, why), (0.0, Some(Cause::GeofenceLimit)));
-    // The motion that it already has counts: at 1.5 m/s it is 0.15 m nearer after the dead time.
+    // The current motion counts: at 1.5 m/s it is 0.15 m nearer after the dead time.
     rig.telemetry.velocity = Some(EnuVelocity { north: 1.5, ..EnuVelocity::default() });
     rig.fresh(ms(1200));
     let (is, _) = rig.ask(ms(1200), forward(3.0));
@@ -101,18 +101,18 @@ fn the_fence_is_approached_at_a_speed_that_stops_before_it() {
 #[test]
 fn the_fence_is_slid_along() {
     let mut rig = fenced(0.0, 19.5, 3.0);
-    // Facing north-east along an edge at the margin: only the eastward half is left, 2·cos 45° = √2 m/s.
+    // Facing north-east along an edge at the margin: only the eastward half remains, 2·cos 45° = √2 m/s.
     rig.telemetry.attitude.heading = core::f64::consts::FRAC_PI_4;
     rig.fresh(ms(1200));
     let (is, why) = rig.ask(ms(1200), forward(2.0));
     near(is.forward, 1.0);
     near(is.right, 1.0);
     assert_eq!(why, Some(Cause::GeofenceLimit));
-    // In the corner nothing is left.
+    // In the corner no motion is left.
     rig.place(19.5, 19.5, 3.0);
     rig.fresh(ms(1300));
     assert!(rig.ask(ms(1300), forward(2.0)).0.is_hold());
-    // And away from it everything.
+    // Away from it every motion is.
     assert_eq!(rig.ask(ms(1300), forward(-2.0)), (forward(-2.0), None));
 }
 
@@ -145,7 +145,7 @@ fn from_outside_only_the_way_back_is_open() {
 
 #[test]
 fn a_turn_towards_the_fence_counts() {
-    // Along the northern edge, 1.5 m from it, to the east, while turning north: it would fly into it within the validity.
+    // Along the northern edge, 1.5 m from it, eastwards while turning north: it would fly into it within the validity.
     let mut rig = fenced(0.0, 18.5, 3.0);
     rig.telemetry.attitude.heading = core::f64::consts::FRAC_PI_2;
     rig.fresh(ms(1200));
@@ -179,7 +179,7 @@ fn the_stated_deviation_widens_every_margin() {
     // 3 m to the fence less 0.5 m and 1 m: v·0.9 + v²/8 = 1.5.
     near(is.forward * 0.9 + is.forward * is.forward / 8.0, 1.5);
     assert_eq!(why, Some(Cause::GeofenceLimit));
-    // Within the wider margin the way inwards is open, and outwards nothing is left.
+    // Within the wider margin, motion inwards is free, and none outwards is left.
     rig.place(0.0, 18.8, 3.0);
     rig.fresh(ms(1200));
     assert!(rig.ask(ms(1200), forward(1.0)).0.is_hold());
@@ -213,7 +213,7 @@ fn the_stated_deviation_widens_every_margin() {
 
 #[test]
 fn unknown_positions_are_reckoned() {
-    // A Tello tells velocity and height, no position: after 10 s at 1 m/s it is 10 m north.
+    // A Tello reports velocity and height, no position: after 10 s at 1 m/s it is 10 m north.
     let mut rig = Rig::flying(Limits { max_distance: 12.0, ..Limits::for_craft(&Craft::tello()) });
     rig.telemetry.position = None;
     rig.telemetry.velocity = Some(EnuVelocity { north: 1.0, ..EnuVelocity::default() });
@@ -224,7 +224,7 @@ fn unknown_positions_are_reckoned() {
     // 12 − 0.5 − 10 m, less 0.1 m for the dead time of the quad that the rig flies.
     near(is.forward * 0.9 + is.forward * is.forward / 8.0, 1.4);
     assert_eq!(why, Some(Cause::DistanceLimit));
-    // Neither velocity: what was cleared counts as flown.
+    // No velocity either: the cleared command counts as flown.
     rig.telemetry.velocity = None;
     rig.fresh(ms(11_500));
     let (slower, _) = rig.ask(ms(11_500), forward(1.5));

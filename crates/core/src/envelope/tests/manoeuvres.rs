@@ -1,4 +1,4 @@
-//! What is left of a move that the craft ends by itself.
+//! The part of a move that the craft ends by itself.
 
 use proptest::prelude::*;
 
@@ -11,7 +11,7 @@ fn go(right: f64, forward: f64, up: f64) -> Manoeuvre {
 }
 
 impl Rig {
-    /// What is cleared of a manoeuvre, if anything, and why it is not the whole of it.
+    /// The cleared part of a manoeuvre, if any, and why it is not all of it.
     fn fly(&mut self, now: Time, requested: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
         let clearance = self.envelope.clear(now, Command::Manoeuvre(requested)).unwrap();
         match *clearance.cleared.get() {
@@ -46,16 +46,16 @@ fn a_manoeuvre_inside_the_limits_passes_and_says_until_when() {
 
 #[test]
 fn a_manoeuvre_is_cut_to_what_ends_inside() {
-    // 4 m to the edge less the margin of 0.5 m, and a tenth of the way for its error: 3.5 / 1.1.
+    // 4 m to the edge less the margin of 0.5 m, and a tenth of the length for its error: 3.5 / 1.1.
     let mut rig = in_square(0.0, 16.0, 3.0);
     let (is, why) = rig.fly(ms(1100), go(0.0, 5.0, 0.0));
     let Some(Manoeuvre::Go { displacement, .. }) = is else { panic!("{is:?}") };
     assert!((displacement.forward - 3.5 / 1.1).abs() < 1e-9 && why == Some(Cause::GeofenceLimit), "{displacement:?} {why:?}");
-    // Down to the floor of 0.3 m, whatever it would go on the map.
+    // Down to the floor of 0.3 m, whatever its horizontal length.
     let (is, why) = rig.fly(ms(1100), go(2.0, 0.0, -5.0));
     let Some(Manoeuvre::Go { displacement, .. }) = is else { panic!("{is:?}") };
     assert!((displacement.up + 2.7).abs() < 1e-9 && displacement.right == 2.0 && why == Some(Cause::FloorLimit));
-    // At the edge nothing is left.
+    // At the edge no motion is left.
     let mut rig = in_square(0.0, 19.4, 3.0);
     assert_eq!(rig.fly(ms(1100), go(0.0, 5.0, 0.0)), (None, Some(Cause::GeofenceLimit)));
 }
@@ -95,7 +95,7 @@ fn a_manoeuvre_begins_only_where_a_setpoint_would_move() {
 #[test]
 fn from_outside_a_limit_no_manoeuvre_begins() {
     let mut rig = in_square(0.0, 25.0, 3.0);
-    // Also not the way back, which setpoints may fly.
+    // Not even a motion back, which setpoints may fly.
     assert_eq!(rig.fly(ms(1100), go(0.0, -5.0, 0.0)).0, None);
     assert!(rig.ask(ms(1100), forward(-1.0)).0.forward < 0.0);
 }
@@ -121,7 +121,7 @@ proptest! {
         rig.fresh(ms(1200));
         if let (Some(Manoeuvre::Go { displacement, .. }), _) = rig.fly(ms(1200), go(way.0, way.1, way.2)) {
             let from = EnuPosition { east: at.0, north: at.1, up: at.2 };
-            // Also when it goes a tenth farther than it was told.
+            // Even if it flies a tenth farther than commanded.
             for fraction in [0.5, 1.0, 1.1] {
                 let part = |x: f64| x * fraction;
                 let BodyDisplacement { right, forward, up } = displacement;

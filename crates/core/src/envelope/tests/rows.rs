@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Flies from 1 s on with fresh telemetry and frames every 0.1 s until `until`, except what `but` says.
+/// Flies from 1 s on with fresh telemetry and frames every 0.1 s until `until`, except as `but` specifies.
 fn fly(rig: &mut Rig, until: Time, mut but: impl FnMut(&mut Rig, Time)) {
     let mut now = ms(1100);
     while now <= until {
@@ -59,7 +59,7 @@ fn the_age_of_a_frame_counts_from_its_capture() {
     rig.envelope.observe_frame(ms(2400), &frame);
     moves(&mut rig, ms(2499));
     moves_not(&mut rig, ms(2500), Cause::StaleFrame);
-    // An older image that was overtaken is no news.
+    // An older image that was overtaken carries no information.
     let mut late = rig.frame(ms(1400));
     late.received = ms(2500);
     rig.envelope.observe_frame(ms(2500), &late);
@@ -70,7 +70,7 @@ fn the_age_of_a_frame_counts_from_its_capture() {
 fn frozen_frames_hold_then_land() {
     let mut rig = Rig::flying(Limits::default());
     let frozen = rig.frame(ms(1100));
-    // New stamps, same capture counter.
+    // New timestamps, same capture counter.
     fly(&mut rig, ms(2000), |rig, now| {
         rig.envelope.observe_frame(now, &FrameMeta { captured: now, received: now, ..frozen });
     });
@@ -106,7 +106,7 @@ fn a_lost_link_holds_then_lands() {
     rig.fresh(ms(1600));
     turns(&rig.envelope, ms(1700), Continue, Hold(Cause::LinkLost));
     moves_not(&mut rig, ms(1700), Cause::LinkLost);
-    // Telemetry may still arrive one way.
+    // Telemetry may still arrive in one direction.
     fly(&mut rig, ms(6100), Rig::see);
     turns(&rig.envelope, ms(6200), Hold(Cause::LinkLost), Land(Cause::LinkLost));
     rig.envelope.link_restored(ms(6300));
@@ -157,7 +157,7 @@ fn a_low_battery_holds_then_lands() {
     rig.fresh(ms(1200));
     assert_eq!(rig.envelope.reaction(ms(1200)), Hold(Cause::LowBattery));
     moves_not(&mut rig, ms(1200), Cause::LowBattery);
-    // What it recovers by resting does not count.
+    // Charge recovered at rest does not count.
     rig.telemetry.battery = Some(0.16);
     fly(&mut rig, ms(6100), Rig::see);
     turns(&rig.envelope, ms(6200), Hold(Cause::LowBattery), Land(Cause::LowBattery));
@@ -189,7 +189,7 @@ fn each_failed_reply_holds_and_the_fifth_lands() {
     moves(&mut rig, ms(6100));
 }
 
-/// Outside a limit: hold, land after 5 s, only the way back is open; the operator may take as long as it takes.
+/// Outside a limit: hold, land after 5 s, only motion back is allowed; the operator may take any time.
 #[track_caller]
 fn breach_holds_then_lands(limits: Limits, at: (f64, f64, f64), out: Setpoint, back: Setpoint, why: Cause) {
     let mut rig = Rig::flying(limits);

@@ -1,4 +1,4 @@
-//! What the pilot does on its own, one test for each row of that table in `docs/explanation/safety.md`.
+//! The pilot's actions on its own, one test for each row of that table in `docs/explanation/safety.md`.
 
 use super::*;
 use crate::geometry::wrap_angle;
@@ -11,7 +11,7 @@ fn avoiding() -> Setup {
     setup
 }
 
-/// Headings of the frames that were asked about, degrees, until the first climb.
+/// Headings of the queried frames, degrees, until the first climb.
 fn looked(flight: &mut Flight) -> Vec<f64> {
     flight.until("a climb", |flight| flight.decisions().any(|d| d.reading.primitives.is_some_and(|p| p.climb > 0.0)));
     let heading = |query: &Query| flight.frames[usize::try_from(query.frame.0).unwrap()].pose.attitude.heading.to_degrees();
@@ -56,7 +56,7 @@ fn in_obstacle_mode_a_reply_without_its_list_of_boxes_is_refused() {
         }
         assert_eq!(parse_reply(&with(r#","boxes":[]"#), &profile, true).unwrap().boxes, []);
     }
-    // The same as flights: nothing is flown on such replies, and the fifth lands the craft.
+    // The same as flights: such replies cause no motion, and the fifth lands the craft.
     for step in [steps[0], steps[1], steps[2]] {
         let mut flight = avoiding().fly(always(step.replace("BOXES", ""), 0.4));
         assert_eq!(flight.end(), Outcome::Failed, "{step}");
@@ -91,13 +91,13 @@ fn set_aside(flight: &Flight) -> Vec<(Time, String)> {
 #[test]
 fn a_reply_older_than_its_limit_moves_nothing_and_is_asked_again() {
     let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.5, 0.5, 9), 9.0));
-    // Not a failed reply: more than five end no flight.
+    // Not a failed reply: more than five do not end a flight.
     assert_eq!(flight.end(), Outcome::Timeout);
     let aside = set_aside(&flight);
     assert!(aside.len() > 5, "{aside:?}");
     for (at, reason) in &aside {
         assert!(reason.contains("s old (limit 8 s), and the craft has flown on"), "{reason}");
-        // Asked again from rest, and until that reply there is no motion.
+        // Queried again at rest, and until that reply there is no motion.
         let Some((asked, query)) = flight.queries.iter().find(|(asked, _)| asked >= at) else { continue };
         assert!(asked.since(*at) < secs(3.0), "{asked}");
         assert!(flight.frames[usize::try_from(query.frame.0).unwrap()].speed < 0.1);
@@ -129,7 +129,7 @@ fn after_motion_of_a_craft_whose_pose_is_unknown_a_reply_moves_nothing() {
     type Report = fn(Telemetry) -> Telemetry;
     let reports: [(Report, bool); 3] = [
         (|telemetry| Telemetry { position: None, velocity: None, ..telemetry }, true),
-        // Its velocity tells where it is, relative to the frame.
+        // Its velocity determines its position relative to the frame.
         (|telemetry| Telemetry { position: None, ..telemetry }, false),
         (|telemetry| telemetry, false),
     ];
@@ -164,7 +164,7 @@ fn a_gap_in_dead_reckoning_leaves_the_pose_unknown() {
     assert!(aside.iter().all(|(at, _)| (15.0..19.0).contains(&at.as_secs_f64())) && !aside.is_empty(), "{aside:?}");
 }
 
-/// In obstacle mode, a search to the right that has nothing in its way for `free` replies; then `look`, below a beam.
+/// In obstacle mode, a search to the right without obstacles for `free` replies; then `look`, below a beam.
 fn below_a_beam(free: usize, look: &'static str) -> Flight {
     let mut asked = 0;
     avoiding().fly(move |_, _| {

@@ -1,5 +1,5 @@
-//! Any events in any order at any times: nothing panics, nothing leaves the limits, nothing moves without a fresh reason, and
-//! every run ends.
+//! Any events in any order at any times: nothing panics, nothing leaves the limits, nothing moves without a fresh
+//! reason, and every run ends.
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,7 @@ use crate::policy::{Move, PolicyEvent, Reading};
 use crate::primitives::Primitives;
 use crate::query::QueryKind;
 
-/// What may happen next.
+/// The possible events.
 #[derive(Clone, Debug)]
 enum Happens {
     /// Time passes, milliseconds; the pilot is polled when it wants to be.
@@ -44,7 +44,7 @@ enum Happens {
     },
     Operator(OperatorEvent),
     Link(bool),
-    /// All goes well for so many milliseconds: frames and telemetry at 20 Hz, answers after 0.3 s.
+    /// Everything works for this many milliseconds: frames and telemetry at 20 Hz, answers after 0.3 s.
     Good(u64),
 }
 
@@ -101,7 +101,7 @@ fn happenings() -> impl Strategy<Value = Happens> {
     ]
 }
 
-/// A policy of which one answer is several moves, flown one after the other from wherever the craft is by then.
+/// A policy for which one answer is several moves, each flown from the craft's current position.
 #[derive(Default)]
 struct Legs {
     pending: Option<QueryId>,
@@ -163,23 +163,23 @@ impl Policy for Legs {
     }
 }
 
-/// A pilot without a world: events come as they are made up. Knows what a reason to move is.
+/// A pilot without a world: events are generated. Knows the rule for a reason to move.
 struct Chaos {
     pilot: Pilot,
     now: Time,
     counter: u64,
     queries: Vec<(Time, QueryId)>,
-    /// Queries that are out, as the pilot's own actions say.
+    /// Open queries, according to the pilot's own actions.
     out: BTreeSet<QueryId>,
     legs: bool,
-    /// Telemetry that went well: where the craft would be.
+    /// Position of the craft in consistent telemetry.
     up: f64,
     phase: FlightPhase,
     limits: Limits,
-    /// An answer that was waited for and says to move, since the last event that ends every reason to move.
+    /// An expected answer that requests motion, since the last event that ends every reason to move.
     reason: bool,
     hand: Option<Time>,
-    /// When the manoeuvre that was cleared last ends, while nothing has ended it.
+    /// Time at which the last cleared manoeuvre ends, while nothing has ended it.
     own_until: Option<Time>,
     captured: Option<Time>,
     link: bool,
@@ -302,7 +302,7 @@ impl Chaos {
         }
     }
 
-    /// What must be so for anything to move.
+    /// The conditions for any motion.
     fn has_reason(&self) {
         assert!(self.link, "moves without a link");
         match self.pilot.phase() {
@@ -320,7 +320,7 @@ impl Chaos {
         }
     }
 
-    /// Time passes as the pilot wants to be asked.
+    /// Time passes as the pilot's deadlines require.
     fn pass(&mut self, millis: u64) {
         let until = self.now + Duration::from_millis(millis);
         // A manoeuvre that is flown has a reason all the time: one that lost it was ended within a tick.
@@ -449,13 +449,13 @@ proptest! {
         for happens in happenings {
             chaos.happen(happens);
         }
-        // Nothing is heard any more: the time since the last key, that of the flight, which may just have been continued, and
-        // that of a landing that nobody reports, end it.
+        // No further events: the time since the last key, the flight's time limit (which may just have been extended),
+        // and that of a landing that is not reported, end it.
         chaos.pass(60_000 + (1e3 * max_time) as u64 + 91_000);
         prop_assert_eq!(chaos.pilot.phase(), Phase::Ended);
         prop_assert_eq!(chaos.finished, 1 + chaos.reopened);
         prop_assert_eq!(chaos.pilot.next_deadline(), None);
-        // And what comes after the end changes nothing.
+        // Later events change nothing.
         let moved = chaos.moved;
         for i in 0..3 {
             chaos.tell(Event::Reply { id: QueryId(i), text: navigate(0.5, 0.5, 10) });
@@ -466,7 +466,7 @@ proptest! {
     }
 }
 
-/// The property would hold of a pilot that never moves: with nothing in the way this one does.
+/// The property would hold for a pilot that never moves: without obstacles this one does.
 #[test]
 fn the_property_is_one_of_a_pilot_that_moves() {
     for (preset, own, least) in [(Preset::Default, false, 20), (Preset::Paper, false, 20), (Preset::Default, true, 2)] {

@@ -1,12 +1,12 @@
-//! Policies that ask more than once: all go through the same pilot.
+//! Policies with several queries: all use the same pilot.
 
 use super::*;
 use crate::policy::{Move, PolicyEvent, Reading, View};
 use crate::primitives::Primitives;
 use crate::query::QueryKind;
 
-/// Asks three dependent questions about one frame, moves by what the answers add up to, and asks while moving; the answer to that
-/// is `done` or another round.
+/// Sends three dependent queries about one frame, moves according to the answers, and queries while moving; that answer
+/// is `done` or starts another round.
 struct Chooser {
     view: Option<View>,
     answers: Vec<f64>,
@@ -88,7 +88,7 @@ fn a_policy_asks_three_dependent_questions_on_one_frame_then_moves_and_asks_whil
         let expected = [(1, ask), (1, ask), (1, "move"), (2, wait), (2, ask), (2, ask), (2, "move"), (3, "done")];
         assert_eq!(steps, expected, "{preset:?}");
         assert_eq!(flight.pilot.decisions(), 3);
-        // The question while moving went out with the motion, and did not stop it.
+        // The query while moving was sent together with the motion, and did not stop it.
         let thinking = flight.setpoints_since(flight.queries[3].0).take_while(|(at, _)| *at < flight.queries[3].0 + secs(1.0));
         assert!(thinking.filter(|(_, setpoint)| !setpoint.is_hold()).count() > 7, "{preset:?}");
     }
@@ -110,7 +110,7 @@ fn one_failed_question_of_a_round_stops_and_the_round_begins_anew() {
     assert_eq!(flight.queries[2].1.prompt, "[]");
 }
 
-/// A policy that never waits, whatever it is told.
+/// A policy that never waits, whatever the events.
 struct Restless(u64);
 
 impl Policy for Restless {
@@ -145,7 +145,7 @@ fn a_policy_that_never_waits_is_bounded_and_its_flight_ends() {
     }
 }
 
-/// A streaming policy: moves as soon as the beginning of an answer allows, and knows the whole at its end.
+/// A streaming policy: it moves as soon as the beginning of an answer suffices, and has the whole answer at its end.
 struct Eager {
     moved: bool,
     id: u64,
@@ -191,7 +191,7 @@ fn a_part_of_an_answer_may_move_and_the_answer_counts_once() {
     assert_eq!(flight.pilot.decisions(), 1);
     flight.tell(Event::Reply { id, text: "forward".to_owned() });
     assert_eq!((flight.pilot.decisions(), flight.decisions().next().unwrap().number), (1, 1));
-    // Of an answer that nobody waits for, no part counts either.
+    // Parts of an unexpected answer do not count either.
     let before = flight.commands.len();
     flight.operator(OperatorEvent::Hold);
     flight.tell(Event::Chunk { id, text: "forward".to_owned() });

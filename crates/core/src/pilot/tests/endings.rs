@@ -1,9 +1,10 @@
-//! What ends a flight besides its policy: the envelope's reactions, the craft itself, time; and zero in time for each.
+//! Endings of a flight other than by its policy: the envelope's reactions, the craft itself, time; and zero in time for
+//! each.
 
 use super::*;
 use crate::geofence::Geofence;
 
-/// A flight on its way, in the paper's manner (no answer out) or thinking while flying (the next answer out).
+/// A flight in progress, stop-and-think (no query open) or continuous (the next query open).
 fn on_the_way(preset: Preset, change: impl FnOnce(&mut Setup)) -> Flight {
     let mut setup = Setup::preset(preset);
     change(&mut setup);
@@ -49,7 +50,7 @@ fn a_link_that_comes_back_is_flown_on() {
     }
 }
 
-/// Keys are worth nothing when nothing carries them; what they set must not move the craft as the link comes back.
+/// Keys have no effect while the link is lost; their setpoints must not move the craft when it returns.
 #[test]
 fn a_lost_link_stops_manual_flight_too() {
     let mut flight = on_the_way(Preset::Default, |_| {});
@@ -96,7 +97,7 @@ fn failed_replies_hold_and_ask_again_and_the_fifth_in_a_row_lands_as_failed() {
     }
 }
 
-/// Thinking while flying, the failure of the next answer ends the reason to move.
+/// In continuous mode, a failure of the next answer ends the reason to move.
 #[test]
 fn a_failed_reply_stops_the_motion_in_time() {
     for answer in [Answer::FailsAfter(secs(0.8)), Answer::After(secs(0.8), "I cannot see a picture.".to_owned()), Answer::Never] {
@@ -162,7 +163,7 @@ fn a_breach_of_a_limit_lands_as_aborted() {
                 setup.limits.geofence = Some(Geofence::from_geojson(fence).unwrap());
             }
         });
-        // A gust, or a position that was wrong so far.
+        // A gust, or a previously wrong position.
         (flight.model.position.east, flight.model.position.up) = (east, up);
         let at = flight.now;
         flight.until("a landing", |flight| flight.pilot.phase() == Phase::Landing);
@@ -196,7 +197,7 @@ fn silent_telemetry_stops_and_lands_as_failed() {
     flight.assert_stopped_since(Time::from_secs_f64(11.0));
     flight.until_phase(Phase::Landing);
     assert_eq!(flight.outcome(), Outcome::Failed);
-    // Nobody hears that it has landed: the pilot does not wait for ever.
+    // The landing is not reported: the pilot does not wait for ever.
     flight.end();
     assert!(flight.now < Time::from_secs_f64(110.0));
 }
@@ -270,7 +271,7 @@ fn reports_that_were_overtaken_change_nothing() {
     assert_eq!(flight.end(), Outcome::Reached);
 }
 
-/// The last report from the ground, come late: the craft flies on.
+/// The last report from the ground arrives late: the craft flies on.
 #[test]
 fn an_old_report_from_the_ground_does_not_end_the_flight() {
     for (phase, crashed) in [(FlightPhase::OnGround, false), (FlightPhase::Landing, false), (FlightPhase::Flying, true)] {
@@ -283,7 +284,7 @@ fn an_old_report_from_the_ground_does_not_end_the_flight() {
     }
 }
 
-/// The answer comes over another link than the craft's.
+/// The answer arrives over a link other than the craft's.
 #[test]
 fn an_answer_that_comes_while_the_link_is_lost_moves_nothing() {
     for preset in PRESETS {
@@ -296,14 +297,14 @@ fn an_answer_that_comes_while_the_link_is_lost_moves_nothing() {
         flight.pass(0.45);
         flight.assert_stopped_since(lost);
         assert!(flight.setpoints_since(lost).all(|(_, setpoint)| setpoint.is_hold()), "{preset:?}");
-        // Nothing of it is left over when the link comes back; the next frame is asked about.
+        // No effect remains when the link returns; the next frame is queried.
         flight.tell(Event::LinkRestored);
         flight.until_asked(2);
         assert!(flight.setpoints_since(lost).all(|(_, setpoint)| setpoint.is_hold()), "{preset:?}");
     }
 }
 
-/// One wrong time stamp must not make all that comes later old news.
+/// One wrong timestamp must not make all later reports look old.
 #[test]
 fn a_report_or_a_frame_from_the_future_does_not_blind_the_pilot() {
     let mut flight = Setup::preset(Preset::Default).fly(perfect(target(5.0, 25.0, 6.0), 1.0));
@@ -316,7 +317,7 @@ fn a_report_or_a_frame_from_the_future_does_not_blind_the_pilot() {
     assert_eq!(flight.end(), Outcome::Reached);
 }
 
-/// A hold lasts seconds, at ten setpoints a second: the person reads of it once.
+/// A hold lasts seconds, at ten setpoints per second: it is reported once.
 #[test]
 fn a_hold_of_the_envelope_is_told_once() {
     let mut flight = on_the_way(Preset::Default, |_| {});

@@ -1,5 +1,5 @@
-//! The failings of such programs (docs/explanation/safety.md, "Known failings of similar programs"), as far as the pilot
-//! is concerned.
+//! Known failings of similar programs (docs/explanation/safety.md, "Known failings of similar programs"), as far as the
+//! pilot can prevent them.
 
 use super::*;
 use crate::geometry::wrap_angle;
@@ -57,7 +57,7 @@ fn failing_03_a_frozen_or_blank_frame_is_never_asked_about() {
         assert_eq!(flight.end(), Outcome::Failed, "{fault:?}");
         assert!(flight.finished[0].0 < Time::from_secs_f64(24.0), "{:?}", flight.finished);
     }
-    // No frame is asked about twice, blank ones in between or not.
+    // No frame is queried twice, with or without blank ones in between.
     let setup = Setup::preset(Preset::Paper).fault(Stream::Frames, 0.0, None, Fault::Blank { p: 0.7 });
     let mut flight = setup.fly(perfect(target(0.0, 25.0, 6.0), 0.2));
     assert_eq!(flight.end(), Outcome::Reached);
@@ -90,7 +90,7 @@ fn failing_05_the_late_reply_of_a_timed_out_call_moves_nothing() {
     }
 }
 
-/// 6. Waiting twice, or capturing the next frame while still in motion without knowing it.
+/// 6. Waiting twice, or unknowingly capturing the next frame while still in motion.
 #[test]
 fn failing_06_the_next_frame_is_one_at_rest_and_rest_is_not_waited_for_twice() {
     for preset in PRESETS {
@@ -104,7 +104,7 @@ fn failing_06_the_next_frame_is_one_at_rest_and_rest_is_not_waited_for_twice() {
             let Some(last) = moved.last() else { continue };
             let seen = flight.frames[pair[1].1.frame.0 as usize];
             assert!(seen.speed < 0.1 && seen.yaw_rate < 3.0_f64.to_radians(), "{preset:?} {seen:?}");
-            // From the first true standstill to the shutter: a tick to see it, a frame period, and no second wait.
+            // From the first true standstill to the shutter: a tick to detect it, a frame period, and no second wait.
             let still = flight.frames.iter().find(|f| f.captured > *last + secs(0.15) && f.speed < 0.1 && f.yaw_rate < 0.05);
             let waited = seen.captured.since(still.unwrap().captured);
             assert!(waited <= secs(0.35), "{preset:?}: waited {waited:?} at rest");
@@ -112,7 +112,8 @@ fn failing_06_the_next_frame_is_one_at_rest_and_rest_is_not_waited_for_twice() {
     }
 }
 
-/// 8. Manual override does not cancel the reply in flight or the command in execution; an "emergency" that is only zero sticks.
+/// 8. A manual override does not cancel the pending reply or the command in execution; an "emergency" that only centres
+///   the sticks.
 #[test]
 fn failing_08_an_override_cancels_reply_and_motion_and_an_emergency_cuts_the_motors() {
     for preset in PRESETS {
@@ -132,7 +133,8 @@ fn failing_08_an_override_cancels_reply_and_motion_and_an_emergency_cuts_the_mot
     }
 }
 
-/// 10. Step scaling that changes durations of yaw and translation alike: the turn is that of the point, at every depth label.
+/// 10. Step scaling that changes the durations of yaw and translation alike: the turn is that of the point, at every
+///   depth label.
 #[test]
 fn failing_10_the_turn_flown_is_that_of_the_point_whatever_the_depth() {
     for depth in [2, 6, 10] {
@@ -141,7 +143,7 @@ fn failing_10_the_turn_flown_is_that_of_the_point_whatever_the_depth() {
         let mut flight = setup.fly(always(navigate(0.8, 0.5, depth), 0.5));
         flight.end();
         let turned = wrap_angle(flight.model.heading).to_degrees();
-        // atan(0.6 / cos 5°) = 31.06°: the lens looks 5° down, and the turn is one on the map.
+        // atan(0.6 / cos 5°) = 31.06°: the lens looks 5° down, and the turn is horizontal.
         assert!((turned - 31.06).abs() < 2.0, "label {depth}: {turned}");
     }
 }
@@ -171,7 +173,7 @@ fn failing_12_a_depth_label_beyond_the_scale_is_refused_or_the_greatest() {
     assert!(flight.finished[0].2.horizontal_distance(EnuPosition::default()) < 10.5);
 }
 
-/// 15. Several encodings of the same frame a decision; files named by the second overwrite each other.
+/// 15. Several encodings of the same frame in one decision; files of the second overwrite those of the first.
 #[test]
 fn failing_15_a_decision_asks_once_about_one_frame_and_ids_are_unique() {
     for preset in PRESETS {

@@ -17,14 +17,14 @@ impl Flight {
         })
     }
 
-    /// Until the craft is in the middle of going somewhere.
+    /// Advances to the middle of a motion.
     fn until_going(&mut self) {
         self.until("a way", |flight| flight.manoeuvres().any(|(_, is)| matches!(is, Manoeuvre::Go { .. })));
         self.pass(0.5);
         assert!(self.model.velocity.speed() > 0.5, "{:?}", self.model.velocity);
     }
 
-    /// That a hold went out at `since` or soon after, and nothing that moves for half a second.
+    /// Checks that a hold was sent at `since` or soon after, and nothing that moves for half a second.
     fn assert_ended_at(&self, since: Time) {
         let (at, first) = self.setpoints_since(since).next().unwrap();
         assert!(first.is_hold() && at.since(since) <= secs(0.2), "{first:?} {at} {since}");
@@ -38,7 +38,7 @@ fn a_whole_flight_by_manoeuvres_arrives() {
     assert_eq!(flight.end(), Outcome::Reached);
     let turns = flight.manoeuvres().filter(|(_, is)| matches!(is, Manoeuvre::Turn { .. })).count();
     assert!(turns > 0 && flight.manoeuvres().count() > turns + 3);
-    // No setpoint moves it but where too little was left for a manoeuvre.
+    // Setpoints move it only where too little is left for a manoeuvre.
     let sticks: Vec<_> = flight.setpoints_since(Time::ZERO).filter(|(_, setpoint)| !setpoint.is_hold()).collect();
     assert!(sticks.len() < 20, "{sticks:?}");
     assert!(flight.queries.iter().all(|(_, query)| flight.frames[usize::try_from(query.frame.0).unwrap()].speed < 0.1));
@@ -46,7 +46,7 @@ fn a_whole_flight_by_manoeuvres_arrives() {
 
 #[test]
 fn a_manoeuvre_ends_with_its_reason() {
-    // The operator holds; the link is lost; the camera stops; the craft tells nothing any more.
+    // The operator holds; the link is lost; the camera stops; telemetry stops.
     let mut flight = own().fly(always(navigate(0.5, 0.45, 10), 0.5));
     flight.until_going();
     let now = flight.now;

@@ -1,8 +1,9 @@
-//! A flight on one virtual clock: pilot, craft, camera, VLM and faults, like the two ends of a connection in quinn's `Pair`.
+//! A flight on one virtual clock: pilot, craft, camera, VLM and faults, like the two ends of a connection in quinn's
+//! `Pair`.
 //!
-//! The craft is the executor's test model with the phases of a flight about it; its telemetry is exact, at 20 Hz. Frames are
-//! captured every 50 ms and arrive 150 ms later. The VLM is a closure that sees the true pose of the frame. Every loop is
-//! bounded: a pilot that never becomes idle fails the test.
+//! The craft is the executor's test model, extended by flight phases; its telemetry is exact, at 20 Hz. Frames are
+//! captured every 50 ms and arrive 150 ms later. The VLM is a closure that receives the true pose of the frame. Every
+//! loop is bounded: a pilot that never becomes idle fails the test.
 
 mod alone;
 mod arbitrary;
@@ -35,7 +36,7 @@ use crate::policy::spf::{Spf, SpfSettings};
 use crate::query::{ImagePoint, Query};
 use crate::reply::{Look, OpenWay, Reply, Status};
 
-/// Frames and telemetry come every so often.
+/// Interval of frames and telemetry.
 const PERIOD: Duration = Duration::from_millis(50);
 /// From a frame's capture to its arrival.
 const CAMERA_LATENCY: Duration = Duration::from_millis(150);
@@ -43,10 +44,10 @@ const CAMERA_LATENCY: Duration = Duration::from_millis(150);
 const ACTIONS_AT_ONCE: usize = 64;
 /// More instants than a whole flight has, landing included.
 const INSTANTS: usize = 60_000;
-/// What the pilot promises: zero within this time of the end of a reason to move.
+/// The pilot's guarantee: zero within this time after the end of a reason to move.
 const STOP_RULE: Duration = Duration::from_millis(200);
 
-/// What is true about a frame, which the pilot does not know.
+/// Ground truth of a frame, which the pilot does not know.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     pose: Pose,
@@ -71,7 +72,7 @@ enum Happening {
     Deliver(Event),
 }
 
-/// What a flight is made of.
+/// Configuration of a flight.
 struct Setup {
     settings: PilotSettings,
     craft: Craft,
@@ -79,7 +80,7 @@ struct Setup {
     policy: Option<Box<dyn Policy>>,
     faults: Vec<Rule>,
     charge: f64,
-    /// What the craft reports of its true state.
+    /// Telemetry that the craft reports of its true state.
     reports: fn(Telemetry) -> Telemetry,
 }
 
@@ -164,7 +165,7 @@ impl Setup {
     }
 }
 
-/// The flight and what was seen of it.
+/// The flight and its record.
 struct Flight {
     pilot: Pilot,
     model: CraftModel,
@@ -179,9 +180,9 @@ struct Flight {
     sent: [u64; 4],
     queue: BTreeMap<(Time, u64), Happening>,
     queued: u64,
-    /// Of the setpoint that the craft flies.
+    /// Expiry of the setpoint that the craft flies.
     valid_until: Time,
-    /// When the manoeuvre that the craft flies ends; none while it flies none, or refuses them.
+    /// Time at which the craft's manoeuvre ends; `None` while it flies none, or refuses them.
     own_until: Option<Time>,
     refuses_manoeuvres: bool,
     /// Truth of each capture, by frame number.
@@ -359,7 +360,7 @@ impl Flight {
         }
     }
 
-    /// Asks the pilot until it says nothing more.
+    /// Polls the pilot until it returns `None`.
     fn pump(&mut self) {
         for _ in 0..ACTIONS_AT_ONCE {
             match self.pilot.poll(self.now) {
@@ -379,7 +380,7 @@ impl Flight {
         panic!("at {} the pilot never becomes idle", self.now);
     }
 
-    /// Tells the pilot of something now.
+    /// Passes an event to the pilot now.
     fn tell(&mut self, event: Event) {
         let ended = self.pilot.ending().is_some();
         self.pilot.handle(self.now, event);
@@ -391,7 +392,7 @@ impl Flight {
         self.tell(Event::Operator(event));
     }
 
-    /// On to the next instant at which something is due.
+    /// Advances to the next instant at which something is due.
     fn step(&mut self, until: Time) {
         let due = self.queue.first_key_value().map_or(Time::MAX, |((at, _), _)| *at);
         let next = due.min(self.pilot.next_deadline().unwrap_or(Time::MAX)).min(self.valid_until).min(until).max(self.now);
@@ -433,7 +434,7 @@ impl Flight {
         self.at(until);
     }
 
-    /// Lets the time come.
+    /// Handles the current instant.
     fn at(&mut self, time: Time) {
         for _ in 0..INSTANTS {
             if self.now >= time {
@@ -489,7 +490,8 @@ impl Flight {
         })
     }
 
-    /// No motion is commanded from 0.2 s after `reason_ended` on, until now; and something was commanded within it.
+    /// Checks that no motion is commanded from 0.2 s after `reason_ended` on, until now, and that something was
+    /// commanded within it.
     fn assert_stopped_since(&self, reason_ended: Time) {
         let by = reason_ended + STOP_RULE;
         let told = self.commands.iter().any(|(at, command)| {
@@ -553,7 +555,7 @@ fn not_visible(look: Look) -> String {
     })
 }
 
-/// The same with an open way at the level middle.
+/// The same with an open direction at the level middle.
 fn open_way(look: Look, u: f64, depth: u8) -> String {
     let (status, open_way) = (Status::NotVisible, Some(OpenWay { point: ImagePoint { u, v: 0.5 }, depth }));
     json(&Reply { status, look: Some(look), stage: None, point: None, depth: None, open_way, target: None, boxes: Vec::new() })
@@ -564,7 +566,7 @@ fn done() -> String {
     json(&Reply { status, look: None, stage: None, point: None, depth: None, open_way: None, target: None, boxes: Vec::new() })
 }
 
-/// Perfect eyes: the true point of `target`, the depth label of its range; done within 3 m.
+/// Perfect perception: the true point of `target`, the depth label of its range; done within 3 m.
 fn points_at(target: EnuPosition, seen: &Seen) -> String {
     let range = seen.pose.position.distance(target);
     if range < 3.0 {
@@ -578,7 +580,7 @@ fn points_at(target: EnuPosition, seen: &Seen) -> String {
     }
 }
 
-/// A VLM with perfect eyes that takes `latency` to answer.
+/// A VLM with perfect perception that takes `latency` to answer.
 fn perfect(target: EnuPosition, latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
     move |_, seen| Answer::After(secs(latency), points_at(target, seen))
 }

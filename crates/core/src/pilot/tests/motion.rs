@@ -1,9 +1,9 @@
-//! What is asked about and flown when: stop-and-think, thinking while flying, anchors, queues.
+//! When queries are sent and moves are flown: stop-and-think, continuous mode, anchors, queues.
 
 use super::*;
 use crate::geometry::wrap_angle;
 
-/// Turns of the camera that count as motion (issue: 3 °/s).
+/// Camera rotation that counts as motion (3 °/s).
 const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
 
 #[test]
@@ -21,7 +21,7 @@ fn stop_mode_asks_about_frames_captured_at_rest_only() {
     }
 }
 
-/// A craft that drifts in the wind never stands still: the look comes 1.5 s after the motion ended.
+/// A craft that drifts in the wind never stands still: the frame is taken 1.5 s after the motion ended.
 #[test]
 fn stop_mode_waits_no_longer_than_one_and_a_half_seconds_for_rest() {
     let mut flight = Setup::preset(Preset::Paper).fly(always(navigate(0.5, 0.5, 5), 0.5));
@@ -48,8 +48,8 @@ fn continuous_mode_keeps_flying_while_the_answer_is_out() {
     assert!(seen.speed > 1.0, "the frame of the third question is one in motion: {seen:?}");
 }
 
-/// Two answers set the craft in motion, to the right and turning; the third is `third`, after `latency`, about a frame captured
-/// in that motion; nothing is answered after it.
+/// Two answers set the craft in motion, to the right and turning; the third is `third`, after `latency`, about a frame
+/// captured in that motion; no further query is answered.
 fn third_answer(latency: f64, third: String) -> Flight {
     let mut setup = Setup::preset(Preset::Default);
     setup.settings.reply_timeout = secs(30.0);
@@ -70,8 +70,8 @@ fn third_answer(latency: f64, third: String) -> Flight {
     flight
 }
 
-/// The issue's figure: 3 s of latency while flying and yawing, the target off the axis; within 0.3 m of the plan that the same
-/// frame gives without latency. And the craft comes to rest there.
+/// With 3 s of latency while flying and yawing, and the target off the axis, the craft ends within 0.3 m of the plan
+/// that the same frame gives without latency, and comes to rest there.
 #[test]
 fn a_late_plan_ends_where_the_same_frame_leads_without_latency() {
     for (u, v, depth) in [(0.2, 0.4, 9), (0.75, 0.3, 10), (0.05, 0.6, 10)] {
@@ -92,7 +92,7 @@ fn a_late_plan_ends_where_the_same_frame_leads_without_latency() {
     }
 }
 
-/// Naively flown from where the craft is when the answer comes, the plan would end metres away.
+/// Flown naively from the craft's position when the answer arrives, the plan would end metres away.
 #[test]
 fn the_latency_of_that_test_is_worth_metres() {
     let flight = third_answer(3.0, navigate(0.2, 0.4, 9));
@@ -120,7 +120,8 @@ fn an_anchor_already_passed_means_hold_and_never_flying_back() {
     assert!(flight.model.velocity.speed() < 0.05);
 }
 
-/// Somebody who walks past at arm's length leaves the image at its side, where a plan's step is short and its turn is not.
+/// A person who walks past at arm's length leaves the image at its side, where a plan's step is short and its turn is
+/// not.
 #[test]
 fn of_a_plan_already_passed_the_turn_is_flown() {
     for motion in [Motion::Blended, Motion::Sequential] {
@@ -131,7 +132,7 @@ fn of_a_plan_already_passed_the_turn_is_flown() {
             queries += 1;
             match queries {
                 1 => Answer::After(secs(0.5), navigate(0.5, 0.45, 8)),
-                // About a frame of this flight's first second, when the craft has long flown on.
+                // About a frame of this flight's first second, when the craft is already far away.
                 2 => Answer::After(secs(6.0), navigate(0.95, 0.45, 1)),
                 _ => Answer::Never,
             }
@@ -147,13 +148,13 @@ fn of_a_plan_already_passed_the_turn_is_flown() {
         let off = wrap_angle(flight.model.heading - goal.attitude.heading);
         assert!(off.abs() < 0.05, "{motion:?}: {off} rad off");
         assert!(flight.model.velocity.speed() < 0.05);
-        // No way back, and on only as far as it takes to stop.
+        // No motion back, and forward only as far as it takes to stop.
         let on = flight.model.position.north - at.north;
         assert!((-0.1..2.5).contains(&on), "{motion:?}: {on} m");
     }
 }
 
-/// A goal that lies ahead, but nearer than the craft can stop, is one that would be flown back to: by 1.3 m at 3 m/s.
+/// A goal ahead that is nearer than the stopping distance would require flying back: by 1.3 m at 3 m/s.
 #[test]
 fn a_goal_too_near_to_stop_before_is_not_flown_back_to() {
     for latency in [0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1] {
@@ -179,14 +180,14 @@ fn a_goal_too_near_to_stop_before_is_not_flown_back_to() {
     }
 }
 
-/// A queue that is always replaced turns and flies for ever, and never climbs (closed-loop study, finding 6).
+/// A queue that is always replaced turns and flies for ever, and never climbs.
 #[test]
 fn a_sequential_queue_is_flown_to_its_end_while_answers_keep_coming() {
     let mut setup = Setup::preset(Preset::Default);
     setup.settings.motion = Motion::Sequential;
-    // Answers that come faster than queues end cost decisions.
+    // Answers that arrive faster than queues end cost decisions.
     setup.settings.max_decisions = 500;
-    // Eyes whose target stays up and ahead, so that later plans may well have been passed when they come.
+    // A VLM whose target stays up and ahead, so that later plans may well have been passed when they arrive.
     let mut flight = setup.fly(|_, seen| Answer::After(secs(0.5), points_at(target(6.0, 60.0, 30.0), seen)));
     flight.until("the first decision", |flight| flight.decisions().count() == 1);
     let goal = flight.decisions().next().unwrap().goal.unwrap().position;
@@ -211,7 +212,7 @@ fn a_sequential_queue_flies_one_axis_after_the_other() {
     assert_eq!(order, [vec![1, 0, 0], vec![0, 1, 0], vec![0, 0, 1]]);
 }
 
-/// At every rate that can be set, what is beyond included.
+/// At every rate that can be set, and beyond.
 #[test]
 fn setpoints_come_at_the_rate_that_is_set() {
     for (rate, expected) in [(10.0, 0.1), (50.0, 0.02), (0.0, 0.2), (f64::NAN, 0.2), (1e9, 0.01)] {

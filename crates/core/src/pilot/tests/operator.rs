@@ -4,17 +4,17 @@ use super::*;
 
 const LEFT: Setpoint = Setpoint { right: -0.8, forward: 0.0, up: 0.0, yaw_rate: 0.0 };
 
-/// Where a flight can be when the operator takes a hand.
+/// The states in which the operator takes over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum When {
     Ground,
     GroundHeld,
     TakeOff,
-    /// At rest, the answer out.
+    /// At rest, a query open.
     Asking,
-    /// In motion, no answer out (stop-and-think).
+    /// In motion, no query open (stop-and-think).
     Moving,
-    /// In motion, the next answer out (thinking while flying).
+    /// In motion, the next query open (continuous).
     MovingAndAsking,
     Held,
     Manual,
@@ -79,7 +79,7 @@ fn ignored(flight: &Flight) -> usize {
     flight.notes.iter().filter(|(_, note)| matches!(note, Note::OperatorIgnored(..))).count()
 }
 
-/// What an event did to a flight that was somewhere: the phase right after it, and whether it was ignored.
+/// The effect of an event in a flight state: the phase right after it, and whether it was ignored.
 fn after(when: When, event: &OperatorEvent) -> (Flight, Phase, bool) {
     let mut flight = flight(when);
     let before = ignored(&flight);
@@ -165,7 +165,7 @@ fn a_setpoint_in_every_phase() {
         }
         assert_eq!(flight.setpoint(), LEFT, "{when:?}: at once");
         let queries = flight.queries.len();
-        // Keys repeat; nothing is decided meanwhile, and answers that were out move nothing.
+        // Keys repeat; no decisions are made meanwhile, and pending answers move nothing.
         for _ in 0..30 {
             flight.pass(0.1);
             flight.operator(OperatorEvent::Setpoint(LEFT));
@@ -208,7 +208,7 @@ fn an_instruction_in_every_phase() {
             When::Manual => Phase::Manual,
             _ => Phase::Flying,
         };
-        // A pilot that was just told of it on the ground takes off in the same breath once telemetry comes.
+        // A pilot that receives it on the ground takes off as soon as telemetry arrives.
         assert_eq!((phase, ignored), (stays, false), "{when:?}");
         if matches!(when, When::GroundHeld | When::Held | When::Manual) {
             flight.pass(1.0);
@@ -284,7 +284,7 @@ fn stop_works_again_after_the_end_while_the_craft_is_not_on_the_ground() {
     assert_eq!(flight.outcome(), Outcome::Aborted);
 }
 
-/// What ended the wait for the answer: it comes all the same, and is counted.
+/// The event that ended the wait for the answer: the answer arrives anyway, and is counted.
 #[test]
 fn an_answer_nobody_waits_for_moves_nothing_and_is_counted() {
     let events = [
@@ -310,7 +310,7 @@ fn an_answer_nobody_waits_for_moves_nothing_and_is_counted() {
     }
 }
 
-/// Whatever happened in between, `resume` flies on to the target: nothing is waited for that was cancelled.
+/// Whatever happened in between, `resume` flies on to the target: the pilot does not wait for cancelled queries.
 #[test]
 fn a_flight_goes_on_to_its_target_after_every_take_over() {
     for preset in PRESETS {

@@ -1,4 +1,4 @@
-//! Looking for what is out of view, and the certainty that every run ends.
+//! The search for a target out of view, and the guarantee that every run ends.
 
 use super::*;
 use crate::geometry::wrap_angle;
@@ -14,7 +14,7 @@ fn a_target_out_of_view_is_searched_by_turns_a_climb_and_turns_again_until_not_f
         let circle = [(72.0, 0.0); 5];
         assert_eq!(moves, [&circle[..], &[(0.0, 3.0)], &circle].concat(), "{preset:?}");
         assert_eq!(flight.pilot.decisions(), 12);
-        // Told with each look, in the pilot's own count.
+        // Given with each look, in the pilot's own count.
         let turned: Vec<f64> = flight.queries.iter().map(|(_, query)| query.memory.turned.to_degrees().round()).collect();
         assert_eq!(turned[..7], [0.0, 72.0, 144.0, 216.0, 288.0, 360.0, 360.0]);
         for (_, query) in &flight.queries {
@@ -31,11 +31,12 @@ fn a_target_out_of_view_is_searched_by_turns_a_climb_and_turns_again_until_not_f
     }
 }
 
-/// The last stage of the search: along the most open way that the answers showed, on images taken in its direction.
+/// The last stage of the search: along the most open direction that the answers reported, on images taken in that
+/// direction.
 #[test]
 fn what_is_hidden_is_looked_for_from_elsewhere() {
     for preset in PRESETS {
-        // Open to the east only; the image's middle looks there within a turn of 72°.
+        // Open to the east only; the image's centre faces there within a turn of 72°.
         let mut flight = Setup::preset(preset).fly(|_, seen| {
             let off = wrap_angle(seen.pose.attitude.heading - 90.0_f64.to_radians()).abs();
             let depth = if off < 0.7 { 7 } else { 1 };
@@ -61,7 +62,7 @@ fn the_search_looks_where_the_answer_says_and_finds() {
     }
 }
 
-/// A later search is a new one: what was turned before the target was seen does not count.
+/// A later search starts afresh: turns before the target was seen do not count.
 #[test]
 fn a_sighting_resets_the_search() {
     let mut queries = 0;
@@ -74,7 +75,7 @@ fn a_sighting_resets_the_search() {
     assert_eq!(flight.queries[5].1.memory.last_seen, Some(Look::Left));
 }
 
-/// A search turn that latency and a residual motion have begun is measured from its frame.
+/// A search turn begun by latency and a residual motion is measured from its frame.
 #[test]
 fn a_search_turn_in_continuous_mode_is_measured_from_its_frame() {
     let mut queries = 0;
@@ -109,7 +110,7 @@ fn an_instruction_changed_in_flight_is_flown_instead() {
     }
 }
 
-/// Ids stay unique over instructions: a late answer to the old one is never taken for one to the new.
+/// Ids stay unique over instructions: a late answer to the old one is never mistaken for one to the new.
 #[test]
 fn query_ids_are_unique_over_instructions() {
     let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.5, 0.5, 4), 1.0));
@@ -183,7 +184,7 @@ fn without_telemetry_nothing_takes_off_and_the_run_ends() {
     assert!(flight.commands.is_empty());
 }
 
-/// At the floor the envelope leaves nothing of a metre down: the look must not wait for the time limit of the move.
+/// At the floor the envelope allows none of the 1 m descent: the look must not wait for the time limit of the move.
 #[test]
 fn looking_down_at_the_floor_goes_on_at_once() {
     let mut flight = Setup::preset(Preset::Default).fly(always(not_visible(Look::Down), 0.4));

@@ -73,7 +73,7 @@ fn a_landing_on_a_low_battery_is_not_taken_over() {
     assert_eq!(flight.phase, FlightPhase::OnGround);
 }
 
-/// A craft whose own landing cannot be interrupted is followed: it is told to land until it is on the ground.
+/// A craft whose own landing cannot be interrupted is followed: `Land` is sent until it is on the ground.
 #[test]
 fn a_craft_that_lands_all_the_same_is_followed() {
     let mut flight = landing();
@@ -159,7 +159,7 @@ fn manual_flight_has_no_time_limit_while_somebody_flies() {
         flight.pass(1.0);
     }
     assert_eq!(flight.pilot.phase(), Phase::Manual);
-    // Nobody has pressed a key for a minute: the rest of the limit runs.
+    // No key was pressed for a minute: the rest of the limit runs.
     let left = flight.now;
     flight.until_phase(Phase::Landing);
     let waited = flight.now.since(left);
@@ -201,11 +201,11 @@ fn take_off_needs_a_battery_charge_and_a_cool_craft_where_the_limits_ask_for_it(
     };
     assert!(refusal(None, None).contains("does not report its battery"));
     assert!(refusal(Some(81.0), Some(0.9)).contains("81 °C, more than 80 °C"));
-    // Nothing else is missing but the image.
+    // Only the image is missing.
     assert!(refusal(Some(79.0), Some(0.9)).contains("no usable image"));
 }
 
-/// What stays late never becomes fresh: the time to the landing does not start anew with each message.
+/// Late data never becomes fresh: the time to the landing does not restart with each message.
 #[test]
 fn video_and_telemetry_that_stay_late_hold_then_land() {
     for (stream, land_after) in [(Stream::Frames, 10.0), (Stream::Telemetry, 5.0)] {
@@ -219,7 +219,7 @@ fn video_and_telemetry_that_stay_late_hold_then_land() {
     }
 }
 
-/// Logs of format 1 call it `stop`; new ones do not, for `stop` means a hold elsewhere.
+/// Logs of format 1 call it `stop`; new ones do not, because `stop` means a hold elsewhere.
 #[test]
 fn a_logged_stop_is_read_as_cut_motors() {
     assert_eq!(serde_json::from_str::<OperatorEvent>(r#""stop""#).unwrap(), OperatorEvent::CutMotors);

@@ -1,4 +1,4 @@
-//! No motion backwards into what no frame has shown, and looks up and down between floor and ceiling.
+//! No motion backwards into space that no frame has shown, and vertical search moves between floor and ceiling.
 
 use super::*;
 use crate::frame::FrameId;
@@ -52,7 +52,7 @@ fn turn(degrees: f64) -> Primitives {
     Primitives { yaw: degrees.to_radians(), ..Primitives::default() }
 }
 
-/// Flies the moves for `seconds` in the air; how far forward of its start it ends, and how far up.
+/// Flies the moves for `seconds` in the air; returns the end position forward of the start, and the climb.
 fn flown(limits: Limits, moves: &[Primitives], seconds: f64) -> (Flight, f64, f64) {
     let mut setup = Setup::preset(Preset::Default).policy(Moves::of(moves));
     setup.limits = limits;
@@ -70,7 +70,7 @@ fn limited(flight: &Flight) -> usize {
 
 #[test]
 fn no_motion_goes_backwards_into_what_no_frame_of_the_last_three_seconds_shows() {
-    // The camera has only ever looked north.
+    // The camera has only faced north.
     let (flight, moved, _) = flown(Limits::default(), &[forward(-2.0)], 8.0);
     assert!(moved.abs() < 0.05 && limited(&flight) == 1, "{moved} m");
     // The rest of a move is flown.
@@ -81,7 +81,7 @@ fn no_motion_goes_backwards_into_what_no_frame_of_the_last_three_seconds_shows()
     assert!((moved - 0.5).abs() < 0.3 && limited(&flight) == 0, "{moved} m");
     let (flight, moved, _) = flown(Limits::default(), &[forward(1.5), forward(-6.0)], 10.0);
     assert!((moved - 1.5).abs() < 0.3 && limited(&flight) == 1, "{moved} m");
-    // Away from what it has just looked at.
+    // Away from the space just observed.
     let (flight, moved, _) = flown(Limits::default(), &[turn(170.0), forward(-1.5)], 10.0);
     assert!((moved - 1.5).abs() < 0.5 && limited(&flight) == 0, "{moved} m");
 }

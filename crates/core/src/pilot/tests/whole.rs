@@ -34,7 +34,7 @@ fn a_whole_flight_reaches_its_target_lands_and_ends() {
     }
 }
 
-/// One and the same answer at one and the same moment: the paper's manner ends there, ours looks again from rest.
+/// The same answer at the same instant: the preset `paper` ends there, `default` queries again at rest.
 #[test]
 fn done_is_believed_at_once_by_the_paper_and_after_a_second_look_from_rest_by_default() {
     for preset in PRESETS {
@@ -75,7 +75,7 @@ fn a_second_look_that_sees_it_otherwise_goes_on() {
     assert!(flight.pilot.decisions() > 4 && flight.finished[0].2.distance(target(0.0, 12.0, 3.0)) < 3.0);
 }
 
-/// The same seed of everything gives the same flight, to the last bit.
+/// The same seeds give the same flight, to the last bit.
 #[test]
 fn a_flight_repeats_bit_for_bit() {
     let fly = || {

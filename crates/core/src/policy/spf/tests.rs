@@ -43,7 +43,7 @@ fn sent_query(step: Step) -> Query {
     *query
 }
 
-/// What the policy does when it sees a frame, hears this list, and then this answer.
+/// The policy's response to a frame, this list, and then this answer.
 fn decided(spf: &mut Spf, frame: u64, list: &str, answer: &str) -> (Query, Step) {
     let detect = sent_query(spf.handle(PolicyEvent::Frame(&view(frame))));
     assert_eq!(detect.kind, QueryKind::Detect { coco: true, scored: true });
@@ -83,7 +83,7 @@ fn what_the_reply_says_of_boxes_counts_for_nothing() {
 #[test]
 fn the_target_is_no_obstacle() {
     let mut spf = policy(true);
-    // Cut off by the lower edge, so that its range is not known.
+    // Cut off by the lower edge, so its range is unknown.
     let list = "car_1 x:0.5 y:0.7 width:0.8 height:0.6 score:0.8";
     decided(&mut spf, 0, list, &ahead("the black car"));
     assert_eq!(spf.reading().avoidance, Some(Avoidance::Clear));
@@ -132,7 +132,7 @@ fn a_search_keeps_clear_of_the_list_too() {
     assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading().avoidance);
 }
 
-/// Half of a way along the image's edge is beside the image, where no box is reported.
+/// Half of a path along the image's edge is outside the image, where no box is reported.
 #[test]
 fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     let aside = r#"{"status":"navigating","point":[500,970],"depth":5,"target":"crane"}"#;
@@ -143,12 +143,12 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
         // tan = 0.94 right of the middle: 43.2°.
         assert!((primitives.yaw.to_degrees() - 43.2).abs() < 0.5 && primitives.forward == 0.0, "{primitives:?}");
         assert!(spf.reading().actions[0].starts_with("turns first"), "{:?}", spf.reading().actions);
-        // Said again, it is flown to.
+        // If repeated, it is flown to.
         let (_, step) = decided(&mut spf, 1, "none", aside);
         let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
         assert!(primitives.forward > 1.0, "{primitives:?}");
     }
-    // The other edge is another matter, once; and whatever is done in between begins anew.
+    // The other edge counts separately, once; any other step in between resets the count.
     let left = aside.replace("970", "30");
     let forward = |step: Step| matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0);
     let mut spf = policy(true);
@@ -160,7 +160,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     assert!(!forward(decided(&mut spf, 0, "none", aside).1), "the turn was cut short");
     decided(&mut spf, 0, "none", r#"{"status":"not_visible","look":"left"}"#);
     assert!(!forward(decided(&mut spf, 0, "none", aside).1), "it has turned elsewhere");
-    // Out of obstacle mode it flies as the paper does.
+    // Outside obstacle mode it flies as in the paper.
     let mut spf = policy(false);
     let query = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
     let step = spf.handle(PolicyEvent::Reply { id: query.id, text: aside });

@@ -13,7 +13,7 @@ use super::VirtualTello;
 use crate::tello::command::{Direction, Offset, Request};
 use crate::tello::manoeuvre::{Manoeuvre, Step, arc, place};
 
-/// How long a manoeuvre's correction holds unless replaced by the next.
+/// Validity of a manoeuvre's correction unless replaced by the next.
 const HOLDS: Duration = Duration::from_millis(200);
 /// A take-off fails if the motors do not start within this time.
 const NO_LIFT: Duration = Duration::from_secs(1);
