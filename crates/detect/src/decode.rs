@@ -231,7 +231,7 @@ mod tests {
             assert_eq!(layout(&[1, 300, 6], classes, false, None), is(Form::Final, 0));
             assert_eq!(layout(&[1, 300, 38], classes, true, Some(true)), is(Form::Final, 32));
         }
-        // Two classes: six rows, as a final box has numbers. The cells tell, or the model itself.
+        // Two classes: six rows, as many numbers as a final box has. The number of cells decides, or the model itself.
         assert_eq!(layout(&[1, 6, 8400], Some(2), false, None), is(Form::Rows(2), 0));
         assert_eq!(layout(&[1, 8400, 6], Some(2), false, None), is(Form::Cells(2), 0));
         assert_eq!(layout(&[1, 300, 6], Some(2), false, None), is(Form::Final, 0));
@@ -254,7 +254,7 @@ mod tests {
         }
     }
 
-    /// Two cells: one with a car for which it is sure, one with nothing.
+    /// Two cells: one with a confident car, one with nothing.
     const ROWS: [f32; 14] = [100.0, 50.0, 60.0, 50.0, 20.0, 4.0, 40.0, 4.0, 0.1, 0.2, 0.2, 0.1, 0.9, 0.0];
     const SHAPE: [usize; 3] = [1, 7, 2];
 
@@ -282,7 +282,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever a network says, boxes are numbers, in order, sure, and of a class that there is.
+        /// For any output of a network, boxes are finite, ordered, confident, and of an existing class.
         #[test]
         fn any_output_gives_sound_boxes(
             values in prop::collection::vec(prop_oneof![any::<f32>(), 0.0_f32..1.0, 0.0_f32..640.0], 60),
@@ -304,7 +304,7 @@ mod tests {
             }
         }
 
-        /// Rows and cells are two ways to write one output.
+        /// Row order and cell order are two layouts of one output.
         #[test]
         fn transposed_is_the_same(values in prop::collection::vec(0.0_f32..640.0, 7 * 9), scores in prop::collection::vec(0.0_f32..1.0, 3 * 9)) {
             let value = |row: usize, cell: usize| if row < 4 { values[row * 9 + cell] } else { scores[(row - 4) * 9 + cell] };

@@ -102,7 +102,7 @@ mod tests {
             let letterbox = Letterbox::new((width, height), (across, down));
             let (w, h) = (letterbox.size.0 as usize, letterbox.size.1 as usize);
             prop_assert!(letterbox.corner.0 + w <= across && letterbox.corner.1 + h <= down);
-            // It touches two edges, or is a pixel off for rounding.
+            // It touches two edges, or is a pixel off because of rounding.
             prop_assert!(w == across || h == down);
             let whole = letterbox.in_image([0.0, 0.0, across as f32, down as f32]);
             prop_assert_eq!(whole, ImageBox { left: 0.0, top: 0.0, right: 1.0, bottom: 1.0 });

@@ -13,7 +13,7 @@ pub fn encode(image: &Rgb) -> Result<Vec<u8>, EncodeError> {
     encode_rgb8(image.width(), image.height(), image.data())
 }
 
-/// Encodes colours of three bytes a pixel, rows from the top.
+/// Encodes colours of three bytes per pixel, rows from the top.
 ///
 /// # Errors
 /// [`EncodeError::Image`] if a side is zero.
@@ -24,7 +24,7 @@ pub fn encode_rgb8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, En
     write(pixels, width, height, ColorType::Rgb, BitDepth::Eight)
 }
 
-/// Encodes red, green, blue and alpha of a byte each, rows from the top.
+/// Encodes red, green, blue and alpha, one byte each, rows from the top.
 ///
 /// # Errors
 /// [`EncodeError::Image`] if a side is zero.
@@ -35,7 +35,7 @@ pub fn encode_rgba8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
     write(pixels, width, height, ColorType::Rgba, BitDepth::Eight)
 }
 
-/// Encodes a grey image of 8 bits a pixel, rows from the top.
+/// Encodes a grey image of 8 bits per pixel, rows from the top.
 ///
 /// # Errors
 /// [`EncodeError::Image`] if a side is zero.
@@ -46,7 +46,7 @@ pub fn encode_grey8(width: u32, height: u32, pixels: &[u8]) -> Result<Vec<u8>, E
     write(pixels, width, height, ColorType::Grayscale, BitDepth::Eight)
 }
 
-/// Encodes a grey image of 16 bits a pixel, rows from the top.
+/// Encodes a grey image of 16 bits per pixel, rows from the top.
 ///
 /// # Errors
 /// [`EncodeError::Image`] if a side is zero.

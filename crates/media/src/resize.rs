@@ -84,7 +84,7 @@ mod tests {
         }
     }
 
-    /// The same figures on every machine, whatever its CPU has.
+    /// The same digests on every machine, whatever its CPU.
     #[test]
     fn pixels_are_these() {
         let mut image = Rgb::new(31, 23);

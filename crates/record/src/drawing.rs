@@ -1,4 +1,4 @@
-//! Helpers for drawings of flights and of results.
+//! Helpers for plots of flights and of results.
 
 /// Removes points closer than half a unit to the previous point kept; the last point is always kept.
 #[must_use]

@@ -110,7 +110,7 @@ mod tests {
         assert!(matches!(error, FileError::Write { .. }) && error.to_string().contains("/dev/full"), "{error}");
     }
 
-    /// A FIFO that is opened and never read is a disk that stalls for ever.
+    /// A FIFO that is opened and never read behaves like a stalled disk.
     #[test]
     #[cfg(target_os = "linux")]
     fn a_stalled_disk_delays_no_row_and_the_lost_ones_are_counted() {
@@ -126,7 +126,7 @@ mod tests {
         assert!(begun.elapsed().as_secs() < 5, "only blocking takes that long");
         assert!(rows.lost >= 1000 - WAITING as u64 - 70, "64 KiB of a pipe, and the queue: {}", rows.lost);
         let lost = rows.lost;
-        // Once it is read again, the rest arrives.
+        // When reading resumes, the rest arrives.
         let drain = std::thread::spawn(move || {
             std::io::copy(&mut std::io::Read::take(reader, (1000 - lost) * 1003), &mut std::io::sink())
         });

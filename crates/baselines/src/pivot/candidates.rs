@@ -14,7 +14,7 @@ const RADIUS_SHARE: f64 = 0.05;
 /// Minimum distance of candidates, in radii.
 const APART_RADII: f64 = 1.5;
 /// Maximum number of samples per round.
-const MOST_DRAWS: u32 = 1000;
+const MOST_SAMPLES: u32 = 1000;
 /// Growth factor of the spread if some candidates of a batch could not be placed.
 const INFLATION: f64 = 1.1;
 
@@ -101,16 +101,16 @@ impl Distribution {
         Self { mean, spread }
     }
 
-    /// Up to `count` candidates in the image with a minimum distance. Rejected samples are drawn again, with a growing
-    /// spread, [`MOST_DRAWS`] times in total.
+    /// Up to `count` candidates in the image with a minimum distance. Rejected samples are sampled again, with a
+    /// growing spread, [`MOST_SAMPLES`] times in total.
     pub(super) fn sample(&self, sheet: &Sheet, sampling: &Sampling, count: usize, rng: &mut RandomStream) -> Vec<Offset> {
-        let (mut spread, mut draws) = (self.spread, 0);
+        let (mut spread, mut samples) = (self.spread, 0);
         let mut found: Vec<Offset> = Vec::new();
-        while found.len() < count && draws < MOST_DRAWS {
+        while found.len() < count && samples < MOST_SAMPLES {
             let before = found.len();
             let missing = count - before;
             for _ in 0..missing {
-                draws += 1;
+                samples += 1;
                 let offset: Offset = core::array::from_fn(|axis| {
                     let drawn = self.mean[axis] + spread[axis] * rng.normal();
                     drawn.clamp(-sampling.reach, sampling.reach)

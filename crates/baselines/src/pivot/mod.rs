@@ -1,8 +1,8 @@
-//! The PIVOT baseline: candidate motions are drawn on the image as numbered arrows, the VLM chooses among them, and new
-//! candidates are sampled around those chosen, for several rounds on the same frame (Nasiriany et al., ICML 2024, arXiv
-//! 2402.07872).
+//! The PIVOT baseline: candidate motions are overlaid on the image as numbered arrows, the VLM chooses among them, and
+//! new candidates are sampled around those chosen, for several rounds on the same frame (Nasiriany et al., ICML 2024,
+//! arXiv 2402.07872).
 //!
-//! docs/explanation/baselines.md states what is PIVOT's own and what was added for a drone.
+//! docs/explanation/baselines.md distinguishes PIVOT's own features from those added for a drone.
 
 mod candidates;
 
@@ -310,7 +310,7 @@ impl Pivot {
     fn look_elsewhere(&mut self, view: &View) -> Step {
         let (fov, climb) = (2.0 * view.camera.half_fov().0, self.settings.craft.take_off_height);
         let search = self.search.get_or_insert_with(|| Search::new(fov, climb));
-        // A choice among marks reports no open way.
+        // A choice among marks reports no open direction.
         let heading = view.pose.attitude.heading;
         let mut action = search.next(self.memory.last_seen.unwrap_or(Look::Right), heading, None);
         // The search climbs once between its turns.

@@ -121,7 +121,7 @@ fn numbers_that_are_not_on_the_picture_do_not_count() {
     let mut pivot = pivot(|settings| settings.rounds = 2);
     let first = begun(&mut pivot);
     let second = query(answer(&mut pivot, &first, &[0, 26, 4_000_000_000]));
-    // Nothing valid: the second round is around the origin again, and as wide.
+    // Nothing valid: the second round is around the origin again, with the same spread.
     let mean = numbers(&second).iter().map(|(_, at)| at.u).sum::<f64>() / 10.0;
     let widest = numbers(&second).iter().map(|(_, at)| (at.u - 0.5).abs()).fold(0.0, f64::max);
     assert!((mean - 0.5).abs() < 0.12 && widest > 0.08, "{mean} {widest}");
@@ -177,7 +177,7 @@ fn parallel_runs_agree_on_their_mean() {
     let third = query(pivot.handle(PolicyEvent::Continue));
     assert_eq!(pivot.handle(PolicyEvent::Continue), Step::Wait);
     assert_ne!(first.marks, second.marks);
-    // In any order; a run without a choice has no say.
+    // In any order; a run without a choice does not count.
     assert_eq!(answer(&mut pivot, &third, &[1]), Step::Wait);
     assert_eq!(answer(&mut pivot, &first, &[]), Step::Wait);
     assert!(matches!(answer(&mut pivot, &second, &[2]), Step::Move(_)));

@@ -1,7 +1,7 @@
 //! The TypeFly baseline: a planner that sees a list of detections, but not the image, writes a MiniSpec program, which
 //! runs while it is still arriving; its skills observe during flight (Chen et al., arXiv 2312.14950).
 //!
-//! docs/explanation/baselines.md states what is TypeFly's own and what deviates.
+//! docs/explanation/baselines.md distinguishes TypeFly's own features from deviations.
 
 pub mod minispec;
 mod perform;
@@ -219,7 +219,7 @@ impl TypeFly {
         self.moved |= stage > self.memory.stage.max(1);
         self.memory.stage = stage;
         self.plan_again("the picture does not show that the instruction is fulfilled");
-        // What was looked at is looked at still.
+        // A list of the current view is not outdated.
         if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { self.ask_list() }
     }
 

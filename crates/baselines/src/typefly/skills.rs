@@ -14,7 +14,7 @@ pub(super) enum Skill {
     Delay,
     /// Whether something is on the list of detections.
     IsVisible,
-    /// A figure of its box.
+    /// A measure of its box.
     Measure(Figure),
     Log,
     Picture,
@@ -49,11 +49,11 @@ pub(super) enum Figure {
 enum Kind {
     Number,
     Text,
-    /// Whatever it is, as text.
+    /// Its argument, as text.
     Any,
 }
 
-/// Name, names of another version, argument, what it does.
+/// Name, names of another version, argument, description.
 type Row = (&'static str, &'static [&'static str], Option<Kind>, &'static str, Skill);
 
 const LOW: [Row; 18] = [
@@ -77,7 +77,7 @@ const LOW: [Row; 18] = [
     ("re_plan", &[], None, "end this program and write another", Skill::RePlan),
 ];
 
-/// Name, names of another version, body with `HOP` for a hop's centimetres, what it does.
+/// Name, names of another version, body with `HOP` for a hop's centimetres, description.
 const HIGH: [(&str, &[&str], &str, &str); 5] = [
     (
         "sweeping",
@@ -112,7 +112,7 @@ const HIGH: [(&str, &[&str], &str, &str); 5] = [
     ),
 ];
 
-/// A hop of the published approach, for a craft that cruises at the speed of its own, centimetres.
+/// A hop of the published approach, for a craft with a Tello's cruise speed, centimetres.
 const HOP_CM: f64 = 40.0;
 
 #[derive(Clone, Debug)]
@@ -131,8 +131,8 @@ pub(super) struct Library {
 }
 
 impl Library {
-    /// The skills for a craft that is `scale` times as fast as the one they were written for. `closed_loop`: "go to" looks again
-    /// after each hop; else it is one turn and one hop.
+    /// The skills for a craft that is `scale` times as fast as the one they were written for. `closed_loop`: "go to"
+    /// observes again after each hop; else it is one turn and one hop.
     pub(super) fn new(scale: f64, closed_loop: bool) -> Self {
         let mut library = Self { entries: Vec::new(), names: BTreeMap::new(), described: Default::default() };
         for (name, others, argument, does, skill) in LOW {
@@ -142,7 +142,7 @@ impl Library {
         }
         let hop = libm::round(HOP_CM * scale).to_string();
         for (name, others, body, does) in HIGH {
-            // Whether the bodies can be read is tested.
+            // A test parses the bodies.
             let body = parse_body(&body.replace("HOP", &hop)).unwrap_or_default();
             let weak = What::Low(Skill::TurnAndHop, Some(Kind::Any));
             library.add(name, others, true, does, if name == "goto" && !closed_loop { weak } else { What::High(body) });
@@ -165,12 +165,12 @@ impl Library {
         self.names.get(&name.to_ascii_lowercase()).map(|&index| &self.entries[index])
     }
 
-    /// The low-level and the high-level skills, a line each.
+    /// The low-level and the high-level skills, one line each.
     pub(super) fn described(&self) -> &[String; 2] {
         &self.described
     }
 
-    /// The low-level skill that a call means, with its argument: a number, or a text.
+    /// The low-level skill of a call, with its argument: a number, or a text.
     pub(super) fn low(&self, call: &SkillCall) -> Result<(Skill, Argument), String> {
         let Some(What::Low(skill, kind)) = self.find(&call.name) else {
             return Err(format!("there is no skill `{}`", call.name));
@@ -196,7 +196,7 @@ impl Library {
     }
 }
 
-/// What a low-level skill was given.
+/// The argument of a low-level skill.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Argument {
     pub(super) number: f64,
@@ -216,7 +216,7 @@ impl Skills for Library {
     }
 }
 
-/// Initials of the words, two at most; where that is taken, the first letter and the next one of the name that is free.
+/// Initials of the words, two at most; if that is taken, the first letter and the next free letter of the name.
 fn abbreviation(name: &str, taken: impl Fn(&str) -> bool) -> String {
     let initials: String = name.split('_').filter_map(|word| word.chars().next()).take(2).collect();
     if !taken(&initials) {

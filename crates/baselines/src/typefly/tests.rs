@@ -7,7 +7,7 @@ use spf_core::primitives::Primitives;
 
 const CAR: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black";
 
-/// A policy on a Tello, told to do something.
+/// A policy on a Tello, with an instruction.
 struct Told {
     policy: TypeFly,
     frames: u64,
@@ -40,21 +40,21 @@ impl Told {
         self.policy.handle(PolicyEvent::Reply { id: to.id, text })
     }
 
-    /// Shows a frame with these detections; what comes of it.
+    /// Passes a frame with these detections; returns the policy's response.
     fn sees(&mut self, list: &str) -> Step {
         let sent = query(self.frame());
         assert!(matches!(sent.kind, QueryKind::Detect { .. }) && sent.detections.is_empty());
         self.reply(&sent, list)
     }
 
-    /// The first frame, its list and the program; what the program begins with.
+    /// The first frame, its list and the program; returns the program's first step.
     fn plans(&mut self, list: &str, program: &str) -> Step {
         let sent = query(self.sees(list));
         assert_eq!(sent.kind, QueryKind::Program);
         self.reply(&sent, program)
     }
 
-    /// The program is over: the next frame is asked about.
+    /// The program has ended: the next frame is queried.
     fn ends(&mut self, step: Step, done: bool) -> Step {
         assert_eq!(step, Step::Look);
         let sent = query(self.frame());
@@ -123,7 +123,7 @@ fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
     assert!(sent.prompt.contains("It ended because: the picture does not show"), "{}", sent.prompt);
     motion(told.reply(&sent, "mf,50;->True;"));
     let over = told.moved();
-    // One that moved was of use; six in a row that did not are not.
+    // A program that moved was useful; six in a row that did not move are not accepted.
     let mut step = told.ends(over, false);
     for _ in 0..6 {
         let list = query(step);
@@ -137,7 +137,7 @@ fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
 #[test]
 fn skills_look_again_after_each_move() {
     let mut told = Told::new(|_| ());
-    // The list that was planned on is fresh; after the move another one is needed.
+    // The list used for planning is fresh; after the move another one is needed.
     assert_eq!(motion(told.plans(CAR, "?iv,car{mf,50;}?iv,car{mb,50;}->True;")), forward(0.5));
     assert_eq!(told.moved(), Step::Look);
     let over = told.sees("none");
@@ -167,7 +167,7 @@ fn a_program_that_ends_badly_is_planned_again_a_few_times() {
     let again = query(told.sees("none"));
     assert!(again.prompt.contains("It ended because: it returned False") && again.prompt.contains("log('no such thing') = True"));
     assert_eq!(again.memory.actions, ["log('no such thing') = True"]);
-    // What was lost from view has no measures: comparing them is an error.
+    // An object lost from view has no measures: comparing them is an error.
     assert_eq!(told.reply(&again, "?ox,car>0.5{tc,15;}"), Step::Look);
     for _ in 0..3 {
         assert_eq!(told.plans("none", "fly,3;"), Step::Look);

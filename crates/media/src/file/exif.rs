@@ -64,7 +64,7 @@ impl Orientation {
                 turned.extend_from_slice(&pixels[row as usize * file_width as usize + column as usize]);
             }
         }
-        // One pixel for each there was.
+        // One output pixel for each input pixel.
         Rgb::from_raw(width, height, turned).unwrap_or(image)
     }
 }
@@ -114,7 +114,8 @@ mod tests {
         block
     }
 
-    /// As a drawing of the standard shows them: the letter's corner, then its long side, from each number's first row and column.
+    /// The orientations as shown in the standard: the corner of the letter, then its long side, from each number's
+    /// first row and column.
     #[test]
     fn the_eight_orientations_worked_by_hand() {
         // 1 2 3

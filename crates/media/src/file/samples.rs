@@ -19,7 +19,8 @@ pub(super) enum Values {
     Sixteen(Vec<u16>),
 }
 
-/// What red, green and blue of sRGB give to its luminance Y: the middle row of the matrix from BT.709's primaries under D65.
+/// Weights of red, green and blue of sRGB in its luminance Y: the middle row of the matrix from BT.709's primaries
+/// under D65.
 const LUMINANCE: [f32; 3] = [0.212_647_84, 0.715_179_2, 0.072_173_04];
 
 /// Rounds 16 bits to 8.
@@ -74,11 +75,11 @@ impl Samples {
             eight if channels == 3 => eight,
             eight => eight.chunks_exact(channels).flat_map(colour).collect(),
         };
-        // Sides of no length have no pixels.
+        // An image with a zero side has no pixels.
         Rgb::from_raw(width, height, data).unwrap_or_else(|_| Rgb::new(width, height))
     }
 
-    /// Red, green, blue and alpha of 8 bits a pixel.
+    /// Red, green, blue and alpha, 8 bits per channel.
     #[must_use]
     pub fn into_rgba(self) -> Vec<[u8; 4]> {
         let (channels, alpha) = (self.channels, self.has_alpha());
@@ -89,7 +90,7 @@ impl Samples {
         self.into_eight().chunks_exact(channels).map(of).collect()
     }
 
-    /// Grey of 8 bits a pixel; colours by their luminance, without alpha.
+    /// Grey of 8 bits per pixel; colours by their luminance, without alpha.
     #[must_use]
     pub fn into_grey8(self) -> Vec<u8> {
         let channels = self.channels;
@@ -101,7 +102,7 @@ impl Samples {
         }
     }
 
-    /// Grey of 16 bits a pixel; colours by their luminance, without alpha.
+    /// Grey of 16 bits per pixel; colours by their luminance, without alpha.
     #[must_use]
     pub fn into_grey16(self) -> Vec<u16> {
         let channels = self.channels;

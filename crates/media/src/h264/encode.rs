@@ -216,7 +216,7 @@ mod tests {
     use crate::h264::split::{NalKind, nal_units};
     use openh264::formats::YUVSource;
 
-    /// An image that changes from frame to frame: a bar that wanders over a gradient.
+    /// An image that changes from frame to frame: a bar that moves over a gradient.
     fn image(frame: u32) -> Rgb {
         let mut image = Rgb::new(96, 64);
         for y in 0..64 {

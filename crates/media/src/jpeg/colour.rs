@@ -1,4 +1,4 @@
-//! From red, green and blue to brightness and colour (ITU-T T.871), in whole numbers, eight pixels at once.
+//! Conversion from red, green and blue to luma and chroma (ITU-R T.871), in integers, eight pixels at once.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x8, u8x16, u8x32, u32x8};
@@ -9,17 +9,17 @@ use super::transform::Lanes;
 /// Bytes of eight pixels.
 const EIGHT: usize = 24;
 
-/// Fractions of red, green and blue, times 2¹⁶: each row adds up to 1 or 0.
+/// Weights of red, green and blue, times 2¹⁶: each row adds up to 1 or 0.
 const LUMA: [i32; 3] = [19595, 38470, 7471];
 const BLUE: [i32; 3] = [-11059, -21709, 32768];
 const RED: [i32; 3] = [32768, -27439, -5329];
-/// Bits of the shares behind the point.
+/// Fractional bits of the weights.
 const POINT: u32 = 16;
 /// Samples lie around zero.
 const MIDDLE: i32 = 128 << POINT;
 
-/// Where the bytes of eight pixels go, each into the lower three of four. The upper half reads what begins at the eighth byte, so
-/// that no byte behind the 24 is touched.
+/// Shuffle of the bytes of eight pixels, each into the lower three of four. The upper half reads from the eighth byte
+/// on, so that no byte after the 24 is accessed.
 const SPREAD: [u8; 32] =
     [0, 1, 2, 2, 3, 4, 5, 5, 6, 7, 8, 8, 9, 10, 11, 11, 4, 5, 6, 6, 7, 8, 9, 9, 10, 11, 12, 12, 13, 14, 15, 15];
 
@@ -41,7 +41,7 @@ impl<S: Simd> Pixels<S> {
         Self { red: (packed & byte).bitcast(), green: (green & byte).bitcast(), blue: ((packed >> 16) & byte).bitcast() }
     }
 
-    /// Adds two by two: pixels of two rows, sixteen of each.
+    /// Pairwise sums: pixels of two rows, sixteen of each.
     #[inline(always)]
     fn quartered(upper: [Self; 2], lower: [Self; 2]) -> Self {
         let [left, right] = [upper[0].plus(lower[0]), upper[1].plus(lower[1])];
@@ -57,7 +57,7 @@ impl<S: Simd> Pixels<S> {
         Self { red: self.red + other.red, green: self.green + other.green, blue: self.blue + other.blue }
     }
 
-    /// Each times its share, with `add` to the sum, shifted down.
+    /// Weighted sum, plus `add`, shifted down.
     #[inline(always)]
     fn mixed(self, simd: S, weights: [i32; 3], add: i32, down: u32) -> Lanes<S> {
         (self.red * weights[0] + self.green * weights[1] + self.blue * weights[2] + i32x8::splat(simd, add)) >> down
@@ -68,14 +68,15 @@ impl<S: Simd> Pixels<S> {
         self.mixed(simd, LUMA, (1 << (POINT - 1)) - MIDDLE, POINT)
     }
 
-    /// A colour of pixels that are sums of 2 to the power of `sums`. Halves go down, or the purest colour would not fit a byte.
+    /// A component of pixels that are sums of 2 to the power of `sums`. Halves are rounded down, otherwise the purest
+    /// colour would not fit a byte.
     #[inline(always)]
     fn chroma(self, simd: S, weights: [i32; 3], sums: u32) -> Lanes<S> {
         self.mixed(simd, weights, (1 << (POINT + sums - 1)) - 1, POINT + sums)
     }
 }
 
-/// Sums of neighbours, of sixteen numbers in a row.
+/// Sums of neighbours of sixteen numbers in a row.
 #[inline(always)]
 fn neighbours<S: Simd>(left: Lanes<S>, right: Lanes<S>) -> Lanes<S> {
     let (even, odd) = left.deinterleave(right);
@@ -92,7 +93,8 @@ fn sixteen<S: Simd>(simd: S, bytes: &[u8]) -> [Pixels<S>; 2] {
     [Pixels::of(simd, &bytes[..EIGHT]), Pixels::of(simd, &bytes[EIGHT..2 * EIGHT])]
 }
 
-/// Eight by eight pixels as three blocks: brightness, blue, red. `bytes` begins at the first pixel, `stride` bytes a row.
+/// Eight by eight pixels as three blocks: luma, blue, red. `bytes` begins at the first pixel, with `stride` bytes per
+/// row.
 #[inline(always)]
 pub(super) fn full<S: Simd>(simd: S, bytes: &[u8], stride: usize, blocks: &mut [[i32; BLOCK]; 6]) {
     for row in 0..8 {
@@ -103,8 +105,8 @@ pub(super) fn full<S: Simd>(simd: S, bytes: &[u8], stride: usize, blocks: &mut [
     }
 }
 
-/// Sixteen by sixteen pixels as six blocks: brightness of the four quarters, blue, red; two by two pixels share their mean
-/// colour.
+/// Sixteen by sixteen pixels as six blocks: luma of the four quarters, blue, red; two by two pixels have one mean
+/// chroma.
 #[inline(always)]
 pub(super) fn halved<S: Simd>(simd: S, bytes: &[u8], stride: usize, blocks: &mut [[i32; BLOCK]; 6]) {
     for pair in 0..8 {

@@ -1,4 +1,4 @@
-//! Coefficients to bits (ITU-T T.81 Annex F).
+//! Entropy coding: coefficients to bits (ITU-T T.81 Annex F).
 
 use super::tables::{Alphabet, BLOCK, Code};
 use super::transform::FILE_ORDER;
@@ -8,10 +8,10 @@ const RUN: u32 = 16;
 const SIXTEEN_ZEROS: u8 = 0xf0;
 const END_OF_BLOCK: u8 = 0x00;
 
-/// Bits on their way into bytes.
+/// Pending bits that are not bytes yet.
 pub(super) struct Bits {
     bytes: Vec<u8>,
-    /// The lowest `waiting` bits are those that wait, fewer than 32 between calls.
+    /// The lowest `waiting` bits are pending, fewer than 32 between calls.
     held: u64,
     waiting: u32,
 }
@@ -35,13 +35,13 @@ impl Bits {
 
     #[inline(always)]
     fn word(&mut self, word: u32) {
-        // True when a byte of its complement is zero.
+        // True if a byte of its complement is zero.
         let stuffed = (!word).wrapping_sub(0x0101_0101) & word & 0x8080_8080 != 0;
         let bytes = word.to_be_bytes();
         if stuffed { bytes.iter().for_each(|byte| self.byte(*byte)) } else { self.bytes.extend_from_slice(&bytes) }
     }
 
-    /// A byte of ones is followed by a zero, so that it is not taken for a marker.
+    /// A byte of ones is followed by a zero, so that it is not mistaken for a marker.
     fn byte(&mut self, byte: u8) {
         self.bytes.push(byte);
         if byte == 0xff {
@@ -49,7 +49,7 @@ impl Bits {
         }
     }
 
-    /// The file so far; the last byte is filled up with ones.
+    /// The file so far; the last byte is padded with ones.
     pub(super) fn finish(mut self) -> Vec<u8> {
         let missing = self.waiting.wrapping_neg() % 8;
         self.held = self.held << missing | ((1 << missing) - 1);
@@ -60,7 +60,7 @@ impl Bits {
         self.bytes
     }
 
-    /// A coefficient: how many bits it has (with a code for that and what goes before), then those bits.
+    /// A coefficient: a code for its number of bits (and the preceding zeros), then those bits.
     #[inline(always)]
     fn coefficient(&mut self, code: Code, value: i32, size: u32) {
         // Negative numbers are encoded relative to the next lower power of two.
@@ -68,8 +68,8 @@ impl Bits {
         self.put(u32::from(code.bits) << size | bits, u32::from(code.length) + size);
     }
 
-    /// Appends a block. `found` has a bit for each coefficient that is not zero; the first of them is told by its difference to
-    /// that of the block before.
+    /// Appends a block. `found` has a bit for each nonzero coefficient; the first coefficient is encoded as the
+    /// difference from that of the previous block.
     #[inline(always)]
     pub(super) fn block(&mut self, coefficients: &[i32; BLOCK], found: u64, before: &mut i32, alphabet: &Alphabet) {
         let difference = coefficients[0] - core::mem::replace(before, coefficients[0]);
@@ -107,7 +107,7 @@ impl Bits {
     }
 }
 
-/// Bits of a number's size.
+/// Number of bits of a coefficient.
 #[inline(always)]
 fn bits_of(value: i32) -> u32 {
     u32::BITS - value.unsigned_abs().leading_zeros()
@@ -128,7 +128,7 @@ mod tests {
         assert_eq!(whole.finish(), [0xa5]);
     }
 
-    /// The detection of bytes of ones must find them at every place, and nothing else need be said of words without.
+    /// The detection of bytes of ones must find them at every position, and nothing else in words without any.
     #[test]
     fn no_byte_of_ones_stays_alone() {
         for word in [0xff00_0000_u32, 0x00ff_0000, 0xff00, 0xff, 0xffff_ffff, 0xfe01_0180, 0x8080_8080, 0x01fe_ff02] {

@@ -2,7 +2,6 @@
 //!
 //! The encoder is our own because no library meets both requirements: equal bytes on every machine, since recordings
 //! are compared, and high speed, since decisions wait for it. It uses integer vectors only.
-//! recordings are compared, and little time, since a decision waits for it. Its vectors hold whole numbers only.
 
 mod baseline;
 mod colour;

@@ -1,36 +1,36 @@
-//! The tables of ITU-T T.81 Annex K, with which any decoder can do, and what is computed from them.
+//! The tables of ITU-T T.81 Annex K, which every decoder accepts, and values derived from them.
 
 /// Coefficients of a block.
 pub(super) const BLOCK: usize = 64;
 
-/// The row-major place of each coefficient in the order of a file.
+/// The row-major position of each coefficient in file order.
 pub(super) const ZIGZAG: [u8; BLOCK] = [
     0, 1, 8, 16, 9, 2, 3, 10, 17, 24, 32, 25, 18, 11, 4, 5, 12, 19, 26, 33, 40, 48, 41, 34, 27, 20, 13, 6, 7, 14, 21, 28, 35, 42,
     49, 56, 57, 50, 43, 36, 29, 22, 15, 23, 30, 37, 44, 51, 58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63,
 ];
 
-/// Steps of brightness at quality 50, row by row (table K.1).
+/// Quantisation steps of luma at quality 50, row by row (table K.1).
 const LUMA_STEPS: [u8; BLOCK] = [
     16, 11, 10, 16, 24, 40, 51, 61, 12, 12, 14, 19, 26, 58, 60, 55, 14, 13, 16, 24, 40, 57, 69, 56, 14, 17, 22, 29, 51, 87, 80,
     62, 18, 22, 37, 56, 68, 109, 103, 77, 24, 35, 55, 64, 81, 104, 113, 92, 49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98,
     112, 100, 103, 99,
 ];
 
-/// Steps of colour at quality 50, row by row (table K.2).
+/// Quantisation steps of chroma at quality 50, row by row (table K.2).
 const CHROMA_STEPS: [u8; BLOCK] = [
     17, 18, 24, 47, 99, 99, 99, 99, 18, 21, 26, 66, 99, 99, 99, 99, 24, 26, 56, 99, 99, 99, 99, 99, 47, 66, 99, 99, 99, 99, 99,
     99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99, 99,
     99, 99,
 ];
 
-/// What coefficients are divided by, row by row.
+/// Divisors of the coefficients, row by row.
 pub(super) struct Steps {
     pub(super) luma: [u8; BLOCK],
     pub(super) chroma: [u8; BLOCK],
 }
 
 impl Steps {
-    /// Those of a quality of 1..=100, by the scale that the Independent JPEG Group brought into use.
+    /// The divisors for a quality of 1..=100, by the scaling introduced by the Independent JPEG Group.
     pub(super) fn of(quality: u8) -> Self {
         let quality = u32::from(quality);
         let percent = if quality < 50 { 5000 / quality } else { 200 - 2 * quality };
@@ -39,11 +39,11 @@ impl Steps {
     }
 }
 
-/// A Huffman table as a file tells it.
+/// A Huffman table as stored in a file.
 pub(super) struct Specification {
-    /// How many codes there are of each length from 1 to 16 bits.
+    /// Number of codes of each length from 1 to 16 bits.
     pub(super) counts: [u8; 16],
-    /// What they stand for, shortest first.
+    /// Their symbols, shortest code first.
     pub(super) symbols: &'static [u8],
 }
 
@@ -90,9 +90,9 @@ pub(super) const CHROMA_AC: Specification = Specification {
 /// A code of a Huffman table.
 #[derive(Clone, Copy)]
 pub(super) struct Code {
-    /// Its bits, the first of them highest.
+    /// Its bits, the first one highest.
     pub(super) bits: u16,
-    /// How many they are; 0 for what has no code.
+    /// Its length; 0 if there is no code.
     pub(super) length: u8,
 }
 
@@ -109,7 +109,7 @@ impl Codes {
                 codes[specification.symbols[symbol] as usize] = Code { bits: next, length: length as u8 + 1 };
                 (next, symbol, left) = (next + 1, symbol + 1, left - 1);
             }
-            // After the last code of 16 bits there is nothing to be made room for.
+            // After the last code of 16 bits no space is needed.
             next = next.wrapping_shl(1);
             length += 1;
         }
@@ -123,7 +123,7 @@ impl Codes {
     }
 }
 
-/// The codes of one kind of blocks.
+/// The codes for one kind of blocks.
 pub(super) struct Alphabet {
     pub(super) dc: Codes,
     pub(super) ac: Codes,
@@ -145,7 +145,7 @@ mod tests {
         assert!(places.iter().enumerate().all(|(index, place)| index == usize::from(*place)));
     }
 
-    /// Codes that Annex K writes out: end of block, run of 16, and the last one.
+    /// Codes printed in Annex K: end of block, run of 16, and the last one.
     #[test]
     fn codes_are_those_of_the_standard() {
         let code = |codes: &Codes, symbol| (codes.get(symbol).bits, codes.get(symbol).length);

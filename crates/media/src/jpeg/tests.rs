@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use super::tables::{BLOCK, Steps};
 use super::*;
 
-/// Blocks, a slope and grain: something of all that images are made of.
+/// Blocks, a slope and grain: the main features of images.
 fn image(width: u32, height: u32, grain: u32, seed: u32) -> Rgb {
     let mut image = Rgb::new(width, height);
     let mut state = seed;
@@ -23,7 +23,7 @@ fn image(width: u32, height: u32, grain: u32, seed: u32) -> Rgb {
     image
 }
 
-/// Every kind of instructions that the encoder is compiled for and this machine has.
+/// Every instruction set that the encoder is compiled for and this machine has.
 fn levels() -> Vec<Level> {
     let level = Level::new();
     let mut levels = vec![level, Level::baseline()];
@@ -55,8 +55,8 @@ fn every_kind_of_instructions_gives_the_same_bytes() {
     }
 }
 
-/// Qualities, and what the encoder of the crate `image` 0.25.10, which shares no colours either and is slow, made of the images
-/// below at each: dB and bytes.
+/// Qualities, and the result of the encoder of the crate `image` 0.25.10, which does not subsample chroma either and is
+/// slow, for the images below: dB and bytes.
 const QUALITIES: [u8; 6] = [20, 50, 70, 85, 95, 100];
 type Figures = [(f64, usize); QUALITIES.len()];
 const OTHER_ENCODER: [((u32, u32, u32), Figures); 3] = [
@@ -80,13 +80,13 @@ fn is_as_good_as_another_encoder() {
             let told =
                 format!("{width}×{height} at {quality}: {our_psnr} dB of {their_psnr}, {} bytes of {their_len}", ours.len());
             assert!(our_psnr > their_psnr - 0.1, "{told}");
-            // At 100 the other one rounds to fewer bits than the tables ask for.
+            // At 100 the other encoder rounds to fewer bits than the tables require.
             assert!(quality == 100 || (ours.len() as f64) < their_len as f64 * 1.02, "{told}");
         }
     }
 }
 
-/// What two by two pixels share is their mean, and lies where decoders take it from.
+/// Two by two pixels have their mean chroma, located where decoders expect it.
 #[test]
 fn shared_colours_are_means() {
     let original = image(160, 120, 0, 0);
@@ -96,13 +96,13 @@ fn shared_colours_are_means() {
     assert!(shared_psnr > own_psnr - 1.5 && shared.len() < own.len(), "{shared_psnr} dB of {own_psnr}");
 }
 
-/// The greatest sum of squared errors that dividing by these steps and rounding can make in `blocks` blocks.
+/// The largest sum of squared errors that division by these steps and rounding can cause in `blocks` blocks.
 fn rounded_off(steps: &[u8; BLOCK], blocks: f64) -> f64 {
     blocks * steps.iter().map(|step| (f64::from(*step) / 2.0 + 0.1).powi(2)).sum::<f64>()
 }
 
 proptest! {
-    /// No error is greater than rounding explains: the transform keeps sums of squares.
+    /// No error is larger than rounding explains: the transform preserves sums of squares.
     #[test]
     fn any_picture_comes_back(
         (width, height) in (1..70_u32, 1..70_u32),
@@ -112,7 +112,7 @@ proptest! {
         let mut original = image(width, height, grain, seed);
         let own_colour = quality >= FULL_COLOUR;
         if !own_colour {
-            // Without colours there is nothing that is shared.
+            // Without colour there is no subsampled information.
             original.data_mut().chunks_exact_mut(3).for_each(|pixel| pixel.fill(pixel[0]));
         }
         let back = decode(Jpeg::encode(&original, quality).unwrap().bytes()).unwrap();
@@ -121,7 +121,7 @@ proptest! {
         let side = |pixels: u32| f64::from(pixels.next_multiple_of(if own_colour { 8 } else { 16 }) / 8);
         let blocks = side(width) * side(height);
         let luma = libm::sqrt(3.0 * rounded_off(&steps.luma, blocks));
-        // What an error of blue and of red does to the three channels (T.871).
+        // The effect of an error of blue and of red on the three channels (T.871).
         let (blue, red) = (0.344_f64.powi(2) + 1.772_f64.powi(2), 1.402_f64.powi(2) + 0.714_f64.powi(2));
         let chroma = if own_colour { rounded_off(&steps.chroma, blocks) } else { 0.0 };
         let numbers = libm::sqrt(3.0 * f64::from(width * height));
@@ -146,14 +146,14 @@ fn damage_is_an_error() {
     let bytes = Jpeg::encode(&Rgb::filled(64, 64, [200, 40, 90]), 90).unwrap();
     assert!(decode(&bytes.bytes()[..100]).is_err());
     assert!(decode(b"no picture").is_err());
-    // The size in the frame header (SOF0) said to be 60000 wide.
+    // The frame header (SOF0) claims a width of 60000.
     let mut large = bytes.bytes().to_vec();
     let header = large.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();
     large[header + 7..header + 9].copy_from_slice(&60_000_u16.to_be_bytes());
     assert!(decode(&large).is_err());
 }
 
-/// The same bytes on every machine, whatever its CPU has: vectors of any width give this figure.
+/// The same bytes on every machine, whatever its CPU: vectors of any width give this digest.
 #[test]
 fn bytes_are_these() {
     let mut digest = FnvHasher::default();

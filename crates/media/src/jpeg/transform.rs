@@ -1,23 +1,24 @@
-//! From eight by eight samples to whole numbers of steps: the discrete cosine transform and the division, eight columns at once.
+//! From eight by eight samples to quantised coefficients: the discrete cosine transform and the division, eight columns
+//! at once.
 //!
-//! The transform is that of Loeffler, Ligtenberg and Moschytz (1989) with constants of 13 bits. Everything is a whole number, so
-//! that vectors of any width give the same.
+//! The transform is that of Loeffler, Ligtenberg and Moschytz (1989) with constants of 13 bits. Everything is an
+//! integer, so that vectors of any width give the same result.
 
 use fearless_simd::prelude::*;
 use fearless_simd::{Simd, i32x8};
 
 use super::tables::{BLOCK, ZIGZAG};
 
-/// Eight numbers: of a row, one for each column.
+/// Eight numbers: one row, with one number per column.
 pub(super) type Lanes<S> = i32x8<S>;
 /// Eight rows.
 type Rows<S> = [Lanes<S>; 8];
 
-/// Bits of the constants behind the point.
+/// Fractional bits of the constants.
 const POINT: u32 = 13;
-/// Bits that the first pass leaves behind the point for the second.
+/// Fractional bits that the first pass leaves for the second.
 const KEPT: u32 = 2;
-/// Both passes together give coefficients eight times too large, which the division makes good.
+/// Both passes together give coefficients eight times too large, which the division compensates.
 const GAIN: i32 = 8;
 
 /// Constants of the transform, times 2¹³.
@@ -34,17 +35,17 @@ const C2_053: i32 = 16819;
 const C2_562: i32 = 20995;
 const C3_072: i32 = 25172;
 
-/// Bits of a reciprocal behind the point: the largest coefficient times the largest reciprocal stays below 2³¹.
+/// Fractional bits of a reciprocal: the largest coefficient times the largest reciprocal stays below 2³¹.
 const RECIPROCAL: u32 = 20;
 
-/// Steps to divide by, as numbers to multiply with. In the order in which the transform leaves its coefficients: column by column.
+/// The divisors as reciprocals, in the order in which the transform leaves its coefficients: column by column.
 pub(super) struct Divisors {
     half: [i32; BLOCK],
     reciprocal: [i32; BLOCK],
 }
 
 impl Divisors {
-    /// Of steps that stand row by row.
+    /// From divisors in row order.
     pub(super) fn of(steps: &[u8; BLOCK]) -> Self {
         let divisor = |place: usize| i32::from(steps[place % 8 * 8 + place / 8]) * GAIN;
         Self {
@@ -54,7 +55,7 @@ impl Divisors {
     }
 }
 
-/// The place in a file's order of each coefficient of [`quantised`].
+/// Position in file order of each coefficient of [`quantised`].
 pub(super) const FILE_ORDER: [u8; BLOCK] = {
     let mut order = [0; BLOCK];
     let mut index = 0;
@@ -72,7 +73,7 @@ fn scaled<S: Simd>(simd: S, down: u32, lanes: Lanes<S>) -> Lanes<S> {
     (lanes + Lanes::splat(simd, 1 << (down - 1))) >> down
 }
 
-/// One pass over eight rows, which transforms columns; what it gives is [`scaled`] by `down`.
+/// One pass over eight rows, which transforms columns; its results are [`scaled`] by `down`.
 #[inline(always)]
 fn pass<S: Simd>(simd: S, rows: Rows<S>, down: u32) -> Rows<S> {
     let [r0, r1, r2, r3, r4, r5, r6, r7] = rows;
@@ -118,8 +119,8 @@ fn at<S: Simd>(simd: S, numbers: &[i32; BLOCK], row: usize) -> Lanes<S> {
     Lanes::from_slice(simd, &numbers[row * 8..row * 8 + 8])
 }
 
-/// Coefficients of a block of samples in −128..=127, divided by their steps and rounded, column by column. A bit of what is
-/// returned is set where a coefficient is not zero.
+/// Coefficients of a block of samples in −128..=127, divided by their steps and rounded, column by column. A bit of the
+/// returned mask is set where a coefficient is not zero.
 #[inline(always)]
 pub(super) fn quantised<S: Simd>(simd: S, samples: &[i32; BLOCK], divisors: &Divisors, into: &mut [i32; BLOCK]) -> u64 {
     let rows = core::array::from_fn(

@@ -284,7 +284,7 @@ fn bounded_length(length: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Sum of the red channel over a white-on-black drawing, in whole pixels.
+    /// Sum of the red channel of a white shape on black, in whole pixels.
     fn area(draw: impl Fn(&mut Canvas<'_>)) -> f64 {
         let mut image = Rgb::new(64, 64);
         draw(&mut Canvas::new(&mut image));

@@ -25,7 +25,7 @@ pub fn annotate(image: &mut Rgb, marks: &[Mark], waypoint: Option<(ImagePoint, &
 
 fn annotate_canvas(canvas: &mut Canvas<'_>, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
     canvas.keep_captions_in(hud.free_area(canvas));
-    // The caption of the waypoint is the more important one and takes its place first; the ring is drawn over the marks.
+    // The caption of the waypoint is the more important one and is placed first; the ring is drawn over the marks.
     for mark in marks {
         canvas.mark_without_caption(mark);
     }
@@ -110,7 +110,7 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Text over text cannot be read: no caption touches another one or a bar.
+        /// Overlapping text is unreadable: no caption touches another one or a bar.
         #[test]
         fn no_text_is_on_another(
             corners in prop::collection::vec((0.0..1.0_f64, 0.0..1.0_f64, 0.0..0.5_f64, 0.0..0.5_f64), 0..12),

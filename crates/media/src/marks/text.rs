@@ -89,7 +89,7 @@ fn unicode_of_version_2(table: &[u8]) -> Vec<Vec<char>> {
         .collect()
 }
 
-/// A character in the font's largest size, for letters that are not drawn as pixels of an image (such as meshes).
+/// A character in the font's largest size, for letters that are not rendered as pixels of an image (such as meshes).
 #[derive(Clone, Copy, Debug)]
 pub struct Glyph<'a> {
     width: u32,

@@ -1,4 +1,5 @@
-//! The live view: the log's messages over Foxglove's WebSocket protocol while the flight goes on (docs/reference/flight-log.md).
+//! The live view: the log's messages over Foxglove's WebSocket protocol during the flight
+//! (docs/reference/flight-log.md).
 //!
 //! Sending never blocks: each viewer has a bounded queue, and a slow one loses messages and gets a status about it. A
 //! viewer that accepts nothing for some seconds is disconnected.

@@ -58,7 +58,6 @@ pub struct Repaired {
 ///
 /// # Errors
 /// [`RepairError`]; the file is then unchanged.
-/// [`RepairError`]; the file is then as it was.
 pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     let nothing = |source| RepairError::Nothing { path: path.to_owned(), source };
     let source = File::open(path).map_err(|error| nothing(ReadError::Read(error)))?;

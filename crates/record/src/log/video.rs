@@ -40,7 +40,7 @@ pub enum LogVideoError {
     Video(#[from] VideoError),
 }
 
-/// Creates a video from the images of a log, with decisions drawn on them. A truncated log is used as far as it goes.
+/// Creates a video from the images of a log, with decisions overlaid. A truncated log is used as far as it goes.
 ///
 /// # Errors
 /// [`LogVideoError`] if the log cannot be read or has no images, or the video cannot be written.

@@ -5,7 +5,7 @@ use spf_core::geometry::EnuPosition;
 use super::svg::{Svg, escaped};
 use super::{Outline, TrajectoryInput, colours, figure, round_step};
 
-/// Half the height of the largest sign, that of the target, in image units.
+/// Half the height of the largest symbol, that of the target, in image units.
 const SIGN: f64 = 11.0;
 
 /// Transforms metres to image coordinates.
@@ -155,7 +155,7 @@ fn draw_outline(svg: &mut Svg, outline: &Outline, view: &View) {
     }
 }
 
-/// Labels objects that are large enough on the map; below a sign where one would cover the name.
+/// Labels objects that are large enough on the map; below a symbol that would cover the name.
 fn draw_name(svg: &mut Svg, outline: &Outline, view: &View, signs: &[[f64; 2]]) {
     let Some((low, high)) = bounds(outline.polygons.iter().flatten().map(|&point| view.place(point))) else { return };
     let needed = outline.name.chars().count() as f64 * 6.4 + 6.0;

@@ -55,7 +55,7 @@ pub struct TrajectoryInput {
 
 /// Width of the image, in its own units (pixels at normal size).
 const WIDTH: f64 = 1000.0;
-/// Margin left, right and below the drawings.
+/// Margin left, right and below the plots.
 const MARGIN: f64 = 46.0;
 /// Height of the height plot.
 const HEIGHT_PLOT: f64 = 170.0;
@@ -73,7 +73,7 @@ mod colours {
     pub(super) const GRID: &str = "#dfe4ea";
 }
 
-/// Draws the image. Equal inputs give equal bytes.
+/// Renders the image. Equal inputs give equal bytes.
 #[must_use]
 pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     let input = finite(input);
@@ -95,7 +95,7 @@ pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     svg.finish()
 }
 
-/// The input without points that cannot be drawn.
+/// The input without points that cannot be plotted.
 fn finite(input: &TrajectoryInput) -> TrajectoryInput {
     // 100 km exceeds any flight, and keeps all numbers in the image short.
     let placed = |at: &EnuPosition| [at.east, at.north, at.up].iter().all(|metres| metres.abs() < 1e5);
@@ -104,7 +104,7 @@ fn finite(input: &TrajectoryInput) -> TrajectoryInput {
     input.known_path.retain(|(_, at)| placed(at));
     for decision in &mut input.decisions {
         if !placed(&decision.position) {
-            // Kept for its number, but not drawn.
+            // Kept for its number, but not plotted.
             decision.position = EnuPosition { east: f64::NAN, north: f64::NAN, up: f64::NAN };
             decision.waypoint = None;
         }

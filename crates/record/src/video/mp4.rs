@@ -304,7 +304,7 @@ mod tests {
         AccessUnit { key, annex_b: [head, &body].concat() }
     }
 
-    /// Pushes images until the disk is full or `count` are written, finishes, and decodes what is on the disk.
+    /// Pushes images until the disk is full or `count` are written, finishes, and decodes the file.
     fn film(count: u8, room: usize) -> (usize, Written, Moov, Vec<u8>) {
         let mut disk = Disk { file: Cursor::new(Vec::new()), room };
         let mut muxer = Muxer::new(&mut disk, 96, 64).unwrap();

@@ -1,7 +1,7 @@
 //! Programs that are still arriving: a statement can run as soon as it is complete.
 //!
-//! A byte-wise state machine without look-ahead finds the ends of statements, so the way a program is split into chunks
-//! cannot change the result.
+//! A byte-wise state machine without look-ahead finds the ends of statements, so the result does not depend on how a
+//! program is split into chunks.
 
 use super::parse::{MAX_DEPTH, ParseOptions, Precedence, SyntaxError, statements};
 use super::{Block, Statement};

@@ -39,7 +39,8 @@ impl Skills for Words {
     }
 }
 
-/// Runs a program; `see` comes to each of the values given in turn, `say` to what it is told. What was called, and the end.
+/// Runs a program; `see` returns each of the given values in turn, `say` its argument. Returns the calls, and the
+/// result.
 fn run(text: &str, sights: &[Value]) -> (Vec<String>, Progress) {
     let mut machine = Machine::default();
     machine.extend(program(text));
@@ -118,7 +119,7 @@ fn programs_run_as_written() {
     assert_eq!(calls, ["say 1", "say 1", "say 1", "say 7", "say 'big'"]);
     assert_eq!(end, finished(Value::Int(7)));
     assert_eq!(result(""), finished(Value::None));
-    // A return inside of blocks ends everything.
+    // A return inside blocks ends everything.
     assert_eq!(run("9{9{say,1;->False;}}", &[]), (vec!["say 1".to_owned()], finished(Value::Bool(false))));
     assert_eq!(result("_1=red;->_1;"), finished(Value::Text("red".to_owned())));
     let (calls, _) = run("12{}12{say,a;}", &[]);
@@ -179,7 +180,7 @@ fn what_the_program_called_is_told() {
     assert_eq!(machine.trace(), ["twice(3) = 3", "say('x') = False"]);
 }
 
-/// Texts that are much like programs.
+/// Texts that resemble programs.
 fn program_like() -> impl Strategy<Value = String> {
     "(mf,1|tc|;|\\{|\\}|\\(|\\)|\\?|_1|=|==|->|\\$1|True|'|\"|&|\\||3|,|>|`|\n|é| |\\?_1>2\\{mf,3;\\}|8\\{tc,45;\\}|_2=iv,a b;){0,25}"
 }
