@@ -70,6 +70,6 @@ pub struct ConnectError {
     /// The driver's error.
     #[source]
     pub source: Box<dyn Error + Send + Sync>,
-    /// What to do about it.
+    /// Remedy for the error.
     pub hint: Option<String>,
 }

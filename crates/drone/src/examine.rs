@@ -29,7 +29,7 @@ pub struct Check {
     pub finding: Finding,
     /// Details of the result.
     pub found: String,
-    /// What to do; `None` if nothing.
+    /// Remedy; `None` if none is needed.
     pub advice: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! `video.mp4`: the camera view with decisions drawn on it, in flight time.
+//! `video.mp4`: the camera view with decisions overlaid, in flight time.
 
 use std::path::Path;
 use std::sync::Arc;

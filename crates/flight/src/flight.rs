@@ -208,7 +208,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let summary =
         Summary { prompt: prompt.map(|prompt| prompt.name()), vlm_use: ledger.total(), ..course.summary(&head, seed, &pilot) };
-    // Of a simulated craft nothing waits; a real one stands on the ground, and its driver is still connected.
+    // Nothing waits for a simulated craft; a real one stands on the ground, and its driver is still connected.
     let (summary, problems) = finish_files(summary, recorder, ledger, live);
     recording_problems.extend(problems);
     Ok(Flown { summary, recording_problems })
@@ -217,7 +217,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
 /// How long a flight on the wall clock waits for its files at the end.
 const FILES_TIME: Duration = Duration::from_secs(15);
 
-/// Finishes the files of a flight. With a disk that stalls, a `live` flight reports so instead of waiting for ever.
+/// Finishes the files of a flight. If the disk stalls, a `live` flight reports that instead of waiting for ever.
 fn finish_files(summary: Summary, recorder: Option<Recorder>, ledger: Ledger, live: bool) -> (Summary, Vec<String>) {
     let finish = move |mut summary: Summary| {
         let mut problems = recorder.map(|recorder| recorder.finish(&mut summary)).unwrap_or_default();

@@ -23,7 +23,7 @@ impl QueryImages {
         Self { frames: drone.frames(), size: (camera.width, camera.height), scaler: Scaler::default() }
     }
 
-    /// The image for a query. Its frame is held from now on, since a camera may drop it within a second.
+    /// The image for a query. Its frame is held from now on, because a camera may drop it within a second.
     pub fn about<'a>(&'a mut self, query: &'a Query) -> impl QueryImage + 'a {
         Marked::new(query, self.size, self.frames.photo(query.frame), &mut self.scaler)
     }
@@ -32,7 +32,7 @@ impl QueryImages {
 /// Image size, JPEG quality and bytes.
 type Encoded = ((u32, u32), u8, Arc<[u8]>);
 
-/// A query's image: scaled to the requested size, with its marks drawn, and encoded once.
+/// A query's image: scaled to the requested size, with its marks overlaid, and encoded once.
 pub(crate) struct Marked<'a> {
     query: &'a Query,
     size: (u32, u32),

@@ -258,7 +258,7 @@ mod tests {
         let read = keys.read(Time::ZERO, &pasted);
         assert!(read.events.is_empty() && read.hint.is_some(), "{read:?}");
         assert_eq!(keys.typed(), None);
-        // Typed at ten characters a second: from the first letter that is no key on, nothing but spaces acts.
+        // Typed at ten characters per second: after the first letter that is not a key, only spaces have an effect.
         let mut at = Time::from_millis(10_000);
         let mut events = Vec::new();
         for letter in "fly to the red crane and descend slowly".chars() {
@@ -295,7 +295,7 @@ mod tests {
             prop_assert!(keys_of(&bytes).len() <= bytes.len());
         }
 
-        /// No text cuts the motors, at whatever pace it comes.
+        /// No text cuts the motors, at any typing speed.
         #[test]
         fn no_text_cuts_the_motors(texts in proptest::collection::vec(("\\PC{0,20}", 0_u64..2000), 0..20)) {
             let mut keys = Keys::new(Craft::tello());

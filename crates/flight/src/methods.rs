@@ -114,7 +114,7 @@ pub struct BenchSettings {
     pub think: Option<Think>,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: Option<bool>,
-    /// Whether obstacle mode is on in every task, not only in those that ask for it.
+    /// Whether obstacle mode is on in every task, not only in those that require it.
     pub avoid: bool,
     /// Whether it flies straight on without frames or queries.
     pub blind: bool,

@@ -16,8 +16,8 @@ use spf_core::step::StepRule;
 use crate::methods::{Family, MethodRow, rows};
 use crate::pilot::{PolicyMaker, PolicyParts};
 
-/// Metres that PIVOT flies at a time where the settings name no fixed step: the median of SPF's in rooms and yards, for the craft
-/// may be in one (docs/explanation/baselines.md).
+/// PIVOT's step in metres where the settings contain no fixed step: the median of SPF's steps in office and yard,
+/// because the craft may be in one of them (docs/explanation/baselines.md).
 const PIVOT_STEP: f64 = 1.9;
 
 /// A policy: a row of the table of methods that `spf fly` offers.
@@ -73,7 +73,7 @@ impl PolicyKind {
         self.0.fly.as_deref().unwrap_or_default()
     }
 
-    /// The kind of prompt it uses; without meaning for a policy that sends no query.
+    /// The kind of prompt it uses; unused for a policy that sends no query.
     #[must_use]
     pub fn prompt(self) -> PromptKind {
         match self.0.policy {

@@ -5,7 +5,7 @@
 pub(crate) struct Problems {
     /// The affected files.
     pub(crate) files: Vec<String>,
-    /// The reasons, for a person.
+    /// The reasons, as text for a person.
     pub(crate) reasons: Vec<String>,
 }
 

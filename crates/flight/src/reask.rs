@@ -41,7 +41,7 @@ pub struct Question {
     pub answer: Option<String>,
 }
 
-/// The queries of a log, in order, and the flight's head. A truncated log gives those that it contains.
+/// The queries of a log, in order, and the flight's head. A truncated log returns those that it contains.
 ///
 /// # Errors
 /// [`ReplayError`] if the log cannot be read.
@@ -186,7 +186,7 @@ pub enum AskError {
 }
 
 impl Asker {
-    /// Prepares the model `name` in the log's world. An oracle draws its errors from the flight's seed, so that the
+    /// Prepares the model `name` in the log's world. An oracle samples its errors from the flight's seed, so that the
     /// flight's own oracle gives the same replies as before.
     ///
     /// # Errors
@@ -242,7 +242,7 @@ impl Asker {
         }
     }
 
-    /// Both replies drawn on the frame, side by side: the recorded one on the left.
+    /// Both replies overlaid on the frame, side by side: the recorded one on the left.
     #[must_use]
     pub fn image(&self, question: &Question, opinion: &ReplyPair, vlm_then: &str) -> Rgb {
         let snapshot = self.snapshot(question);

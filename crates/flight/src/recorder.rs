@@ -51,7 +51,7 @@ pub struct Recorder {
     film: Option<Film>,
     path: Vec<(Time, EnuPosition)>,
     known_path: Vec<(Time, EnuPosition)>,
-    /// Where the origin of the estimate truly is, of a craft that reckons its position from its take-off point.
+    /// True position of the estimate's origin, for a craft whose position is dead-reckoned from its take-off point.
     origin: Option<EnuPosition>,
     marks: Vec<DecisionMark>,
     flown: f64,

@@ -59,7 +59,7 @@ impl Observers<'_, '_> {
     fn each(&mut self, call: impl Fn(&mut dyn Observer)) {
         for (index, slot) in self.all.iter_mut().enumerate() {
             let Some(observer) = slot else { continue };
-            // What a panic leaves inconsistent is not used again.
+            // State left inconsistent by a panic is not used again.
             if let Err(panic) = catch_unwind(AssertUnwindSafe(|| call(&mut ***observer))) {
                 *slot = None;
                 self.failures.push(ObserverFailure { observer: index, panic });
@@ -74,7 +74,7 @@ pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn O
     loop {
         let now = world.now();
         while let Some(action) = pilot.poll(now) {
-            // First what moves or stops the craft: no observer delays a command.
+            // First the commands that move or stop the craft: no observer delays a command.
             world.apply(&action);
             observers.each(|observer| observer.action(now, &action, pilot));
         }

@@ -63,7 +63,7 @@ enum What {
     Setpoint,
     Instruction,
     Land,
-    /// A hold. Its meaning was to cut the motors; no drone of a file that says so may fall.
+    /// A hold. It used to cut the motors; no drone of such an older file may fall.
     Stop,
     CutMotors,
 }

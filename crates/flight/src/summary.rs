@@ -42,7 +42,7 @@ pub struct Summary {
     /// it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
-    /// Parts of the instruction that the parser does not read, and that `verified` leaves out; omitted if there are none.
+    /// Parts of the instruction that the parser does not read, and that `verified` ignores; omitted if there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_read: Vec<String>,
     /// Time from the first motion after take-off to `Finished`, seconds; null if nothing moved.

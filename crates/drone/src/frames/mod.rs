@@ -69,7 +69,7 @@ impl Photo {
         }
     }
 
-    /// Its pixels scaled to a width and height, for drawing on. `scaler` provides the buffers.
+    /// Its pixels scaled to a width and height, for overlaying marks. `scaler` provides the buffers.
     #[must_use]
     pub fn at(&self, (width, height): (u32, u32), scaler: &mut Scaler) -> Rgb {
         match &self.source {

@@ -36,11 +36,11 @@ struct StoredFrame {
 /// The newest frames of a camera, shared by receiver and readers. It numbers them, and distinguishes a repeated image
 /// from a new one.
 ///
-/// **What counts as repeated.** Of each image, rows 0, 8, 16 and so on are compared, bit for bit, with those of the last
-/// 128 different images. An image equal to one of them does not advance [`FrameMeta::capture_counter`]: the pilot
-/// ignores it, and the envelope holds once the counter has not advanced for 1 s and lands 10 s later
-/// (`docs/explanation/safety.md`). A driver that shows something synthetic must therefore change one of these rows in
-/// every image, and must not return to any of its last 128 images; any real sensor does so through its noise.
+/// **Repeated images.** Of each image, rows 0, 8, 16 and so on are compared, bit for bit, with those of the last 128
+/// different images. An image equal to one of them does not advance [`FrameMeta::capture_counter`]: the pilot ignores
+/// it, and the envelope holds once the counter has not advanced for 1 s and lands 10 s later
+/// (`docs/explanation/safety.md`). A driver with synthetic images must therefore change one of these rows in every
+/// image, and must not repeat any of its last 128 images; the noise of any real sensor ensures this.
 #[derive(Clone, Default)]
 pub struct FrameStore(Arc<Mutex<StoredFrame>>);
 

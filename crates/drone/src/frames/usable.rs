@@ -1,9 +1,10 @@
 //! Whether a camera image carries information: covered, blank and smeared images do not.
 //!
 //! The luma of about 240 × 180 pixels is sampled on a regular grid and averaged over 16 × 12 cells. A cell has some 225
-//! samples, so that the noise of a sensor at night (8 of 255 levels, one standard deviation) is half a level in its mean,
-//! and 0.75 in the difference of two cells. What remains are surfaces, lights and shadows. The thresholds are chosen so
-//! that an image is refused only if it shows nothing: a refused image makes the craft hold and, after a while, land.
+//! samples, so that the noise of a sensor at night (8 of 255 levels, one standard deviation) is half a level in its
+//! mean, and 0.75 in the difference of two cells. The remaining differences are surfaces, lights and shadows. The
+//! thresholds are chosen so that an image is rejected only if it shows nothing: a rejected image makes the craft hold
+//! and, after a while, land.
 //!
 //! | | condition |
 //! |---|---|
@@ -41,8 +42,8 @@ const EDGES: usize = 8;
 /// Fraction of an image that must be smeared or missing: one line in this many.
 const PART: usize = 3;
 
-/// What decoders write for blocks that they do not have: zero in all three planes, and the middle of their range, by
-/// BT.601 and BT.709, full and limited range.
+/// Colours that decoders write for missing blocks: zero in all three planes, and the middle of their range, by BT.601
+/// and BT.709, full and limited range.
 const MISSING: [[u8; 3]; 5] = [[0, 135, 0], [0, 77, 0], [0, 154, 0], [128, 128, 128], [130, 130, 130]];
 
 /// Statistics of an image.

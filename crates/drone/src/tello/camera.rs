@@ -81,14 +81,14 @@ pub(super) enum Lack {
     KeyFrame,
 }
 
-/// When to ask for a key frame: at once after a loss, but at most every [`ASK_AGAIN`].
+/// When to request a key frame: at once after a loss, but at most every [`ASK_AGAIN`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct KeyRequests {
     asked: Option<Time>,
 }
 
 impl KeyRequests {
-    /// Whether to ask now. `awaited`: whether the stream waits for a key frame.
+    /// Whether to request one now. `awaited`: whether the stream waits for a key frame.
     pub(super) fn is_due(&mut self, now: Time, awaited: bool) -> bool {
         let due = awaited && self.asked.is_none_or(|asked| now.since(asked) >= ASK_AGAIN);
         if due {

@@ -32,11 +32,11 @@ const POLL_INTERVAL: Duration = Duration::from_millis(5);
 const VIDEO_NAP: Duration = Duration::from_millis(50);
 /// Receive buffer for more than half a second of video, bytes.
 const VIDEO_BUFFER: usize = 4 << 20;
-/// Time allowed for repetitions of `emergency` at shutdown, until the motors are seen off.
+/// Time allowed for repetitions of `emergency` at shutdown, until the state shows the motors off.
 const EMERGENCY_TIME: Duration = Duration::from_secs(5);
 /// Maximum blocking time of sending a command: with a full send buffer it is lost, and repeated.
 const SEND_TIME: Duration = Duration::from_millis(20);
-/// Time allowed for a landing at shutdown: from 10 m at 0.5 m/s, and until the motors are seen off.
+/// Time allowed for a landing at shutdown: from 10 m at 0.5 m/s, and until the state shows the motors off.
 const LANDING_TIME: Duration = Duration::from_secs(25);
 
 /// A connected drone.

@@ -1,25 +1,26 @@
-//! How much later than usual the video arrives.
+//! Delay of the video beyond its usual latency.
 //!
-//! The stream has no timestamps. Its own clock is the sequence of its frames: they are captured at even distances, and
-//! their numbers show whether one is missing. When no frame arrives for a while and then the very next one does, nothing
-//! was lost: the frames were held back, and the one that arrives is older by that time. Frames that then arrive faster
-//! than usual catch up. After a loss nothing was held back, so the delay is the usual one.
+//! The stream has no timestamps. Its own clock is the sequence of its frames: they are captured at regular intervals,
+//! and their numbers show whether one is missing. When no frame arrives for a while and then the very next one does,
+//! nothing was lost: the frames were held back, and the one that arrives is older by that time. Frames that then arrive
+//! faster than usual catch up. After a loss nothing was held back, so the delay is the usual one.
 //!
-//! A camera that paused looks the same as a delay, and counts as one. A delay that grows by less than [`LEAST`] at a time
-//! cannot be told from a camera whose frame rate fell, and is not seen.
+//! A camera that paused looks the same as a delay, and counts as one. A delay that grows by less than [`LEAST`] at a
+//! time looks like a falling frame rate, and is not detected.
 
 use spf_core::time::{Duration, Time, duration_from_secs};
 
 /// Shortest pause that counts as a delay, s: slower cameras and busy machines make shorter ones.
 const LEAST: f64 = 0.5;
-/// The same in usual distances between frames.
+/// The same in usual frame intervals.
 const LEAST_PERIODS: f64 = 4.0;
-/// Frames closer together than this many usual distances catch up.
+/// Frames closer together than this many usual intervals are catching up.
 const FAST: f64 = 0.6;
-/// Time constant of the usual distance, s, and the distance before any is known (30 frames per second).
+/// Time constant of the usual interval, s, and its initial value (30 frames per second).
 const MEMORY: f64 = 5.0;
 const NOMINAL: f64 = 1.0 / 30.0;
-/// A pause of the camera would count as a delay for ever; it is forgotten at this rate, as a fraction of the time.
+/// A pause of the camera would count as a delay for ever; the estimate therefore decays at this rate, as a fraction of
+/// the elapsed time.
 const FORGOTTEN: f64 = 0.02;
 /// Longest delay, s.
 const LONGEST: f64 = 60.0;
@@ -28,7 +29,7 @@ const LONGEST: f64 = 60.0;
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     last: Option<Time>,
-    /// Usual distance between two frames, s.
+    /// Usual interval between two frames, s.
     period: f64,
     /// Delay of the newest frame, s.
     late: f64,
@@ -53,7 +54,7 @@ impl Delay {
             self.late -= self.period - passed;
         } else {
             self.late -= FORGOTTEN * passed;
-            // Frames that were held back tell nothing about the usual distance, and neither do pauses.
+            // Frames that were held back carry no information about the usual interval, and neither do pauses.
             self.period += (passed - self.period) * (1.0 - libm::exp(-passed / MEMORY));
         }
         self.late = self.late.max(0.0);
@@ -73,7 +74,7 @@ mod tests {
 
     #[test]
     fn frames_held_back_are_as_old_as_they_are_until_they_have_caught_up() {
-        // 30 frames per second; from 3 s on all of them arrive at 4.5 s, one each 5 ms.
+        // 30 frames per second; from 3 s on all of them arrive from 4.5 s on, one every 5 ms.
         let held = (0..200_u64).map(|n| (33 * n).max(if n > 90 { 4500 + 5 * (n - 91) } else { 0 }));
         let late = delays(held.clone());
         for (n, (at, late)) in held.zip(late).enumerate() {

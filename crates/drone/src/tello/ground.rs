@@ -1,7 +1,7 @@
 //! Whether the drone stands on the ground with its motors off.
 //!
-//! No single value says so: the motor time also stands still while lines are lost or late, and the height is relative to
-//! the take-off point. Time counts only as far as lines arrived at their usual spacing, so that neither a silence nor the
+//! No single value shows this: the motor time also stops while lines are lost or late, and the height is relative to
+//! the take-off point. Time counts only as far as lines arrived at their usual interval, so that neither a gap nor the
 //! burst of late lines after it looks like motors that have stopped.
 
 use spf_core::time::{Duration, Time};
@@ -59,7 +59,7 @@ impl Ground {
         }
     }
 
-    /// Starts over: what was seen so far says nothing about a motion that begins now.
+    /// Starts over: earlier lines carry no information about a motion that begins now.
     pub(super) fn forget(&mut self) {
         (self.still, self.low, self.advanced) = (Duration::ZERO, Duration::ZERO, false);
     }
@@ -97,7 +97,7 @@ pub(super) struct Repeats {
 }
 
 impl Repeats {
-    /// Whether this line has been repeated for too long to be news.
+    /// Whether this line has been repeated for too long to be fresh.
     pub(super) fn is_stale(&mut self, now: Time, line: &[u8]) -> bool {
         if self.line != line {
             self.line.clear();
@@ -125,7 +125,7 @@ mod tests {
     fn motors_off_count_over_received_lines_only() {
         let mut ground = Ground::default();
         feed(&mut ground, 0, 20, |ms| line(Some(ms as u32 / 1000), Some(80), 80, 0));
-        // Silence of 5 s, then everything at once: still the same motor time.
+        // A gap of 5 s, then everything at once: still the same motor time.
         for _ in 0..50 {
             ground.observe(Time::from_millis(7000), &line(Some(1), Some(80), 80, 0));
         }

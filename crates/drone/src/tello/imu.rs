@@ -1,7 +1,7 @@
 //! Whether the drone's inertial measurement, or its visual odometry, is invalid.
 //!
-//! A Tello has no value for this in its state. It says so in its answers to moves (`error No valid imu`), and a state
-//! line without attitude shows the same. An `rc` command has no answer: an error that shows only in the answers stays
+//! A Tello has no value for this in its state. It reports an error in its answers to moves (`error No valid imu`), and
+//! by a state line without attitude. An `rc` command has no answer: an error that shows only in the answers stays
 //! unknown while the drone is flown by `rc` alone.
 
 use super::state::State;
@@ -11,7 +11,7 @@ const REFUSALS: [&str; 3] = ["error no valid imu", "error imu", "imu error"];
 /// State lines in a row without attitude: one may be damaged.
 const LINES: u32 = 3;
 
-/// What answers and state lines say about the inertial measurement.
+/// Evidence about the inertial measurement from answers and state lines.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Imu {
     refused: bool,
@@ -35,7 +35,7 @@ impl Imu {
     }
 
     /// Whether it is invalid. A refusal counts until the drone is on the ground again: a craft that has lost its
-    /// position is landed, whatever it says later.
+    /// position is landed, whatever it reports later.
     pub(super) fn has_error(&self) -> bool {
         self.refused || self.missing >= LINES
     }

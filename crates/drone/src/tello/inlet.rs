@@ -59,7 +59,7 @@ impl Inlet {
         for unit in waiting.joined.drain(..) {
             let late = waiting.delay.observe(at, lost == waiting.lost);
             waiting.lost = lost;
-            // A key frame and its successors do not need what came before, so only the newest chain is queued.
+            // A key frame and its successors do not need the earlier images, so only the newest chain is queued.
             if unit.key {
                 waiting.overtaken += waiting.units.len() as u64;
                 waiting.units.clear();
@@ -88,7 +88,7 @@ impl Inlet {
     pub(super) fn refuse(&self) {
         let mut waiting = self.waiting();
         waiting.joiner.refuse();
-        // Whatever is queued starts with a key frame or follows the rejected image.
+        // The queue starts with a key frame or follows the rejected image.
         if waiting.units.front().is_some_and(|unit| !unit.unit.key) {
             waiting.units.clear();
         }

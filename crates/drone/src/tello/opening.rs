@@ -19,7 +19,7 @@ const MOTOR_WAIT: Duration = Duration::from_millis(2300);
 /// Above this the drone is in the air, or in a hand, centimetres.
 const ABOVE_GROUND: i32 = 25;
 
-/// Why the connection failed. The driver adds what to do.
+/// Why the connection failed. The driver adds a remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ConnectError {

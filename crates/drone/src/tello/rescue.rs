@@ -1,7 +1,7 @@
-//! Status, hold and landing of a Tello without a flight: for the moment when another program died, or hangs.
+//! Status, hold and landing of a Tello without a flight: for a drone whose program has died or hangs.
 //!
-//! Nothing here moves the drone: it is told zero, or to land. It works without the state port, which the other program may
-//! still hold.
+//! Nothing here moves the drone: it only sends zero or `land`. It works without the state port, which the other program
+//! may still hold.
 
 use std::net::{SocketAddr, UdpSocket};
 use std::time::Instant;
@@ -18,7 +18,7 @@ const ZEROS: u32 = 3;
 const ZERO_SPACING: Duration = Duration::from_millis(50);
 /// `land` is repeated after this long.
 const LAND_AGAIN: Duration = Duration::from_secs(1);
-/// Longest landing: from 10 m at 0.5 m/s, and until the motors are seen off.
+/// Longest landing: from 10 m at 0.5 m/s, and until the state shows the motors off.
 const LANDING_TIME: Duration = Duration::from_secs(25);
 /// How long `land` is repeated if no state arrives.
 const BLIND_TIME: Duration = Duration::from_secs(10);
@@ -39,7 +39,7 @@ pub enum Landed {
 /// A Tello in SDK mode, without a pilot.
 pub struct Rescue {
     command: UdpSocket,
-    /// None if another program holds the port.
+    /// `None` if another program holds the port.
     state: Option<UdpSocket>,
     drone: SocketAddr,
     /// Identification.

@@ -1,8 +1,8 @@
 //! `rc` commands: stick positions, and when to send them.
 //!
 //! A Tello holds the last stick positions until it gets new ones, so a zero must not get lost: it is sent three times.
-//! In flight something is sent at least every [`PERIOD`], which also prevents the drone's own landing after 15 s of
-//! silence.
+//! In flight something is sent at least every [`PERIOD`], which also prevents the drone's own landing after 15 s
+//! without a command.
 
 use spf_core::command::Setpoint;
 use spf_core::time::{Duration, Time};

@@ -1,4 +1,4 @@
-//! What stands in a dataset's files: `dataset.json`, and the rows of `examples.jsonl` (docs/guide/dataset.md).
+//! The contents of a dataset's files: `dataset.json`, and the rows of `examples.jsonl` (docs/guide/dataset.md).
 
 use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;

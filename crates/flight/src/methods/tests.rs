@@ -3,7 +3,7 @@ use proptest::prelude::*;
 
 use super::*;
 
-/// A row for both, with these words in place of its `policy` and `bench`.
+/// A row for both, with these strings in place of its `policy` and `bench`.
 fn row(name: &str, policy: &str, bench: &str) -> String {
     format!("[[method]]\nname = \"{name}\"\nabout = \"a row\"\npolicy = {{ {policy} }}\nfly = \"words\"\nbench = {{ {bench} }}\n")
 }
@@ -102,7 +102,7 @@ fn the_document_lists_the_methods_of_the_bench() {
     assert_eq!(told.collect::<Vec<_>>(), benched.collect::<Vec<_>>());
 }
 
-/// One member of each family of the built-in table, with the family's word there.
+/// One member of each family of the built-in table, with the name of the family.
 fn shipped() -> Vec<(String, Family)> {
     let mut families: Vec<(String, Family)> = Vec::new();
     for row in rows() {

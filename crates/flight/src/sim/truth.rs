@@ -27,10 +27,10 @@ pub struct Verdict {
     /// Whether one of the objects matching the last stage is within the scene's success radius and in view, without a
     /// collision; `None` if the verb needs a predicate that only the benchmark has.
     pub verified: Option<bool>,
-    /// How those objects were determined, if `verified` is given.
+    /// How those objects were determined, if `verified` is set.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
-    /// Parts of the instruction that the parser does not read, and that `verified` therefore leaves out.
+    /// Parts of the instruction that the parser does not read, and that `verified` therefore ignores.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_read: Vec<String>,
     /// Distance to the nearest surface of those objects, metres; `None` if nothing in the scene matches.

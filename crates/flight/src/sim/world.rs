@@ -77,7 +77,7 @@ impl SimWorld {
         self.craft.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The craft itself, for a server that speaks its protocol and advances it in place of this world.
+    /// The craft itself, for a server that implements its protocol and advances it in place of this world.
     #[must_use]
     pub fn shared_craft(&self) -> Arc<Mutex<SimCraft>> {
         self.craft.clone()
@@ -145,7 +145,7 @@ impl SimWorld {
         self.sim_camera.shot(at, |_| Some(snapshot.clone()))
     }
 
-    /// Renders what the camera sees in a snapshot.
+    /// Renders the camera's view of a snapshot.
     #[must_use]
     pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
         let mut image = RenderedImage::default();

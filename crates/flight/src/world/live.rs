@@ -19,7 +19,7 @@ use crate::run::World;
 /// Maximum reaction time to Ctrl-C when nothing else happens.
 const LONGEST_NAP: Duration = Duration::from_millis(50);
 
-/// How long the link counts as lost after the loop did not run: what waited in the sockets is read by then.
+/// Time for which the link counts as lost after the loop did not run: data waiting in the sockets is read by then.
 const PAUSE_OVER: Duration = Duration::from_secs(1);
 
 /// A world on the wall clock. The VLM runs in its own thread, so that setpoints are sent while a query is open; all events

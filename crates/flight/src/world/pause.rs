@@ -1,7 +1,7 @@
 //! Detects that the flight loop did not run for a while: a stopped process, a suspended machine.
 //!
-//! What arrives afterwards has waited in the sockets and looks fresh. The loop therefore treats a pause as a lost link,
-//! which is restored once what had waited is read.
+//! Data that arrives afterwards has waited in the sockets and looks fresh. The loop therefore treats a pause as a lost
+//! link, which is restored once the waiting data is read.
 
 use std::time::{Duration, Instant};
 
@@ -30,7 +30,7 @@ impl Pauses {
 
     fn observe(&mut self, monotonic: Duration, since_boot: Duration) -> Option<Duration> {
         let gap = monotonic.saturating_sub(self.monotonic);
-        // A clock that was set back is a slip too.
+        // A clock that was set back counts as a pause too.
         let boot_gap = since_boot.saturating_sub(self.since_boot);
         let slip = if since_boot < self.since_boot { self.since_boot - since_boot } else { boot_gap.abs_diff(gap) };
         (self.monotonic, self.since_boot) = (monotonic, since_boot);
@@ -44,7 +44,7 @@ fn since_boot() -> Duration {
     Duration::try_from(time).unwrap_or_default()
 }
 
-/// Elsewhere the wall clock, which includes suspension. A step of it is treated as a pause, which is the safe side.
+/// Elsewhere the wall clock, which includes suspension. A step of it is treated as a pause, which is the safe choice.
 #[cfg(not(target_os = "linux"))]
 fn since_boot() -> Duration {
     std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default()

@@ -1,4 +1,4 @@
-//! Images that show something and images that do not.
+//! Images with and without content.
 
 use spf_core::time::Time;
 

@@ -1,4 +1,4 @@
-//! Frames from access units, and what losses cost.
+//! Frames from access units, and the effect of losses.
 
 use spf_core::frame::FrameId;
 use spf_media::Rgb;
@@ -104,7 +104,7 @@ fn textured(shift: u32) -> Rgb {
 
 const WIDTH: u32 = 192;
 const HEIGHT: u32 = 144;
-/// From a loss to the key frame that is asked for: to the drone and back, with encoder and radio.
+/// Time from a loss to the requested key frame: to the drone and back, with encoder and radio.
 const ANSWER: Duration = Duration::from_millis(150);
 const FRAME: Duration = Duration::from_millis(33);
 /// 30 s of video.
@@ -171,8 +171,8 @@ fn key_frames_are_asked_for_at_most_twice_a_second() {
     assert_eq!(asked, [500, 1000, 1500, 2000, 2500]);
 }
 
-/// Images of which the first or the last datagram is lost never become frames. Of a gap in the middle nothing tells but the
-/// decoder, and it does not notice all of them: the driver's limit, which is measured here.
+/// Images whose first or last datagram is lost never become frames. A gap in the middle is detected by the decoder
+/// only, which does not notice all of them: the driver's limit, measured here.
 #[test]
 fn an_image_with_a_lost_end_is_no_frame_and_most_gaps_are_noticed() {
     let settings = EncoderSettings { key_interval: 100.0, quantiser: 24, ..EncoderSettings::for_size(WIDTH, HEIGHT, 30.0) };
@@ -215,7 +215,7 @@ fn an_image_with_a_lost_end_is_no_frame_and_most_gaps_are_noticed() {
     assert!(gaps > 10 && unnoticed * 2 < gaps, "{unnoticed} of {gaps}");
 }
 
-/// What the envelope sees of a stream that falls 1.5 s behind without a loss.
+/// The envelope's view of a stream that falls 1.5 s behind without a loss.
 #[test]
 fn video_that_falls_behind_makes_its_frames_old() {
     let (inlet, mut eye, frames, mut encoder) = (Inlet::default(), eye(), FrameStore::default(), encoder(96, 64));

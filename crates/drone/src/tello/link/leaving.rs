@@ -11,7 +11,7 @@ use super::{Link, Notice, ZEROS_FIRST};
 /// Without a call of the pilot for this long the craft holds, and later lands.
 const SILENT_HOLD: Duration = Duration::from_secs(2);
 const SILENT_LAND: Duration = Duration::from_secs(5);
-/// A `takeoff` that could not be sent within this time is withdrawn: nobody expects the motors to start later.
+/// A `takeoff` that could not be sent within this time is withdrawn: the motors must not start unexpectedly later.
 const TAKE_OFF_UNSENT: Duration = Duration::from_secs(2);
 /// A `takeoff` without a response, without motors and without height for this long was lost.
 const TAKE_OFF_UNSEEN: Duration = Duration::from_secs(6);
@@ -43,7 +43,8 @@ impl Link {
         self.held_silent = false;
     }
 
-    /// Ends whatever the craft does: zero, then `land`, repeated until it stands on the ground. For a program that ends.
+    /// Ends any motion of the craft: zero, then `land`, repeated until it stands on the ground. For a program that
+    /// ends.
     pub fn leave(&mut self, now: Time) {
         if self.is_airborne() && self.land_again.is_none() {
             self.begin_landing(now);
@@ -56,8 +57,8 @@ impl Link {
         !matches!(self.phase, FlightPhase::OnGround | FlightPhase::Stopped)
     }
 
-    /// Ends a landing that the pilot began: the craft hovers. The SDK documents `stop` as effective at any time; a drone
-    /// that descends all the same is seen to stop its motors, and told to land.
+    /// Ends a landing that the pilot began: the craft hovers. The SDK documents `stop` as effective at any time; if the
+    /// drone continues to descend, its motors stop, which the state shows, and `land` is sent.
     pub(super) fn interrupt_landing(&mut self, now: Time, valid_until: Time) {
         self.land_again = None;
         self.interruptible = false;
@@ -80,7 +81,7 @@ impl Link {
         if self.phase != FlightPhase::OnGround {
             self.phase = FlightPhase::Landing;
         }
-        // What was seen before says nothing about this landing.
+        // Earlier evidence does not apply to this landing.
         self.ground.forget();
         self.land_again = Some(now + ZEROS_FIRST);
     }
@@ -102,7 +103,7 @@ impl Link {
         }
     }
 
-    /// Gives up a take-off that was not sent, or that did not happen.
+    /// Abandons a take-off that was not sent, or that did not happen.
     pub(super) fn check_take_off(&mut self, now: Time) {
         let Some(take_off) = self.take_off.filter(|_| self.phase == FlightPhase::TakingOff) else { return };
         match take_off.sent {
@@ -113,14 +114,14 @@ impl Link {
             }
             Some(sent) if now.since(sent) >= TAKE_OFF_UNSEEN && !self.ground.motors_turned() && self.high_since.is_none() => {
                 self.notices.push_back(Notice::NoTakeOff);
-                // It may have been carried out after all, with every sign of it lost.
+                // It may have been carried out after all, without any evidence of it.
                 self.begin_landing(now);
             }
             _ => {}
         }
     }
 
-    /// Whether the ground can be believed yet: a `takeoff` on its way may still start the motors.
+    /// Whether the evidence of the ground is reliable yet: a `takeoff` in transit may still start the motors.
     pub(super) fn may_still_rise(&self, now: Time) -> bool {
         self.take_off.and_then(|take_off| take_off.sent).is_some_and(|sent| now.since(sent) < SPIN_UP)
     }

@@ -29,7 +29,7 @@ const CALL_AGAIN: Duration = Duration::from_secs(1);
 /// `emergency` is sent three times at once, at this interval …
 const EMERGENCIES: u32 = 3;
 const EMERGENCY_SPACING: Duration = Duration::from_millis(20);
-/// … and then, until the motors are seen off, at this one and at most this often.
+/// … and then, until the state shows the motors off, at this one and at most this often.
 const EMERGENCY_AGAIN: Duration = Duration::from_millis(200);
 const EMERGENCIES_AGAIN: u32 = 25;
 /// Height that a take-off has left the ground at, centimetres.
@@ -277,8 +277,8 @@ impl Link {
             match fate {
                 OrderOutcome::Answered(Answer::Refused(answer)) => {
                     if command == TakeOff::COMMAND && self.phase == FlightPhase::TakingOff {
-                        // The datagram may have arrived twice, and only the second be refused: whether the motors turn
-                        // is seen, not believed.
+                        // The datagram may have arrived twice, and only the second be refused: the state decides
+                        // whether the motors turn.
                         self.begin_landing(now);
                     }
                     let meaning = explain(&answer);
@@ -415,7 +415,7 @@ impl Link {
             FlightPhase::Stopped if motors_off => self.emergencies.clear(),
             // Counted from the first `land` on.
             FlightPhase::Landing if motors_off => self.on_ground(),
-            // However sure this is, it costs nothing to tell a drone on the ground to land.
+            // Even if this is certain, it costs nothing to send `land` to a drone on the ground.
             FlightPhase::Flying | FlightPhase::Manoeuvring if motors_off => {
                 self.notices.push_back(Notice::MotorsOff);
                 self.begin_landing(now);

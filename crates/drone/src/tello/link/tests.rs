@@ -1,4 +1,4 @@
-//! What the link believes and says when lines are late, lost, repeated, or tell of a drone in the air.
+//! State and messages of the link when lines are late, lost or repeated, or come from a drone in the air.
 
 use spf_core::craft::Craft;
 use spf_core::envelope::{Envelope, Limits};
@@ -8,7 +8,7 @@ use super::*;
 
 const STEP: u64 = 10;
 
-/// A link with the time it has reached, everything it said, and the values of the drone's next state line.
+/// A link with its current time, its messages, and the values of the drone's next state line.
 struct Bench {
     link: Link,
     now: u64,
@@ -160,7 +160,7 @@ fn landing_in_the_first_second_of_a_take_off_follows_the_drone_up_and_down() {
     bench.run(500, true);
     assert_eq!(bench.count("takeoff"), 1);
     bench.apply(Command::Land);
-    // The take-off is carried out before any `land` is heard.
+    // The take-off is carried out before any `land` arrives.
     bench.run(800, true);
     bench.link.handle_answer(bench.time(), b"error Motor stop");
     (bench.motors_since, bench.height) = (Some(bench.now), 80);
@@ -279,13 +279,13 @@ fn a_landing_of_the_pilot_ends_with_its_hold_and_no_other_setpoint() {
     assert_eq!(bench.link.phase, FlightPhase::Flying);
     assert_eq!(bench.count("land"), 1);
     assert!(bench.count("stop") >= 1 && !bench.notices().contains(&Notice::MotorsOff));
-    // A drone that descends all the same is landed for good.
+    // If the drone continues to descend, it is landed for good.
     (bench.motors_since, bench.height) = (None, 0);
     bench.run(3000, true);
     assert!(bench.count("land") >= 2 && bench.notices().contains(&Notice::MotorsOff));
 }
 
-/// The pilot sends setpoints until it hears that its craft lands.
+/// The pilot sends setpoints until telemetry reports that its craft lands.
 #[test]
 fn a_landing_of_the_driver_is_not_ended_by_setpoints() {
     for begin in [Link::leave, Link::fail] {
@@ -313,7 +313,7 @@ fn emergency_is_repeated_until_the_motors_are_seen_off() {
     let sent = bench.count("emergency");
     bench.run(5000, true);
     assert_eq!(bench.count("emergency"), sent);
-    // Never for ever: a drone that was picked up and started again is left alone.
+    // Not for ever: a drone that was picked up and started again is left alone.
     let mut bench = Bench::flying();
     bench.apply(Command::EmergencyStop);
     bench.run(20_000, true);
