@@ -124,7 +124,7 @@ mod tests {
         assert_eq!(contrast.pair, [pair("a"), pair("b")]);
         assert_eq!((contrast.paired.discordant.first, contrast.paired.discordant.second), (6, 0));
         assert!((contrast.paired.difference.value - 0.75).abs() < 1e-12);
-        // Two tosses of six the same way.
+        // Both of two pairs of six differ in the same direction.
         assert!((contrast.p_holm - 2.0 / 64.0).abs() < 1e-12, "{}", contrast.p_holm);
     }
 }

@@ -1,9 +1,9 @@
 //! Benchmark: tasks, judging, grading and statistics.
 //!
-//! [`task`] defines tasks as data; [`judge`] decides from the scene itself whether a task is done; [`trial`] draws,
+//! [`task`] defines tasks as data; [`judge`] decides from the scene itself whether a task is done; [`trial`] samples,
 //! flies and scores one flight, [`run`] many of them; [`table`] and [`contrast`] summarise a run. [`ground`] measures
 //! pointing accuracy. [`stats`] is independent of drones: it turns counts and numbers into estimates with intervals and
-//! p values, with bootstrap draws that depend only on a seed.
+//! p values, with bootstrap samples that depend only on a seed.
 
 pub mod contrast;
 pub mod ground;

@@ -1,5 +1,5 @@
-//! Writing to the terminal from a thread of its own, so that a terminal that does not read (a full pipe, a stopped pager)
-//! never delays whoever prints: on the wall clock that is the loop that flies the drone.
+//! Writing to the terminal from a thread of its own, so that a terminal that does not read (a full pipe, a stopped
+//! pager) never delays the caller: on the wall clock that is the loop that flies the drone.
 
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{self, Write};
@@ -13,12 +13,12 @@ use tracing_subscriber::fmt::MakeWriter;
 
 use crate::printer::Printer;
 
-/// Number of waiting lines; more are lost, and counted.
+/// Maximum number of waiting lines; further ones are lost, and counted.
 const WAITING: usize = 1024;
-/// How long the end of the program or of a flight waits for a terminal.
+/// Maximum wait for the terminal at the end of the program or of a flight.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Work for the thread of the log.
+/// Work for the logging thread.
 enum Log {
     Lines(Vec<u8>),
     /// Answered once everything before it is written.
@@ -34,7 +34,7 @@ pub(crate) fn start() {
     let (lines, waiting) = sync_channel(WAITING);
     if Builder::new().name("log lines".to_owned()).spawn(move || write_all(&waiting)).is_ok() {
         drop(LOG.set(lines));
-        // The message of a panic must not hold up the unwinding that lands the drone.
+        // The message of a panic must not delay the unwinding that lands the drone.
         std::panic::set_hook(Box::new(|panic| {
             let trace = Backtrace::capture();
             let trace = if trace.status() == BacktraceStatus::Captured { format!("\n{trace}") } else { String::new() };
@@ -110,16 +110,16 @@ pub(crate) enum Line {
     Live(String),
 }
 
-/// Takes messages to the thread that prints them.
+/// Passes messages to the printing thread.
 pub(crate) struct Lines {
     queue: SyncSender<Line>,
-    /// Whether whoever prints must not wait; then messages can be lost.
+    /// Whether the caller must not wait; messages can then be lost.
     paced: bool,
     lost: u64,
 }
 
 impl Lines {
-    /// Prints a message, or loses it if the terminal has not read the last ones.
+    /// Prints a message, or drops it if the terminal has not read the last ones.
     pub(crate) fn send(&mut self, line: Line) {
         if !self.paced {
             drop(self.queue.send(line));
@@ -144,7 +144,8 @@ pub(crate) struct Talk {
 }
 
 impl Talk {
-    /// Gives the printer to a thread until [`Talk::finish`]. `paced`: the flight is on the wall clock and waits for nobody.
+    /// Moves the printer to a thread until [`Talk::finish`]. `paced`: the flight is on the wall clock and must not
+    /// wait.
     pub(crate) fn start(printer: Printer, paced: bool) -> (Self, Lines) {
         let json = printer.is_json();
         let (queue, waiting) = sync_channel(WAITING);
@@ -165,7 +166,7 @@ impl Talk {
         (Self { back, json, paced }, Lines { queue, paced, lost: 0 })
     }
 
-    /// The printer, once everything is printed; another one if the terminal does not read. The [`Lines`] must have been
+    /// The printer, once everything is printed; a new one if the terminal does not read. The [`Lines`] must have been
     /// dropped.
     pub(crate) fn finish(self) -> Printer {
         let printer = if self.paced { self.back.recv_timeout(PATIENCE).ok() } else { self.back.recv().ok() };

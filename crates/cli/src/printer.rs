@@ -112,7 +112,7 @@ impl Printer {
 struct Count {
     what: &'static str,
     total: u64,
-    /// Number that were complete before the count started: they say nothing about its speed.
+    /// Number that were complete before the count started, which must not affect the estimated speed.
     begun: u64,
     since: Instant,
     /// When the last line was printed.

@@ -37,7 +37,7 @@ impl Progress {
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
             Note::Limited(why) => (*why).to_owned(),
             Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
-            // A held key repeats its setpoint ten times a second; the phase says enough.
+            // A held key repeats its setpoint ten times per second; the phase is shown instead.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
             Note::Operator(event) => format!("operator: {}", words::operator(event)),
             Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", words::operator(event)),

@@ -2,7 +2,6 @@
 //!
 //! Vendors resize silently, and coordinates then refer to the resized image. The size is therefore chosen so that each
 //! vendor's own rule leaves it unchanged: within its limits, and with sides in its multiples.
-//! vendor's own rule leaves as it is: within its limits, and with sides in its multiples.
 
 use serde::Deserialize;
 

@@ -50,7 +50,7 @@ pub trait QueryImage {
         let _ = size;
     }
 
-    /// The frame's pixels at its own size, with the query's marks drawn on it; for local use.
+    /// The frame's pixels at its own size, with the query's marks overlaid; for local use.
     ///
     /// # Errors
     /// [`VlmError::Image`] if the frame is not available.
@@ -59,7 +59,7 @@ pub trait QueryImage {
         spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))
     }
 
-    /// The frame as JPEG at a size and quality (1..=100), with the query's marks drawn on it; encoded once, even if
+    /// The frame as JPEG at a size and quality (1..=100), with the query's marks overlaid; encoded once, even if
     /// requested several times.
     ///
     /// # Errors
@@ -107,7 +107,7 @@ pub trait Vlm: Send {
     }
 
     /// Answers a query; blocks until the reply is complete, the time is up or the query is cancelled. The reported
-    /// latency is what the flight waits, also in virtual time.
+    /// latency is the time that the flight waits, also in virtual time.
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer;
 }
 

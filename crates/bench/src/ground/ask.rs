@@ -92,7 +92,7 @@ impl Answerer {
         matches!(self.kind, AnswererKind::Model(..))
     }
 
-    /// Asks about an item; `number` is its index in the dataset.
+    /// Queries about an item; `number` is its index in the dataset.
     #[must_use]
     pub fn ask(&self, item: &Item, number: u64, options: AskOptions, cancel: &Cancel) -> AnswerRow {
         let profile = GroundingProfile::default();
@@ -227,8 +227,8 @@ impl Plan<'_> {
         self.items.iter().map(|item| self.answerers.iter().filter(|answerer| answerer.sees(item)).count()).sum()
     }
 
-    /// Asks all questions not in `before` (answerer and item names), and passes each answer to `each`, whose error ends
-    /// the run. A nonzero `stop` ends it too, cancelling open questions.
+    /// Sends all questions not in `before` (answerer and item names), and passes each answer to `each`, whose error
+    /// ends the run. A nonzero `stop` ends it too, cancelling open questions.
     ///
     /// # Errors
     /// The error returned by `each`.

@@ -104,7 +104,7 @@ mod tests {
         assert_eq!((blind.hit, blind.says_absent, blind.error_sides), (Some(false), Some(true), None));
         let unread = of(&ParsedReply::Refused("no JSON".to_owned()));
         assert_eq!((unread.hit, unread.says_absent), (Some(false), None));
-        // Done, and it shows where.
+        // Done, with the point shown.
         assert_eq!(of(&reply(Status::Done, Some((0.5, 0.5)))).hit, Some(true));
     }
 

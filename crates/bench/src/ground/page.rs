@@ -198,7 +198,7 @@ fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
     Jpeg::encode(&small, QUALITY).ok()
 }
 
-/// Draws the outline of a target: the rim of a mask, otherwise the box.
+/// Outlines a target: the rim of a mask, otherwise the box.
 fn edge(image: &mut Rgb, outline: &Outline) {
     let (width, height) = (image.width(), image.height());
     let Some(mask) = outline.mask() else {
@@ -215,7 +215,7 @@ fn edge(image: &mut Rgb, outline: &Outline) {
     };
     for y in 0..i64::from(height) {
         for x in 0..i64::from(width) {
-            // Just outside of the mask, so that its inside stays visible.
+            // Just outside the mask, so that its inside stays visible.
             let beside = [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().any(|(dx, dy)| holds(x + dx, y + dy));
             if beside && !holds(x, y) {
                 image.set_pixel(x as u32, y as u32, [64, 230, 120]);

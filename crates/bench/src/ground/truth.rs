@@ -8,7 +8,7 @@ use spf_media::file::{self, FileError, Limits};
 /// Maximum side length of a mask, pixels.
 const LONGEST_SIDE: u32 = 8192;
 
-/// What is known about the target of an instruction.
+/// The known properties of an instruction's target.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Truth {
     /// Unknown: no grades.

@@ -11,7 +11,7 @@ use crate::stats::Rate;
 use crate::table::words;
 
 const WIDTH: f64 = 720.0;
-/// Room for names left of a chart with a row an arm.
+/// Space for names to the left of a chart with one row per arm.
 const NAMES: f64 = 210.0;
 /// Height of a row.
 const ROW: f64 = 26.0;
@@ -19,7 +19,7 @@ const ROW: f64 = 26.0;
 const LETTERS: usize = 30;
 /// Height of the area of a curve.
 const HEIGHT: f64 = 240.0;
-/// Room around a curve: left, right, above.
+/// Space around a curve: left, right, above.
 const AROUND: [f64; 3] = [52.0, 30.0, 14.0];
 /// Distance of the marks of two methods at one level.
 const BESIDE: f64 = 9.0;

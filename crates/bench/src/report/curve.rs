@@ -6,7 +6,7 @@ use crate::stats::Rate;
 
 /// Built-in error levels in order; other error files differ in how they read depth and are listed beside them.
 pub(super) const LEVELS: [&str; 3] = ["perfect", "default", "poor"];
-/// Median latencies closer than this are equal, seconds: random draws differ as much.
+/// Median latencies closer than this are equal, seconds: random samples differ as much.
 const APART_S: f64 = 0.3;
 
 /// A method's points.

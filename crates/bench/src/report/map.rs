@@ -1,4 +1,4 @@
-//! Maps of flown paths: one per draw, with all methods, over the ground plan.
+//! Maps of flown paths: one per sampled start, with all methods, over the ground plan.
 
 use std::collections::BTreeMap;
 
@@ -19,7 +19,7 @@ const OFF: f64 = 0.4;
 /// Lengths of the scale bar, metres.
 const BARS: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0];
 
-/// Task, seed and scene of a draw.
+/// Task, seed and scene of a sampled start.
 type Key<'a> = (&'a str, &'a str, &'a str);
 
 /// All trials of one task from one start in one scene.
@@ -93,7 +93,7 @@ impl View {
 }
 
 impl TrialMap {
-    /// The draws with a known path, by task and seed in order of appearance.
+    /// The sampled starts with a known path, by task and seed in order of appearance.
     pub(super) fn all(source: &Source) -> Vec<Self> {
         let mut groups: Vec<(Key<'_>, Vec<usize>)> = Vec::new();
         let mut places: BTreeMap<Key<'_>, usize> = BTreeMap::new();
@@ -139,7 +139,7 @@ impl TrialMap {
         &self.targets
     }
 
-    /// The plan with an id, once for all maps of the draw.
+    /// The plan with an id, once for all maps of the start.
     pub(super) fn plan(&self, id: &str) -> Markup {
         let ground = self.ground.clone().unwrap_or_default();
         html! {
@@ -215,10 +215,10 @@ mod tests {
             let [x, y] = view.at(*at);
             (0.0..=WIDTH).contains(&x) && (0.0..=HEIGHT).contains(&y)
         }));
-        // North is up, a metre is as long both ways.
+        // North is up, with equal scales in both directions.
         let [[x, y], [right, up]] = [view.at([0.0, 0.0]), view.at([1.0, 1.0])];
         assert!((right - x - (y - up)).abs() < 1e-9 && right > x);
-        // Of no places, and of one, something is shown.
+        // Something is shown even for no place, or one.
         assert!(View::of(std::iter::empty()).scale.is_finite() && View::of([[5.0, 5.0]].into_iter()).scale > 0.0);
     }
 }

@@ -86,7 +86,7 @@ mod tests {
         let real = [0, 1, 2].map(|method| words(total(Set::RealWorld, method)));
         assert_eq!(real, ["13/55 = 23.6 % [14.4, 36.3]", "3/55 = 5.5 % [1.9, 14.9]", "51/55 = 92.7 % [82.7, 97.1]"]);
         for (_, _, percent, hits) in DETECTORS {
-            // The paper cuts 88.88… off.
+            // The paper truncates 88.88…
             assert!((100.0 * hits as f64 / DETECTOR_TRIALS as f64 - percent).abs() < 0.1);
         }
     }

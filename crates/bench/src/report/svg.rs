@@ -9,7 +9,7 @@ const SHAPES: usize = 6;
 /// Number of colours in the style sheet.
 const COLOURS: usize = 8;
 
-/// Maps values to drawing coordinates.
+/// Maps values to chart coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     pub(super) values: [f64; 2],

@@ -20,7 +20,7 @@ pub fn shell_word(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) {
         return word.to_owned();
     }
-    // Only a NUL is refused, which no argument can contain.
+    // Only a NUL is rejected, which no argument can contain.
     shlex::try_quote(word).map_or_else(|_| word.replace('\0', ""), std::borrow::Cow::into_owned)
 }
 

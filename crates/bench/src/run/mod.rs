@@ -171,7 +171,7 @@ fn threads(jobs: usize) -> Option<ThreadPool> {
     ThreadPoolBuilder::new().num_threads((rayon::current_num_threads() / jobs.max(1)).max(1)).build().ok()
 }
 
-/// Flies the trials of one draw, recorded into the folder `film` if given; false if the run is to end.
+/// Flies the trials from one sampled start, recorded into the folder `film` if given; false if the run is to end.
 fn fly_draw(
     trials: &[Trial],
     film: Option<&Path>,

@@ -7,12 +7,12 @@ use super::{Estimate, percentile};
 /// Default number of samples.
 pub const DRAWS: usize = 10_000;
 
-/// Draws samples with replacement, which depend only on a seed and a name.
+/// Resamples with replacement, depending only on a seed and a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bootstrap<'a> {
     /// Seed of the draws.
     pub seed: u64,
-    /// Purpose: statistics with different names get independent draws.
+    /// Purpose: statistics with different names get independent samples.
     pub name: &'a str,
     /// Number of samples.
     pub draws: usize,
@@ -32,7 +32,7 @@ impl<'a> Bootstrap<'a> {
         self.by_cluster(&clusters, statistic).map(|estimate| Estimate { n: items.len(), ..estimate })
     }
 
-    /// The same for items in clusters (trials of one task), which are similar within a cluster: clusters are drawn
+    /// The same for items in clusters (trials of one task), which are similar within a cluster: clusters are sampled
     /// first, then as many items inside each as it has. `n` counts items.
     pub fn by_cluster<T: Clone, C: AsRef<[T]>>(
         &self,
@@ -48,7 +48,7 @@ impl<'a> Bootstrap<'a> {
             sample.clear();
             for _ in 0..clusters.len() {
                 let cluster = clusters[rng.below(clusters.len())].as_ref();
-                // A single item needs no draw.
+                // A single item needs no sampling.
                 match cluster {
                     [only] => sample.push(only.clone()),
                     several => sample.extend((0..several.len()).map(|_| several[rng.below(several.len())].clone())),

@@ -132,7 +132,7 @@ mod tests {
         // 0.2 − √(0.1386² − 2·0.4550·0.1386·0.1369 + 0.1369²) and 0.2 + √(0.1186² − 2·0.4550·0.1186·0.1284 + 0.1284²).
         let found = newcombe(20, 12, 2, 16).unwrap();
         assert!((found.low - 0.0562).abs() < 1e-4 && (found.high - 0.3292).abs() < 1e-4, "{found:?}");
-        // None of 54 in either: the Wilson limit of 0/54, 3.8415/(54 + 3.8415), both ways.
+        // None of 54 in either: the Wilson limit of 0/54, 3.8415/(54 + 3.8415), in both directions.
         let none = newcombe(0, 0, 0, 54).unwrap();
         assert!((none.low + 0.066_41).abs() < 1e-4 && (none.high - 0.066_41).abs() < 1e-4, "{none:?}");
         assert_eq!(PairedDifference::of(&[]), None);
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn sign_flips_by_hand() {
-        // Three of one sign: 2 of 8 tosses are as far.
+        // Three of one sign: 2 of 8 sign combinations are as far.
         assert!((sign_flip(&[1.0, 2.0, 3.0], 1, 10) - 0.25).abs() < 1e-12);
         // ±1 ±2 with sum 1: |sums| are 3, 1, 1, 3, all at least as far.
         assert!((sign_flip(&[-1.0, 2.0], 1, 10) - 1.0).abs() < 1e-12);

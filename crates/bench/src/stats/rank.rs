@@ -57,7 +57,7 @@ mod tests {
         let tau = |second: [f64; 4]| kendall_tau_b(&[1.0, 2.0, 3.0, 4.0].into_iter().zip(second).collect::<Vec<_>>());
         assert_eq!(tau([10.0, 20.0, 30.0, 40.0]), Some(1.0));
         assert_eq!(tau([4.0, 3.0, 2.0, 1.0]), Some(-1.0));
-        // One of six pairs the other way: (5 − 1)/6.
+        // One of six pairs in the opposite order: (5 − 1)/6.
         assert!((tau([1.0, 3.0, 2.0, 4.0]).unwrap() - 4.0 / 6.0).abs() < 1e-12);
         // One tie in the second: 5 agree, none differs, 5/√(6·5).
         assert!((tau([1.0, 2.0, 2.0, 4.0]).unwrap() - 5.0 / 30.0_f64.sqrt()).abs() < 1e-12);

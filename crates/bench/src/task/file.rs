@@ -284,7 +284,7 @@ fn start(raw: Spanned<RawStart>, source: &Source<'_>) -> Result<Start, TaskError
     })
 }
 
-/// The scene's own start, beside which nothing else can be asked for.
+/// The scene's own start, with which no other requirement can be combined.
 fn own_start(raw: &RawStart, at: Range<usize>, source: &Source<'_>) -> Result<Start, TaskError> {
     let RawStart { scene: _, view, range_m, east, north, of, past, past_m, blocked } = raw;
     let others = [

@@ -145,7 +145,7 @@ const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PA
 /// 18 trials with a detector belong.
 const OBSTACLES: &[(&str, &str)] = &[PAPER[5], PAPER[6], PAPER[7], PAPER[8], PAPER[9], PAPER[24], PAPER[25]];
 
-/// Every task with drawn starts.
+/// Every task with sampled starts.
 const EVERY: &[(&str, &str)] = &every();
 
 const fn every() -> [(&'static str, &'static str); PAPER.len() + HARD.len()] {

@@ -1,4 +1,4 @@
-//! Draws the scene, conditions and start of a trial from task and seed, equally for all methods.
+//! Samples the scene, conditions and start of a trial from task and seed, equally for all methods.
 
 use std::sync::Arc;
 
@@ -80,7 +80,7 @@ pub struct Drawn {
 /// # Errors
 /// [`DrawError`] if the scene cannot be loaded, or no suitable start is found.
 pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
-    // Key of the task in random draws.
+    // Key of the task in random streams.
     let word = fnv(task.id.as_bytes());
     let in_view = match task.start.view {
         View::Always => Some(true),
@@ -117,7 +117,7 @@ fn wind(task: &Task, seed: u64, word: u64) -> Wind {
     Wind { east: speed * sin, north: speed * cos, gust: winds.gust, gust_time: winds.gust_time }
 }
 
-/// The scene's own start; none where the scene lacks a target.
+/// The scene's own start; `None` if the scene lacks a target.
 fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Drawn> {
     let place = Place::at(loaded.scene.start, select_all(task.start_targets(), loaded, loaded.scene.start.position), loaded);
     let snapshot = place.snapshot(task, loaded);
@@ -133,7 +133,7 @@ fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Drawn> {
     })
 }
 
-/// A start in a scene; none when none is found.
+/// A start in a scene; `None` if none is found.
 fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: RandomStream) -> Option<Drawn> {
     let mut sight = Sight::of(task.craft);
     let mut looks = 0;

@@ -25,7 +25,7 @@ pub(super) struct Timed {
     pub(super) vlm: Box<dyn Vlm>,
     /// Fixed latency of every reply, seconds; `None` for the original one.
     pub(super) fixed: Option<f64>,
-    /// Range of the additional delay, seconds, drawn per query.
+    /// Range of the additional delay, seconds, sampled per query.
     pub(super) delay: Option<[f64; 2]>,
     pub(super) seed: u64,
 }

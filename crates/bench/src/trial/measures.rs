@@ -82,7 +82,7 @@ mod tests {
     fn a_way_like_its_reference_has_one_and_a_far_one_nothing() {
         let reference = path(&[0.0, 4.0]);
         assert_eq!(ndtw(&reference, &path(&[0.0, 1.0, 2.0, 3.0, 4.0]), 1.0), 1.0);
-        // Five reference points, each one metre off the way.
+        // Five reference points, each one metre off the path.
         let aside: Vec<EnuPosition> = spread(&reference).iter().map(|p| EnuPosition { east: 1.0, ..*p }).collect();
         assert!((ndtw(&reference, &aside, 1.0) - libm::exp(-1.0)).abs() < 1e-12);
         assert_eq!(ndtw(&reference, &[], 1.0), 0.0);
@@ -91,7 +91,7 @@ mod tests {
     #[test]
     fn a_way_flown_slowly_with_rests_is_the_same_way() {
         let reference = path(&[0.0, 4.0]);
-        // A step of 5 cm each moment, and a hundred moments of hovering.
+        // Steps of 5 cm, then a hundred samples of hovering.
         let slow: Vec<f64> = (0..=80).map(|i| f64::from(i) * 0.05).chain([4.0; 100]).collect();
         assert!(ndtw(&reference, &path(&slow), 1.0) > 0.9, "{}", ndtw(&reference, &path(&slow), 1.0));
     }

@@ -1,4 +1,4 @@
-//! One trial: drawn, flown, judged and measured.
+//! One trial: sampled, flown, judged and measured.
 
 mod draw;
 mod latency;
@@ -311,7 +311,7 @@ impl Trial {
         let outcome = found.outcome;
         let done = found.holds_at_end && found.untouched;
         let reported_done = outcome == Some(Outcome::Reached);
-        // Nobody says that following is done: the time that is given runs out.
+        // Following is never reported as done: the time limit ends it.
         let follows = matches!(self.task.goals.last().map(|goal| goal.kind), Some(GoalKind::Follow { .. }));
         let ended = reported_done || (follows && outcome == Some(Outcome::Timeout));
         let within = |metres: f64| found.distance.is_some_and(|distance| distance <= metres);

@@ -2,7 +2,7 @@
 
 use spf_drone::registry::{DRIVERS, alternatives, forms};
 
-/// Of `spf fly --drone`: the forms of names, and what each is.
+/// Help of `spf fly --drone`: the forms of names, with descriptions.
 pub(super) fn drones() -> String {
     let real: String = DRIVERS.iter().map(|driver| format!("; {} ({})", driver.form, driver.about)).collect();
     format!("The drone: sim (the simulator's){real} [default: sim]")

@@ -3,7 +3,7 @@
 use spf_bench::trial::Method;
 use spf_flight::policy::PolicyKind;
 
-/// Of `--policy`: the names, those of one kind together.
+/// Help of `--policy`: the names, those of one kind together.
 pub(super) fn policies() -> String {
     let all = PolicyKind::all();
     let kinds = all.chunk_by(|one, next| one.words() == next.words()).map(|kind| {
@@ -13,7 +13,7 @@ pub(super) fn policies() -> String {
     format!("Decision policy: {} [default: {}]", kinds.collect::<Vec<_>>().join("; "), PolicyKind::spf().name())
 }
 
-/// Of the bench's `--method`: the names.
+/// Help of the bench's `--method`: the names.
 pub(super) fn methods() -> String {
     let names: Vec<&str> = Method::all().map(Method::name).collect();
     format!("Methods, comma-separated: {} [default: spf, or the suite's]", names.join(", "))

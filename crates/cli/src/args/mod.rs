@@ -138,8 +138,8 @@ pub(crate) struct WorldArgs {
     pub(crate) start: Option<String>,
     #[arg(long, value_name = "DRONE", help = drones::drones())]
     pub(crate) drone: Option<String>,
-    /// Tello control mode: rc (velocity commands, held if the link is lost) or go (position moves that
-    /// the Tello ends by itself; replaces --motion, and sets --think stop) [default: rc]
+    /// Tello control mode: rc (velocity commands; if the link is lost, the last one stays in force) or go (position
+    /// moves that the Tello ends by itself; replaces --motion, and sets --think stop) [default: rc]
     #[arg(long, value_name = "MODE")]
     pub(crate) tello_motion: Option<String>,
     /// Craft to simulate: quad or tello [default: the scene's]
@@ -170,7 +170,7 @@ pub(crate) struct ConditionArgs {
     /// Light: day, overcast, dusk or night [default: the scene's]
     #[arg(long, value_name = "LIGHT")]
     pub(crate) light: Option<String>,
-    /// Weather: clear, haze or rain; the oracle sees as well in all of them [default: the scene's]
+    /// Weather: clear, haze or rain; it has no effect on the oracle [default: the scene's]
     #[arg(long, value_name = "WEATHER")]
     pub(crate) weather: Option<String>,
 }
@@ -242,7 +242,8 @@ pub(crate) struct LimitArgs {
     /// Maximum number of decisions [default: 60]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) max_decisions: Option<String>,
-    /// Maximum age of a frame when its VLM reply arrives, seconds, unless the craft has held since [default: 8]
+    /// Maximum age of a frame when its VLM reply arrives, seconds; older replies are ignored unless the craft has held
+    /// since [default: 8]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) max_reply_age: Option<String>,
     /// VLM cost limit of the flight, US dollars [default: no limit]

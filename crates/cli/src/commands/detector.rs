@@ -43,7 +43,7 @@ pub(crate) fn combine(
     }
     let name = match settings.fly.detector.text() {
         Some(name) => name,
-        // An oracle that points lists from the same look.
+        // If the oracle is also the VLM, its lists come from the same percept.
         None if pointing.name.split(':').next() == Some("oracle") => return Ok((pointing.clone(), Some(pointing.name))),
         None => DEFAULT,
     };

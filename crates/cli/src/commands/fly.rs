@@ -77,7 +77,7 @@ struct Ready {
 /// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
     let Ready { plan, announcements, by_hand, attended, camera } = ready;
-    // A flight on the wall clock waits for no terminal.
+    // A flight on the wall clock never waits for a terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(settings, instruction)?;
@@ -126,7 +126,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     }
     report(&flown.summary, out.path(), &printer)?;
     let exit = Exit::of(flown.summary.outcome, flown.summary.verified);
-    // A script that reads the files must not take them for complete.
+    // A script that reads the files must not mistake them for complete.
     Ok(if exit == Exit::Success && !flown.recording_problems.is_empty() { Exit::Internal } else { exit })
 }
 
@@ -164,7 +164,7 @@ fn print_live_address(view: &Live, printer: &Printer) {
 
 /// Removes the folder of a flight that did not start, so that the command can be repeated.
 fn give_back(out: &OutDir) {
-    // What cannot be taken away stays; the error to come matters more.
+    // Files that cannot be removed stay; the error to come matters more.
     drop(std::fs::remove_file(out.file("decisions.jsonl")));
     drop(std::fs::remove_dir(out.path()));
 }
@@ -192,7 +192,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let flight_conditions = flight_conditions(settings)?;
-    // Everything that is only read is checked before the scene is loaded: errors come at once.
+    // All input files are checked before the scene is loaded, so that errors come at once.
     let scene = settings.fly.scene.text_or_default();
     let loaded = Arc::new(load_scene(scene, &conditions)?);
     let kind = kind.unwrap_or(loaded.scene.default_craft);
@@ -241,7 +241,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         printer.data(&printed);
         return Ok(());
     }
-    // The verdict is about a belief of having arrived; of a flight that gave up or was ended it would say nothing.
+    // The verdict is about a reported arrival; for a flight that gave up or was ended it would be meaningless.
     let verified = match summary.verified.filter(|_| summary.outcome == Outcome::Reached) {
         Some(true) => ", verified by the simulator's ground truth",
         Some(false) => ", NOT verified by the simulator's ground truth",
@@ -269,7 +269,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         printer.result(&words::vlm_use(used));
     }
     printer.result(&format!("files: {}", out_dir.display()));
-    // A real flight has neither scene nor truth.
+    // A real flight has neither scene nor ground truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
         printer.log(
             "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME` lists its objects",

@@ -37,7 +37,7 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     };
     let target = target.ok_or_else(|| settings.fly.drone.wrong(DRIVER.form, None))?;
     let mut options = options(&settings)?;
-    // Full stick is what `rc` says.
+    // Full stick as commanded by `rc`.
     options.tello.motion = TelloMotion::Rc;
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();

@@ -47,7 +47,7 @@ settings! {
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
-        /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM gives the boxes
+        /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
         /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";

@@ -35,7 +35,7 @@ use crate::error::CliError;
 use crate::printer::Printer;
 
 impl Settings {
-    /// What is in force for a command with these arguments.
+    /// The settings in force for a command with these arguments.
     ///
     /// # Errors
     /// A file, `.env` or variable that cannot be read, or an unknown key in the file. Invalid values are reported on use.
@@ -45,7 +45,8 @@ impl Settings {
         Ok(settings)
     }
 
-    /// The layers below flags: defaults, the file (`./spf.toml` when none is named and it exists), `.env`, the environment.
+    /// The layers below flags: defaults, the file (`./spf.toml` if none is named and it exists), `.env`, the
+    /// environment.
     ///
     /// # Errors
     /// As [`of`](Self::of).
@@ -63,10 +64,10 @@ impl Settings {
         Ok(settings)
     }
 
-    /// How long a VLM's answer is waited for.
+    /// Timeout of a VLM's answer.
     ///
     /// # Errors
-    /// A value that is none.
+    /// A missing value.
     pub(crate) fn reply_timeout(&self) -> Result<Duration, CliError> {
         Ok(duration_from_secs(self.fly.reply_timeout_s.or_default()?))
     }

@@ -18,22 +18,22 @@ use spf_scene::{Lighting, Weather};
 
 use crate::error::nearest;
 
-/// Reads the text of a setting.
+/// Parses the text of a setting.
 pub(crate) trait Reading<T>: Sync {
-    /// The value of a text that is not empty.
+    /// The value of a non-empty text.
     ///
     /// # Errors
     /// [`Refusal`] for an invalid text.
     fn read(&self, text: &str) -> Result<T, Refusal>;
 
-    /// The numbers that are read, in words; `None` for what is no number, or any.
+    /// The accepted numbers, in words; `None` if it is not a number, or if any is accepted.
     #[cfg(test)]
     fn range(&self) -> Option<String> {
         None
     }
 }
 
-/// Why a text is not read.
+/// Why a text is rejected.
 #[derive(Debug)]
 pub(crate) struct Refusal {
     /// What was expected, as in "expected …".
@@ -50,7 +50,7 @@ impl Refusal {
     }
 }
 
-/// Any text: a name or a path, of which more is found out where it is used.
+/// Any text: a name or a path, which is checked where it is used.
 pub(super) struct Text;
 
 impl Reading<String> for Text {
@@ -110,7 +110,7 @@ impl<T: FromStr<Err: Error + 'static>> Reading<T> for Explained {
     }
 }
 
-/// One of the words of a type.
+/// One of the names of a type's values.
 pub(super) struct Word;
 
 impl<T: Words> Reading<T> for Word {
@@ -123,7 +123,7 @@ impl<T: Words> Reading<T> for Word {
     }
 }
 
-/// A type each value of which has a word.
+/// A type whose values all have a name.
 pub(crate) trait Words: Copy {
     /// All of them.
     fn words() -> Vec<(&'static str, Self)>;
@@ -166,7 +166,7 @@ impl Words for Preset {
 }
 
 impl Words for Motion {
-    /// Those that can be asked for: manoeuvres are a Tello's own ([`TelloMotion`]).
+    /// Values that can be set: manoeuvres are set by [`TelloMotion`].
     fn words() -> Vec<(&'static str, Self)> {
         vec![("sequential", Self::Sequential), ("blended", Self::Blended)]
     }
@@ -198,7 +198,7 @@ pub(crate) enum DroneName {
     Real(&'static Driver, Box<dyn Target>),
 }
 
-/// `sim`, or a name that one of the drivers knows.
+/// `sim`, or a name that one of the drivers accepts.
 pub(super) struct Drone;
 
 impl Reading<DroneName> for Drone {
@@ -222,7 +222,7 @@ impl Reading<Pose> for Start {
     }
 }
 
-/// How long a step is: the adaptive rule as it ships, or metres.
+/// Step length: the built-in adaptive rule, or metres.
 pub(super) struct Step;
 
 impl Reading<StepRule> for Step {

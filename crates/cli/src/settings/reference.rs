@@ -6,7 +6,7 @@ use std::path::Path;
 use super::Settings;
 use super::setting::Row;
 
-/// What stands above the tables.
+/// The text above the tables.
 const HEAD: &str = "\
 # Configuration
 
@@ -62,7 +62,7 @@ fn line(row: &dyn Row) -> String {
     format!("|{}|", cells.join("|"))
 }
 
-/// Text in a cell of a table: a bar would end it, and an asterisk or a bracket begin something else.
+/// Text in a table cell: a bar would end it, and asterisks or brackets would be interpreted.
 fn escaped(text: &str) -> String {
     let mut code = false;
     let mut out = String::new();

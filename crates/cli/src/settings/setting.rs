@@ -5,11 +5,11 @@ use std::path::PathBuf;
 use super::reading::{Reading, Refusal};
 use crate::error::CliError;
 
-/// A key of the configuration, as `keys.rs` declares it.
+/// A key of the configuration, as declared in `keys.rs`.
 pub(crate) struct Key {
     /// Its table in `spf.toml`.
     pub(crate) table: &'static str,
-    /// What it is called there.
+    /// Its name there.
     pub(crate) field: &'static str,
     /// Both: `table.key`.
     pub(crate) name: &'static str,
@@ -42,7 +42,7 @@ pub(crate) enum Origin {
     Env(&'static str),
     /// A variable in `.env`.
     DotEnv(&'static str),
-    /// A flag, or what a command calls its argument.
+    /// A flag, or a positional argument of a command.
     Flag(&'static str),
 }
 
@@ -74,25 +74,25 @@ impl<T> Setting<T> {
         Self { key, reading, text: key.default.to_owned(), origin: Origin::Default }
     }
 
-    /// The text in force; `None` when it is empty, that is, decided elsewhere.
+    /// The text in force; `None` if it is empty, that is, determined elsewhere.
     pub(crate) fn text(&self) -> Option<&str> {
         Some(self.text.as_str()).filter(|text| !text.is_empty())
     }
 
-    /// The text in force, and the key's default where that is empty.
+    /// The text in force, or the key's default if that is empty.
     pub(crate) fn text_or_default(&self) -> &str {
         self.text().unwrap_or(self.key.default)
     }
 
-    /// The value; `None` when the text is empty.
+    /// The value; `None` if the text is empty.
     ///
     /// # Errors
-    /// A text that is no such value, with where it came from and what was expected.
+    /// An invalid text, with its origin and the expected form.
     pub(crate) fn get(&self) -> Result<Option<T>, CliError> {
         self.text().map(|text| self.read(text)).transpose()
     }
 
-    /// The value, and that of the key's default where the text is empty. For keys with a default.
+    /// The value, or that of the key's default if the text is empty. For keys with a default.
     ///
     /// # Errors
     /// As [`get`](Self::get).
@@ -116,7 +116,7 @@ impl<T> Setting<T> {
         CliError::usage(format!("{}: expected {expected}, found `{}`", self.origin, self.text)).hint(hint)
     }
 
-    /// The key and what it means, as a hint.
+    /// The key and its meaning, as a hint.
     pub(crate) fn meaning(&self) -> String {
         self.key.meaning()
     }
@@ -159,12 +159,12 @@ impl Setting<bool> {
 }
 
 impl Key {
-    /// The key and what it means, as a hint.
+    /// The key and its meaning, as a hint.
     pub(super) fn meaning(&self) -> String {
         format!("{}: {}", self.name, self.doc)
     }
 
-    /// What its flag is called.
+    /// The name of its flag.
     fn flag_name(&self) -> &'static str {
         self.flag.as_ref().map_or(self.name, |flag| flag.name)
     }

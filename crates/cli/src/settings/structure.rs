@@ -7,8 +7,8 @@
 /// name: Type = "default", Reading, "VARIABLE", "--flag" sets "its value without an argument";
 /// ```
 ///
-/// The last two may be left out. The doc comment is the key's meaning in hints, `spf config show` and
-/// `docs/reference/configuration.md` too, so it is one line.
+/// The last two may be omitted. The doc comment is also the key's meaning in hints, `spf config show` and
+/// `docs/reference/configuration.md`, so it is one line.
 macro_rules! settings {
     ($(
         $(#[$about:meta])*
@@ -66,7 +66,7 @@ macro_rules! settings {
                 vec![$($(&self.$table.$field,)*)*]
             }
 
-            /// The same, to be said.
+            /// The same, for display.
             pub(super) fn rows_mut(&mut self) -> Vec<&mut dyn Row> {
                 vec![$($(&mut self.$table.$field,)*)*]
             }

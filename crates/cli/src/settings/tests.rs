@@ -24,7 +24,7 @@ fn check_all(settings: &Settings) -> Vec<CliError> {
     settings.rows().into_iter().filter_map(|row| row.check().err()).collect()
 }
 
-/// Puts the arguments of `spf fly` over settings.
+/// Applies the arguments of `spf fly` to settings.
 fn fly(settings: &mut Settings, flags: &[&str]) {
     let cli = Cli::try_parse_from(["spf", "fly", "x"].iter().chain(flags)).unwrap();
     let Command::Fly(args) = cli.command else { panic!("{flags:?}") };
@@ -56,7 +56,7 @@ fn every_default_can_be_read() {
     assert_eq!(message, Vec::<String>::new());
 }
 
-/// Names of one beginning are told together, as `pivot[-parallel]`.
+/// Names with a common beginning are listed together, as `pivot[-parallel]`.
 #[test]
 fn the_meaning_of_the_policy_tells_every_name() {
     let all = PolicyKind::all();

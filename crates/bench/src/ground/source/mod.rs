@@ -138,7 +138,7 @@ fn form_of(path: &Path, what: &str) -> SourceError {
     form(path, None, what)
 }
 
-/// A file named in a dataset, beside it or in one of the usual folders. Names that lead out of the folder are refused,
+/// A file named in a dataset, beside it or in one of the usual folders. Names that lead out of the folder are rejected,
 /// since datasets come from others.
 fn beside(folder: &Path, name: &str, folders: &[&str]) -> Option<PathBuf> {
     let relative = Path::new(name);

@@ -76,7 +76,7 @@ pub(super) fn by_category(source: &Source, arms: &[&Arm], scoring: Scoring, head
     }
 }
 
-/// Every pair of methods on the draws that both flew.
+/// Every pair of methods on the sampled starts that both flew from.
 pub(super) fn compared(source: &Source) -> Markup {
     html! {
         section id="compared" {

@@ -17,7 +17,7 @@ const MAPS: usize = 6;
 /// With more videos than this, none is preloaded.
 const EAGER: usize = 40;
 
-/// The id of a draw's plan.
+/// The id of a start's plan.
 fn plan(draw: usize) -> String {
     format!("plan-{draw}")
 }

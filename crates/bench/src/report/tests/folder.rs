@@ -1,4 +1,4 @@
-//! Folders of results with made rows.
+//! Folders of results with synthetic rows.
 
 use std::path::PathBuf;
 
@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use crate::trial::run_id;
 
-/// What differs from a row that a real trial left (`row.json`).
+/// Fields that differ from a row of a real trial (`row.json`).
 pub(super) struct Row<'a> {
     pub(super) method: &'a str,
     pub(super) vlm: &'a str,

@@ -1,4 +1,4 @@
-//! Reports of made rows, read back.
+//! Reports of synthetic rows, read back.
 
 mod folder;
 
@@ -46,9 +46,9 @@ fn numbers_in_the_page_are_those_of_the_rows() {
         let cell = format!("{hits}/{of} = {rate:.1} %<small class=\"below\"> [{:.1}, {:.1}]</small>", 100.0 * low, 100.0 * high);
         assert!(page.contains(&cell), "{cell}");
     }
-    // Three against one of the same four: two discordant pairs, all one way.
+    // Three against one of the same four: two discordant pairs, both in one direction.
     assert!(page.contains("spf · oracle-perfect − plain · oracle-perfect</th><td>4</td><td>+50.0<small>"), "{page}");
-    // 3 of 12 rows are there with every seed; every failure has its article, its link and its command.
+    // 3 of 12 rows exist for every seed; every failure has its article, its link and its command.
     assert_eq!(page.matches("<article").count(), 12 - 3 - 2 - 1);
     for seed in 1..4 {
         let id = format!("drink/plain/oracle-perfect/{seed}");
@@ -138,7 +138,7 @@ fn words_from_elsewhere_are_no_markup() {
     for markup in ["<script", "<img", "<iframe"] {
         assert!(!page.to_lowercase().contains(markup), "{markup}");
     }
-    // Every quote inside an attribute is one of ours: no tag has an attribute of theirs.
+    // Every quote inside an attribute is one of ours: external text cannot add an attribute.
     assert!(!page.split('<').any(|tag| tag.split('>').next().unwrap().contains(" onerror=")), "{page}");
     let commands = latex::files(&source(&folder));
     assert!(commands.iter().all(|(_, text)| text.lines().next().unwrap().starts_with(['%', '\\'])));
@@ -160,7 +160,7 @@ fn an_unfinished_run_says_how_much_is_missing() {
     let folder = two_methods();
     let text = folder.text("results.jsonl");
     let lines: Vec<&str> = text.split_inclusive('\n').collect();
-    // What a kill leaves: rows as they came, the last torn.
+    // Remainder after a kill: rows in order of completion, the last truncated.
     folder.put("results.jsonl", &format!("{}{}{}", lines[6], lines[0], &lines[1][..50]));
     let source = source(&folder);
     assert_eq!(source.missing()[0].trials.len(), 10);
@@ -220,7 +220,7 @@ fn what_is_no_folder_of_results_is_told() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// A damaged folder is refused or reported, never more than that.
+    /// A damaged folder is rejected or reported, nothing worse.
     #[test]
     fn damage_is_refused_or_reported(file in 0..4_usize, at in 0.0..1.0_f64, with in any::<[u8; 3]>()) {
         let folder = Folder::of(&[Row::default(), Row { seed: 1, done: false, ..Row::default() }]);

@@ -1,4 +1,4 @@
-//! `spf bench check`: validates a task's file, its predicate and its draws.
+//! `spf bench check`: validates a task's file, its predicate and its sampled starts.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
 
-/// Checks a task, and shows what its trials begin with.
+/// Checks a task, and prints the starts of its trials.
 pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliError> {
     let task = task_of(&args.task)?;
     printer.result(&format!("{}: \"{}\" in {}, craft {}", task.id, task.instruction, task.scene, task.craft.name()));
@@ -48,7 +48,7 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
     }
 }
 
-/// Judges the file's own trajectories; how many are judged wrongly.
+/// Judges the file's own trajectories; returns the number of wrong verdicts.
 fn trajectories(task: &Task, loaded: &Arc<LoadedScene>, printer: &Printer) -> Result<usize, CliError> {
     let mut wrong = 0;
     for trajectory in &task.trajectories {
@@ -78,7 +78,7 @@ fn aloft(task: &Task, drawn: &Drawn) -> Pose {
     pose
 }
 
-/// A trial's beginning. Clutter: things clearly visible besides the ground and the target.
+/// The start of a trial. Clutter: clearly visible objects besides the ground and the target.
 fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
     let (scene, start) = (&drawn.loaded.scene, &drawn.start);
     let focus = drawn.focus.and_then(|id| scene.object(id));

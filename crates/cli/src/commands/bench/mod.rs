@@ -30,7 +30,7 @@ pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliE
     }
 }
 
-/// A task by its file, or one that comes with the program by its name.
+/// A task by its file, or a built-in one by its name.
 fn task_of(name: &str) -> Result<Task, CliError> {
     let refused = |error: &TaskError| CliError::usage(format!("invalid task `{name}`")).because(error);
     if name.contains(['/', '.']) || Path::new(name).exists() {
@@ -54,7 +54,7 @@ fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
     Ok(Pointer { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
 }
 
-/// Why results cannot be kept, and what to do.
+/// The error if results cannot be stored, with a remedy.
 fn store_error(error: &StoreError) -> CliError {
     match error {
         StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")

@@ -10,7 +10,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Writes the report about folders of results.
+/// Writes the report on folders of results.
 pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliError> {
     let output = output(args)?;
     let source = Source::read(&args.folders).map_err(|error| refused(&error))?;
@@ -26,7 +26,7 @@ pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliE
     Ok(Exit::Success)
 }
 
-/// Where it goes: beside the results of a single folder.
+/// The output folder: beside the results of a single folder.
 fn output(args: &BenchReport) -> Result<PathBuf, CliError> {
     match (&args.output, args.folders.as_slice()) {
         (Some(output), _) => Ok(output.clone()),

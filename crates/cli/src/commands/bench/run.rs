@@ -20,7 +20,7 @@ use crate::exit::Exit;
 use crate::printer::{Printer, table};
 use crate::settings::Settings;
 
-/// Flies tasks and prints how often they were done.
+/// Flies tasks and prints success rates.
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref(), printer)?;
     let (tasks, files) = tasks(args)?;
@@ -78,7 +78,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     Ok(Exit::Success)
 }
 
-/// The command that makes the same rows: what is given, without folder, share and number of jobs.
+/// The command for the same rows: the given arguments, without folder, shard and number of jobs.
 fn command(args: &BenchRun, vlms: &str) -> String {
     let mut words: Vec<String> = ["spf", "bench", "run"].map(str::to_owned).to_vec();
     let mut give = |name: &str, value: Option<String>| {
@@ -99,7 +99,7 @@ fn listed(text: &str) -> impl Iterator<Item = &str> {
     text.split(',').map(str::trim).filter(|name| !name.is_empty())
 }
 
-/// Tasks that do not come with the program: id and file.
+/// Tasks that are not built in: id and file.
 type Files = BTreeMap<String, String>;
 
 /// The tasks, and those of them that are files.
@@ -166,7 +166,7 @@ fn rows(lines: &[Line]) -> Vec<Vec<String>> {
     std::iter::once(head).chain(lines.iter().map(row)).collect()
 }
 
-/// Pairs of methods on the same draws.
+/// Pairs of methods on the same sampled starts.
 fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
     let head = ["PAIRED", "SELF STOP, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
     let row = |pair: &Contrast| {

@@ -60,7 +60,7 @@ fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     ))
 }
 
-/// Who pointed: as it is named now, or the shipped oracle whose name reads so in a trial's name.
+/// The VLM: the given name, or the built-in oracle with the name in the trial's name.
 fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
     if let Some(name) = &args.vlm {
         return Ok(name.clone());

@@ -5,7 +5,7 @@ use std::sync::mpsc::Receiver;
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
 
-/// A terminal that gives single keys; dropped, it is as it was.
+/// A terminal that passes single keys; its modes are restored when this is dropped.
 pub(super) struct Manual(Option<platform::Raw>);
 
 impl Manual {
@@ -24,7 +24,7 @@ impl Manual {
         self.0.is_some()
     }
 
-    /// Listens to the terminal, where there is one; the second is what is typed.
+    /// Listens to the terminal, if there is one; the second value is the text being typed.
     pub(super) fn start(craft: Craft) -> (Self, Option<Receiver<OperatorEvent>>) {
         match platform::listen(craft) {
             Some((raw, events)) => (Self(Some(raw)), Some(events)),
@@ -33,7 +33,7 @@ impl Manual {
     }
 }
 
-/// Gives the terminal back, at an end at which nothing is dropped.
+/// Restores the terminal, at an end that runs no destructors.
 pub(crate) fn restore() {
     platform::restore();
 }
@@ -53,7 +53,7 @@ mod platform {
 
     use crate::background;
 
-    /// The terminal's modes before ours.
+    /// The original modes of the terminal.
     static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
 
     pub(super) struct Raw;
@@ -83,13 +83,13 @@ mod platform {
         }
         let before = tcgetattr(stdin()).ok()?;
         let mut modes = before.clone();
-        // Ctrl-C stays a signal, and lines of output stay lines.
+        // Ctrl-C stays a signal, and output lines stay lines.
         modes.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
         *BEFORE.lock().ok()? = Some(before);
         let raw = Raw;
         tcsetattr(stdin(), OptionalActions::Now, &modes).ok()?;
         let (send, receive) = channel();
-        // It ends with the process: a read from a terminal cannot be taken back.
+        // It ends with the process: a read from a terminal cannot be cancelled.
         std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, &send)).ok()?;
         Some((raw, receive))
     }

@@ -11,13 +11,13 @@ use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, un
 use crate::error::CliError;
 use crate::printer::{one_line, quoted};
 
-/// How many of a scene's objects are named to someone whose words fit none.
+/// Maximum number of scene objects listed if no word matches.
 const EXAMPLES: usize = 8;
 
-/// The lines that say how the instruction is read. `start` is the pose the flight starts from, if not the scene's own.
+/// The lines that show how the instruction is read. `start` is the start pose of the flight, if not the scene's own.
 ///
 /// # Errors
-/// Nothing in the instruction is understood, so that the flight could only end in a search for nothing.
+/// Nothing in the instruction is understood, so that the flight could only end in a fruitless search.
 pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>) -> Result<Vec<String>, CliError> {
     let objects = loaded.placed(&loaded.cast.starts());
     let from = Some(start.unwrap_or(loaded.scene.start));
@@ -63,7 +63,7 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
         (true, false) => format!("{} names no object to fly to", directions.join(", ")),
         (true, true) => "it names no object to fly to".to_owned(),
     };
-    // One unknown word is a slip or a name; several alone are another language.
+    // One unknown word is a slip or a name; several without a known one are another language.
     let language = if unknown.len() > 1 && reading.directions.is_empty() { ", which reads English only," } else { "" };
     let advice =
         if unknown.is_empty() { "name an object (the drone lands by itself at the end; --realtime flies by hand); " } else { "" };
@@ -77,13 +77,13 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     ))
 }
 
-/// A word that was not understood, with what may have been meant.
+/// A word that was not understood, with a likely intended one.
 fn unknown_word(unknown: &UnknownWord) -> String {
     let near = unknown.nearest.as_ref().map_or(String::new(), |near| format!("; did you mean `{near}`?"));
     format!("unknown word `{}`{near}", one_line(&unknown.word))
 }
 
-/// One step: what is to be done, and with what.
+/// One step: its action and its target.
 fn described(step: &ReadStep, tags: &[Tagged]) -> String {
     let verb = match step.verb {
         Verb::GoTo => "fly to",

@@ -24,10 +24,10 @@ use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
 
-/// Why the oracle is refused, before anything connects.
+/// Why the oracle is refused before connecting.
 pub(crate) const NO_ORACLE: &str = "the oracle reads the simulator's own images; a real drone needs a VLM";
 
-/// Connects, and makes the flight ready.
+/// Connects, and prepares the flight.
 pub(super) fn ready(
     args: &Fly,
     settings: &Settings,
@@ -41,7 +41,7 @@ pub(super) fn ready(
     let options = options(settings)?;
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
     if own {
-        // Whatever else is set: what the drone flies by itself has no end that a later answer could move.
+        // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
         (method.motion, method.think) = (Motion::Manoeuvres, Think::Stop);
     }
     let limits = limits(settings, target.limits())?;
@@ -105,7 +105,7 @@ pub(super) fn ready(
     Ok(Ready { plan, announcements, by_hand: Some(craft), attended, camera })
 }
 
-/// Connects, and prints the craft.
+/// Connects, and describes the craft.
 pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, printer: &Printer) -> Result<Connected, CliError> {
     let connected = target.connect(options, start).map_err(|error| {
         let failure = CliError::failed(error.to_string());
@@ -120,7 +120,7 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
     Ok(connected)
 }
 
-/// A VLM that points astray is found out on the ground.
+/// A VLM that points inaccurately is detected on the ground.
 fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
     // A recording has no answer to images of a dot.
     let recorded = settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:"));

@@ -25,7 +25,7 @@ pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKi
     Ok((settings.fly.preset.or_default()?, settings.fly.policy.or_default()?))
 }
 
-/// The prompt that the settings name, when they name one.
+/// The prompt in the settings, if any.
 pub(super) fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<Arc<PromptText>>, CliError> {
     let Some(path) = settings.fly.prompt.text() else { return Ok(None) };
     let refused = || CliError::usage(format!("invalid prompt file `{path}`"));
@@ -55,7 +55,7 @@ pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions,
     Ok(flight_conditions)
 }
 
-/// How the pilot flies: the preset, and what the settings change of it.
+/// The pilot's settings: the preset, with the changes from the settings.
 pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError> {
     let fly = &settings.fly;
     let mut method = PilotSettings::preset(preset);
@@ -136,7 +136,7 @@ pub(super) fn script(path: &Path) -> Result<Script, CliError> {
     })
 }
 
-/// What is set about drivers.
+/// The options of drivers.
 pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
     let configured = &settings.tello;
     let mut tello = TelloSettings { motion: configured.motion.or_default()?, ..TelloSettings::default() };

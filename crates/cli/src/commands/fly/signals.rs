@@ -10,8 +10,8 @@ use crate::background;
 use crate::error::CliError;
 use crate::exit::Exit;
 
-/// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one ends the work in an orderly way; the second one exits without
-/// waiting for the files, a real drone being landed first; the third one exits at once.
+/// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one ends the work in an orderly fashion; the second one exits
+/// without waiting for the files, after landing a real drone; the third one exits at once.
 pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
     let count = Arc::new(AtomicU32::new(0));
     let counted = count.clone();
@@ -34,7 +34,7 @@ fn cannot_listen(error: &dyn std::error::Error) -> CliError {
 fn interrupt(count: &AtomicU32) {
     let before = count.fetch_add(1, Ordering::Relaxed);
     if before == 1 && abandon::is_any_connected() {
-        // On a thread of its own, so that a third Ctrl-C is heard.
+        // On its own thread, so that a third Ctrl-C is handled.
         drop(std::thread::Builder::new().name("landing".to_owned()).spawn(land_and_exit));
     } else if before > 0 {
         background::say("ended by the second Ctrl-C; files being written are incomplete");
@@ -64,7 +64,7 @@ fn others(real: bool, count: Arc<AtomicU32>) -> std::io::Result<()> {
 
     let mut kinds = vec![SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ];
     if real {
-        // A suspended program steers nothing.
+        // A suspended program cannot control anything.
         kinds.extend([SIGTSTP, SIGTTIN, SIGTTOU]);
     }
     let mut signals = Signals::new(kinds)?;

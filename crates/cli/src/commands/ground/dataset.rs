@@ -22,7 +22,7 @@ use crate::settings::Settings;
 /// Version of the folder's files.
 const FORMAT: u32 = 2;
 
-/// What `--json` prints and `report.json` holds.
+/// Output of `--json`, and content of `report.json`.
 #[derive(Serialize)]
 struct Printed<'a> {
     dataset: &'a Path,
@@ -138,7 +138,7 @@ fn default_folder(dataset: &Path) -> PathBuf {
     Path::new("grounding").join(name.unwrap_or_else(|| "dataset".into()))
 }
 
-/// Asks what was not answered before.
+/// Sends the questions that were not answered before.
 fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer: &mut Printer) -> Result<Ended, CliError> {
     let named = |row: &AnswerRow| (row.answerer.clone(), row.item.clone());
     let keys: BTreeSet<&str> = plan.items.iter().map(|item| item.key.as_str()).collect();
@@ -165,7 +165,7 @@ fn ask(plan: &Plan<'_>, folder: &mut Folder, rows: &mut Vec<AnswerRow>, printer:
     ended
 }
 
-/// What must be known about the figures.
+/// Notes needed to interpret the figures.
 fn note(source: &Source, answerers: &[Answerer]) -> String {
     let oracle = answerers.iter().any(is_oracle);
     let about =

@@ -13,9 +13,9 @@ use crate::error::CliError;
 
 const HEAD: &str = "ground.json";
 const ANSWERS: &str = "answers.jsonl";
-/// What else is written there.
+/// The other files written there.
 const RESULTS: [&str; 2] = ["report.json", "index.html"];
-/// Longest row that is read back, bytes.
+/// Maximum length of a row that is read back, bytes.
 const LONGEST_ROW: u64 = 4 << 20;
 
 /// The settings common to all answers of a folder; answerers may be added.
@@ -27,20 +27,20 @@ pub(super) struct Head {
     pub(super) seed: u64,
     /// A digest of the dataset's files.
     pub(super) questions: String,
-    /// By name of the answerer, a digest of its prompt or error file.
+    /// A digest of its prompt or error file, by name of the answerer.
     #[serde(rename = "manners")]
     pub(super) digests: BTreeMap<String, String>,
 }
 
-/// A folder that answers are put into.
+/// A folder for answers.
 pub(super) struct Folder {
     path: PathBuf,
     file: File,
 }
 
 impl Folder {
-    /// Takes a new or an empty folder, goes on with one of the same head (`resume`), or begins it anew; with the answers that are
-    /// there. Questions without an answer are sent again.
+    /// Takes a new or an empty folder, continues one with the same head (`resume`), or starts it again; returns the
+    /// existing answers. Questions without an answer are sent again.
     pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<(Self, Vec<AnswerRow>), CliError> {
         let unusable = |error: std::io::Error| {
             CliError::usage(format!("cannot use the folder `{}`", path.display()))
@@ -69,7 +69,7 @@ impl Folder {
             }
             (true, _) => {}
         }
-        // Who is not asked this time was still asked so before.
+        // An answerer that is not queried this time keeps its settings.
         digests.extend(head.digests.clone());
         let text = serde_json::to_string_pretty(&Head { digests, ..head.clone() })
             .map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
@@ -91,7 +91,7 @@ impl Folder {
         })
     }
 
-    /// Writes a result; where it is.
+    /// Writes a result; returns its path.
     pub(super) fn write(&self, name: &str, text: &str) -> Result<PathBuf, CliError> {
         let path = self.path.join(name);
         write(&path, text.as_bytes()).map(|()| path)
@@ -118,7 +118,7 @@ fn same(path: &Path, head: &Head) -> Result<BTreeMap<String, String>, CliError> 
     }
 }
 
-/// The whole rows at the beginning of the file that hold an answer, and the length of all whole ones.
+/// The complete rows at the start of the file that contain an answer, and the length of all complete rows.
 fn whole(file: &Path) -> std::io::Result<(u64, Vec<AnswerRow>)> {
     let mut reader = BufReader::new(File::open(file)?);
     let (mut length, mut rows, mut line) = (0, Vec::new(), Vec::new());

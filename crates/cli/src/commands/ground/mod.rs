@@ -19,7 +19,7 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::Settings;
 
-/// Asks about photographs, or grades on a dataset.
+/// Queries about photographs, or grades on a dataset.
 pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
@@ -65,7 +65,7 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
     }
 }
 
-/// The prompts to compare, by their files' names; the shipped one when none is named.
+/// The prompts to compare, by the names of their files; the built-in one if none is given.
 fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
     let Some(files) = &args.prompt else { return Ok(vec![(String::new(), PromptText::shipped(PromptKind::Point))]) };
     let one = |file: &str| {
@@ -81,7 +81,7 @@ fn prompts(args: &Ground) -> Result<Vec<(String, Arc<PromptText>)>, CliError> {
     files.split(',').map(str::trim).filter(|file| !file.is_empty()).map(one).collect()
 }
 
-/// Whether it is the oracle, which photographs hold nothing for.
+/// Whether it is the oracle, which cannot read photographs.
 fn is_oracle(answerer: &Answerer) -> bool {
     matches!(answerer.kind, AnswererKind::Oracle(..))
 }

@@ -20,11 +20,11 @@ use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
 
-/// Longest file that is read, bytes.
+/// Maximum size of a file, bytes.
 const LONGEST: u64 = 2 << 30;
 const QUALITY: u8 = 90;
 
-/// An image to ask about.
+/// An image for the queries.
 struct ImageInput {
     name: String,
     image: Arc<Rgb>,
@@ -88,7 +88,7 @@ pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, print
     Err(CliError::failed("no VLM replied").hint("`spf vlm check NAME` shows why, and what to do"))
 }
 
-/// Everybody at once about one image.
+/// Queries all answerers about one image at the same time.
 fn put(answerers: &[Answerer], shown: &ImageInput, instruction: &str, number: u64, options: AskOptions) -> Vec<AnswerRow> {
     let ask = |answerer: &Answerer| match &answerer.kind {
         AnswererKind::Model(make, prompt) => {
@@ -132,7 +132,7 @@ fn free_name(folder: &Path, name: &str) -> PathBuf {
     (1..).map(of).find(|path| !path.exists()).unwrap_or_else(|| of(0))
 }
 
-/// The images that an argument names.
+/// The images named by an argument.
 fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let path = Path::new(image);
     if image == "-" {

@@ -45,7 +45,7 @@ pub(super) fn cat(args: &Cat, printer: &Printer) -> Result<Exit, CliError> {
     }
 }
 
-/// Topics as they are called; the slash may be left out.
+/// Topics by name; the slash may be omitted.
 fn wanted(topics: &[String]) -> BTreeSet<String> {
     topics.iter().map(|topic| if topic.starts_with('/') { topic.clone() } else { format!("/{topic}") }).collect()
 }

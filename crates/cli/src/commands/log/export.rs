@@ -21,7 +21,7 @@ const CONTEXT: [(&str, &str); 6] = [
     ("flight.seed", "/sim/seed"),
 ];
 
-/// Folders in folders, at most; links that lead back would have no end.
+/// Maximum depth of nested folders; links that lead back would never end.
 const DEPTH: usize = 16;
 
 /// Writes a table.
@@ -58,7 +58,7 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
     Ok(Exit::Success)
 }
 
-/// A log, or every `*.mcap` below a folder in order of names; each is called by its path as given.
+/// A log, or every `*.mcap` below a folder in order of names; each is named by its path as given.
 fn find(path: &Path, depth: usize, logs: &mut Vec<(String, PathBuf)>) -> Result<(), CliError> {
     let unreadable = |error: std::io::Error| {
         CliError::usage(format!("cannot read `{}`", path.display())).because(&error).hint("give a log, or a folder of flights")

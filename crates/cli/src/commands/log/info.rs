@@ -21,7 +21,7 @@ use crate::printer::{Printer, one_line, table};
 struct Content {
     format: u32,
     started_at_ns: u64,
-    /// False when it ends in the middle.
+    /// False if it is truncated.
     whole: bool,
     bytes: u64,
     /// Flight time of the latest message, seconds.
@@ -45,7 +45,7 @@ struct TopicContent {
     bytes: u64,
 }
 
-/// Tells what is in a log.
+/// Prints the contents of a log.
 pub(super) fn info(args: &Info, printer: &Printer) -> Result<Exit, CliError> {
     let content = content(args)?;
     if args.json {

@@ -16,7 +16,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Runs one of the commands about logs.
+/// Runs one of the log commands.
 pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         Log::Info(args) => info::info(args, printer),
@@ -50,7 +50,7 @@ pub(crate) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
     }
 }
 
-/// Says that a log ends early; what came before is all there.
+/// Warns that a log is truncated; everything before its end is available.
 pub(crate) fn warn_truncated(path: &Path, printer: &Printer) {
     let path = path.display();
     printer.log(&format!("warning: `{path}` ends during the flight; after the flight, `spf log repair {path}` completes it"));

@@ -8,7 +8,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Repairs a log in its place.
+/// Repairs a log in place.
 pub(super) fn repair(args: &Repair, printer: &Printer) -> Result<Exit, CliError> {
     let path = args.file.display();
     let repaired = spf_record::log::repair(&args.file).map_err(|error| match &error {

@@ -11,9 +11,9 @@ use crate::error::CliError;
 
 /// A small image.
 const THUMB: (u32, u32) = (240, 180);
-/// Drawn this many times as large and scaled down.
+/// Rendered at this multiple of the size and scaled down.
 const FINER: u32 = 2;
-/// Between small images, and about a scene's block.
+/// Spacing between thumbnails, and around a scene's block.
 const GAP: u32 = 4;
 const MARGIN: u32 = 16;
 /// Height of a block's title.
@@ -22,13 +22,13 @@ const TITLE: u32 = 26;
 const COLUMNS: u32 = 2;
 const PAPER: [u8; 3] = [22, 25, 31];
 
-/// A variant of a scene is shown once, as it is.
+/// A variant of a scene is shown once, under its own conditions.
 const SINGLE: (u32, u32) = (288, 216);
-/// Variants side by side where there is nothing else on the sheet.
+/// Variants side by side if there is nothing else on the sheet.
 const SINGLES: u32 = 4;
 
-/// One block a scene, a row a weather, a column a light; below them one image a variant (`city@17`). `progress` is told each
-/// name before it is drawn.
+/// One block per scene, one row per weather, one column per light; below them one image per variant (`city@17`).
+/// `progress` receives each name before rendering.
 pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<Rgb, CliError> {
     let (variants, scenes): (Vec<&String>, Vec<&String>) = names.iter().partition(|name| is_variant(name));
     let (lights, weathers) = (Lighting::ALL.len() as u32, Weather::ALL.len() as u32);
@@ -55,7 +55,7 @@ pub(super) fn draw(names: &[String], mut progress: impl FnMut(&str)) -> Result<R
     Ok(sheet)
 }
 
-/// Whether a seed stands behind a scene's name.
+/// Whether a scene's name has a seed.
 fn is_variant(name: &str) -> bool {
     name.rsplit_once('@').is_some_and(|(_, seed)| !seed.is_empty() && seed.bytes().all(|b| b.is_ascii_digit()))
 }
@@ -99,7 +99,7 @@ fn thumb(name: &str, conditions: &SceneLook, (width, height): (u32, u32)) -> Res
     Ok((title, resize(&rgb, width, height)))
 }
 
-/// Copies an image that fits into another, its upper left corner at a place.
+/// Copies an image into another, with its upper left corner at a position.
 fn paste(sheet: &mut Rgb, image: &Rgb, (left, top): (u32, u32)) {
     let (width, row) = (sheet.width() as usize * 3, image.width() as usize * 3);
     let data = sheet.data_mut();

@@ -28,7 +28,7 @@ use crate::printer::Printer;
 /// Sides of an image, pixels.
 const SIZES: std::ops::RangeInclusive<u32> = 16..=8192;
 
-/// Runs one of the simulator's own commands.
+/// Runs one of the simulator commands.
 pub(crate) fn sim(command: &Sim, printer: &mut Printer) -> Result<Exit, CliError> {
     match command {
         Sim::Render(args) => render::render(args, printer),
@@ -91,7 +91,7 @@ pub(super) fn parse_size(text: &str) -> Result<(u32, u32), CliError> {
     })
 }
 
-/// Light and weather asked for.
+/// Requested light and weather.
 pub(super) fn conditions(args: &ConditionArgs) -> Result<SceneLook, CliError> {
     let lighting = args.light.as_deref().map(|text| choice("--light", text, &Lighting::ALL.map(|l| (l.name(), l))));
     let weather = args.weather.as_deref().map(|text| choice("--weather", text, &Weather::ALL.map(|w| (w.name(), w))));

@@ -1,4 +1,4 @@
-//! `spf sim scenes --objects`: every object of a scene and where it is.
+//! `spf sim scenes --objects`: every object of a scene with its position.
 
 use serde::Serialize;
 use spf_scene::{Object, Scene};
@@ -8,7 +8,7 @@ use crate::printer::table;
 /// One object. Positions and sizes in metres: east, north, up.
 #[derive(Serialize)]
 pub(super) struct Row {
-    /// Unique in the scene; what task files call `id`.
+    /// Unique in the scene; used as `id` in task files.
     key: String,
     /// First of its names.
     name: String,

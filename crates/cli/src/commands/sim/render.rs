@@ -17,7 +17,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Draws a scene from a pose.
+/// Renders a scene from a pose.
 pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError> {
     let pose = args.pose.as_deref().map(parse_pose).transpose();
     let pose = pose.map_err(|expected| {
@@ -76,7 +76,7 @@ fn warn_outside(scene: &Scene, pose: Pose, printer: &Printer) {
     }
 }
 
-/// No image is to overwrite another.
+/// No image may overwrite another.
 fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     let paths: Vec<&PathBuf> =
         [Some(&args.output), args.depth.as_ref(), args.ids.as_ref(), legend].into_iter().flatten().collect();
@@ -95,7 +95,7 @@ fn encoded(file: Result<Vec<u8>, EncodeError>) -> Result<Vec<u8>, CliError> {
     file.map_err(|error| CliError::internal("cannot encode the image").because(&error))
 }
 
-/// A time at which the shutter has had time to open.
+/// A time at which a complete exposure is available.
 const CAPTURE: Time = Time::from_millis(1000);
 
 /// A steady motion, for motion blur.
@@ -108,7 +108,7 @@ struct Motion {
 }
 
 impl Motion {
-    /// Where the craft is at `at`, when it is at `pose` at the capture.
+    /// Pose of the craft at `at`, if its pose at the capture is `pose`.
     fn pose(&self, pose: &Pose, at: Time) -> Pose {
         let seconds = at.as_secs_f64() - CAPTURE.as_secs_f64();
         let BodyDisplacement { right, forward, up } = self.along;
@@ -118,7 +118,7 @@ impl Motion {
     }
 }
 
-/// `forward,right,up,yaw`; what is left out is 0.
+/// `forward,right,up,yaw`; omitted values are 0.
 fn parse_motion(text: &str) -> Result<Motion, CliError> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     let numbers = numbers.filter(|numbers| numbers.len() <= 4 && numbers.iter().all(|number: &f64| number.abs() <= 1000.0));

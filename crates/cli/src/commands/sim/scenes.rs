@@ -60,7 +60,7 @@ struct Start {
     heading_deg: f64,
 }
 
-/// How many objects go by a name, and in which colours.
+/// Number and colours of the objects with a name.
 #[derive(Serialize)]
 struct Tag {
     name: String,
@@ -80,10 +80,10 @@ struct Stats {
     actors: usize,
     /// Reading and checking the file, building meshes and collider.
     load_s: f64,
-    /// Drawing the first colour image, which makes shadow maps and tables.
+    /// Rendering the first colour image, which creates shadow maps and tables.
     #[serde(rename = "first_picture_s")]
     first_frame_s: f64,
-    /// What the process grew by over both; none where the system does not tell.
+    /// Growth of the process's memory over both; `None` if the system does not report it.
     memory_bytes: Option<u64>,
 }
 
@@ -96,7 +96,7 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     let built_in = || Scene::built_in().into_iter().map(str::to_owned).collect();
     let names: Vec<String> = if args.scenes.is_empty() { built_in() } else { args.scenes.clone() };
     let mut entries = Vec::new();
-    // All stay in memory until the end: what is freed would serve the next one and be missing from its figure.
+    // All stay in memory until the end: freed memory would be reused by the next one and be missing from its figure.
     let mut loaded_scenes = Vec::new();
     for name in &names {
         if args.images.is_some() {
@@ -122,10 +122,10 @@ pub(super) fn scenes(args: &Scenes, printer: &Printer) -> Result<Exit, CliError>
     Ok(Exit::Success)
 }
 
-/// Makes the bytes of an image file.
+/// Creates the bytes of an image file.
 type Encoder = fn(&Rgb) -> Result<Vec<u8>, EncodeError>;
 
-/// How an image is written into a file of that name.
+/// The encoder for a file with that name.
 fn encoder(path: &Path) -> Result<Encoder, CliError> {
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
@@ -282,7 +282,7 @@ fn tag_words(tag: &Tag) -> String {
     format!("{}{count}{colours}", tag.name)
 }
 
-/// A scene's name as part of a file's name: what is neither a letter, a digit, `-` nor `@` becomes `_`.
+/// A scene's name as part of a file name: characters other than letters, digits, `-` and `@` become `_`.
 fn file_stem(name: &str) -> String {
     name.chars().map(|c| if c.is_alphanumeric() || c == '-' || c == '@' { c } else { '_' }).collect()
 }
@@ -295,7 +295,7 @@ fn create(folder: &Path) -> Result<(), CliError> {
     })
 }
 
-/// Memory that the process holds, where the system tells it (Linux).
+/// Memory used by the process, if the system reports it (Linux).
 fn resident_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;

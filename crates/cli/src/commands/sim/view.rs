@@ -25,7 +25,7 @@ pub(super) fn view(args: &View, printer: &Printer) -> Result<Exit, CliError> {
     })?;
     let craft = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let conditions = conditions(&args.conditions)?;
-    // The port first: a page that cannot be had is not worth loading a scene for.
+    // The port first: without it, there is no point in loading a scene.
     let viewer = Viewer::bind(address).map_err(|error| {
         CliError::usage("cannot serve the page").because(&error).hint("--listen 127.0.0.1:0 picks a free port")
     })?;

@@ -13,7 +13,7 @@ use crate::settings::Settings;
 
 fn connect(args: &TelloAddress, printer: &Printer) -> Result<Rescue, CliError> {
     let settings = Settings::of(args, printer)?;
-    // The simulator, which is the default of flights, has no state outside of one.
+    // The simulator, the default for flights, has no state outside a flight.
     let name = settings.fly.drone.text().filter(|name| *name != "sim").unwrap_or(DRIVER.scheme);
     let drone = command_port(name).ok_or_else(|| settings.fly.drone.wrong(DRIVER.form, None))?;
     Rescue::connect(drone, &options(&settings)?.tello).map_err(|error| {

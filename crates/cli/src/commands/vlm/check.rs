@@ -12,7 +12,7 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::{Settings, variables};
 
-/// Asks a model about the calibration images.
+/// Queries a model about the calibration images.
 pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
     let (table, variables) = (table(&settings)?, variables()?);
@@ -54,7 +54,7 @@ fn report(check: &Check, printer: &Printer) {
     }
 }
 
-/// It answers, but not with the dot.
+/// It replies, but does not point at the dot.
 fn astray(name: &str, verdict: &Verdict) -> CliError {
     match verdict {
         Verdict::Other(own) => {
@@ -100,12 +100,12 @@ fn row(profile: &GroundingProfile) -> String {
     format!("[[family]] with order = \"{order}\", scale = \"{scale}\" and a part of the model's id in `match`")
 }
 
-/// It does not answer: why, and what a person can do.
+/// It does not reply: the reason, and a remedy.
 fn failed(name: &str, error: &VlmError) -> CliError {
     CliError::failed(format!("no usable reply from `{name}`")).because(error).hint(advice(error))
 }
 
-/// What to do about an error of a VLM.
+/// A remedy for an error of a VLM.
 pub(crate) fn advice(error: &VlmError) -> &'static str {
     match (error.code(), error) {
         ("bad_request", VlmError::Vendor { code: Some(code), .. }) if code == "FAILED_PRECONDITION" => {

@@ -23,10 +23,10 @@ use crate::commands::read;
 use crate::error::{CliError, nearest};
 use crate::settings::{Row, Settings, variables};
 
-/// Who points in a flight.
+/// The VLM of a flight.
 #[derive(Clone)]
 pub(crate) struct Pointing {
-    /// The name as it was given.
+    /// The name as given.
     pub(crate) name: String,
     /// Creates it.
     pub(crate) vlm_factory: VlmFactory,
@@ -135,7 +135,7 @@ pub(crate) fn table(settings: &Settings) -> Result<Table, CliError> {
 
 /// A model that can be queried.
 pub(crate) struct Chosen {
-    /// The name as it was given, or that of the vendor that `auto` came to.
+    /// The name as given, or that of the vendor selected by `auto`.
     pub(crate) name: String,
     /// Its client.
     pub(crate) remote: Remote,

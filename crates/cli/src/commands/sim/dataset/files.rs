@@ -29,7 +29,7 @@ impl ImageFormat {
     }
 }
 
-/// Writes the images of an example; where they are.
+/// Writes the images of an example; returns their paths.
 pub(super) fn write_example(folder: &Folder, number: u64, example: &Example, format: ImageFormat) -> Result<Files, CliError> {
     let (width, height) = (example.truth.width, example.truth.height);
     let grey = |pixels: &[u16]| encoded(png::encode_grey16(width, height, pixels));

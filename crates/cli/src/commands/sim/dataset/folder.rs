@@ -13,10 +13,10 @@ const HEAD: &str = "dataset.json";
 const ROWS: &str = "examples.jsonl";
 /// Folders that belong to a dataset.
 const FOLDERS: [&str; 6] = ["pictures", "ids", "depth", "openings", "masks", "legends"];
-/// Longest row that is read back, bytes; a longer one is not ours.
+/// Maximum length of a row that is read back, bytes; a longer one is not ours.
 const LONGEST_ROW: usize = 4 << 20;
 
-/// A folder that examples are put into.
+/// A folder for examples.
 pub(super) struct Folder {
     path: PathBuf,
     rows: File,
@@ -27,7 +27,7 @@ pub(super) struct Folder {
 }
 
 impl Folder {
-    /// Takes a new or an empty folder, goes on with one of the same head (`resume`), or begins one anew (`overwrite`).
+    /// Takes a new or an empty folder, continues one with the same head (`resume`), or starts it again (`overwrite`).
     pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<Self, CliError> {
         fs::create_dir_all(path).map_err(|error| unusable(path, &error))?;
         let mut entries = fs::read_dir(path).map_err(|error| unusable(path, &error))?;
@@ -56,7 +56,7 @@ impl Folder {
         let file = path.join(ROWS);
         let (length, examples) = if file.exists() { complete_rows(&file)? } else { (0, 0) };
         let rows = OpenOptions::new().create(true).append(true).open(&file).map_err(|error| unusable(&file, &error))?;
-        // A row that was cut short is no row.
+        // A truncated row does not count.
         rows.set_len(length).map_err(|error| unusable(&file, &error))?;
         Ok(Self { path: path.to_owned(), rows, length, examples })
     }
@@ -76,13 +76,13 @@ impl Folder {
         write(&self.path.join(name), bytes).map_err(with_resume_hint)
     }
 
-    /// Appends a row, whole or not at all. Its images must be there already.
+    /// Appends a row, completely or not at all. Its images must exist already.
     pub(super) fn push(&mut self, row: &Row) -> Result<(), CliError> {
         let text =
             serde_json::to_string(row).map_err(|error| CliError::internal("cannot write an example as JSON").because(&error))?;
         let line = format!("{text}\n");
         if let Err(error) = self.rows.write_all(line.as_bytes()) {
-            // What was written of it is taken back; if that fails too, the next --resume does it.
+            // A partial row is removed; if that fails too, the next --resume does it.
             self.rows.set_len(self.length).ok();
             let what = format!("cannot write `{}`", self.path.join(ROWS).display());
             return Err(with_resume_hint(CliError::internal(what).because(&error)));
@@ -105,7 +105,7 @@ fn unusable(path: &Path, error: &std::io::Error) -> CliError {
     }
 }
 
-/// Only the same recipe gives the rest of the same dataset; more examples may be asked for than at first.
+/// Only the same recipe continues the same dataset; more examples than at first may be requested.
 fn check_same(path: &Path, head: &Head) -> Result<(), CliError> {
     let file = path.join(HEAD);
     let text = fs::read_to_string(&file).map_err(|error| unusable(&file, &error))?;
@@ -121,7 +121,7 @@ fn check_same(path: &Path, head: &Head) -> Result<(), CliError> {
         .hint(format!("see {HEAD} there for its settings; use the same, or replace it with --overwrite")))
 }
 
-/// Takes away what a dataset consists of, and nothing else.
+/// Removes the files of a dataset, and nothing else.
 fn clear(path: &Path) -> Result<(), CliError> {
     let missing = |error: &std::io::Error| error.kind() == ErrorKind::NotFound;
     for name in FOLDERS {
@@ -134,7 +134,7 @@ fn clear(path: &Path) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Length and number of the whole rows at the beginning of the file, numbered from 0 without a gap.
+/// Length and number of the complete rows at the start of the file, numbered from 0 without gaps.
 fn complete_rows(file: &Path) -> Result<(u64, u64), CliError> {
     let mut reader = BufReader::new(File::open(file).map_err(|error| unusable(file, &error))?);
     let (mut length, mut rows, mut line) = (0, 0, Vec::new());

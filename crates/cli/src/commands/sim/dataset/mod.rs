@@ -20,7 +20,7 @@ use crate::printer::Printer;
 use files::{ImageFormat, write_example};
 use folder::Folder;
 
-/// Makes a dataset, or the rest of one.
+/// Generates a dataset, or the rest of one.
 pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, CliError> {
     let format = ImageFormat::parse(&args.images)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
@@ -104,7 +104,7 @@ fn head(
     }
 }
 
-/// A scene in which no two things share a name can show no look-alike, however long one looks.
+/// A scene in which no two objects have the same name cannot show a look-alike.
 fn check_scene(name: &str, generator: &Generator<'_>, recipe: &Recipe) -> Result<(), CliError> {
     let needs = [(Kind::Present, 1.0), (Kind::LookAlike, recipe.look_alikes)];
     match needs.into_iter().find(|(kind, fraction)| *fraction > 0.0 && !generator.can_make(*kind)) {

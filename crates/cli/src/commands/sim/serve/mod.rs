@@ -16,7 +16,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// How often Ctrl-C is looked for.
+/// Polling interval for Ctrl-C.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs the requested servers until Ctrl-C.

@@ -18,8 +18,8 @@ use crate::printer::Printer;
 
 /// A Tello's command port.
 const PORT: u16 = 8889;
-/// Starts it; it flies until what is returned is dropped. `onboard` gets what its camera sees, and `instruction` is what its flights
-/// are judged by.
+/// Starts it; it flies until the result is dropped. `onboard` receives its camera images, and `instruction` is the one
+/// by which its flights are judged.
 pub(super) fn start(
     args: &Serve,
     onboard: Option<Arc<OnboardCamera>>,
@@ -42,7 +42,7 @@ pub(super) fn start(
     Ok(service)
 }
 
-/// What video it has sent.
+/// Statistics of the video sent.
 pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
     let tally = service.tally();
     if tally.frames > 0 {

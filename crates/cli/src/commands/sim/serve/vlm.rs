@@ -14,10 +14,10 @@ use crate::commands::{load_scene, parse_pose};
 use crate::error::CliError;
 use crate::printer::Printer;
 
-/// The word for an instruction that is read from the prompt.
+/// The keyword for reading the instruction from the prompt.
 pub(super) const FROM_PROMPT: &str = "from-prompt";
 
-/// A drone whose camera is looked through.
+/// A drone whose camera is used.
 pub(super) struct Flown {
     /// Its world.
     pub(super) world: SimWorld,
@@ -58,7 +58,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
     let effects = args.camera_effects.as_deref().map(parse_effects).transpose()?.unwrap_or_default();
     let conditions = conditions(&args.conditions)?;
-    // The port first: an endpoint that cannot be had is not worth loading a scene for.
+    // The port first: without it, there is no point in loading a scene.
     let endpoint = Endpoint::bind(address).map_err(|error| {
         CliError::usage("cannot serve the endpoint").because(&error).hint("--vlm-listen 127.0.0.1:0 picks a free port")
     })?;
