@@ -1,4 +1,5 @@
-//! The shipped tasks: each judges its own trajectories as its file says, and its trials begin as the instruction has it.
+//! The built-in tasks: each judges its own trajectories as its file declares, and the starts of its trials match the
+//! instruction.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;
@@ -12,7 +13,7 @@ use spf_flight::sim::LoadedScene;
 use spf_oracle::ErrorFile;
 use spf_scene::Lighting;
 
-/// Every task that ships, once.
+/// Every built-in task, once.
 fn shipped() -> Vec<Arc<Task>> {
     ["paper", "hard", "trials"].iter().flat_map(|name| suite(name).unwrap().tasks().unwrap()).collect()
 }
@@ -62,7 +63,7 @@ fn the_hard_suite_has_what_it_says() {
     assert!(count(&|task| task.start.range[0] >= 70.0) >= 2);
 }
 
-/// One task for each line of `docs/trials`, with the words of the line, in its scene, from the scene's own start.
+/// One task for each line of `docs/trials`, with the text of the line, in its scene, from the scene's own start.
 #[test]
 fn the_trials_are_the_lines_of_their_files() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/trials");
@@ -78,7 +79,7 @@ fn the_trials_are_the_lines_of_their_files() {
         assert!(!task.variants && !task.avoid && task.wind.is_none() && task.vlm_delay.is_none(), "{}", task.id);
         assert_eq!(task.craft.name(), if ["city", "park"].contains(&&*task.scene) { "quad" } else { "tello" }, "{}", task.id);
     }
-    // The same for every seed; one task of each scene, since each draw loads it.
+    // The same for every seed; one task of each scene, since each sampling loads it.
     for scene in ["city", "park", "office", "yard"] {
         let task = tasks.iter().find(|task| task.scene == scene).unwrap();
         let [one, other] = [0, 1].map(|seed| draw(task, seed).unwrap());
@@ -87,7 +88,7 @@ fn the_trials_are_the_lines_of_their_files() {
     }
 }
 
-/// A suite that compares oracles names them so that the program knows them.
+/// A suite that compares oracles uses names that the program accepts.
 #[test]
 fn suites_name_methods_and_oracles_that_there_are() {
     for suite in SUITES {
@@ -104,7 +105,7 @@ fn the_detector_is_compared_where_there_are_obstacles() {
     let obstacles = suite("ablation-detector").unwrap();
     assert_eq!((obstacles.methods, obstacles.names().len()), ("spf,spf-detector", 7));
     assert!(obstacles.tasks().unwrap().iter().all(|task| task.avoid && task.category == Category::ObstacleAvoidance));
-    // Every task with drawn starts, once.
+    // Every task with sampled starts, once.
     let all: Vec<&str> = suite("all").unwrap().names().collect();
     let parts: Vec<&str> = ["paper", "hard"].iter().flat_map(|name| suite(name).unwrap().names()).collect();
     assert_eq!(all, parts);
@@ -141,7 +142,7 @@ fn every_task_judges_its_own_trajectories() {
         });
         wrong.collect::<Vec<_>>()
     };
-    // On all cores: each trajectory renders five images a second.
+    // On all cores: each trajectory renders five images per second.
     let (next, wrong) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {

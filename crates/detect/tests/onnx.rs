@@ -29,14 +29,15 @@ impl Folder {
         Detector::open(&self.file(&model(export)))
     }
 
-    /// Why a file is refused, with what lies beneath.
+    /// Why a file is rejected, with the causes.
     fn refused(&self, bytes: &[u8]) -> String {
         let error = Detector::open(&self.file(bytes)).err().unwrap();
         format!("{error}{}", error.source().map_or(String::new(), |source| format!(": {source}")))
     }
 }
 
-/// Twice as wide as high, so that there is grey above and below: a red square in the left half, a blue one in the right.
+/// Twice as wide as high, so that there is grey above and below: a red square in the left half, a blue one in the
+/// right.
 fn squares() -> Rgb {
     let mut image = Rgb::filled(128, 64, [90, 90, 90]);
     let mut square = |left: u32, top: u32, colour: [u8; 3]| {
@@ -82,7 +83,8 @@ fn every_layout_finds_the_same() {
 #[test]
 fn final_boxes_are_taken_as_they_are() {
     let folder = Folder::new();
-    // Of two classes a final box has as many numbers as a cell; the model says which it is, and so does one with more classes.
+    // With two classes a final box has as many numbers as a cell; the model's metadata decides, or a model with more
+    // classes.
     let says = Export::default().metadata.into_iter().chain([("args", "{'batch': 1, 'nms': True}")]).collect();
     for metadata in [says, vec![("names", "{0: 'red cone', 1: 'blue box', 2: 'door'}")]] {
         let metadata = [metadata, vec![("imgsz", "[64, 64]")]].concat();

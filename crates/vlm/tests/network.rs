@@ -1,4 +1,4 @@
-//! Certificates of one's own, and proxies: what a process is told by its environment.
+//! Private certificate authorities and proxies: settings from a process's environment.
 
 // The configuration allows these in test functions; the rest of this file is helpers of tests.
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
@@ -18,12 +18,12 @@ use spf_vlm::table::Table;
 use spf_vlm::{Strategy, setup};
 use tempfile::TempDir;
 
-/// Where the process that asks finds the server.
+/// The server's address for the querying process.
 const ADDRESS: &str = "SPF_TEST_ADDRESS";
-/// Nothing here waits longer.
+/// Maximum wait for anything here.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Whether openssl is there; under `CI=true` it has to be.
+/// Whether openssl exists; with `CI=true` it must.
 fn have_openssl() -> bool {
     let there = Command::new("openssl").arg("version").output().is_ok();
     assert!(there || std::env::var("CI").as_deref() != Ok("true"), "`openssl` is missing: install Debian's package `openssl`");
@@ -33,7 +33,7 @@ fn have_openssl() -> bool {
     there
 }
 
-/// An authority that no system knows, and a server that it vouches for.
+/// An authority that no system trusts, and a server certified by it.
 struct Server {
     address: SocketAddr,
     /// The file of the authority's certificate.
@@ -66,7 +66,7 @@ impl Server {
         let address = listener.local_addr().unwrap();
         serve(listener, move |stream| {
             let connection = ServerConnection::new(config.clone()).unwrap();
-            // A client that does not trust us goes away.
+            // A client that does not trust us disconnects.
             let _ = answer(StreamOwned::new(connection, stream));
         });
         Self { address, authority, _folder: folder }
@@ -97,7 +97,7 @@ fn head(reader: &mut impl BufRead) -> std::io::Result<Vec<String>> {
     }
 }
 
-/// Answers every question on a connection in the form of chat completions.
+/// Answers every query on a connection in the form of chat completions.
 fn answer(stream: impl Read + Write) -> std::io::Result<()> {
     let mut reader = BufReader::new(stream);
     loop {
@@ -134,13 +134,13 @@ fn proxy() -> (SocketAddr, Arc<AtomicU32>) {
         counted.fetch_add(1, Ordering::SeqCst);
         let (mut back, mut to) = (server.try_clone().unwrap(), client.try_clone().unwrap());
         std::thread::spawn(move || std::io::copy(&mut back, &mut to));
-        // Ends when either side goes away.
+        // Ends when either side disconnects.
         let _ = std::io::copy(&mut client, &mut server);
     });
     (address, tunnels)
 }
 
-/// What a process of its own says that asks a model at this address, with these variables and no others of the kind.
+/// Output of a separate process that queries a model at this address, with only these variables of the kind.
 fn requested(address: SocketAddr, variables: &[(&str, &str)]) -> String {
     let mut process = Command::new(std::env::current_exe().unwrap());
     process.args(["--exact", "ask", "--ignored", "--nocapture"]).env(ADDRESS, address.to_string());
@@ -177,7 +177,7 @@ fn an_authority_of_ones_own_is_trusted_when_named() {
     assert!(refused.contains("FAILED") && refused.contains("UnknownIssuer") && refused.contains("SSL_CERT_FILE"), "{refused}");
     let trusted = requested(server.address, &[("SSL_CERT_FILE", &server.authority)]);
     assert!(trusted.contains("ANSWERED"), "{trusted}");
-    // Another authority's file is no help.
+    // Another authority's file does not help.
     let other = Server::start();
     let refused = requested(server.address, &[("SSL_CERT_FILE", &other.authority)]);
     assert!(refused.contains("FAILED") && refused.contains("invalid peer certificate"), "{refused}");
@@ -199,7 +199,7 @@ fn questions_go_through_a_proxy_unless_excepted() {
     let past = requested(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", &proxy), ("NO_PROXY", "127.0.0.1")]);
     assert!(past.contains("ANSWERED"), "{past}");
     assert_eq!(tunnels.load(Ordering::SeqCst), opened);
-    // A proxy that is not there is told of.
+    // A missing proxy is reported.
     let gone = requested(server.address, &[("SSL_CERT_FILE", authority), ("HTTPS_PROXY", "http://127.0.0.1:1")]);
     assert!(gone.contains("FAILED") && gone.contains("cannot reach"), "{gone}");
 }

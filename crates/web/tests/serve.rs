@@ -1,4 +1,4 @@
-//! The server as a page meets it, over real sockets.
+//! The server from the page's side, over real sockets.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeSet;
@@ -64,7 +64,7 @@ impl Drop for Served {
 
 struct Page(WebSocket<TcpStream>);
 
-/// How long a page waits for anything at all.
+/// Maximum wait of a page for anything.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 enum Received {
@@ -72,7 +72,7 @@ enum Received {
     Image(Shown),
 }
 
-/// A picture's head and its JPEG.
+/// An image's head and its JPEG.
 struct Shown {
     head: Value,
     jpeg: Vec<u8>,
@@ -93,10 +93,10 @@ impl Page {
         self.0.send(Message::text(message.to_string())).unwrap();
     }
 
-    /// The next message that is not a ping; a picture is told to be shown, for the server waits for that.
+    /// The next message that is not a ping; images are acknowledged as shown, because the server waits for that.
     ///
     /// # Panics
-    /// When none comes: pings keep the socket's own timeout from passing.
+    /// If none arrives: pings keep the socket's own timeout from passing.
     fn next(&mut self) -> Received {
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
@@ -114,7 +114,7 @@ impl Page {
         panic!("nothing but pings for {} s", PATIENCE.as_secs());
     }
 
-    /// The next text of a type; what comes before it is passed over.
+    /// The next text message of a type; earlier messages are skipped.
     fn text(&mut self, kind: &str) -> Value {
         let begun = Instant::now();
         while begun.elapsed() < PATIENCE {
@@ -140,7 +140,7 @@ impl Page {
         (0..500).map(|_| self.show()).find(enough).unwrap_or_else(|| panic!("never: {what}"))
     }
 
-    /// A picture of the size that was asked for.
+    /// An image of the requested size.
     fn show_small(&mut self) -> Shown {
         self.show_until("a small picture", |shown| shown.number("width") == 320.0)
     }
@@ -182,7 +182,7 @@ fn a_page_that_falls_silent_stands_still() {
     page.fly(1.0);
     page.show_until("motion", |shown| shown.number("speed_m_s") > 5.0);
     let end = page.show_until("rest", |shown| shown.number("speed_m_s") < 0.05).number("north");
-    // Half a second of keys at 32 m/s, and what a busy machine adds.
+    // Half a second of keys at 32 m/s, plus the delays of a busy machine.
     assert!(end > start + 2.0 && end < start + 60.0, "{} m", end - start);
 }
 
@@ -191,12 +191,12 @@ fn pictures_do_not_queue_up() {
     let served = Served::start();
     let mut page = served.page();
     let last = page.show_small();
-    // Nothing is said to be shown from here on: two may be on their way, then none, however much changes.
+    // Nothing is acknowledged from here on: two images may be in transit, then none, whatever changes.
     for _ in 0..20 {
         page.say(json!({"type": "turn", "yaw_deg": 5, "pitch_deg": 0}));
         std::thread::sleep(Duration::from_millis(50));
     }
-    // The answer to this comes after all pictures that were sent before it.
+    // The answer to this arrives after all images that were sent before it.
     page.say(json!({"type": "craft", "craft": "quad"}));
     let mut images = 0;
     loop {
@@ -207,7 +207,7 @@ fn pictures_do_not_queue_up() {
         }
     }
     assert!((1..=2).contains(&images), "{images} pictures unasked for");
-    // The next after a word from the page is of now.
+    // The next image after a message from the page is current.
     page.say(json!({"type": "shown", "frame": last.number("frame") as u64 + 2}));
     let now = page.show();
     let turned = (now.number("heading_deg") - last.number("heading_deg")).rem_euclid(360.0);
@@ -289,7 +289,7 @@ fn wrong_messages_are_told_and_change_nothing() {
     let turned = |shown: &Shown| (shown.number("heading_deg") - before.number("heading_deg")).rem_euclid(360.0).round();
     let after = page.show_until("a turn", |shown| turned(shown) == 5.0);
     assert_eq!(after.number("north"), before.number("north"));
-    // Longer than any message: it is not read, and the server goes on. Pictures under way may still come.
+    // Longer than any message: it is not read, and the server continues. Images in transit may still arrive.
     drop(page.0.send(Message::text("x".repeat(100_000))));
     for _ in 0..100 {
         let Ok(message) = page.0.read() else { break };
@@ -304,7 +304,7 @@ fn strangers_are_refused() {
     let get = |path: &str| served.http(&format!("GET {path} HTTP/1.1\r\nHost: ADDRESS\r\nConnection: close\r\n\r\n"));
     let page = get("/");
     assert!(page.contains(r#"<canvas id="picture""#) && page.contains("content-security-policy: default-src 'none';"), "{page}");
-    // Nothing is fetched from elsewhere; the one address is the name of a vocabulary.
+    // Nothing is loaded from elsewhere; the one address is the name of a vocabulary.
     for path in ["/", "/view.css", "/view.js"] {
         let answer = get(path);
         assert!(answer.starts_with("HTTP/1.1 200"), "{path}: {answer}");
@@ -335,7 +335,7 @@ fn a_ninth_page_is_refused_until_another_leaves() {
     };
     assert!(!knock());
     drop(pages.pop());
-    // The server learns of it in its own time.
+    // The server notices it in its own time.
     let let_in = (0..500).any(|_| {
         std::thread::sleep(Duration::from_millis(20));
         knock()

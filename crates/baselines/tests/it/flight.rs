@@ -1,7 +1,7 @@
 //! A flight on a virtual clock: pilot, craft, camera and VLM, in steps of 10 ms.
 //!
-//! The craft has dead time, lag and limits of acceleration, and tells exactly what is so, at 20 Hz. Frames are captured every
-//! 50 ms and arrive 150 ms later. The VLM is a closure that sees the true pose of the frame.
+//! The craft has dead time, lag and acceleration limits, and reports exact telemetry at 20 Hz. Frames are captured
+//! every 50 ms and arrive 150 ms later. The VLM is a closure that receives the true pose of the frame.
 
 use std::collections::VecDeque;
 
@@ -22,7 +22,7 @@ use spf_core::time::{Duration, Time, duration_from_secs};
 
 /// The clock's step.
 const STEP: Duration = Duration::from_millis(10);
-/// Frames and telemetry come every so many steps.
+/// Interval of frames and telemetry, steps.
 const PERIOD: u64 = 5;
 /// From a frame's capture to its arrival.
 const CAMERA_LATENCY: Duration = Duration::from_millis(150);
@@ -34,24 +34,24 @@ const STEPS: u64 = 60_000;
 /// The crane stands 20 m ahead and 8 m to the right of the start, 6 m up.
 pub(crate) const CRANE: EnuPosition = EnuPosition { east: 8.0, north: 20.0, up: 6.0 };
 
-/// Where the crane appears from a pose, if it does.
+/// Image point of the crane from a pose, if it is visible.
 pub(crate) fn sighted(pose: &Pose) -> Option<ImagePoint> {
     let away = pose.position.displacement_to(CRANE, pose.attitude.heading);
     let point = project_displacement(away, &Camera::quad(), pose.attitude, Lifting::Levelled)?;
     ((0.0..=1.0).contains(&point.u) && (0.0..=1.0).contains(&point.v)).then_some(point)
 }
 
-/// What is true about a frame, which the pilot does not know.
+/// Ground truth of a frame, which the pilot does not know.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Seen {
     pub(crate) pose: Pose,
     pub(crate) speed: f64,
 }
 
-/// An answer, and the seconds that it takes.
+/// An answer, and its latency in seconds.
 pub(crate) type Answer = (f64, String);
 
-/// The craft as it truly moves.
+/// The true motion of the craft.
 struct Body {
     craft: Craft,
     position: EnuPosition,
@@ -60,7 +60,7 @@ struct Body {
     heading: f64,
     yaw_rate: f64,
     phase: FlightPhase,
-    /// What was sent and has not yet arrived, with the time at which it does.
+    /// Messages in transit, with their times of arrival.
     coming: VecDeque<(Time, Setpoint)>,
     flown: Setpoint,
 }
@@ -121,10 +121,10 @@ impl Body {
     }
 }
 
-/// Answers a query about what was seen.
+/// Answers a query about a frame.
 type Answerer = dyn FnMut(&Query, &Seen) -> Answer;
 
-/// The flight and what was seen of it.
+/// The flight and its record.
 pub(crate) struct Flight {
     pub(crate) pilot: Pilot,
     body: Body,
@@ -228,7 +228,7 @@ impl Flight {
         self.body.fly(self.now);
     }
 
-    /// Asks the pilot until it says nothing more.
+    /// Polls the pilot until it returns `None`.
     fn pump(&mut self) {
         for _ in 0..ACTIONS_AT_ONCE {
             match self.pilot.poll(self.now) {
@@ -277,7 +277,7 @@ impl Flight {
         }
     }
 
-    /// Until the craft is commanded to move, and does.
+    /// Advances until the craft is commanded to move, and does.
     pub(crate) fn until_moving(&mut self) {
         self.until("a setpoint that moves", |flight| {
             let moves = flight.setpoints.last().is_some_and(|(_, setpoint)| !setpoint.is_hold());
@@ -285,7 +285,7 @@ impl Flight {
         });
     }
 
-    /// Flies to the end; how it ended, and where.
+    /// Flies to the end; returns the outcome and the final position.
     pub(crate) fn end(&mut self) -> (Outcome, EnuPosition) {
         self.until("the end", |flight| flight.pilot.phase() == Phase::Ended);
         let (ending, at) = self.finished.as_ref().unwrap();

@@ -33,7 +33,7 @@ fn plain_flies_its_actions_one_after_the_other_and_then_looks_again() {
     assert_eq!(order, [0, 1, 2], "forward, then the turn, then the climb");
     let last = flight.frames[usize::try_from(flight.query[1].frame.0).unwrap()];
     assert!(last.speed < 0.1, "asked again only after all of them, at rest");
-    // The paper's timed moves of a craft that accelerates: about what was asked.
+    // The paper's timed moves of a craft that accelerates: about the requested distance.
     assert!((last.pose.position.north - 3.0).abs() < 0.7 && (last.pose.position.up - 4.0).abs() < 0.5, "{last:?}");
     assert!((last.pose.attitude.heading.to_degrees() - 90.0).abs() < 25.0, "{last:?}");
     let told: Vec<usize> = flight.query.iter().map(|query| query.memory.actions.len()).collect();

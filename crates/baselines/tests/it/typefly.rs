@@ -12,7 +12,7 @@ use crate::flight::{CRANE, Flight, sighted};
 fn listed(pose: &Pose) -> String {
     let Some(centre) = sighted(pose) else { return "none".to_owned() };
     let range = pose.position.distance(CRANE);
-    // At 1 m a metre takes up half the width of the picture, and two thirds of its height.
+    // At 1 m, one metre covers half the width of the image, and two thirds of its height.
     let (width, height) = (2.0 / range, 2.7 / range);
     format!("crane_1 x:{:.2} y:{:.2} width:{:.2} height:{:.2} color:red", centre.u, centre.v, width.min(1.0), height.min(1.0))
 }
@@ -34,7 +34,7 @@ fn typefly_goes_to_what_its_list_tells() {
         let (outcome, ended_at) = flight.end();
         assert_eq!(outcome, Outcome::Reached, "{preset:?} {heading}");
         assert!(ended_at.distance(CRANE) < 4.2, "{ended_at:?}");
-        // Lists are many, and no decisions.
+        // Lists are many, and are not decisions.
         let lists = flight.query.iter().filter(|query| matches!(query.kind, QueryKind::Detect { .. })).count();
         assert!(lists > flight.pilot.decisions() as usize + 4, "{lists} {}", flight.pilot.decisions());
     }

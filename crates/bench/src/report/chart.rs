@@ -124,10 +124,10 @@ pub(super) fn levels(levels: &Levels<'_>) -> Markup {
             (area.curve(curve, BESIDE * (f64::from(number) - middle)))
         }
     };
-    svg(area.bottom() + 28.0, "Success rate over the oracle's error level", &drawing)
+    svg(area.bottom() + 28.0, "Success rate by oracle error level", &drawing)
 }
 
-/// Success rate over latency.
+/// Success rate by latency.
 pub(super) fn latencies(curves: &[Curve<'_>]) -> Markup {
     let most = curves.iter().flat_map(|curve| &curve.points).map(|point| point.x).fold(0.0, f64::max);
     let area = Area::new([0.0, 1.05 * most]);
@@ -138,7 +138,7 @@ pub(super) fn latencies(curves: &[Curve<'_>]) -> Markup {
         }
         @for curve in curves { (area.curve(curve, 0.0)) }
     };
-    svg(area.bottom() + 28.0, "Success rate over reply latency", &drawing)
+    svg(area.bottom() + 28.0, "Success rate by reply latency", &drawing)
 }
 
 /// Completion times of the successes, with quartiles.

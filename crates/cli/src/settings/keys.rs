@@ -56,7 +56,7 @@ settings! {
         /// random seed, a whole number
         seed: u64 = "0", Count(0, u64::MAX), "SPF_SEED", "--seed";
         /// wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north by default; empty: still air
-        wind: Wind = "", Explained("a wind"), "SPF_WIND", "--wind";
+        wind: Wind = "", Explained("a wind such as 3,from=270,gust=1"), "SPF_WIND", "--wind";
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY", "--battery";
         /// when the instruction has ended, land or hover; empty: hover with a real drone and a terminal, else land

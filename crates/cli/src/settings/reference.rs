@@ -23,10 +23,10 @@ The file is TOML: each table below is a `[table]`, and a value is a string, a nu
 `SPF_` causes only a warning, because other programs use that prefix too; `SPF_SHARDS` is not a
 setting but a variable of `spf bench` ([cluster](../guide/cluster.md)).
 
-A key with an empty value (`\"\"`) means what the column *meaning* states after \"empty:\". A key
-without such a statement then has its default, or `false` if its values are `true` and `false`. A
-flag written as `--avoid`: true takes no value and sets the key to that value. The flags are
-those of `spf fly`; other commands have some of them.
+The column *meaning* states after \"empty:\" what an empty value (`\"\"`) of the key means. Without
+such a statement an empty value selects the default, or `false` if the values are `true` and
+`false`. In the column *flag*, `--avoid`: true means that the flag takes no value and sets the key
+to `true`. The flags are those of `spf fly`; other commands have some of them.
 
 In code: `crates/cli/src/settings`.
 ";

@@ -1,11 +1,11 @@
-//! `spf bench`, as a user meets it.
+//! `spf bench`, from the user's side.
 
 use std::fs;
 
 use crate::harness::{Lab, Run, rows, skip};
 use crate::view::Browser;
 
-/// A task over in seconds: the first thing flown at is the vending machine of the yard.
+/// A task that ends within seconds: the vending machine of the yard is the first object approached.
 const TASK: &str = r#"
 format = 1
 id = "drink"
@@ -56,7 +56,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     let flown = rows(&lab.path("whole/results.jsonl"));
     assert!(flown.len() == 8 && flown.iter().all(|row| row["error"].is_null() && row["decisions"].as_u64() > Some(0)));
 
-    // Every trial has its way, from above its start, and no longer than the row says.
+    // Every trial has its path, from above its start, and no longer than the length in the row.
     for (row, way) in flown.iter().zip(rows(&lab.path("whole/paths.jsonl"))) {
         let places: Vec<Vec<f64>> = serde_json::from_value(way["places"].clone()).unwrap();
         let steps = places.windows(2).map(|pair| pair[0].iter().zip(&pair[1]).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt());
@@ -71,7 +71,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     let command = "spf bench run --task ./drink.toml --method spf,straight --vlm oracle:default --trials 4 --seed 0";
     assert!(made["command"] == command && made["files"]["drink"] == "./drink.toml" && made["ended"].is_string(), "{made}");
 
-    // What a kill leaves: some rows in the order in which they came, and a torn one.
+    // Remainder after a kill: some rows in order of completion, the last one truncated.
     let text = String::from_utf8(bytes.clone()).unwrap();
     let lines: Vec<&str> = text.split_inclusive('\n').collect();
     fs::create_dir(lab.path("torn")).unwrap();
@@ -80,7 +80,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     let resumed = run(&lab, &["--method", "spf,straight", "-o", "torn"]);
     assert!(resumed.stderr.contains("2 of 8 trials already done"), "{}", resumed.stderr);
     assert_eq!(lab.read("torn/results.jsonl"), bytes);
-    // Ways of rows that were there are kept, not flown again.
+    // Paths of existing rows are kept, not flown again.
     assert_eq!(rows(&lab.path("torn/paths.jsonl")).len(), 6);
 
     for fraction in ["0/3", "1/3", "2/3"] {
@@ -182,12 +182,12 @@ fn a_browser_shows_the_report() {
     browser.until("document.readyState === 'complete' && document.querySelectorAll('video').length > 0");
     assert_eq!(browser.evaluate("document.querySelectorAll('article.trial').length"), failed);
     assert_eq!(browser.evaluate("document.querySelectorAll('svg.chart').length"), 3);
-    // A map for each of two seeds, and one for each failure; every one has ways, and a plan that is there.
+    // A map for each of two seeds, and one for each failure; every one has paths, and an existing plan.
     assert_eq!(browser.evaluate("document.querySelectorAll('svg.map').length"), 2 + failed);
     let has_all = "[...document.querySelectorAll('svg.map')].every(map => map.querySelector('path.way') \
                    && document.querySelector(map.querySelector('use').getAttribute('href')).getBBox().width > 100)";
     assert_eq!(browser.evaluate(has_all), true);
-    // Texts of a figure do not lie on each other, nor outside of it.
+    // Texts of a figure do not overlap, and lie inside the figure.
     let clear = "[...document.querySelectorAll('svg.chart')].every(chart => { \
                  const frame = chart.getBoundingClientRect(), all = [...chart.querySelectorAll('text')].map(t => t.getBoundingClientRect()); \
                  return all.every((a, i) => a.left >= frame.left - 1 && a.right <= frame.right + 1 && all.every((b, j) => \

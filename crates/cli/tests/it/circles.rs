@@ -1,5 +1,5 @@
-//! The files of a crate have no circles: what uses a file is not used by it, directly or through others. A module and those below
-//! it are one subject and may use each other.
+//! The files of a crate have no cyclic dependencies: if A uses B, directly or through others, B does not use A. A
+//! module and its submodules form one subject and may use each other.
 
 mod graph;
 mod modules;
@@ -41,11 +41,11 @@ fn files_have_no_circles() {
         }
     });
     assert!(told.is_empty(), "{} circles:\n{}", told.len(), told.join("\n"));
-    // What cannot be followed would hide a circle.
+    // An unresolved name could hide a cycle.
     assert!(unfollowed.is_empty(), "where these lead is not seen:\n{}", unfollowed.join("\n"));
 }
 
-/// The circles of a made-up crate, each as the names of its files.
+/// The cycles of a made-up crate, each as the names of its files.
 fn of(files: &[(&str, &str)]) -> Vec<String> {
     let read = |path: &Path| {
         let name = path.to_str().unwrap().replace('\\', "/");
@@ -93,7 +93,7 @@ fn a_module_and_those_below_it_may_use_each_other() {
         ("a/two/deep.rs", "use crate::a::B;"),
     ];
     assert_eq!(of(&files), [""; 0]);
-    // But not those below it each other.
+    // But its submodules may not use each other.
     let files = [files[0], files[1], files[2], ("a/two.rs", "pub fn two() -> super::one::One { loop {} }")];
     assert_eq!(of(&files), ["a/one.rs a/two.rs"]);
 }
@@ -119,7 +119,7 @@ fn a_circle_through_a_child_is_found() {
 #[test]
 fn what_is_exported_again_is_where_it_is_defined() {
     let words = ("a/words.rs", "pub enum Word { Yes } pub struct Other;");
-    // The parent lists it: b uses the words, and the parent, which uses b, is not used.
+    // The parent lists it: b uses the words; the parent, which uses b, does not count as used.
     let listed = [
         ("lib.rs", "mod a; mod b; pub use a::Word;"),
         ("a/mod.rs", "mod words; pub use words::{Other as Another, *}; fn f() { crate::b::f() }"),
@@ -127,7 +127,7 @@ fn what_is_exported_again_is_where_it_is_defined() {
         ("b.rs", "use crate::a::{Another, Word::Yes}; pub fn f() -> crate::Word { Yes }"),
     ];
     assert_eq!(of(&listed), [""; 0]);
-    // And so a circle is seen behind what a parent lists.
+    // A cycle is thus detected behind a parent's list.
     let hidden = ("a/words.rs", "pub enum Word { Yes } pub struct Other(crate::b::B);");
     let circle = [listed[0], listed[1], hidden, ("b.rs", "pub struct B(crate::Word); pub fn f() {}")];
     assert_eq!(of(&circle), ["a/words.rs b.rs"]);

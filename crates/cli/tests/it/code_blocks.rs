@@ -67,7 +67,7 @@ fn commands(text: &str) -> Vec<(usize, Vec<String>)> {
             let program = words.iter().position(|word| !is_variable(word)).unwrap_or_default();
             if words.get(program).is_some_and(|word| word == "spf") {
                 let args = &words[program + 1..];
-                // What the shell does with the output is not the program's.
+                // Shell redirections of the output are not part of the command.
                 let end = args.iter().position(|word| matches!(word.as_str(), ">" | ">>" | "|")).unwrap_or(args.len());
                 found.push((block.line + offset, args[..end].to_vec()));
             }
@@ -182,7 +182,7 @@ fn a_command_that_is_none_is_refused() {
     }
 }
 
-/// What a reader of the guides has in the folder.
+/// The files that a reader of the guides has in the folder.
 fn own_files(lab: &Lab, document: &str, text: &str) {
     let block = |start: &str| blocks(text).into_iter().find(|block| block.text.starts_with(start)).map(|block| block.text);
     match document {

@@ -1,4 +1,4 @@
-//! `spf sim dataset`: what it writes, read back, and the oracle graded on it.
+//! `spf sim dataset`: its files are read back, and the oracle is graded on them.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,7 +24,7 @@ fn make(lab: &Lab, folder: &str, count: &str, more: &[&str]) -> crate::harness::
     lab.spf(&args)
 }
 
-/// A 16-bit grey picture.
+/// A 16-bit grey image.
 fn grey16(path: &Path) -> Vec<u16> {
     let image = file::decode(&std::fs::read(path).unwrap(), file::Limits::default());
     let image = image.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
@@ -57,7 +57,7 @@ fn tags(legend: &Value) -> Vec<Tagged> {
     objects.iter().map(tagged).collect()
 }
 
-/// Everything the oracle reads of one example, read from its files.
+/// The oracle's inputs for one example, from its files.
 struct Seen {
     ids: Vec<u16>,
     depth: Vec<f32>,
@@ -81,7 +81,7 @@ impl Seen {
     }
 }
 
-/// Where the oracle points, as a pixel, in one example; none when it says that the target is not visible.
+/// The oracle's point in one example, as a pixel; `None` if it replies that the target is not visible.
 fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) -> Option<(usize, usize)> {
     let (w, h) = (head.camera.width as usize, head.camera.height as usize);
     let sight = Sight {
@@ -121,7 +121,7 @@ fn a_dataset_is_what_it_says_and_the_oracle_can_be_graded_on_it() {
     // A quarter each, to within two examples.
     let of_kind = |kind: Kind| rows.iter().filter(|row| row.kind == kind).count();
     assert!((8..=12).contains(&of_kind(Kind::Absent)) && (8..=12).contains(&of_kind(Kind::LookAlike)));
-    // Words vary, and so do distances.
+    // Wordings vary, and so do distances.
     let wordings: std::collections::BTreeSet<_> = rows.iter().map(|row| row.wording).collect();
     let distances = || rows.iter().filter_map(|row| row.target.as_ref()).map(|target| target.distance_m);
     assert!(wordings.len() >= 5, "{wordings:?}");
@@ -149,7 +149,7 @@ fn a_dataset_is_what_it_says_and_the_oracle_can_be_graded_on_it() {
     assert!(silent * 10 > absent * 9, "the perfect oracle says of {silent} of {absent} that they are not there");
 }
 
-/// What a row says of its pictures, against the pictures.
+/// The contents of a row, compared with its images.
 fn check(folder: &Path, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) {
     let (w, number) = (head.camera.width as usize, row.number);
     let image = jpeg::decode(&std::fs::read(folder.join(&row.files.image)).unwrap()).unwrap();
@@ -160,7 +160,8 @@ fn check(folder: &Path, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) {
         let counted: Vec<(u16, u64)> = masks(ids, w).iter().map(|mask| (mask.id, mask.area)).collect();
         assert_eq!(counted, visible(opening).collect::<Vec<_>>(), "{number}");
     }
-    // The words mean the target alone among what is visible; with an absent target, nothing. (Words of place need the scene.)
+    // The instruction matches only the target among the visible objects; with an absent target, nothing. (Words of
+    // place need the scene.)
     let shown: Vec<Placed<'_>> = tags
         .iter()
         .filter(|tags| row.visible.iter().any(|thing| thing.id == tags.id))
@@ -203,7 +204,7 @@ fn the_same_seed_gives_the_same_bytes_also_in_pieces() {
     let lab = Lab::new();
     assert_eq!(make(&lab, "whole", "6", &[]).code, Some(0));
     assert_eq!(make(&lab, "pieces", "4", &[]).code, Some(0));
-    // A row that was cut short, and a picture of an example that was never finished.
+    // A truncated row, and an image of an example that was never finished.
     let path = lab.path("pieces/examples.jsonl");
     let text = String::from_utf8(lab.read("pieces/examples.jsonl")).unwrap();
     std::fs::write(&path, &text[..text.len() - 40]).unwrap();
@@ -227,7 +228,7 @@ fn the_same_seed_gives_the_same_bytes_also_in_pieces() {
     for name in ["dataset.json", "examples.jsonl"] {
         assert_eq!(lab.read(&format!("whole/{name}")), lab.read(&format!("pieces/{name}")), "{name}");
     }
-    // Anew, with another seed: nothing of the old one is left.
+    // Started again with another seed: nothing of the old dataset is left.
     assert_eq!(lab.spf(&["sim", "dataset", "-n", "2", "-o", "pieces", "--overwrite", "--size", "480x360"]).code, Some(0));
     assert_eq!(lab.names("pieces/pictures").len(), 2);
 }
@@ -259,7 +260,7 @@ fn a_disk_that_fills_up_leaves_whole_examples() {
     assert!(run.code == Some(1) && run.stderr.contains("--resume"), "{:?} {}", run.code, run.stderr);
 }
 
-/// Others' readers: Python's json and Pillow.
+/// Third-party readers: Python's json and Pillow.
 #[test]
 fn python_reads_it() {
     let lab = Lab::new();

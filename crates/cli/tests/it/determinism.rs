@@ -27,7 +27,7 @@ fn a_whole_flight_and_its_files() {
     let other = fly("other", "6", "2");
     assert!(first[0] != other[0] && first[1] != other[1], "another seed is another flight");
 
-    // Neither the folder nor the clock stands in them.
+    // They contain neither the folder nor wall-clock times.
     for (name, bytes) in names.iter().zip(&first) {
         let text = String::from_utf8_lossy(bytes);
         assert!(!text.contains("folder-one") && !text.contains("out_dir"), "{name} names its folder");

@@ -1,4 +1,4 @@
-//! Folders and disks: two runs at once, and disks that fill up.
+//! Folders and disks: two runs at the same time, and disks that fill up.
 
 use crate::harness::Lab;
 
@@ -25,7 +25,7 @@ fn behind(lab: &Lab, program: &[&str], line: &str, args: &[&str]) -> crate::harn
     crate::harness::Run::of(&command.stdin(std::process::Stdio::null()).output().unwrap())
 }
 
-/// The flight went on and says how it went and what is missing.
+/// The flight continued, and reports its result and the missing files.
 #[cfg(unix)]
 fn flew_on(run: &crate::harness::Run) {
     assert_eq!(run.code, Some(3), "{}", run.stderr);
@@ -53,7 +53,7 @@ fn files_that_cannot_grow_lose_no_flight() {
 fn a_full_disk_loses_no_flight() {
     let lab = Lab::new();
     std::fs::create_dir(lab.path("small")).unwrap();
-    // Its own name space: the disk goes when the command does, so what is on it is copied first.
+    // In its own namespace the disk disappears when the command ends, so its contents are copied first.
     let own = ["unshare", "--user", "--map-root-user", "--mount"];
     let mount = "mount -t tmpfs -o size=100k none small";
     let possible = behind(&lab, &own, mount, &[]);

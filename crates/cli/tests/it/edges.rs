@@ -1,12 +1,13 @@
-//! Crates depend downwards only: as the table in docs/explanation/architecture.md says, development dependencies included.
+//! Crates depend downwards only: as in the table of docs/explanation/architecture.md, development dependencies
+//! included.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
 /// Crate → the crates of ours that it may use, from the rows ``| `spf-x` (`crates/x`) | what it is | may use |`` of a document.
 ///
-/// The last cell lists crates without `spf-`; `below` stands for every row under the last one named, `all below` for every row under
-/// its own, `–` for none.
+/// The last cell lists crates without `spf-`; `below` stands for every row under the last one named, `all below` for
+/// every row under its own, `–` for none.
 fn allowed(document: &str) -> BTreeMap<String, BTreeSet<String>> {
     let rows: Vec<(String, &str)> = document
         .lines()
@@ -77,7 +78,7 @@ fn crates_depend_downwards_only() {
         let name = package["name"].as_str().unwrap();
         for dependency in package["dependencies"].as_array().unwrap() {
             let on = dependency["name"].as_str().unwrap();
-            // A crate's own tests may turn its features on.
+            // A crate's own tests may enable its features.
             if on != name && allowed.contains_key(on) {
                 assert!(allowed[name].contains(on), "`{name}` must not use `{on}` (docs/explanation/architecture.md)");
             }

@@ -1,8 +1,8 @@
-//! Wrong usage: exit code 2, what is wrong and where, one hint, nothing on standard output and nothing left behind.
+//! Wrong usage: exit code 2, the error and its place, one hint, nothing on standard output and no files left behind.
 
 use crate::harness::{Lab, Run};
 
-/// What each command line says, and that it says it as it should.
+/// The error message of each command line, and its form.
 fn refusals(lab: &Lab, lines: &[&[&str]]) -> String {
     let before = lab.names(".");
     let mut message = String::new();
@@ -80,7 +80,7 @@ fn of_flags() {
     insta::assert_snapshot!(message);
 }
 
-// The system's own words differ elsewhere.
+// The operating system's messages differ elsewhere.
 #[cfg(unix)]
 #[test]
 fn of_files() {
@@ -166,7 +166,7 @@ fn of_variables() {
     lab.write(".env", "SPF_THINK=never\n");
     message.push_str(&refused(&[]));
     insta::assert_snapshot!(message);
-    // The line may hold a key: it is not shown.
+    // The line may contain a key, so it is not shown.
     lab.write(".env", "API_KEY='secret\n");
     let message = refused(&[]);
     assert!(!message.contains("secret"), "{message}");

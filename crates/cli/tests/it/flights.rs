@@ -1,4 +1,4 @@
-//! What becomes of flights: outcomes and exit codes, and that flags reach the pilot.
+//! Results of flights: outcomes and exit codes, and that flags reach the pilot.
 
 use serde_json::Value;
 
@@ -62,7 +62,7 @@ fn spent_decisions_are_a_timeout() {
 
 #[test]
 fn what_is_touched_is_a_collision() {
-    // Steps of 30 m from between two buildings, the next wall 12 m ahead and the one meant behind it.
+    // Steps of 30 m from between two buildings, the next wall 12 m ahead and the target behind it.
     let args = [
         "fly to the tall white building",
         "--start",
@@ -78,7 +78,7 @@ fn what_is_touched_is_a_collision() {
     assert_eq!((code, summary["outcome"].as_str()), (4, Some("collision")), "{summary}");
     assert_eq!((&summary["verified"], summary["collisions"].as_u64()), (&Value::Bool(false), Some(1)));
     assert_eq!(summary["verified_by"], "parser");
-    // It says of what: the wall between.
+    // The message names the object: the wall between.
     let touched = summary["touched"].as_array().unwrap();
     assert_eq!(touched.len(), 1, "{summary}");
     assert!(!touched[0]["object"].as_str().unwrap().is_empty(), "{summary}");
@@ -96,11 +96,11 @@ fn a_geofence_is_never_left() {
     for decision in lab.decisions("mine") {
         for pose in [&decision["pose"], &decision["pose_at_reply"]] {
             let at = |axis: &str| pose["position"][axis].as_f64().unwrap();
-            // What is known drifts by the noise of the senses.
+            // The estimate drifts by the noise of the sensors.
             assert!((-7.0..=9.0).contains(&at("east")) && (-7.0..=9.0).contains(&at("north")), "{pose}");
         }
     }
-    // 68 m from the start to the crane; the fence ends 8 m on the way.
+    // 68 m from the start to the crane; the fence ends 8 m along the path.
     assert!(summary["final_distance_m"].as_f64().unwrap() > 55.0, "{summary}");
 }
 

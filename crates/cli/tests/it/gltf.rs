@@ -1,4 +1,4 @@
-//! Worlds that other people's exporters wrote, flown in.
+//! Flights in worlds written by third-party exporters.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -7,13 +7,14 @@ use serde_json::Value;
 
 use crate::harness::{Lab, rows, skip, warn};
 
-/// A virtual environment of Python with the exporters, made once and kept; none where Python or the packages are not to be had.
+/// A Python virtual environment with the exporters, created once and kept; `None` if Python or the packages are not
+/// available.
 fn python() -> Option<PathBuf> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/gltf");
     let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("interop-gltf");
     let (python, marker) = (place.join("bin/python"), place.join("requirements.txt"));
     let wanted = std::fs::read(here.join("requirements.txt")).unwrap();
-    // Written last, so that what was broken off is made again.
+    // Written last, so that an interrupted installation is repeated.
     if std::fs::read(&marker).is_ok_and(|made| made == wanted) {
         return Some(python);
     }
@@ -35,12 +36,12 @@ fn python() -> Option<PathBuf> {
     Some(python)
 }
 
-/// The object of a key in a legend of ids.
+/// The object with a key in a legend of ids.
 fn object<'a>(legend: &'a Value, key: &str) -> Option<&'a Value> {
     legend["objects"].as_array().unwrap().iter().find(|object| object["key"] == key)
 }
 
-/// Both worlds in one test, for they share the environment.
+/// Both worlds in one test, because they use the same environment.
 #[test]
 fn worlds_of_trimesh_and_pygltflib_are_flown_in() {
     let Some(python) = python() else { return };
@@ -60,7 +61,7 @@ fn legend(lab: &Lab, scene: &str) -> Value {
     serde_json::from_slice(&lab.read("ids.json")).unwrap()
 }
 
-/// Names alone tell what is what, and the start is found.
+/// The names alone identify the objects, and the start is found.
 fn untagged(lab: &Lab) {
     let legend = legend(lab, "yard.glb");
     assert_eq!(legend["scene"], "yard");
@@ -68,19 +69,19 @@ fn untagged(lab: &Lab) {
     assert_eq!((&car["tags"]["names"][0], &car["tags"]["colour"]), (&"red car".into(), &"red".into()));
     assert_eq!(object(&legend, "ground").unwrap()["tags"]["kind"], "ground");
     assert_eq!(object(&legend, "gate").unwrap()["tags"]["colour"], "orange");
-    // 8 m east and 22 m north, a car's height: what is z up in the script was turned to y up, and back.
+    // 8 m east and 22 m north, a car's height: z up in the script was converted to y up, and back.
     let bounds = &car["bounds"];
     let middle = |axis: &str| 0.5 * (bounds["min"][axis].as_f64().unwrap() + bounds["max"][axis].as_f64().unwrap());
     assert!((middle("east") - 8.0).abs() < 0.1 && (middle("north") - 22.0).abs() < 0.1, "{bounds}");
     assert!((bounds["max"]["up"].as_f64().unwrap() - 1.7).abs() < 0.01, "{bounds}");
     let (code, flown) = lab.fly("car", &["--scene", "yard.glb", "fly to the red car", "--vlm", "oracle:perfect"]);
     assert_eq!((code, &flown["verified"], &flown["targets"][0]), (0, &true.into(), &"red_car_001".into()), "{flown}");
-    // What is not there is not found.
+    // An absent object is not found.
     let (code, flown) = lab.fly("none", &["--scene", "yard.glb", "fly to the helicopter", "--max-time", "60"]);
     assert_eq!((code, &flown["verified"]), (3, &false.into()), "{flown}");
 }
 
-/// Extras tell names, opening and start; buffers and pictures lie beside the file.
+/// Extras contain names, opening and start; buffers and images are beside the file.
 fn tagged(lab: &Lab) {
     assert!(lab.names(".").iter().any(|name| name.ends_with(".bin")) && lab.names(".").iter().any(|name| name.ends_with(".png")));
     let legend = legend(lab, "tagged.gltf");

@@ -1,4 +1,4 @@
-//! `spf ground`: who points where, and how well, on pictures whose grades are known.
+//! `spf ground`: points and their accuracy, on images with known grades.
 
 use serde_json::{Value, json};
 use spf_media::{Jpeg, Rgb};
@@ -9,7 +9,7 @@ use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
 use crate::vlm::{AHEAD, KEY};
 
-/// A model that says the same to everything, as one vendor writes it.
+/// A model that replies the same to everything, in the format of one vendor.
 fn model(vendor: Vendor, text: &'static str) -> Server {
     Server::start(move |_, request| vendor.stream(&vendor.model(request), text))
 }
@@ -22,7 +22,7 @@ fn ground(lab: &Lab, server: &Server, vendor: Vendor, args: &[&str]) -> Run {
     Run::of(&lab.command(&all).env(vendor.key(), KEY).output().unwrap())
 }
 
-/// A picture, half of it red.
+/// An image, half of it red.
 fn image(lab: &Lab, name: &str, (width, height): (u32, u32)) {
     let mut image = Rgb::filled(width, height, [90, 120, 150]);
     for y in 0..height {
@@ -65,7 +65,7 @@ fn the_oracle_is_graded_as_its_error_files_say() {
     assert_eq!(pairs.len(), 3);
     assert!(pairs[0]["hits_p_holm"].as_f64().unwrap() < 0.001, "{pairs:?}");
 
-    // Again: refused, then gone on with from a torn file, to the same figures.
+    // Again: refused, then resumed from a truncated file, with the same figures.
     let again = lab.spf(&args);
     assert!(again.code == Some(2) && again.stderr.contains("--resume"), "{}", again.stderr);
     let text = String::from_utf8(lab.read("graded/answers.jsonl")).unwrap();
@@ -77,7 +77,7 @@ fn the_oracle_is_graded_as_its_error_files_say() {
     assert_eq!(report(&resumed), found);
     assert_eq!(rows(&lab.path("graded/answers.jsonl")).len(), 180);
 
-    // What the perfect oracle reports are the boxes of things, and those have true ones. Its points keep clear of them.
+    // The perfect oracle reports boxes of objects, which have true ones. Its points keep clear of them.
     let run = lab.spf(&["ground", "--dataset", "data", "--vlm", "oracle:perfect", "-o", "boxes", "--json", "--avoid"]);
     let boxes = report(&run);
     assert!(of(&boxes, "oracle:perfect")["box_iou"]["value"].as_f64().unwrap() > 0.9, "{boxes}");
@@ -104,7 +104,7 @@ fn without_truth_there_is_no_hit_rate() {
     assert!(!page.contains("hits, %"), "{page}");
 }
 
-/// It always points at the middle of the width and 0.48 of the height: the grades are counted by hand.
+/// It always points at the middle of the width and 0.48 of the height: the grades are calculated by hand.
 #[test]
 fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     let lab = Lab::new();
@@ -137,7 +137,7 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     assert!(one["tokens_in"]["value"].as_f64().unwrap() > 0.0 && one["cost_usd_total"].as_f64().unwrap() > 0.0, "{one}");
     assert_eq!(server.questions().len(), 5);
 
-    // Two prompts are two answerers; what was asked before is asked again only under its new name.
+    // Two prompts are two answerers; earlier questions are sent again only under the new name.
     let prompt = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../prompts/point-3.txt")).unwrap();
     lab.write("p.txt", &prompt);
     lab.write("q.txt", prompt.replace("drone", "aircraft"));
@@ -149,7 +149,7 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     let questions = server.questions();
     assert_eq!((questions.len(), questions.iter().filter(|request| message(request)).count()), (15, 5));
 
-    // Answers to another prompt, or about another dataset, are not gone on with.
+    // Answers to another prompt, or about another dataset, are not resumed.
     let resumed = || ground(&lab, &server, Vendor::Gemini, &[&args[..], &["--resume"]].concat());
     assert_eq!(resumed().code, Some(0));
     lab.write("q.txt", prompt.replace("drone", "balloon"));
@@ -251,7 +251,7 @@ fn photographs_side_by_side() {
     let annotated = spf_media::jpeg::decode_any(&std::fs::read(annotated).unwrap()).unwrap();
     assert_eq!((annotated.width(), annotated.height()), (2 * 960, 480));
 
-    // The same from standard input and from a folder; in words.
+    // The same from standard input and from a folder; as text.
     let mut child = lab.command(&["ground", "-", "the red half", "--vlm", &vlm, "-o", "out"]);
     let input = std::fs::File::open(lab.path("photo.jpg")).unwrap();
     let run = Run::of(&child.env(Vendor::Gemini.key(), KEY).stdin(input).output().unwrap());
@@ -267,7 +267,7 @@ fn photographs_side_by_side() {
     let run = ground(&lab, &gemini, Vendor::Gemini, &["folder", "photo.jpg", "the red half", "-o", "out"]);
     assert_eq!(lab.names("out").len(), 5, "{}{}", run.stdout, run.stderr);
 
-    // The oracle cannot read photographs, and says so.
+    // The oracle cannot read photographs, and the error states that.
     let run = lab.spf(&["ground", "photo.jpg", "the red half"]);
     assert!(run.code == Some(2) && run.stderr.contains("cannot read photographs"), "{}", run.stderr);
 }
@@ -284,7 +284,7 @@ fn frames_of_a_video_of_a_flight() {
     let images = report(&run)["pictures"].clone();
     let names: Vec<&str> = images.as_array().unwrap().iter().map(|one| one["picture"].as_str().unwrap()).collect();
     assert_eq!(names, ["video.mp4-0.00s", "video.mp4-1.50s", "video.mp4-3.00s"]);
-    // What is no video is told so.
+    // A file that is not a video is reported as such.
     lab.write("bad.mp4", b"\0\0\0\x18ftypisom\0\0\0\0isomiso2nothing more");
     let run = ground(&lab, &server, Vendor::Gemini, &["bad.mp4", "x", "-o", "out"]);
     assert!(run.code == Some(2) && run.stderr.contains("no index"), "{}", run.stderr);

@@ -1,4 +1,4 @@
-//! A fresh folder to run the command in, and what a run of it printed.
+//! A fresh folder for running the command, and the output of a run.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,9 +11,9 @@ pub(crate) struct Lab {
     folder: tempfile::TempDir,
 }
 
-/// What a run left behind.
+/// The results of a run.
 pub(crate) struct Run {
-    /// Exit code; `None` when a signal ended it.
+    /// Exit code; `None` if a signal ended it.
     pub(crate) code: Option<i32>,
     pub(crate) stdout: String,
     pub(crate) stderr: String,
@@ -92,7 +92,7 @@ impl Run {
     }
 }
 
-/// Skips loudly where a tool is missing; on CI it must be there.
+/// Skips with a notice if a tool is missing; on CI it must exist.
 pub(crate) fn skip(what: &str) {
     assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "{what} is missing on CI");
     warn(&format!("{what} is missing"));

@@ -38,7 +38,7 @@ fn one_object_with_every_key_and_plain_talk() {
     let folder = printed["out_dir"].as_str().unwrap();
     assert_eq!(lab.names(folder), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 
-    // The file is what was printed, but for the folder.
+    // The file equals the output, except for the folder.
     let mut file: serde_json::Map<String, serde_json::Value> =
         serde_json::from_slice(&lab.read(&format!("{folder}/summary.json"))).unwrap();
     assert!(file.insert("out_dir".to_owned(), folder.into()).is_none(), "summary.json names its own folder");

@@ -1,4 +1,4 @@
-//! The flight log, as its own reader and others' read it.
+//! The flight log, read by its own reader and by others.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -58,7 +58,7 @@ fn lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
 }
 
-/// A flight without pictures, looked at with every command there is.
+/// A flight without images, processed by every log command.
 #[test]
 fn a_log_is_told_printed_replayed_and_repaired() {
     let lab = Lab::new();
@@ -89,7 +89,7 @@ fn a_log_is_told_printed_replayed_and_repaired() {
     torn(&lab, log);
 }
 
-/// The same without its end.
+/// The same, truncated.
 fn torn(lab: &Lab, log: &str) {
     let whole = lab.read(log);
     lab.write(log, &whole[..whole.len() / 2]);
@@ -111,12 +111,12 @@ fn torn(lab: &Lab, log: &str) {
     assert_eq!(lab.read("letter.txt"), b"no log");
 }
 
-/// Who flew otherwise than it was recorded is told so.
+/// A pilot that decides differently from the log is reported.
 #[test]
 fn a_changed_log_differs() {
     let lab = Lab::new();
     lab.fly("mine", &["fly to the red crane", "--max-time", "12", "--preset", "paper", "--policy", "plain"]);
-    // The same inputs under another head: what was recorded is not what is wanted now.
+    // The same inputs with another head: the recorded outputs differ from the replayed ones.
     let copy = changed(&lab.read("mine/flight.mcap"), |head| head["settings"]["rate_hz"] = 20.0.into());
     lab.write("other.mcap", copy);
     let run = lab.spf(&["replay", "other.mcap"]);
@@ -140,7 +140,7 @@ fn changed(log: &[u8], change: impl Fn(&mut Value)) -> Vec<u8> {
     writer.into_inner().into_inner()
 }
 
-/// A folder of logs as one table, of each kind, read by others.
+/// A folder of logs as one table, of each kind, read by third-party programs.
 #[test]
 fn a_folder_of_logs_is_one_table() {
     let lab = Lab::new();
@@ -211,7 +211,7 @@ fn a_video_is_made_of_a_log() {
     assert!(none.code == Some(2) && none.stderr.contains("no camera images"), "{}", none.stderr);
 }
 
-/// The flight's own oracle answers as it did, from what is drawn again of scene and true pose; a poor one does not.
+/// The flight's own oracle replies as before, from images rendered again from scene and true pose; a poor one does not.
 #[test]
 fn another_mind_is_asked_about_the_same_frames() {
     let lab = Lab::new();
@@ -238,7 +238,7 @@ fn another_mind_is_asked_about_the_same_frames() {
     assert!(wrong.code == Some(2) && wrong.stderr.contains("did you mean `oracle`?"), "{}", wrong.stderr);
 }
 
-/// A viewer written by others, over the wire, while it flies.
+/// A third-party viewer, over the network, during the flight.
 #[cfg(unix)]
 #[test]
 fn a_flight_is_seen_live() {
@@ -261,7 +261,7 @@ fn a_flight_is_seen_live() {
     assert_eq!(seen.code, Some(0), "{}{}", seen.stdout, seen.stderr);
     std::io::copy(&mut talk, &mut std::io::sink()).unwrap();
     assert_eq!(flight.wait().unwrap().code(), Some(3));
-    // What was seen is what was logged.
+    // The displayed content equals the log.
     let logged = by_topic(&lab.path("mine/flight.mcap"));
     let told: Value = serde_json::from_str(&seen.stdout).unwrap();
     for (time, data) in told["/command"].as_array().unwrap().iter().map(|pair| (pair[0].as_u64().unwrap(), &pair[1])) {
@@ -271,7 +271,7 @@ fn a_flight_is_seen_live() {
     }
 }
 
-/// Rerun reads it, the message types are Foxglove's own, and what docs/viewers holds works.
+/// Rerun reads it, the message types are Foxglove's own, and the files in docs/viewers work.
 #[test]
 fn rerun_opens_it_and_foxglove_knows_its_messages() {
     let packages = ["rerun-sdk==0.41.0", "foxglove-sdk==0.30.3", "mcap==1.6.0", "mcap-protobuf-support==0.6.0"];
@@ -286,7 +286,7 @@ fn rerun_opens_it_and_foxglove_knows_its_messages() {
     assert_eq!(read.code, Some(0), "{}{}", read.stdout, read.stderr);
 }
 
-/// A log of each format that ever was stays readable. What a replay finds in it may change with the method; that it runs may not.
+/// Logs of every earlier format stay readable. The result of a replay may change with the method; the replay must run.
 #[test]
 fn old_logs_stay_readable() {
     let lab = Lab::new();

@@ -1,4 +1,4 @@
-//! Tests of the command as a user meets it. Each runs the binary in a folder and an environment of its own.
+//! Tests of the command from the user's side. Each runs the binary in a folder and an environment of its own.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod bench;

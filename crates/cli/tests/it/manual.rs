@@ -1,4 +1,5 @@
-//! Flying by hand in a terminal of its own: typing an instruction flies nothing, a held key moves, letting it go stops.
+//! Flying by hand in a terminal of its own: typing an instruction moves nothing, a held key moves the craft, and
+//! releasing it stops the craft.
 
 use std::path::Path;
 use std::process::Command;
@@ -36,7 +37,8 @@ fn typing_flies_nothing_and_a_held_key_moves_until_it_is_let_go() {
     assert_eq!(other, [&"hold", &"land"], "Enter holds, and of all that was typed nothing else was done: {kinds:?}");
     let held: Vec<f64> = operator.iter().filter(|line| kind(line) == "setpoint").map(time).collect();
     assert!(held.len() >= 10, "{kinds:?}");
-    // Between typing and the key nothing moved; while the key was held it turned; half a second after it was let go, zero.
+    // Between typing and the key nothing moved; while the key was held it turned; half a second after its release,
+    // zero.
     let turning: Vec<f64> = lines(&lab, "/command")
         .iter()
         .filter(|line| line["message"]["cleared"]["yaw_rate"].as_f64().is_some_and(|rate| rate != 0.0))
@@ -51,7 +53,7 @@ fn time(line: &Value) -> f64 {
     line["time_s"].as_f64().unwrap()
 }
 
-/// What an operator did, in a word.
+/// An operator's action in a word.
 fn kind(line: &Value) -> &str {
     let event = &line["message"]["event"];
     event.as_str().unwrap_or_else(|| event.as_object().and_then(|event| event.keys().next()).map_or("", String::as_str))

@@ -1,9 +1,10 @@
-//! `--events`: every path of the operator, in virtual time.
+//! `--events`: every action of the operator, in virtual time.
 
 use crate::harness::Lab;
 use serde_json::Value;
 
-/// Flies with the events of a TOML text for at most `max_time` seconds. Tells exit code, summary, decisions and the talk.
+/// Flies with the events of a TOML text for at most `max_time` seconds. Returns exit code, summary, decisions and
+/// messages.
 fn fly(max_time: &str, events: &str) -> (i32, Value, Vec<Value>, String) {
     let lab = Lab::new();
     lab.write("events.toml", events);
@@ -25,7 +26,7 @@ fn fly(max_time: &str, events: &str) -> (i32, Value, Vec<Value>, String) {
     (run.code.unwrap(), summary, lab.decisions("mine"), run.stderr)
 }
 
-/// A time of a decision, which is written in nanoseconds.
+/// A time of a decision, written in nanoseconds.
 fn seconds(decision: &Value, key: &str) -> f64 {
     decision[key].as_u64().unwrap_or_else(|| panic!("{key} of {decision}")) as f64 * 1e-9
 }
@@ -78,7 +79,7 @@ fn setpoints_fly_by_hand() {
     assert!(message.contains("under manual control"), "{message}");
     let times: Vec<f64> = decisions.iter().map(|decision| seconds(decision, "answered")).collect();
     assert!(times.iter().all(|at| !(12.0..=20.0).contains(at)) && times.iter().any(|at| *at > 20.0), "{times:?}");
-    // Four seconds backwards and up show in the pose known at the first decision after them.
+    // Four seconds backwards and up are visible in the known pose at the next decision.
     let by = |at: f64| decisions.iter().find(|decision| seconds(decision, "captured") > at).unwrap()["pose"]["position"].clone();
     let up = |pose: &Value| pose["up"].as_f64().unwrap();
     assert!(up(&by(20.0)) > up(&decisions[0]["pose"]["position"]) + 1.0, "{message}");

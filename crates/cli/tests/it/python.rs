@@ -1,11 +1,13 @@
-//! A Python with packages, in an environment of its own under `target/`, for tests that let others' programs read our files.
+//! Python with packages, in an environment of its own under `target/`, for tests in which third-party programs read our
+//! files.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use crate::harness::skip;
 
-/// The interpreter of an environment with these packages; none, loudly, where there is no Python or no package index.
+/// The interpreter of an environment with these packages; `None`, with a notice, if there is no Python or no package
+/// index.
 pub(crate) fn with(packages: &[&str]) -> Option<PathBuf> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("python-{}", packages.join("-")));
     let python = folder.join("bin").join("python3");
@@ -14,7 +16,7 @@ pub(crate) fn with(packages: &[&str]) -> Option<PathBuf> {
         Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
         Err(error) => Err(error.to_string()),
     };
-    // The marker is written last: an environment that was cut short is made again.
+    // The marker is written last: an interrupted environment is created again.
     let marker = folder.join("complete");
     if !marker.exists() {
         let made = message(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).output())

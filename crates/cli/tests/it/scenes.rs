@@ -12,7 +12,7 @@ fn every_built_in_scene_is_listed_in_one_line() {
     assert!(lines[0].starts_with("SCENE ") && lines[0].ends_with("DESCRIPTION"), "{}", run.stdout);
     let city = lines.iter().find(|line| line.starts_with("city ")).unwrap_or_else(|| panic!("{}", run.stdout));
     assert!(city.contains(" quad ") && city.contains("260 x 290 x 92 m") && city.contains("crane"), "{city}");
-    // The description column says something of every scene.
+    // The description column is filled for every scene.
     let column = lines[0].find("DESCRIPTION").unwrap();
     assert!(lines[1..].iter().all(|line| line.len() > column + 10), "{}", run.stdout);
 }
@@ -73,7 +73,7 @@ fn a_contact_sheet_shows_every_light_and_weather() {
     let sheet = spf_media::jpeg::decode(&lab.read("sheet.jpg")).unwrap();
     // Four lights across, three weathers down, a title above.
     assert!((990..1100).contains(&sheet.width()) && (570..700).contains(&sheet.height()), "{sheet:?}");
-    // Twelve pictures, each of its own.
+    // Twelve different images.
     let thumb = |index: u32| {
         let (left, top) = (20 + index % 4 * 244, 46 + index / 4 * 184);
         let places = (top..top + 150).flat_map(move |y| (left..left + 220).map(move |x| (x, y)));

@@ -1,4 +1,4 @@
-//! `spf sim serve --vlm`: an endpoint that the vendors' SDKs and our own clients take for a vendor.
+//! `spf sim serve --vlm`: an endpoint that the vendors' SDKs and our own clients accept as a vendor.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -12,7 +12,7 @@ use crate::harness::{Lab, Run};
 use crate::python;
 use crate::vlm::vendors::Vendor;
 
-/// What stands in view of the city's start.
+/// The objects in view of the city's start.
 const INSTRUCTION: &str = "Fly to the yellow taxi";
 
 struct Serving {
@@ -59,7 +59,7 @@ impl Drop for Serving {
     }
 }
 
-/// Asks about a picture by our own client; the answer's row.
+/// Queries about an image with our own client; returns the answer's row.
 fn ground(lab: &Lab, serving: &Serving, vendor: Vendor, image: &str) -> (Option<i32>, Value) {
     let model = if vendor == Vendor::Chat { "#m" } else { "" };
     let vlm = format!("{}{model}@{}/v1", vendor.name(), serving.url);
@@ -85,13 +85,13 @@ fn our_own_clients_get_the_same_answer_in_their_own_coordinates() {
         assert!((point.0 - points[0].0).abs() < 0.02 && (point.1 - points[0].1).abs() < 0.02, "{points:?}");
     }
 
-    // The camera moves, and then sees something else.
+    // The camera moves, and then shows something else.
     let before = serving.frame();
     assert_eq!(serving.request("PUT /pose", b"0,0,20,180,-10").0, 204);
     assert_ne!(serving.frame(), before);
     assert_eq!(serving.request("PUT /pose", b"somewhere").0, 422);
 
-    // A picture that it never took.
+    // An image that it never took.
     lab.write("other.jpg", spf_media::Jpeg::encode(&spf_media::Rgb::filled(960, 720, [200, 10, 10]), 90).unwrap().bytes());
     let (code, message) = ground(&lab, &serving, Vendor::Gemini, "other.jpg");
     assert!(code == Some(6), "{message}");

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::harness::{Lab, rows};
 
-/// A flight under way, and what it says.
+/// A running flight, and its output.
 struct Flight {
     child: Child,
     talk: BufReader<ChildStderr>,
@@ -41,7 +41,7 @@ impl Flight {
         assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
     }
 
-    /// Exit code, standard output, and all that was said.
+    /// Exit code, standard output, and all messages.
     fn end(mut self) -> (Option<i32>, String, String) {
         self.talk.read_to_string(&mut self.message).unwrap();
         let mut printed = String::new();
@@ -101,7 +101,7 @@ fn kill_leaves_whole_lines() {
     let rows = rows(&lab.path("mine/decisions.jsonl"));
     assert!(rows.len() >= 2);
 
-    // The log lacks at most the last second, and opens whole once repaired.
+    // The log lacks at most the last second, and is complete once repaired.
     let repaired = lab.spf(&["log", "repair", "mine/flight.mcap"]);
     assert_eq!(repaired.code, Some(0), "{}", repaired.stderr);
     let told: Value = serde_json::from_str(&lab.spf(&["log", "info", "mine/flight.mcap", "--json"]).stdout).unwrap();
@@ -118,7 +118,7 @@ fn a_flight_on_the_wall_clock_ends_by_itself() {
     let summary: Value = serde_json::from_str(&printed).unwrap();
     assert_eq!(summary["outcome"], "timeout");
     assert!(summary["finished_at_s"].as_f64().unwrap() >= 6.0);
-    // It comes at whatever times the machine allows, and is replayed to the bit all the same.
+    // Its timing depends on the machine, but the replay is identical to the bit.
     let again = lab.spf(&["replay", "mine/flight.mcap"]);
     assert_eq!(again.code, Some(0), "{}{}", again.stdout, again.stderr);
     assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);

@@ -11,7 +11,7 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// Runs `docs/tables` of the repository or of a copy of it; none, loudly, where there is no Python.
+/// Runs `docs/tables` of the repository or of a copy of it; `None`, with a notice, if there is no Python.
 fn tables(root: &Path, args: &[&str]) -> Option<Run> {
     match Command::new("python3").arg(root.join("docs/tables")).args(args).env("PYTHONDONTWRITEBYTECODE", "1").output() {
         Ok(output) => Some(Run::of(&output)),
@@ -70,14 +70,14 @@ fn a_changed_number_is_found_and_written_again() {
     }
     assert_eq!(fs::read_to_string(at(name)).unwrap(), wrong, "a check writes nothing");
 
-    // Written once, all is as it was; written twice, nothing changes.
+    // After writing once nothing has changed; after writing twice neither.
     for listed in [format!("{name}\n"), String::new()] {
         let run = tables(&at(""), &[]).unwrap();
         assert_eq!((run.code, run.stdout), (Some(0), listed), "{}", run.stderr);
         assert_eq!(fs::read_to_string(at(name)).unwrap(), right);
     }
 
-    // A flight changed in a result file is missed in the documents.
+    // A flight changed in a result file is missing in the documents.
     let results = fs::read_to_string(at("docs/results/trials-task.tsv")).unwrap();
     fs::write(at("docs/results/trials-task.tsv"), results.replacen("VVVVV\n", "VVVVC\n", 1)).unwrap();
     let run = tables(&at(""), &["--check"]).unwrap();

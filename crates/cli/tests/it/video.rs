@@ -1,4 +1,4 @@
-//! The video of a flight, read by somebody else's tool.
+//! The video of a flight, read by a third-party tool.
 
 use std::process::Command;
 
@@ -24,7 +24,7 @@ fn a_video_has_ten_pictures_a_second_of_the_whole_flight() {
     let number = |value: &serde_json::Value| value.as_str().unwrap().parse::<f64>().unwrap();
     assert_eq!(stream["codec_name"], "h264");
     assert_eq!(number(&stream["start_time"]), 0.0);
-    // Take-off, waiting and landing are in it, each second with ten pictures or more.
+    // It contains take-off, waiting and landing, each second with ten images or more.
     let (images, duration) = (number(&stream["nb_read_frames"]), number(&probed["format"]["duration"]));
     assert!((duration - ended).abs() < 0.25, "{duration} s of video, {ended} s of flight");
     assert!(images >= 10.0 * duration - 1.0, "{images} pictures in {duration} s");

@@ -1,4 +1,4 @@
-//! `spf sim view`: the page in a real browser, and the end.
+//! `spf sim view`: the page in a real browser, and its end.
 
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
@@ -60,18 +60,18 @@ fn ctrl_c_ends_it_and_frees_the_port() {
     assert!(TcpStream::connect(&address).is_err());
 }
 
-/// A browser without a window, steered over its debugging protocol.
+/// A headless browser, controlled over its debugging protocol.
 pub(crate) struct Browser {
     child: Child,
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     session: Option<String>,
     calls: u64,
-    /// What the page's script and the browser complained about.
+    /// Complaints of the page's script and the browser.
     pub(crate) complaints: Vec<Value>,
 }
 
 impl Browser {
-    /// None where there is none.
+    /// `None` if there is none.
     pub(crate) fn start(lab: &Lab) -> Option<Self> {
         let child = ["chromium", "chromium-browser", "google-chrome"].into_iter().find_map(|program| {
             let profile = format!("--user-data-dir={}", lab.path("profile").display());
@@ -84,7 +84,7 @@ impl Browser {
         let mut child = child?;
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
         let message = lines.find_map(|line| line.unwrap().strip_prefix("DevTools listening on ").map(str::to_owned));
-        // It talks on; a full pipe would stop it.
+        // It keeps printing; a full pipe would stop it.
         std::thread::spawn(move || lines.for_each(drop));
         let (socket, _) = tungstenite::connect(message.expect("the browser tells where it listens")).unwrap();
         Some(Self { child, socket, session: None, calls: 0, complaints: Vec::new() })
@@ -169,7 +169,7 @@ fn a_browser_shows_the_city_and_flies() {
     browser.key("keyDown", "Digit1");
     browser.until("head.channel === 'colour' && picture.width === 960");
 
-    // What is on the screen: large, and of many colours.
+    // The screen content: large, with many colours.
     let wide = browser.evaluate("document.getElementById('picture').getBoundingClientRect().width");
     let colours = browser.evaluate(
         "(() => { const found = new Set(), { data } = paint.getImageData(0, 0, 960, 720); \

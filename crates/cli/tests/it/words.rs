@@ -2,7 +2,7 @@
 
 use crate::harness::Lab;
 
-/// Help as it is printed where there is no terminal.
+/// Help as printed without a terminal.
 fn help(args: &[&str]) -> String {
     let run = Lab::new().spf(args);
     assert_eq!((run.code, run.stderr.as_str()), (Some(0), ""));
@@ -87,7 +87,7 @@ fn configuration_from_file_dotenv_and_environment() {
     let shown = String::from_utf8(output.stdout).unwrap();
     insta::assert_snapshot!(message(&shown));
 
-    // What is printed is a configuration file of the same meaning.
+    // The output is a configuration file with the same meaning.
     let again = Lab::new();
     again.write("spf.toml", &shown);
     let run = again.spf(&["config", "show"]);

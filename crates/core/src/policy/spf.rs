@@ -273,7 +273,7 @@ impl Spf {
             && !is_clear(&primitives)
         {
             action = search.next(Look::Right, heading, way);
-            self.reading.actions.push("no look up or down: an obstacle reaches beyond the frame there".to_owned());
+            self.reading.actions.push("not looking up or down: an obstacle extends beyond the frame there".to_owned());
         }
         match (action, reply.open_way) {
             (SearchAction::Look(primitives), _) => {

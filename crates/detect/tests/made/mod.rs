@@ -1,6 +1,6 @@
 //! Small networks with the inputs and outputs of YOLO exports, written as ONNX by hand: they find red and blue squares.
 //!
-//! Like the exported ones they have three heads, of cells of 8, 16 and 32 pixels; only the first looks at anything.
+//! Like the exported ones they have three heads, with cells of 8, 16 and 32 pixels; only the first evaluates the image.
 
 /// The side of the input, pixels.
 pub(crate) const SIDE: usize = 64;
@@ -26,7 +26,7 @@ pub(crate) struct Export {
     pub(crate) half: bool,
     /// Channels of the input.
     pub(crate) channels: usize,
-    /// What the model says of itself.
+    /// The model's metadata.
     pub(crate) metadata: Vec<(&'static str, &'static str)>,
 }
 
@@ -147,7 +147,7 @@ pub(crate) fn model(export: &Export) -> Vec<u8> {
     let (a, b) = if turned { (cells, rows) } else { (rows, cells) };
     graph = graph.message(12, &value("output0", &[Ok(1), Ok(a), Ok(b)]));
     if export.masks {
-        // Any four dimensions are prototypes of masks.
+        // Any four dimensions are mask prototypes.
         graph = graph.message(1, &node("Identity", &["put8"], "output1", &[], &[]));
         graph = graph.message(12, &value("output1", &[Ok(1), Ok(rows), Ok(8), Ok(8)]));
     }
@@ -159,7 +159,7 @@ pub(crate) fn model(export: &Export) -> Vec<u8> {
     model.0
 }
 
-/// Weights of the head of a stride: for red how much redder than green a cell is, for blue how much bluer.
+/// Weights of the head of a stride: for red by how much a cell is redder than green, for blue by how much it is bluer.
 fn looking(name: &str, rows: usize, export: &Export, stride: usize) -> Message {
     let area = stride * stride;
     let mut weights = vec![0.0; rows * export.channels * area];
@@ -176,7 +176,7 @@ fn looking(name: &str, rows: usize, export: &Export, stride: usize) -> Message {
     if export.half { tensor(name, &dims, FLOAT16, &vec![0; 2 * weights.len()]) } else { floats(name, &dims, &weights) }
 }
 
-/// What is added to each cell: where it is, as centre and size or as corners.
+/// Offset added to each cell: its position, as centre and size or as corners.
 fn places(rows: usize, is_final: bool, stride: usize) -> Vec<f32> {
     let side = SIDE / stride;
     let size = stride as f32;

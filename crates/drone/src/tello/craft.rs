@@ -92,7 +92,7 @@ impl Shared {
                     tracing::warn!("`{command}` was not sent: a reply to the previous command may still arrive");
                 }
                 Notice::MotorsOff => tracing::warn!("the drone seems to have stopped its motors; landing it"),
-                Notice::NoTakeOff => tracing::warn!("no reply to `takeoff`, and the motors do not turn: take-off given up"),
+                Notice::NoTakeOff => tracing::warn!("no reply to `takeoff`, and the motors do not turn: take-off abandoned"),
                 Notice::Unattended { landing: false } => tracing::error!("no command from the pilot for 2 s: the drone holds"),
                 Notice::Unattended { landing: true } => tracing::error!("no command from the pilot for 5 s: landing the drone"),
                 Notice::Failed => tracing::error!("a part of the Tello driver failed: landing the drone"),

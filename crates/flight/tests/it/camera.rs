@@ -1,4 +1,5 @@
-//! Flying by pictures that a lens has bent: what is pointed at is what is flown to. And through wind, and on a weak battery.
+//! Flying with images distorted by a lens: the craft flies to the point shown. Also through wind, and on a weak
+//! battery.
 
 use std::sync::{Arc, OnceLock};
 
@@ -16,7 +17,7 @@ use spf_oracle::ErrorFile;
 use spf_render::Channels;
 use spf_render::effects::Effects;
 
-/// A strong barrel: 13 % at the corners of the quad's picture.
+/// A strong barrel distortion: 13 % at the corners of the quad's image.
 const BARREL: &str = "lens=-0.09:0.005:0.001:-0.002";
 
 fn city() -> Arc<LoadedScene> {
@@ -30,8 +31,8 @@ fn world(effects: &str, kind: CraftKind) -> SimWorld {
     SimWorld::under(&flight_conditions, loaded.clone(), kind, loaded.scene.start, 1)
 }
 
-/// How far the places that pixels of a picture are lifted to lie from the surface of the object that they show, in pixels at
-/// their depth: the worst and the mean. `by` is the camera that they are lifted by.
+/// Distance between the lifted positions of image pixels and the surface of the object that they show, in pixels at
+/// their depth: the worst and the mean. `by` is the camera used for lifting.
 fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
     let position = EnuPosition { east: 2.0, north: -4.0, up: 6.0 };
     let pose = Pose { position, attitude: Attitude { heading: 0.4, pitch: -0.05, roll: 0.03 } };
@@ -42,7 +43,7 @@ fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
     let mut misses = Vec::new();
     for (x, y) in (7..h - 2).step_by(24).flat_map(|y| (5..w - 2).step_by(24).map(move |x| (x, y))) {
         let at = y * w + x;
-        // Well inside of one object: an edge within a pixel is nobody's fault.
+        // Well inside one object: an edge may be off by a pixel.
         let inside = [at - 2, at + 2, at - 2 * w, at + 2 * w].iter().all(|&beside| ids[beside] == ids[at]);
         if ids[at] == 0 || !inside {
             continue;
@@ -50,7 +51,7 @@ fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
         let point = ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
         let seen = unproject(by, point, f64::from(depth[at])).unwrap();
         let place = position.displaced(lift(seen, by, pose.attitude, Lifting::Levelled), pose.attitude.heading);
-        // What moves by itself is no part of the collider.
+        // Moving objects are not part of the collider.
         let Some(miss) = world.loaded().collider.distance_to(ids[at], place) else { continue };
         misses.push(miss * by.fx / f64::from(depth[at]));
     }
@@ -63,10 +64,11 @@ fn what_is_pointed_at_is_what_is_lifted_to() {
     for (effects, kind) in [(BARREL, CraftKind::Quad), ("lens=wide", CraftKind::Quad), ("lens=tello_ros2", CraftKind::Tello)] {
         let world = world(effects, kind);
         let (worst, mean) = misses(&world, world.camera());
-        // The nearest pixel of the straight picture is half a pixel off at most, and a surface seen at a slant is met elsewhere.
+        // The nearest pixel of the undistorted image is at most half a pixel away, and an oblique surface is hit
+        // elsewhere.
         assert!(worst < 3.0 && mean < 0.4, "{effects}: {worst} {mean}");
     }
-    // By a camera that knows nothing of its lens, the same pixels miss.
+    // With a camera model without the lens, the same pixels miss.
     let world = world(BARREL, CraftKind::Quad);
     let blind = Camera { distortion: Distortion::default(), ..*world.camera() };
     let (worst, mean) = misses(&world, &blind);

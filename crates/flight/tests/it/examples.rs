@@ -1,4 +1,4 @@
-//! The examples do what they say.
+//! The examples work as documented.
 
 #[allow(dead_code, reason = "an example's own `main` is not called here")]
 #[path = "../../examples/drone.rs"]
@@ -32,7 +32,7 @@ use spf_vlm::{Strategy, setup};
 fn a_drone_of_one_s_own_is_flown_to_its_ball() {
     let summary = drone::fly("red", drone::sees_red()).unwrap().summary;
     assert_eq!((summary.outcome, summary.drone.as_str()), (Outcome::Reached, "toy"), "{summary:?}");
-    // 3 m up, and the ball is some 14 m away: the figures are the toy's, so nothing is corrected to and fro.
+    // 3 m up, and the ball is about 14 m away: the parameters are the toy's, so no corrections are needed.
     assert!((10.0..20.0).contains(&summary.path_length_m), "{}", summary.path_length_m);
 }
 

@@ -1,4 +1,4 @@
-//! Whole flights, the examples, and what joins the oracle and scenes: this is the lowest crate that knows both.
+//! Whole flights, the examples, and tests of oracle and scenes together: this is the lowest crate that may use both.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod camera;

@@ -9,7 +9,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
 
-/// Panics at its second decision, as an encoder with a bug may.
+/// Panics at its second decision, like an encoder with a bug.
 #[derive(Default)]
 struct Panicking {
     notes: u32,

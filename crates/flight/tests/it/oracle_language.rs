@@ -6,7 +6,7 @@ use spf_core::tags::Tagged;
 use spf_oracle::{Place, Placed, resolve_truth};
 use spf_scene::{Object, Scene};
 
-/// A scene's objects as the truth sees them.
+/// A scene's objects as used by the ground truth.
 struct City {
     scene: Scene,
     tags: Vec<Tagged>,
@@ -19,7 +19,8 @@ impl City {
 
     fn of(scene: &str) -> Self {
         let mut scene = Scene::load(scene).unwrap();
-        // The trial files were written before anything moved in the city; what moves would be a further right answer.
+        // The trial files were written before anything in the city moved; moving objects would be further right
+        // answers.
         let moving: Vec<u16> = scene.actors.iter().map(|actor| actor.object).collect();
         scene.objects.retain(|object| !moving.contains(&object.id));
         let tags = scene.tagged();
@@ -208,13 +209,13 @@ struct Trial {
     kind: String,
 }
 
-/// Right when what is meant is among what is expected and something is, or when both are nothing.
+/// Right if at least one object is found and all are expected, or if none is found and none is expected.
 fn right(found: &[&str], expected: &[String]) -> bool {
     let allowed = |key: &&str| expected.iter().any(|e| e == key || e.strip_suffix('*').is_some_and(|stem| key.starts_with(stem)));
     found.is_empty() == expected.is_empty() && found.iter().all(allowed)
 }
 
-/// Right and all, by kind of instruction; the wrong ones are printed for `--nocapture`.
+/// Number right and total, by kind of instruction; the wrong ones are printed with `--nocapture`.
 fn score(text: &str) -> String {
     let city = City::load();
     let mut kinds: std::collections::BTreeMap<String, (usize, usize)> = std::collections::BTreeMap::new();

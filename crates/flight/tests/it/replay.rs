@@ -1,4 +1,4 @@
-//! A flight is the same when its log is replayed, and is not when the method is another.
+//! Replaying a log gives the same flight, and a different one if the method differs.
 
 #[path = "../../../detect/tests/made/mod.rs"]
 mod made;
@@ -25,18 +25,18 @@ use spf_oracle::ErrorFile;
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
 
-/// Thirty seconds, in which some answers come too late.
+/// Thirty seconds, in which some answers arrive too late.
 fn settings() -> PilotSettings {
     let (max_time, reply_timeout) = (Duration::from_secs(30), Duration::from_secs(2));
     PilotSettings { max_time, reply_timeout, ..PilotSettings::preset(Preset::Default) }
 }
 
-/// The policy of a name.
+/// The policy with a name.
 fn policy(name: &str) -> Arc<PolicyKind> {
     Arc::new(PolicyKind::of_name(name).unwrap())
 }
 
-/// A flight with everything that a pilot can be told: frames, telemetry, replies good and bad, an operator.
+/// A flight with every pilot input: frames, telemetry, valid and invalid replies, an operator.
 fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
     let kind = CraftKind::Quad;
     let at = Time::from_millis;
@@ -76,7 +76,7 @@ fn a_flight_is_the_same_again_and_another_method_is_not() {
     assert_eq!(same.differences, []);
     assert!(!same.torn && same.inputs > 1000 && same.outputs > 200, "{} {}", same.inputs, same.outputs);
 
-    // A hundredth more in the exponent is another step, and so another way.
+    // A hundredth more in the exponent changes the step, and therefore the path.
     let with_exponent = |exponent| {
         let step = StepRule::Adaptive { scale: 10.0, labels: 10, min: 0.1, exponent };
         Changes { settings: Some(PilotSettings { step, ..settings() }), ..Changes::default() }
@@ -116,7 +116,7 @@ fn a_flight_with_a_detector_is_the_same_again() {
     assert_eq!(replayed(&log, &Changes::default()).differences, []);
     let mut entries = LogReader::open(&log).unwrap();
     assert_eq!(head(&mut entries).unwrap().detector.as_deref(), Some("oracle:perfect"));
-    // The lists are in the log: as answers, and in the questions about the same frames.
+    // The lists are in the log: as answers, and in the queries about the same frames.
     let rows: Vec<Entry> = entries.map(Result::unwrap).collect();
     let saying = |topic: &str, words: &str| {
         let of = rows.iter().filter(|entry| entry.topic == topic).map(|entry| row::<Value>(entry).unwrap().to_string());
@@ -135,7 +135,7 @@ fn a_flight_with_a_model_is_the_same_again() {
     let log = flown(&folder.path().join("flight"), |plan| {
         (plan.policy, plan.detector) = (policy("spf-detector"), Some(detector.name().to_owned()));
         plan.settings.avoid = true;
-        // The network is quick, but how quick is another matter each time: replay takes what the log has.
+        // The inference time varies: a replay takes it from the log.
         plan.vlm_factory = with_detector(plan.vlm_factory.clone(), model_detects(detector));
     });
     assert_eq!(replayed(&log, &Changes::default()).differences, []);

@@ -1,11 +1,11 @@
-//! The scenes of the real-world set, office and yard, as the oracle's language names what stands in them.
+//! The scenes of the real-world set, office and yard, and the names of their objects in the oracle's language.
 
 use spf_oracle::{Placed, resolve_truth};
 use spf_scene::Scene;
 
 #[test]
 fn their_words_lead_to_the_right_things() {
-    // The paper's real-world tasks that name one thing, as far as the oracle's language knows their words.
+    // The paper's real-world tasks that name one object, as far as the oracle's language knows their words.
     let tasks = [
         ("yard", "It's raining, head to the comfiest chair that looks like it'll keep you dry!", "covered_armchair"),
         ("yard", "Fly toward the body of the person with red cone", "person_red_cone"),

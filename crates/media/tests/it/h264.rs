@@ -1,4 +1,4 @@
-//! H.264 streams of other people's encoders.
+//! H.264 streams of third-party encoders.
 
 use std::process::Command;
 
@@ -13,7 +13,7 @@ fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
     output.stdout
 }
 
-/// Units behind start codes, a picture each.
+/// Units with start codes, one image each.
 fn units(stream: &[u8]) -> Vec<Vec<u8>> {
     let (mut units, mut open): (Vec<Vec<u8>>, Vec<u8>) = (Vec::new(), Vec::new());
     for nal in nal_units(stream) {
@@ -26,7 +26,7 @@ fn units(stream: &[u8]) -> Vec<Vec<u8>> {
     units
 }
 
-/// x264 sends pictures in another order than they are shown in unless it is told otherwise.
+/// By default x264 sends images in an order that differs from presentation order.
 #[test]
 fn pictures_with_b_frames_come_whole_and_in_order() {
     if !have_ffmpeg() {
@@ -45,7 +45,7 @@ fn pictures_with_b_frames_come_whole_and_in_order() {
     let mut seen: Vec<Rgb> = units(&stream).iter().filter_map(|unit| decoder.decode_in_order(unit).unwrap()).collect();
     seen.extend(decoder.rest().unwrap());
     assert_eq!((seen.len(), expected.len()), (25, 25));
-    // The clock of the test picture moves: each is nearest to its own.
+    // The clock in the test image advances: each is nearest to its own.
     let apart = |image: &Rgb, grey: &[u8]| -> u64 {
         let luma = |p: &[u8]| (54 * u32::from(p[0]) + 183 * u32::from(p[1]) + 19 * u32::from(p[2])) >> 8;
         image.data().chunks_exact(3).zip(grey).map(|(p, g)| u64::from(luma(p).abs_diff(u32::from(*g)))).sum()

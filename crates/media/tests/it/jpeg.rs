@@ -1,4 +1,4 @@
-//! JPEG files as other people's programs read them.
+//! JPEG files as read by third-party programs.
 
 use std::io::Write;
 use std::process::{Command, Stdio};
@@ -19,7 +19,7 @@ fn image(width: u32, height: u32) -> Rgb {
     image
 }
 
-/// The picture as ffmpeg decodes it, which must not complain.
+/// The image as decoded by ffmpeg, which must not complain.
 fn as_ffmpeg_sees(jpeg: &Jpeg) -> Rgb {
     let mut decoder = Command::new("ffmpeg")
         .args(["-v", "error", "-xerror", "-err_detect", "explode", "-f", "jpeg_pipe", "-i", "-"])

@@ -1,4 +1,4 @@
-//! Pixels from outside: marks, and other people's programs. One binary, for each links on its own.
+//! Pixels from outside: marks, and third-party programs. One binary, because each takes time to link.
 // The configuration allows it in test functions; these are helpers of tests.
 #![allow(clippy::unwrap_used)]
 

@@ -5,7 +5,7 @@ use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_media::marks::{self, Canvas, Colour, Hud, Point, Rect, TextStyle};
 use spf_media::{Rgb, resize};
 
-/// Any float: ordinary ones near the picture, huge ones, infinities, NaN.
+/// Any float: ordinary ones near the image, huge ones, infinities, NaN.
 fn coordinate() -> impl Strategy<Value = f64> {
     prop_oneof![4 => -0.5..1.5_f64, 1 => -2000.0..2000.0_f64, 2 => any::<f64>()]
 }
@@ -98,7 +98,7 @@ fn marks_are_the_same_on_every_machine() {
         let file = std::path::Path::new(&folder).join("marks-small.png");
         std::fs::write(file, spf_media::png::encode(&sheet(480, 360)).unwrap()).unwrap();
     }
-    // To accept a change that was looked at: run with SPF_TEST_PICTURES=FOLDER, view the pictures, copy the digests from the
+    // To accept a reviewed change: run with SPF_TEST_PICTURES=FOLDER, view the images, copy the digests from the
     // failure. They also catch a compiler or a library that rounds differently.
     let (large, small) = (sheet(960, 720), sheet(480, 360));
     let digests = [large.digest(), small.digest(), resize(&large, 500, 300).digest()].map(|digest| format!("{digest:016x}"));

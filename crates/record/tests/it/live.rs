@@ -1,4 +1,4 @@
-//! A live view as viewers meet it, quick ones and stuck ones.
+//! A live view from the viewers' side, fast ones and stuck ones.
 
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ fn message(topic: usize, number: u64, size: usize) -> Message {
     Message { topic, time: Time::from_millis(number), data: vec![number as u8; size].into() }
 }
 
-/// A viewer that waits for nothing longer than a minute.
+/// A viewer that waits at most a minute for anything.
 struct Viewer(WebSocket<TcpStream>);
 
 impl Viewer {
@@ -58,7 +58,7 @@ impl Viewer {
         }
     }
 
-    /// The next message: subscription, time, data. Words in between are passed over.
+    /// The next message: subscription, time, data. Text messages in between are skipped.
     fn shown(&mut self) -> Option<(u32, u64, Vec<u8>)> {
         loop {
             match self.0.read().ok()? {
@@ -78,7 +78,7 @@ impl Viewer {
 fn a_viewer_is_told_the_topics_and_shown_what_it_wants() {
     let live = live();
     let sender = live.sender();
-    // Before anybody looks: the latest of a topic is what a viewer begins with.
+    // Before any viewer connects: a viewer starts with the latest message of a topic.
     sender.send(&message(0, 1, 3));
     sender.send(&message(0, 2, 3));
     let mut viewer = Viewer::connect(&live, "somebody.else.v7, foxglove.websocket.v1").unwrap();
@@ -103,7 +103,8 @@ fn who_speaks_another_protocol_is_turned_away() {
     assert!(Viewer::connect(&live(), "chat").is_none());
 }
 
-/// A hundred megabytes go by while one viewer takes nothing: whoever sends is not held up, and another viewer sees on.
+/// A hundred megabytes are sent while one viewer reads nothing: the sender is not delayed, and another viewer receives
+/// everything.
 #[test]
 fn a_stuck_viewer_holds_nobody_up() {
     let live = live();
@@ -111,7 +112,7 @@ fn a_stuck_viewer_holds_nobody_up() {
     sender.send(&message(1, 0, 10));
     let mut stuck = Viewer::subscribed(&live, &[1]);
     let mut quick = Viewer::subscribed(&live, &[0, 1]);
-    // Both are seen to be subscribed, by the message that they begin with; from then on one of them reads nothing.
+    // Both are known to be subscribed by their first message; from then on one of them reads nothing.
     assert_eq!(stuck.shown().unwrap().1, 0);
     assert_eq!(quick.shown().unwrap().1, 0);
     let reading = std::thread::spawn(move || {
@@ -129,13 +130,13 @@ fn a_stuck_viewer_holds_nobody_up() {
         sender.send(&message(1, number, 50_000));
     }
     let begun = Instant::now();
-    // The last word is said again until it was heard: the quick one too may have missed some.
+    // The last message is repeated until it was received: the fast one may have missed some too.
     while !reading.is_finished() && begun.elapsed() < Duration::from_secs(60) {
         sender.send(&message(0, 3000, 7));
         std::thread::sleep(Duration::from_millis(20));
     }
     assert!(reading.join().unwrap() > 0, "it saw pictures while the other one was stuck");
-    // What the stuck one has of it is what fitted into its queue and the wires: the rest went by without it.
+    // The stuck one has received what fitted into its queue and the sockets: the rest was dropped.
     drop(live);
     let mut images = 0;
     while stuck.shown().is_some() {

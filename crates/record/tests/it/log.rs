@@ -1,4 +1,4 @@
-//! A log as others meet it: what goes in comes out, in order, also when its writer was slow, stopped or torn away.
+//! A log from the reader's side: messages are complete and in order, also if its writer was slow, stopped or killed.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -23,7 +23,7 @@ fn row(number: u32) -> Message {
     Message { topic: 0, time: Time::from_millis(u64::from(number)), data: format!("{{\"number\":{number}}}").into() }
 }
 
-/// A message like a picture: large, and of bytes that do not compress.
+/// A message like an image: large, and of bytes that do not compress.
 fn image(number: u32) -> Message {
     let mut state = number.wrapping_mul(2_654_435_761) | 1;
     let noise = (0..60_000).map(|_| {
@@ -70,7 +70,7 @@ fn what_goes_in_comes_out_in_order() {
     }
 }
 
-/// What was sent is on the disk soon, without the log being ended: this is what a kill leaves.
+/// Messages are on the disk soon, without the log being finished: this is what a kill leaves.
 #[test]
 fn a_message_is_on_the_disk_soon_after() {
     let folder = tempfile::tempdir().unwrap();
@@ -129,7 +129,7 @@ fn entries_of(bytes: &[u8]) -> Vec<Entry> {
     LogReader::new(bytes).map(Result::unwrap).collect()
 }
 
-/// A repair puts another file in the log's place; what the flight writes on would be lost.
+/// A repair replaces the log's file; later messages of the flight would be lost.
 #[cfg(unix)]
 #[test]
 fn a_log_that_is_being_written_is_not_repaired() {
@@ -166,7 +166,7 @@ fn a_torn_log_is_repaired_in_its_place_and_a_whole_one_stays() {
 #[test]
 fn a_later_format_is_refused() {
     let bytes = sample();
-    // The number of the format is the only `1` behind its key; the record has no checksum of its own.
+    // The version number is the only `1` after its key; the record has no checksum of its own.
     let at = bytes.windows(7).position(|window| window == b"format\x01").unwrap() + 6 + 4;
     let mut later = bytes;
     later[at] = b'9';
@@ -177,7 +177,8 @@ fn a_later_format_is_refused() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// Wherever a log is cut, and whatever rubbish follows, what is whole before the cut is kept, and nothing else.
+    /// Wherever a log is truncated, and whatever garbage follows, everything complete before that point is kept, and
+    /// nothing else.
     #[test]
     fn a_cut_log_keeps_its_whole_chunks(cut in 0.0..1.0f64, tail in proptest::collection::vec(any::<u8>(), 0..400)) {
         let whole = sample();
@@ -189,7 +190,7 @@ proptest! {
                 let kept = entries_of(&copy);
                 prop_assert_eq!(kept.len() as u64, found.messages);
                 prop_assert!(kept == all[..kept.len()]);
-                // A chunk holds some nine pictures: no more than one and a bit of them is lost.
+                // A chunk holds about nine images: little more than one is lost.
                 let images = |entries: &[Entry]| entries.iter().filter(|entry| entry.topic == "/image").count() as f64;
                 prop_assert!(images(&kept) >= cut * images(&all) - 12.0, "{} of {}", images(&kept), images(&all));
             }
@@ -197,7 +198,7 @@ proptest! {
         }
     }
 
-    /// Any bytes at all end in entries or an error.
+    /// Arbitrary bytes end in entries or an error.
     #[test]
     fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..600), magic: bool, flips in proptest::collection::vec((any::<u16>(), any::<u8>()), 0..6)) {
         let mut whole = sample();

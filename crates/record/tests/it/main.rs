@@ -1,4 +1,5 @@
-//! What flights leave behind, as others meet it. One binary, for each links on its own: each test has its own folder or port.
+//! The files of flights, from the reader's side. One binary, because each takes time to link: each test has its own
+//! folder or port.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod live;

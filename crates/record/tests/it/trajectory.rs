@@ -1,4 +1,4 @@
-//! The trajectory picture: well-formed whatever is in it, and to scale.
+//! The trajectory image: well-formed for any content, and to scale.
 
 use proptest::prelude::*;
 use spf_core::geometry::EnuPosition;
@@ -49,7 +49,7 @@ fn flight() -> TrajectoryInput {
     }
 }
 
-/// A reader of tags that knows as much of XML as this document uses: every tag is closed in order, attributes are quoted.
+/// A parser of tags with as much XML as this document uses: every tag is closed in order, attributes are quoted.
 fn check_well_formed(svg: &str) {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = svg;

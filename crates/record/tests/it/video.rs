@@ -1,4 +1,4 @@
-//! The video file: other people's programs read it, its times are flight times, its bytes repeat.
+//! The video file: third-party programs read it, its times are flight times, its bytes are reproducible.
 
 // The configuration allows it in test functions; this is a helper of tests.
 #![allow(clippy::print_stderr)]
@@ -36,7 +36,7 @@ fn record(path: &Path, frames: u64) -> VideoFacts {
     video.finish().unwrap()
 }
 
-/// Whether a program is there; under `CI=true` it has to be.
+/// Whether a program exists; with `CI=true` it must.
 fn have(program: &str) -> bool {
     let there = Command::new(program).arg("-version").output().is_ok();
     assert!(there || std::env::var("CI").as_deref() != Ok("true"), "`{program}` is missing: install Debian's package `ffmpeg`");
@@ -74,7 +74,7 @@ fn ffprobe_reads_pictures_times_and_duration() {
     let times: Vec<f64> = ffprobe(&path, "frame=pts_time").iter().map(|time| time.parse().unwrap()).collect();
     assert_eq!(times.len(), 60);
     for (frame, time) in (0..).zip(times) {
-        // The first picture is shown from the start.
+        // The first image is shown from the start.
         let expected = if frame == 0 { 0.0 } else { time_of(frame).as_secs_f64() };
         assert!((time - expected).abs() < 1e-4, "frame {frame} at {time}, not {expected}");
     }

@@ -1,4 +1,4 @@
-//! glTF files as they are drawn.
+//! Rendering of glTF files.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use serde_json::json;
@@ -33,7 +33,7 @@ fn pictures_are_drawn_where_the_coordinates_say() {
     let pose = Pose { position: EnuPosition { east: 0.0, north: 0.0, up: 20.0 }, attitude: down };
     let camera = Camera { tilt: 0.0, ..Camera::quad() };
     let rgb = Renderer::new(&scene.geometry).render(&camera, &pose, Channels::RGB).rgb.unwrap();
-    // North is up in the picture, and v = 0 is north.
+    // North is up in the image, and v = 0 is north.
     let at = |x: usize, y: usize| {
         let i = (y * 960 + x) * 3;
         [rgb[i], rgb[i + 1], rgb[i + 2]]
@@ -41,7 +41,7 @@ fn pictures_are_drawn_where_the_coordinates_say() {
     let strongest = |c: [u8; 3]| c.iter().enumerate().max_by_key(|(_, v)| **v).unwrap().0;
     let [red, green, blue, clear] = [at(360, 240), at(600, 240), at(360, 480), at(600, 480)];
     assert_eq!([strongest(red), strongest(green), strongest(blue)], [0, 1, 2], "{red:?} {green:?} {blue:?}");
-    // What is clear has the mean of the rest, a third of each: grey.
+    // Transparent parts have the mean of the rest, a third of each: grey.
     assert!(clear[0].abs_diff(clear[1]) < 40 && clear[1].abs_diff(clear[2]) < 40, "{clear:?}");
 }
 

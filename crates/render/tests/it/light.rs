@@ -1,4 +1,4 @@
-//! Light and weather in pictures: lamps, night, rooms, what stands on the ground, and what the oracle is told of it.
+//! Light and weather in images: lamps, night, rooms, contact shadows, and the light reported to the oracle.
 
 use glam::Vec3;
 use spf_core::camera::Camera;
@@ -27,7 +27,7 @@ fn down(scene: &yard::Yard) -> Vec<u8> {
     Renderer::new(&scene.geometry).render(&camera, &pose, Channels::RGB).rgb.expect("colour was asked for")
 }
 
-/// Sum of red, green and blue where the ground is seen so many metres east and north of the origin.
+/// Sum of red, green and blue of the ground at this many metres east and north of the origin.
 fn ground(rgb: &[u8], east: f32, north: f32) -> u32 {
     let pixel = |metres: f32| ((metres / 40.0 + 0.5) * SIDE as f32) as usize;
     let at = (pixel(-north) * SIDE as usize + pixel(east)) * 3;
@@ -64,7 +64,7 @@ fn a_wall_stops_lamp_light_and_gives_some_back() {
 #[test]
 fn a_corner_of_a_room_is_darker_than_under_its_lamp_but_not_black() {
     let mut scene = yard::empty();
-    // A room of 12 m by 12 m by 3 m without a window, a wall across most of it, its ceiling seen through from above.
+    // A room of 12 m by 12 m by 3 m without a window, a wall across most of it, its ceiling invisible from above.
     for (low, high) in [
         ((-6.2, -6.0), (-6.0, 6.0)),
         ((6.0, -6.0), (6.2, 6.0)),
@@ -114,7 +114,7 @@ fn night_is_darker_than_dusk_and_dusk_than_day_but_for_windows() {
     assert!(day > dusk + 20.0 && dusk > night + 20.0, "{day} {dusk} {night}");
     let bright = |rgb: &[u8]| rgb.chunks_exact(3).filter(|p| p[0] > 200).count();
     assert!(bright(&images[2]) > 100, "windows and lamps shine at night");
-    // The lamp beside the avenue, 25 m ahead on the right, lights its post's foot more than what lies in the dark.
+    // The lamp beside the avenue, 25 m ahead on the right, lights the foot of its post more than the dark surroundings.
     let row = |rgb: &[u8], y: usize, x: usize| u32::from(rgb[(y * 320 + x) * 3]);
     assert!(row(&images[2], 150, 200) > 2 * row(&images[2], 235, 10));
 }
@@ -122,7 +122,7 @@ fn night_is_darker_than_dusk_and_dusk_than_day_but_for_windows() {
 #[test]
 fn rain_hides_what_is_far() {
     let contrast = |rgb: &[u8]| {
-        // Of the skyline: the upper middle of the picture.
+        // The skyline: the upper middle of the image.
         let part: Vec<f64> =
             (60..100).flat_map(|y| (40..280).map(move |x| (y * 320 + x) * 3)).map(|i| f64::from(rgb[i])).collect();
         let mean = part.iter().sum::<f64>() / part.len() as f64;
@@ -163,7 +163,7 @@ fn a_person_in_the_dark_shed_has_little_light_by_day() {
     let scene = Scene::load("yard").expect("it is part of the program");
     let person = scene.by_key("person_in_the_dark").expect("the yard has one");
     let renderer = Renderer::new(&scene.geometry);
-    // From where a flight starts, turned to the shed.
+    // From the start of a flight, turned to the shed.
     let mut eye = scene.start;
     (eye.position.up, eye.attitude.heading) = (0.8, 45.0_f64.to_radians());
     let image = renderer.render(&Camera::quad(), &eye, Channels::TRUTH);

@@ -1,4 +1,4 @@
-//! Tests of the renderer as its users see it, in one binary: each links anew.
+//! Tests of the renderer from the user's side, in one binary, because each takes time to link.
 
 mod gltf;
 mod light;

@@ -1,5 +1,5 @@
-//! The renderer on a small yard: geometry checked against worked-out numbers, channels against one another, and the same bits
-//! on any number of threads.
+//! The renderer on a small yard: geometry checked against calculated numbers, channels against one another, and the
+//! same bits on any number of threads.
 
 use std::hash::Hasher as _;
 
@@ -72,7 +72,7 @@ fn a_picture_hangs_upright_and_repeats() {
         vertex.uv = Vec2::from(uv);
     }
     let seen = Renderer::new(&scene.geometry).render(&level(), &pose(0.0, 0.0, 4.0, 0.0), Channels::RGB).rgb.unwrap();
-    // Where the wall's (x, z) is in the picture: 480 pixels a metre at 1 m, 10 m away.
+    // Position of the wall's (x, z) in the image: 480 pixels per metre at 1 m, 10 m away.
     let at = |x: f64, z: f64| {
         let i = ((360.0 - (z - 4.0) * 48.0) as usize * 960 + (480.0 + x * 48.0) as usize) * 3;
         [seen[i], seen[i + 1], seen[i + 2]]
@@ -183,7 +183,8 @@ fn one_thread_and_many_give_the_same_bits() {
     let one = draw(1);
     assert_eq!(one, draw(2));
     assert_eq!(one, draw(5));
-    // The same on every machine. A change of looks changes it: then look at the pictures, and write the new value here.
+    // The same on every machine. An intended change of appearance changes it: then view the images, and update the
+    // value here.
     insta::assert_snapshot!(format!("{one:016x?}"), @"[390f77dd613ec855, da943f4b3360290a]");
 }
 

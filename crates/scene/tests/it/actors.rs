@@ -1,4 +1,4 @@
-//! Actors: nobody runs into anybody, everybody gets on, the same seed gives the same motion.
+//! Actors: none collides with another, all make progress, and the same seed gives the same motion.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use spf_scene::{Scene, SceneError};
 use crate::stage::{HEAD, Stage, actor, drive, walk};
 
 impl Stage {
-    /// Hulls of the solid parts of the first postures (the very first is that of standing) in the actors' own frames.
+    /// Hulls of the solid parts of the first postures (the very first is standing) in the actors' own frames.
     fn hulls(&self, postures: usize) -> Vec<Vec<DVec2>> {
         let hull = |all: &Vec<Vec<spf_scene::geometry::Part>>| {
             let solid = all.iter().take(postures).flatten().filter(|part| part.role == Role::Solid);
@@ -62,7 +62,7 @@ fn overlap(a: &[DVec2], b: &[DVec2]) -> bool {
     })
 }
 
-/// The first two actors that overlap at a time, looked at every quarter of a tick.
+/// The first two actors that overlap at a time, checked every quarter of a tick.
 fn first_overlap(stage: &Stage, seed: u64, seconds: u64) -> Option<(usize, usize, f64)> {
     let hulls = stage.hulls(1);
     let mut traffic = Traffic::new(stage.cast.clone(), seed);
@@ -98,7 +98,7 @@ fn persons_on_one_line_pass_each_other() {
     assert_eq!(first_overlap(&stage, 1, 40), None);
     let places = after(&stage, 1, 25.0);
     assert!(places[0].position.north > 9.5 && places[1].position.north < -9.5, "{places:?}");
-    // Each passed on its right and came back to its path.
+    // Each passed on its right and returned to its path.
     let middle = after(&stage, 1, 8.0);
     assert!(middle[0].position.east > 0.1 && middle[1].position.east < -0.1, "{middle:?}");
     assert!(places.iter().all(|place| place.position.east.abs() < 0.05), "{places:?}");
@@ -106,7 +106,7 @@ fn persons_on_one_line_pass_each_other() {
 
 #[test]
 fn a_car_stops_for_a_person_and_goes_on() {
-    // The person stands on the road for 20 s or so, then walks off it.
+    // The person stands on the road for about 20 s, then walks off it.
     let stage = Stage::of(&[
         ("person", "person", walk("[[-6, 0], [0, 0]]", ", wait_s = 20.0, start = 1.0, aside_m = 0.0")),
         ("car", "car", drive("[[0, -40], [0, 60]]", ", loop = \"once\"")),
@@ -173,7 +173,7 @@ fn actors_keep_to_the_ground_below_them() {
     assert!(object.bounds.max.north < 1.0 && object.bounds.min.north > -1.0 && object.key == "a");
 }
 
-/// In every scene of the program: actors overlap nobody, walk into nothing, keep away from the start, and get on.
+/// In every built-in scene: actors overlap nothing, walk into nothing, keep away from the start, and make progress.
 #[test]
 fn the_actors_of_built_in_scenes_are_free() {
     for name in Scene::built_in() {
@@ -283,15 +283,15 @@ fn crowd() -> impl Strategy<Value = String> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 24, max_global_rejects: 4096, ..ProptestConfig::default() })]
 
-    /// Whatever the paths, nobody overlaps anybody for ten minutes.
+    /// For any paths, actors do not overlap for ten minutes.
     #[test]
     fn nobody_runs_into_anybody(text in crowd(), seed: u64) {
-        // Those who begin on one another are refused.
+        // Actors with overlapping starts are rejected.
         let Ok(stage) = Stage::new(&text) else { return Err(TestCaseError::reject("begins on another")) };
         prop_assert_eq!(first_overlap(&stage, seed, 600), None, "{}", text);
     }
 
-    /// The motion does not depend on when and how often it is asked for.
+    /// The motion does not depend on when and how often it is queried.
     #[test]
     fn any_pattern_of_queries_gives_the_same_places(
         text in crowd(), seed: u64, gaps in prop::collection::vec(0u64..400_000_000, 1..60),

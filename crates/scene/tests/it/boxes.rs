@@ -1,4 +1,4 @@
-//! A hand-made scene: a wide floor, and boxes on it.
+//! A hand-made scene: a wide floor with boxes.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use std::sync::Arc;

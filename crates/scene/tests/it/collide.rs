@@ -76,7 +76,8 @@ fn broken_geometry_is_refused() {
 }
 
 proptest! {
-    /// From any place before the wall to any place behind it, within its outline, every sphere is stopped before it.
+    /// From any place in front of the wall to any place behind it, within its outline, every sphere is stopped in front
+    /// of it.
     #[test]
     fn nothing_tunnels_through_a_thin_wall(
         from in (-15.0..15.0, -60.0..19.0, 2.0..25.0), to in (-15.0..15.0, 21.0..80.0, 2.0..25.0), radius in 0.05..0.5,
@@ -87,7 +88,7 @@ proptest! {
         prop_assert!(hit.centre.north < 20.0 && hit.centre.north > (20.0 - radius - 1e-3).min(from.1));
     }
 
-    /// The nearest object over all is the nearest of each.
+    /// The nearest object overall is the nearest of all objects.
     #[test]
     fn nearest_is_the_least_of_all_distances(east in -50.0..50.0, north in -50.0..50.0, up in 0.0..40.0) {
         let world = scene();

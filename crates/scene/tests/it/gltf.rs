@@ -1,4 +1,4 @@
-//! glTF files as worlds: axes, objects, tags, looks, ground and start.
+//! glTF files as worlds: axes, objects, tags, appearance, ground and start.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::f32::consts::FRAC_1_SQRT_2;
@@ -82,7 +82,7 @@ gltf = { file = "block.GLB", scale = 2.0, up = "z" }
     let path = folder.path().join("mine.toml");
     fs::write(&path, wrapper).unwrap();
     let scene = Scene::load(path.to_str().unwrap()).unwrap();
-    // What was high is deep now.
+    // The height has become depth.
     assert_eq!(extent(object(&scene, "block")), [-2.0, 0.0, -4.0, 2.0, 2.0, 4.0]);
     assert_eq!((scene.name.as_str(), scene.description.as_str(), scene.near), ("my block", "a block", 1.5));
     assert_eq!((scene.default_craft, scene.start.position.north), (CraftKind::Quad, -9.0));
@@ -192,7 +192,7 @@ fn materials_are_kept_as_far_as_they_can_be_drawn() {
         (material.colour, material.pattern),
         (Vec3::new(0.5, 0.02, 0.02), Pattern::Image { texture: u16::MAX, mirror: 1.0 })
     );
-    // Glass that lets everything through is touched and not drawn.
+    // Fully transparent glass is solid but not rendered.
     model.json["materials"][1]["alphaMode"] = json!("BLEND");
     model.json["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 0.0]);
     let scene = model.scene();

@@ -1,4 +1,4 @@
-//! glTF files that are broken, too large or hostile: each is refused with a reason, and none panics.
+//! Damaged, oversized or hostile glTF files: each is rejected with a reason, and none panics.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::fs;
@@ -116,7 +116,7 @@ fn containers_that_are_cut_or_none_are_refused() {
 
 #[test]
 fn small_files_do_not_become_large_ones() {
-    // Each instance is counted, before it is made.
+    // Each instance is counted before it is created.
     let mut model = Model::new();
     let positions = model.floats(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]);
     let indices = model.indices(&[0, 1, 2].repeat(100_000));
@@ -125,7 +125,7 @@ fn small_files_do_not_become_large_ones() {
         model.node(json!({"mesh": mesh}));
     }
     assert!(model.refusal().contains("more than 2000000 triangles"), "{}", model.refusal());
-    // A sparse accessor stands on nothing.
+    // A sparse accessor without a base.
     let error = refused(|m| {
         m.json["accessors"][0] = json!({
             "componentType": FLOAT, "type": "VEC3", "count": 7_000_000,
@@ -138,7 +138,7 @@ fn small_files_do_not_become_large_ones() {
             json!({"count": 9, "indices": {"bufferView": 0, "componentType": WORD}, "values": {"bufferView": 0}});
     });
     assert!(error.contains("accessor 0 exceeds"), "{error}");
-    // Nodes deep and many, and a description of countless values.
+    // Many deep nodes, and a description of countless values.
     let error = refused(|m| {
         for i in 1..300 {
             m.json["nodes"][i - 1]["children"] = json!([i]);
@@ -156,7 +156,7 @@ fn small_files_do_not_become_large_ones() {
     assert!(error.contains("4001 objects, at most 3999"), "{error}");
 }
 
-/// A PNG that says it has these sides, and next to nothing in it.
+/// A PNG that claims these sides, with almost no content.
 fn hollow_png(width: u32, height: u32) -> Vec<u8> {
     let mut file = png(1, 1, |_, _| [0; 4]);
     file[16..20].copy_from_slice(&width.to_be_bytes());
@@ -185,7 +185,7 @@ fn pictures_are_measured_before_they_are_decoded() {
     assert!(with(&hollow_png(4000, 4000)).contains("cannot read image 0"));
     assert!(with(b"RIFF\0\0\0\0WEBPVP8 ").contains("neither PNG nor JPEG"));
     assert!(with(&png(4, 4, |_, _| [1; 4])[..50]).contains("cannot read image 0"));
-    // Many pictures of the allowed size.
+    // Many images of the permitted size.
     let mut model = Model::new();
     let image = hollow_png(8192, 8192);
     for _ in 0..9 {
@@ -244,7 +244,7 @@ fn other_files_stay_in_the_folder() {
     assert!(matches!(error, SceneError::Read { .. }), "{error}");
 }
 
-/// What a scene that was read must fulfil.
+/// Requirements for a loaded scene.
 fn sound(scene: &Scene) -> Result<(), TestCaseError> {
     prop_assert!(scene.bounds.contains(scene.start.position));
     for part in &scene.geometry.parts {

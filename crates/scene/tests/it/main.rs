@@ -1,4 +1,4 @@
-//! Tests of scenes as their users see them, in one binary: each links anew.
+//! Tests of scenes from the user's side, in one binary, because each takes time to link.
 
 mod actors;
 mod boxes;

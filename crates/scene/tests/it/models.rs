@@ -37,7 +37,7 @@ kind = "floor"
 
 const CRATE: &str = "\n[[objects]]\nid = \"crate\"\nlike = \"crate\"\nposition = [4.0, 8.0, 1.0]\n";
 
-/// A box 2 m wide, 1 m high, 4 m deep that stands on its origin, with a picture on it.
+/// A box 2 m wide, 1 m high, 4 m deep that stands on its origin, with an image on it.
 fn crate_model() -> Model {
     let mut model = Model::new();
     let boards = model.image(&png(2, 2, |x, _| [100 + 50 * x as u8, 80, 40, 255]));
@@ -76,13 +76,13 @@ fn a_model_stands_where_the_scene_says_with_the_tags_of_the_scene() {
         [min.east, min.north, min.up, max.east, max.north, max.up].map(|v| (v * 1000.0).round() / 1000.0)
     };
     assert_eq!(extent(small), [3.0, 6.0, 1.0, 5.0, 10.0, 2.0]);
-    // Twice as large, its depth along the east.
+    // Twice as large, with its depth along the east.
     assert_eq!(extent(big), [-10.0, -2.0, 0.0, -2.0, 2.0, 2.0]);
-    // What is seen is touched.
+    // Visible parts are solid.
     let collider = Collider::new(&scene.geometry).unwrap();
     let beside = EnuPosition { east: 6.0, north: 8.0, up: 1.5 };
     assert!((collider.distance_to(small.id, beside).unwrap() - 1.0).abs() < 1e-5);
-    // One model, one picture, whatever stands of it; and the picture repeats as often on the larger one.
+    // One model, one image, however often it is placed; and the image repeats as often on the larger one.
     assert_eq!(scene.geometry.textures.len(), 1);
     let part = |id: u16| scene.geometry.parts.iter().find(|part| part.object == id).unwrap();
     assert_eq!(part(2).material, part(3).material);
@@ -99,7 +99,7 @@ fn a_model_of_many_parts_is_one_object_without_its_openings() {
     assert_eq!(scene.objects.len(), 2);
     let parts: Vec<_> = scene.geometry.parts.iter().filter(|part| part.object == 2).collect();
     assert!(parts.len() > 4 && parts.iter().all(|part| part.role == Role::Solid), "{}", parts.len());
-    // The scene's own materials stay what they are.
+    // The scene's own materials are unchanged.
     let floor = scene.geometry.parts.iter().find(|part| part.object == 1).unwrap();
     assert!(parts.iter().all(|part| part.material != floor.material));
 }
@@ -117,7 +117,7 @@ fn a_model_with_a_file_beside_it_is_whole() {
     assert_eq!(load(folder.path()).unwrap().objects.len(), 2);
 }
 
-/// Why a scene with this object is refused; it names the file, the line, and the hint.
+/// Why a scene with this object is rejected; the error names the file, the line, and the hint.
 fn refusal(objects: &str) -> String {
     let folder = folder(objects, &crate_model().glb());
     let error = load(folder.path()).unwrap_err();

@@ -1,4 +1,4 @@
-//! The park: that it has what the simulation tasks name, that its start is free, and that its gates can be flown through.
+//! The park: it contains the targets of the simulation tasks, its start is free, and its gates can be flown through.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeSet;
@@ -38,7 +38,7 @@ fn the_park_has_what_its_tasks_name() {
     let red = named(&scene, "balloon").into_iter().filter(|o| o.tags.colour.as_deref() == Some("red")).count();
     assert_eq!(red, 3);
     assert!(named(&scene, "tree").len() >= 20);
-    // What several objects are called tells them apart by something that can be seen.
+    // The names of several objects differ by something visible.
     for name in ["gate", "tower", "carriage"] {
         let colours: BTreeSet<_> = named(&scene, name).iter().map(|o| o.tags.colour.clone()).collect();
         assert_eq!(colours.len(), named(&scene, name).len(), "{name}: {colours:?}");

@@ -1,4 +1,4 @@
-//! The scenes of the real-world set, office and yard: what stands in them, and that a small craft can fly there.
+//! The scenes of the real-world set, office and yard: their contents, and that a small craft can fly there.
 
 use std::collections::BTreeSet;
 
@@ -67,7 +67,7 @@ fn their_starts_are_free_and_their_targets_within_reach() {
         let (s, c) = scene.start.attitude.heading.sin_cos();
         let ahead = EnuPosition { east: air.east + s, north: air.north + c, ..air };
         assert_eq!(collider.sweep(air, ahead, 0.25), None, "{name}");
-        // What moves is no part of the collider.
+        // Moving objects are not part of the collider.
         let still = |o: &&Object| scene.actors.iter().all(|actor| actor.object != o.id);
         let targets = scene.objects.iter().filter(still).filter(|o| ["person", "chair", "cone"].contains(&o.tags.kind.as_str()));
         for object in targets.chain([key(&scene, "vending_machine")]) {
@@ -104,7 +104,7 @@ fn windows_look_open_and_stop_what_flies_into_them() {
     let (scene, collider) = scene("office");
     let window = key(&scene, "window_1").bounds;
     let up = window.min.up + 0.45;
-    // Off the middle, where no bar is.
+    // Off the middle, where there is no bar.
     let east = 0.5 * (window.min.east + window.max.east) + 0.4;
     let (inside, outside) = (EnuPosition { east, north: 1.9, up }, EnuPosition { east, north: -2.0, up });
     let met = collider.sweep(inside, outside, 0.05).expect("the pane holds");
@@ -117,7 +117,7 @@ fn no_lamp_lights_the_person_in_the_dark() {
     for name in NAMES {
         let (scene, collider) = scene(name);
         let body = key(&scene, "person_in_the_dark").bounds;
-        // A hand's breadth before the face, so that the body itself hides nothing.
+        // About 10 cm in front of the face, so that the body itself hides nothing.
         let face =
             EnuPosition { east: 0.5 * (body.min.east + body.max.east), north: body.min.north - 0.1, up: body.max.up - 0.15 };
         for lamp in &scene.geometry.light.lamps {

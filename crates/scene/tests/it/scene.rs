@@ -1,4 +1,4 @@
-//! The scene format and the city: what is accepted, what errors say, and that the meshes are sound.
+//! The scene format and the city: accepted input, error messages, and valid meshes.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -216,7 +216,7 @@ fn a_small_scene_loads_with_pose_heading_and_place() {
 fn a_scene_says_what_it_shows_and_from_where() {
     let say = |line: &str| format!("{HEAD}{line}\n{TREE}");
     let plain = Scene::parse(&say(""), "test.toml").unwrap();
-    // Without a word: from the start, at the height that the quad takes off to.
+    // Without a given pose: from the start, at the quad's take-off height.
     assert_eq!((plain.description.as_str(), plain.preview.position.up), ("", plain.start.position.up + 3.0));
     let scene = Scene::parse(&say("description = \"A tree\"\npreview = \"-5,4,3,60,-10\""), "test.toml").unwrap();
     let (east, pitch) = (scene.preview.position.east, scene.preview.attitude.pitch);
@@ -330,7 +330,7 @@ fn keys_of_the_light_hold_until_another_is_asked_for() {
     assert!((elevation(&own) - 9.0).abs() < 0.01);
     assert_eq!((own.geometry.light.haze, own.geometry.light.exposure), (0.02, Some(2.0)));
     assert_eq!(own.geometry.light.sun.truncate(), glam::Vec2::X);
-    // Named alike, nothing changes; another light keeps the air, another weather the sun's place.
+    // With the same names nothing changes; another light keeps the haze, another weather the sun's position.
     assert_eq!(under(&text, Some(Lighting::Dusk), Some(Weather::Clear)).geometry.light, own.geometry.light);
     let day = under(&text, Some(Lighting::Day), None);
     assert!((elevation(&day) - 46.0).abs() < 0.01 && day.geometry.light.haze == 0.02 && day.geometry.light.exposure.is_none());

@@ -1,4 +1,4 @@
-//! Small scenes with actors, and what touches them.
+//! Small scenes with actors, and contact with them.
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! Variants of scenes: every seed gives a sound scene, the same seed the same one, different seeds different ones.
+//! Variants of scenes: every seed gives a valid scene, the same seed the same one, different seeds different ones.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -22,7 +22,7 @@ fn variant(name: &str, seed: u64) -> Scene {
     Scene::load(&format!("{name}@{seed}")).unwrap_or_else(|error| panic!("{name}@{seed}: {error}"))
 }
 
-/// Where everything stands and what colour it has, to the centimetre.
+/// Position and colour of every object, to the centimetre.
 fn layout(scene: &Scene) -> Vec<(String, Option<String>, [i64; 4])> {
     let cm = |v: f64| (v * 100.0).round() as i64;
     let row = |o: &Object| {
@@ -44,8 +44,8 @@ fn collider_of(scene: &Scene, object: &Object) -> Collider {
     Collider::new(&only).expect("meshes are sound")
 }
 
-/// Whether an edge of one of two things pierces the other: what stands in another does that. The one whose foot is higher may
-/// stand on the other, so it is raised by a centimetre.
+/// Whether an edge of one of two objects pierces the other, as for overlapping objects. The one with the higher base
+/// may stand on the other, so it is raised by a centimetre.
 fn pierces(scene: &Scene, low: &Object, high: &Object) -> bool {
     let raised = if high.bounds.min.up - low.bounds.min.up < 0.01 { 0.0 } else { 0.01 };
     cuts(scene, high, raised, low) || cuts(scene, low, -raised, high)
@@ -70,15 +70,15 @@ fn touching(a: &Object, b: &Object) -> bool {
     over(p.east, q.east, r.east, s.east) && over(p.north, q.north, r.north, s.north) && over(p.up + 0.03, q.up, r.up + 0.03, s.up)
 }
 
-/// Things that stand still and are run into.
+/// Static obstacles.
 fn solid(scene: &Scene) -> Vec<&Object> {
     let moves: BTreeSet<u16> = scene.actors.iter().map(|actor| actor.object).collect();
     let flat = |o: &Object| matches!(o.tags.kind.as_str(), "ground" | "water") && o.bounds.max.up - o.bounds.min.up < 0.5;
     scene.objects.iter().filter(|o| !o.opening && !moves.contains(&o.id) && !flat(o)).collect()
 }
 
-/// Every seed gives a scene, in which nothing that was moved or added stands in anything, before the start or in an opening, and
-/// whose words tell the colours that are seen; no two seeds give the same.
+/// Every seed gives a scene in which no moved or added object overlaps another, the start or an opening, and whose
+/// colour words match the visible colours; no two seeds give the same.
 fn are_sound(name: &str, seeds: core::ops::Range<u64>) {
     let base = Scene::load(name).expect("it is part of the program");
     let place = |row: &(String, Option<String>, [i64; 4])| row.2;
@@ -151,7 +151,7 @@ fn start_is_free(scene: &Scene, moved: &dyn Fn(&Object) -> bool) {
             let gap_east = (object.bounds.min.east - east).max(east - object.bounds.max.east).max(0.0);
             let gap_north = (object.bounds.min.north - north).max(north - object.bounds.max.north).max(0.0);
             let gap = gap_east.hypot(gap_north);
-            // Boxes of trees and lamps are wider than their feet.
+            // Bounding boxes of trees and lamps are wider than their bases.
             let wide = ["tree", "street furniture"].contains(&object.tags.kind.as_str());
             assert!(gap > 0.0 || wide, "{}: {} stands before the start", scene.name, object.key);
             assert!(k > 0 || gap > 0.5 * room || wide, "{}: {} stands at the start", scene.name, object.key);
@@ -169,7 +169,7 @@ fn openings_lead_through_their_objects(scene: &Scene) {
     }
 }
 
-/// Whether a colour, linear red, green and blue, goes by a word; none for words that are not known here.
+/// Whether a colour, linear red, green and blue, matches a word; `None` for words unknown here.
 fn goes_by(word: &str, [r, g, b]: [f32; 3]) -> Option<bool> {
     let (most, least) = (r.max(g).max(b), r.min(g).min(b));
     Some(match word {
@@ -185,7 +185,7 @@ fn goes_by(word: &str, [r, g, b]: [f32; 3]) -> Option<bool> {
     })
 }
 
-/// What is tagged with a colour shows it, and no name of it tells another.
+/// An object tagged with a colour shows it, and none of its names contains another.
 fn words_tell_the_colours(scene: &Scene, base: &Scene) {
     let painted = ["vehicle", "person", "crane"];
     let known = |o: &Object| base.objects.get(usize::from(o.id) - 1).is_some_and(|b| b.key == o.key && b.tags == o.tags);
@@ -242,7 +242,7 @@ fn actors_of_variants_walk_into_nothing() {
     }
 }
 
-/// The places that a ball gets to from where the craft hovers after take-off, by way of a grid, up to some height.
+/// The places that a sphere can reach from the craft's position after take-off, on a grid, up to some height.
 fn reached(scene: &Scene, collider: &Collider, cell: f64, top: f64) -> Vec<EnuPosition> {
     let (low, high) = (scene.bounds.min, scene.bounds.max);
     let start = scene.start.position;
@@ -272,7 +272,7 @@ fn reached(scene: &Scene, collider: &Collider, cell: f64, top: f64) -> Vec<EnuPo
     places
 }
 
-/// Things that the craft gets within the success radius of.
+/// Objects whose success radius the craft can reach.
 fn reachable(scene: &Scene, cell: f64, top: f64) -> BTreeSet<u16> {
     let collider = Collider::new(&scene.geometry).expect("meshes are sound");
     let places = reached(scene, &collider, cell, top);
@@ -286,7 +286,7 @@ fn reachable(scene: &Scene, cell: f64, top: f64) -> BTreeSet<u16> {
     scene.objects.iter().filter(|o| places.iter().any(|p| near(o, p))).map(|o| o.id).collect()
 }
 
-/// What one can fly to in the file one can fly to in its variants.
+/// Targets reachable in the file are reachable in its variants.
 #[test]
 fn nothing_becomes_out_of_reach() {
     for (name, cell, top, seeds) in
@@ -437,7 +437,7 @@ fn table() -> impl Strategy<Value = String> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// Whatever the tables say: a scene or an error with its line, the same again; and what one seed accepts the next does.
+    /// For any tables: a scene or an error with its line, reproducibly; and if one seed is accepted, so is the next.
     #[test]
     fn any_tables_give_a_scene_or_an_error(tables in proptest::collection::vec(table(), 0..5), seed in any::<u64>()) {
         let text = format!("{SMALL}{}[vary.light]\n", tables.concat());
@@ -456,7 +456,7 @@ proptest! {
     }
 }
 
-/// A file that asks for far more work than any scene needs is read or refused all the same.
+/// A file that requires far more work than any scene needs is nevertheless read or rejected.
 #[test]
 fn hostile_tables_come_to_an_end() {
     let all = (0..1000).map(|i| format!("[{}, {}]", i % 40 - 20, i / 40 - 20)).collect::<Vec<_>>().join(", ");

@@ -1,4 +1,4 @@
-//! The matrix of faults and phases, and the page that shows it.
+//! The matrix of faults and phases, and the page that contains it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use spf_flight::sim::LoadedScene;
 
 use crate::matrix::{Cell, fly_all, tables, tsv};
 
-/// Between these lines of the page are its tables.
+/// The tables of the page are between these lines.
 const BEGIN: &str = "<!-- tables -->\n";
 const END: &str = "<!-- end of tables -->\n";
 

@@ -1,5 +1,5 @@
-//! The Tello's driver against the virtual Tello, joined in virtual time without sockets: whole flights, each fault, the known
-//! failings of such programs.
+//! The Tello's driver against the virtual Tello, connected in virtual time without sockets: whole flights, each fault,
+//! the known failings of similar programs.
 
 use std::sync::mpsc::channel;
 use std::sync::{Arc, Mutex};
@@ -27,7 +27,7 @@ use spf_serve::tello::Figures;
 use spf_sim::craft::SimCraft;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
-/// An oracle that takes its time, or another.
+/// An oracle with an additional delay, or a substitute.
 struct Slow(OracleVlm, Option<Duration>);
 
 impl Vlm for Slow {
@@ -45,7 +45,7 @@ impl Vlm for Slow {
     }
 }
 
-/// What was seen of a flight.
+/// The record of a flight.
 #[derive(Default)]
 struct Seen {
     outcome: Option<(Time, Outcome, String)>,
@@ -54,9 +54,9 @@ struct Seen {
     late_replies: Vec<Time>,
     /// Where it flies.
     world: Option<SimWorld>,
-    /// Where it truly was, with the time.
+    /// Its true position, with the time.
     path: Vec<(Time, EnuPosition)>,
-    /// Where the pilot believed it to be, and with what standard deviation on the map.
+    /// The pilot's estimated position, with its horizontal standard deviation.
     believed: Vec<(EnuPosition, f64)>,
 }
 
@@ -94,7 +94,7 @@ impl Flight {
         self.seen.outcome.as_ref().unwrap().1
     }
 
-    /// Sticks as they were told, as numbers.
+    /// Stick positions as commanded, as numbers.
     fn sticks(&self) -> Vec<(Time, Vec<i32>)> {
         let numbers = |text: &str| text.strip_prefix("rc ").map(|rest| rest.split(' ').map(|n| n.parse().unwrap()).collect());
         self.sent.iter().filter_map(|(at, text)| Some((*at, numbers(text)?))).collect()
@@ -105,7 +105,7 @@ fn fly(instruction: &str, faults: FaultPlan, latency: Option<Duration>, settings
     fly_in("office", instruction, faults, latency, settings, "")
 }
 
-/// With an operator who does what the `events` say.
+/// With an operator who performs the `events`.
 fn fly_in(
     scene: &str,
     instruction: &str,
@@ -155,7 +155,7 @@ fn rule(stream: Stream, from: f64, until: Option<f64>, fault: Fault) -> FaultPla
     FaultPlan { rules: vec![Rule { stream, from, until, fault }], ..FaultPlan::default() }
 }
 
-/// Somebody who stands in the office.
+/// A person who stands in the office.
 const GOAL: &str = "go to the person in the green shirt";
 
 #[test]
@@ -167,13 +167,13 @@ fn a_whole_flight_over_the_protocol_lands_and_touches_nothing() {
     let words = |text: &str| flight.sent.iter().filter(|(_, sent)| sent == text).count();
     assert_eq!(words("takeoff"), 1);
     assert!(words("land") >= 1);
-    // From take-off to landing something is said ten times a second or more.
+    // From take-off to landing a command is sent ten times per second or more.
     let sticks = flight.sticks();
     assert!(sticks.windows(2).all(|pair| pair[1].0.since(pair[0].0) <= Duration::from_millis(100)));
     assert!(sticks.len() > 100, "{}", sticks.len());
 }
 
-/// Failing 4: a slow VLM lets the drone's own timer land it.
+/// Failing 4: during a slow VLM query the drone's own timer lands it.
 #[test]
 fn failing_4_the_drone_s_own_landing_never_comes_while_a_vlm_thinks_for_25_s() {
     let patient = PilotSettings { reply_timeout: Duration::from_secs(40), max_time: Duration::from_secs(60), ..settings() };
@@ -184,7 +184,7 @@ fn failing_4_the_drone_s_own_landing_never_comes_while_a_vlm_thinks_for_25_s() {
     assert!(landing >= ended, "nobody landed before the pilot did");
 }
 
-/// Failing 3: what a frozen camera shows moves nothing, and ends in a landing.
+/// Failing 3: images of a frozen camera move nothing, and end in a landing.
 #[test]
 fn failing_3_a_frozen_video_holds_then_lands() {
     let flight = fly(GOAL, rule(Stream::Frames, 6.0, None, Fault::Freeze), None, settings());
@@ -213,7 +213,7 @@ fn failing_14_the_field_of_view_is_a_tello_s() {
     assert!((ray.right.atan().to_degrees() - 28.7).abs() < 0.5, "{}", ray.right.atan().to_degrees());
 }
 
-/// From `seconds` on nothing but zero was commanded, until the landing.
+/// From `seconds` on only zero was commanded, until the landing.
 fn assert_stopped(flight: &Flight, seconds: f64) {
     let moving: Vec<_> =
         flight.sticks().into_iter().filter(|(at, sticks)| at.as_secs_f64() > seconds && *sticks != [0, 0, 0, 0]).collect();
@@ -222,13 +222,13 @@ fn assert_stopped(flight: &Flight, seconds: f64) {
 
 /// Between two state lines.
 const STATE: f64 = 0.1;
-/// Frames and state are waited for this long before the envelope holds.
+/// Maximum wait for frames and state before the envelope holds.
 const PATIENCE: f64 = 1.0;
 /// From the end of the reason to move to the zero.
 const ZERO: f64 = 0.2;
 
-/// Failing 8: an override that cancels neither the answer that is out nor the command in execution, and an emergency that is only
-/// zero sticks.
+/// Failing 8: an override that cancels neither the pending answer nor the active command, and an emergency stop that
+/// only centres the sticks.
 #[test]
 fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors() {
     let events = "[[event]]\nat_s = 9.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"cut_motors\"";
@@ -301,7 +301,7 @@ fn state_that_ends_holds_then_lands() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
-/// A drone that does not know its own motion refuses moves. `rc` has no answer, so that nothing shows it.
+/// A drone that does not know its own motion refuses moves. `rc` has no answer, so that nothing shows the error.
 #[test]
 fn an_imu_error_that_only_answers_show_is_unknown_to_a_flight_by_rc() {
     let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, settings());
@@ -327,7 +327,7 @@ fn an_imu_error_lands_the_drone_at_once() {
     }
 }
 
-/// Why docs/guide/tello.md warns: sticks hold when the link is cut.
+/// The reason for the warning in docs/guide/tello.md: stick positions stay in force when the link is cut.
 #[test]
 fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
     let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, 14.0, None), None, settings(), "");
@@ -342,7 +342,8 @@ fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround, "it landed by itself");
 }
 
-/// The pilot's error, counted in standard deviations as it states them, over whole flights: neither too sure nor too modest.
+/// The pilot's error, in multiples of its stated standard deviation, over whole flights: neither too small nor too
+/// large.
 #[test]
 fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
     let mut last = Vec::new();
@@ -354,7 +355,7 @@ fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
         let heading = LoadedScene::load(scene).unwrap().scene.start.attitude.heading;
         let off: Vec<f64> = (flight.seen.path.iter().zip(&flight.seen.believed))
             .map(|((_, truth), (known, error))| {
-                // The drone's north is where it faced when it was switched on.
+                // The drone's north is its heading at power-on.
                 let so_far = start.displacement_to(*truth, heading);
                 f64::hypot(so_far.right - known.east, so_far.forward - known.north) / error.max(0.05)
             })
@@ -374,7 +375,7 @@ fn the_stated_error_of_the_dead_reckoned_position_is_the_true_one() {
     assert!(typical > 0.15, "stated far too large: {typical}");
 }
 
-/// A Tello's position becomes uncertain with time alone; a limit of 1.2 m leaves it no room after less than a minute.
+/// A Tello's position becomes uncertain with time alone; a limit of 1.2 m leaves no room after less than a minute.
 #[test]
 fn a_tello_lands_when_its_position_is_too_uncertain_for_the_limits() {
     let patient = PilotSettings { reply_timeout: Duration::from_secs(200), max_time: Duration::from_secs(200), ..settings() };
@@ -394,7 +395,7 @@ fn by_go() -> PilotSettings {
 }
 
 impl Flight {
-    /// Words that begin so, with their times.
+    /// Commands that begin with this, with their times.
     fn words(&self, verb: &str) -> Vec<(Time, String)> {
         self.sent.iter().filter(|(_, sent)| sent.split(' ').next() == Some(verb)).cloned().collect()
     }
@@ -410,7 +411,7 @@ fn a_whole_flight_by_go_arrives_and_moves_by_nothing_else() {
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
     let gone = flight.words("go");
     assert!(gone.len() >= 3 && flight.words("stop").is_empty(), "{gone:?}");
-    // Sticks that are not zero only for what is too short for `go`, and no stick while a move is under way.
+    // Nonzero sticks only for motion too short for `go`, and no sticks during a move.
     assert!(flight.sticks().iter().filter(|(_, sticks)| sticks.iter().any(|s| *s != 0)).count() < 40);
     for (at, text) in gone.iter().chain(&flight.words("cw")).chain(&flight.words("ccw")) {
         let close = |other: &Time| *other < *at + Duration::from_millis(400) && at.since(*other) < Duration::from_millis(400);
@@ -419,7 +420,8 @@ fn a_whole_flight_by_go_arrives_and_moves_by_nothing_else() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
-/// The other half of `a_cut_link_lets_a_tello_fly_on_for_15_s`: what the drone ends by itself goes no farther than it was to.
+/// The other half of `a_cut_link_lets_a_tello_fly_on_for_15_s`: a move that the drone ends by itself goes no farther
+/// than planned.
 #[test]
 fn by_go_a_cut_link_lets_it_fly_the_rest_of_its_step() {
     let undisturbed = fly_in("city", "fly to the red crane", FaultPlan::default(), None, by_go(), "");
@@ -431,7 +433,7 @@ fn by_go_a_cut_link_lets_it_fly_the_rest_of_its_step() {
     let (from, at, to) = (flight.place(began), flight.place(cut), flight.place(Time::MAX));
     let map = |a: EnuPosition, b: EnuPosition| f64::hypot(b.east - a.east, b.north - a.north);
     assert!(map(from, at) < 0.8 * length, "it was cut in the middle");
-    // 5 % and 5 cm are what the drone misses by, one standard deviation.
+    // The drone misses by 5 % and 5 cm, one standard deviation.
     assert!((map(from, to) - length).abs() < 0.15 * length + 0.15, "{} m of {length} m", map(from, to));
     println!("by go: {:.1} m after the cut, of a step of {length:.1} m", map(at, to));
     assert!(map(at, to) < 5.5, "{} m after the cut", map(at, to));
@@ -455,7 +457,7 @@ fn by_go_the_end_of_a_reason_is_a_stop_and_the_flight_goes_on() {
     assert!(stopped.distance(later) < 0.1, "{stopped:?} {later:?}");
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
 
-    // The video freezes in a step: it is stopped when the last frame is a second old.
+    // The video freezes during a step: it is stopped when the last frame is a second old.
     let frozen = rule(Stream::Frames, hold.as_secs_f64(), None, Fault::Freeze);
     let flight = fly(GOAL, frozen, None, by_go());
     assert_eq!(flight.outcome(), Outcome::Failed);
@@ -464,13 +466,13 @@ fn by_go_the_end_of_a_reason_is_a_stop_and_the_flight_goes_on() {
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
-/// A `stop` that is said after `land` would end the landing.
+/// A `stop` sent after `land` would end the landing.
 #[test]
 fn by_go_a_landing_in_a_step_stops_it_once() {
     let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
     let land = undisturbed.words("go")[0].0 + Duration::from_millis(900);
     let events = format!("[[event]]\nat_s = {}\ndo = \"land\"\n", land.as_secs_f64());
-    // Its answer is lost, so that it would be said again.
+    // Its answer is lost, so that it would be sent again.
     let lost = rule(Stream::Responses, land.as_secs_f64(), Some(land.as_secs_f64() + 1.5), Fault::Drop { p: 1.0 });
     let flight = fly_in("office", GOAL, lost, None, by_go(), &events);
     let (stops, lands) = (flight.words("stop"), flight.words("land"));
@@ -501,7 +503,7 @@ fn a_lossy_link_is_flown_over() {
     assert!(!flight.craft(|craft| craft.dynamics().crashed()));
 }
 
-/// Whatever full stick does, `spf tello calibrate` finds it.
+/// `spf tello calibrate` measures any effect of full stick.
 #[test]
 fn what_full_stick_does_is_measured() {
     let yaw = 78.0_f64.to_radians();

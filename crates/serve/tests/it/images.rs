@@ -1,5 +1,5 @@
-//! What the simulator's cameras show is never taken for a covered lens, whatever the light. `IMAGES=100` measures more
-//! images, and prints the smallest figures.
+//! Images of the simulator's cameras never count as a covered lens, in any light. `IMAGES=100` measures more images,
+//! and prints the smallest figures.
 
 use crate::wired::CAMERA_FAULTS;
 use spf_core::camera::Camera;
@@ -37,15 +37,15 @@ fn somewhere(loaded: &LoadedScene, rng: &mut RandomStream) -> Pose {
     }
 }
 
-/// As the virtual Tello's video has it.
+/// As in the virtual Tello's video.
 fn through_the_codec(image: &Rgb) -> Rgb {
     let settings = EncoderSettings { quantiser: 30, ..EncoderSettings::for_size(image.width(), image.height(), 30.0) };
     let unit = Encoder::new(settings).unwrap().encode(Time::ZERO, image).unwrap();
     Decoder::new().unwrap().decode(&unit.annex_b).unwrap().unwrap()
 }
 
-/// Whether it shows nothing: a wall, a piece of sky, or a hedge by night that fills the image, with all pixels but one in a
-/// hundred within eight of 255 levels.
+/// Whether it shows nothing: a wall, a piece of sky, or a hedge at night that fills the image, with all but one in a
+/// hundred pixels within eight of 255 levels.
 fn is_empty(image: &Rgb) -> bool {
     let mut levels: Vec<u8> = image.data().chunks_exact(3).map(|pixel| pixel[1]).collect();
     levels.sort_unstable();

@@ -1,5 +1,5 @@
-//! The virtual Tello and the endpoint, from outside. One binary: each links on its own. All run in virtual time or without any, and
-//! share neither ports nor variables, so they run beside each other.
+//! The virtual Tello and the endpoint, from outside. One binary, because each takes time to link. All run in virtual
+//! time or without any, and share neither ports nor variables, so they can run in parallel.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 #[path = "../../../scene/tests/it/boxes.rs"]

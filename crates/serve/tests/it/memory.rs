@@ -14,7 +14,7 @@ use spf_serve::vlm::{Memory, Remembered};
 const SIZE: (u32, u32) = (480, 360);
 const FRAMES: u64 = 100;
 
-/// The camera of a craft that flies at 3 m/s and turns slowly, ten frames a second.
+/// The camera of a craft that flies at 3 m/s and turns slowly, ten frames per second.
 fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(WorldSnapshot, Rgb)> {
     let pose = |n: u64| {
         let t = n as f64 / 10.0;
@@ -33,7 +33,7 @@ fn flight(world: &SimWorld, east: f64, heading_deg: f64) -> Vec<(WorldSnapshot, 
         .collect()
 }
 
-/// As a picture arrives: through H.264, at another size, as JPEG of quality 60.
+/// A received image: after H.264, at another size, as JPEG of quality 60.
 fn arrived(images: &[(WorldSnapshot, Rgb)]) -> Vec<Rgb> {
     let mut encoder = Encoder::new(EncoderSettings { quantiser: 32, ..EncoderSettings::for_size(SIZE.0, SIZE.1, 10.0) }).unwrap();
     let mut decoder = Decoder::new().unwrap();
@@ -70,7 +70,7 @@ fn frames_are_recognised_after_h264_resizing_and_jpeg() {
                 Err(_) => {}
             }
         }
-        // Another run: elsewhere in the same scene, looking elsewhere.
+        // Another run: elsewhere in the same scene, facing elsewhere.
         let others = flight(&world, 4.0, 40.0);
         strangers += arrived(&others).iter().filter(|image| memory.recognise(now, image).is_ok()).count();
     }

@@ -1,4 +1,4 @@
-//! The virtual Tello's protocol in virtual time: what it answers, when, and how it flies.
+//! The virtual Tello's protocol in virtual time: its answers, their timing, and its flight.
 
 use std::net::SocketAddr;
 
@@ -17,12 +17,12 @@ use crate::boxes::{at, facing, scene};
 
 const CLIENT: ([u8; 4], u16) = ([192, 168, 10, 2], 40_000);
 
-/// A client and a Tello, joined by nothing but virtual time.
+/// A client and a Tello, connected only by virtual time.
 struct Bench {
     craft: SimCraft,
     tello: VirtualTello,
     now: Time,
-    /// Answers with the time they came.
+    /// Answers with their times.
     answers: Vec<(Time, String)>,
     states: Vec<(Time, String)>,
 }
@@ -75,7 +75,7 @@ impl Bench {
         }
     }
 
-    /// The next answer to a command, and how long it took; within 40 s.
+    /// The next answer to a command, and its latency; within 40 s.
     fn ask(&mut self, command: &str) -> (String, f64) {
         let (requested, before) = (self.now, self.answers.len());
         self.say(command);
@@ -362,7 +362,7 @@ fn an_empty_battery_in_the_air_lands_it() {
     assert_eq!(bench.answers.last().unwrap().1, "error Auto land");
 }
 
-/// When the link is cut no `rc` can stop it: it flies on as the sticks said, until its own landing.
+/// When the link is cut, no `rc` can stop it: it flies on with the last stick positions, until its own landing.
 #[test]
 fn a_cut_link_leaves_the_sticks_as_they_were() {
     let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, trouble(Trouble::LinkCut, 6.0, Some(40.0)));
@@ -455,7 +455,7 @@ proptest! {
         }
     }
 
-    /// Whatever is sent: the craft obeys its own limits, and at most one answer comes for each command.
+    /// For any input: the craft obeys its own limits, and at most one answer is sent for each command.
     #[test]
     fn any_commands_leave_it_sound(
         commands in proptest::collection::vec((

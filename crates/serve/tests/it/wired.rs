@@ -1,4 +1,4 @@
-//! The Tello's driver and the virtual Tello, joined in virtual time without sockets.
+//! The Tello's driver and the virtual Tello, connected in virtual time without sockets.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -28,7 +28,7 @@ pub(crate) const CAMERA_FAULTS: [Trouble; 3] = [Trouble::LensCovered, Trouble::V
 
 const STEP: Duration = Duration::from_millis(5);
 
-/// The driver, the drone, and a cable of virtual time.
+/// The driver, the drone, and a virtual connection.
 pub(crate) struct Wired {
     world: SimWorld,
     tello: VirtualTello,
@@ -39,12 +39,12 @@ pub(crate) struct Wired {
     /// An image of the scene, to which the faults of the camera are applied.
     image: Option<Rgb>,
     events: VecDeque<(Time, DroneEvent)>,
-    /// Every word to the drone, with its time.
+    /// Every command to the drone, with its time.
     pub(crate) sent: Arc<Mutex<Vec<(Time, String)>>>,
 }
 
 impl Wired {
-    /// A drone with these figures, on the ground, in SDK mode soon.
+    /// A drone with these parameters, on the ground, in SDK mode soon.
     pub(crate) fn new(world: SimWorld, figures: Figures, faults: FaultPlan) -> Self {
         let tello = {
             let craft = world.shared_craft();
@@ -63,7 +63,7 @@ impl Wired {
         SocketAddr::from(([127, 0, 0, 1], 40_000))
     }
 
-    /// Why this frame is of no use, if the camera has a fault.
+    /// Why this frame is unusable, if the camera has a fault.
     fn show(&mut self, meta: FrameMeta) -> Option<Unusable> {
         let faults = self.tello.faults();
         if !CAMERA_FAULTS.iter().any(|&fault| faults.troubled(meta.captured, fault)) {
@@ -112,7 +112,7 @@ impl Wired {
 }
 
 impl Drop for Wired {
-    /// As the driver: what is urgent is still said.
+    /// As in the driver: urgent commands are still sent.
     fn drop(&mut self) {
         while self.link.is_urgent() {
             self.step();

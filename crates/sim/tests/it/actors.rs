@@ -1,4 +1,4 @@
-//! Actors and the craft among them: they stop for it, and it can hit them.
+//! Actors and the craft among them: they stop for it, and it can collide with them.
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::craft::CraftKind;
@@ -21,7 +21,7 @@ fn hovering(stage: &Stage, at: [f64; 3]) -> SimCraft {
 fn a_car_and_a_person_stop_for_a_hovering_craft_and_not_for_one_high_above() {
     let car = Stage::of(&[("car", "car", drive("[[0, -40], [0, 40]]", ", loop = \"once\""))]);
     let person = Stage::of(&[("person", "person", walk("[[0, -10], [0, 40]]", ", loop = \"once\""))]);
-    // Half a car of 4.5 m, or half a person, the craft's radius, and the room that is kept.
+    // Half a car of 4.5 m, or half a person, the craft's radius, and the clearance.
     for (stage, half) in [(&car, 2.25), (&person, 0.25)] {
         let mut below = hovering(stage, [0.0, 0.0, 0.8]);
         let mut above = hovering(stage, [0.0, 0.0, 4.0]);

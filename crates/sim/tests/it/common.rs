@@ -1,4 +1,4 @@
-//! A craft in a hand-made scene: a wide floor, and boxes on it.
+//! A craft in a hand-made scene: a wide floor with boxes.
 
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
@@ -21,7 +21,7 @@ pub(crate) fn forward(speed: f64) -> Setpoint {
     Setpoint { forward: speed, ..Setpoint::HOLD }
 }
 
-/// Commands a setpoint at the craft's present time, without end of validity.
+/// Commands a setpoint at the craft's present time, without expiry.
 pub(crate) fn command(craft: &mut SimCraft, setpoint: Setpoint) {
     craft.apply(craft.time(), Command::Setpoint(setpoint), Time::from_millis(u64::MAX / 2_000_000));
 }

@@ -1,4 +1,4 @@
-//! How the simulated craft flies: figures worked out from the craft's limits, phases, crashes, repeatability.
+//! Flight of the simulated craft: figures calculated from the craft's limits, phases, crashes, repeatability.
 
 use proptest::prelude::*;
 use spf_core::command::{Command, Setpoint};
@@ -101,7 +101,7 @@ fn tello_keeps_to_its_tilt_and_reaches_one_metre_a_second() {
     }
     assert!(steepest.to_degrees() <= 9.0 + 1e-9 && steepest.to_degrees() > 8.0, "{}", steepest.to_degrees());
     assert!((speeds[399] - 1.0).abs() < 1e-3, "{}", speeds[399]);
-    // The log of a real Tello ramps at 1.2–1.4 m/s² (reference: section 2 of the Tello notes).
+    // The log of a real Tello ramps at 1.2–1.4 m/s² (docs/reference/dynamics.md).
     let ramp = (speeds[84] - speeds[44]) / 0.4;
     assert!((1.2..1.6).contains(&ramp), "{ramp}");
 }
@@ -333,7 +333,7 @@ fn setpoints() -> impl Strategy<Value = Vec<(u64, Setpoint)>> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(48))]
 
-    /// Whatever is asked for, the craft keeps to its speeds, rates, tilt and accelerations.
+    /// For any setpoint, the craft keeps to its speeds, rates, tilt and accelerations.
     #[test]
     fn limits_hold_for_any_setpoints(plan in setpoints(), tello in any::<bool>()) {
         let model = if tello { Model::tello() } else { Model::quad() };
@@ -353,14 +353,14 @@ proptest! {
                 let tilt = truth.pose.attitude.pitch.abs().max(truth.pose.attitude.roll.abs());
                 prop_assert!(tilt <= model.max_tilt + 1e-9);
                 let change = libm::hypot(v.east - last.east, v.north - last.north) / 0.005;
-                // Braking hard, drag helps a craft that tilts to its limit.
+                // During hard braking, drag helps a craft that tilts to its limit.
                 prop_assert!(change <= model.craft.acceleration + model.drag * model.max_speed + 1e-6);
                 last = v;
             }
         }
     }
 
-    /// The same commands give the same bits however time is cut into calls.
+    /// The same commands give the same bits however time is split into calls.
     #[test]
     fn results_do_not_depend_on_how_time_is_cut(plan in setpoints(), cuts in prop::collection::vec(1u64..400_000_000, 1..200)) {
         let conditions = SimConditions {

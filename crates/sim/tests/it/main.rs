@@ -1,4 +1,4 @@
-//! Tests of the craft as its users see it, in one binary: each links anew.
+//! Tests of the craft from the user's side, in one binary, because each takes time to link.
 
 mod actors;
 mod common;

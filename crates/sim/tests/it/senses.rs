@@ -1,4 +1,4 @@
-//! What the craft tells of itself: its rates, steps and errors.
+//! Telemetry of the craft: its rates, steps and errors.
 
 use spf_core::command::Setpoint;
 use spf_core::geometry::wrap_angle;
@@ -15,7 +15,7 @@ fn craft(model: Model, seed: u64, exact: bool) -> SimCraft {
     SimCraft::with_conditions(scene(), model, facing(at(0.0, -150.0, 10.0), 40.0), conditions)
 }
 
-/// Reports and truths of `seconds` of a craft that turns and moves.
+/// Reports and ground truth over `seconds` of a craft that turns and moves.
 fn reports(model: Model, seed: u64, seconds: u64) -> Vec<(Telemetry, Truth)> {
     let mut craft = craft(model, seed, false);
     command(&mut craft, Setpoint { forward: 0.7, yaw_rate: 0.4, ..Setpoint::HOLD });
@@ -41,7 +41,7 @@ fn is_multiple(value: f64, step: f64) -> bool {
 
 #[test]
 fn quad_errs_as_the_design_says() {
-    // Many short flights, since the slow errors hardly move within one.
+    // Many short flights, since the slow errors hardly change within one.
     let all: Vec<(Telemetry, Truth)> = (0..300).flat_map(|seed| reports(Model::quad(), seed, 2)).collect();
     let position = |pick: fn(&Telemetry, &Truth) -> f64| spread(all.iter().map(|(told, true_)| pick(told, true_)));
     for error in [
@@ -62,10 +62,10 @@ fn quad_position_wanders_slowly() {
     let reports = reports(Model::quad(), 5, 60);
     assert_eq!(reports.len(), 1200, "20 a second");
     let errors: Vec<f64> = reports.iter().map(|(t, truth)| t.position.unwrap().east - truth.pose.position.east).collect();
-    // σ·√(2·0.05/30) = 17 mm from one report to the next, far less than the 0.3 m that it is off by.
+    // σ·√(2·0.05/30) = 17 mm from one report to the next, far less than the total error of 0.3 m.
     let steps = spread(errors.windows(2).map(|pair| pair[1] - pair[0]));
     assert!((steps - 0.0173).abs() < 0.002, "{steps}");
-    // The height is that of the position's estimator, free of error where it was switched on.
+    // The height is that of the position estimator, free of error where it was switched on.
     let (first, last) = (reports[0].0, reports[1199].0);
     let risen = last.position.unwrap().up - first.position.unwrap().up;
     assert!((last.height.unwrap() - first.height.unwrap() - risen).abs() < 1e-9);
@@ -81,7 +81,7 @@ fn tello_tells_whole_degrees_decimetres_and_no_position() {
         assert!([v.east, v.north, v.up].iter().all(|&v| is_multiple(v, 0.1)), "{v:?}");
         assert!(is_multiple(told.height.unwrap(), 0.1));
         let a = told.attitude;
-        // Counted from the 40° that it was set down at.
+        // Relative to the initial heading of 40°.
         assert!(is_multiple(wrap_angle(a.heading - 40.0_f64.to_radians()).to_degrees(), 1.0));
         assert!(is_multiple(a.pitch.to_degrees(), 1.0) && is_multiple(a.roll.to_degrees(), 1.0));
         assert!(is_multiple(told.battery.unwrap(), 0.01));

@@ -1,7 +1,7 @@
-//! The simulated Tello beside what has been published of the real one: prints both, and asserts that each figure lies within
-//! the published spread. `cargo test -p spf-sim --test it tello_figures -- --nocapture`
+//! The simulated Tello compared with published figures of the real one: prints both, and asserts that each figure lies
+//! within the published range. `cargo test -p spf-sim --test it tello_figures -- --nocapture`
 //!
-//! The rows are those of docs/reference/dynamics.md, word for word; a test holds the two together.
+//! The rows are those of docs/reference/dynamics.md, word for word; a test compares them.
 #![allow(clippy::print_stdout, reason = "the table is for people")]
 
 use crate::common::{at, command, facing, fly_on, forward, hovering, scene};
@@ -19,15 +19,15 @@ const LONG: Time = Time::from_millis(100_000_000);
 struct Row {
     quantity: &'static str,
     unit: &'static str,
-    /// What was measured or stated of the real craft, and by whom.
+    /// The measurements or statements about the real craft, and their sources.
     published: &'static str,
-    /// The published spread; none where nobody has measured it.
+    /// The published range; `None` without a measurement.
     spread: Option<(f64, f64)>,
     model: f64,
 }
 
 impl Row {
-    /// As a line of the table.
+    /// As a row of the table.
     fn line(&self) -> String {
         let number = |value: f64| format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned();
         let spread = match self.spread {
@@ -38,7 +38,7 @@ impl Row {
         format!("| {} | {} | {spread} | {} | {} |", self.quantity, self.unit, number(self.model), self.published)
     }
 
-    /// Whether the model is within the spread, to a tenth of a percent: spreads are given to two or three digits.
+    /// Whether the model is within the range, to a tenth of a percent: ranges are given to two or three digits.
     fn holds(&self) -> bool {
         self.spread.is_none_or(|(low, high)| (low * 0.999..=high * 1.001).contains(&self.model))
     }
@@ -48,7 +48,7 @@ fn tello() -> SimCraft {
     hovering(Model::tello(), at(0.0, -150.0, 10.0))
 }
 
-/// Speed and yaw rate at full stick: more than the craft can do is asked for.
+/// Speed and yaw rate at full stick: the setpoint exceeds the craft's limits.
 fn stick(fraction: f64) -> Setpoint {
     forward(fraction * Model::tello().max_speed)
 }
@@ -68,7 +68,7 @@ fn settled(setpoint: Setpoint) -> SimCraft {
     craft
 }
 
-/// The value of every tick after a setpoint, for some seconds.
+/// The value at every tick after a setpoint, for some seconds.
 fn course(setpoint: Setpoint, value: impl Fn(&SimCraft) -> f64) -> Vec<f64> {
     let mut craft = tello();
     command(&mut craft, setpoint);
@@ -79,7 +79,7 @@ fn course(setpoint: Setpoint, value: impl Fn(&SimCraft) -> f64) -> Vec<f64> {
     (0..1200).map(|_| tick(&mut craft)).collect()
 }
 
-/// Seconds until a rising course first reaches a value.
+/// Seconds until a rising value first reaches a threshold.
 fn reached(course: &[f64], value: f64) -> f64 {
     let ticks = course.iter().position(|v| *v >= value).expect("it is reached") + 1;
     ticks as f64 * TICK_MS as f64 / 1000.0
@@ -133,7 +133,7 @@ fn landing(height: f64) -> f64 {
     until(&mut craft, Command::Land, FlightPhase::OnGround).0
 }
 
-/// Minutes from a full battery in the air to where the craft lands by itself.
+/// Minutes from a full battery in the air until the craft lands by itself.
 fn endurance() -> f64 {
     let mut craft = tello();
     while craft.truth().phase == FlightPhase::Flying {
@@ -142,7 +142,7 @@ fn endurance() -> f64 {
     craft.time().as_secs_f64() / 60.0
 }
 
-/// Standard deviation along one axis of the way crept in 5 s of hovering.
+/// Standard deviation along one axis of the drift in 5 s of hovering.
 fn drift() -> f64 {
     let ways = (0..400).flat_map(|seed| {
         let conditions = SimConditions { hovering: true, ..SimConditions::new(seed) };

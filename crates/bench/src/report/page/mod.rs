@@ -107,7 +107,7 @@ fn made(source: &Source) -> Markup {
 fn levels(source: &Source) -> Markup {
     html! {
         section id="levels" {
-            h2 { "Success rate over the oracle's error level" }
+            h2 { "Success rate by oracle error level" }
             @match curve::levels(source) {
                 Some(levels) => {
                     figure {
@@ -128,12 +128,12 @@ fn levels(source: &Source) -> Markup {
 fn latency(source: &Source) -> Markup {
     html! {
         section id="latency" {
-            h2 { "Success rate over latency" }
+            h2 { "Success rate by latency" }
             @match curve::latencies(source) {
                 Some(curves) => {
                     figure {
                         (chart::legend(source, false)) (chart::latencies(&curves))
-                        figcaption class="note" { "Self-stop success with 95 % Wilson intervals, over median reply latency. \
+                        figcaption class="note" { "Self-stop success with 95 % Wilson intervals, by median reply latency. \
                             The VLMs, named at the points, may differ in more than latency." }
                     }
                     (from(source))

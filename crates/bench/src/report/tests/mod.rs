@@ -100,13 +100,13 @@ fn latex_is_balanced_and_its_rows_are_as_wide_as_its_head() {
 #[test]
 fn curves_are_drawn_from_what_was_flown_alone() {
     let page = page_of(&two_methods());
-    assert!(page.contains("aria-label=\"Success rate over the oracle's error level\""));
+    assert!(page.contains("aria-label=\"Success rate by oracle error level\""));
     assert!(page.contains("no method was flown with more than one latency"));
     let slow = |vlm, ms| Row { vlm, latency_ms: ms, ..Row::default() };
     let page = page_of(&Folder::of(&[slow("oracle:./quick.toml", 500.0), slow("oracle:./slow.toml", 6000.0)]));
-    assert!(page.contains("aria-label=\"Success rate over reply latency\""));
+    assert!(page.contains("aria-label=\"Success rate by reply latency\""));
     let page = page_of(&Folder::of(&[Row::default()]));
-    assert!(page.contains("the trials have fewer than two error levels") && !page.contains("Success rate over reply latency"));
+    assert!(page.contains("the trials have fewer than two error levels") && !page.contains("Success rate by reply latency"));
 }
 
 #[test]

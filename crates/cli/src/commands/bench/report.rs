@@ -20,7 +20,7 @@ pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliE
     }
     std::fs::create_dir_all(&output)
         .map_err(|error| CliError::usage(format!("cannot create the folder `{}`", output.display())).because(&error))?;
-    printer.log("drawing charts and maps …");
+    printer.log("rendering charts and maps …");
     let page = write(&source, &output).map_err(|error| refused(&error))?;
     printer.result(&page.display().to_string());
     Ok(Exit::Success)

@@ -53,5 +53,8 @@ pub(crate) fn unreplayable(path: &Path, error: &ReplayError) -> CliError {
 /// Warns that a log is truncated; everything before its end is available.
 pub(crate) fn warn_truncated(path: &Path, printer: &Printer) {
     let path = path.display();
-    printer.log(&format!("warning: `{path}` ends during the flight; after the flight, `spf log repair {path}` completes it"));
+    printer.log(&format!(
+        "warning: `{path}` is incomplete: its flight is still running, or the log was truncated; after the flight, \
+         `spf log repair {path}` completes it"
+    ));
 }

@@ -61,7 +61,7 @@ pub(super) fn land(args: &TelloAddress, printer: &Printer) -> Result<Exit, CliEr
         Landed::Airborne => Err(CliError::failed("the Tello still seems to be in the air")
             .hint("catch it from below and turn it over: its motors then stop")),
         Landed::Unseen => Err(CliError::failed("`land` was sent for 10 s, but no state arrives, so its effect is unknown")
-            .hint("look at the drone")),
+            .hint("check the drone visually")),
     }
 }
 

@@ -58,7 +58,7 @@ fn report(check: &Check, printer: &Printer) {
 fn astray(name: &str, verdict: &Verdict) -> CliError {
     match verdict {
         Verdict::Other(own) => {
-            CliError::failed(format!("`{name}` uses other coordinates than the table of models says: {}", convention(own)))
+            CliError::failed(format!("`{name}` uses the coordinates {}, not those in the table of models", convention(own)))
                 .hint(format!("add a row for it with --vlm-models (docs/guide/vlm.md): {}", row(own)))
         }
         Verdict::Astray(worst) => CliError::failed(format!(

@@ -1,12 +1,12 @@
-//! Circles in a graph some of whose nodes are ancestors of others.
+//! Cycles in a graph some of whose nodes are ancestors of others.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 /// From → to.
 pub(super) type Edges = BTreeMap<usize, BTreeSet<usize>>;
 
-/// The greatest sets of nodes that all reach each other along `edges`, ascending, where some circle among them has no node that is
-/// an ancestor of all its others. `is_above(a, b)`: a is an ancestor of b.
+/// The maximal sets of nodes that all reach each other along `edges`, ascending, in which some cycle has no node that
+/// is an ancestor of all its others. `is_above(a, b)`: a is an ancestor of b.
 pub(super) fn circles(edges: &Edges, is_above: &impl Fn(usize, usize) -> bool) -> Vec<BTreeSet<usize>> {
     let nodes: BTreeSet<usize> = edges.iter().flat_map(|(from, to)| to.iter().chain([from]).copied()).collect();
     within(edges, &nodes, is_above)
@@ -23,8 +23,8 @@ fn within(edges: &Edges, nodes: &BTreeSet<usize>, is_above: &impl Fn(usize, usiz
         if knot.len() == 1 {
             continue;
         }
-        // Two circles through one node have roots that are both its ancestors, so one above the other: a knot of allowed circles
-        // alone has one root. Without it, what is left is looked at again.
+        // Two cycles through one node have roots that are both its ancestors, so one is above the other: a component of
+        // permitted cycles alone has one root. Without it, the remainder is searched again.
         match knot.iter().copied().find(|&root| knot.iter().all(|&other| other == root || is_above(root, other))) {
             Some(root) => {
                 knot.remove(&root);
@@ -36,7 +36,7 @@ fn within(edges: &Edges, nodes: &BTreeSet<usize>, is_above: &impl Fn(usize, usiz
     found
 }
 
-/// Where `edges` lead from a node without leaving `nodes`, at least one edge far.
+/// Nodes reachable from a node along at least one of `edges` without leaving `nodes`.
 fn reach(edges: &Edges, nodes: &BTreeSet<usize>, from: usize) -> BTreeSet<usize> {
     let mut reached = BTreeSet::new();
     let mut next = vec![from];

@@ -1,8 +1,9 @@
-//! The modules of a crate, and which file uses what of which other.
+//! The modules of a crate, and the names that each file uses from others.
 //!
-//! Names are resolved as the compiler does it, as far as files need it: through `use`, re-exports and globs to the file that
-//! defines the item. What follows an item's name (a variant, an associated function) stays with the item. Left aside are
-//! `#[cfg(test)]`, `mod x;`, names that a macro makes, and a parent's `pub use` of what is below it, which only lists it.
+//! Names are resolved as the compiler does, as far as files need it: through `use`, re-exports and globs to the file
+//! that defines the item. The segments after an item's name (a variant, an associated function) belong to the item.
+//! Excluded are `#[cfg(test)]`, `mod x;`, names created by macros, and a parent's `pub use` of its submodules, which
+//! only lists them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use syn::{Attribute, Item, UseTree, Visibility};
 use super::graph::{Edges, circles};
 use super::paths::{InnerUses, Paths, Words, attributes, for_tests, is_call, name_of, path_attribute};
 
-/// What a name stands for.
+/// The meaning of a name.
 #[derive(Clone, Debug)]
 enum Named {
     Item,
@@ -21,13 +22,13 @@ enum Named {
     Import(Words),
 }
 
-/// Where a path leads.
+/// The target of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Target {
     /// An item defined in a module.
     Item(usize),
     Module(usize),
-    /// Out of this crate, or to something with no name of its own here (a variable, a type parameter).
+    /// Outside this crate, or something without a name of its own here (a variable, a type parameter).
     Elsewhere,
 }
 
@@ -38,18 +39,18 @@ struct Module {
     globs: Vec<Words>,
     /// Imported: the path, and whether it is only listed for others.
     imports: Vec<(Words, bool)>,
-    /// Its items but for modules.
+    /// Its items except modules.
     items: Vec<Item>,
 }
 
 /// A crate's modules.
 pub(super) struct Crate {
     modules: Vec<Module>,
-    /// Path of each file, and the module that it is.
+    /// Path of each file, and its module.
     files: Vec<(PathBuf, usize)>,
 }
 
-/// A circle: its files, and each use between two of them, `from → to (names)`.
+/// A cycle: its files, and each use between two of them, `from → to (names)`.
 #[derive(Debug)]
 pub(super) struct Circle {
     pub(super) files: BTreeSet<String>,
@@ -57,7 +58,7 @@ pub(super) struct Circle {
 }
 
 impl Crate {
-    /// The crate whose root is this file. `read` gives a file's text, nothing where there is none.
+    /// The crate whose root is this file. `read` returns a file's text, `None` if there is none.
     pub(super) fn read(root: &Path, read: &impl Fn(&Path) -> Option<String>) -> Self {
         let mut made = Self { modules: Vec::new(), files: Vec::new() };
         made.add_file(root, root.parent().unwrap(), None, read);
@@ -104,7 +105,7 @@ impl Crate {
                     if let Some(name) = name_of(&item) {
                         self.name(id, name, Named::Item);
                     }
-                    // A `use` within a body: its names are known to the whole module, for want of scopes.
+                    // A `use` within a body: its names are assigned to the whole module, since scopes are not modelled.
                     let mut inner = InnerUses(Vec::new());
                     inner.visit_item(&item);
                     for tree in inner.0 {
@@ -166,7 +167,7 @@ impl Crate {
         self.modules[module].imports.push((path, only_listed));
     }
 
-    /// Where a path leads that is written in a module; nowhere if a module has no such name.
+    /// The target of a path written in a module; `None` if a module has no such name.
     fn resolve(&self, module: usize, path: &[String], seen: &mut BTreeSet<(usize, String)>) -> BTreeSet<Target> {
         let Some((first, mut rest)) = path.split_first() else { return BTreeSet::new() };
         let mut at: BTreeSet<Target> = match first.as_str() {
@@ -186,7 +187,7 @@ impl Crate {
                 }
                 Target::Module(module) => {
                     let found = self.look_up(module, word, seen);
-                    // What a module does not write out a macro that it calls makes.
+                    // A name that a module does not define may be created by a macro that it calls.
                     let made = found.is_empty() && self.modules[module].items.iter().any(is_call);
                     if made { [Target::Item(module)].into() } else { found }
                 }
@@ -244,7 +245,7 @@ impl Crate {
         false
     }
 
-    /// Which file uses what of which other: (from, to) → names.
+    /// The uses between files: (from, to) → names.
     fn uses(&self) -> BTreeMap<(usize, usize), BTreeSet<String>> {
         let mut uses: BTreeMap<(usize, usize), BTreeSet<String>> = BTreeMap::new();
         for (id, module) in self.modules.iter().enumerate() {
@@ -263,7 +264,7 @@ impl Crate {
         uses
     }
 
-    /// Imports from this crate of which it is not known where they lead: what is looked for is not seen through them.
+    /// Imports from this crate that could not be resolved: names are not found through them.
     pub(super) fn unresolved(&self) -> Vec<String> {
         let mut left = Vec::new();
         for (id, module) in self.modules.iter().enumerate() {
@@ -277,7 +278,7 @@ impl Crate {
         left
     }
 
-    /// All circles between files but those of a module with what is below it.
+    /// All cycles between files except those of a module with its submodules.
     pub(super) fn circles(&self) -> Vec<Circle> {
         let uses = self.uses();
         let mut edges = Edges::new();

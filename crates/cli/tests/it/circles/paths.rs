@@ -1,4 +1,4 @@
-//! What stands in an item: its name, its attributes, and every path that it writes.
+//! The contents of an item: its name, its attributes, and all paths in it.
 
 use std::collections::BTreeSet;
 
@@ -6,7 +6,7 @@ use syn::buffer::{Cursor, TokenBuffer};
 use syn::visit::{self, Visit};
 use syn::{Attribute, Item, Meta, UseTree};
 
-/// A path as it is written, without generic arguments.
+/// A path as written, without generic arguments.
 pub(super) type Words = Vec<String>;
 
 pub(super) fn attributes(item: &Item) -> Option<&[Attribute]> {
@@ -30,7 +30,7 @@ pub(super) fn attributes(item: &Item) -> Option<&[Attribute]> {
     })
 }
 
-/// Whether it calls a macro, which may make items of any name.
+/// Whether it calls a macro, which may create items with any name.
 pub(super) fn is_call(item: &Item) -> bool {
     matches!(item, Item::Macro(call) if call.ident.is_none())
 }
@@ -52,7 +52,7 @@ pub(super) fn name_of(item: &Item) -> Option<String> {
     Some(name.to_string())
 }
 
-/// `#[cfg(test)]`, or that and more.
+/// `#[cfg(test)]`, possibly with further conditions.
 pub(super) fn for_tests(attributes: &[Attribute]) -> bool {
     attributes.iter().any(|attribute| match &attribute.meta {
         Meta::List(list) if list.path.is_ident("cfg") => {
@@ -86,7 +86,7 @@ impl<'ast> Visit<'ast> for InnerUses {
 pub(super) struct Paths(pub(super) BTreeSet<Words>);
 
 impl Paths {
-    /// Takes whatever looks like a path among tokens: words with `::` between them.
+    /// Collects whatever looks like a path among tokens: words with `::` between them.
     fn scan(&mut self, mut at: Cursor<'_>) {
         let mut path = Words::new();
         let mut joins = false;

@@ -1,4 +1,4 @@
-//! Clients from PyPI, unmodified, at the addresses of a real Tello: each side in a network namespace of its own.
+//! Clients from PyPI, unmodified, at the addresses of a real Tello: each side in its own network namespace.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,8 @@ use serde_json::Value;
 use crate::harness::{Lab, Run, skip, warn};
 use crate::python;
 
-/// Runs a client of ours' clients against a served Tello; what it printed last. None where namespaces or Python are missing.
+/// Runs a third-party client against a served Tello; returns its last output. `None` if namespaces or Python are
+/// missing.
 fn flown(lab: &Lab, packages: &[&str], script: &str, serve: &[&str]) -> Option<Value> {
     let namespaces = Command::new("unshare").args(["-Urn", "ip", "link", "set", "lo", "up"]).output();
     if !namespaces.is_ok_and(|output| output.status.success()) {
@@ -42,7 +43,7 @@ fn djitellopy_flies_every_movement_and_reads_frames() {
     assert!(told["connect_s"].as_f64().unwrap() < 1.0, "{told}");
     assert!((3.0..6.0).contains(&told["takeoff_s"].as_f64().unwrap()), "{told}");
     assert!((1.0..4.0).contains(&seconds("cw 90")) && (2.0..9.0).contains(&seconds("curve")), "{told}");
-    // How many depends on the machine. Its reader gives up where they are too few, which is no fault of the drone's.
+    // The number depends on the machine. Its reader gives up if there are too few, which is not the drone's fault.
     if told["video_alive"] == true {
         assert!(told["frames_per_s"].as_f64().unwrap() > 1.0, "{told}");
     } else {

@@ -13,7 +13,7 @@ use crate::vlm::KEY;
 use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
 
-/// A virtual Tello, and a flight with it under way.
+/// A virtual Tello, and a running flight with it.
 struct Flight {
     lab: Lab,
     served: Served,
@@ -35,7 +35,7 @@ impl Flight {
         Self::start_with(drone, local, |_| {})
     }
 
-    /// The same, with something done in its folder during take-off.
+    /// The same, with an action in its folder during take-off.
     fn start_with(drone: &str, local: &str, meanwhile: impl Fn(&Lab)) -> Self {
         let lab = Lab::new();
         let served = Served::start(&lab, drone, &["--truth", "truth.jsonl", "--instruction", "fly to the door"]);
@@ -66,7 +66,7 @@ impl Flight {
         assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
     }
 
-    /// How the drone's flight ended, by its own account, and how long that took.
+    /// How the drone's flight ended, according to the drone, and how long that took.
     fn landed(&self) -> (Value, Duration) {
         let begun = Instant::now();
         loop {
@@ -82,7 +82,7 @@ impl Flight {
         }
     }
 
-    /// Exit code, and all it printed.
+    /// Exit code, and all output.
     fn end(self) -> (Option<i32>, String) {
         let Self { served, mut child, mut stderr, writer, mut printed, .. } = self;
         drop(writer);
@@ -114,7 +114,7 @@ fn a_signal_lands_the_drone_and_a_second_one_waits_for_it() {
     });
 }
 
-/// SIGUSR1 and the like end no flight, and Ctrl-Z does not suspend one.
+/// SIGUSR1 and similar signals do not end a flight, and Ctrl-Z does not suspend one.
 #[test]
 fn signals_that_mean_nothing_here_end_no_flight() {
     let mut flight = Flight::start("127.0.0.76", "127.0.0.77");
@@ -129,7 +129,7 @@ fn signals_that_mean_nothing_here_end_no_flight() {
     assert_eq!(flight.end().0, Some(5));
 }
 
-/// The process stands still for 3 s, as with SIGSTOP or a suspended machine: what it knows of the craft is old.
+/// The process stops for 3 s, as with SIGSTOP or a suspended machine: its knowledge of the craft is outdated.
 #[test]
 fn a_stopped_process_is_a_lost_link() {
     let mut flight = Flight::start("127.0.0.78", "127.0.0.79");
@@ -137,7 +137,7 @@ fn a_stopped_process_is_a_lost_link() {
     std::thread::sleep(Duration::from_secs(3));
     flight.signal("CONT");
     flight.until("the link counts as lost");
-    // It flies on once the link counts as restored, and the driver has not given up.
+    // It flies on once the link counts as restored, and the driver has not landed it.
     std::thread::sleep(Duration::from_secs(2));
     assert_eq!(flight.child.try_wait().unwrap(), None);
     flight.signal("INT");
@@ -147,7 +147,7 @@ fn a_stopped_process_is_a_lost_link() {
     assert_eq!(code, Some(5), "{printed}");
 }
 
-/// Opening this file waits for ever, as a disk that hangs does.
+/// Opening this file waits for ever, like a stalled disk.
 #[test]
 fn a_disk_that_stalls_delays_neither_flight_nor_ctrl_c() {
     let fifo = |lab: &Lab| assert!(Command::new("mkfifo").arg(lab.path("mine/vlm.jsonl")).status().unwrap().success());
@@ -186,7 +186,7 @@ fn a_terminal_that_is_not_read_stops_neither_flight_nor_ctrl_c() {
     assert_eq!(ended_by, "landing");
     assert!(took < Duration::from_secs(8), "{took:?}");
     let Flight { mut child, stderr, writer, served, lab, .. } = flight;
-    // Its end waits for a terminal no longer than a second at a time, and loses no file.
+    // At the end it waits for a terminal at most a second at a time, and loses no file.
     drop((stderr, writer));
     filling.join().unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(5));

@@ -25,7 +25,7 @@ impl Served {
         Self(child)
     }
 
-    /// Ends it; what it said.
+    /// Ends it; returns its output.
     pub(super) fn end(mut self) -> String {
         let line = format!("kill -INT {}", self.0.id());
         assert!(Command::new("sh").args(["-c", &line]).status().unwrap().success());
@@ -43,7 +43,7 @@ impl Drop for Served {
     }
 }
 
-/// A model that says `steps` times to go a little ahead, then that it is there.
+/// A model that replies `steps` times to go a little ahead, then that it is there.
 pub(super) fn model(steps: usize) -> Server {
     let near = AHEAD.replace("\"depth\":6", "\"depth\":2");
     Server::start(move |number, request| {
@@ -52,7 +52,7 @@ pub(super) fn model(steps: usize) -> Server {
     })
 }
 
-/// A flight; exit code, the summary printed, and what was said.
+/// A flight; returns exit code, the printed summary, and the messages.
 fn fly(lab: &Lab, drone: &str, local: &str, server: &Server, args: &[&str]) -> (Run, Value) {
     let output = fly_command(lab, drone, local, server, "mine", &[&["--json"], args].concat()).output().unwrap();
     let run = Run::of(&output);
@@ -77,7 +77,7 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
         "{}",
         run.stderr
     );
-    // What the model was shown: the office, not a placeholder.
+    // The model's image: the office, not a placeholder.
     for request in server.questions() {
         let image = spf_media::jpeg::decode(&Vendor::Gemini.image(&request)).unwrap();
         let mean = image.data().iter().map(|byte| f64::from(*byte)).sum::<f64>() / image.data().len() as f64;
@@ -128,7 +128,8 @@ fn the_oracle_needs_the_simulator() {
     }
 }
 
-/// The drone and its VLM in one process, the flight in another: nobody tells the answer but the oracle, by the pictures it is sent.
+/// The drone and its VLM in one process, the flight in another: only the oracle provides the answers, based on the
+/// images it receives.
 #[test]
 #[ignore = "long: .ci/interop runs it"]
 fn the_oracle_behind_http_points_in_the_drone_s_own_video() {

@@ -1,4 +1,4 @@
-//! `spf sim serve --tello` as other people's clients meet it.
+//! `spf sim serve --tello` from the side of third-party clients.
 
 mod clients;
 mod ending;

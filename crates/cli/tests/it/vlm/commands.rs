@@ -1,4 +1,4 @@
-//! What a person types: names, prompts, recordings, limits of money, the list.
+//! User input: names, prompts, recordings, cost limits, the list.
 
 use std::collections::BTreeMap;
 
@@ -18,13 +18,13 @@ fn crane(vendor: Vendor) -> Server {
 fn a_flight_tells_what_it_took() {
     let (lab, server) = (Lab::new(), crane(Vendor::Gemini));
     let (code, summary) = fly(&lab, &server, Vendor::Gemini, "mine", &[]);
-    // It believes to be there, and the truth knows better.
+    // It believes that it has arrived, but the ground truth disagrees.
     assert_eq!((code, &summary["outcome"]), (3, &"reached".into()), "{summary}");
     let used = &summary["vlm_use"];
     assert_eq!((&used["questions"], &used["requests"]), (&5.into(), &5.into()), "{used}");
     assert_eq!(used["models"], serde_json::json!({ "gemini-robotics-er-2-preview": 5 }));
     assert_eq!(used["tokens_in"], 6000);
-    // 5·1200 tokens in at 1 $ and what came out at 5 $ a million.
+    // 5·1200 input tokens at 1 $ and the output tokens at 5 $ per million.
     let out = used["tokens_out"].as_f64().unwrap() + used["tokens_thinking"].as_f64().unwrap();
     assert!((used["cost_usd"].as_f64().unwrap() - (6000.0 + 5.0 * out) / 1e6).abs() < 1e-12, "{used}");
     let medians = ["encode_s", "upload_s", "first_text_s", "complete_s"].map(|part| used["median_parts"][part].as_f64().unwrap());
@@ -44,9 +44,9 @@ fn a_flight_tells_what_it_took() {
     assert!(run.stderr.contains("gemini-robotics-er-2-preview from Google Gemini at http://127.0.0.1"), "{}", run.stderr);
 }
 
-/// The files of a flight that follow from it alone.
+/// The files of a flight that depend on the flight alone.
 fn files(lab: &Lab, name: &str) -> BTreeMap<String, Vec<u8>> {
-    // The log has the wall clock in it (docs/reference/flight-log.md).
+    // The log contains the wall clock (docs/reference/flight-log.md).
     let names = lab.names(name).into_iter().filter(|file| file != "flight.mcap");
     names.map(|file| (file.clone(), lab.read(&format!("{name}/{file}")))).collect()
 }
@@ -54,7 +54,7 @@ fn files(lab: &Lab, name: &str) -> BTreeMap<String, Vec<u8>> {
 #[test]
 fn a_recording_flies_the_same_flight_again_bit_for_bit() {
     let (lab, server) = (Lab::new(), crane(Vendor::Anthropic));
-    // One question fails on the way, which is recorded as well.
+    // One query fails during the flight, which is recorded as well.
     let failing = Server::start(move |number, request| match number {
         1 => Reply::json(400, &serde_json::json!({ "error": { "type": "invalid_request_error", "message": "no" } })),
         0 | 2 => Vendor::Anthropic.stream(&Vendor::Anthropic.model(request), &AHEAD.replace("[480,500]", "[500,480]")),
@@ -72,7 +72,7 @@ fn a_recording_flies_the_same_flight_again_bit_for_bit() {
     // Another instruction is another flight.
     let (code, summary) = lab.fly("other", &["fly to the bridge", "--vlm", "replay:good.jsonl"]);
     assert_eq!((code, &summary["outcome"]), (6, &"failed".into()), "{summary}");
-    // What is there is not written over.
+    // Existing files are not overwritten.
     let run = lab.spf(&["fly", "go", "--vlm", "replay:good.jsonl", "--vlm-record", "good.jsonl", "--no-video"]);
     assert_eq!(run.code, Some(2), "{}", run.stderr);
     let run = lab.spf(&["fly", "go", "--vlm", "replay:none.jsonl"]);
@@ -82,7 +82,7 @@ fn a_recording_flies_the_same_flight_again_bit_for_bit() {
 #[test]
 fn spent_money_ends_the_flight() {
     let (lab, server) = (Lab::new(), Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), AHEAD)));
-    // A question costs some 0.0013 $.
+    // A query costs about 0.0013 $.
     let (code, summary) = fly(&lab, &server, Vendor::Gemini, "mine", &["--max-cost", "0.003"]);
     assert_eq!((code, &summary["outcome"]), (5, &"aborted".into()), "{summary}");
     assert!(summary["cause"].as_str().unwrap().contains("of $0.003 (--max-cost)"), "{summary}");
@@ -108,7 +108,8 @@ fn prompts_are_files() {
     assert!(run.code == Some(2) && run.stderr.contains("spf-prompt plain"), "{}", run.stderr);
 }
 
-/// The frames of a flight are drawn again for another model, which is asked at its own size and in its own coordinates.
+/// The frames of a flight are rendered again for another model, which is queried at its own size and in its own
+/// coordinates.
 #[test]
 fn a_model_is_asked_about_the_frames_of_a_flight() {
     let lab = Lab::new();

@@ -1,5 +1,5 @@
-//! Every way in which a vendor can fail, as a whole flight: the craft holds, nothing late moves it, the flight ends or goes on
-//! as docs/explanation/safety.md says, and what went wrong has its name.
+//! Every vendor failure, as a whole flight: the craft holds, nothing late moves it, the flight ends or continues as in
+//! docs/explanation/safety.md, and the failure is named.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -20,7 +20,7 @@ use super::server::{Piece, Reply, Server};
 use super::vendors::Vendor;
 use super::{AHEAD, DONE, KEY};
 
-/// What the craft was told, and what became of queries.
+/// The commands to the craft, and the results of queries.
 #[derive(Default)]
 struct Watch {
     setpoints: Vec<(Time, bool)>,
@@ -46,7 +46,7 @@ impl Observer for Watch {
 }
 
 impl Watch {
-    /// From 0.2 s after each failure to the next decision nothing but zero was commanded.
+    /// From 0.2 s after each failure to the next decision only zero was commanded.
     fn assert_held(&self, what: &str) {
         assert!(!self.failed.is_empty(), "{what}");
         for (at, reason) in &self.failed {
@@ -58,7 +58,7 @@ impl Watch {
     }
 }
 
-/// A flight by a vendor's models, each question answered by `answer`.
+/// A flight with a vendor's models, each query answered by `answer`.
 struct Flight {
     summary: Summary,
     watch: Watch,
@@ -89,7 +89,7 @@ fn flown(
     Flight { summary, watch, server, took: began.elapsed() }
 }
 
-/// Ahead at first, so that there is a motion to end; then the fault, always.
+/// Ahead at first, so that there is a motion to end; then always the fault.
 fn always(vendor: Vendor, fault: Reply) -> Flight {
     flown(
         vendor,
@@ -110,7 +110,7 @@ fn hanging(pieces: Vec<Piece>) -> Reply {
     Reply { pieces, ..sse("") }
 }
 
-/// The whole flight ends as failed at the fifth failure in a row, held ever since the first.
+/// The whole flight ends as failed at the fifth failure in a row, holding since the first.
 fn ends(code: &str, vendor: Vendor, fault: Reply) -> Flight {
     let flight = always(vendor, fault);
     let summary = &flight.summary;
@@ -129,14 +129,14 @@ fn errors_by_status_are_named() {
     let quota = json!({ "error": { "code": 429, "status": "RESOURCE_EXHAUSTED", "message": "Quota exceeded", "details": [
         { "@type": "type.googleapis.com/google.rpc.RetryInfo", "retryDelay": "100s" }] } });
     let flight = ends("rate_limit", Vendor::Gemini, Reply::json(429, &quota));
-    // Left alone for the time it asked for: no second question knocks.
+    // No query is sent for the requested time.
     assert_eq!(flight.server.questions().len(), 2);
     let limited = json!({ "error": { "message": "Rate limit", "type": "requests", "code": "rate_limit_exceeded" } });
     let flight = ends("rate_limit", Vendor::OpenAi, Reply::json(429, &limited).with("retry-after", "100"));
     assert_eq!(flight.server.questions().len(), 2);
     let flight = ends("server_error", Vendor::Chat, Reply::json(500, &json!({ "error": { "message": "boom" } })));
     assert!(flight.watch.failed[0].1.contains("returned HTTP 500: boom"), "{:?}", flight.watch.failed);
-    // Asked again within its time.
+    // Queried again within its time.
     assert!(flight.server.questions().len() > 6, "{}", flight.server.questions().len());
     let overloaded = json!({ "type": "error", "error": { "type": "overloaded_error", "message": "Overloaded" } });
     ends("overloaded", Vendor::Anthropic, Reply::json(529, &overloaded));
@@ -178,13 +178,13 @@ fn answers_that_are_none_are_named() {
 fn answers_without_end_are_ended() {
     let begin = "data: {\"choices\":[{\"delta\":{\"content\":\"{\"}}]}\n\n";
     ends("broken_off", Vendor::Chat, hanging(vec![Piece::Bytes(begin.into()), Piece::Break]));
-    // As fast as it can: the bound of memory.
+    // As fast as possible: tests the memory bound.
     let piece = format!("data: {{\"choices\":[{{\"delta\":{{\"content\":\"{}\"}}}}]}}\n\n", "x".repeat(4000));
     ends("too_long", Vendor::Chat, hanging(vec![Piece::Endless(piece.into_bytes(), Duration::ZERO)]));
     ends("too_long", Vendor::Gemini, hanging(vec![Piece::Endless(vec![b'x'; 65_536], Duration::ZERO)]));
 }
 
-/// What runs into its deadline is given up by the flight, and what comes of it later is late, counted and moves nothing.
+/// A query that reaches its deadline is abandoned by the flight, and its later answer counts as late and moves nothing.
 #[test]
 fn what_takes_too_long_is_taken_back_and_counted_late() {
     let trickle = "data: {\"choices\":[{\"delta\":{\"content\":\" \"}}]}\n\n";
@@ -192,13 +192,13 @@ fn what_takes_too_long_is_taken_back_and_counted_late() {
         let flight = ends("deadline", Vendor::Chat, fault);
         assert_eq!(flight.summary.late_replies, 5, "{:?}", flight.summary);
         assert!(flight.watch.failed.iter().all(|(_, reason)| reason == "no reply within 1.5 s"), "{:?}", flight.watch.failed);
-        // The server's clients went away; the last may still be going.
+        // The server's clients disconnected; the last may still be disconnecting.
         let left = flight.server.left.load(std::sync::atomic::Ordering::SeqCst);
         assert!(left >= 4, "{left}");
     }
 }
 
-/// On the wall clock a question that was taken back frees its thread: the next is asked at once, and not after the first's end.
+/// On the wall clock a cancelled query frees its thread: the next is sent at once, and not after the first one's end.
 #[test]
 fn on_the_wall_clock_a_question_taken_back_holds_nobody_up() {
     let flight = flown(
@@ -226,13 +226,13 @@ fn a_flight_goes_on_when_the_vendor_comes_back() {
     let flight = flown(Vendor::Anthropic, &[], Strategy::default(), patient, |number, request| match number {
         0 => Vendor::Anthropic.stream("m", AHEAD),
         1 => Reply::json(400, &json!({ "type": "error", "error": { "type": "invalid_request_error", "message": "no" } })),
-        // Overloaded for an instant: asked again within the question's time, the flight hears nothing of it.
+        // Overloaded for an instant: queried again within the query's time, unnoticed by the flight.
         2 => Reply::json(529, &json!({ "type": "error", "error": { "type": "overloaded_error", "message": "no" } }))
             .with("retry-after", "0.2"),
         _ => Vendor::Anthropic.stream(&Vendor::Anthropic.model(request), DONE),
     });
     let summary = flight.summary;
-    // Believed after a second look.
+    // Accepted after a second query.
     assert_eq!((summary.outcome, summary.decisions), (Outcome::Reached, 3), "{summary:?}");
     let used = summary.vlm_use.unwrap();
     assert_eq!((used.failed["bad_request"], used.questions, used.requests), (1, 4, 5), "{used:?}");
@@ -241,7 +241,7 @@ fn a_flight_goes_on_when_the_vendor_comes_back() {
 
 #[test]
 fn a_fallback_steps_in_in_its_own_coordinates() {
-    // The second is a family of pixels, and sees what the first would have pointed at.
+    // The second is a family with pixel coordinates, and points where the first would have.
     let second = Server::start(|number, _| {
         let ahead = r#"{"status":"navigating","look":null,"stage":1,"point":[384,276.48],"depth":6,"target":"the crane"}"#;
         Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { ahead } else { DONE })
@@ -253,7 +253,7 @@ fn a_fallback_steps_in_in_its_own_coordinates() {
     assert_eq!((flight.summary.outcome, flight.summary.decisions), (Outcome::Reached, 3), "{:?}", flight.summary);
     let used = flight.summary.vlm_use.unwrap();
     assert_eq!((used.models["claude-haiku-5-5"], used.questions, used.requests), (3, 3, 6), "{used:?}");
-    // Asked once each, not again: somebody else was there.
+    // Queried once each, without retries: the other one was available.
     assert_eq!((flight.server.questions().len(), second.questions().len()), (3, 3));
     let told = second.questions()[0].json()["messages"][0]["content"][1]["text"].as_str().unwrap().to_owned();
     assert!(told.contains("in pixels of this picture: x runs from 0 at the left edge to 768"), "{told}");
@@ -284,7 +284,7 @@ fn a_fallback_that_lists_no_boxes_moves_nothing_in_obstacle_mode() {
     assert!(with.watch.setpoints.iter().any(|(_, hold)| !hold), "{:?}", with.summary);
 }
 
-/// One that hangs leaves half of the time to the other, and both are counted.
+/// A backend that hangs leaves half of the time to the other, and both are counted.
 #[test]
 fn a_fallback_steps_in_for_one_that_hangs() {
     let second = Server::start(|number, _| Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { AHEAD } else { DONE }));
@@ -295,7 +295,7 @@ fn a_fallback_steps_in_for_one_that_hangs() {
     let used = flight.summary.vlm_use.unwrap();
     assert_eq!((flight.server.questions().len(), second.questions().len()), (3, 3));
     assert_eq!((used.questions, used.requests, used.failed.len()), (3, 6, 0), "{used:?}");
-    // Nobody told what the three that were dropped cost: they are guessed, not left out.
+    // The cost of the three dropped requests was not reported: it is estimated, not omitted.
     let told = 3.0 * 1200.0;
     assert!(used.tokens_estimated && used.tokens_in as f64 > told + 3.0 * 1000.0, "{used:?}");
 }

@@ -1,4 +1,4 @@
-//! A key is sent to its vendor and to nobody else: it stands in no file, no log and no error.
+//! A key is sent to its vendor only: no file, log or error contains it.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use super::vendors::Vendor;
 use super::{AHEAD, DONE, KEY};
 use crate::harness::{Lab, Run};
 
-/// Every file below a folder, `.env` apart.
+/// Every file below a folder, except `.env`.
 fn files(folder: &Path, all: &mut Vec<(String, Vec<u8>)>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
@@ -19,10 +19,10 @@ fn files(folder: &Path, all: &mut Vec<(String, Vec<u8>)>) {
     }
 }
 
-/// Characters of a key that nobody writes by chance.
+/// Characters of a key that do not occur by chance.
 const TELLING: usize = 10;
 
-/// Not even a piece of the key is there.
+/// Not even a part of the key is there.
 fn assert_hidden(what: &str, bytes: &[u8]) {
     let pieces: Vec<&[u8]> = KEY.as_bytes().windows(TELLING).collect();
     let hidden = !bytes.windows(TELLING).any(|window| pieces.contains(&window));
@@ -34,7 +34,7 @@ fn keys_stand_nowhere() {
     for vendor in Vendor::ALL {
         let lab = Lab::new();
         lab.write(".env", format!("{}={KEY}\n", vendor.key()));
-        // The server repeats the key in each of its answers, good and bad.
+        // The server repeats the key in each of its answers, valid or not.
         let server = Server::start(move |number, request| {
             assert!(request.header(vendor.key_header()).unwrap().ends_with(KEY));
             let error = serde_json::json!({ "error": { "message": format!("key {KEY}"), "type": KEY, "code": KEY } });
@@ -44,7 +44,7 @@ fn keys_stand_nowhere() {
                 2 => Reply::new(502, "text/html", format!("<html><title>{KEY}</title>")),
                 3 => Reply::new(200, "text/event-stream", format!("data: {error}\n\n")),
                 4 => Reply::new(200, KEY, KEY),
-                // Where words are cut short, the key must not be cut in two.
+                // Where text is truncated, the key must not be split.
                 5..=8 => {
                     let before = "x".repeat([299, 301 - KEY.len(), 290, 65_530][number - 5]);
                     Reply::json(400, &serde_json::json!({ "error": { "message": format!("{before}{KEY} tail"), "code": 400 } }))
@@ -55,7 +55,7 @@ fn keys_stand_nowhere() {
         let vlm = format!("{}@{}", vendor.name(), server.url());
         let args = ["-vv", "fly", "go", "--out", "mine", "--no-video", "--vlm", &vlm, "--vlm-record", "tape.jsonl"];
         let mut command = lab.command(&args);
-        // All that reqwest, hyper and rustls have to say.
+        // All log output of reqwest, hyper and rustls.
         let run = Run::of(&command.env("RUST_LOG", "trace").env("SPF_MAX_FAILED_REPLIES", "20").output().unwrap());
         assert!(server.questions().len() > 9, "{vendor:?}: {}", run.stderr);
         let mut all = vec![("stdout".to_owned(), run.stdout.into_bytes()), ("stderr".to_owned(), run.stderr.into_bytes())];

@@ -1,4 +1,4 @@
-//! Flights by vision-language models, over each vendor's wire, against a server on this machine.
+//! Flights with vision-language models, over each vendor's protocol, against a server on this machine.
 
 mod check;
 mod commands;
@@ -15,15 +15,15 @@ use crate::harness::Lab;
 use server::Server;
 use vendors::Vendor;
 
-/// What a model says that sees its target ahead.
+/// The reply of a model that sees its target ahead.
 pub(crate) const AHEAD: &str =
     r#"{"status":"navigating","look":null,"stage":1,"point":[480,500],"depth":6,"target":"the crane"}"#;
-/// What it says there.
+/// Its reply at the target.
 pub(crate) const DONE: &str = r#"{"status":"done","look":null,"stage":1,"point":null,"depth":null,"target":"the crane"}"#;
 
 pub(crate) const KEY: &str = "sk-test-0123456789abcdefghijklmnop";
 
-/// A flight of the binary with a vendor's model at a server; exit code and the summary printed.
+/// A flight of the binary with a vendor's model at a server; returns exit code and the printed summary.
 fn fly(lab: &Lab, server: &Server, vendor: Vendor, name: &str, args: &[&str]) -> (i32, Value) {
     let vlm = format!("{}@{}", vendor.name(), server.url());
     let mut all = vec!["fly", "fly to the red crane", "--json", "--no-video", "--out", name, "--vlm", &vlm];

@@ -1,4 +1,4 @@
-//! The oracle behind each vendor's wire: its words go out as a vendor's, and the flight must be the oracle's.
+//! The oracle behind each vendor's protocol: its text is sent as a vendor's, and the flight must equal the oracle's.
 
 use std::sync::{Arc, Mutex};
 
@@ -19,7 +19,7 @@ use super::KEY;
 use super::server::{Request, Server};
 use super::vendors::Vendor;
 
-/// Asks the oracle, has its words sent by the server, and the model's client fetch them there.
+/// Queries the oracle, lets the server send its text, and the model's client fetch it from there.
 struct Behind {
     oracle: OracleVlm,
     remote: Remote,
@@ -62,7 +62,7 @@ pub(super) fn plan(vlm_factory: VlmFactory, avoid: bool) -> FlightPlan {
     FlightPlan { settings: PilotSettings { avoid, ..plan.settings }, ..plan }
 }
 
-/// A flight over a vendor's wire, and the requests that it took.
+/// A flight over a vendor's protocol, and its requests.
 pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<u32>, avoid: bool) -> (Summary, Vec<Request>) {
     let words = Arc::new(Mutex::new(String::new()));
     let told = words.clone();
@@ -78,7 +78,7 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     });
     let summary = fly(plan(vlm_factory, avoid), &mut []).unwrap().summary;
     let questions = server.questions();
-    // One, and perhaps a second when a question overtakes the end of the answer before it.
+    // One, and perhaps a second if a query overtakes the end of the previous answer.
     let connections = server.connections.load(std::sync::atomic::Ordering::SeqCst);
     assert!(connections <= 2, "{connections} connections for {} questions", questions.len());
     (summary, questions)
@@ -119,7 +119,7 @@ fn obstacles_and_resized_pictures_cross_the_wire() {
     assert!(questions[0].json().to_string().contains("in pixels of this picture: x runs from 0 at the left edge to 756"));
 }
 
-/// Nobody answers, and the question is taken back: it ends at once, and the server sees its client leave.
+/// The server does not answer, and the query is cancelled: it ends at once, and the server sees its client disconnect.
 #[test]
 fn a_question_taken_back_ends_at_once() {
     use super::server::{Piece, Reply};

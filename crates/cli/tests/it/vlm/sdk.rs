@@ -1,4 +1,4 @@
-//! The vendors' own SDKs as judges: their types check our requests, and their clients read our server's answers.
+//! The vendors' own SDKs as a reference: their types check our requests, and their clients read our server's answers.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,7 +12,7 @@ use super::vendors::Vendor;
 use crate::harness::Lab;
 use crate::python;
 
-/// One test, for the parts share the environment.
+/// One test, because the parts use the same environment.
 #[test]
 #[ignore = "long: .ci/interop runs it"]
 fn the_vendors_own_sdks_agree() {
@@ -44,7 +44,7 @@ fn the_vendors_own_sdks_agree() {
     }
 }
 
-/// Streams to those who ask for a stream, and answers whole to others.
+/// Streams if a stream is requested, otherwise answers in one piece.
 fn sdk_server(vendor: Vendor) -> Server {
     Server::start(move |_, request| {
         let streams = request.path.contains("stream") || request.json()["stream"] == true;

@@ -1,4 +1,4 @@
-//! A server on this machine that answers as vendors do, or as badly as they may.
+//! A server on this machine that answers like the vendors, or as badly as possible.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use serde_json::Value;
 
-/// A request as it came.
+/// A received request.
 #[derive(Clone)]
 pub(crate) struct Request {
     pub(crate) method: String,
@@ -28,11 +28,11 @@ impl Request {
     }
 }
 
-/// What is sent, piece by piece.
+/// The response, piece by piece.
 #[derive(Clone)]
 pub(crate) enum Piece {
     Bytes(Vec<u8>),
-    /// Until the client goes away.
+    /// Until the client disconnects.
     Hang,
     /// Forever, this often.
     Endless(Vec<u8>, Duration),
@@ -67,13 +67,13 @@ impl Reply {
 pub(crate) struct Server {
     address: SocketAddr,
     requests: Arc<Mutex<Vec<Request>>>,
-    /// Clients that went away before their answer's end.
+    /// Clients that disconnected before the end of their answer.
     pub(crate) left: Arc<AtomicU32>,
     pub(crate) connections: Arc<AtomicU32>,
 }
 
 impl Server {
-    /// A server whose answer to the question of this number, from 0, `answer` makes.
+    /// A server whose answer to the query with this number, from 0, is created by `answer`.
     pub(crate) fn start(answer: impl Fn(usize, &Request) -> Reply + Send + Sync + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
@@ -99,13 +99,13 @@ impl Server {
         format!("http://{}/v1", self.address)
     }
 
-    /// The questions so far; what only opens a connection is none.
+    /// The queries so far; a request that only opens a connection does not count.
     pub(crate) fn questions(&self) -> Vec<Request> {
         self.requests.lock().unwrap().iter().filter(|request| request.method == "POST").cloned().collect()
     }
 }
 
-/// Serves a connection until the client closes it; `None` when it did so inside an answer.
+/// Serves a connection until the client closes it; `None` if that happened inside an answer.
 fn serve(stream: &TcpStream, requests: &Mutex<Vec<Request>>, answer: &dyn Fn(usize, &Request) -> Reply) -> Option<()> {
     // Nothing here outlives a test by more than this.
     stream.set_read_timeout(Some(Duration::from_secs(120))).unwrap();
@@ -154,7 +154,7 @@ fn send(mut stream: &TcpStream, reply: &Reply) -> Option<()> {
             Piece::Bytes(bytes) if bytes.is_empty() => {}
             Piece::Bytes(bytes) => chunk(stream, bytes)?,
             Piece::Hang => {
-                // Reading ends when the client goes away.
+                // Reading ends when the client disconnects.
                 drop(stream.read(&mut [0; 1]));
                 return None;
             }

@@ -1,5 +1,5 @@
-//! The answers of each vendor, streamed and whole, as its documentation has them. `vendors.py` has the vendors' own SDKs read
-//! them, so that these are no wishes of ours.
+//! The answers of each vendor, streamed and complete, as in its documentation. `vendors.py` reads them with the
+//! vendors' own SDKs, which confirms their format.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::server::{Piece, Reply, Request};
 
-/// A vendor as the tests meet it.
+/// A vendor in the tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Vendor {
     Gemini,
@@ -48,7 +48,7 @@ impl Vendor {
         }
     }
 
-    /// The path of questions behind the base address.
+    /// The path of queries relative to the base address.
     pub(crate) fn path(self) -> &'static str {
         match self {
             Self::Gemini => "/v1/models/gemini-robotics-er-2-preview:streamGenerateContent?alt=sse",
@@ -58,7 +58,7 @@ impl Vendor {
         }
     }
 
-    /// The model that a request asks for.
+    /// The model requested.
     pub(crate) fn model(self, request: &Request) -> String {
         match self {
             Self::Gemini => request.path.split(['/', ':']).nth(3).unwrap().to_owned(),
@@ -66,7 +66,7 @@ impl Vendor {
         }
     }
 
-    /// The picture in a request.
+    /// The image in a request.
     pub(crate) fn image(self, request: &Request) -> Vec<u8> {
         let body = request.json();
         let data = match self {
@@ -79,7 +79,7 @@ impl Vendor {
         STANDARD.decode(data.strip_prefix("data:image/jpeg;base64,").unwrap_or(data)).unwrap()
     }
 
-    /// The objects of a stream that tells a text in pieces.
+    /// The objects of a stream that delivers a text in pieces.
     pub(crate) fn events(self, model: &str, text: &str) -> Vec<Value> {
         let pieces = pieces(text);
         match self {
@@ -90,7 +90,7 @@ impl Vendor {
         }
     }
 
-    /// The whole answer that tells a text.
+    /// The complete answer with a text.
     pub(crate) fn whole(self, model: &str, text: &str) -> Value {
         match self {
             Self::Gemini => gemini_whole(model, text),
@@ -102,7 +102,7 @@ impl Vendor {
         }
     }
 
-    /// A stream as it goes over the wire.
+    /// A stream as transmitted.
     pub(crate) fn stream(self, model: &str, text: &str) -> Reply {
         let mut bytes: String = self
             .events(model, text)

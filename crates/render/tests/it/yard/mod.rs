@@ -171,7 +171,7 @@ pub fn town() -> Yard {
     town_of(7)
 }
 
-/// A town that reaches `blocks` blocks of 30 m from its middle: some 330 triangles a block.
+/// A town that extends `blocks` blocks of 30 m from its middle: about 330 triangles per block.
 pub fn town_of(blocks: i32) -> Yard {
     let mut yard = empty();
     for i in -blocks..=blocks {

@@ -10,7 +10,7 @@ pub(crate) const SHORT: u32 = 5123;
 pub(crate) const WORD: u32 = 5125;
 pub(crate) const BYTE: u32 = 5121;
 
-/// A file in the making: its description, and the one buffer.
+/// A file under construction: its description, and the one buffer.
 #[derive(Clone)]
 pub(crate) struct Model {
     pub(crate) json: Value,
@@ -26,7 +26,7 @@ impl Model {
         Self { json, bin: Vec::new() }
     }
 
-    /// Appends to a list of the description; the index.
+    /// Appends to a list of the description; returns the index.
     pub(crate) fn push(&mut self, list: &str, value: Value) -> usize {
         let root = self.json.as_object_mut().unwrap();
         let list = root.entry(list).or_insert_with(|| json!([])).as_array_mut().unwrap();
@@ -62,7 +62,7 @@ impl Model {
         self.push("meshes", json!({"primitives": [primitive]}))
     }
 
-    /// A box `width` (x) × `height` (y, up) × `depth` (z) that stands on its origin, corners shared.
+    /// A box `width` (x) × `height` (y, up) × `depth` (z) that stands on its origin, with shared vertices.
     pub(crate) fn block(&mut self, width: f32, height: f32, depth: f32) -> usize {
         let corner = |i: u32| {
             let pick = |bit: u32, low: f32, high: f32| if i & bit == 0 { low } else { high };
@@ -94,7 +94,7 @@ impl Model {
         self.push("materials", json!({"pbrMetallicRoughness": pbr}))
     }
 
-    /// A material with a picture out of the buffer.
+    /// A material with an image from the buffer.
     pub(crate) fn image(&mut self, png: &[u8]) -> usize {
         let view = self.view(png);
         let image = self.push("images", json!({"bufferView": view, "mimeType": "image/png"}));
@@ -103,7 +103,7 @@ impl Model {
         self.push("materials", json!({"pbrMetallicRoughness": pbr}))
     }
 
-    /// A node that no other node holds.
+    /// A node without a parent.
     pub(crate) fn node(&mut self, node: Value) -> usize {
         let index = self.push("nodes", node);
         self.json["scenes"][0]["nodes"].as_array_mut().unwrap().push(json!(index));
@@ -135,7 +135,7 @@ impl Model {
         self.load().unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Why the file is refused.
+    /// Why the file is rejected.
     pub(crate) fn refusal(&self) -> String {
         match self.load() {
             Err(e @ SceneError::Model { .. }) => e.to_string(),
@@ -144,7 +144,8 @@ impl Model {
     }
 }
 
-/// A yard with everything that the reader knows: floor with a picture, car, gate with an opening, colours by corner, a start.
+/// A yard with everything that the reader supports: floor with an image, car, gate with an opening, vertex colours, a
+/// start.
 pub(crate) fn yard() -> Model {
     let mut model = Model::new();
     let stones = model.image(&png(4, 4, |x, y| if (x + y) % 2 == 0 { [150, 140, 130, 255] } else { [90, 85, 80, 255] }));
@@ -176,7 +177,7 @@ pub(crate) fn png(width: u32, height: u32, colour: impl Fn(u32, u32) -> [u8; 4])
     spf_media::png::encode_rgba8(width, height, &pixels).unwrap()
 }
 
-/// The object of a key.
+/// The object with a key.
 pub(crate) fn object<'a>(scene: &'a Scene, key: &str) -> &'a Object {
     scene.by_key(key).unwrap_or_else(|| panic!("no {key} in {:?}", scene.objects.iter().map(|o| &o.key).collect::<Vec<_>>()))
 }

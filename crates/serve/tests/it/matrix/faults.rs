@@ -37,18 +37,18 @@ impl FlightPart {
     }
 }
 
-/// What a model does from the beginning of a fault on.
+/// The behaviour of a model from the beginning of a fault on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ModelFault {
     /// It never answers.
     Silent,
     /// HTTP 429.
     RateLimit,
-    /// HTTP 503.
+    /// It refuses to help.
     Unavailable,
     /// It refuses to help.
     Refusal,
-    /// It points at the wrong place, far away, with certainty.
+    /// It points confidently at a wrong place, far away.
     Lie,
     /// It answers after 15 s.
     Late,
@@ -65,7 +65,7 @@ pub(crate) enum What {
     Craft(Trouble),
     /// The model.
     Model(ModelFault),
-    /// The battery of the craft reports this charge.
+    /// The craft reports this battery charge.
     Charge(f64),
 }
 

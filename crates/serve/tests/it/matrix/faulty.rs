@@ -1,4 +1,4 @@
-//! Any drone behind faults of its messages, in virtual time.
+//! Any drone behind message faults, in virtual time.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,11 +12,11 @@ use spf_core::time::Time;
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 
-/// Drops, delays, copies and damages what a drone reports, and loses commands.
+/// Drops, delays, copies and damages a drone's reports, and loses commands.
 pub(crate) struct Faulty {
     drone: Box<dyn Drone>,
     faults: FaultMachine,
-    /// Charge reported from a time on.
+    /// The reported charge from a time on.
     charge: Option<(Time, f64)>,
     counts: [u64; 3],
     /// The last frame and telemetry from before a freeze.

@@ -1,5 +1,5 @@
-//! Every fault in every phase of a flight, of the simulated quadrotor and of the virtual Tello behind its driver, in virtual
-//! time.
+//! Every fault in every phase of a flight, of the simulated quadrotor and of the virtual Tello behind its driver, in
+//! virtual time.
 
 mod faults;
 mod faulty;
@@ -30,9 +30,9 @@ use crate::wired::Wired;
 
 pub(crate) use self::report::{tables, tsv};
 
-/// When the operator of the parts `manual` and `landing` acts; both crafts fly by then.
+/// Time at which the operator of the phases `manual` and `landing` acts; both crafts fly by then.
 const OPERATOR_AT: f64 = 12.0;
-/// How long the operator flies.
+/// Duration of the manual flight.
 const BY_HAND: f64 = 6.0;
 
 /// A fault in a phase of a craft.
@@ -43,12 +43,12 @@ pub(crate) struct Cell {
     pub(crate) row: Row,
 }
 
-/// What came of it.
+/// The result.
 #[derive(Clone, Debug)]
 pub(crate) struct Flown {
-    /// When the fault began, s.
+    /// Start of the fault, s.
     pub(crate) onset: f64,
-    /// The last command of a motion after the fault began, s after it.
+    /// The last command with motion after the fault began, s after it.
     pub(crate) last_motion: Option<f64>,
     /// Outcome and cause.
     pub(crate) outcome: String,
@@ -58,7 +58,7 @@ pub(crate) struct Flown {
     /// The craft's true phase, and speed in m/s, at the end.
     pub(crate) phase: FlightPhase,
     pub(crate) speed: f64,
-    /// What moved without a fresh reason.
+    /// Motion without a fresh reason.
     pub(crate) violations: Vec<String>,
 }
 
@@ -115,7 +115,7 @@ impl Cell {
         let world = SimWorld::new(scene.clone(), self.craft, start, 5);
         let plan = onset.map_or_else(FaultPlan::default, |onset| self.row.plan(onset.as_secs_f64()));
         let frames = |rule: &spf_core::fault::Rule| rule.stream == Stream::Frames;
-        // A Tello's state, commands and responses pass its virtual link; its driver sees what is left of them.
+        // A Tello's state, commands and responses pass its virtual link; its driver receives the remainder.
         let (drone, outside): (Box<dyn Drone>, FaultPlan) = match self.craft {
             CraftKind::Quad => (Box::new(SimDrone::new(world.clone())), plan),
             CraftKind::Tello => {
@@ -162,8 +162,8 @@ impl Cell {
         }
     }
 
-    /// What is wrong with a flight, if anything: whatever the fault, nothing moves without a fresh reason, and the craft is
-    /// left on the ground, or at rest where nothing reaches it.
+    /// The error in a flight, if any: for any fault, nothing moves without a fresh reason, and the craft ends on the
+    /// ground, or at rest if no command reaches it.
     pub(crate) fn problems(&self, flown: &Flown) -> Vec<String> {
         let mut problems = flown.violations.clone();
         let safe = match flown.phase {

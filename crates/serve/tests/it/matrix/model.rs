@@ -1,4 +1,4 @@
-//! A model that follows a script, and from some time on fails.
+//! A model that follows a script, and fails from some time on.
 
 use spf_core::query::QueryKind;
 use spf_core::time::{Duration, Time};
@@ -10,7 +10,7 @@ use super::faults::ModelFault;
 pub(crate) struct Scripted {
     /// Whether it never sees the target.
     pub(crate) searching: bool,
-    /// From when on it fails, and how.
+    /// Start and kind of its failure.
     pub(crate) fault: Option<(Time, ModelFault)>,
 }
 

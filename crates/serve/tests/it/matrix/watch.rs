@@ -1,4 +1,4 @@
-//! Watches a flight: whether whatever moves has a fresh reason.
+//! Watches a flight: whether every motion has a fresh reason.
 
 use spf_core::command::Command;
 use spf_core::envelope::Limits;
@@ -10,16 +10,16 @@ use super::faults::FlightPart;
 
 /// Zero is commanded within this time of the end of a reason to move.
 const STOP_RULE: Duration = Duration::from_millis(200);
-/// How long a setpoint of the operator moves the craft.
+/// Time for which an operator's setpoint moves the craft.
 const BY_HAND: Duration = Duration::from_millis(400);
 
-/// What is seen of a flight.
+/// The record of a flight.
 pub(crate) struct Watch {
     limits: Limits,
-    /// When the newest usable frame with a new capture counter was captured.
+    /// Capture of the newest usable frame with a new capture counter.
     captured: Option<Time>,
     counter: Option<u64>,
-    /// When the newest telemetry was measured.
+    /// Measurement time of the newest telemetry.
     measured: Option<Time>,
     /// Since when no decision moves the craft; `None` while one does.
     without_reason: Option<Time>,
@@ -54,7 +54,7 @@ impl Watch {
         }
     }
 
-    /// When a part of the flight was well under way.
+    /// Time at which a phase of the flight was well in progress.
     pub(crate) fn begin_of(&self, part: FlightPart) -> Option<Time> {
         let entered = |phase: Phase| self.phases.iter().find(|(_, entered)| *entered == phase).map(|(at, _)| *at);
         let (at, after) = match part {
