@@ -319,7 +319,9 @@ impl Pivot {
             && primitives.climb != 0.0
         {
             action = search.next(Look::Right, heading, None);
-            self.reading.actions.push("no climb: in obstacle mode it needs obstacle boxes, which this policy does not request".to_owned());
+            self.reading
+                .actions
+                .push("no climb: in obstacle mode it needs obstacle boxes, which this policy does not request".to_owned());
         }
         match action {
             SearchAction::Look(primitives) => self.fly(view, primitives),

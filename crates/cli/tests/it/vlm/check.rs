@@ -74,7 +74,11 @@ fn one_that_points_well_is_good() {
 fn swapped_axes_and_other_scales_are_explained() {
     let run = check(&pointing(Vendor::Gemini, profile(AxisOrder::Xy, Scale::Thousand)), Vendor::Gemini);
     assert_eq!(run.code, Some(6), "{}", run.stderr);
-    assert!(run.stderr.contains("uses the coordinates [x, y] in thousandths, not those in the table of models"), "{}", run.stderr);
+    assert!(
+        run.stderr.contains("uses the coordinates [x, y] in thousandths, not those in the table of models"),
+        "{}",
+        run.stderr
+    );
     assert!(run.stderr.contains("order = \"xy\", scale = \"thousand\""), "{}", run.stderr);
     let run = check(&pointing(Vendor::Anthropic, profile(AxisOrder::Xy, Scale::Hundred)), Vendor::Anthropic);
     assert!(run.stderr.contains("[x, y] in percent"), "{}", run.stderr);

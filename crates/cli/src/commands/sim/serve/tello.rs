@@ -68,7 +68,8 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         return Err(wrong("--battery", &args.battery.to_string(), "a charge from 0 to 1"));
     }
     if let Some(wind) = &args.wind {
-        flight_conditions.wind = wind.parse().map_err(|error: WindError| wrong("--wind", wind, "a wind such as 3,from=270,gust=1").because(&error))?;
+        flight_conditions.wind =
+            wind.parse().map_err(|error: WindError| wrong("--wind", wind, "a wind such as 3,from=270,gust=1").because(&error))?;
     }
     if let Some(effects) = &args.camera_effects {
         flight_conditions.effects = parse_effects(effects)?;
