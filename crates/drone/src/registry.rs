@@ -52,6 +52,17 @@ pub fn named(word: &str) -> Result<(&'static Driver, Box<dyn Target>), UnknownDr
 
 /// Connects to the craft with this name. `start` is flight time zero.
 ///
+/// ```no_run
+/// use std::time::Instant;
+///
+/// use spf_drone::options::Options;
+/// use spf_drone::registry;
+///
+/// let connected = registry::connect("tello@192.168.10.1", &Options::default(), Instant::now())?;
+/// println!("{}", connected.drone.name());
+/// # Ok::<(), Box<dyn std::error::Error + Send + Sync>>(())
+/// ```
+///
 /// # Errors
 /// [`UnknownDrone`] and [`ConnectError`](crate::driver::ConnectError).
 pub fn connect(word: &str, options: &Options, start: Instant) -> Result<Connected, Box<dyn Error + Send + Sync>> {

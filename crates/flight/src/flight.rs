@@ -28,6 +28,24 @@ use crate::world::{Live, Lockstep, Script};
 /// Everything that defines a flight.
 ///
 /// [`FlightPlan::new`] sets the defaults; change fields before passing it to [`fly`].
+///
+/// ```
+/// use std::sync::Arc;
+///
+/// use spf_core::pilot::Outcome;
+/// use spf_core::time::Duration;
+/// use spf_flight::flight::{FlightPlan, Site, fly};
+/// use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
+/// use spf_oracle::ErrorFile;
+///
+/// let site = Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("yard")?), "yard"));
+/// let oracle = oracle_factory("oracle".to_owned(), ErrorFile::default());
+/// let mut plan = FlightPlan::new(site, "fly to the door", "oracle", oracle);
+/// plan.settings.max_time = Duration::from_secs(8);
+/// let flown = fly(plan, &mut [])?;
+/// assert_eq!(flown.summary.outcome, Outcome::Timeout);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct FlightPlan {
     /// The craft and its environment.
     pub site: Site,

@@ -49,6 +49,35 @@ pub use unread::unread;
 const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 
 /// A stand-in for a VLM. It is stateless, so clones are independent.
+///
+/// ```
+/// use std::collections::BTreeMap;
+///
+/// use spf_core::camera::Camera;
+/// use spf_core::frame::FrameId;
+/// use spf_core::query::{Query, QueryId, QueryKind};
+/// use spf_core::tags::Tagged;
+/// use spf_oracle::{ErrorFile, Oracle, Sight};
+///
+/// // An image of 96×72 pixels whose right half shows object 1 at 10 m.
+/// let (width, height, camera) = (96, 72, Camera::quad().resized(96, 72));
+/// let ids: Vec<u16> = (0..width * height).map(|pixel| u16::from(pixel % width >= width / 2)).collect();
+/// let depth: Vec<f32> = ids.iter().map(|id| 10.0 * f32::from(*id)).collect();
+/// let (in_frame, light) = (BTreeMap::new(), BTreeMap::new());
+/// let sight = Sight {
+///     width, height, ids: &ids, depth: &depth, opening_ids: &[], opening_depth: &[], camera: &camera,
+///     in_frame: &in_frame, light: &light,
+/// };
+/// let wall = Tagged { id: 1, key: "wall".into(), names: vec!["wall".into()], kind: "wall".into(), ..Tagged::default() };
+///
+/// let oracle = Oracle::new(ErrorFile::named("perfect")?, 3.0, 0);
+/// let percept = oracle.percept(FrameId(0), &sight, &[wall]);
+/// let mut query = Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: false });
+/// query.instruction = "fly to the wall".to_owned();
+/// let answer = oracle.answer(&query, &percept);
+/// assert!(answer.text.contains("navigating"), "{}", answer.text);
+/// # Ok::<(), spf_oracle::ErrorFileError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Oracle {
     errors: ErrorFile,

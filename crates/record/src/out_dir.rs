@@ -64,6 +64,17 @@ pub enum FileError {
 }
 
 /// The output folder of one flight.
+///
+/// ```
+/// use spf_record::OutDir;
+///
+/// let base = std::env::temp_dir().join(format!("spf-doc-{}", std::process::id()));
+/// let folder = OutDir::fresh(&base, "Fly to the red crane")?;
+/// assert!(folder.path().ends_with("001-fly-to-the-red-crane"));
+/// folder.write_json("note.json", &["any value"])?;
+/// # std::fs::remove_dir_all(base)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OutDir {
     path: PathBuf,

@@ -90,6 +90,25 @@ pub struct ImageSpec {
 }
 
 /// Answers queries: a vision-language model, or a stand-in for one.
+///
+/// ```
+/// use spf_core::time::Duration;
+/// use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm};
+///
+/// /// Points at the middle of every image.
+/// struct Centre;
+///
+/// impl Vlm for Centre {
+///     fn name(&self) -> &str {
+///         "centre"
+///     }
+///
+///     fn answer(&mut self, _: &QueryRequest<'_>, _: &mut dyn QueryImage) -> Answer {
+///         let text = Ok(r#"{"status": "navigating", "point": [500, 500], "depth": 5}"#.to_owned());
+///         Answer { text, latency: Duration::from_secs(1), model: "centre".to_owned(), account: Account::default() }
+///     }
+/// }
+/// ```
 pub trait Vlm: Send {
     /// Its name as on the command line.
     fn name(&self) -> &str;

@@ -73,6 +73,22 @@ impl Clearance {
 }
 
 /// The safety envelope of one craft. See the [module](self).
+///
+/// ```
+/// use spf_core::command::{Command, Setpoint};
+/// use spf_core::craft::Craft;
+/// use spf_core::envelope::{Envelope, Limits};
+/// use spf_core::time::Time;
+///
+/// let craft = Craft::quad();
+/// let mut envelope = Envelope::new(Limits::for_craft(&craft), craft);
+///
+/// // Without telemetry nothing moves: the cleared setpoint is a hold, and the cause is reported.
+/// let ahead = Setpoint { forward: 2.0, ..Setpoint::HOLD };
+/// let clearance = envelope.clear(Time::from_millis(100), Command::Setpoint(ahead)).unwrap();
+/// assert_eq!(clearance.setpoint(), Some(Setpoint::HOLD));
+/// assert!(clearance.changed.is_some());
+/// ```
 #[derive(Clone, Debug)]
 pub struct Envelope {
     limits: Limits,

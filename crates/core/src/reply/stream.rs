@@ -12,6 +12,17 @@ use crate::grounding::GroundingProfile;
 /// numbers as text, other keys and spellings, coordinates up to 1 % outside. Of several objects the first valid reply
 /// counts.
 ///
+/// ```
+/// use spf_core::grounding::GroundingProfile;
+/// use spf_core::reply::parse_reply;
+///
+/// let text = "Here it is: {'status': 'navigating', 'point': [250, 500], 'depth': '6',}";
+/// let reply = parse_reply(text, &GroundingProfile::default(), false)?; // [y, x] in thousandths
+/// let point = reply.point.unwrap();
+/// assert_eq!((point.u, point.v, reply.depth), (0.5, 0.25, Some(6)));
+/// # Ok::<(), spf_core::reply::ReplyError>(())
+/// ```
+///
 /// # Errors
 /// [`ReplyError`] of the first object that was intended as a reply. Every number of a returned reply is finite and
 /// within its range.
