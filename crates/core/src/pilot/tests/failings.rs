@@ -113,7 +113,7 @@ fn failing_06_the_next_frame_is_one_at_rest_and_rest_is_not_waited_for_twice() {
 }
 
 /// 8. A manual override does not cancel the pending reply or the command in execution; an "emergency" that only centres
-///   the sticks.
+///    the sticks.
 #[test]
 fn failing_08_an_override_cancels_reply_and_motion_and_an_emergency_cuts_the_motors() {
     for preset in PRESETS {
@@ -134,7 +134,7 @@ fn failing_08_an_override_cancels_reply_and_motion_and_an_emergency_cuts_the_mot
 }
 
 /// 10. Step scaling that changes the durations of yaw and translation alike: the turn is that of the point, at every
-///   depth label.
+///     depth label.
 #[test]
 fn failing_10_the_turn_flown_is_that_of_the_point_whatever_the_depth() {
     for depth in [2, 6, 10] {
