@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Kills recording flights at random moments and looks at what their logs still hold.
+"""Kills recording flights at random moments and checks the contents of their logs.
 
     cargo build --release && python3 docs/bench/kill.py target/release/spf 100
 
-Each flight is on the wall clock and is killed (SIGKILL) between one and eight seconds after its log was begun. Its log is repaired and
-must then open whole. Told is how much of the flight was lost: from the latest message to the kill.
+Each flight is on the wall clock and is killed (SIGKILL) between one and eight seconds after the start of its log. The log is repaired
+and must then be complete. Printed is the lost part of the flight: from the latest message to the kill.
 """
 import concurrent.futures
 import json

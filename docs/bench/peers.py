@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Renderers without a GPU, on one machine in one hour: pictures a second of the same town along the same path.
+"""Renderers without a GPU, on one machine in one hour: images per second of the same town along the same path.
 
     python3 docs/bench/peers.py [--frames 60] [--rounds 3] [--only NAME,NAME]
 
-Makes a Python environment of its own (target/peers-venv: PyBullet, MuJoCo, moderngl), builds the example `peer` of
+Creates its own Python environment (target/peers-venv: PyBullet, MuJoCo, moderngl), builds the example `peer` of
 spf-render in the release profile, writes the city as OBJ files (target/peers-scene), and prints a Markdown table. Needs the
-Debian packages libosmesa6, libegl1 and libgl1-mesa-dri. What cannot be run says why under the table. Each figure is the
-median of the rounds; the rounds take turns, so that a busy minute meets all alike. Leave the machine alone meanwhile.
+Debian packages libosmesa6, libegl1 and libgl1-mesa-dri. The reason for each renderer that cannot be run is printed under the table. Each
+figure is the median of the rounds; rounds alternate, so that a busy minute affects all alike. Nothing else should run meanwhile.
 """
 
 import argparse
@@ -26,7 +26,7 @@ SCENE = ROOT / "target/peers-scene"
 PACKAGES = ["numpy", "pybullet==3.2.7", "mujoco==4.0.0", "moderngl==5.13.0"]
 SIZES = [(960, 720), (640, 480)]
 
-# Name → (function, keyword arguments, environment, what is drawn).
+# Name → (function, keyword arguments, environment, description).
 RUNS = {
     "spf": ("spf", {}, {}, "textures by procedure, sun shadows, ambient occlusion, haze, edges anti-aliased"),
     "spf-1": ("spf", {"threads": 1}, {}, "the same on one core"),
@@ -52,7 +52,7 @@ def scene():
 
 
 def timed(draw, poses, frames):
-    """Draws the path once to warm up, then `frames` pictures of it: wall and processor seconds, all threads."""
+    """Renders the path once to warm up, then `frames` images of it; returns wall and CPU seconds, all threads."""
     for pose in poses[::30]:
         draw(pose)
     # Spread over the whole path.
@@ -65,7 +65,7 @@ def timed(draw, poses, frames):
 
 
 def keep(picture, name):
-    """Writes the last picture beside the scene, for people to look at. A peer that draws nothing is fast: it must show much."""
+    """Writes the last image beside the scene, for inspection. A renderer that shows nothing is fast, so it must show enough."""
     import numpy
 
     data = numpy.ascontiguousarray(numpy.asarray(picture)[..., :3], dtype=numpy.uint8)
@@ -79,7 +79,7 @@ def target(pose):
     return [eye + ahead for eye, ahead in zip(pose["eye"], pose["ahead"])]
 
 
-# ---------------------------------------------------------------- each in a process of its own
+# ---------------------------------------------------------------- each in its own process
 
 
 def spf(width, height, frames, threads=0):
@@ -121,7 +121,7 @@ def mujoco(width, height, frames, shadow, samples):
     assets = "".join(
         f'<mesh name="m{index}" file="{material["file"]}" inertia="shell"/>' for index, material in enumerate(town["materials"]))
     numbers = lambda values: " ".join(f"{value:.5f}" for value in values)
-    # A mesh is moved to its middle and turned to its axes of inertia; the geom of a mesh is moved back by itself.
+    # A mesh is centred and aligned with its axes of inertia; MuJoCo moves the geom of a mesh back.
     geoms = "".join(
         f'<geom type="mesh" mesh="m{index}" rgba="{numbers(material["colour"])} 1" contype="0" conaffinity="0"/>'
         for index, material in enumerate(town["materials"]))
@@ -273,7 +273,7 @@ def orthographic(half, near, far):
 def prepare():
     if not (VENV / "bin/python").exists():
         subprocess.run([sys.executable, "-m", "venv", str(VENV)], check=True)
-    # One at a time: a peer that cannot be installed leaves the others.
+    # One at a time, so that one that cannot be installed does not affect the others.
     for package in PACKAGES:
         subprocess.run([str(VENV / "bin/pip"), "install", "-q", "--disable-pip-version-check", package], check=False)
     build = ["cargo", "build", "--release", "--quiet", "-p", "spf-render", "--example", "peer"]

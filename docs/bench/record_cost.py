@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""What recording a flight on the wall clock costs: CPU time of the log's own thread, and the disk it fills.
+"""Cost of recording a flight on the wall clock: CPU time of the log's own thread, and disk space.
 
     cargo build --release && python3 docs/bench/record_cost.py target/release/spf 60
 
-Flies twice, with pictures and without. The thread that writes the log takes what is ready made; encoding pictures and forming messages
-is part of the flight's other threads, and the whole process is told too.
+Flies twice, with images and without. The thread that writes the log receives complete messages; images are encoded and messages
+created in other threads of the flight, so the time of the whole process is printed too.
 """
 import os
 import pathlib
@@ -24,7 +24,7 @@ def cpu(stat):
 
 
 def watch(flight):
-    """The latest figures of a process until it ends: by thread name, and of all."""
+    """The latest figures of a process until it ends: by thread name, and in total."""
     threads, whole = {}, 0.0
     tasks = pathlib.Path(f"/proc/{flight.pid}/task")
     while flight.poll() is None:

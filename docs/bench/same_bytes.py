@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Does a change leave what flies as it was, to the byte?
+"""Checks whether a change leaves flights unchanged, byte for byte.
 
     python3 docs/bench/same_bytes.py BEFORE AFTER     # two binaries of spf, built from the two states
-    python3 docs/bench/same_bytes.py --print SPF      # what one binary makes, one line a thing
+    python3 docs/bench/same_bytes.py --print SPF      # output of one binary, one line per item
 
-Makes with each binary and compares:
+Creates with each binary, and compares:
 - rows of `spf bench run`: the 34 tasks of the suite `paper`, one trial each, by two methods (`spf` and `plain`), with the
-  oracle's default errors; the field `git_rev` is left out, for it names the state that the binary was built from;
-- a picture of each of the four scenes from its start, with depth and ids, and their numbers of triangles and materials;
+  oracle's default errors; the field `git_rev`, which names the source of the binary, is omitted;
+- an image of each of the four scenes from its start, with depth and ids, and their numbers of triangles and materials;
 - all files of two flights with their videos (quad in the city, Tello in the office); of the log the messages of each topic,
   without the wall-clock times around them.
 
-A line `same` or `DIFFERS` a thing; exit code 1 when anything differs. Two binaries take some three minutes on two cores.
+One line `same` or `DIFFERS` per item; exit code 1 if anything differs. Two binaries take about three minutes on two cores.
 """
 
 import argparse
@@ -38,7 +38,7 @@ def digest(data: bytes) -> str:
 
 
 def run(command: list[str], folder: str, codes: tuple[int, ...] = (0,)) -> str:
-    # No configuration of whoever asks: the bytes follow from the command alone.
+    # Without the user's configuration: the bytes depend on the command alone.
     environment = {name: value for name, value in os.environ.items() if not name.startswith("SPF_")}
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment)
     if done.returncode not in codes:
@@ -61,7 +61,7 @@ def rows(spf: str, folder: str) -> dict[str, str]:
 
 
 def scenes(spf: str, folder: str) -> dict[str, str]:
-    # What a machine took for it, time and memory, stands at the end of a scene's line.
+    # Time and memory used are at the end of a scene's line.
     numbers = TAKEN.sub("", run([spf, "sim", "scenes", "--stats"], folder))
     made = {"scenes' numbers": digest(numbers.encode())}
     for scene in SCENES:
@@ -73,8 +73,8 @@ def scenes(spf: str, folder: str) -> dict[str, str]:
     return made
 
 
-# Wall-clock times stand in what surrounds the messages of a log, never in them. Pictures are encoded in a thread of their own:
-# where among other topics' messages they stand is chance.
+# Wall-clock times are outside the messages of a log. Images are encoded in a separate thread, so their position among the messages
+# of other topics is random.
 def log(path: str, spf: str, folder: str) -> dict[str, str]:
     topics: dict[str, list[str]] = {}
     for line in run([spf, "log", "cat", path], folder).splitlines():
@@ -86,7 +86,7 @@ def flights(spf: str, folder: str) -> dict[str, str]:
     made = {}
     for name, words in FLIGHTS.items():
         out = os.path.join(folder, f"flight-{name}")
-        # However it ends, it ends the same way.
+        # The result of the flight does not matter, only that it is the same.
         run([spf, "fly", *words, "--out", out], folder, codes=(0, 3, 4))
         for file_name in sorted(os.listdir(out)):
             path = os.path.join(out, file_name)

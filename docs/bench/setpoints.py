@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measures the timing of what reaches a Tello: intervals between stick commands, and the time from an operator's signal to zero.
+"""Measures the timing of commands to a Tello: intervals between stick commands, and the time from an operator's signal to zero.
 
     python3 docs/bench/setpoints.py target/release/spf [--load N] [--flights N]
 

@@ -14,7 +14,7 @@ import time
 
 
 def record(drone, local, path, seconds):
-    """Turns and climbs by `rc`, so that the pictures change, and writes what comes to the video port."""
+    """Turns and climbs by `rc`, so that the images change, and writes the data received on the video port."""
     command, video = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
     video.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
     command.bind((local, 0))
@@ -33,7 +33,7 @@ def record(drone, local, path, seconds):
         while time.time() < end:
             datagram = video.recv(2048)
             unit += datagram
-            # A shorter one ends its NAL unit; only whole ones are kept.
+            # A shorter one ends its NAL unit; only complete ones are kept.
             if len(datagram) < 1460:
                 written += file.write(unit)
                 unit = b""
@@ -42,7 +42,7 @@ def record(drone, local, path, seconds):
 
 
 def decode(path, rounds=3):
-    """djitellopy's reader: every frame by way of a PIL picture to an RGB array, on one thread here."""
+    """djitellopy's reader: every frame is converted through a PIL image to an RGB array, here on one thread."""
     import av
     import numpy as np
 
@@ -55,7 +55,7 @@ def decode(path, rounds=3):
             try:
                 pictures = [np.array(frame.to_image()) for frame in packet.decode()]
             except av.error.InvalidDataError:
-                # Parameter sets at the very end, whose picture was not recorded.
+                # Parameter sets at the very end, whose image was not recorded.
                 continue
             if pictures:
                 times.append(time.perf_counter() - begun)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Flies instructions of people in a hurry and says how many were understood, and how many were fulfilled.
+"""Flies instructions of people in a hurry, and prints how many were understood and how many were fulfilled.
 
     python3 docs/trials/hundred.py target/release/spf docs/trials/own_hundred.tsv OUT_FOLDER [--seed 0]
 
 A line of the file: scene, instruction, and the keys of the objects any of which is right, those of several steps joined by
-` > `; or `absent`, or `nonsense`. Only the last step is looked at, for the summary names its targets alone.
+` > `; or `absent`, or `nonsense`. Only the last step is evaluated, because the summary names no other targets.
 
 understood: all targets of the last step are among the right ones; of `absent` and `nonsense`, that there are none.
 fulfilled: understood, and reached and not refuted by ground truth; `absent`: the flight ends without belief in having arrived;

@@ -6,7 +6,7 @@
 
 `twenty.txt` is for the city, the others are named for their scene. `--only oracle,default` flies one column of the table.
 
-One letter a flight: V reached and verified by ground truth, u believed reached but not verified, n not found, t timeout,
+One letter per flight: V reached and verified by ground truth, u believed reached but not verified, n not found, t timeout,
 C collision, a aborted, f failed, E no flight at all. The target is resolved by the oracle's parser (`verified_by`).
 
 `--tsv` appends the letters to a file of the form of docs/results/trials-parser.tsv, and deletes each flight's log, which holds

@@ -6,7 +6,7 @@
     python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office -- --tello-motion go
 
 The drone and the oracle behind HTTP are one process (`spf sim serve --tello --vlm --truth`), the pilot another (`spf fly --drone
-tello`). What the pilot believes stands beside what the server knows. `--faults` flies the first instruction once under each
+tello`). The pilot's result is printed beside the server's ground truth. `--faults` flies the first instruction once under each
 fault, which begins 4 s after the first motion, and measures from then to the last stick that was not zero.
 """
 
@@ -51,7 +51,7 @@ class Served:
         self.url = self.process.stdout.readline().strip()
 
     def switch(self, text):
-        """Other faults; the server looks at the file four times a second."""
+        """Other faults; the server reads the file four times per second."""
         with open(self.fault + ".new", "w", encoding="utf-8") as file:
             file.write(text)
         os.replace(self.fault + ".new", self.fault)
@@ -68,7 +68,7 @@ class Served:
 
 
 def sticks(line):
-    """Seconds of the day, and the sticks, of a line that tells of an `rc`."""
+    """Seconds of the day, and the stick positions, in a log line of an `rc` command."""
     found = RC.match(re.sub(r"\x1b\[[0-9;]*m", "", line))
     if not found:
         return None
@@ -77,7 +77,7 @@ def sticks(line):
 
 
 def fly(given, instruction, number, fault=None):
-    """One flight; what the client says, what the server knows, when the fault began and when the last motion was commanded."""
+    """One flight; returns the client's result, the ground truth, the start of the fault and the time of the last commanded motion."""
     folder = os.path.join(given.out, f"{number:02d}")
     os.makedirs(folder)
     served = Served(given.spf, given.scene, folder, number)
@@ -117,7 +117,7 @@ def lockstep(given, instruction, number):
 
 
 def verdict(flown):
-    """Of the truth or of a summary with truth in it."""
+    """Description of a ground-truth row, or of a summary with ground truth."""
     if not flown:
         return "no flight"
     metres = flown.get("final_distance_m")

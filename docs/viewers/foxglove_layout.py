@@ -7,8 +7,8 @@
 import foxglove.layouts as fl
 
 
-def panel(share, content):
-    return fl.SplitItem(proportion=share, content=content)
+def panel(fraction, content):
+    return fl.SplitItem(proportion=fraction, content=content)
 
 
 def setpoints(axis):

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Shows a flight in Rerun: camera with waypoints, world with outlines, way and plan, and the words of the log.
+"""Shows a flight in Rerun: camera with waypoints, world with outlines, path and plan, and the log messages.
 
     pip install rerun-sdk mcap mcap-protobuf-support
     python3 docs/viewers/rerun_flight.py flights/001-fly-to-the-red-crane/flight.mcap
     python3 docs/viewers/rerun_flight.py flight.mcap --screenshot flight.png --at 20
 
-Rerun reads pictures, transforms, camera and log lines from the file by itself. Outlines, plans, waypoints and the way flown, which it
-does not know in Foxglove's form, are added here.
+Rerun reads images, transforms, camera and log lines from the file by itself. Outlines, plans, waypoints and the flown path, which it
+does not read in Foxglove's format, are added here.
 """
 import argparse
 import pathlib
@@ -93,7 +93,7 @@ def take_screenshot(log, picture, at):
     with ViewerClient.spawn(headless=True, port=9913) as viewer:
         rr.connect_grpc(viewer.url, default_blueprint=BLUEPRINT)
         show(log)
-        # The viewer does not tell when it has drawn everything.
+        # The viewer does not report when it has rendered everything.
         time.sleep(8)
         viewer.set_time(TIMELINE, timestamp=at, play_state="paused")
         time.sleep(4)

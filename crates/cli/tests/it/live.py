@@ -26,7 +26,7 @@ with connect(sys.argv[1], subprotocols=["foxglove.sdk.v1"], max_size=None, open_
         seen[wanted[number]].append((time, frame[13:]))
         if len(seen["/command"]) >= 20 and len(seen["/telemetry"]) >= 20:
             break
-    # What was told once, before this viewer came, is told to it all the same.
+    # Messages sent once before this viewer connected are sent to it as well.
     assert json.loads(seen["/flight"][0][1])["instruction"] == "fly to the red crane"
     assert len(seen["/scene"]) == 1
     links = FrameTransforms.FromString(seen["/tf"][-1][1]).transforms

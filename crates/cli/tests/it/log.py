@@ -74,7 +74,7 @@ def check(folder, pictures):
     for at, value in messages["/reply"]:
         assert abs(at - asked[value["id"]] - value["latency_s"]) < 1e-6
     assert [value["event"] for _, value in messages["/operator"]] == ["hold", "resume"]
-    # The pose as known wanders about the true one.
+    # The estimated pose drifts around the true one.
     for (_, known), (_, true) in zip(messages["/pose/known"], messages["/pose/true"], strict=True):
         assert abs(known.pose.position.x - true.pose.position.x) < 3
     frames = {(link.parent_frame_id, link.child_frame_id) for _, value in messages["/tf"] for link in value.transforms}

@@ -14,7 +14,7 @@ def run(*command):
     return subprocess.run(command, check=True, capture_output=True, text=True, timeout=300).stdout
 
 
-# Rerun finds nothing wrong, and reads as what they are pictures, transforms, camera and words.
+# Rerun reports no errors, and recognises images, transforms, camera and log messages.
 issues = run(rerun, "mcap", "check", log)
 assert "ok" in issues and not any(word in issues.lower() for word in ["error", "warn", "invalid"]), issues
 run(rerun, "mcap", "convert", log, "-o", "flight.rrd")
@@ -30,7 +30,7 @@ for schema in schemas:
     own = getattr(foxglove.messages, schema.name.removeprefix("foxglove.")).get_schema()
     assert (own.name, own.encoding, own.data) == (schema.name, schema.encoding, schema.data), schema.name
 
-# What is kept for people works.
+# The scripts for users work.
 assert run(sys.executable, viewers / "foxglove_layout.py") == (viewers / "foxglove-layout.json").read_text()
 run(sys.executable, viewers / "rerun_flight.py", log, "--save", "viewed.rrd")
 assert "/world/scene" in run(rerun, "rrd", "stats", "viewed.rrd")

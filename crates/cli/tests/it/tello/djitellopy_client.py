@@ -67,7 +67,7 @@ def timed(name, act):
     time.sleep(0.15)
 
 
-# Each comes back, for an office has walls.
+# Each move returns, because an office has walls.
 timed("up 20", lambda: tello.move_up(20))
 timed("down 20", lambda: tello.move_down(20))
 timed("forward 20", lambda: tello.move_forward(20))
@@ -79,7 +79,7 @@ timed("cw 90", lambda: tello.rotate_clockwise(90))
 time.sleep(0.3)
 turned = (tello.get_yaw() - yaw + 180) % 360 - 180
 assert abs(turned - 90) < 10, turned
-# Its reader gives up by itself where the machine is too slow for some ten frames a second.
+# Its reader gives up if the machine is too slow for about ten frames per second.
 told["video_alive"] = frames.worker.is_alive()
 if told["video_alive"]:
     assert np.abs(look("turned").astype(int) - before_turn).mean() > 5, "the picture turned too"

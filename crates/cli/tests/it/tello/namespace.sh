@@ -1,5 +1,5 @@
 #!/bin/bash
-# Runs a client against a virtual Tello, each in a network namespace of its own, joined by a cable: the drone at 192.168.10.1,
+# Runs a client against a virtual Tello, each in its own network namespace, connected by a virtual cable: the drone at 192.168.10.1,
 # the client at 192.168.10.2, as with a real one. To be run in `unshare -Urn`.
 #   namespace.sh DRONE_COMMAND -- CLIENT_COMMAND...
 set -e

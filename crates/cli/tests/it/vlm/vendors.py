@@ -10,7 +10,7 @@ import warnings
 
 import pydantic
 
-# The SDKs' enumerations are open: an unknown word only warns, and here it must not pass.
+# The SDKs' enumerations are open: an unknown value only causes a warning, but must fail here.
 warnings.simplefilter("error", UserWarning)
 
 
@@ -105,7 +105,7 @@ def anthropic(work):
         typed(adapter, body)
     events = pydantic.TypeAdapter(RawMessageStreamEvent)
     for event in work["events"]:
-        # The client takes pings out before its types see them.
+        # The client removes pings before its types see them.
         if event["type"] != "ping":
             events.validate_python(event)
     Message.model_validate(work["whole"])

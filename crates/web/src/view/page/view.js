@@ -35,7 +35,7 @@ function connect() {
   socket.onopen = () => {
     retry = 500;
     announce("");
-    // A browser keeps what was chosen when a page is loaded again; the server does not.
+    // A browser keeps selected values when a page is reloaded; the server does not.
     say({ type: "channel", channel: channel() });
     say({ type: "detail", detail: $("detail").value });
     say({ type: "collide", on: $("collide").checked });
@@ -89,7 +89,7 @@ async function receive(buffer) {
   const next = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   try {
     const image = await createImageBitmap(new Blob([new Uint8Array(buffer, 4 + length)], { type: "image/jpeg" }));
-    // Decoding may overtake: an older picture is not shown after a newer one.
+    // Images may be decoded out of order: an older one is not shown after a newer one.
     if (!head || next.frame > head.frame || next.frame === 1) show(next, image);
     image.close();
   } finally {
@@ -262,7 +262,7 @@ addEventListener("keyup", (event) => {
   if (held.delete(event.code) || event.key === "Shift") tellKeys();
 });
 addEventListener("blur", letGo);
-// Nobody sees a hidden page: nothing need move there, so nothing need be drawn.
+// A hidden page needs no motion and no images.
 document.addEventListener("visibilitychange", () => { letGo(); tellRun(); });
 
 function tellRun() {
@@ -285,7 +285,7 @@ function copyPose(flag) {
   if (!head) return;
   const numbers = [head.east, head.north, head.up].map((value) => value.toFixed(2));
   numbers.push(head.heading_deg.toFixed(1));
-  // A craft starts level: where a flight begins, the pitch of this camera means nothing.
+  // A craft starts level, so the pitch of this camera is not part of a start pose.
   if (flag === "--pose") numbers.push(head.pitch_deg.toFixed(1));
   const text = `${flag} ${numbers.map((value) => value.replace(/^-0(\.0+)?$/, "0")).join(",")}`;
   const told = (ok) => { $("copied").textContent = ok ? `Copied: ${text}` : text; };
