@@ -1,0 +1,70 @@
+//! Depth grids into the map: one ray per cell in which rays end.
+
+use super::{CELL, CELLS, Cell, Line, ObstacleMap, SIZE, passed, struck};
+use crate::depth::{CameraAxes, DepthGrid};
+use crate::geometry::{EnuPosition, Pose};
+
+/// Marks of one insertion.
+const PASSED: u8 = 1;
+const ENDED: u8 = 2;
+const STRUCK: u8 = 4;
+
+impl ObstacleMap {
+    /// Takes a depth grid, measured at `pose`. Pixels without a value say nothing. An invalid grid is ignored.
+    pub fn depth(&mut self, grid: &DepthGrid, pose: Pose) {
+        let Some(corner) = self.corner.filter(|_| grid.check().is_ok()) else { return };
+        self.changed += 1;
+        let axes = CameraAxes::new(&grid.camera, pose);
+        let origin = Cell::of(axes.origin);
+        // The grid's box, shrunk a little, so that a clipped end stays inside.
+        let low = [corner.east, corner.north, corner.up].map(|i| f64::from(i) * CELL + 1e-6);
+        let high = [0, 1, 2].map(|i| low[i] + SIZE[i] as f64 * CELL - 2e-6);
+        for (_, at) in grid.points() {
+            let end = axes.place(at.right, at.forward, at.up);
+            let (end, whole) = clip(axes.origin, end, low, high);
+            let Some(index) = self.index(Cell::of(end)) else { continue };
+            let mark = ENDED | if whole { STRUCK } else { 0 };
+            if self.marks[index] & ENDED == 0 {
+                self.touched.push(index as u32);
+            }
+            self.marks[index] |= mark;
+        }
+        let ends = self.touched.len();
+        for i in 0..ends {
+            let Some(end) = self.cell(self.touched[i] as usize) else { continue };
+            for cell in Line::new(origin, end) {
+                let Some(index) = self.index(cell) else { continue };
+                if self.marks[index] == 0 {
+                    self.marks[index] = PASSED;
+                    self.touched.push(index as u32);
+                }
+            }
+        }
+        for &index in &self.touched {
+            let index = index as usize;
+            let mark = core::mem::take(&mut self.marks[index]);
+            let odds = &mut self.odds[index];
+            // Where a ray has ended, others that passed say less: a grazing view of a floor clears it otherwise.
+            *odds = if mark & STRUCK != 0 { struck(*odds) } else { passed(*odds) };
+        }
+        self.touched.clear();
+        debug_assert_eq!(self.marks.len(), CELLS);
+    }
+}
+
+/// The part of a ray inside a box that holds its start, and whether that is all of it.
+fn clip(from: EnuPosition, to: EnuPosition, low: [f64; 3], high: [f64; 3]) -> (EnuPosition, bool) {
+    let (a, b) = ([from.east, from.north, from.up], [to.east, to.north, to.up]);
+    let mut fraction = 1.0_f64;
+    for i in 0..3 {
+        let bound = if b[i] > high[i] {
+            high[i]
+        } else if b[i] < low[i] {
+            low[i]
+        } else {
+            continue;
+        };
+        fraction = fraction.min(((bound - a[i]) / (b[i] - a[i])).max(0.0));
+    }
+    if fraction < 1.0 { (from.towards(to, fraction), false) } else { (to, true) }
+}

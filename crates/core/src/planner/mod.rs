@@ -1,0 +1,339 @@
+//! The local planner: from the obstacle map and a goal to the next place to fly to, the heading and the speed
+//! (`docs/explanation/between-answers.md`).
+//!
+//! The path is the cheapest in the map's grid: places near obstacles cost more, vertical moves half as much again, what the
+//! body would touch twenty times, so that an unreachable goal is approached along the path that leads nearest to it and not
+//! along the straight line. Unknown cells count as free for the path and as blocked for the speed. The craft faces where it
+//! flies, and never flies into what no frame has shown within 3 s: it turns first.
+//!
+//! Search and costs are integers, so that a plan is the same on every machine.
+
+mod clearance;
+mod search;
+mod stuck;
+
+use self::clearance::Clearance;
+use self::search::Search;
+pub use self::stuck::{Escape, Progress, escape};
+use crate::geometry::EnuPosition;
+use crate::obstacle_map::{CELL, Cell, Line, ObstacleMap, SIZE};
+use crate::time::Time;
+
+/// Cost factors in quarters of that of free space.
+const OPEN: u16 = 4;
+/// The most that nearness costs.
+const NEAR: u16 = 12;
+/// Where the body would touch what is known, or leave the altitude limits.
+const BLOCKED: u16 = 80;
+/// Inside what is known.
+const SOLID: u16 = 240;
+/// What lies this far around the goal, metres, besides one standard deviation of it, is the target itself.
+const TARGET: f64 = 1.0;
+/// The target is no larger than this, metres around the goal.
+const TARGET_MOST: f64 = 2.0;
+/// A goal outside the grid is approached to within this distance of where the way there leaves it, metres.
+const OUTSIDE: f64 = 2.0;
+/// How far ahead free space is looked for, metres.
+const SPEED_SIGHT: f64 = 8.0;
+/// Where nothing is known but what frames have shown, the craft must be able to stop within this, metres.
+const CAREFUL: f64 = 0.7;
+/// The next part of a way that a frame must have shown before it is flown, metres.
+const SHOWN: f64 = 1.0;
+
+/// Margins of the planner, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PlannerSettings {
+    /// Kept free around the body, horizontally.
+    pub margin: f64,
+    /// Kept free above and below it.
+    pub vertical_margin: f64,
+    /// Beyond the margin, nearness costs up to this far.
+    pub near: f64,
+    /// The next place to fly to is at most this far along the path.
+    pub look_ahead: f64,
+}
+
+impl Default for PlannerSettings {
+    fn default() -> Self {
+        Self { margin: 0.3, vertical_margin: 0.15, near: 0.75, look_ahead: 4.0 }
+    }
+}
+
+/// The craft, as the planner sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Body {
+    /// Radius, metres.
+    pub radius: f64,
+    /// Standard deviation of the position relative to what is in the map, metres.
+    pub position_sigma: f64,
+    /// Deceleration to plan with, m/s².
+    pub braking: f64,
+    /// Time until it brakes, s.
+    pub delay: f64,
+    /// Preset speed, m/s.
+    pub cruise_speed: f64,
+    /// Lowest and highest world altitude to plan at, metres.
+    pub altitudes: (f64, f64),
+}
+
+impl Body {
+    /// Maximum speed from which the body stops within `room` metres, m/s: `v·delay + v²/2a = room`.
+    #[must_use]
+    pub fn speed_within(&self, room: f64) -> f64 {
+        if room.is_nan() || room <= 0.0 {
+            return 0.0;
+        }
+        let a = self.braking.max(0.01);
+        let speed = 2.0 * room / (self.delay + libm::sqrt(self.delay * self.delay + 2.0 * room / a));
+        speed.min(self.cruise_speed)
+    }
+}
+
+/// Where to fly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Destination {
+    /// The target's most likely place.
+    pub position: EnuPosition,
+    /// Distance from it at which the craft has arrived, metres.
+    pub stop: f64,
+    /// Standard deviation of the place, metres.
+    pub sigma: f64,
+}
+
+/// What a plan leads to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// The craft is there.
+    Arrived,
+    /// The goal.
+    Goal,
+    /// The edge of the grid on the way to it.
+    Edge,
+    /// The nearest place along a path: beyond it something is in the way.
+    Blocked {
+        /// Where.
+        at: Cell,
+        /// Its name, if a box has given one.
+        by: Option<String>,
+    },
+}
+
+/// The next motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guide {
+    /// The place to fly to in a straight line.
+    pub waypoint: EnuPosition,
+    /// The heading there, radians clockwise from north.
+    pub heading: f64,
+    /// The most to fly, m/s; zero to hold.
+    pub speed: f64,
+    /// True if the way there has not been seen: turn to the heading, on the spot, first.
+    pub turn_first: bool,
+    /// What the path leads to.
+    pub reach: Reach,
+    /// Cost of the path to the goal, what blocks it included, as metres of free space.
+    pub remaining: f64,
+    /// The cells of the path, from the craft on.
+    pub path: Vec<Cell>,
+}
+
+/// Plans paths; keeps its memory from one plan to the next.
+#[derive(Clone, Debug, Default)]
+pub struct Planner {
+    settings: PlannerSettings,
+    flags: Vec<bool>,
+    clearance: Clearance,
+    factors: Vec<u16>,
+    search: Search,
+}
+
+impl Planner {
+    /// A planner with these margins.
+    #[must_use]
+    pub fn new(settings: PlannerSettings) -> Self {
+        Self { settings, ..Self::default() }
+    }
+
+    /// Plans from `at`, heading `heading`, to a destination. `None` if `at` is outside the map.
+    pub fn plan(
+        &mut self,
+        map: &ObstacleMap,
+        now: Time,
+        at: EnuPosition,
+        heading: f64,
+        body: &Body,
+        goal: &Destination,
+    ) -> Option<Guide> {
+        let here = Cell::of(at);
+        let start = map.index(here)?;
+        let corner = map.corner()?;
+        self.weigh(map, body, goal);
+
+        let (place, stop) = within_grid(corner, at, goal);
+        let outside = place != goal.position;
+        let towards = if horizontal(at, goal.position) > CELL { bearing(at, goal.position) } else { heading };
+        let end = Cell::of(place);
+        let local = [end.east - corner.east, end.north - corner.north, end.up - corner.up];
+        let (indices, cost) = self.search.path(&self.factors, start, local, libm::floor(stop / CELL) as i32)?;
+        if !outside && (indices.len() == 1 || at.distance(goal.position) <= goal.stop) {
+            let (waypoint, reach, path) = (at, Reach::Arrived, vec![here]);
+            return Some(Guide { waypoint, heading: towards, speed: 0.0, turn_first: false, reach, remaining: 0.0, path });
+        }
+
+        // Where the craft stands too near to something, the way out is part of the path.
+        let out = indices.iter().position(|&i| self.factors[i as usize] < BLOCKED).unwrap_or(indices.len());
+        let blocked = (1..indices.len()).find(|&k| {
+            let factor = self.factors[indices[k] as usize];
+            factor >= SOLID || (factor >= BLOCKED && (k > out || out == indices.len()))
+        });
+        let usable = &indices[..blocked.unwrap_or(indices.len())];
+        let path: Vec<Cell> = usable.iter().filter_map(|&i| map.cell(i as usize)).collect();
+        let reach = match blocked.and_then(|k| map.cell(indices[k] as usize)) {
+            Some(at) => Reach::Blocked { at, by: name(map, here, end, &indices[blocked.unwrap_or(0)..]) },
+            None if outside => Reach::Edge,
+            None => Reach::Goal,
+        };
+
+        let ahead = self.look_ahead(map, here, &path, out);
+        let waypoint = if ahead == here { at } else { ahead.middle() };
+        let way = at.distance(waypoint);
+        let heading = if horizontal(at, waypoint) > CELL { bearing(at, waypoint) } else { towards };
+        let (shown, free) = if way > 0.0 { self.open_way(map, now, at, waypoint) } else { (0.0, 0.0) };
+        let turn_first = way > 0.0 && shown < way.min(SHOWN);
+        let room = |length: f64| length - body.radius - self.settings.margin;
+        // What a frame has shown, with nothing known in it, is entered carefully although nobody has said that it is free: a
+        // depth sensor has no return from the open, and no reply comes on the way around something.
+        let careful = body.speed_within(room(shown).min(CAREFUL));
+        let speed = if turn_first || way == 0.0 { 0.0 } else { body.speed_within(room(free)).max(careful) };
+        let remaining = f64::from(cost) * CELL / f64::from(10 * OPEN);
+        Some(Guide { waypoint, heading, speed, turn_first, reach, remaining, path })
+    }
+
+    /// Cost factors of all cells.
+    fn weigh(&mut self, map: &ObstacleMap, body: &Body, goal: &Destination) {
+        let settings = self.settings;
+        map.flags(&mut self.flags);
+        self.factors.clear();
+        self.factors.extend(self.flags.iter().map(|&solid| if solid { SOLID } else { OPEN }));
+        // What is the target itself keeps nothing away from it.
+        let target = (TARGET + goal.sigma).min(TARGET_MOST);
+        self.each_around(map, goal.position, target, |flags, index| flags[index] = false);
+        let around = body.radius + settings.margin + 2.0 * body.position_sigma;
+        let above = body.radius + settings.vertical_margin + 2.0 * body.position_sigma;
+        self.clearance.measure(&self.flags, clearance::weight(around, above));
+        let table = factors(around, settings.near);
+        for (factor, &squared) in self.factors.iter_mut().zip(self.clearance.squared()) {
+            *factor = (*factor).max(table[usize::from(squared)]);
+        }
+        let Some(corner) = map.corner() else { return };
+        let (low, high) = body.altitudes;
+        for (z, layer) in self.factors.chunks_mut(SIZE[0] * SIZE[1]).enumerate() {
+            let middle = Cell { up: corner.up + z as i32, ..corner }.middle().up;
+            if middle < low || middle > high {
+                layer.iter_mut().for_each(|factor| *factor = (*factor).max(BLOCKED));
+            }
+        }
+    }
+
+    fn each_around(&mut self, map: &ObstacleMap, middle: EnuPosition, radius: f64, mut act: impl FnMut(&mut [bool], usize)) {
+        let reach = libm::ceil(radius / CELL) as i32;
+        let centre = Cell::of(middle);
+        for up in centre.up - reach..=centre.up + reach {
+            for north in centre.north - reach..=centre.north + reach {
+                for east in centre.east - reach..=centre.east + reach {
+                    let cell = Cell { east, north, up };
+                    if let Some(index) = map.index(cell).filter(|_| cell.middle().distance(middle) <= radius) {
+                        act(&mut self.flags, index);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The farthest cell of the path within the look-ahead to which the straight line is not blocked. Until the craft is out of
+    /// what it stands too near to, the next cell of the path.
+    fn look_ahead(&self, map: &ObstacleMap, here: Cell, path: &[Cell], out: usize) -> Cell {
+        let (Some(&first), Some(&last)) = (path.get(1), path.last()) else { return here };
+        if out > 0 {
+            return path.get(out).copied().unwrap_or(last);
+        }
+        let most = libm::floor(self.settings.look_ahead / CELL) as i64;
+        let within = |cell: &Cell| {
+            let d = [cell.east - here.east, cell.north - here.north, cell.up - here.up].map(i64::from);
+            d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= most * most
+        };
+        let clear =
+            |cell: &Cell| Line::new(here, *cell).all(|cell| map.index(cell).is_some_and(|index| self.factors[index] < BLOCKED));
+        path.iter().rev().filter(|cell| within(cell)).find(|cell| clear(cell)).copied().unwrap_or(first)
+    }
+
+    /// How far the way from `at` through `waypoint` has been shown by frames with nothing known in it, at most 2 m or to the
+    /// waypoint, and how far it is free, metres.
+    fn open_way(&self, map: &ObstacleMap, now: Time, at: EnuPosition, waypoint: EnuPosition) -> (f64, f64) {
+        let way = at.distance(waypoint);
+        let step = 0.5 * CELL;
+        let most = way.max(2.0 * SHOWN);
+        let (mut shown, mut free) = (None, None);
+        let count = libm::floor(SPEED_SIGHT / step) as u32;
+        for k in 1..=count {
+            let along = f64::from(k) * step;
+            let place = at.towards(waypoint, along / way);
+            let open = map.index(Cell::of(place)).is_some_and(|index| self.factors[index] < SOLID);
+            if shown.is_none() && along <= most && !(open && map.is_seen(now, place)) {
+                shown = Some(along - step);
+            }
+            if free.is_none() && !(open && map.is_free(now, place)) {
+                free = Some(along - step);
+            }
+            if free.is_some() && (shown.is_some() || along > most) {
+                break;
+            }
+        }
+        (shown.unwrap_or(most), free.unwrap_or(SPEED_SIGHT))
+    }
+}
+
+/// The name of what is in the way: on the rest of the path, else on the straight line.
+fn name(map: &ObstacleMap, here: Cell, end: Cell, rest: &[u32]) -> Option<String> {
+    let path = rest.iter().filter_map(|&index| map.cell(index as usize));
+    path.chain(Line::new(here, end)).find_map(|cell| map.name_at(cell.middle())).map(ToOwned::to_owned)
+}
+
+/// Cost factors by the squared distance to the nearest obstacle in cells.
+fn factors(around: f64, near: f64) -> [u16; 256] {
+    core::array::from_fn(|squared| {
+        let distance = CELL * libm::sqrt(squared as f64);
+        if distance < around {
+            return BLOCKED;
+        }
+        let nearness = 1.0 - (distance - around) / near.max(CELL);
+        OPEN + libm::floor(nearness.max(0.0) * f64::from(NEAR - OPEN)) as u16
+    })
+}
+
+/// The goal, or where the straight way to it leaves the grid; and the distance at which it counts as reached.
+fn within_grid(corner: Cell, at: EnuPosition, goal: &Destination) -> (EnuPosition, f64) {
+    let (a, b) = ([at.east, at.north, at.up], [goal.position.east, goal.position.north, goal.position.up]);
+    let low = [corner.east, corner.north, corner.up].map(|i| (f64::from(i) + 1.0) * CELL);
+    let mut fraction = 1.0_f64;
+    for i in 0..3 {
+        let high = low[i] + (SIZE[i] as f64 - 2.0) * CELL;
+        if b[i] > high {
+            fraction = fraction.min(((high - a[i]) / (b[i] - a[i])).max(0.0));
+        } else if b[i] < low[i] {
+            fraction = fraction.min(((low[i] - a[i]) / (b[i] - a[i])).max(0.0));
+        }
+    }
+    if fraction < 1.0 { (at.towards(goal.position, fraction), OUTSIDE) } else { (goal.position, goal.stop) }
+}
+
+fn horizontal(a: EnuPosition, b: EnuPosition) -> f64 {
+    a.horizontal_distance(b)
+}
+
+fn bearing(from: EnuPosition, to: EnuPosition) -> f64 {
+    libm::atan2(to.east - from.east, to.north - from.north)
+}
+
+#[cfg(test)]
+mod tests;
