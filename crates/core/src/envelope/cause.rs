@@ -25,6 +25,8 @@ pub enum Cause {
     DistanceLimit,
     /// The setpoint would have taken the craft out of the geofence.
     GeofenceLimit,
+    /// Something is known to lie in the way, or no working depth sensor shows it.
+    Obstacle,
     /// A component of the setpoint was not a finite number.
     NotFinite,
     /// The craft is not airborne, or does not accept setpoints.
@@ -62,7 +64,7 @@ impl Cause {
     /// beside a low target.
     #[must_use]
     pub fn is_boundary(self) -> bool {
-        matches!(self, Self::AltitudeLimit | Self::DistanceLimit | Self::GeofenceLimit)
+        matches!(self, Self::AltitudeLimit | Self::DistanceLimit | Self::GeofenceLimit | Self::Obstacle)
     }
 }
 
@@ -76,6 +78,7 @@ impl fmt::Display for Cause {
             Self::FloorLimit => "limited by the minimum height",
             Self::DistanceLimit => "limited by the distance limit",
             Self::GeofenceLimit => "limited by the geofence",
+            Self::Obstacle => "limited by an obstacle, or by a way that no sensor shows",
             Self::NotFinite => "the setpoint was not a number",
             Self::NotFlying => "the craft is not flying",
             Self::FailedReplies => "the VLM's replies failed",

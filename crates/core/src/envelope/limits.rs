@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::brake::BrakeLimits;
 use crate::craft::Craft;
 use crate::geofence::Geofence;
 
@@ -63,6 +64,9 @@ pub struct Limits {
     /// Where the craft may fly; `None` for no geofence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub geofence: Option<Geofence>,
+    /// The brake before obstacles; `None` for no brake.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub brake: Option<BrakeLimits>,
 }
 
 /// An invalid limit.
@@ -123,6 +127,7 @@ impl Limits {
             max_failed_replies: 5,
             breach_land_after: 5.0,
             geofence: None,
+            brake: None,
         }
     }
 
@@ -195,6 +200,7 @@ impl Limits {
         if self.min_altitude.is_nan() {
             self.min_altitude = 0.0;
         }
+        self.brake = self.brake.map(BrakeLimits::made_strict);
         self
     }
 }

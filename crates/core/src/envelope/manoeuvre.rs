@@ -3,7 +3,8 @@
 use super::reach::{self, Situation};
 use super::watch::Control;
 use super::{Cause, Clearance, Cleared, Envelope, Reaction};
-use crate::command::{Command, Manoeuvre};
+use crate::command::{Command, Manoeuvre, Setpoint};
+use crate::geometry::BodyDisplacement;
 use crate::time::{Time, duration_from_secs};
 
 /// Factor on the duration at full speed, and extra seconds, after which a manoeuvre that has not ended is stopped.
@@ -44,14 +45,33 @@ impl Envelope {
         };
         let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
         let (allowed, confined) = reach::confine_path(limits, &self.craft, &situation, way);
+        let (allowed, braked, most) = self.braked_path(now, allowed);
+        let confined = confined.or(braked);
         if allowed.longest_part() < Manoeuvre::MIN_DISPLACEMENT {
             return (None, confined);
         }
         let fastest = allowed.speed_within(limits.max_speed, limits.max_climb);
-        if !(speed > 0.0 && fastest > 0.0) {
+        if !(speed > 0.0 && fastest > 0.0 && most > 0.0) {
             return (None, Some(Cause::SpeedLimit));
         }
+        let fastest = fastest.min(most);
         let slowed = (speed > fastest).then_some(Cause::SpeedLimit);
         (Some(Manoeuvre::Go { displacement: allowed, speed: speed.min(fastest) }), confined.or(slowed))
+    }
+
+    /// The part of a straight path that the brake allows, and the most speed along it.
+    fn braked_path(&self, now: Time, way: BodyDisplacement) -> (BodyDisplacement, Option<Cause>, f64) {
+        let Some(limits) = &self.limits.brake else { return (way, None, f64::INFINITY) };
+        let asked = Setpoint { right: way.right, forward: way.forward, up: way.up, yaw_rate: 0.0 };
+        let (room, blind) =
+            self.motion_of(now, asked, [0.0; 3]).map_or((0.0, true), |motion| self.brake.way(now, limits, &motion));
+        let most = if blind { limits.blind_speed } else { f64::INFINITY };
+        let (length, within) = (way.length(), room / (1.0 + reach::WAY_ERROR));
+        if length <= within {
+            return (way, None, most);
+        }
+        let fraction = within / length;
+        let part = BodyDisplacement { right: way.right * fraction, forward: way.forward * fraction, up: way.up * fraction };
+        (part, Some(Cause::Obstacle), most)
     }
 }

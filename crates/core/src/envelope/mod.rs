@@ -9,6 +9,7 @@
 //! The envelope has no clock: every call passes the time, and a time earlier than the last one is treated as equal to
 //! it.
 
+mod brake;
 mod cause;
 mod estimate;
 mod limits;
@@ -16,16 +17,20 @@ mod manoeuvre;
 mod reach;
 mod watch;
 
+pub use brake::BrakeLimits;
 pub use cause::{Cause, Reaction, Refusal};
 pub use limits::{Limits, LimitsError};
 
+use self::brake::{Brake, Motion};
 use self::estimate::Estimate;
-use self::reach::Situation;
+use self::reach::{Braking, Situation};
 use self::watch::{Control, Watch};
 use crate::command::{Command, Setpoint};
 use crate::craft::Craft;
+use crate::depth::DepthGrid;
+use crate::estimator::Known;
 use crate::frame::FrameMeta;
-use crate::geometry::{EnuPosition, EnuVelocity, Spread};
+use crate::geometry::{EnuPosition, EnuVelocity, Pose, Spread};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
@@ -95,6 +100,7 @@ pub struct Envelope {
     craft: Craft,
     estimate: Estimate,
     watch: Watch,
+    brake: Brake,
     /// Latest time passed in.
     now: Time,
     /// World velocity of the last cleared setpoint, and its expiry.
@@ -117,6 +123,7 @@ impl Envelope {
             craft,
             estimate: Estimate::default(),
             watch: Watch::default(),
+            brake: Brake::default(),
             now: Time::ZERO,
             commanded: None,
             spread: Spread::default(),
@@ -168,6 +175,31 @@ impl Envelope {
     pub fn observe_reply(&mut self, now: Time, ok: bool) {
         let now = self.advance(now);
         self.watch.reply(now, ok);
+    }
+
+    /// Takes a depth grid that arrived at `now`, measured at `pose` by the motion estimate. Ignored without
+    /// [`Limits::brake`], as are the next two.
+    pub fn observe_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
+        let now = self.advance(now);
+        if self.limits.brake.is_some() {
+            self.brake.depth(now, grid, pose);
+        }
+    }
+
+    /// Replaces the obstacles that are remembered: places near the craft where something is, by the motion estimate.
+    pub fn observe_obstacles(&mut self, places: impl Iterator<Item = EnuPosition>) {
+        if self.limits.brake.is_some() {
+            self.brake.remember(places);
+        }
+    }
+
+    /// Takes the motion estimate on which depth grids and obstacles are based. Without one for half a second the brake uses the
+    /// envelope's own.
+    pub fn observe_motion(&mut self, now: Time, known: &Known) {
+        let now = self.advance(now);
+        if self.limits.brake.is_some() {
+            self.brake.motion(now, known.position, known.attitude.heading);
+        }
     }
 
     /// Records that the link to the craft was lost at `now`.
@@ -330,7 +362,7 @@ impl Envelope {
         let now = self.advance(now);
         let (allowed, changed) = match self.stopped_by(now, setpoint, control) {
             Some(cause) => (Setpoint::HOLD, Some(cause).filter(|_| !setpoint.is_hold())),
-            None => self.limit(now, setpoint),
+            None => self.limit(now, setpoint, control),
         };
         let valid_until = now + duration_from_secs(self.limits.setpoint_validity);
         let heading = self.estimate.heading.unwrap_or(0.0);
@@ -355,7 +387,7 @@ impl Envelope {
     }
 
     /// A finite setpoint reduced to the limits.
-    fn limit(&self, now: Time, requested: Setpoint) -> (Setpoint, Option<Cause>) {
+    fn limit(&self, now: Time, requested: Setpoint, control: Control) -> (Setpoint, Option<Cause>) {
         let limits = &self.limits;
         let mut setpoint = requested;
         let mut cause = None;
@@ -379,7 +411,40 @@ impl Envelope {
         let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
         let (setpoint, confined) = reach::confine(limits, &self.craft, &situation, setpoint);
         let (setpoint, low) = self.above_ground(setpoint);
-        (setpoint, confined.or(low).or(cause))
+        // The operator flies by sight.
+        let braked = if control == Control::Pilot { self.braked(now, setpoint) } else { 1.0 };
+        let Setpoint { right, forward, up, yaw_rate } = setpoint;
+        let setpoint = Setpoint { right: right * braked, forward: forward * braked, up: up * braked, yaw_rate };
+        (setpoint, confined.or(low).or((braked < 1.0).then_some(Cause::Obstacle)).or(cause))
+    }
+
+    /// The fraction of a setpoint that the brake allows.
+    fn braked(&self, now: Time, setpoint: Setpoint) -> f64 {
+        let Some(limits) = &self.limits.brake else { return 1.0 };
+        let lasts = self.limits.setpoint_validity + self.craft.dead_time;
+        let turned = setpoint.yaw_rate * lasts;
+        self.motion_of(now, setpoint, [0.0, 0.5 * turned, turned]).map_or(0.0, |motion| self.brake.allowed(now, limits, &motion))
+    }
+
+    /// A velocity as the brake sees it, from where it takes effect; `None` without a heading.
+    fn motion_of(&self, now: Time, setpoint: Setpoint, turns: [f64; 3]) -> Option<Motion> {
+        let e = &self.estimate;
+        let velocity = e.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();
+        let age = e.measured.map_or(0.0, |measured| now.since(measured).as_secs_f64());
+        let own = || {
+            let t = age + self.craft.dead_time;
+            let at = e.position;
+            let from = EnuPosition {
+                east: at.east + velocity.east * t,
+                north: at.north + velocity.north * t,
+                up: at.up + velocity.up * t,
+            };
+            e.heading.map(|heading| (from, heading))
+        };
+        let (from, heading) = self.brake.place(now, velocity, self.craft.dead_time).or_else(own)?;
+        let deceleration = self.craft.acceleration.min(self.craft.climb_acceleration);
+        let braking = Braking::new(&self.limits, &self.craft, deceleration);
+        Some(Motion { from, velocity: reach::world_velocity(setpoint, heading), turns, radius: self.craft.radius, braking })
     }
 
     /// A setpoint that stops descending at the minimum altitude above the surface measured below the craft, such as a

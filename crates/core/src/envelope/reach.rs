@@ -45,7 +45,7 @@ pub(super) struct Braking {
 }
 
 impl Braking {
-    fn new(limits: &Limits, craft: &Craft, acceleration: f64) -> Self {
+    pub(super) fn new(limits: &Limits, craft: &Craft, acceleration: f64) -> Self {
         Self { delay: limits.setpoint_validity + craft.dead_time + craft.lag, acceleration: acceleration.max(0.01) }
     }
 
@@ -144,7 +144,7 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
 }
 
 /// Relative error of the distance flown by a craft that measures it itself, as a fraction.
-const WAY_ERROR: f64 = 0.1;
+pub(super) const WAY_ERROR: f64 = 0.1;
 /// Cosine between a path and a limit's normal below which the path counts as parallel to the limit.
 const ALONG: f64 = 0.05;
 

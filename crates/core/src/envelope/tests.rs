@@ -1,3 +1,4 @@
+mod brake;
 mod failings;
 mod flights;
 mod limits;

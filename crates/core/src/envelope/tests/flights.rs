@@ -231,20 +231,20 @@ fn reach_is_inside(
 }
 
 /// A craft that follows setpoints with dead time, lag and an acceleration limit (`docs/reference/dynamics.md`), without wind.
-struct Body {
-    craft: Craft,
-    at: EnuPosition,
-    v: EnuVelocity,
-    heading: f64,
-    yaw_rate: f64,
+pub(super) struct Body {
+    pub(super) craft: Craft,
+    pub(super) at: EnuPosition,
+    pub(super) v: EnuVelocity,
+    pub(super) heading: f64,
+    pub(super) yaw_rate: f64,
     /// The setpoints sent, with their expiry, newest last.
-    sent: Vec<(Time, Setpoint, Time)>,
+    pub(super) sent: Vec<(Time, Setpoint, Time)>,
 }
 
 impl Body {
     const STEP: f64 = 0.01;
 
-    fn step(&mut self, now: Time) {
+    pub(super) fn step(&mut self, now: Time) {
         let effective = now - duration_from_secs(self.craft.dead_time);
         let is = self.sent.iter().rfind(|(at, _, until)| *at <= effective && effective < *until);
         let is = is.map_or(Setpoint::HOLD, |s| s.1);

@@ -1,0 +1,226 @@
+//! The brake: whatever planner, pilot or VLM want, speed is bounded by what is known to lie in the way.
+//!
+//! It knows points in the world: those of the newest depth grid, and the occupied cells of the obstacle map. The speed along a
+//! direction is at most that which comes to rest the margin before the nearest point in the corridor of the body. In
+//! directions that no working sensor shows (sideways, backwards, with a sensor that is dead, frozen or late) it is also at
+//! most that of flying blind. A direction in the field without a return is not blind: the open gives none, and neither does
+//! glass.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::reach::Braking;
+use crate::camera::Camera;
+use crate::depth::{CameraAxes, DepthGrid};
+use crate::geometry::{EnuPosition, EnuVelocity, Pose};
+use crate::time::{Time, duration_from_secs};
+
+/// Added to the body's radius on either side of the way, metres.
+const BESIDE: f64 = 0.1;
+/// Grids with equal values in a row from which on the sensor counts as frozen: noise never repeats.
+const FROZEN: u32 = 3;
+/// A grid with fewer pixels with a value than this fraction comes from a dead or covered sensor.
+const LEAST_VALID: f64 = 0.02;
+/// A grid is reduced to the nearest point of each block of this many pixels a side.
+const BLOCK: usize = 4;
+/// Points farther than this from the craft do not matter, metres: no craft of ours needs as much to stop.
+const SIGHT: f64 = 12.0;
+/// A motion estimate older than this is not used, s.
+const FRESH: f64 = 0.5;
+
+/// Settings of the brake.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BrakeLimits {
+    /// Distance between the body and an obstacle at which the craft comes to rest, m.
+    pub margin: f64,
+    /// Maximum speed in directions that no working sensor shows, m/s; infinity for a craft without a depth sensor, for which
+    /// only what is remembered counts.
+    pub blind_speed: f64,
+    /// Age of the newest depth grid from which on the sensor counts as dead, s.
+    pub max_depth_age: f64,
+}
+
+impl BrakeLimits {
+    /// For a craft with a depth sensor: flying blind at 0.5 m/s.
+    #[must_use]
+    pub fn with_sensor() -> Self {
+        Self { margin: 0.3, blind_speed: 0.5, max_depth_age: 0.5 }
+    }
+
+    /// For a craft without one.
+    #[must_use]
+    pub fn without_sensor() -> Self {
+        Self { blind_speed: f64::INFINITY, ..Self::with_sensor() }
+    }
+
+    /// The strictest reading of values that are negative or not numbers.
+    pub(super) fn made_strict(self) -> Self {
+        let strict = |value: f64, worst: f64| if value >= 0.0 { value } else { worst };
+        Self {
+            margin: strict(self.margin, f64::INFINITY),
+            blind_speed: strict(self.blind_speed, 0.0),
+            max_depth_age: strict(self.max_depth_age, 0.0),
+        }
+    }
+}
+
+/// What the brake knows.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Brake {
+    depth: Option<Seen>,
+    /// Values of the newest grid, and how many grids in a row have had them.
+    repeated: (Vec<u16>, u32),
+    remembered: Vec<EnuPosition>,
+    /// Position and heading by the motion estimate that depth and map are based on.
+    motion: Option<(Time, EnuPosition, f64)>,
+}
+
+/// The newest usable grid.
+#[derive(Clone, Debug)]
+struct Seen {
+    captured: Time,
+    counter: u64,
+    camera: Camera,
+    axes: CameraAxes,
+    points: Vec<EnuPosition>,
+}
+
+/// A motion to be bounded.
+pub(super) struct Motion {
+    /// Where the setpoint takes effect.
+    pub(super) from: EnuPosition,
+    pub(super) velocity: EnuVelocity,
+    /// Directions between now and the end of the setpoint's validity: turns about the vertical, clockwise, radians.
+    pub(super) turns: [f64; 3],
+    pub(super) radius: f64,
+    pub(super) braking: Braking,
+}
+
+impl Brake {
+    /// Takes a depth grid, measured at `pose`.
+    pub(super) fn depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
+        if grid.check().is_err() || self.depth.as_ref().is_some_and(|seen| grid.captured <= seen.captured) {
+            return;
+        }
+        if self.depth.as_ref().is_some_and(|seen| grid.counter == seen.counter) {
+            return; // The same measurement again.
+        }
+        let (values, times) = &mut self.repeated;
+        if *values == grid.cm {
+            *times += 1;
+        } else {
+            values.clone_from(&grid.cm);
+            *times = 1;
+        }
+        if *times >= FROZEN || grid.valid_fraction() < LEAST_VALID {
+            self.depth = None;
+            return;
+        }
+        let axes = CameraAxes::new(&grid.camera, pose);
+        let across = (grid.camera.width as usize).div_ceil(BLOCK);
+        let down = (grid.camera.height as usize).div_ceil(BLOCK);
+        let mut nearest = vec![None; across * down];
+        let width = grid.camera.width as usize;
+        for (index, at) in grid.points() {
+            let block = &mut nearest[(index / width / BLOCK) * across + (index % width) / BLOCK];
+            if block.is_none_or(|near: crate::lift::CameraDisplacement| at.forward < near.forward) {
+                *block = Some(at);
+            }
+        }
+        let points = nearest.into_iter().flatten().map(|at| axes.place(at.right, at.forward, at.up)).collect();
+        self.depth = Some(Seen { captured: grid.captured.min(now), counter: grid.counter, camera: grid.camera, axes, points });
+    }
+
+    /// Replaces what is remembered by these places, those near the craft.
+    pub(super) fn remember(&mut self, places: impl Iterator<Item = EnuPosition>) {
+        self.remembered.clear();
+        self.remembered.extend(places.filter(|p| [p.east, p.north, p.up].iter().all(|x| x.is_finite())));
+    }
+
+    /// Takes the position by the motion estimate that depth and map are based on, and the heading.
+    pub(super) fn motion(&mut self, now: Time, at: EnuPosition, heading: f64) {
+        let finite = [at.east, at.north, at.up, heading].iter().all(|x| x.is_finite());
+        self.motion = finite.then_some((now, at, heading));
+    }
+
+    /// Position and heading at `now` by the motion estimate, for a craft that moves at `velocity`; `None` if it has not been told
+    /// for half a second.
+    pub(super) fn place(&self, now: Time, velocity: EnuVelocity, ahead: f64) -> Option<(EnuPosition, f64)> {
+        let (told, at, heading) = self.motion.filter(|(told, ..)| now.since(*told) <= duration_from_secs(FRESH))?;
+        let t = now.since(told).as_secs_f64() + ahead;
+        let moved =
+            EnuPosition { east: at.east + velocity.east * t, north: at.north + velocity.north * t, up: at.up + velocity.up * t };
+        Some((moved, heading))
+    }
+
+    /// Length of a straight way that is allowed, metres, and whether no working sensor shows it.
+    pub(super) fn way(&self, now: Time, limits: &BrakeLimits, motion: &Motion) -> (f64, bool) {
+        if motion.velocity.speed() <= 0.0 {
+            return (f64::INFINITY, false);
+        }
+        let seen = self.seen(now, limits);
+        let along = direction(motion.velocity, 0.0);
+        let points = seen.iter().flat_map(|seen| &seen.points).chain(&self.remembered);
+        let room = nearest(points, motion, along) - motion.radius - limits.margin;
+        (room.max(0.0), !seen.is_some_and(|seen| shows(seen, motion, along)))
+    }
+
+    /// The newest grid, if the sensor works.
+    fn seen(&self, now: Time, limits: &BrakeLimits) -> Option<&Seen> {
+        self.depth.as_ref().filter(|seen| now.since(seen.captured) < duration_from_secs(limits.max_depth_age))
+    }
+
+    /// The fraction of a motion that is allowed, 0..=1.
+    pub(super) fn allowed(&self, now: Time, limits: &BrakeLimits, motion: &Motion) -> f64 {
+        let speed = motion.velocity.speed();
+        if speed <= 0.0 {
+            return 1.0;
+        }
+        let seen = self.seen(now, limits);
+        let mut most = speed;
+        for along in motion.turns.map(|turn| direction(motion.velocity, turn)) {
+            let points = seen.iter().flat_map(|seen| &seen.points).chain(&self.remembered);
+            let room = nearest(points, motion, along) - motion.radius - limits.margin;
+            most = most.min(motion.braking.speed_within(room));
+            if !seen.is_some_and(|seen| shows(seen, motion, along)) {
+                most = most.min(limits.blind_speed);
+            }
+        }
+        (most / speed).clamp(0.0, 1.0)
+    }
+}
+
+/// Unit vector of a velocity, turned clockwise.
+fn direction(velocity: EnuVelocity, turn: f64) -> [f64; 3] {
+    let (sin, cos, speed) = (libm::sin(turn), libm::cos(turn), velocity.speed());
+    [
+        (velocity.east * cos + velocity.north * sin) / speed,
+        (velocity.north * cos - velocity.east * sin) / speed,
+        velocity.up / speed,
+    ]
+}
+
+/// Distance along a direction of the nearest point in the body's corridor; infinite without one. What lies behind the craft's
+/// middle, as seen in that direction, is left behind.
+fn nearest<'a>(points: impl Iterator<Item = &'a EnuPosition>, motion: &Motion, along: [f64; 3]) -> f64 {
+    let beside = motion.radius + BESIDE;
+    let distance = |p: &EnuPosition| {
+        let away = [p.east - motion.from.east, p.north - motion.from.north, p.up - motion.from.up];
+        let ahead = away[0] * along[0] + away[1] * along[1] + away[2] * along[2];
+        let squared = away[0] * away[0] + away[1] * away[1] + away[2] * away[2] - ahead * ahead;
+        (ahead > 0.0 && ahead < SIGHT && squared < beside * beside).then_some(ahead)
+    };
+    points.filter_map(distance).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether a grid's field covers the way: the place 2 m along it.
+fn shows(seen: &Seen, motion: &Motion, along: [f64; 3]) -> bool {
+    let ahead = 2.0;
+    let place = EnuPosition {
+        east: motion.from.east + ahead * along[0],
+        north: motion.from.north + ahead * along[1],
+        up: motion.from.up + ahead * along[2],
+    };
+    seen.axes.shows(&seen.camera, place)
+}

@@ -1,0 +1,213 @@
+//! The brake: the rows of the table of obstacles, and flights at full stick.
+
+use super::flights::Body;
+use super::*;
+use crate::camera::Camera;
+use crate::depth::{DepthGrid, DepthSource};
+use crate::geometry::Pose;
+use crate::rng::RandomStream;
+
+fn camera() -> Camera {
+    Camera::from_fov(40, 30, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0)
+}
+
+/// A grid whose pixels all have `cm`, but for one that tells it from the last.
+fn grid(counter: u64, now: Time, cm: u16) -> DepthGrid {
+    let mut values = vec![cm; 1200];
+    values[0] = cm.saturating_sub((counter % 7) as u16);
+    DepthGrid { captured: now, counter, camera: camera(), cm: values, source: DepthSource::Sensor }
+}
+
+fn braked(limits: BrakeLimits) -> Rig {
+    Rig::flying(Limits { brake: Some(limits), ..Limits::default() })
+}
+
+fn here() -> Pose {
+    Pose { position: EnuPosition { up: 3.0, ..EnuPosition::default() }, attitude: Attitude::default() }
+}
+
+fn place(east: f64, north: f64, up: f64) -> EnuPosition {
+    EnuPosition { east, north, up }
+}
+
+/// By hand: a wall 3 m ahead leaves 3 − 0.3 (body) − 0.3 = 2.4 m. With 0.9 s until it brakes, at 3 m/s² (the vertical limit, the
+/// lower one): 0.9·v + v²/6 = 2.4 is v = 3·(√(0.81 + 1.6) − 0.9) = 1.957 m/s.
+#[test]
+fn an_obstacle_ahead_bounds_the_speed_to_what_stops_before_it() {
+    let mut rig = braked(BrakeLimits::with_sensor());
+    rig.envelope.observe_depth(ms(1000), &grid(1, ms(1000), 300), here());
+    let (is, cause) = rig.ask(ms(1000), forward(3.0));
+    assert!((is.forward - 1.957).abs() < 0.01 && cause == Some(Cause::Obstacle), "{is:?}");
+    // Slower than that passes unchanged, and so does what leads away from it at the blind speed.
+    assert_eq!(rig.ask(ms(1000), forward(1.9)), (forward(1.9), None));
+    assert_eq!(rig.ask(ms(1000), forward(-0.5)), (forward(-0.5), None));
+    // The direction is kept.
+    let (is, _) = rig.ask(ms(1000), Setpoint { right: 1.0, forward: 3.0, up: 0.5, yaw_rate: 0.0 });
+    assert!((is.right / is.forward - 1.0 / 3.0).abs() < 1e-9 && (is.up / is.forward - 0.5 / 3.0).abs() < 1e-9);
+    // The operator flies by sight.
+    assert_eq!(rig.envelope.clear_manual(ms(1000), forward(3.0)).setpoint(), Some(forward(3.0)));
+}
+
+#[test]
+fn outside_the_field_of_the_sensor_the_craft_flies_slowly() {
+    let mut rig = braked(BrakeLimits::with_sensor());
+    rig.envelope.observe_depth(ms(1000), &grid(1, ms(1000), 900), here());
+    for asked in [forward(-3.0), Setpoint { right: 3.0, ..Setpoint::HOLD }, Setpoint { up: 1.0, ..Setpoint::HOLD }] {
+        let (is, cause) = rig.ask(ms(1000), asked);
+        assert!((is.speed() - 0.5).abs() < 1e-9 && cause == Some(Cause::Obstacle), "{asked:?}: {is:?}");
+    }
+    assert!(rig.ask(ms(1000), forward(2.0)).0.forward > 1.99);
+    // A turn that leads out of the field counts.
+    assert!(rig.ask(ms(1000), Setpoint { yaw_rate: 2.0, ..forward(2.0) }).0.forward <= 0.5);
+}
+
+#[test]
+fn what_is_remembered_counts_in_every_direction() {
+    let mut rig = braked(BrakeLimits::without_sensor());
+    rig.envelope.observe_obstacles([place(-1.5, 0.0, 3.0)].into_iter());
+    assert_eq!(rig.ask(ms(1000), forward(3.0)), (forward(3.0), None), "without a sensor, only what is remembered counts");
+    let left = Setpoint { right: -3.0, ..Setpoint::HOLD };
+    let (is, cause) = rig.ask(ms(1000), left);
+    assert!(is.right > -1.0 && cause == Some(Cause::Obstacle), "{is:?}");
+    // Too near: nothing towards it, everything away from it.
+    rig.envelope.observe_obstacles([place(-0.5, 0.0, 3.0)].into_iter());
+    assert_eq!(rig.ask(ms(1000), left).0, Setpoint::HOLD);
+    assert_eq!(rig.ask(ms(1000), Setpoint { right: 3.0, ..Setpoint::HOLD }).1, None);
+    rig.envelope.observe_obstacles(core::iter::empty());
+    assert_eq!(rig.ask(ms(1000), left).1, None);
+}
+
+#[test]
+fn a_missing_dead_or_late_sensor_means_flying_blind() {
+    let mut rig = braked(BrakeLimits::with_sensor());
+    let speed = |rig: &mut Rig, now| rig.ask(now, forward(3.0)).0.forward;
+    assert!((speed(&mut rig, ms(1000)) - 0.5).abs() < 1e-9, "no grid has come");
+    rig.envelope.observe_depth(ms(1000), &grid(1, ms(1000), 1000), here());
+    assert!(speed(&mut rig, ms(1000)) > 2.9);
+    rig.fresh(ms(1600));
+    assert!((speed(&mut rig, ms(1600)) - 0.5).abs() < 1e-9, "none for 0.6 s");
+    // The same measurement again is none, and neither is a black one, one of the wrong size, or an older one.
+    rig.envelope.observe_depth(ms(1600), &grid(1, ms(1600), 1000), here());
+    rig.envelope.observe_depth(ms(1600), &grid(2, ms(900), 1000), here());
+    rig.envelope.observe_depth(ms(1600), &DepthGrid { cm: vec![500; 7], ..grid(3, ms(1600), 1000) }, here());
+    assert!((speed(&mut rig, ms(1600)) - 0.5).abs() < 1e-9);
+    rig.envelope.observe_depth(ms(1600), &grid(4, ms(1600), 1000), here());
+    assert!(speed(&mut rig, ms(1600)) > 2.9);
+    rig.envelope.observe_depth(ms(1610), &grid(5, ms(1610), 0), here());
+    assert!((speed(&mut rig, ms(1610)) - 0.5).abs() < 1e-9, "black");
+}
+
+#[test]
+fn a_frozen_sensor_means_flying_blind() {
+    let mut rig = braked(BrakeLimits::with_sensor());
+    for k in 0..4_u64 {
+        let now = ms(1000 + 66 * k);
+        rig.fresh(now);
+        // Stamped new, and the same values to the last.
+        let frozen = DepthGrid { counter: k, captured: now, ..grid(0, now, 1000) };
+        rig.envelope.observe_depth(now, &frozen, here());
+        let speed = rig.ask(now, forward(3.0)).0.forward;
+        assert_eq!(speed > 2.9, k < 2, "{k}: {speed}");
+    }
+    let now = ms(1264);
+    rig.fresh(now);
+    rig.envelope.observe_depth(now, &grid(9, now, 990), here());
+    assert!(rig.ask(now, forward(3.0)).0.forward > 2.9, "it measures again");
+}
+
+/// By hand: 1.5 m to the obstacle leaves 0.9 m, and 10 % more may be flown: 0.818 m.
+#[test]
+fn a_manoeuvre_ends_before_an_obstacle() {
+    let mut rig = braked(BrakeLimits::without_sensor());
+    rig.envelope.observe_obstacles([place(0.0, 1.5, 3.0)].into_iter());
+    let go = |forward| Manoeuvre::Go { displacement: BodyDisplacement { forward, ..BodyDisplacement::default() }, speed: 0.5 };
+    let clearance = rig.envelope.clear_manoeuvre(ms(1000), go(3.0));
+    let Command::Manoeuvre(Manoeuvre::Go { displacement, .. }) = *clearance.cleared.get() else { panic!("{clearance:?}") };
+    assert!((displacement.forward - 0.9 / 1.1).abs() < 1e-9 && clearance.changed == Some(Cause::Obstacle), "{displacement:?}");
+    rig.envelope.observe_obstacles([place(0.0, 0.7, 3.0)].into_iter());
+    assert!(rig.envelope.clear_manoeuvre(ms(1100), go(3.0)).setpoint().is_some_and(Setpoint::is_hold));
+}
+
+#[test]
+fn without_its_setting_there_is_no_brake() {
+    let mut rig = Rig::flying(Limits::default());
+    rig.envelope.observe_depth(ms(1000), &grid(1, ms(1000), 60), here());
+    rig.envelope.observe_obstacles([place(0.0, 0.5, 3.0)].into_iter());
+    assert_eq!(rig.ask(ms(1000), forward(3.0)), (forward(3.0), None));
+    // Values that are not numbers are the strictest.
+    let strict = BrakeLimits { margin: f64::NAN, blind_speed: -1.0, max_depth_age: f64::NAN }.made_strict();
+    assert_eq!((strict.margin, strict.blind_speed, strict.max_depth_age), (f64::INFINITY, 0.0, 0.0));
+}
+
+/// Points every 0.2 m on the walls of a room of 14×14×7 m and on pillars in it.
+fn room(seed: u64) -> Vec<EnuPosition> {
+    let mut rng = RandomStream::new(seed, "room", &[]);
+    let steps = |from: f64, to: f64| (0..=((to - from) / 0.2) as i32).map(move |i| from + 0.2 * f64::from(i));
+    let mut points = Vec::new();
+    for a in steps(-7.0, 7.0) {
+        for up in steps(0.0, 7.0) {
+            points.extend([place(a, -7.0, up), place(a, 7.0, up), place(-7.0, a, up), place(7.0, a, up)]);
+        }
+        for b in steps(-7.0, 7.0) {
+            points.extend([place(a, b, 0.0), place(a, b, 7.0)]);
+        }
+    }
+    for _ in 0..4 {
+        let (east, north) = (3.0 + 3.0 * rng.uniform(), 10.0 * rng.uniform() - 5.0);
+        for side in steps(-0.4, 0.4) {
+            for up in steps(0.0, 7.0) {
+                for (e, n) in [(side, -0.4), (side, 0.4), (-0.4, side), (0.4, side)] {
+                    points.push(place(east + e, north + n, up));
+                }
+            }
+        }
+    }
+    points
+}
+
+/// Setpoints at full stick, changed every 1.5 s to anything, among what is remembered: nothing is touched.
+#[test]
+fn no_sequence_of_plans_touches_what_is_known() {
+    for craft in [Craft::quad(), Craft::tello()] {
+        for seed in 0..6 {
+            let points = room(seed);
+            let mut limits = Limits { brake: Some(BrakeLimits::without_sensor()), ..Limits::for_craft(&craft) };
+            limits.min_altitude = 0.0;
+            let mut rig = Rig::flying(limits.clone());
+            rig.envelope = Envelope::new(limits, craft);
+            rig.telemetry.phase = FlightPhase::OnGround;
+            rig.place(0.0, 0.0, 0.0);
+            rig.tell(ms(1));
+            rig.telemetry.phase = FlightPhase::Flying;
+            rig.envelope.observe_obstacles(points.iter().copied());
+            let (at, v) = (place(0.0, 0.0, 3.0), EnuVelocity::default());
+            let mut body = Body { craft, at, v, heading: 0.0, yaw_rate: 0.0, sent: Vec::new() };
+            let mut draw = RandomStream::new(seed, "plans", &[]);
+            let mut asked = Setpoint::HOLD;
+            let (mut least, mut flown) = (f64::INFINITY, 0.0);
+            for tick in 1..6000_u64 {
+                let now = ms(10 * tick);
+                if tick % 150 == 1 {
+                    let mut stick = |limit: f64| (2.0 * draw.uniform() - 1.0) * 2.0 * limit;
+                    asked = Setpoint { right: stick(4.0), forward: stick(6.0), up: stick(2.0), yaw_rate: stick(1.5) };
+                }
+                if tick % 10 == 0 {
+                    rig.telemetry.position = Some(body.at);
+                    rig.telemetry.height = Some(body.at.up);
+                    rig.telemetry.velocity = Some(body.v);
+                    rig.telemetry.attitude.heading = body.heading;
+                    rig.fresh(now);
+                    let clearance = rig.envelope.clear_setpoint(now, asked);
+                    body.sent.push((now, clearance.setpoint().unwrap(), clearance.cleared.valid_until()));
+                    let old = body.sent.len().saturating_sub(20);
+                    body.sent.drain(..old);
+                    least = points.iter().map(|p| p.distance(body.at)).fold(least, f64::min);
+                }
+                flown += body.v.speed() * 0.01;
+                body.step(now);
+            }
+            assert!(least > craft.radius, "{seed}: {least}");
+            assert!(flown > 10.0, "{seed}: it flew {flown} m");
+        }
+    }
+}
