@@ -14,6 +14,7 @@ pub mod stats;
 pub mod table;
 pub mod task;
 pub mod trial;
+pub mod tryout;
 
 use std::hash::Hasher as _;
 
