@@ -64,6 +64,7 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Ground(args) => commands::ground::ground(args, &mut printer),
         Command::Vlm(Vlm::List(args)) => commands::vlm::list(args, &printer),
         Command::Vlm(Vlm::Check(args)) => commands::vlm::check(args, &printer),
+        Command::Vlm(Vlm::Trial(args)) => commands::vlm::trial(args, &mut printer),
         Command::Bench(command) => commands::bench::bench(command, &mut printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
     }

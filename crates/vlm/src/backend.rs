@@ -11,11 +11,13 @@ use spf_core::rng::RandomStream;
 use spf_core::time::Duration;
 
 use crate::account::{Account, Parts, Tokens};
-use crate::client::{Endpoint, Enough, Exchange};
+use crate::client::{Endpoint, Enough, Exchange, FirstByte};
 use crate::day::today;
 use crate::error::{VlmError, brief};
 use crate::table::Model;
+use crate::transport::Clients;
 use crate::wire::Question;
+use crate::wire::parameters::{self, Parameter};
 
 /// Maximum number of requests per query.
 const MOST_REQUESTS: u32 = 4;
@@ -42,6 +44,10 @@ pub(crate) struct Backend {
     not_before: Mutex<Option<(Instant, VlmError)>>,
     /// Whether it was already logged that another model replied.
     warned: AtomicBool,
+    /// Parameters that it has refused by name.
+    refused: Mutex<Vec<Parameter>>,
+    /// Whether the spare client is used, because a connection of the other one hangs.
+    spare: AtomicBool,
 }
 
 /// A query in the format of one backend.
@@ -62,6 +68,15 @@ impl Written {
         Tokens { input, estimated: true, ..Tokens::default() }
     }
 
+    /// Takes the parameter that an error message names out of the request; `None` if it names none that was sent.
+    fn without(&mut self, message: &str) -> Option<Parameter> {
+        let mut body = serde_json::from_slice(&self.body).ok()?;
+        let parameter = parameters::named(&body, message)?;
+        parameters::remove(&mut body, &parameter);
+        self.body = serde_json::to_vec(&body).ok()?.into();
+        Some(parameter)
+    }
+
     /// Size of the request's body, bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.body.len() as u64
@@ -77,7 +92,13 @@ pub(crate) struct Outcome {
 
 impl Backend {
     pub(crate) fn new(name: String, model: Model, endpoint: Endpoint) -> Self {
-        Self { name, model, endpoint, not_before: Mutex::new(None), warned: AtomicBool::new(false) }
+        let (not_before, refused) = (Mutex::new(None), Mutex::default());
+        Self { name, model, endpoint, not_before, warned: AtomicBool::new(false), refused, spare: AtomicBool::new(false) }
+    }
+
+    /// The model's connection timeout.
+    pub(crate) fn connect_timeout(&self) -> Duration {
+        seconds(self.model.timeouts.connect_s)
     }
 
     /// Writes a query; includes the time from `began` to the encoded image.
@@ -87,7 +108,10 @@ impl Backend {
         grounding: GroundingProfile,
         began: Instant,
     ) -> Result<Written, VlmError> {
-        let request = self.endpoint.wire.request(&self.model, question);
+        let mut request = self.endpoint.wire.request(&self.model, question);
+        for parameter in self.refused.lock().unwrap_or_else(PoisonError::into_inner).iter() {
+            parameters::remove(&mut request.body, parameter);
+        }
         // Allocated at once, so that it is never moved while it grows.
         let mut body = Vec::with_capacity(question.jpeg.len() / 3 * 4 + 2 * question.prompt.len() + ROOM);
         serde_json::to_writer(&mut body, &request.body)
@@ -110,12 +134,17 @@ impl Backend {
     /// is sent, and none to a vendor that asked to wait: a fallback is available.
     pub(crate) async fn ask(
         self: Arc<Self>,
-        client: reqwest::Client,
-        written: Written,
+        clients: Clients,
+        mut written: Written,
         deadline: Instant,
         retry: bool,
         sent: Arc<AtomicU32>,
     ) -> Outcome {
+        let connect = self.connect_timeout();
+        // A request that took too long is repeated once for nothing.
+        let mut free = 1;
+        // The parameter without which the query is repeated.
+        let mut without: Option<Parameter> = None;
         let mut account = Account::default();
         let mut jitter = RandomStream::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
         let mut model = self.model.id.clone();
@@ -133,16 +162,38 @@ impl Backend {
             }
             let mut exchange = Exchange::default();
             sent.fetch_add(1, Ordering::Relaxed);
+            let client = clients.get(connect, self.spare.load(Ordering::Relaxed));
             let text = self.once(&client, &written, deadline, &mut exchange).await;
             self.count(&mut account, &exchange, &written);
             if let Some(served) = exchange.gathered.served.take() {
                 self.notice(&served);
                 model = served;
             }
+            if let Err(VlmError::Stalled { .. }) = &text {
+                self.spare.fetch_xor(true, Ordering::Relaxed);
+                if retry && free > 0 && Instant::now() + WORTH_ASKING <= deadline {
+                    free -= 1;
+                    tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "asking again at once");
+                    continue;
+                }
+            }
+            let refused = text.as_ref().err().and_then(refused_in);
+            match (without.take(), refused) {
+                (None, Some(message)) => {
+                    if let Some(parameter) = written.without(message) {
+                        tracing::warn!("{}: `{}` refuses `{}`", self.model.vendor.title, self.model.id, parameter.join("."));
+                        without = Some(parameter);
+                        continue;
+                    }
+                }
+                // It was the parameter: it is not sent again.
+                (Some(parameter), None) => self.refused.lock().unwrap_or_else(PoisonError::into_inner).push(parameter),
+                _ => {}
+            }
             let again = match &text {
                 Err(error) if error.may_retry() => {
                     self.leave_alone(error);
-                    retry && account.requests < MOST_REQUESTS
+                    retry && account.requests < MOST_REQUESTS + 1 - free
                 }
                 _ => false,
             };
@@ -165,13 +216,21 @@ impl Backend {
         exchange: &mut Exchange,
     ) -> Result<String, VlmError> {
         let enough = written.enough.map_or(Enough::Whole, |(grounding, avoid)| Enough::Reply(grounding, avoid));
+        let (now, host) = (Instant::now(), self.endpoint.host.clone());
+        let [first_byte, whole] = [self.model.timeouts.first_byte_s, self.model.timeouts.whole_s].map(seconds);
+        exchange.first_byte =
+            Some(FirstByte { until: now + first_byte, time: first_byte }).filter(|first| first.until < deadline);
         let run = exchange.run(client, &self.endpoint, &written.path, written.body.clone(), enough, written.began);
-        let text = match tokio::time::timeout_at(deadline.into(), run).await {
+        let text = match tokio::time::timeout_at(deadline.min(now + whole).into(), run).await {
             Ok(text) => text,
             Err(_) => {
                 exchange.given_up = true;
                 let stage = exchange.stage();
-                Err(VlmError::Deadline { host: self.endpoint.host.clone(), waited: written.began.elapsed(), stage })
+                Err(if Instant::now() < deadline {
+                    VlmError::Stalled { host, waited: whole, stage: "complete reply" }
+                } else {
+                    VlmError::Deadline { host, waited: written.began.elapsed(), stage }
+                })
             }
         };
         // All external text is scrubbed here as a whole: a key might be split between two parts.
@@ -226,10 +285,24 @@ impl Backend {
             tokens.estimated = true;
         }
         let bytes_sent = written.bytes();
-        account.add(&Account { requests: 1, bytes_sent, parts: Parts::default(), tokens, cost_usd: self.cost(&tokens) });
+        let cost_usd = exchange.gathered.cost_usd.or_else(|| self.cost(&tokens));
+        account.add(&Account { requests: 1, bytes_sent, parts: Parts::default(), tokens, cost_usd });
         let uploaded = exchange.uploaded.get().map(|at| at.saturating_duration_since(written.began).as_secs_f64());
         account.parts = Parts { encoded_s: written.encoded, uploaded_s: uploaded, ..exchange.parts };
     }
+}
+
+/// The message of an error that may name a parameter.
+fn refused_in(error: &VlmError) -> Option<&str> {
+    match error {
+        VlmError::Vendor { status: 400 | 404 | 422, message, .. } => Some(message),
+        _ => None,
+    }
+}
+
+/// A time of the table, whose times are valid.
+fn seconds(seconds: f64) -> Duration {
+    Duration::try_from_secs_f64(seconds).unwrap_or(LONGEST_WAIT)
 }
 
 /// Delay before the next retry after this many requests: exponential, with jitter.

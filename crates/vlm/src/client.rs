@@ -1,5 +1,6 @@
 //! One request and its response: streamed, limited in time and size, ended as soon as the reply is complete.
 
+use std::future::Future;
 use std::time::Instant;
 
 use bytes::Bytes;
@@ -36,6 +37,8 @@ pub(crate) struct Endpoint {
     pub(crate) wire: WireKind,
     /// The key, to be masked in responses.
     pub(crate) key: Option<ApiKey>,
+    /// Whether the vendor reports the cost of a reply at its end.
+    pub(crate) reports_cost: bool,
 }
 
 impl Endpoint {
@@ -58,7 +61,21 @@ pub(crate) struct Exchange {
     pub(crate) cut: bool,
     /// Whether it timed out.
     pub(crate) given_up: bool,
+    /// When the first byte of the reply must have come.
+    pub(crate) first_byte: Option<FirstByte>,
 }
+
+/// The time limit of the first byte of a reply.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FirstByte {
+    /// When it must have come.
+    pub(crate) until: Instant,
+    /// How long that is.
+    pub(crate) time: Duration,
+}
+
+/// How long the costs of a complete reply are awaited.
+const LINGERING: Duration = Duration::from_millis(300);
 
 /// When a reply counts as complete before the response ends.
 pub(crate) enum Enough {
@@ -85,7 +102,7 @@ impl Exchange {
             .headers(endpoint.headers.clone())
             .header(CONTENT_TYPE, HeaderValue::from_static("application/json"))
             .body(reqwest::Body::wrap(Upload::new(body, self.uploaded.clone())));
-        let response = request.send().await.map_err(|error| unreachable(host, &error))?;
+        let response = self.first(host, request.send()).await?.map_err(|error| unreachable(host, &error))?;
         let since = |began: Instant| Some(began.elapsed().as_secs_f64());
         self.parts.head_s = since(began);
         let status = response.status().as_u16();
@@ -106,9 +123,24 @@ impl Exchange {
         if self.cut { Ok(self.gathered.text.clone()) } else { self.gathered.finish(host) }
     }
 
+    /// Awaits something that must come before the first byte is due.
+    async fn first<T>(&mut self, host: &str, work: impl Future<Output = T>) -> Result<T, VlmError> {
+        let Some(FirstByte { until, time }) = self.first_byte else { return Ok(work.await) };
+        tokio::time::timeout_at(until.into(), work).await.map_err(|_| {
+            self.given_up = true;
+            VlmError::Stalled { host: host.to_owned(), waited: time, stage: "data" }
+        })
+    }
+
+    /// The next piece of a response.
+    async fn chunk(&mut self, host: &str, response: &mut reqwest::Response) -> Result<Option<Bytes>, VlmError> {
+        let piece = if self.received == 0 { self.first(host, response.chunk()).await? } else { response.chunk().await };
+        piece.map_err(|error| broken_off(host, &error))
+    }
+
     async fn whole(&mut self, host: &str, mut response: reqwest::Response) -> Result<Vec<u8>, VlmError> {
         let mut body = Vec::new();
-        while let Some(piece) = response.chunk().await.map_err(|error| broken_off(host, &error))? {
+        while let Some(piece) = self.chunk(host, &mut response).await? {
             self.take(host, piece.len())?;
             body.extend_from_slice(&piece);
         }
@@ -151,7 +183,22 @@ impl Exchange {
             Enough::Whole => None,
         };
         let mut seen = 0;
-        while let Some(piece) = response.chunk().await.map_err(|error| broken_off(host, &error))? {
+        // Until when costs are awaited, once the reply is complete.
+        let mut linger: Option<Instant> = None;
+        loop {
+            let next = self.chunk(host, &mut response);
+            let piece = match linger {
+                None => next.await?,
+                // Without its costs the reply is as good.
+                Some(until) => match tokio::time::timeout_at(until.into(), next).await {
+                    Ok(Ok(piece)) => piece,
+                    Ok(Err(_)) | Err(_) => {
+                        self.end_early(response);
+                        return Ok(());
+                    }
+                },
+            };
+            let Some(piece) = piece else { break };
             self.take(host, piece.len())?;
             for data in events.push(&piece) {
                 self.event(endpoint, &data)?;
@@ -168,13 +215,21 @@ impl Exchange {
                 // Everything that arrived with the closing bracket has been read, including the token counts if
                 // present.
                 if reply.early().is_some() {
-                    self.cut = self.gathered.end.is_none();
-                    tokio::spawn(drain(response));
-                    return Ok(());
+                    if !endpoint.reports_cost || self.gathered.cost_usd.is_some() {
+                        self.end_early(response);
+                        return Ok(());
+                    }
+                    linger.get_or_insert_with(|| Instant::now() + LINGERING);
                 }
             }
         }
         events.finish().iter().try_for_each(|data| self.event(endpoint, data))
+    }
+
+    /// Ends a stream whose reply is complete.
+    fn end_early(&mut self, response: reqwest::Response) {
+        self.cut = self.gathered.end.is_none();
+        tokio::spawn(drain(response));
     }
 
     fn event(&mut self, endpoint: &Endpoint, data: &str) -> Result<(), VlmError> {

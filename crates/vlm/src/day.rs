@@ -22,6 +22,26 @@ fn day(days: u64) -> String {
     format!("{year:04}-{month:02}-{:02}", of_year - (153 * shifted + 2) / 5 + 1)
 }
 
+/// Number of days from one date to another, both `YYYY-MM-DD`; `None` if one is no date (`days_from_civil` of the same
+/// source).
+pub(crate) fn between(from: &str, to: &str) -> Option<i64> {
+    Some(number(to)? - number(from)?)
+}
+
+/// Number of a date, in days since 1970-01-01.
+fn number(date: &str) -> Option<i64> {
+    let mut parts = date.split('-').map(|part| part.parse::<i64>().ok());
+    let (year, month, day) = (parts.next()??, parts.next()??, parts.next()??);
+    if parts.next().is_some() || !(0..10_000).contains(&year) || !(1..=12).contains(&month) || !(1..=31).contains(&day) {
+        return None;
+    }
+    let year = if month <= 2 { year - 1 } else { year };
+    let era = year.div_euclid(400);
+    let of_era = year.rem_euclid(400);
+    let of_year = (153 * ((month + 9) % 12) + 2) / 5 + day - 1;
+    Some(era * 146_097 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719_468)
+}
+
 #[cfg(test)]
 mod tests {
     #[test]
@@ -29,6 +49,13 @@ mod tests {
         assert_eq!(super::day(0), "1970-01-01");
         assert_eq!(super::day(11_016), "2000-02-29");
         assert_eq!(super::day(20_778), "2026-11-21");
+        assert_eq!((super::number("1970-01-01"), super::number("2026-11-21")), (Some(0), Some(20_778)));
+        assert_eq!(super::between("2026-11-24", "2026-12-01"), Some(7));
+        assert_eq!(super::between("2000-02-28", "2000-03-01"), Some(2));
+        assert_eq!((super::between("2026-11", "2026-12-01"), super::between("a-b-c", "2026-12-01")), (None, None));
+        for days in 0..40_000 {
+            assert_eq!(super::number(&super::day(days)), i64::try_from(days).ok());
+        }
         assert!(super::today().as_str() > "2026-01-01");
     }
 }

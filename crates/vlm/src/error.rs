@@ -27,6 +27,14 @@ pub enum VlmError {
     /// The query was cancelled before the reply.
     #[error("the query was cancelled")]
     Cancelled,
+    /// A program of the user's own failed, or says that it cannot answer.
+    #[error("`{program}` failed: {reason}")]
+    Program {
+        /// The program.
+        program: String,
+        /// What it says, or how it ended.
+        reason: String,
+    },
     /// Timeout.
     #[error("no complete reply from {host} within {:.1} s: {stage}", waited.as_secs_f64())]
     Deadline {
@@ -36,6 +44,16 @@ pub enum VlmError {
         waited: Duration,
         /// How far the exchange had come.
         stage: String,
+    },
+    /// A request took longer than its model's row allows, before the query's time was up.
+    #[error("no {stage} from {host} within {:.1} s", waited.as_secs_f64())]
+    Stalled {
+        /// The host.
+        host: String,
+        /// The time waited.
+        waited: Duration,
+        /// What did not come.
+        stage: &'static str,
     },
     /// The connection failed.
     #[error("cannot reach {host}: {reason}")]
@@ -158,7 +176,9 @@ impl VlmError {
             Self::Detector(_) => "detector",
             Self::Refused { .. } => "refused",
             Self::Cancelled => "cancelled",
+            Self::Program { .. } => "program",
             Self::Deadline { .. } => "deadline",
+            Self::Stalled { .. } => "timeout",
             Self::Network { .. } => "network",
             Self::BrokenOff { .. } => "broken_off",
             Self::Vendor { status: 400 | 405..=407 | 410..=412 | 414..=422, .. } => "bad_request",
@@ -210,7 +230,7 @@ impl VlmError {
     #[must_use]
     pub fn may_retry(&self) -> bool {
         match self {
-            Self::Network { .. } | Self::BrokenOff { .. } => true,
+            Self::Network { .. } | Self::BrokenOff { .. } | Self::Stalled { .. } => true,
             // Several vendors report exhausted credit as a rate limit.
             Self::Vendor { status: 429, code: Some(code), .. } => code != "insufficient_quota",
             Self::Vendor { status, .. } => matches!(status, 200 | 408 | 409 | 429 | 500..=599),

@@ -19,11 +19,14 @@ pub struct ImageRule {
     pub patch: u32,
     /// Maximum number of patches that the vendor does not resize.
     pub max_patches: u32,
+    /// JPEG quality, 1..=100.
+    pub quality: u8,
 }
 
 impl Default for ImageRule {
     fn default() -> Self {
-        Self { long_side: 768, multiple: 1, max_side: 0, patch: 0, max_patches: 0 }
+        // A city at 768×576 and quality 70 stays under 80 kB.
+        Self { long_side: 768, multiple: 1, max_side: 0, patch: 0, max_patches: 0, quality: 70 }
     }
 }
 
@@ -75,8 +78,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const QWEN25: ImageRule = ImageRule { long_side: 1280, multiple: 28, max_side: 0, patch: 0, max_patches: 0 };
-    const CLAUDE: ImageRule = ImageRule { long_side: 4000, multiple: 1, max_side: 1568, patch: 28, max_patches: 1568 };
+    const QWEN25: ImageRule = ImageRule { long_side: 1280, multiple: 28, max_side: 0, patch: 0, max_patches: 0, quality: 70 };
+    const CLAUDE: ImageRule =
+        ImageRule { long_side: 4000, multiple: 1, max_side: 1568, patch: 28, max_patches: 1568, quality: 70 };
 
     #[test]
     fn worked_sizes() {

@@ -16,6 +16,7 @@ use crate::account::{Account, Tokens};
 use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
 use crate::request::QueryRequest;
+use crate::table::PerMillion;
 use crate::transport::Transport;
 use crate::wire::Question;
 use crate::{Answer, ImageSpec, QueryImage, Vlm};
@@ -24,21 +25,16 @@ use crate::{Answer, ImageSpec, QueryImage, Vlm};
 const GRACE: Duration = Duration::from_millis(20);
 
 /// How queries are sent.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Strategy {
     /// After this time without a reply a second request is sent, and the first valid reply counts.
     pub hedge: Option<Duration>,
     /// Maximum side length of images, if not the model's own, pixels.
     pub long_side: Option<u32>,
-    /// JPEG quality, 1..=100.
-    pub quality: u8,
-}
-
-impl Default for Strategy {
-    /// No hedging, sizes from the table, and a quality of 70: a city at 768×576 stays under 80 kB.
-    fn default() -> Self {
-        Self { hedge: None, long_side: None, quality: 70 }
-    }
+    /// JPEG quality, if not the model's own, 1..=100.
+    pub quality: Option<u8>,
+    /// Price, if not the table's.
+    pub price: Option<PerMillion>,
 }
 
 /// One or two models over HTTP. Clones share connections.
@@ -104,6 +100,8 @@ struct Asking<'a> {
 impl Remote {
     /// `backends` in order of use: the first always, the second if the first fails or is slow.
     pub(crate) fn new(name: String, backends: Vec<Backend>, strategy: Strategy, transport: Transport) -> Self {
+        // Created now: reading the system's certificates takes time that the first query lacks.
+        backends.iter().for_each(|backend| drop(transport.clients().get(backend.connect_timeout(), false)));
         Self {
             name,
             backends: backends.into_iter().map(Arc::new).collect(),
@@ -122,7 +120,8 @@ impl Remote {
     /// Opens connections to all vendors in advance, so that the first query does not wait for them. Returns at once.
     pub fn warm(&self) {
         for backend in &self.backends {
-            let request = self.transport.client().get(&backend.endpoint.base).timeout(Duration::from_secs(5));
+            let client = self.transport.clients().get(backend.connect_timeout(), false);
+            let request = client.get(&backend.endpoint.base).timeout(Duration::from_secs(5));
             let host = backend.endpoint.host.clone();
             self.transport.spawn(async move {
                 // Whatever the response, the connection is open.
@@ -245,7 +244,7 @@ impl Asking<'_> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
         let (grounding, size) = remote.sight(index, self.camera);
-        let jpeg = image.jpeg(size, remote.strategy.quality)?;
+        let jpeg = image.jpeg(size, remote.strategy.quality.unwrap_or(backend.model.image.quality).clamp(1, 100))?;
         let query = self.request.query;
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
         let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };
@@ -254,7 +253,7 @@ impl Asking<'_> {
         let retry = index + 1 == remote.backends.len();
         let sent = Arc::new(AtomicU32::new(0));
         let charge = Charge { backend: backend.clone(), sent: sent.clone(), bytes: written.bytes(), guessed: written.guessed() };
-        let work = backend.ask(remote.transport.client(), written, self.deadline, retry, sent);
+        let work = backend.ask(remote.transport.clients(), written, self.deadline, retry, sent);
         let (results, number) = (self.results.0.clone(), self.sent);
         self.sent += 1;
         let work = remote.transport.spawn(async move {
@@ -289,17 +288,27 @@ impl Asking<'_> {
         self.account.parts = outcome.account.parts;
     }
 
-    /// A second backend's reply, converted to the coordinates of the query.
+    /// A reply in the coordinates of the query, with depth labels as the prompt describes them.
     fn translated(&self, index: usize, text: String) -> Result<String, VlmError> {
         let (request, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
         let QueryKind::Point { avoid } = self.request.query.kind else { return Ok(text) };
-        if request == own {
+        let model = &self.remote.backends[index].model;
+        if request == own && model.depth_m.is_none() {
             return Ok(text);
         }
         // Not passed on as it is: what is invalid in its own coordinates may be valid, and wrong, in those of the query.
         let host = || self.remote.backends[index].endpoint.host.clone();
-        parse_reply(&text, &own, avoid)
-            .map(|reply| reply.to_json_exact(&request, avoid))
-            .map_err(|error| VlmError::Malformed { host: host(), reason: error.to_string() })
+        match parse_reply(&text, &own, avoid) {
+            Ok(mut reply) => {
+                let described = |label: &mut u8| *label = model.described(*label);
+                reply.depth.iter_mut().for_each(described);
+                reply.open_way.iter_mut().for_each(|way| described(&mut way.depth));
+                reply.boxes.iter_mut().for_each(|obstacle| described(&mut obstacle.depth));
+                Ok(reply.to_json_exact(&request, avoid))
+            }
+            // In the coordinates of the query, whoever asked reads the same error.
+            Err(_) if request == own => Ok(text),
+            Err(error) => Err(VlmError::Malformed { host: host(), reason: error.to_string() }),
+        }
     }
 }

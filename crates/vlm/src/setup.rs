@@ -67,13 +67,16 @@ pub const AUTO: &str = "auto";
 /// # Errors
 /// [`SetupError`] if one of them cannot be used.
 pub fn remote(table: &Table, names: &[&str], variables: Variables<'_>, strategy: Strategy) -> Result<Remote, SetupError> {
-    let backends = names.iter().map(|name| backend(table, name, variables)).collect::<Result<Vec<_>, _>>()?;
+    let backends = names.iter().map(|name| backend(table, name, variables, strategy)).collect::<Result<Vec<_>, _>>()?;
     let name = names.first().copied().unwrap_or(AUTO);
     Ok(Remote::new(name.to_owned(), backends, strategy, Transport::start()?))
 }
 
-fn backend(table: &Table, name: &str, variables: Variables<'_>) -> Result<Backend, SetupError> {
-    let choice = choose(table, name, variables)?;
+fn backend(table: &Table, name: &str, variables: Variables<'_>, strategy: Strategy) -> Result<Backend, SetupError> {
+    let mut choice = choose(table, name, variables)?;
+    if let Some(price) = strategy.price {
+        choice.model.price = vec![price.into()];
+    }
     let endpoint = endpoint(&choice, variables)?;
     Ok(Backend::new(choice.name, choice.model, endpoint))
 }
@@ -150,7 +153,8 @@ fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, Setup
         value.set_sensitive(true);
         headers.insert(name, value);
     }
-    Ok(Endpoint { host, base, headers, wire: choice.model.wire, key: key.map(|(_, key)| key) })
+    let (wire, reports_cost) = (choice.model.wire, vendor.reports_cost);
+    Ok(Endpoint { host, base, headers, wire, key: key.map(|(_, key)| key), reports_cost })
 }
 
 #[cfg(test)]

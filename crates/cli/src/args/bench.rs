@@ -34,6 +34,7 @@ Examples:
   spf bench run --suite paper --method spf,spf-paper,pivot -o out
   spf bench run --task sim-nav-red-crane --task my/task.toml --trials 20 -o out
   spf bench run --suite latency-sweep --trials 20 -o out
+  spf bench run --suite paper --vlm 'exec:python3 my_model.py' -o out
   spf bench run --suite paper --shard 0/4 -o part0
 
 The same command in the same folder resumes an interrupted run. In the table, SELF STOP counts the trials in which the method \
@@ -53,6 +54,9 @@ pub(crate) struct BenchRun {
     /// or the suite's]
     #[arg(long, value_name = "LIST")]
     pub(crate) vlm: Option<String>,
+    /// Latency of every reply, seconds, however long it took [default: 1.5 for exec:, as measured for models, drawn for the oracle]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) vlm_latency: Option<String>,
     /// Trials per task
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) trials: u64,
@@ -71,6 +75,9 @@ pub(crate) struct BenchRun {
     /// VLM cost limit per trial, US dollars [default: no limit]
     #[arg(long, value_name = "USD")]
     pub(crate) max_cost: Option<f64>,
+    /// Do not ask before queries that cost money
+    #[arg(long)]
+    pub(crate) yes: bool,
     /// Output folder for the results
     #[arg(short, long, value_name = "DIR", default_value = RESULTS)]
     pub(crate) output: PathBuf,

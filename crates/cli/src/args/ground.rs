@@ -28,7 +28,7 @@ pub(crate) struct Ground {
     /// benchmark layout
     #[arg(long, value_name = "DIR|FILE")]
     pub(crate) dataset: Option<PathBuf>,
-    /// VLMs, comma-separated: NAME[#MODEL][@URL] (see `spf vlm list`), auto, oracle[:NAME|FILE]
+    /// VLMs, comma-separated: NAME[#MODEL][@URL] (see `spf vlm list`), auto, exec:COMMAND, oracle[:NAME|FILE]
     #[arg(long, value_name = "VLM,…")]
     pub(crate) vlm: Option<String>,
     /// Prompt files, comma-separated, compared on the same images [default: built-in]

@@ -178,8 +178,9 @@ pub(crate) struct ConditionArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct MethodArgs {
-    /// VLM: NAME[#MODEL][@URL] (see `spf vlm list`), auto (the first with an API key set), replay:FILE, oracle, oracle:NAME
-    /// (perfect, default, poor, size, linear, intended) or oracle:FILE [default: oracle; auto with a real drone]
+    /// VLM: NAME[#MODEL][@URL] (see `spf vlm list`), auto (the first with an API key set), exec:COMMAND (a program of your own),
+    /// human (you, typing), replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE
+    /// [default: oracle; auto with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
     /// Prompt file for the VLM (see docs/guide/vlm.md) [default: built-in]
@@ -194,6 +195,12 @@ pub(crate) struct MethodArgs {
     /// Send a second request after this many seconds without a reply, and use the first valid reply
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_hedge: Option<String>,
+    /// Latency of every reply in virtual time, seconds, however long it took [default: 1.5 for human and exec:]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) vlm_latency: Option<String>,
+    /// Price in US dollars per million tokens, input and output, for --max-cost [default: the table's]
+    #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
+    pub(crate) vlm_price: Option<String>,
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
@@ -314,6 +321,8 @@ pub(crate) enum Vlm {
     List(VlmList),
     /// Query one model with three images of a dot, and check that it responds and points accurately
     Check(VlmCheck),
+    /// Try models: calibration dots, 60 pointing questions and 10 flights each, on one page
+    Trial(VlmTrial),
 }
 
 #[derive(Debug, Args)]
@@ -334,11 +343,58 @@ pub(crate) struct VlmList {
 Sends three small images, which costs less than a cent with every listed model. Exit code 0: the model responds and points \
 accurately; 2: it cannot be queried (no API key, unknown name); 6: it does not respond, or points inaccurately.")]
 pub(crate) struct VlmCheck {
-    /// VLM: NAME[#MODEL][@URL] as for `spf fly --vlm`, or auto
+    /// VLM: NAME[#MODEL][@URL] or exec:COMMAND as for `spf fly --vlm`, or auto
     pub(crate) name: String,
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
+    /// Read this configuration file instead of ./spf.toml
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf vlm trial gemini,anthropic --max-cost 2 -o trial
+  spf vlm trial 'exec:python3 my_model.py' -o trial
+
+Before it starts it prints what it will cost, and asks on a terminal. The same command resumes an interrupted trial; then only \
+unanswered questions and missing flights are paid for. The page is DIR/index.html, its figures DIR/trial.json. Exit codes: 0 \
+complete; 2 usage; 5 interrupted, declined, or --max-cost reached; 6 no model replied.")]
+pub(crate) struct VlmTrial {
+    /// VLMs, comma-separated: NAME[#MODEL][@URL] or exec:COMMAND as for `spf fly --vlm`
+    pub(crate) names: String,
+    /// Output folder
+    #[arg(short, long, value_name = "DIR", default_value = "vlm-trial")]
+    pub(crate) output: PathBuf,
+    /// Cost limit of the whole trial, US dollars [default: no limit]
+    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
+    pub(crate) max_cost: Option<String>,
+    /// Number of pointing questions to each model
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    pub(crate) questions: u64,
+    /// Number of flights with each model, spread over the paper suite
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(0..=34))]
+    pub(crate) flights: u64,
+    /// Random seed of questions and flights
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Number of parallel queries and flights
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=64))]
+    pub(crate) parallel: u16,
+    /// Latency of every reply in the flights, seconds, however long it took [default: 1.5 for exec:]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) vlm_latency: Option<String>,
+    /// Price in US dollars per million tokens, input and output, of models without a known one
+    #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
+    pub(crate) vlm_price: Option<String>,
+    /// TOML file with additional model definitions (see docs/guide/vlm.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vlm_models: Option<String>,
+    /// Do not ask before it starts
+    #[arg(long)]
+    pub(crate) yes: bool,
     /// Read this configuration file instead of ./spf.toml
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,

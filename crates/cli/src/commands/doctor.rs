@@ -8,7 +8,7 @@ use spf_scene::SceneLook;
 use super::detector;
 use super::fly::{real::NO_ORACLE, settings::options};
 use super::load_scene;
-use super::vlm::pointing;
+use super::vlm::{Pace, is_human, pointing};
 use crate::args::Doctor;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -52,11 +52,11 @@ fn is_oracle(vlm: &str) -> bool {
 
 /// The VLM, if it can be tested.
 fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
-    if settings.fly.vlm.text().is_none_or(|name| is_oracle(name) || name.starts_with("replay:")) {
+    if settings.fly.vlm.text().is_none_or(|name| is_oracle(name) || is_human(name) || name.starts_with("replay:")) {
         return Ok(None);
     }
     let bad = |error: &CliError| Some(refused("VLM", error));
-    let pointing = match pointing(settings, None) {
+    let pointing = match pointing(settings, None, Pace::None) {
         Ok(pointing) => pointing,
         Err(error) => return Ok(bad(&error)),
     };

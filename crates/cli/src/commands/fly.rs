@@ -31,7 +31,7 @@ use self::settings::{flight_conditions, limits, method, preset_and_policy, promp
 use self::signals::flight_interrupts;
 use crate::args::Fly;
 use crate::background::Talk;
-use crate::commands::vlm::pointing;
+use crate::commands::vlm::{Pace, console, is_human, pointing};
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -81,8 +81,14 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
     let out = out_dir(settings, instruction)?;
-    let (manual, operator) = by_hand.map_or_else(Manual::none, Manual::start);
-    if attended && !manual.is_on() {
+    // Who types answers types no keys: standard input is read by lines, orders to the drone included.
+    let typing = is_human(&plan.vlm);
+    let (manual, operator) = match by_hand {
+        _ if typing => (Manual::none().0, console()),
+        Some(craft) => Manual::start(craft),
+        None => Manual::none(),
+    };
+    if attended && !manual.is_on() && !typing {
         give_back(&out);
         return Err(no_keys());
     }
@@ -180,16 +186,17 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
     let (preset, policy) = preset_and_policy(settings)?;
-    let (policy, method) = detector::policy_and_settings(settings, policy, method(settings, preset)?)?;
+    // A flight in virtual time is over before anyone could watch it.
+    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
+    let pace = if realtime { Pace::Wall } else { Pace::Virtual };
+    let (policy, method) = detector::policy_and_settings(settings, policy, method(settings, preset, pace)?)?;
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let (pointing, detector) = detector::combine(settings, policy, pointing(settings, prompt.clone())?)?;
+    let (pointing, detector) = detector::combine(settings, policy, pointing(settings, prompt.clone(), pace)?)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    // A flight in virtual time is over before anyone could watch it.
-    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let flight_conditions = flight_conditions(settings)?;
     // All input files are checked before the scene is loaded, so that errors come at once.

@@ -12,7 +12,7 @@ use spf_scene::{Lighting, SceneLook, Weather};
 
 use super::load_scene;
 use super::log::{unreadable, unreplayable};
-use super::vlm::{oracle_named, pointing};
+use super::vlm::{Pace, oracle_named, pointing};
 use crate::args::Replay;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -74,7 +74,7 @@ fn responder(settings: &Settings, vlm: &str) -> Result<(String, Responder), CliE
     if vlm.starts_with("replay:") {
         return Err(CliError::usage(format!("`{vlm}` can only replay its own flight")).hint("for example oracle:poor or gemini"));
     }
-    let pointing = pointing(settings, None)?;
+    let pointing = pointing(settings, None, Pace::None)?;
     Ok((pointing.name, Responder::Other(pointing.vlm_factory)))
 }
 

@@ -70,6 +70,8 @@ impl MethodArgs {
             vlm_record,
             vlm_fallback,
             vlm_hedge,
+            vlm_latency,
+            vlm_price,
             vlm_models,
             no_vlm_check,
             policy,
@@ -86,6 +88,8 @@ impl MethodArgs {
         models.record.flag(vlm_record.as_deref());
         models.fallback.flag(vlm_fallback.as_deref());
         models.hedge_s.flag(vlm_hedge.as_deref());
+        models.latency_s.flag(vlm_latency.as_deref());
+        models.price.flag(vlm_price.as_deref());
         models.models.flag(vlm_models.as_deref());
         fly.vlm_check.switch(*no_vlm_check);
         fly.policy.flag(policy.as_deref());
@@ -198,6 +202,20 @@ impl Flags for args::VlmList {
 
     fn apply(&self, Settings { vlm, .. }: &mut Settings) {
         vlm.models.flag(self.vlm_models.as_deref());
+    }
+}
+
+impl Flags for args::VlmTrial {
+    fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
+    }
+
+    fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
+        vlm.models.flag(self.vlm_models.as_deref());
+        vlm.price.flag(self.vlm_price.as_deref());
+        vlm.latency_s.flag(self.vlm_latency.as_deref());
+        fly.max_cost_usd.flag(self.max_cost.as_deref());
+        fly.vlm.argument("NAME", &self.names);
     }
 }
 

@@ -13,6 +13,7 @@ use spf_flight::policy::PolicyKind;
 use spf_render::effects::Effects;
 use spf_scene::{Lighting, Weather};
 use spf_sim::wind::Wind;
+use spf_vlm::table::PerMillion;
 
 use super::reading::{Count, Drone, DroneName, Explained, Number, Parsed, Start, Step, Text, Word};
 use super::setting::{Flag, Key, Row, Setting};
@@ -49,7 +50,7 @@ settings! {
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
-        /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, oracle, oracle:NAME or oracle:FILE
+        /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, human, oracle, oracle:NAME or oracle:FILE (exec:COMMAND only as a flag)
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";
         /// with a real drone, check the VLM's pointing before take-off: true or false
         vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" sets "false";
@@ -101,12 +102,16 @@ settings! {
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
         /// seconds without a reply after which a second request is sent; empty: never
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
+        /// reply latency in virtual time, seconds; empty: 1.5 for human and exec:, as measured for models, as drawn for the oracle
+        latency_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_LATENCY_S", "--vlm-latency";
+        /// price of the VLM, US dollars per million tokens IN,OUT, for --max-cost; empty: the table's
+        price: PerMillion = "", Parsed("two prices in US dollars per million tokens, IN,OUT, such as 0.3,2.5"), "SPF_VLM_PRICE", "--vlm-price";
         /// TOML file with additional model definitions; empty: none
         models: String = "", Text, "SPF_VLM_MODELS", "--vlm-models";
         /// longest side of images sent to the VLM, pixels; empty: the model's, 768
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
-        /// JPEG quality of images sent to the VLM, 1 to 100
-        jpeg_quality: u8 = "70", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
+        /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's, 70
+        jpeg_quality: u8 = "", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
     }
 
     /// A Tello: `[tello]`.

@@ -28,7 +28,7 @@ use spf_core::time::duration_from_secs;
 pub(crate) use environment::variables;
 pub(crate) use keys::Settings;
 pub(crate) use reading::DroneName;
-pub(crate) use setting::{Row, Setting};
+pub(crate) use setting::{Origin, Row, Setting};
 
 use self::flags::Flags;
 use crate::error::CliError;

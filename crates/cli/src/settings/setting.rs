@@ -140,6 +140,11 @@ impl<T> Setting<T> {
         self.set(text.to_owned(), Origin::Flag(name));
     }
 
+    /// Whether a value was given, by whatever source.
+    pub(crate) fn is_given(&self) -> bool {
+        self.origin != Origin::Default
+    }
+
     /// Replaces the key's default, if no value was given.
     pub(crate) fn default_to(&mut self, text: &str) {
         if self.origin == Origin::Default {

@@ -21,6 +21,8 @@ pub(super) struct File {
     #[serde(default)]
     pub(super) family: Vec<FamilyRow>,
     #[serde(default)]
+    pub(super) series: Vec<SeriesRow>,
+    #[serde(default)]
     pub(super) model: Vec<ModelRow>,
 }
 
@@ -64,6 +66,12 @@ pub struct VendorRow {
     /// Merged into the body of every request.
     #[serde(default = "nothing")]
     pub request: Value,
+    /// Whether it reports the cost of a reply at its end.
+    #[serde(default)]
+    pub reports_cost: bool,
+    /// Merged into the body of requests to models whose row has `parameters`.
+    #[serde(default = "nothing")]
+    pub listed_request: Value,
 }
 
 /// Request formats.
@@ -126,6 +134,57 @@ pub struct FamilyRow {
     pub image: Option<ImageRule>,
 }
 
+/// Models of one vendor that are queried in the same way.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeriesRow {
+    /// Name of the vendor.
+    pub vendor: String,
+    /// Lower-case substrings of the ids that belong to it.
+    #[serde(rename = "match")]
+    pub pieces: Vec<String>,
+    /// Whether they may think before they reply, although `request` asks for as little as possible.
+    #[serde(default = "yes")]
+    pub thinks: bool,
+    /// Whether sampling parameters such as temperature may be sent.
+    #[serde(default)]
+    pub sampling: bool,
+    /// The vendor's image detail setting, if different from the family.
+    pub detail: Option<String>,
+    /// Limits on image sizes, if different from the family.
+    pub image: Option<ImageRule>,
+    /// Maximum number of tokens in a reply, including reasoning.
+    pub max_output_tokens: Option<u32>,
+    /// Timeouts of a request, if different from the default.
+    pub timeouts: Option<Timeouts>,
+    /// Merged into the body of every request.
+    #[serde(default = "nothing")]
+    pub request: Value,
+}
+
+/// Timeouts of one request, seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Timeouts {
+    /// For the connection.
+    pub connect_s: f64,
+    /// From the start to the first byte of the reply.
+    pub first_byte_s: f64,
+    /// For the whole reply.
+    pub whole_s: f64,
+}
+
+impl Timeouts {
+    /// Of a vendor's service whose model does not think.
+    pub const QUICK: Self = Self { connect_s: 2.0, first_byte_s: 8.0, whole_s: 12.0 };
+    /// Of a model that thinks, is not known, or runs on a machine of one's own.
+    pub const PATIENT: Self = Self { connect_s: 5.0, first_byte_s: 20.0, whole_s: 30.0 };
+
+    fn is_valid(&self) -> bool {
+        [self.connect_s, self.first_byte_s, self.whole_s].iter().all(|seconds| (0.001..=86_400.0).contains(seconds))
+    }
+}
+
 /// Unit of coordinates, as in the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -164,10 +223,22 @@ pub struct ModelRow {
     /// Whether sampling parameters such as temperature may be sent.
     #[serde(default)]
     pub sampling: bool,
+    /// Whether it may think before it replies, if different from its series.
+    pub thinks: Option<bool>,
     /// Maximum number of tokens in a reply, including reasoning.
     pub max_output_tokens: Option<u32>,
-    /// Limits on image sizes, if different from the family.
+    /// The vendor's image detail setting, if different from its series or family.
+    pub detail: Option<String>,
+    /// Limits on image sizes, if different from its series or family.
     pub image: Option<ImageRule>,
+    /// Timeouts of a request, if different from its series.
+    pub timeouts: Option<Timeouts>,
+    /// Optional parameters that the model supports according to its vendor; with them, the vendor is told to route only to
+    /// servers that support all parameters sent.
+    pub parameters: Option<Vec<String>>,
+    /// Distance in metres that each of its depth labels means, if it does not use them as described; `spf vlm trial`
+    /// measures them.
+    pub depth_m: Option<Vec<f64>>,
     /// How a reply schema is sent, if different from the vendor.
     pub schema: Option<SchemaDialect>,
     /// Whether replies are streamed, if different from the vendor.
@@ -236,6 +307,31 @@ impl Price {
     }
 }
 
+/// Prices of input and output tokens, US dollars per million, as a user gives them: `IN,OUT`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PerMillion {
+    /// Input tokens.
+    pub input: f64,
+    /// Output tokens, including reasoning.
+    pub output: f64,
+}
+
+impl std::str::FromStr for PerMillion {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let (input, output) = text.split_once(',').ok_or(())?;
+        let price = |text: &str| text.trim().parse::<f64>().ok().filter(|price| (0.0..=1e6).contains(price)).ok_or(());
+        Ok(Self { input: price(input)?, output: price(output)? })
+    }
+}
+
+impl From<PerMillion> for Price {
+    fn from(PerMillion { input, output }: PerMillion) -> Self {
+        Self { input, cached: None, output, as_of: String::new(), until: None }
+    }
+}
+
 /// Why a table is invalid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -263,6 +359,20 @@ pub enum TableError {
         /// The key.
         key: &'static str,
     },
+    /// Timeouts that are no times.
+    #[error("invalid `timeouts` of `{name}`: each must be from 0.001 to 86400 seconds")]
+    Timeouts {
+        /// The row.
+        name: String,
+    },
+    /// Distances that no labels can mean.
+    #[error(
+        "invalid `depth_m` of `{model}`: give the distance of each label from 1 to 10 in metres, none less than the one before"
+    )]
+    Depth {
+        /// The model.
+        model: String,
+    },
     /// A retired model without a successor.
     #[error("`{model}` is retired and has no `successor`")]
     NoSuccessor {
@@ -282,6 +392,20 @@ pub(super) fn read(text: &str) -> Result<File, TableError> {
         return Err(TableError::Toml(format!("exceeds {LONGEST} bytes")));
     }
     toml::from_str(text).map_err(|error| TableError::Toml(error.to_string().trim().to_owned()))
+}
+
+/// Whether these can be the distances of depth labels.
+pub(super) fn are_distances(metres: &[f64]) -> bool {
+    let labels = usize::from(spf_core::reply::DEPTH_LABELS);
+    metres.len() == labels && metres.is_sorted() && metres.iter().all(|metres| (0.001..=1e5).contains(metres))
+}
+
+/// Checks the timeouts of the row `name`.
+pub(super) fn check_timeouts(name: &str, timeouts: Option<&Timeouts>) -> Result<(), TableError> {
+    match timeouts.filter(|timeouts| !timeouts.is_valid()) {
+        Some(_) => Err(TableError::Timeouts { name: name.to_owned() }),
+        None => Ok(()),
+    }
 }
 
 /// The name of a sampling parameter in a request, if any.

@@ -32,17 +32,17 @@ fn every_row_can_be_asked_or_names_its_successor() {
 #[test]
 fn each_family_is_asked_in_its_own_coordinates() {
     // A camera of 1280×720, and an object a quarter from the left and five eighths down, as each family writes it. The
-    // sizes sent: 768×432; in multiples of 28: 27.4 → 27·28 = 756 and 15.4 → 15·28 = 420; of 32: 24·32 = 768 and 13.5 →
+    // sizes sent: 768×432, for Gemini 960×540; in multiples of 28: 27.4 → 27·28 = 756 and 15.4 → 15·28 = 420; of 32: 24·32 = 768 and 13.5 →
     // 14·32 = 448.
     let camera = (1280, 720);
     for (name, size, order, written) in [
-        ("gemini", (768, 432), AxisOrder::Yx, "[625,250]"),
+        ("gemini", (960, 540), AxisOrder::Yx, "[625,250]"),
         ("openai", (768, 432), AxisOrder::Xy, "[192,270]"),
         ("openai#gpt-4.1", (768, 432), AxisOrder::Xy, "[250,625]"),
         ("anthropic", (768, 432), AxisOrder::Xy, "[192,270]"),
         ("ollama#qwen2.5vl:7b", (756, 420), AxisOrder::Xy, "[189,262.5]"),
         ("ollama", (768, 448), AxisOrder::Xy, "[250,625]"),
-        ("openrouter#google/gemma-4-27b", (768, 432), AxisOrder::Yx, "[625,250]"),
+        ("openrouter#google/gemma-4-27b", (960, 540), AxisOrder::Yx, "[625,250]"),
         ("vllm#allenai/Molmo-7B-D", (768, 432), AxisOrder::Xy, "[25,62.5]"),
         ("moondream", (768, 432), AxisOrder::Xy, "[0.25,0.625]"),
         ("openrouter#meta-llama/llama-4-maverick", (768, 432), AxisOrder::Xy, "[250,625]"),
@@ -55,6 +55,61 @@ fn each_family_is_asked_in_its_own_coordinates() {
         assert_eq!(parse_reply(&text, &grounding, false).unwrap().point, Some(ImagePoint { u: 0.25, v: 0.625 }), "{name}");
     }
     assert_eq!(model("anthropic").grounding((768, 432)).scale, Scale::Pixels { width: 768, height: 432 });
+}
+
+#[test]
+fn models_without_rows_are_asked_like_their_series() {
+    let request = |name: &str, pointer: &str| model(name).request.pointer(pointer).cloned().unwrap_or_default();
+    for (name, pointer, value) in [
+        ("gemini#gemini-2.5-flash-lite-001", "/generationConfig/thinkingConfig/thinkingBudget", serde_json::json!(0)),
+        ("gemini#gemini-3.6-flash-001", "/generationConfig/thinkingConfig/thinkingLevel", serde_json::json!("MINIMAL")),
+        ("gemini#gemini-4-argon", "/generationConfig/thinkingConfig/thinkingLevel", serde_json::json!("LOW")),
+        ("gemini#gemma-4-27b", "/generationConfig/thinkingConfig", Value::Null),
+        ("openai#gpt-5.6-luna", "/reasoning/effort", serde_json::json!("none")),
+        ("openai#gpt-6-astra-2", "/reasoning/effort", serde_json::json!("low")),
+        ("openai#gpt-4o", "/reasoning", Value::Null),
+        ("anthropic#claude-haiku-5-6", "/thinking/type", serde_json::json!("disabled")),
+        ("anthropic#claude-fable-5-2", "/thinking", Value::Null),
+        ("anthropic#claude-fable-5-2", "/output_config/effort", serde_json::json!("low")),
+        ("anthropic#claude-haiku-4-5", "/output_config", Value::Null),
+        ("openrouter#some/model", "/provider/require_parameters", Value::Null),
+        ("openrouter", "/provider/require_parameters", serde_json::json!(true)),
+    ] {
+        assert_eq!(request(name, pointer), value, "{name} {pointer}");
+    }
+    let of = |name: &str| (model(name).thinks, model(name).max_output_tokens, model(name).timeouts);
+    for name in ["openai", "anthropic", "openai#gpt-4o", "anthropic#claude-sonnet-4-5", "gemini#gemini-2.5-flash-lite"] {
+        assert_eq!(of(name), (false, 1024, Timeouts::QUICK), "{name}");
+    }
+    for name in ["gemini", "openai#gpt-6-astra", "openai#gpt-7", "openrouter#some/model", "ollama", "http://h/v1#m"] {
+        assert_eq!(of(name), (true, 4096, Timeouts::PATIENT), "{name}");
+    }
+    assert_eq!(model("openai#gpt-5.4-mini").detail.as_deref(), Some("high"));
+    assert_eq!(model("openai#gpt-5.4").detail.as_deref(), Some("original"));
+    assert_eq!((model("gemini").image.quality, model("openai").image.quality), (75, 70));
+}
+
+#[test]
+fn a_habit_of_depth_labels_is_corrected() {
+    let own =
+        "[[model]]\nid = \"x\"\nvendor = \"vllm\"\nstatus = \"current\"\ndepth_m = [0.5, 1.0, 2, 4, 8, 16, 32, 64, 128, 256]";
+    let model = Table::shipped().extended(own).unwrap().select("vllm#x", DAY).unwrap().model;
+    // 1 + 4.5·log10 of 0.5, 2, 8, 256 m: −0.35, 2.35, 5.06, 11.8.
+    assert_eq!([1, 3, 5, 10].map(|label| model.described(label)), [1, 2, 5, 10]);
+    assert_eq!([1, 7, 10].map(|label| self::model("vllm").described(label)), [1, 7, 10]);
+    for wrong in ["[1, 2]", "[1, 2, 3, 4, 5, 6, 7, 8, 9, 8]", "[0, 2, 3, 4, 5, 6, 7, 8, 9, 10]"] {
+        let own = format!("[[model]]\nid = \"x\"\nvendor = \"vllm\"\nstatus = \"current\"\ndepth_m = {wrong}");
+        assert!(Table::shipped().extended(&own).unwrap_err().to_string().contains("invalid `depth_m` of `x`"), "{wrong}");
+    }
+}
+
+#[test]
+fn an_end_within_a_month_is_announced() {
+    let model = model("gemini#gemini-2.5-flash");
+    assert_eq!(model.ends_soon("2026-11-24"), Some(("2026-12-01", Some("gemini-3.5-flash-lite"), 7)));
+    assert_eq!(model.ends_soon("2026-11-01").map(|(.., days)| days), Some(30));
+    assert_eq!((model.ends_soon("2026-10-31"), model.ends_soon("2026-12-01")), (None, None));
+    assert_eq!(self::model("gemini").ends_soon("2026-11-24"), None);
 }
 
 #[test]
@@ -141,6 +196,12 @@ fn wrong_rows_are_refused_with_their_reason() {
     let sampling = format!("{row}request = {{ generationConfig = {{ temperature = 0.0 }} }}");
     assert!(refused(&sampling).contains("does not accept `temperature`"));
     assert!(refused("[[model]]\nid = \"x\"\nvendor = \"gemini\"\nstatus = \"retired\"").contains("no `successor`"));
+    let series = "[[series]]\nvendor = \"gemini\"\nmatch = [\"x\"]\n";
+    assert!(refused(&format!("{series}request = {{ temperature = 1.0 }}")).contains("`x` does not accept `temperature`"));
+    assert!(refused(&series.replace("gemini", "nobody")).contains("vendor `nobody`"));
+    let timeouts = "timeouts = { connect_s = 0.0, first_byte_s = 1.0, whole_s = 1.0 }";
+    assert!(refused(&format!("{series}{timeouts}")).contains("invalid `timeouts` of `x`"));
+    assert!(refused(&format!("{row}{timeouts}")).contains("invalid `timeouts` of `x`"));
 }
 
 proptest::proptest! {

@@ -84,6 +84,8 @@ struct Answered {
 struct Usage {
     prompt_tokens: Option<u64>,
     completion_tokens: Option<u64>,
+    /// OpenRouter's, US dollars.
+    cost: Option<f64>,
     prompt_tokens_details: Option<Details>,
     completion_tokens_details: Option<Details>,
 }
@@ -114,6 +116,7 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
         }
     }
     if let Some(usage) = response.usage {
+        into.cost_usd = usage.cost.filter(|cost| cost.is_finite() && *cost >= 0.0).or(into.cost_usd);
         let details = |details: &Option<Details>, of: fn(&Details) -> Option<u64>| details.as_ref().and_then(of).unwrap_or(0);
         let thinking = details(&usage.completion_tokens_details, |details| details.reasoning_tokens);
         into.tokens = Some(Tokens {

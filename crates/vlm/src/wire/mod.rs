@@ -3,6 +3,7 @@
 mod anthropic;
 mod chat;
 mod gemini;
+pub(crate) mod parameters;
 mod responses;
 mod schema;
 pub mod sse;
@@ -20,6 +21,9 @@ use crate::error::{VlmError, quote};
 use crate::table::{Model, merge};
 
 pub use crate::table::{SchemaDialect, WireKind};
+
+/// Parameters that a model may lack, and that a row's `parameters` may list.
+const OPTIONAL: [&str; 5] = ["reasoning", "reasoning_effort", "response_format", "temperature", "verbosity"];
 
 /// A request.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,6 +54,8 @@ pub struct Gathered {
     pub served: Option<String>,
     /// Token counts, once reported.
     pub tokens: Option<Tokens>,
+    /// Cost in US dollars, if the vendor reports it.
+    pub cost_usd: Option<f64>,
     /// How the reply ended, once known.
     pub end: Option<End>,
 }
@@ -69,6 +75,12 @@ pub enum End {
     Fault(String),
 }
 
+/// The JSON schema of the reply to a kind of query; `None` if any text is allowed.
+#[must_use]
+pub fn reply_schema(kind: &QueryKind) -> Option<Value> {
+    schema::of(kind)
+}
+
 impl WireKind {
     /// Creates the request for a query.
     #[must_use]
@@ -82,6 +94,11 @@ impl WireKind {
             Self::Anthropic => anthropic::request(&ask),
         };
         merge(&mut request.body, &model.request);
+        if let (Some(parameters), Value::Object(body)) = (&model.parameters, &mut request.body) {
+            // Everything else is refused by the servers that lack it.
+            let listed = |name: &str| parameters.iter().any(|listed| listed == name);
+            body.retain(|name, _| !OPTIONAL.contains(&name.as_str()) || listed(name));
+        }
         request
     }
 
@@ -187,7 +204,10 @@ pub fn error_of(host: &str, status: u16, object: &Value) -> Option<VlmError> {
     };
     let number = error.get("code").and_then(Value::as_u64).and_then(|code| u16::try_from(code).ok());
     let status = if status == 200 { number.filter(|code| (400..600).contains(code)).unwrap_or(status) } else { status };
-    let message = text("message").or_else(|| error.as_str().map(str::to_owned)).unwrap_or_else(|| error.to_string());
+    let mut message = text("message").or_else(|| error.as_str().map(str::to_owned)).unwrap_or_else(|| error.to_string());
+    if let Some(param) = text("param").filter(|param| !param.is_empty() && !message.contains(param.as_str())) {
+        message = format!("{message} ({param})");
+    }
     // Gemini's error code is in `status`, the others' in `code` or `type`.
     let code = text("status")
         .or_else(|| text("code").filter(|_| number.is_none()))

@@ -28,7 +28,7 @@ fn gemini_is_asked_so() {
         "contents": [{ "role": "user", "parts": [
             { "inlineData": { "mimeType": "image/jpeg", "data": "/9g=" } }, { "text": "Where?" }] }],
         "generationConfig": {
-            "maxOutputTokens": 1024, "responseMimeType": "application/json", "responseJsonSchema": null,
+            "maxOutputTokens": 4096, "responseMimeType": "application/json", "responseJsonSchema": null,
             "mediaResolution": "MEDIA_RESOLUTION_MEDIUM", "thinkingConfig": { "thinkingLevel": "LOW" } },
     });
     assert_eq!(request.body, expected);
@@ -48,7 +48,7 @@ fn openai_is_asked_so() {
     let chat = without_schema(request("ollama"), "/response_format/json_schema/schema");
     let expected = json!({
         "model": "qwen3-vl:8b", "stream": true, "stream_options": { "include_usage": true }, "reasoning_effort": "none",
-        "max_completion_tokens": 1024,
+        "max_completion_tokens": 4096,
         "messages": [{ "role": "user", "content": [
             { "type": "image_url", "image_url": { "url": "data:image/jpeg;base64,/9g=" } },
             { "type": "text", "text": "Where?" }] }],

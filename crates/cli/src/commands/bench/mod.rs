@@ -12,7 +12,7 @@ use spf_bench::task::{SUITES, Task, TaskError, shipped};
 use spf_bench::trial::{Pointer, split_latency};
 
 use crate::args::{Bench, BenchMerge};
-use crate::commands::vlm::pointing;
+use crate::commands::vlm::{Pace, is_human, pointing};
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -47,15 +47,19 @@ fn task_of(name: &str) -> Result<Task, CliError> {
 }
 
 /// The VLM for a name as in `spf fly --vlm`; an oracle's latency may be fixed.
-fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
+pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
     let (vlm, latency) = split_latency(name);
     settings.fly.vlm.flag(Some(vlm));
-    let pointing = pointing(settings, None)?;
+    if is_human(vlm) {
+        return Err(CliError::usage("the bench is not flown by a person").hint("spf fly \"…\" --vlm human"));
+    }
+    let pointing = pointing(settings, None, Pace::Virtual)?;
+    let latency = latency.or(pointing.latency.map(|latency| latency.as_secs_f64()));
     Ok(Pointer { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
 }
 
 /// The error if results cannot be stored, with a remedy.
-fn store_error(error: &StoreError) -> CliError {
+pub(crate) fn store_error(error: &StoreError) -> CliError {
     match error {
         StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
             .because(error)

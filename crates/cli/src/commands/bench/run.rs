@@ -1,6 +1,7 @@
 //! `spf bench run`.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -10,11 +11,12 @@ use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, she
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
 use spf_bench::task::{SUITES, Task, suite};
-use spf_bench::trial::{Method, Pointer};
+use spf_bench::trial::{Method, Pointer, Record, run_id};
 
 use super::{pointer, store_error, task_of};
 use crate::args::BenchRun;
 use crate::commands::fly::signals::interrupts;
+use crate::commands::vlm::{Estimate, agreed, listed};
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
@@ -24,10 +26,13 @@ use crate::settings::Settings;
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref(), printer)?;
     let (tasks, files) = tasks(args)?;
+    settings.vlm.latency_s.flag(args.vlm_latency.as_deref());
+    let max_cost = args.max_cost.map(|cost| cost.to_string());
+    settings.fly.max_cost_usd.flag(max_cost.as_deref());
     let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
     let vlms = args.vlm.as_deref().unwrap_or(own.1);
-    let methods = listed(args.method.as_deref().unwrap_or(own.0)).map(method).collect::<Result<Vec<_>, _>>()?;
-    let pointers: Vec<Pointer> = listed(vlms).map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
+    let methods = listed(args.method.as_deref().unwrap_or(own.0)).into_iter().map(method).collect::<Result<Vec<_>, _>>()?;
+    let pointers: Vec<Pointer> = listed(vlms).into_iter().map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
     if methods.is_empty() || pointers.is_empty() {
         return Err(CliError::usage("no method or no VLM given").hint("--method spf --vlm oracle:default"));
     }
@@ -36,6 +41,10 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
     let head = plan.head(shard, vlms);
+    let total = plan.draws().iter().flatten().count();
+    if !agreed(&estimates(&plan, vlms, total, &settings, &args.output)?, args.yes, printer) {
+        return Ok(Exit::Aborted);
+    }
     let interrupts = interrupts()?;
     if shard != Shard::WHOLE {
         printer.log(&format!("shard {}/{}, counted from 0", shard.index, shard.count));
@@ -88,6 +97,7 @@ fn command(args: &BenchRun, vlms: &str) -> String {
     args.task.iter().for_each(|task| give("--task", Some(task.clone())));
     give("--method", args.method.clone());
     give("--vlm", Some(vlms.to_owned()));
+    give("--vlm-latency", args.vlm_latency.clone());
     give("--trials", Some(args.trials.to_string()));
     give("--seed", Some(args.seed.to_string()));
     give("--max-cost", args.max_cost.map(|cost| cost.to_string()));
@@ -95,8 +105,21 @@ fn command(args: &BenchRun, vlms: &str) -> String {
     words.join(" ")
 }
 
-fn listed(text: &str) -> impl Iterator<Item = &str> {
-    text.split(',').map(str::trim).filter(|name| !name.is_empty())
+/// What the models of a plan will take, for the trials that are still to be flown.
+fn estimates(plan: &Plan, vlms: &str, total: usize, settings: &Settings, folder: &Path) -> Result<Vec<Estimate>, CliError> {
+    let before = read_records(folder).unwrap_or_default();
+    let trials = total / plan.pointers.len().max(1);
+    let estimate = |name| {
+        let done: Vec<_> = before.iter().filter(|record| is_of(record, name)).collect();
+        Estimate::of_flights(settings, name, trials.saturating_sub(done.len()), &done)
+    };
+    listed(vlms).into_iter().map(estimate).filter_map(Result::transpose).collect()
+}
+
+/// Whether a trial was flown with this VLM.
+fn is_of(record: &Record, vlm: &str) -> bool {
+    let of = run_id(&record.task, &record.method, vlm, 0);
+    record.run_id.rsplit_once('/').map(|(whole, _)| whole) == of.rsplit_once('/').map(|(whole, _)| whole)
 }
 
 /// Tasks that are not built in: id and file.

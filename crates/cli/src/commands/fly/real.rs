@@ -19,7 +19,7 @@ use super::signals::flight_interrupts;
 use super::{Ready, no_keys, sentence};
 use crate::args::Fly;
 use crate::commands::detector;
-use crate::commands::vlm::{Pointing, pointing};
+use crate::commands::vlm::{Pace, Pointing, is_human, pointing};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
@@ -36,7 +36,7 @@ pub(super) fn ready(
     printer: &Printer,
 ) -> Result<Ready, CliError> {
     let (preset, policy) = preset_and_policy(settings)?;
-    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset)?)?;
+    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, Pace::Wall)?)?;
     let prompt = prompt(settings, policy)?;
     let options = options(settings)?;
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
@@ -47,7 +47,7 @@ pub(super) fn ready(
     let limits = limits(settings, target.limits())?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let pointing = pointing(settings, prompt.clone())?;
+    let pointing = pointing(settings, prompt.clone(), Pace::Wall)?;
     if pointing.is_oracle {
         return Err(
             CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md describes how to choose one")
@@ -122,8 +122,8 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
 
 /// A VLM that points inaccurately is detected on the ground.
 fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
-    // A recording has no answer to images of a dot.
-    let recorded = settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:"));
+    // A recording has no answer to images of a dot, and a person is not examined.
+    let recorded = settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:") || is_human(name));
     if recorded || !settings.fly.vlm_check.is_on()? {
         return Ok(());
     }

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use spf_core::envelope::Limits;
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
-use spf_core::pilot::{PilotSettings, Preset};
+use spf_core::pilot::{PilotSettings, Preset, Think};
 use spf_core::prompt::PromptText;
-use spf_core::time::duration_from_secs;
+use spf_core::time::{Duration, duration_from_secs};
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
@@ -17,8 +17,12 @@ use spf_flight::sim::FlightConditions;
 use spf_flight::world::Script;
 
 use crate::commands::read;
+use crate::commands::vlm::{Pace, is_human};
 use crate::error::CliError;
 use crate::settings::{Setting, Settings};
+
+/// Time that a person may take: longer than any battery lasts.
+const LEISURE: Duration = Duration::from_secs(86_400);
 
 /// The preset and the policy.
 pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
@@ -56,7 +60,7 @@ pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions,
 }
 
 /// The pilot's settings: the preset, with the changes from the settings.
-pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSettings, CliError> {
+pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<PilotSettings, CliError> {
     let fly = &settings.fly;
     let mut method = PilotSettings::preset(preset);
     if let Some(step) = fly.step.get()? {
@@ -90,6 +94,18 @@ pub(super) fn method(settings: &Settings, preset: Preset) -> Result<PilotSetting
     }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
+    }
+    if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {
+        // The drone holds while a person thinks, for as long as the battery allows.
+        if !fly.think.is_given() {
+            method.think = Think::Stop;
+        }
+        if !fly.reply_timeout_s.is_given() {
+            method.reply_timeout = LEISURE;
+        }
+        if !fly.max_time_s.is_given() {
+            method.max_time = LEISURE;
+        }
     }
     Ok(method)
 }

@@ -20,20 +20,20 @@ const LONGEST_ROW: u64 = 4 << 20;
 
 /// The settings common to all answers of a folder; answerers may be added.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Head {
-    pub(super) format: u32,
-    pub(super) dataset: PathBuf,
-    pub(super) avoid: bool,
-    pub(super) seed: u64,
+pub(crate) struct Head {
+    pub(crate) format: u32,
+    pub(crate) dataset: PathBuf,
+    pub(crate) avoid: bool,
+    pub(crate) seed: u64,
     /// A digest of the dataset's files.
-    pub(super) questions: String,
+    pub(crate) questions: String,
     /// A digest of its prompt or error file, by name of the answerer.
     #[serde(rename = "manners")]
-    pub(super) digests: BTreeMap<String, String>,
+    pub(crate) digests: BTreeMap<String, String>,
 }
 
 /// A folder for answers.
-pub(super) struct Folder {
+pub(crate) struct Folder {
     path: PathBuf,
     file: File,
 }
@@ -41,7 +41,7 @@ pub(super) struct Folder {
 impl Folder {
     /// Takes a new or an empty folder, continues one with the same head (`resume`), or starts it again; returns the
     /// existing answers. Questions without an answer are sent again.
-    pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<(Self, Vec<AnswerRow>), CliError> {
+    pub(crate) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<(Self, Vec<AnswerRow>), CliError> {
         let unusable = |error: std::io::Error| {
             CliError::usage(format!("cannot use the folder `{}`", path.display()))
                 .because(&error)
@@ -82,7 +82,7 @@ impl Folder {
     }
 
     /// Appends an answer.
-    pub(super) fn push(&mut self, row: &AnswerRow) -> Result<(), CliError> {
+    pub(crate) fn push(&mut self, row: &AnswerRow) -> Result<(), CliError> {
         let text = serde_json::to_string(row).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         self.file.write_all(format!("{text}\n").as_bytes()).map_err(|error| {
             CliError::internal(format!("cannot write `{}`", self.path.join(ANSWERS).display()))
@@ -92,7 +92,7 @@ impl Folder {
     }
 
     /// Writes a result; returns its path.
-    pub(super) fn write(&self, name: &str, text: &str) -> Result<PathBuf, CliError> {
+    pub(crate) fn write(&self, name: &str, text: &str) -> Result<PathBuf, CliError> {
         let path = self.path.join(name);
         write(&path, text.as_bytes()).map(|()| path)
     }
@@ -134,6 +134,6 @@ fn whole(file: &Path) -> std::io::Result<(u64, Vec<AnswerRow>)> {
 }
 
 /// Whether a question was answered and need not be sent again.
-pub(super) fn is_answered(row: &AnswerRow) -> bool {
+pub(crate) fn is_answered(row: &AnswerRow) -> bool {
     !matches!(row.parsed, ParsedReply::Nothing(..))
 }

@@ -1,18 +1,20 @@
 //! `spf ground`: pointing in images, and its accuracy (docs/guide/grounding.md).
 
 mod dataset;
-mod folder;
+pub(crate) mod folder;
 mod photos;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use spf_bench::ground::Answerer;
-use spf_bench::ground::ask::{AnswererKind, AskOptions};
+use spf_bench::ground::ask::{AnswererKind, AskOptions, MakeVlm};
 use spf_core::prompt::{PromptKind, PromptText};
+use spf_vlm::Paced;
+use spf_vlm::exec::EXEC;
 
 use super::read;
-use super::vlm::{oracle_named, remote};
+use super::vlm::{exec, is_human, listed, oracle_named, remote};
 use crate::args::Ground;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -36,7 +38,7 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
 fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<String>), CliError> {
     let prompts = prompts(args)?;
     let (mut answerers, mut sentences): (Vec<Answerer>, Vec<String>) = (Vec::new(), Vec::new());
-    for name in settings.fly.vlm.text_or_default().split(',').map(str::trim).filter(|name| !name.is_empty()) {
+    for name in listed(settings.fly.vlm.text_or_default()) {
         if name == "oracle" || name.starts_with("oracle:") {
             let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
             sentences.push(format!("{name} reads the simulator's own ID and depth images; it is not a VLM."));
@@ -47,12 +49,13 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
             return Err(CliError::usage("a recording of a flight cannot be used here")
                 .hint("replies are stored in the output folder: --resume sends only the remaining questions"));
         }
-        let chosen = remote(settings, name, None)?;
-        sentences.push(chosen.sentence);
-        for (file, prompt) in &prompts {
-            let name = if prompts.len() > 1 { format!("{} · {file}", chosen.name) } else { chosen.name.clone() };
-            let (model, prompt) = (chosen.remote.clone().with_prompt(prompt.clone()), prompt.clone());
-            answerers.push(Answerer { name, kind: AnswererKind::Model(Arc::new(move || Box::new(model.clone())), prompt) });
+        if is_human(name) {
+            return Err(CliError::usage("a person is not measured here").hint("spf fly \"…\" --vlm human"));
+        }
+        let (name, makers) = makers(settings, name, &prompts, &mut sentences)?;
+        for ((file, prompt), make) in prompts.iter().zip(makers) {
+            let name = if prompts.len() > 1 { format!("{name} · {file}") } else { name.clone() };
+            answerers.push(Answerer { name, kind: AnswererKind::Model(make, prompt.clone()) });
         }
     }
     let mut names: Vec<&str> = answerers.iter().map(|answerer| answerer.name.as_str()).collect();
@@ -63,6 +66,27 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
         None if names.is_empty() => Err(CliError::usage("--vlm is empty").hint("for example --vlm gemini: see `spf vlm list`")),
         None => Ok((answerers, sentences)),
     }
+}
+
+/// The name of a model or program, and how it is created for each prompt.
+fn makers(
+    settings: &Settings,
+    name: &str,
+    prompts: &[(String, Arc<PromptText>)],
+    sentences: &mut Vec<String>,
+) -> Result<(String, Vec<MakeVlm>), CliError> {
+    if name.starts_with(EXEC) {
+        let exec = exec(settings, name)?;
+        let make: MakeVlm = Arc::new(move || Box::new(Paced::new(Box::new(exec.clone()), None, true)));
+        return Ok((name.to_owned(), vec![make; prompts.len()]));
+    }
+    let chosen = remote(settings, name, None)?;
+    sentences.push(chosen.sentence);
+    let make = |prompt: &Arc<PromptText>| -> MakeVlm {
+        let model = chosen.remote.clone().with_prompt(prompt.clone());
+        Arc::new(move || Box::new(model.clone()))
+    };
+    Ok((chosen.name.clone(), prompts.iter().map(|(_, prompt)| make(prompt)).collect()))
 }
 
 /// The prompts to compare, by the names of their files; the built-in one if none is given.

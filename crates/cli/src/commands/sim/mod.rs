@@ -1,7 +1,7 @@
 //! `spf sim`: direct use of the embedded simulator.
 
 mod contact_sheet;
-mod dataset;
+pub(crate) mod dataset;
 mod objects;
 mod render;
 mod scenes;

@@ -2,10 +2,11 @@
 
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_vlm::check::{Check, Verdict, check as ask};
+use spf_vlm::exec::EXEC;
 use spf_vlm::setup;
-use spf_vlm::{Strategy, Vlm, VlmError};
+use spf_vlm::{Paced, Strategy, Vlm, VlmError};
 
-use super::{refused, table};
+use super::{exec, refused, table};
 use crate::args::VlmCheck;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -15,11 +16,14 @@ use crate::settings::{Settings, variables};
 /// Queries a model about the calibration images.
 pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(args, printer)?;
-    let (table, variables) = (table(&settings)?, variables()?);
-    let remote = setup::remote(&table, &[&args.name], &variables, Strategy::default())
-        .map_err(|error| refused(&settings, &args.name, &error))?;
+    let mut vlm: Box<dyn Vlm> = if args.name.starts_with(EXEC) {
+        Box::new(Paced::new(Box::new(exec(&settings, &args.name)?), None, true))
+    } else {
+        let (table, variables) = (table(&settings)?, variables()?);
+        let remote = setup::remote(&table, &[&args.name], &variables, Strategy::default());
+        Box::new(remote.map_err(|error| refused(&settings, &args.name, &error))?)
+    };
     let time = settings.reply_timeout()?;
-    let mut vlm: Box<dyn Vlm> = Box::new(remote);
     let check = ask(vlm.as_mut(), time);
     report(&check, printer);
     match &check.verdict {
@@ -129,6 +133,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
         }
         ("deadline", _) => "the model is slow or still loading: try again, or raise fly.reply_timeout_s",
         ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row, or reduce thinking",
+        ("program", _) => "`spf -v vlm check` shows what the program prints to standard error",
         ("blocked" | "declined", _) => "blocked by the vendor's policy: try another model",
         _ => "`spf -v vlm check` shows details",
     }

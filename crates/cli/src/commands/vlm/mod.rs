@@ -1,23 +1,30 @@
 //! Creates the VLM: the oracle, a vision-language model of the table, or a recording of one.
 
 mod check;
+mod estimate;
 mod list;
+mod own;
+mod trial;
 
 use std::path::Path;
 use std::sync::Arc;
 
 use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
-use spf_core::time::duration_from_secs;
+use spf_core::time::{Duration, duration_from_secs};
 use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
 use spf_oracle::ErrorFile;
 use spf_vlm::cassette::{Recording, Replay};
+use spf_vlm::human::HUMAN;
 use spf_vlm::setup::{self, AUTO, SetupError};
 use spf_vlm::table::{SelectError, Table};
-use spf_vlm::{Remote, Strategy, Vlm};
+use spf_vlm::{Remote, Strategy, Vlm, today};
 
 pub(crate) use check::check;
+pub(crate) use estimate::{Estimate, agreed};
 pub(crate) use list::list;
+pub(crate) use own::{Pace, console, exec, is_human, listed, paced};
+pub(crate) use trial::trial;
 
 use crate::commands::read;
 use crate::error::{CliError, nearest};
@@ -34,16 +41,20 @@ pub(crate) struct Pointing {
     pub(crate) is_oracle: bool,
     /// A sentence about it for the user.
     pub(crate) sentence: String,
+    /// Its latency in virtual time, if it is fixed.
+    pub(crate) latency: Option<Duration>,
 }
 
-/// The VLM selected by the settings.
-pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
+/// The VLM selected by the settings, in a world with this clock.
+pub(crate) fn pointing(settings: &Settings, prompt: Option<Arc<PromptText>>, pace: Pace) -> Result<Pointing, CliError> {
     let name = settings.fly.vlm.text_or_default();
     let pointing = match name.split_once(':') {
-        None if name == "oracle" => oracle(settings, name),
-        Some(("oracle", _)) => oracle(settings, name),
+        None if name == "oracle" => paced(settings, oracle(settings, name)?, pace),
+        None if name == HUMAN => paced(settings, own::human()?, pace),
+        Some(("oracle", _)) => paced(settings, oracle(settings, name)?, pace),
+        Some(("exec", _)) => paced(settings, own::program(settings, name)?, pace),
         Some(("replay", file)) => replay(file),
-        _ => return Ok(and_recorded(settings, model(settings, name, prompt)?)),
+        _ => return Ok(and_recorded(settings, paced(settings, model(settings, name, prompt)?, pace)?)),
     }?;
     let idle = [&settings.vlm.fallback as &dyn Row, &settings.vlm.hedge_s]
         .into_iter()
@@ -75,7 +86,8 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     })?;
     let name = replay.name().to_owned();
     let sentence = format!("VLM: replies of {name}, replayed from {file}.");
-    Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(replay.clone()))), is_oracle: false, sentence })
+    let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(replay.clone())));
+    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None })
 }
 
 /// The same, with its replies recorded in a file.
@@ -121,6 +133,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
         sentence: format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."),
         vlm_factory: oracle_factory(name, errors),
         is_oracle: true,
+        latency: None,
     })
 }
 
@@ -146,7 +159,8 @@ pub(crate) struct Chosen {
 /// A model of the table, for a flight.
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
-    Ok(Pointing { name, vlm_factory: Arc::new(move |_, _| Ok(Box::new(remote.clone()))), is_oracle: false, sentence })
+    let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
+    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None })
 }
 
 /// A model of the table.
@@ -157,8 +171,10 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     let strategy = Strategy {
         hedge: settings.vlm.hedge_s.get()?.map(duration_from_secs),
         long_side: settings.vlm.image_long_side.get()?,
-        quality: settings.vlm.jpeg_quality.get()?.unwrap_or(Strategy::default().quality),
+        quality: settings.vlm.jpeg_quality.get()?,
+        price: settings.vlm.price.get()?,
     };
+    let today = today();
     let mut chosen = Vec::new();
     let mut auto = String::new();
     for name in &names {
@@ -170,12 +186,16 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
         let assumed =
             if model.assumed { " (not in the table: its coordinates are assumed; check them with `spf vlm check`)" } else { "" };
-        if settings.fly.max_cost_usd.text().is_some() && model.price.is_empty() {
+        if settings.fly.max_cost_usd.text().is_some() && model.price_on(&today).is_none() && strategy.price.is_none() {
             return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
-                .hint("add a price with --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
+                .hint("give its price with --vlm-price IN,OUT or --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
         }
+        let ends = model.ends_soon(&today).map_or(String::new(), |(day, successor, left)| {
+            let then = successor.map_or(String::new(), |successor| format!("; its successor is {successor}"));
+            format!(" (warning: it ends on {day}, in {left} days{then})")
+        });
         let sent = if setup::is_local(&choice, &variables) { "" } else { "; images are sent to its server and may incur costs" };
-        chosen.push(format!("{} from {}{place}{assumed}{sent}", model.id, model.vendor.title));
+        chosen.push(format!("{} from {}{place}{assumed}{ends}{sent}", model.id, model.vendor.title));
     }
     let remote = setup::remote(&table, &names, &variables, strategy).map_err(|error| refused(settings, name, &error))?;
     let remote = match prompt {

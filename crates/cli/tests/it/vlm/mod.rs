@@ -5,6 +5,8 @@ mod commands;
 mod faults;
 mod keys;
 mod oracle;
+#[cfg(unix)]
+mod own;
 mod sdk;
 pub(crate) mod server;
 pub(crate) mod vendors;

@@ -3,7 +3,7 @@
 mod files;
 mod folder;
 
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use spf_core::craft::CraftKind;
 use spf_flight::dataset::record::{FORMAT, Head, Row, SceneHead};
@@ -22,6 +22,12 @@ use folder::Folder;
 
 /// Generates a dataset, or the rest of one.
 pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, CliError> {
+    let interrupts = interrupts()?;
+    generate(args, &interrupts, printer)
+}
+
+/// Makes a dataset, or the rest of one, until there are interrupts.
+pub(crate) fn generate(args: &Dataset, interrupts: &AtomicU32, printer: &mut Printer) -> Result<Exit, CliError> {
     let format = ImageFormat::parse(&args.images)?;
     let size = args.size.as_deref().map(parse_size).transpose()?;
     let kind = args.drone_model.as_deref().map(parse_kind).transpose()?;
@@ -46,7 +52,6 @@ pub(super) fn dataset(args: &Dataset, printer: &mut Printer) -> Result<Exit, Cli
     for (scene, loaded) in head.scenes.iter().zip(&loaded_scenes) {
         folder.write(&scene.legend, format!("{:#}\n", loaded.scene.legend_json()).as_bytes())?;
     }
-    let interrupts = interrupts()?;
     let first = folder.examples();
     if first > 0 {
         printer.log(&format!("{first} of {} examples already done", args.count));

@@ -1,0 +1,270 @@
+//! Programs of the user's own, and the user, in the place of a model; and what money is asked for before it is spent.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+
+use serde_json::Value;
+
+use super::server::Server;
+use super::vendors::Vendor;
+use super::{AHEAD, DONE, KEY};
+use crate::harness::{Lab, Run, rows};
+use crate::python;
+
+/// A program that says AHEAD so many times and then DONE, and tells standard error what it was asked.
+fn program(lab: &Lab, ahead: u32) -> String {
+    let script = format!(
+        "count=0\nwhile read -r line; do\n\
+         id=${{line#*'\"id\":'}}; id=${{id%%,*}}; count=$((count+1)); echo \"asked $id\" >&2\n\
+         if [ $count -le {ahead} ]; then echo '{{\"id\":'$id',{}'; else echo '{{\"id\":'$id',{}'; fi\ndone\n",
+        &AHEAD[1..],
+        &DONE[1..]
+    );
+    lab.write("my program.sh", script);
+    format!("exec:sh '{}'", lab.path("my program.sh").display())
+}
+
+#[test]
+fn a_program_flies_and_its_answers_take_the_time_that_they_are_said_to_take() {
+    let lab = Lab::new();
+    let vlm = program(&lab, 3);
+    let times = |name: &str, more: &[&str]| {
+        let (code, summary) = lab.fly(name, &[&["fly to the red crane", "--vlm", &vlm], more].concat());
+        // It believes to be there, and the truth knows better.
+        assert_eq!((code, &summary["outcome"], &summary["vlm"]), (3, &"reached".into(), &vlm.as_str().into()), "{summary}");
+        let rows = rows(&lab.path(name).join("vlm.jsonl"));
+        assert!(rows.iter().all(|row| row["cost_usd"].is_null() && row["bytes_sent"].as_u64() > Some(1000)), "{rows:?}");
+        rows.iter().map(|row| row["latency_s"].as_f64().unwrap()).collect::<Vec<_>>()
+    };
+    assert_eq!(times("default", &[]), [1.5; 5]);
+    assert_eq!(times("slow", &["--vlm-latency", "3"]), [3.0; 5]);
+    // The same flight bit for bit, however long the program took.
+    times("again", &[]);
+    assert_eq!(lab.read("default/decisions.jsonl"), lab.read("again/decisions.jsonl"));
+    let shown = lab.spf(&["-v", "fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--out", "shown"]);
+    assert!(shown.stderr.contains("exec: asked 0") && shown.stderr.contains("VLM: the program `sh "), "{}", shown.stderr);
+    let quiet = lab.spf(&["fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--out", "quiet"]);
+    assert!(!quiet.stderr.contains("asked"), "{}", quiet.stderr);
+}
+
+#[test]
+fn only_the_command_line_may_name_a_program() {
+    let lab = Lab::new();
+    let vlm = format!("exec:touch {}", lab.path("touched").display());
+    let refused = |run: Run, source: &str| {
+        assert_eq!(run.code, Some(2), "{}", run.stderr);
+        assert!(run.stderr.contains(source) && run.stderr.contains("command line only"), "{}", run.stderr);
+        assert!(!lab.path("touched").exists());
+    };
+    let fly = ["fly", "fly to the red crane", "--no-video"];
+    let output = lab.command(&fly).env("SPF_VLM", &vlm).output().unwrap();
+    refused(Run::of(&output), "environment SPF_VLM");
+    lab.write(".env", format!("SPF_VLM='{vlm}'\n"));
+    refused(lab.spf(&fly), ".env SPF_VLM");
+    lab.write(".env", "");
+    lab.write("spf.toml", format!("[fly]\nvlm = \"{vlm}\"\n"));
+    refused(lab.spf(&fly), "spf.toml:2");
+    let doctor = lab.spf(&["doctor"]);
+    assert!(doctor.code == Some(6) && doctor.stdout.contains("command line only"), "{}", doctor.stdout);
+    assert!(!lab.path("touched").exists());
+}
+
+#[test]
+fn a_program_that_cannot_answer_is_named_with_its_reason() {
+    let lab = Lab::new();
+    let missing = lab.spf(&["fly", "fly to the red crane", "--vlm", "exec:/no/such/program x", "--no-video"]);
+    assert_eq!(missing.code, Some(2), "{}", missing.stderr);
+    assert!(missing.stderr.contains("cannot start `/no/such/program`"), "{}", missing.stderr);
+    lab.write("bad.sh", "echo 'no such model' >&2; exit 3");
+    let (code, summary) = lab.fly("bad", &["fly to the red crane", "--vlm", "exec:sh bad.sh"]);
+    assert_eq!((code, &summary["vlm_use"]["failed"]), (6, &serde_json::json!({ "program": 5 })), "{summary}");
+    assert!(rows(&lab.path("bad/vlm.jsonl"))[0]["reason"].as_str().unwrap().contains("no such model"));
+    let check = lab.spf(&["vlm", "check", "exec:sh bad.sh"]);
+    assert_eq!(check.code, Some(6), "{}", check.stderr);
+    assert!(check.stderr.contains("no such model") && check.stderr.contains("spf -v vlm check"), "{}", check.stderr);
+}
+
+#[test]
+fn a_program_answers_questions_and_flies_the_bench() {
+    let lab = Lab::new();
+    let vlm = program(&lab, 2);
+    let run = lab.spf(&["sim", "dataset", "--scene", "office", "-n", "4", "-o", "data"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let run = lab.spf(&["ground", "--dataset", "data", "--vlm", &vlm, "--json", "-o", "graded"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let report: Value = serde_json::from_str(&run.stdout).unwrap();
+    let own = report["measures"].as_array().unwrap().iter().find(|row| row["answerer"] == vlm.as_str()).unwrap();
+    assert_eq!((&own["asked"], &own["failed"], &own["unreadable"]), (&4.into(), &0.into(), &0.into()), "{own}");
+    let bench = ["bench", "run", "--task", "sim-nav-red-crane", "--trials", "2", "--vlm", &vlm, "-o", "flown"];
+    let run = lab.spf(&bench);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let flown = rows(&lab.path("flown/results.jsonl"));
+    assert_eq!(flown.len(), 2);
+    assert!(flown.iter().all(|row| row["latency_model"] == "fixed 1.5 s" && row["latency_ms"]["p50"] == 1500.0), "{flown:?}");
+}
+
+/// Runs a command whose standard input is `typed`.
+fn typing(lab: &Lab, args: &[&str], typed: &str) -> Run {
+    let mut child = lab.command(args).stdin(Stdio::piped()).spawn().unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let typed = typed.to_owned();
+    // What is typed before an image is shown is not about it: each line follows a question.
+    let stderr = child.stderr.take().unwrap();
+    let typist = std::thread::spawn(move || {
+        let (mut lines, mut told) = (typed.lines(), String::new());
+        for line in std::io::BufRead::lines(std::io::BufReader::new(stderr)).map_while(Result::ok) {
+            if line.starts_with("query ") || line.starts_with("not understood") {
+                // At the end of the lines the terminal is silent until the drone has landed.
+                let next = lines.next().unwrap_or("land");
+                drop(writeln!(stdin, "{next}"));
+            }
+            told += &format!("{line}\n");
+        }
+        told
+    });
+    let output = child.wait_with_output().unwrap();
+    Run { stderr: typist.join().unwrap(), ..Run::of(&output) }
+}
+
+#[test]
+fn a_person_flies_by_typing() {
+    let lab = Lab::new();
+    let fly = ["fly", "fly to the red crane", "--vlm", "human", "--no-video", "--json", "--out"];
+    let run = typing(&lab, &[fly.as_slice(), &["done"]].concat(), "0.5 0.5 4\nright\nwhat?\n480 360 3\ndone\ndone");
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
+    assert_eq!((run.code, &summary["outcome"]), (Some(3), &"reached".into()), "{summary}");
+    assert!(run.stderr.contains("VLM: you.") && run.stderr.contains("(960×720): fly to the red crane"), "{}", run.stderr);
+    assert!(run.stderr.contains("You said `done`") && run.stderr.contains("not understood"), "{}", run.stderr);
+    let rows = rows(&lab.path("done/vlm.jsonl"));
+    assert_eq!(rows.iter().map(|row| row["latency_s"].as_f64().unwrap()).collect::<Vec<_>>(), [1.5; 5], "{rows:?}");
+    // Orders are carried out in the middle of a query.
+    let run = typing(&lab, &[fly.as_slice(), &["landed"]].concat(), "0.5 0.5 4\nland");
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
+    assert_eq!((run.code, &summary["outcome"]), (Some(5), &"aborted".into()), "{summary}");
+    let bench = lab.spf(&["bench", "run", "--task", "sim-nav-red-crane", "--vlm", "human", "-o", "x"]);
+    assert_eq!(bench.code, Some(2), "{}", bench.stderr);
+}
+
+#[test]
+fn costs_are_told_before_they_arise() {
+    let lab = Lab::new();
+    let server = Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), DONE));
+    let vlm = format!("gemini@{}", server.url());
+    let bench = |folder: &str, vlm: &str, more: &[&str]| {
+        let args = ["bench", "run", "--task", "sim-nav-red-crane", "--trials", "1", "--vlm", vlm, "-o", folder];
+        Run::of(&lab.command(&[&args, more].concat()).env("GEMINI_API_KEY", KEY).output().unwrap())
+    };
+    let run = bench("out", &vlm, &["--max-cost", "1"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stderr.contains("1 flights = 15 queries × ") && run.stderr.contains("about $"), "{}", run.stderr);
+    // From what was flown in the folder: two queries, and nothing left to fly.
+    let mut more = vec!["--max-cost", "1"];
+    let run = bench("out", &vlm, &more);
+    assert!(!run.stderr.contains("queries ×"), "{}", run.stderr);
+    // A model without a price is refused before anything flies, unless one is given.
+    let unknown = format!("gemini#my-model@{}", server.url());
+    let run = bench("unknown", &unknown, &more);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("--max-cost requires a known price") && run.stderr.contains("--vlm-price"), "{}", run.stderr);
+    let before = server.questions().len();
+    more.clear();
+    let args =
+        ["fly", "fly to the red crane", "--vlm", &unknown, "--max-cost", "1", "--vlm-price", "1,2", "--json", "--no-video"];
+    let run = Run::of(&lab.command(&args).env("GEMINI_API_KEY", KEY).output().unwrap());
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
+    assert!(summary["vlm_use"]["cost_usd"].as_f64() > Some(0.002), "{summary}");
+    assert_eq!(server.questions().len(), before + 2);
+}
+
+/// A model that ends within a month, whenever that is.
+#[test]
+fn a_model_that_ends_soon_is_announced() {
+    let lab = Lab::new();
+    let server = Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), DONE));
+    let seconds = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_secs();
+    let output =
+        std::process::Command::new("date").args(["-u", "+%Y-%m-%d", "-d", &format!("@{}", seconds + 20 * 86_400)]).output();
+    let Ok(output) = output else { return crate::harness::skip("date") };
+    let day = String::from_utf8(output.stdout).unwrap().trim().to_owned();
+    let row = format!(
+        "[[model]]\nid = \"old\"\nvendor = \"gemini\"\nstatus = \"deprecated\"\nretires = \"{day}\"\nsuccessor = \"new\"\n"
+    );
+    lab.write("models.toml", row);
+    let vlm = format!("gemini#old@{}", server.url());
+    let args = ["fly", "fly to the red crane", "--vlm", &vlm, "--vlm-models", "models.toml", "--no-video"];
+    let run = Run::of(&lab.command(&args).env("GEMINI_API_KEY", KEY).output().unwrap());
+    let told = format!("warning: it ends on {day}, in ");
+    assert!(run.stderr.contains(&told) && run.stderr.contains("its successor is new"), "{}", run.stderr);
+}
+
+#[test]
+fn a_trial_is_one_page_that_is_resumed_and_capped() {
+    let lab = Lab::new();
+    let server = Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), AHEAD));
+    let (own, model) = (program(&lab, 3), format!("gemini@{}", server.url()));
+    let names = format!("{own},{model}");
+    let trial = |more: &[&str]| {
+        let args = ["vlm", "trial", &names, "-o", "tried", "--questions", "6", "--flights", "1"];
+        Run::of(&lab.command(&[&args, more].concat()).env("GEMINI_API_KEY", KEY).output().unwrap())
+    };
+    // A cent is spent within the questions: 1200 tokens in cost 0.0012 $.
+    let run = trial(&["--max-cost", "0.006"]);
+    assert_eq!(run.code, Some(5), "{}\n{}", run.stdout, run.stderr);
+    assert!(run.stderr.contains("--max-cost limit is reached") && run.stderr.contains("about $"), "{}", run.stderr);
+    let asked = server.questions().len();
+    assert!((3..9).contains(&asked), "{asked}");
+    let run = trial(&[]);
+    assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);
+    // Those dots were missed, so they are sent again; no question is.
+    let pointing = rows(&lab.path("tried/pointing/answers.jsonl"));
+    assert_eq!(pointing.len(), 12);
+    let figures: Value = serde_json::from_slice(&lab.read("tried/trial.json")).unwrap();
+    let found =
+        |index: usize, path: &str| figures.pointer(&format!("/{index}{path}")).cloned().unwrap_or_else(|| panic!("{path}"));
+    assert_eq!((found(0, "/vlm"), found(1, "/vlm")), (own.as_str().into(), model.as_str().into()));
+    assert_eq!((found(1, "/pointing/asked"), found(1, "/flights/self_stop/of")), (6.into(), 1.into()));
+    assert_eq!(found(0, "/flights/rows/0/latency_model"), "fixed 1.5 s");
+    // It says `done` at once in its only flight, and is not there.
+    assert_eq!(found(0, "/flights/false_done"), serde_json::json!({ "hits": 1, "of": 1 }));
+    assert_eq!((found(0, "/dots/good"), found(1, "/flights/self_stop/hits")), (false.into(), 0.into()));
+    assert!(found(1, "/flights/cost_usd").as_f64() > Some(0.0) && found(0, "/flights/cost_usd").is_null());
+    let page = String::from_utf8(lab.read("tried/index.html")).unwrap();
+    for words in
+        ["Trial of vision-language models", "flights: false done", "√pixels", "depth labels", "No image is of the real world"]
+    {
+        assert!(page.to_lowercase().contains(&words.to_lowercase()), "{words}");
+    }
+    // Nothing is left to do, and nothing is paid for but the dots that were missed.
+    let before = server.questions().len();
+    let run = trial(&[]);
+    assert_eq!((run.code, server.questions().len()), (Some(0), before + 3), "{}", run.stderr);
+    assert_eq!(lab.spf(&["vlm", "trial", "oracle", "-o", "x"]).code, Some(2));
+}
+
+fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name)
+}
+
+#[test]
+#[ignore = "needs Pillow: .ci/interop runs it"]
+fn the_examples_of_programs_fly() {
+    let Some(python) = python::with(&["pillow"]) else { return };
+    let lab = Lab::new();
+    let vlm = |name: &str, more: &str| format!("exec:{} {}{more}", python.display(), example(name).display());
+    let blob = vlm("exec_blob.py", "");
+    let check = lab.spf(&["vlm", "check", &blob]);
+    assert_eq!(check.code, Some(0), "{}{}", check.stdout, check.stderr);
+    let (code, summary) = lab.fly("crane", &["Take off and fly to the red crane", "--vlm", &blob, "--seed", "0"]);
+    assert_eq!((code, &summary["verified"]), (0, &true.into()), "{summary}");
+    let (code, summary) = lab.fly("uncoloured", &["fly to the crane", "--vlm", &blob]);
+    assert_eq!((code, &summary["vlm_use"]["failed"]["program"]), (6, &5.into()), "{summary}");
+    // The skeleton without a model: the lines are exchanged, and nothing is found.
+    let dry = vlm("exec_transformers.py", " --dry-run");
+    let (code, summary) = lab.fly("dry", &["fly to the red crane", "--vlm", &dry]);
+    assert_eq!(
+        (code, &summary["outcome"], &summary["vlm_use"]["failed"]),
+        (3, &"not_found".into(), &serde_json::json!({})),
+        "{summary}"
+    );
+}

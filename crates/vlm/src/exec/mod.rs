@@ -1,0 +1,357 @@
+//! A program of the user's own that answers queries: one JSON line in, one JSON line out (`docs/guide/vlm.md`).
+//!
+//! The program is started once and shared by all clones; queries are answered one after the other. Nothing is run by a
+//! shell.
+
+mod process;
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use serde::Serialize;
+use serde_json::{Map, Value};
+use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
+use spf_core::query::QueryKind;
+use spf_core::time::Duration;
+use tempfile::TempDir;
+
+use self::process::{Running, Said};
+use crate::account::{Account, Parts};
+use crate::error::{VlmError, brief, quote};
+use crate::image::ImageRule;
+use crate::request::QueryRequest;
+use crate::wire::reply_schema;
+use crate::{Answer, ImageSpec, QueryImage, Vlm};
+
+/// How names of programs begin.
+pub const EXEC: &str = "exec:";
+
+/// Maximum time for an answer, however much the query leaves.
+const LONGEST_ANSWER: Duration = Duration::from_secs(120);
+/// Time from the start of a program to its first answer during which it is not killed: it may be loading a model.
+const LOADING: Duration = Duration::from_secs(300);
+/// How often a wait looks at the cancellation.
+const LOOK_UP: Duration = Duration::from_millis(10);
+
+/// Why a program cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ExecError {
+    /// Not a command.
+    #[error("not a command: {0}")]
+    Words(&'static str),
+    /// The program could not be started.
+    #[error("cannot start `{program}`")]
+    Start {
+        /// The program.
+        program: String,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+    /// No folder for its images.
+    #[error("cannot create a folder for the images of `{program}`")]
+    Folder {
+        /// The program.
+        program: String,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+}
+
+/// How a program is queried.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExecOptions {
+    /// Maximum side length of its images, pixels; `None` for the camera's size.
+    pub long_side: Option<u32>,
+    /// JPEG quality, 1..=100.
+    pub quality: u8,
+    /// Time from its start to its first answer during which a missed deadline does not end it.
+    pub loading: Duration,
+}
+
+impl Default for ExecOptions {
+    fn default() -> Self {
+        Self { long_side: None, quality: 90, loading: LOADING }
+    }
+}
+
+/// A program as a VLM. Clones share the program.
+#[derive(Clone)]
+pub struct Exec {
+    name: String,
+    options: ExecOptions,
+    desk: Arc<Mutex<Desk>>,
+}
+
+/// The program and what is needed to start it again.
+struct Desk {
+    words: Vec<String>,
+    folder: TempDir,
+    running: Option<Running>,
+    next_id: u64,
+}
+
+/// A request, as the program reads it.
+#[derive(Serialize)]
+struct Line<'a> {
+    /// Number of the request; the reply carries it.
+    id: u64,
+    /// Path of the image, a JPEG.
+    image: &'a std::path::Path,
+    /// Its width, pixels.
+    width: u32,
+    /// Its height, pixels.
+    height: u32,
+    /// Order of coordinates in the reply, as in the table of models.
+    order: &'static str,
+    /// Unit of coordinates in the reply, as in the table of models.
+    scale: &'static str,
+    /// Kind of answer.
+    #[serde(flatten)]
+    kind: &'a QueryKind,
+    /// The user's instruction.
+    instruction: &'a str,
+    /// The whole prompt.
+    prompt: &'a str,
+    /// JSON schema of the reply; null if any text is allowed.
+    schema: Option<Value>,
+    /// Seconds until the reply is no longer used.
+    deadline_s: f64,
+}
+
+impl Exec {
+    /// Starts the program of a command (without `exec:`), whose words are split as a shell would split them.
+    ///
+    /// # Errors
+    /// [`ExecError`] if the program cannot be started.
+    pub fn start(command: &str, options: ExecOptions) -> Result<Self, ExecError> {
+        let words = shlex::split(command).ok_or(ExecError::Words("unbalanced quotes"))?;
+        let Some(program) = words.first().cloned() else { return Err(ExecError::Words("no program is named")) };
+        let folder = tempfile::Builder::new().prefix("spf-exec-").tempdir();
+        let folder = folder.map_err(|source| ExecError::Folder { program: program.clone(), source })?;
+        let running = Running::start(&words).map_err(|source| ExecError::Start { program, source })?;
+        let desk = Desk { words, folder, running: Some(running), next_id: 0 };
+        Ok(Self { name: format!("{EXEC}{command}"), options, desk: Arc::new(Mutex::new(desk)) })
+    }
+
+    fn size(&self, camera: (u32, u32)) -> (u32, u32) {
+        let rule = ImageRule { long_side: u32::MAX, ..ImageRule::default() };
+        rule.sent(camera, self.options.long_side)
+    }
+}
+
+fn pixels((width, height): (u32, u32)) -> GroundingProfile {
+    GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width, height } }
+}
+
+impl Vlm for Exec {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        let size = self.size(camera);
+        ImageSpec { grounding: pixels(size), image_size: Some(size).filter(|size| *size != camera) }
+    }
+
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let size = self.size(image.size());
+        image.prepare(size);
+        let jpeg = image.jpeg(size, self.options.quality);
+        // Other flights may be using the program: waiting for them is no latency of this query.
+        let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
+        let began = Instant::now();
+        let mut account = Account::default();
+        let text = jpeg.and_then(|jpeg| desk.ask(request, &jpeg, size, self.options.loading, &mut account));
+        let latency = began.elapsed();
+        account.parts = Parts { complete_s: text.is_ok().then_some(latency.as_secs_f64()), ..account.parts };
+        Answer { text, latency, model: self.name.clone(), account }
+    }
+}
+
+impl Desk {
+    /// The running program; started again if it has ended.
+    fn running(&mut self) -> Result<&mut Running, VlmError> {
+        let program = self.words.first().cloned().unwrap_or_default();
+        if let Some(reason) = self.running.as_mut().and_then(Running::ended) {
+            tracing::debug!(program, reason, "starting the program again");
+            self.running = None;
+        }
+        match &mut self.running {
+            Some(running) => Ok(running),
+            none => {
+                let running = Running::start(&self.words)
+                    .map_err(|error| VlmError::Program { program, reason: format!("it cannot be started: {error}") })?;
+                Ok(none.insert(running))
+            }
+        }
+    }
+
+    fn image(&self, id: u64, jpeg: &[u8]) -> Result<PathBuf, VlmError> {
+        let path = self.folder.path().join(format!("{id}.jpg"));
+        let written = std::fs::write(&path, jpeg);
+        written.map(|()| path).map_err(|error| VlmError::Image(format!("cannot write the image: {error}")))
+    }
+
+    fn ask(
+        &mut self,
+        request: &QueryRequest<'_>,
+        jpeg: &[u8],
+        (width, height): (u32, u32),
+        loading: Duration,
+        account: &mut Account,
+    ) -> Result<String, VlmError> {
+        let id = self.next_id;
+        self.next_id += 1;
+        let path = self.image(id, jpeg)?;
+        let asked = self.exchange(request, id, &path, (width, height), loading, account);
+        // A program that is still busy with it keeps it open, or has no more use for it.
+        drop(std::fs::remove_file(path));
+        asked
+    }
+
+    fn exchange(
+        &mut self,
+        request: &QueryRequest<'_>,
+        id: u64,
+        path: &std::path::Path,
+        (width, height): (u32, u32),
+        loading: Duration,
+        account: &mut Account,
+    ) -> Result<String, VlmError> {
+        let program = self.words.first().cloned().unwrap_or_default();
+        let query = request.query;
+        let running = self.running()?;
+        // While it has not answered yet, it may be loading a model.
+        let loaded = running.started + loading;
+        let least =
+            if running.answered { LONGEST_ANSWER } else { loaded.saturating_duration_since(Instant::now()).max(LONGEST_ANSWER) };
+        let (began, time) = (Instant::now(), request.time_left.min(least));
+        let line = Line {
+            id,
+            image: path,
+            width,
+            height,
+            order: "xy",
+            scale: "pixels",
+            kind: &query.kind,
+            instruction: &query.instruction,
+            prompt: &query.prompt,
+            schema: reply_schema(&query.kind),
+            deadline_s: time.as_secs_f64(),
+        };
+        let line = serde_json::to_string(&line)
+            .map_err(|error| VlmError::Refused { model: program.clone(), reason: error.to_string() })?;
+        // Whatever it printed unasked, such as the progress of loading, is no answer.
+        running.discard();
+        (account.requests, account.bytes_sent) = (1, line.len() as u64);
+        running.send(line);
+        loop {
+            if request.cancel.is_cancelled() {
+                return Err(VlmError::Cancelled);
+            }
+            match running.next(LOOK_UP) {
+                Some(Said::Line(line)) => {
+                    if let Some(reply) = read_reply(&program, id, &line) {
+                        running.answered = true;
+                        return reply;
+                    }
+                }
+                Some(Said::End) => {
+                    let reason = running.why_ended();
+                    self.running = None;
+                    return Err(VlmError::Program { program, reason });
+                }
+                None if began.elapsed() < time => {}
+                None => {
+                    let stage = if running.answered || Instant::now() >= loaded {
+                        running.kill();
+                        self.running = None;
+                        // Started at once, so that it is ready when the next query comes.
+                        drop(self.running());
+                        "the program was killed and started again"
+                    } else {
+                        "the program has not answered since its start"
+                    };
+                    return Err(VlmError::Deadline { host: program, waited: began.elapsed(), stage: stage.to_owned() });
+                }
+            }
+        }
+    }
+}
+
+/// The reply to the request `id` in a line of a program; `None` if it is the reply to another request.
+///
+/// # Errors
+/// [`VlmError`] if the line is no reply, or says why there is none.
+#[must_use]
+pub fn read_reply(program: &str, id: u64, line: &str) -> Option<Result<String, VlmError>> {
+    let malformed = |reason: String| VlmError::Malformed { host: program.to_owned(), reason };
+    let mut object: Map<String, Value> = match serde_json::from_str(line) {
+        Ok(object) => object,
+        Err(error) => {
+            let shown = brief(quote(line));
+            return Some(Err(malformed(format!("its line is not a JSON object ({error}): {shown}"))));
+        }
+    };
+    match object.shift_remove("id").as_ref().and_then(Value::as_u64) {
+        Some(of) if of == id => {}
+        Some(of) => {
+            tracing::debug!(program, of, id, "dropped the reply to another request");
+            return None;
+        }
+        None => return Some(Err(malformed("its reply has no `id` of a request".to_owned()))),
+    }
+    if let Some(Value::String(reason)) = object.get("error") {
+        return Some(Err(VlmError::Program { program: program.to_owned(), reason: brief(quote(reason)) }));
+    }
+    Some(match (object.get("text"), object.len()) {
+        // Text as a model wrote it.
+        (Some(Value::String(text)), 1) => Ok(text.clone()),
+        _ => Ok(Value::Object(object).to_string()),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn replies_are_told_by_their_id() {
+        let of = |line: &str| read_reply("p", 3, line);
+        assert_eq!(of(r#"{"id":3,"status":"done","point":null}"#), Some(Ok(r#"{"status":"done","point":null}"#.to_owned())));
+        assert_eq!(of(r#"{"text":"{\"a\":1}","id":3}"#), Some(Ok(r#"{"a":1}"#.to_owned())));
+        assert_eq!(of(r#"{"id":2,"status":"done"}"#), None);
+        assert_eq!(of(r#"{"id":3,"error":"no GPU"}"#).unwrap().unwrap_err().to_string(), "`p` failed: no GPU");
+        for (line, why) in [("Loading…", "not a JSON object"), (r#"{"status":"done"}"#, "no `id`"), (r#"{"id":-3}"#, "no `id`")]
+        {
+            let error = of(line).unwrap().unwrap_err();
+            assert_eq!(error.code(), "malformed");
+            assert!(error.to_string().contains(why), "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_line_panics(line in "\\PC{0,200}") {
+            let _ = read_reply("p", 0, &line);
+        }
+    }
+
+    #[test]
+    fn commands_without_a_program_are_refused() {
+        for (command, why) in [
+            ("", "no program"),
+            ("  ", "no program"),
+            ("python3 'a", "unbalanced quotes"),
+            ("/no/such/program x", "cannot start"),
+        ] {
+            let error = Exec::start(command, ExecOptions::default()).err().unwrap();
+            assert!(error.to_string().contains(why), "{command}: {error}");
+        }
+    }
+}
