@@ -232,8 +232,8 @@ impl MotionEstimator {
         })
     }
 
-    /// What the position had lost by `time`, from the newest report not after it; see [`Odometry`]. That of the oldest report
-    /// kept, for an earlier time.
+    /// The drift of the position until `time`, from the newest report not after it (see [`Odometry`]); for an earlier
+    /// time, from the oldest report kept.
     #[must_use]
     pub fn odometry_at(&self, time: Time) -> Odometry {
         let after = self.past.partition_point(|&(at, ..)| at <= time);

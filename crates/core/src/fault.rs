@@ -123,7 +123,7 @@ pub enum Trouble {
     BatteryEmpty,
     /// The craft has no valid motion estimate: it refuses to fly to positions but still obeys velocities.
     ImuInvalid,
-    /// As [`ImuInvalid`](Self::ImuInvalid), and its telemetry reports no attitude.
+    /// Like [`ImuInvalid`](Self::ImuInvalid), but its telemetry also reports no attitude.
     ImuLost,
     /// The lens is covered: dark images with the sensor's noise.
     LensCovered,

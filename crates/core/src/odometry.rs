@@ -1,4 +1,4 @@
-//! What a position has lost between two times: the process noise of everything that is remembered in the world.
+//! Drift of a position between two times: the process noise of everything that is remembered in world coordinates.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// Relative error of a dead-reckoned distance: scale and direction of the velocity.
 pub(crate) const WAY_ERROR: f64 = 0.05;
 
-/// What the position source of a craft has lost since the start of the flight. Only differences mean something.
+/// Drift of a craft's position source since the start of the flight. Only differences are meaningful.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Odometry {
     /// Variance of a random walk on each horizontal axis, m².
@@ -19,7 +19,7 @@ pub struct Odometry {
     pub climb: f64,
 }
 
-/// What was lost between two times: variances on each axis, m².
+/// Drift between two times: variances along each axis, m².
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drift {
     /// On each horizontal axis.
@@ -29,7 +29,7 @@ pub struct Drift {
 }
 
 impl Odometry {
-    /// What was lost from `self` to `later`; nothing if `later` is earlier.
+    /// Drift from `self` to `later`; zero if `later` is earlier.
     #[must_use]
     pub fn drift_to(&self, later: Self) -> Drift {
         let gained = |from: f64, to: f64| (to - from).max(0.0);

@@ -71,7 +71,7 @@ fn on_cores() -> Result<f64, Failure> {
     Ok(sum)
 }
 
-/// What pictures took.
+/// Rendering times.
 struct Took {
     /// Wall time of each image, milliseconds, sorted.
     wall: Vec<f64>,

@@ -54,7 +54,7 @@ struct Cell {
 }
 
 impl Cell {
-    /// Merges the darkness of another object at a corner. Of grounds at different heights the darkest counts.
+    /// Merges the darkness of another object at a corner. Where grounds lie at different heights, the darkest is used.
     fn darken(&mut self, corner: u32, dark: u8, height: u32) {
         let darkest = self.corners.to_le_bytes().into_iter().max().unwrap_or(0);
         let other_ground = height.abs_diff(self.height) > (STEP * 100.0) as u32;

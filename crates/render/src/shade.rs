@@ -61,7 +61,7 @@ pub(crate) struct Place {
 
 /// Rays through eight pixels.
 struct Rays<S: Simd> {
-    /// With a component of 1 along the optical axis, and their lengths.
+    /// Rays with a component of 1 along the optical axis, and their lengths.
     ray: V3<F<S>>,
     length: F<S>,
     /// Unit vectors.

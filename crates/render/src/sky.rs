@@ -102,7 +102,7 @@ impl Sky {
         let c = to.dot_same(self.light.to_sun).max(0.0);
         let c2 = c * c;
         let c4 = c2 * c2;
-        // As the clear sky at the horizon.
+        // The colour of the clear sky at the horizon.
         let glow = V3::along(self.glow * 0.06, c4 * c4) + V3::along(self.sunset, self.sided(to));
         let veil = glow.plus_same(self.light.horizon);
         veil + (colour - veil) * clear

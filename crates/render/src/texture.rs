@@ -97,7 +97,7 @@ mod tests {
         for i in 0..40 {
             let at = Vec2::new(i as f32 * 0.137, i as f32 * 0.071);
             assert!((sample(&texture, at, Vec2::splat(0.2)).x - 0.5).abs() < 0.01);
-            // At a grazing angle too: wide along v alone.
+            // The same at a grazing angle: the footprint is wide only along v.
             assert!((sample(&texture, at, Vec2::new(0.03, 2.0)).x - 0.5).abs() < 0.01);
         }
     }

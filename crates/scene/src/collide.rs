@@ -120,7 +120,7 @@ impl Collider {
         Self::of_parts(&scene.parts)
     }
 
-    /// As [`Collider::new`], from the parts alone.
+    /// Like [`Collider::new`], but from the parts alone.
     ///
     /// # Errors
     /// As [`Collider::new`].

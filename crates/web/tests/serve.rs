@@ -127,7 +127,7 @@ impl Page {
         panic!("no text of type {kind} in {} s", PATIENCE.as_secs());
     }
 
-    /// The next picture.
+    /// The next image.
     fn show(&mut self) -> Shown {
         loop {
             if let Received::Image(shown) = self.next() {

@@ -218,7 +218,7 @@ impl TypeFly {
         // A completed part of the instruction counts like motion.
         self.moved |= stage > self.memory.stage.max(1);
         self.memory.stage = stage;
-        self.plan_again("the picture does not show that the instruction is fulfilled");
+        self.plan_again("the image does not show that the instruction is fulfilled");
         // A list of the current view is not outdated.
         if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { self.ask_list() }
     }
@@ -256,7 +256,7 @@ impl TypeFly {
         self.planning = Some(Planning { id: query.id, stream: ProgramStream::new(self.settings.precedence), begun: false });
         self.machine = Some(Machine::default());
         (self.waits, self.moved) = (Waits::No, false);
-        // Only for the program, which searches by itself.
+        // The angle turned is stated only in the prompt for a program, which searches by itself.
         self.memory.turned = 0.0;
         Step::Ask(Box::new(query))
     }

@@ -36,7 +36,7 @@ pub(super) enum Axis {
     Down,
 }
 
-/// What a box tells.
+/// A value of a box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Figure {
     X,

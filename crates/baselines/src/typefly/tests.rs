@@ -120,7 +120,7 @@ fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
     let list = query(told.ends(over, false));
     assert_eq!(list.kind, QueryKind::Detect { coco: false, scored: false });
     let sent = query(told.reply(&list, CAR));
-    assert!(sent.prompt.contains("It ended because: the picture does not show"), "{}", sent.prompt);
+    assert!(sent.prompt.contains("It ended because: the image does not show"), "{}", sent.prompt);
     motion(told.reply(&sent, "mf,50;->True;"));
     let over = told.moved();
     // A program that moved was useful; six in a row that did not move are not accepted.

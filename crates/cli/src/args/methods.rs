@@ -3,7 +3,7 @@
 use spf_bench::trial::Method;
 use spf_flight::policy::PolicyKind;
 
-/// Help of `--policy`: the names, those of one kind together.
+/// Help of `--policy`: the names, grouped by kind.
 pub(super) fn policies() -> String {
     let all = PolicyKind::all();
     let kinds = all.chunk_by(|one, next| one.words() == next.words()).map(|kind| {

@@ -9,7 +9,7 @@ use super::harness::{Lab, Run};
 
 /// A code block: fenced, or indented by four spaces.
 struct Block {
-    /// Of the first line of code, from 1.
+    /// Line number of the first line of code, from 1.
     line: usize,
     /// After the fence; empty for indented blocks.
     language: String,

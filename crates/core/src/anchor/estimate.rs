@@ -65,7 +65,7 @@ impl Estimate {
         spread * self.covariance * spread.transpose()
     }
 
-    /// With the error that the odometry has gained.
+    /// Adds the drift of the odometry.
     pub(super) fn drifted(&self, drift: Drift) -> Self {
         let noise = DMat3::from_diagonal(DVec3::new(drift.horizontal, drift.horizontal, drift.vertical));
         let back = self.spread().transpose() * libm::exp(-2.0 * self.ln_range);
@@ -151,7 +151,7 @@ impl Estimate {
         let before = self.seen_from(sighting.from);
         let here = before.range_sd / before.range.max(1e-6);
         let origin = libm::sqrt(self.covariance.z_axis.z);
-        // What the sighting itself tells of the range counts as well.
+        // The range information in the sighting itself is used as well.
         let told = sighting.range.map_or(0.0, |range| here * here / (range.sigma * range.sigma));
         let off = (here - origin) * (here - origin) / (1.0 + told);
         libm::exp((2.0 * off).min(2.0))

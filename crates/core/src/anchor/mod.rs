@@ -55,7 +55,7 @@ impl Default for AnchorSettings {
     }
 }
 
-/// What became of a sighting.
+/// Outcome of a sighting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Gate {
@@ -141,7 +141,7 @@ impl Anchor {
         self.estimate.position()
     }
 
-    /// The anchor as seen from `at`; the uncertainty includes what the odometry has lost since the last sighting.
+    /// The anchor as seen from `at`; the uncertainty includes the odometry's drift since the last sighting.
     #[must_use]
     pub fn seen_from(&self, at: EnuPosition, odometry: Odometry) -> Sight {
         self.estimate.drifted(self.odometry.drift_to(odometry)).seen_from(at)

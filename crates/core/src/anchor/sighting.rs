@@ -1,4 +1,4 @@
-//! Sightings: what one reply says about where the target is.
+//! Sightings: what one reply indicates about the target's position.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -31,7 +31,7 @@ pub struct Sighting {
     pub stage: u32,
     /// Position of the craft at capture.
     pub from: EnuPosition,
-    /// What its odometry had lost by then.
+    /// Error accumulated by the craft's odometry until then.
     pub odometry: Odometry,
     /// Unit vector towards the target.
     pub direction: EnuDirection,
@@ -41,7 +41,7 @@ pub struct Sighting {
     pub range: Option<RangeReading>,
 }
 
-/// How far replies are believed.
+/// How much replies are trusted.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Trust {
     /// Standard deviation of a point, as a fraction of the image width.

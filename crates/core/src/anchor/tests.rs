@@ -213,7 +213,7 @@ fn nees_of(seed: u64, approach: Approach) -> f64 {
     let (mut truth, bearing_sigma, sigma) = (at(3.0, 40.0, 4.0), 0.02, 0.25);
     for step in 0..15 {
         let fraction = f64::from(step) / 14.0;
-        // In the frame of an odometry that walks, the target walks.
+        // In the frame of a drifting odometry, the target drifts.
         odometry.horizontal += approach.walk * 1.5;
         odometry.vertical += approach.walk * 1.5;
         let kick = libm::sqrt(approach.walk * 1.5);
@@ -241,8 +241,8 @@ fn nees_of(seed: u64, approach: Approach) -> f64 {
     anchors.anchor().unwrap().nees(truth)
 }
 
-/// Mean of χ² with 3 degrees of freedom over 1000 flights: 3 ± 1.96·√(6/1000), the 95 % bounds. A range that after one label
-/// only parallax tells stays a little optimistic; replies give a label each time.
+/// Mean of χ² with 3 degrees of freedom over 1000 flights: 3 ± 1.96·√(6/1000), the 95 % bounds. A range known from one
+/// label and then only from parallax stays slightly overconfident; replies give a label each time.
 #[test]
 fn the_stated_uncertainty_is_the_real_one() {
     let flights = 1000_u32;

@@ -21,7 +21,7 @@ pub fn is_clear_vertically(camera: &Camera, attitude: Attitude, boxes: &[Obstacl
         let level = lift(along, camera, attitude, Lifting::Levelled);
         // The lowest label also stands for anything nearer than its interval.
         let near = if obstacle.depth <= 1 { 0.0 } else { near_edge(obstacle) };
-        // A label is a distance along the line of sight. At the edge of the frame, that is this high above or far below
+        // A label is a distance along the line of sight. At the edge of the frame, this is its height above or below
         // the craft.
         let away = near * level.up * climb.signum() / level.length();
         reaches && away < climb.abs() + clearance

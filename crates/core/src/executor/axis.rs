@@ -23,8 +23,8 @@ impl Rules {
 /// One axis of a motion: its speed, and whether it has arrived.
 ///
 /// The axis moves until a stop would end within `fine` of the goal, or beyond it. It then waits until the craft has
-/// come to rest, and moves again only if it rests farther than `coarse` away. Correcting immediately would make a craft
-/// oscillate that responds later than its parameters say.
+/// come to rest, and moves again only if it rests farther than `coarse` away. Immediate correction would cause
+/// oscillation in a craft that responds later than its parameters state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Axis {
     preset: f64,

@@ -117,7 +117,7 @@ impl Response {
         }
     }
 
-    /// The response of a craft that follows its commands instantly. With it, a plan ends by time alone.
+    /// The response of a craft that follows its commands instantly. With this response, a plan ends after a fixed time.
     pub(crate) const fn ideal() -> Self {
         // The limit is finite, since infinity times zero lag would be NaN.
         let axis = AxisResponse { lag: 0.0, acceleration: 1e12 };

@@ -85,9 +85,9 @@ pub struct Pilot {
     manual: Option<(Setpoint, Time)>,
     /// The operator's last setpoint.
     last_manual: Option<Time>,
-    /// Since when the flight time limit counts; advanced by the time flown by hand.
+    /// Time from which flight time is counted; advanced by the time flown by hand.
     counted_from: Time,
-    /// Up to when the flight time is counted.
+    /// Time up to which flight time is counted.
     counted_to: Time,
     /// Decisions made before the current instruction, which do not count against the limit.
     earlier_decisions: u32,

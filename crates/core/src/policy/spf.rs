@@ -77,7 +77,7 @@ impl Report {
     /// Whether a climb from `pose`, negative for a descent, is clear of these obstacles.
     fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
         let View { camera, pose: seen, .. } = self.view;
-        // To the same end, from where the view was taken.
+        // The same end height, relative to where the view was taken.
         let from_there = climb + pose.position.up - seen.position.up;
         from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance)
     }

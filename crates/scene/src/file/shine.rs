@@ -53,7 +53,7 @@ pub(super) fn add(
         return Err(source.error(at, format!("more than {MAX_LAMPS} lamps"), Some(hint.to_owned())));
     }
     let Lamp { position, colour, reach } = bulb.lamp;
-    // As bright at the scaled distances.
+    // Equally bright at the scaled distances.
     shining.light.lamps.push(Lamp { position: to_world(position), colour: colour * (scale * scale), reach: reach * scale });
     Ok(())
 }

@@ -251,7 +251,7 @@ mod tests {
 
     #[test]
     fn normals_follow_an_uneven_scale() {
-        // A slope of 45 degrees stretched to twice its width: its normal stands up.
+        // A slope of 45 degrees stretched to twice its width: its normal becomes steeper.
         let turn = DMat3::from_diagonal(DVec3::new(2.0, 1.0, 1.0));
         let normal = (normal_matrix(turn) * DVec3::new(1.0, 0.0, 1.0)).normalize();
         assert!((normal - DVec3::new(1.0, 0.0, 2.0).normalize()).length() < 1e-12);

@@ -28,7 +28,7 @@ impl Generator for StreetLamp {
         body.rod(Vec3::new(0.0, 0.35 * arm, h - 0.08), Vec3::new(0.0, arm, h), 0.06, 0.05, 8);
         body.block(Vec3::new(0.0, arm + 0.35, h - 0.03), Vec3::new(0.34, 1.0, 0.14));
         sketch.on("lamp").block(Vec3::new(0.0, arm + 0.38, h - 0.1), Vec3::new(0.27, 0.8, 0.07));
-        // As bright on the ground below at any height of the lamp.
+        // Equally bright on the ground below at any height of the lamp.
         sketch.lamp(Vec3::new(0.0, arm + 0.38, h - 0.16), Vec3::new(1.0, 0.78, 0.46) * (0.8 * h * h), 3.0 * h);
         let ring = (0..8).map(|i| on_circle(i as f32 / 8.0, 0.2, 0.0).truncate()).collect();
         sketch.outline.push(ring);

@@ -37,7 +37,7 @@ pub(crate) struct Surface {
 /// A lamp of a generator.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bulb {
-    /// As [`Lamp`], in the local frame.
+    /// Like [`Lamp`], but in the local frame.
     pub(crate) lamp: Lamp,
     /// Shines by day too.
     pub(crate) always: bool,

@@ -27,7 +27,7 @@ struct Row {
 }
 
 impl Row {
-    /// As a row of the table.
+    /// Formatted as a row of the table.
     fn line(&self) -> String {
         let number = |value: f64| format!("{value:.3}").trim_end_matches('0').trim_end_matches('.').to_owned();
         let spread = match self.spread {

@@ -125,7 +125,7 @@ fn is_of(record: &Record, vlm: &str) -> bool {
 /// Tasks that are not built in: id and file.
 type Files = BTreeMap<String, String>;
 
-/// The tasks, and those of them that are files.
+/// All selected tasks, and the files of those that are not built in.
 fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
     let (mut tasks, mut files) = (Vec::new(), Files::new());
     if let Some(name) = &args.suite {

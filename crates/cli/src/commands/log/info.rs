@@ -16,7 +16,7 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line, table};
 
-/// What a log holds.
+/// Contents of a log.
 #[derive(Debug, Default, Serialize)]
 struct Content {
     format: u32,

@@ -15,7 +15,7 @@ use crate::vlm::{AHEAD, DONE, KEY};
 pub(super) struct Served(Child);
 
 impl Served {
-    /// At an address of its own, so that tests do not meet.
+    /// Each at its own address, so that tests do not interfere.
     pub(super) fn start(lab: &Lab, address: &str, args: &[&str]) -> Self {
         let all = [&["sim", "serve", "--tello", "--listen", address][..], args].concat();
         let mut child = lab.command(&all).spawn().unwrap();

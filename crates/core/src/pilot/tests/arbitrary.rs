@@ -15,7 +15,7 @@ use crate::query::QueryKind;
 /// The possible events.
 #[derive(Clone, Debug)]
 enum Happens {
-    /// Time passes, milliseconds; the pilot is polled when it wants to be.
+    /// Time passes, milliseconds; the pilot is polled at the times that it requests.
     Time(u64),
     /// A frame of `age` milliseconds ago; `fresh` counts the capture counter on.
     Frame {
@@ -466,7 +466,7 @@ proptest! {
     }
 }
 
-/// The property would hold for a pilot that never moves: without obstacles this one does.
+/// A pilot that never moves would pass too, so this one must move when there are no obstacles.
 #[test]
 fn the_property_is_one_of_a_pilot_that_moves() {
     for (preset, own, least) in [(Preset::Default, false, 20), (Preset::Paper, false, 20), (Preset::Default, true, 2)] {

@@ -43,8 +43,8 @@ impl Link {
         self.held_silent = false;
     }
 
-    /// Ends any motion of the craft: zero, then `land`, repeated until it stands on the ground. For a program that
-    /// ends.
+    /// Ends any motion of the craft: zero, then `land`, repeated until it stands on the ground. Used when the program
+    /// exits.
     pub fn leave(&mut self, now: Time) {
         if self.is_airborne() && self.land_again.is_none() {
             self.begin_landing(now);

@@ -312,7 +312,7 @@ impl Link {
             Stage::Submitted => {
                 flown.stage = Stage::Stopping;
                 self.conversation.interrupt(now, manoeuvre::stop());
-                // In addition, for a drone on which stick input also ends a manoeuvre.
+                // Sent in addition, for a drone on which stick input also ends a manoeuvre.
                 self.sticks.set([0; 4], now);
                 self.sent.push_back((now, Setpoint::HOLD));
             }

@@ -203,7 +203,7 @@ fn a_lost_take_off_is_given_up_within_ten_seconds() {
     bench.run(1000, true);
     bench.apply(Command::TakeOff);
     bench.run(6500, true);
-    // As a drone on the ground answers `land`.
+    // The response to `land` of a drone on the ground.
     assert!(bench.count("land") >= 1 && bench.notices().contains(&Notice::NoTakeOff));
     bench.run(2500, true);
     assert_eq!((bench.link.phase, bench.count("takeoff")), (FlightPhase::OnGround, 1));
