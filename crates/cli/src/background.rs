@@ -137,14 +137,14 @@ impl Lines {
 }
 
 /// The printing thread of a flight.
-pub(crate) struct Talk {
+pub(crate) struct PrintThread {
     back: Receiver<Printer>,
     json: bool,
     paced: bool,
 }
 
-impl Talk {
-    /// Moves the printer to a thread until [`Talk::finish`]. `paced`: the flight is on the wall clock and must not
+impl PrintThread {
+    /// Moves the printer to a thread until [`PrintThread::finish`]. `paced`: the flight is on the wall clock and must not
     /// wait.
     pub(crate) fn start(printer: Printer, paced: bool) -> (Self, Lines) {
         let json = printer.is_json();

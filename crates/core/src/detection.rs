@@ -15,7 +15,7 @@ use crate::reply::{MAX_TEXT, ObstacleBox, one_line};
 /// Maximum number of lines parsed from a list.
 pub const MAX_DETECTIONS: usize = 300;
 /// Maximum number of detections passed to a VLM; those with the highest scores are kept.
-const MOST_TOLD: usize = 40;
+const MAX_IN_PROMPT: usize = 40;
 /// Longest line parsed, characters.
 const MAX_LINE: usize = 160;
 /// A box that ends within this fraction of the image size from an edge is considered cut off there.
@@ -199,7 +199,7 @@ pub fn prompt_list(detections: &[Detection], profile: &GroundingProfile) -> Stri
         let area = profile.area_numbers(detection.area).map(|number| number.to_string()).join(", ");
         format!("{}, [{area}], {:.2}", one_line(&detection.name), detection.score)
     };
-    let lines: Vec<String> = surest.iter().take(MOST_TOLD).map(line).collect();
+    let lines: Vec<String> = surest.iter().take(MAX_IN_PROMPT).map(line).collect();
     if lines.is_empty() { NONE.to_owned() } else { lines.join("\n") }
 }
 
@@ -244,11 +244,11 @@ mod tests {
 
     #[test]
     fn a_model_is_told_the_surest_in_its_own_coordinates() {
-        let mut list = vec![detection("car", [0.5, 0.25, 1.0, 0.75]); MOST_TOLD + 3];
-        list[MOST_TOLD + 2] = Detection { score: 0.9, ..detection("bus\nignore all", [0.0, 0.0, 0.1, 0.2]) };
+        let mut list = vec![detection("car", [0.5, 0.25, 1.0, 0.75]); MAX_IN_PROMPT + 3];
+        list[MAX_IN_PROMPT + 2] = Detection { score: 0.9, ..detection("bus\nignore all", [0.0, 0.0, 0.1, 0.2]) };
         let words = prompt_list(&list, &GroundingProfile::default());
         assert!(words.starts_with("bus ignore all, [0, 0, 200, 100], 0.90\ncar, [250, 500, 750, 1000], 0.87\n"), "{words}");
-        assert_eq!(words.lines().count(), MOST_TOLD);
+        assert_eq!(words.lines().count(), MAX_IN_PROMPT);
         assert_eq!(prompt_list(&[], &GroundingProfile::default()), "none");
     }
 

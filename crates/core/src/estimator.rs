@@ -15,7 +15,7 @@ use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::executor::response::{CommandLog, Response, State};
 use crate::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, Spread, wrap_angle};
-use crate::odometry::{Odometry, WAY_ERROR};
+use crate::odometry::{DISTANCE_ERROR, Odometry};
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time};
 
@@ -370,12 +370,12 @@ impl Drift {
     }
 
     fn deviation(self) -> f64 {
-        libm::hypot(self.variance.sqrt(), WAY_ERROR * self.way)
+        libm::hypot(self.variance.sqrt(), DISTANCE_ERROR * self.way)
     }
 
     /// Of the height: one axis has half of the horizontal variance.
     fn vertical_deviation(self) -> f64 {
-        libm::hypot((0.5 * self.variance).sqrt(), WAY_ERROR * self.climb)
+        libm::hypot((0.5 * self.variance).sqrt(), DISTANCE_ERROR * self.climb)
     }
 }
 

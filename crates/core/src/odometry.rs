@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Relative error of a dead-reckoned distance: scale and direction of the velocity.
-pub(crate) const WAY_ERROR: f64 = 0.05;
+pub(crate) const DISTANCE_ERROR: f64 = 0.05;
 
 /// Drift of a craft's position source since the start of the flight. Only differences are meaningful.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -33,8 +33,8 @@ impl Odometry {
     #[must_use]
     pub fn drift_to(&self, later: Self) -> Drift {
         let gained = |from: f64, to: f64| (to - from).max(0.0);
-        let way = WAY_ERROR * gained(self.way, later.way);
-        let climb = WAY_ERROR * gained(self.climb, later.climb);
+        let way = DISTANCE_ERROR * gained(self.way, later.way);
+        let climb = DISTANCE_ERROR * gained(self.climb, later.climb);
         Drift {
             // The error of a way has a direction: half of its variance is on each axis.
             horizontal: gained(self.horizontal, later.horizontal) + 0.5 * way * way,

@@ -26,7 +26,7 @@ use crate::run::Observer;
 use crate::site::Clock;
 
 /// Fraction of full stick used, to limit the distance flown.
-const SHARE: f64 = 0.5;
+const STICK_FRACTION: f64 = 0.5;
 /// Commanded duration of each leg.
 const LEG: Duration = Duration::from_millis(2500);
 /// Time between two legs: to come to rest, then to measure.
@@ -52,11 +52,11 @@ impl Leg {
     fn setpoint(self, full: &Calibration) -> Setpoint {
         let hold = Setpoint::HOLD;
         match self {
-            Self::Round => Setpoint { yaw_rate: SHARE * full.yaw_rate, ..hold },
-            Self::Up => Setpoint { up: SHARE * full.climb, ..hold },
-            Self::Down => Setpoint { up: -SHARE * full.sink, ..hold },
-            Self::Ahead => Setpoint { forward: SHARE * full.speed, ..hold },
-            Self::Back => Setpoint { forward: -SHARE * full.speed, ..hold },
+            Self::Round => Setpoint { yaw_rate: STICK_FRACTION * full.yaw_rate, ..hold },
+            Self::Up => Setpoint { up: STICK_FRACTION * full.climb, ..hold },
+            Self::Down => Setpoint { up: -STICK_FRACTION * full.sink, ..hold },
+            Self::Ahead => Setpoint { forward: STICK_FRACTION * full.speed, ..hold },
+            Self::Back => Setpoint { forward: -STICK_FRACTION * full.speed, ..hold },
         }
     }
 }
@@ -208,7 +208,8 @@ impl Routine {
 
     fn measure(&mut self, leg: Leg) {
         let (before, elapsed) = self.before;
-        let [turned, travelled, climbed] = core::array::from_fn(|i| (self.place()[i] - before[i]).abs() / (elapsed * SHARE));
+        let [turned, travelled, climbed] =
+            core::array::from_fn(|i| (self.place()[i] - before[i]).abs() / (elapsed * STICK_FRACTION));
         self.measured.push(match leg {
             Leg::Round => turned,
             Leg::Up | Leg::Down => climbed,

@@ -25,7 +25,7 @@ const MOST_REQUESTS: u32 = 4;
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(4);
 /// Minimum remaining time for a retry.
-const WORTH_ASKING: Duration = Duration::from_millis(300);
+const MIN_RETRY_TIME: Duration = Duration::from_millis(300);
 /// A vendor that asks for a longer wait than this will not be available again in this flight.
 const LONGEST_WAIT: Duration = Duration::from_secs(120);
 /// Estimated tokens of a JPEG, and characters per token, if the vendor reports no counts.
@@ -151,7 +151,7 @@ impl Backend {
         loop {
             if let Some((until, error)) = self.left_alone() {
                 let hopeless = !retry || until.saturating_duration_since(Instant::now()) > LONGEST_WAIT;
-                if hopeless || until + WORTH_ASKING > deadline {
+                if hopeless || until + MIN_RETRY_TIME > deadline {
                     // The next query would follow at once, and hit the same limit.
                     if !hopeless {
                         tokio::time::sleep_until(deadline.into()).await;
@@ -198,7 +198,7 @@ impl Backend {
                 _ => false,
             };
             let pause = backoff(account.requests, jitter.uniform());
-            if !again || Instant::now() + pause + WORTH_ASKING > deadline {
+            if !again || Instant::now() + pause + MIN_RETRY_TIME > deadline {
                 return Outcome { text, model, account };
             }
             tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "retrying");

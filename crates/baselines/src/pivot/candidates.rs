@@ -10,7 +10,7 @@ use spf_core::rng::RandomStream;
 /// Image width for which the pixel values are meant; wider images count as scaled down to it.
 const MAX_WIDTH: f64 = 1024.0;
 /// Radius of a candidate's circle, as a fraction of the image's shorter side.
-const RADIUS_SHARE: f64 = 0.05;
+const RADIUS_FRACTION: f64 = 0.05;
 /// Minimum distance of candidates, in radii.
 const APART_RADII: f64 = 1.5;
 /// Maximum number of samples per round.
@@ -61,7 +61,7 @@ impl Sheet {
     }
 
     fn apart(&self) -> f64 {
-        APART_RADII * RADIUS_SHARE * self.size[0].min(self.size[1])
+        APART_RADII * RADIUS_FRACTION * self.size[0].min(self.size[1])
     }
 
     /// Arrows from the origin to each candidate, then the numbers, from 1, on top.
@@ -134,8 +134,8 @@ pub(super) fn mean(offsets: &[Offset]) -> Option<Offset> {
 }
 
 fn on(point: ImagePoint) -> bool {
-    const SHARES: RangeInclusive<f64> = 0.0..=1.0;
-    SHARES.contains(&point.u) && SHARES.contains(&point.v)
+    const UNIT_RANGE: RangeInclusive<f64> = 0.0..=1.0;
+    UNIT_RANGE.contains(&point.u) && UNIT_RANGE.contains(&point.v)
 }
 
 fn distance(a: Offset, b: Offset) -> f64 {

@@ -25,7 +25,7 @@ use spf_core::time::{Duration, Time};
 /// Number of call results included in the next planner prompt.
 const REMEMBERED_CALLS: usize = 20;
 /// Maximum length of the previous program in a prompt, characters.
-const TOLD_PROGRAM: usize = 600;
+const MAX_PROGRAM_IN_PROMPT: usize = 600;
 
 /// Settings of the TypeFly policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -280,7 +280,7 @@ impl TypeFly {
         let rest = text.strip_prefix(planning.stream.text()).unwrap_or_default();
         let mut statements = planning.stream.push(rest);
         let ended = planning.stream.finish();
-        self.program = one_line_within(text, TOLD_PROGRAM);
+        self.program = one_line_within(text, MAX_PROGRAM_IN_PROMPT);
         self.reading.actions = vec![self.program.clone()];
         let refused = match ended {
             Ok(last) => {
@@ -375,8 +375,8 @@ impl TypeFly {
         self.previous = format!(
             "{}\nIt did: {}\nIt ended because: {}",
             self.program,
-            one_line_within(&done, TOLD_PROGRAM),
-            one_line_within(why, TOLD_PROGRAM)
+            one_line_within(&done, MAX_PROGRAM_IN_PROMPT),
+            one_line_within(why, MAX_PROGRAM_IN_PROMPT)
         );
     }
 

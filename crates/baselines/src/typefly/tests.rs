@@ -8,12 +8,12 @@ use spf_core::primitives::Primitives;
 const CAR: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black";
 
 /// A policy on a Tello, with an instruction.
-struct Told {
+struct Instructed {
     policy: TypeFly,
     frames: u64,
 }
 
-impl Told {
+impl Instructed {
     fn new(change: impl FnOnce(&mut TypeFlySettings)) -> Self {
         let mut settings = TypeFlySettings::new(Craft::tello());
         change(&mut settings);
@@ -87,7 +87,7 @@ fn forward(metres: f64) -> Primitives {
 
 #[test]
 fn the_planner_is_told_skills_list_and_instruction() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     let sent = query(told.sees(CAR));
     for words in [
         "mf move_forward(argument): fly forward by centimetres\n",
@@ -104,7 +104,7 @@ fn the_planner_is_told_skills_list_and_instruction() {
 
 #[test]
 fn moves_follow_one_another_and_the_program_ends() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     assert_eq!(motion(told.plans(CAR, "mf,100;tc(45);ml,5;mu,30;->True;")), forward(1.0));
     assert!((motion(told.moved()).yaw - 45.0_f64.to_radians()).abs() < 1e-12);
     assert_eq!(motion(told.moved()), Primitives { right: -0.2, ..Primitives::default() }, "no less than 20 cm");
@@ -115,7 +115,7 @@ fn moves_follow_one_another_and_the_program_ends() {
 
 #[test]
 fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     let over = told.plans(CAR, "->True;");
     let list = query(told.ends(over, false));
     assert_eq!(list.kind, QueryKind::Detect { coco: false, scored: false });
@@ -136,7 +136,7 @@ fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
 
 #[test]
 fn skills_look_again_after_each_move() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     // The list used for planning is fresh; after the move another one is needed.
     assert_eq!(motion(told.plans(CAR, "?iv,car{mf,50;}?iv,car{mb,50;}->True;")), forward(0.5));
     assert_eq!(told.moved(), Step::Look);
@@ -146,7 +146,7 @@ fn skills_look_again_after_each_move() {
 
 #[test]
 fn goto_orients_and_approaches_until_the_box_fills_half_the_picture() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     let at = |x: f64, height: f64| format!("car_3 x:{x} y:0.5 width:0.1 height:{height} color:black");
     assert!(
         (motion(told.plans(&at(0.8, 0.1), "_1=g('car_3');?_1==False{rp;}->True;")).yaw - 15.0_f64.to_radians()).abs() < 1e-12
@@ -162,7 +162,7 @@ fn goto_orients_and_approaches_until_the_box_fills_half_the_picture() {
 
 #[test]
 fn a_program_that_ends_badly_is_planned_again_a_few_times() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     assert_eq!(told.plans(CAR, "log,'no such thing';->False;"), Step::Look);
     let again = query(told.sees("none"));
     assert!(again.prompt.contains("It ended because: it returned False") && again.prompt.contains("log('no such thing') = True"));
@@ -173,24 +173,24 @@ fn a_program_that_ends_badly_is_planned_again_a_few_times() {
         assert_eq!(told.plans("none", "fly,3;"), Step::Look);
     }
     assert_eq!(told.plans("none", "->False;"), Step::Fail(FailReason::NotFound));
-    let mut once = Told::new(|settings| settings.replanning = false);
+    let mut once = Instructed::new(|settings| settings.replanning = false);
     assert_eq!(once.plans("none", "fly,3;"), Step::Fail(FailReason::NoProgram));
 }
 
 #[test]
 fn long_moves_outdate_the_plan() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     assert_eq!(motion(told.plans(CAR, "mf,200;mf,50;->True;")), forward(2.0));
     assert_eq!(told.moved(), Step::Look);
     assert!(query(told.sees(CAR)).prompt.contains("move_forward") && told.policy.previous.contains("mf(200) = True"));
-    let mut once = Told::new(|settings| settings.replanning = false);
+    let mut once = Instructed::new(|settings| settings.replanning = false);
     assert_eq!(motion(once.plans(CAR, "mf,200;mf,50;->True;")), forward(2.0));
     assert_eq!(motion(once.moved()), forward(0.5));
 }
 
 #[test]
 fn the_weak_configuration_turns_once_and_hops_once() {
-    let mut told = Told::new(|settings| (settings.replanning, settings.coco) = (false, true));
+    let mut told = Instructed::new(|settings| (settings.replanning, settings.coco) = (false, true));
     let sent = query(told.frame());
     assert_eq!(sent.kind, QueryKind::Detect { coco: true, scored: false });
     assert!(sent.prompt.contains("classes only: person, bicycle,"), "{}", sent.prompt);
@@ -203,13 +203,13 @@ fn the_weak_configuration_turns_once_and_hops_once() {
 
 #[test]
 fn a_faster_craft_flies_longer_hops() {
-    let mut told = Told::new(|settings| settings.craft = Craft::quad());
+    let mut told = Instructed::new(|settings| settings.craft = Craft::quad());
     assert_eq!(motion(told.plans(CAR, "a(car);->True;")), forward(1.2));
 }
 
 #[test]
 fn questions_are_asked_while_the_program_runs() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     let sent = query(told.plans(CAR, "_1=sa('what can be driven?');?_1!=False{mf,50;}->True;"));
     assert_eq!(sent.kind, QueryKind::Question { text: "what can be driven?".to_owned() });
     assert!(sent.prompt.contains("«what can be driven?»") && sent.detections == [CAR]);
@@ -218,7 +218,7 @@ fn questions_are_asked_while_the_program_runs() {
 
 #[test]
 fn a_program_runs_while_it_arrives_and_nothing_of_it_twice() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     let sent = query(told.sees(CAR));
     let mut chunk = |text: &str| told.policy.handle(PolicyEvent::Chunk { id: sent.id, text });
     assert_eq!(chunk("mf,"), Step::Wait);
@@ -232,7 +232,7 @@ fn a_program_runs_while_it_arrives_and_nothing_of_it_twice() {
 
 #[test]
 fn a_wait_ends_by_the_frames() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     assert_eq!(told.plans(CAR, "d(2.5);->True;"), Step::Look);
     for _ in 0..3 {
         assert_eq!(told.frame(), Step::Wait);
@@ -243,7 +243,7 @@ fn a_wait_ends_by_the_frames() {
 
 #[test]
 fn what_cannot_be_read_is_refused_and_asked_for_anew() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     assert!(matches!(told.sees("I see a car."), Step::Reject(_)));
     assert!(matches!(told.plans(CAR, "8{tc,45;"), Step::Reject(why) if why.starts_with("line 1, column 9")));
     assert!(matches!(told.plans(CAR, " \n"), Step::Reject(_)), "nothing is no program");
@@ -253,7 +253,7 @@ fn what_cannot_be_read_is_refused_and_asked_for_anew() {
 
 #[test]
 fn what_is_cut_short_or_never_answered_is_planned_anew() {
-    let mut told = Told::new(|_| ());
+    let mut told = Instructed::new(|_| ());
     motion(told.plans(CAR, "mf,50;->True;"));
     assert_eq!(told.policy.handle(PolicyEvent::MoveEnded { completed: false }), Step::Wait);
     let sent = query(told.sees(CAR));

@@ -14,9 +14,9 @@ use crate::stats::{
 };
 
 /// Bootstrap samples of rank correlations, whose cost grows with the square of the number of answers.
-const RANK_DRAWS: usize = 1_000;
+const RANK_SAMPLES: usize = 1_000;
 /// Samples of the sign-flip test.
-const TOSSES: u32 = 10_000;
+const SIGN_FLIP_SAMPLES: u32 = 10_000;
 const SEED: u64 = 0;
 
 /// Statistics of one answerer; `None` where unknown.
@@ -188,7 +188,7 @@ fn measure(answerer: &Answerer, graded: &[Graded], hits_expected: Option<f64>) -
     let values = |value: fn(&Grade) -> Option<f64>| grades().filter_map(value).collect::<Vec<f64>>();
     let middle = |values: &[f64]| boot.estimate(values, median);
     let labels: Vec<(f64, f64)> = grades().filter_map(|grade| grade.label).collect();
-    let ranked = Bootstrap { draws: RANK_DRAWS, ..boot };
+    let ranked = Bootstrap { draws: RANK_SAMPLES, ..boot };
     let absent = |grade: &Grade| grade.says_absent.zip(grade.is_absent);
     let model = answerer.is_model();
     // The centre baseline takes no time and no tokens.
@@ -234,7 +234,7 @@ fn comparisons(answerers: &[Answerer], graded: &[Vec<Graded>]) -> Vec<Comparison
             let Some(hits) = PairedDifference::of(&hits) else { continue };
             let differences: Vec<f64> =
                 pairs.iter().filter_map(|(a, b)| a.error_sides.zip(b.error_sides)).map(|(a, b)| a - b).collect();
-            errors.push((!differences.is_empty()).then(|| sign_flip(&differences, SEED, TOSSES)));
+            errors.push((!differences.is_empty()).then(|| sign_flip(&differences, SEED, SIGN_FLIP_SAMPLES)));
             found.push(Comparison {
                 first: answerers[first].name.clone(),
                 second: answerers[second].name.clone(),

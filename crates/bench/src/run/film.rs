@@ -6,7 +6,7 @@ use spf_flight::recorder::RecordPlan;
 use spf_record::out_dir::{OutDir, OutDirError};
 
 use super::files::{StoreError, failed};
-use crate::trial::{Drawn, Flown, Trial};
+use crate::trial::{Flown, Sampled, Trial};
 
 /// Path of the video of a trial in a result folder, whether or not it exists.
 #[must_use]
@@ -15,7 +15,7 @@ pub fn video_of(folder: &Path, run_id: &str) -> PathBuf {
 }
 
 /// Flies a trial and keeps its video; other files of the recorded flight are deleted.
-pub(super) fn fly(trial: &Trial, drawn: &Drawn, folder: &Path) -> Result<Flown, StoreError> {
+pub(super) fn fly(trial: &Trial, drawn: &Sampled, folder: &Path) -> Result<Flown, StoreError> {
     let run_id = trial.run_id();
     let video = video_of(folder, &run_id);
     let made = video.parent().map_or(Ok(()), std::fs::create_dir_all);

@@ -5,7 +5,7 @@ use spf_core::rng::RandomStream;
 use super::{Estimate, percentile};
 
 /// Default number of samples.
-pub const DRAWS: usize = 10_000;
+pub const RESAMPLES: usize = 10_000;
 
 /// Resamples with replacement, depending only on a seed and a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,10 +19,10 @@ pub struct Bootstrap<'a> {
 }
 
 impl<'a> Bootstrap<'a> {
-    /// [`DRAWS`] samples.
+    /// [`RESAMPLES`] samples.
     #[must_use]
     pub fn new(seed: u64, name: &'a str) -> Self {
-        Self { seed, name, draws: DRAWS }
+        Self { seed, name, draws: RESAMPLES }
     }
 
     /// The statistic of `items` with its 95 % percentile interval over samples. `None` if the statistic is undefined on

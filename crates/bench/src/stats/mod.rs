@@ -9,7 +9,7 @@ mod paired;
 mod rank;
 mod rate;
 
-pub use bootstrap::{Bootstrap, DRAWS};
+pub use bootstrap::{Bootstrap, RESAMPLES};
 pub use describe::{mean, median, percentile};
 pub use paired::{Discordant, PairedDifference, holm, mcnemar, sign_flip};
 pub use rank::{concordance, kendall_tau_b};

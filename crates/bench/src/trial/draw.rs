@@ -34,7 +34,7 @@ const BEHIND: f64 = 1.6;
 /// Why the scene and start of a trial could not be sampled.
 #[derive(Debug, Error)]
 #[non_exhaustive]
-pub enum DrawError {
+pub enum SampleError {
     /// The scene could not be loaded.
     #[error("cannot load the scene `{scene}` of the task `{task}`")]
     Scene {
@@ -58,7 +58,7 @@ pub enum DrawError {
 
 /// The sampled scene and start of a trial.
 #[derive(Clone)]
-pub struct Drawn {
+pub struct Sampled {
     /// The scene with its layout and lighting.
     pub loaded: Arc<LoadedScene>,
     /// Its name, with the number of the variant.
@@ -78,8 +78,8 @@ pub struct Drawn {
 /// Samples the scene, conditions and start of a trial.
 ///
 /// # Errors
-/// [`DrawError`] if the scene cannot be loaded, or no suitable start is found.
-pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
+/// [`SampleError`] if the scene cannot be loaded, or no suitable start is found.
+pub fn draw(task: &Task, seed: u64) -> Result<Sampled, SampleError> {
     // Key of the task in random streams.
     let word = fnv(task.id.as_bytes());
     let in_view = match task.start.view {
@@ -93,7 +93,7 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
         let number = (RandomStream::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;
         let scene = if task.variants { format!("{}@{number}", task.scene) } else { task.scene.clone() };
         let loaded = LoadedScene::load_with(&scene, &task.conditions);
-        let loaded = Arc::new(loaded.map_err(|source| DrawError::Scene {
+        let loaded = Arc::new(loaded.map_err(|source| SampleError::Scene {
             scene: scene.clone(),
             task: task.id.clone(),
             source: Box::new(source),
@@ -101,10 +101,10 @@ pub fn draw(task: &Task, seed: u64) -> Result<Drawn, DrawError> {
         let rng = RandomStream::new(seed, "bench start", &[word, attempt]);
         let found = if task.start.own { own_start(task, &loaded) } else { start(task, &loaded, in_view, rng) };
         if let Some(drawn) = found {
-            return Ok(Drawn { scene, wind: wind(task, seed, word), ..drawn });
+            return Ok(Sampled { scene, wind: wind(task, seed, word), ..drawn });
         }
     }
-    Err(DrawError::NoStart { task: task.id.clone(), seed })
+    Err(SampleError::NoStart { task: task.id.clone(), seed })
 }
 
 /// The wind of a trial: within the task's speeds, from any direction.
@@ -118,11 +118,11 @@ fn wind(task: &Task, seed: u64, word: u64) -> Wind {
 }
 
 /// The scene's own start; `None` if the scene lacks a target.
-fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Drawn> {
+fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Sampled> {
     let place = Place::at(loaded.scene.start, select_all(task.start_targets(), loaded, loaded.scene.start.position), loaded);
     let snapshot = place.snapshot(task, loaded);
     let near = nearest(loaded, &place.lasting, &snapshot);
-    (!place.targets.is_empty() || task.start_targets().is_empty()).then(|| Drawn {
+    (!place.targets.is_empty() || task.start_targets().is_empty()).then(|| Sampled {
         loaded: loaded.clone(),
         scene: String::new(),
         wind: Wind::default(),
@@ -134,7 +134,7 @@ fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Drawn> {
 }
 
 /// A start in a scene; `None` if none is found.
-fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: RandomStream) -> Option<Drawn> {
+fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: RandomStream) -> Option<Sampled> {
     let mut sight = Sight::of(task.craft);
     let mut looks = 0;
     let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, loaded, EnuPosition::default()).is_empty();
@@ -147,7 +147,7 @@ fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw
             continue;
         }
         let snapshot = place.snapshot(task, loaded);
-        let found = |in_view| Drawn {
+        let found = |in_view| Sampled {
             loaded: loaded.clone(),
             scene: String::new(),
             wind: Wind::default(),

@@ -27,7 +27,7 @@ use crate::fnv;
 use crate::judge::Judge;
 use crate::stats::percentile;
 use crate::task::{GoalKind, Set, Task, centre};
-pub use draw::{DrawError, Drawn, draw};
+pub use draw::{SampleError, Sampled, draw};
 use latency::Timed;
 pub use latency::split_latency;
 pub use method::{Method, NO_VLM};
@@ -99,7 +99,7 @@ impl Trial {
 
     /// Flies it from the sampled start. Never fails: a trial that cannot be flown results in a row with an `error`.
     #[must_use]
-    pub fn fly(&self, drawn: &Drawn, record: Option<RecordPlan>) -> Flown {
+    pub fn fly(&self, drawn: &Sampled, record: Option<RecordPlan>) -> Flown {
         let judge = match Judge::new(&self.task, drawn.loaded.clone(), drawn.start) {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
@@ -121,7 +121,7 @@ impl Trial {
 
     /// The rows of a trial that could not be flown.
     #[must_use]
-    pub fn failed(&self, drawn: Option<&Drawn>, error: &dyn std::error::Error) -> Flown {
+    pub fn failed(&self, drawn: Option<&Sampled>, error: &dyn std::error::Error) -> Flown {
         let mut why = error.to_string();
         let mut source = error.source();
         while let Some(cause) = source {
@@ -135,7 +135,7 @@ impl Trial {
     /// `world` and `query_settings` receive the world and the query settings when the VLM is created.
     fn plan(
         &self,
-        drawn: &Drawn,
+        drawn: &Sampled,
         world: Arc<OnceLock<SimWorld>>,
         query_settings: Arc<OnceLock<QuerySettings>>,
         record: Option<RecordPlan>,
@@ -213,7 +213,7 @@ impl Trial {
     }
 
     /// A row with what is known before the flight.
-    fn blank(&self, drawn: Option<&Drawn>) -> Record {
+    fn blank(&self, drawn: Option<&Sampled>) -> Record {
         let task = &self.task;
         Record {
             run_id: self.run_id(),
@@ -255,7 +255,7 @@ impl Trial {
         }
     }
 
-    fn scored(&self, drawn: &Drawn, watcher: Watcher, summary: Summary) -> Flown {
+    fn scored(&self, drawn: &Sampled, watcher: Watcher, summary: Summary) -> Flown {
         let (mut found, judge) = watcher.into_findings();
         let stage = &drawn.loaded;
         let scores = self.scores(&found);
@@ -330,7 +330,7 @@ impl Trial {
     }
 
     /// Straight from above the start past each goal's nearest object.
-    fn reference(&self, drawn: &Drawn, judge: &Judge) -> Vec<EnuPosition> {
+    fn reference(&self, drawn: &Sampled, judge: &Judge) -> Vec<EnuPosition> {
         let stage = &drawn.loaded;
         let up = drawn.start.position.up + Model::of(self.task.craft).craft.take_off_height;
         let mut path = vec![EnuPosition { up, ..drawn.start.position }];

@@ -30,7 +30,7 @@ use self::manual::Manual;
 use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
 use self::signals::flight_interrupts;
 use crate::args::Fly;
-use crate::background::Talk;
+use crate::background::PrintThread;
 use crate::commands::vlm::{Pace, console, is_human, pointing};
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
@@ -102,7 +102,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     if manual.is_on() {
         printer.log(HELP);
     }
-    let (talk, lines) = Talk::start(printer, paced);
+    let (talk, lines) = PrintThread::start(printer, paced);
     let mut progress = Progress::new(lines);
     let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
     drop(manual);

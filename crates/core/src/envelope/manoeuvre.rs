@@ -66,7 +66,7 @@ impl Envelope {
         let (room, blind) =
             self.motion_of(now, asked, [0.0; 3]).map_or((0.0, true), |motion| self.brake.way(now, limits, &motion));
         let most = if blind { limits.blind_speed } else { f64::INFINITY };
-        let (length, within) = (way.length(), room / (1.0 + reach::WAY_ERROR));
+        let (length, within) = (way.length(), room / (1.0 + reach::DISTANCE_ERROR));
         if length <= within {
             return (way, None, most);
         }

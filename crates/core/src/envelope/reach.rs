@@ -144,7 +144,7 @@ pub(super) fn confine(limits: &Limits, craft: &Craft, is: &Situation, setpoint: 
 }
 
 /// Relative error of the distance flown by a craft that measures it itself, as a fraction.
-pub(super) const WAY_ERROR: f64 = 0.1;
+pub(super) const DISTANCE_ERROR: f64 = 0.1;
 /// Cosine between a path and a limit's normal below which the path counts as parallel to the limit.
 const ALONG: f64 = 0.05;
 
@@ -160,7 +160,7 @@ pub(super) fn confine_path(
     let between = |floor: f64, ceiling: f64| {
         way.up.clamp(
             (floor + is.spread.vertical - height).min(0.0),
-            ((ceiling - limits.margin - is.spread.vertical - height) / (1.0 + WAY_ERROR)).max(0.0),
+            ((ceiling - limits.margin - is.spread.vertical - height) / (1.0 + DISTANCE_ERROR)).max(0.0),
         )
     };
     let mut up = between(limits.min_altitude, limits.max_altitude);
@@ -175,7 +175,7 @@ pub(super) fn confine_path(
     let level = way.level_length();
     let altitudes = (height.min(height + up) + limits.margin, height.max(height + up));
     let mut plane = Plane::new(limits, craft, is, altitudes, 0.0);
-    plane.reach = level * (1.0 + WAY_ERROR) + plane.margin / ALONG;
+    plane.reach = level * (1.0 + DISTANCE_ERROR) + plane.margin / ALONG;
     let v = map_velocity(Setpoint { right: way.right, forward: way.forward, ..Setpoint::HOLD }, is.heading);
     if let (_, Some(outside)) = plane.only_back(v) {
         return (BodyDisplacement::default(), Some(outside));
@@ -183,7 +183,7 @@ pub(super) fn confine_path(
     let mut fraction = 1.0;
     for wall in plane.walls(v).into_iter().flatten() {
         let across = (dot(v, wall.out) / level).max(ALONG);
-        let room = (wall.distance - plane.margin / across) / (1.0 + WAY_ERROR);
+        let room = (wall.distance - plane.margin / across) / (1.0 + DISTANCE_ERROR);
         if room < fraction * level {
             fraction = (room / level).max(0.0);
             cause = cause.or(Some(wall.cause));

@@ -20,7 +20,7 @@ const TURN_ONLY: f64 = 0.05;
 const KEPT_STILL: Duration = Duration::from_secs(1);
 /// Up to this fraction of the requested speed counts as blocked: near a limit the remainder comes and goes with the
 /// height noise.
-const KEPT_SHARE: f64 = 0.3;
+const KEPT_FRACTION: f64 = 0.3;
 /// A passed plan is not turned by less than this, radians; the next one turns as well.
 const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// Maximum distance flown backwards, metres: a craft that brakes for its goal stops within centimetres of it.
@@ -207,7 +207,7 @@ impl Pilot {
     fn is_kept_still(&mut self, now: Time, clearance: &Clearance) -> bool {
         let wanted = self.wanted;
         let nothing_left = |cleared: Setpoint| {
-            cleared.speed() <= KEPT_SHARE * wanted.speed() && cleared.yaw_rate.abs() <= KEPT_SHARE * wanted.yaw_rate.abs()
+            cleared.speed() <= KEPT_FRACTION * wanted.speed() && cleared.yaw_rate.abs() <= KEPT_FRACTION * wanted.yaw_rate.abs()
         };
         let kept = self.executing && !wanted.is_hold() && clearance.setpoint().is_some_and(nothing_left);
         if !kept {

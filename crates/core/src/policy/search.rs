@@ -8,9 +8,9 @@ use crate::primitives::Primitives;
 use crate::reply::Look;
 
 /// Fraction of the horizontal field of view per turn: one fifth overlaps, so that nothing is missed at a seam.
-const TURN_SHARE: f64 = 0.8;
+const TURN_FRACTION: f64 = 0.8;
 /// Fraction of the field of view that a look covers: turns miss their heading by a few degrees.
-const COVERED_SHARE: f64 = 0.9;
+const COVERED_FRACTION: f64 = 0.9;
 /// Looks up or down without seeing the target, of one metre each, before turning continues.
 const VERTICAL_LOOKS: u32 = 3;
 /// Number of excursions to other positions. A target that does not exist costs three full turns.
@@ -25,7 +25,7 @@ const FACED: f64 = 0.1;
 
 /// An open direction reported in a reply.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
+pub struct OpenDirection {
     /// Its heading, radians.
     pub heading: f64,
     /// Depth label of its end.
@@ -77,7 +77,7 @@ pub struct Search {
     /// Whether the last action was a turn of this sweep.
     turning: bool,
     /// The most open direction seen in this sweep.
-    open: Option<Way>,
+    open: Option<OpenDirection>,
     excursions: u32,
     /// Heading of the last excursion.
     gone: Option<f64>,
@@ -89,13 +89,13 @@ impl Search {
     #[must_use]
     pub fn new(horizontal_fov: f64, climb: f64) -> Self {
         Self {
-            turn: TURN_SHARE * horizontal_fov,
+            turn: TURN_FRACTION * horizontal_fov,
             climb,
             turned: 0.0,
             vertical: 0,
             climbed: false,
             stage: Stage::Sweep,
-            covered: Coverage::new(COVERED_SHARE * horizontal_fov),
+            covered: Coverage::new(COVERED_FRACTION * horizontal_fov),
             turns: 0,
             turning: false,
             open: None,
@@ -106,7 +106,7 @@ impl Search {
 
     /// Resets the search, since the target was seen.
     pub fn reset(&mut self) {
-        *self = Self::new(self.turn / TURN_SHARE, self.climb);
+        *self = Self::new(self.turn / TURN_FRACTION, self.climb);
     }
 
     /// Turned since the target was last seen, radians, clockwise positive.
@@ -117,7 +117,7 @@ impl Search {
 
     /// The next action after a look at `heading`, radians, that did not show the target but may have shown an open
     /// direction.
-    pub fn next(&mut self, look: Look, heading: f64, way: Option<Way>) -> SearchAction {
+    pub fn next(&mut self, look: Look, heading: f64, way: Option<OpenDirection>) -> SearchAction {
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
             self.stage = Stage::Excursion(left - 1);
@@ -132,7 +132,7 @@ impl Search {
         if core::mem::take(&mut self.turning) {
             self.covered.look(heading);
         }
-        let back = |way: &Way| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
+        let back = |way: &OpenDirection| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
         if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| way.depth > open.depth)) {
             self.open = Some(way);
         }
@@ -164,7 +164,7 @@ impl Search {
     }
 
     /// After a full turn: climb once, then move elsewhere.
-    fn swept_all(&mut self, heading: f64, way: Option<Way>) -> SearchAction {
+    fn swept_all(&mut self, heading: f64, way: Option<OpenDirection>) -> SearchAction {
         if !self.climbed {
             self.climbed = true;
             self.begin_sweep();
@@ -181,7 +181,7 @@ impl Search {
     }
 
     fn begin_sweep(&mut self) {
-        self.covered = Coverage::new(COVERED_SHARE / TURN_SHARE * self.turn);
+        self.covered = Coverage::new(COVERED_FRACTION / TURN_FRACTION * self.turn);
         (self.turns, self.turning, self.open) = (0, false, None);
     }
 
@@ -201,7 +201,7 @@ mod tests {
     use super::*;
 
     /// The actions of a search whose replies always give `look`: degrees turned, `up`, `back`, `fly`; until it ends.
-    fn flown(search: &mut Search, look: Look, way: impl Fn(f64) -> Option<Way>) -> Vec<String> {
+    fn flown(search: &mut Search, look: Look, way: impl Fn(f64) -> Option<OpenDirection>) -> Vec<String> {
         let (mut heading, mut out) = (0.0, Vec::new());
         while out.len() < 200 {
             match search.next(look, heading, way(heading)) {
@@ -262,7 +262,7 @@ mod tests {
             } else {
                 2
             };
-            Some(Way { heading, depth })
+            Some(OpenDirection { heading, depth })
         };
         let seen = flown(&mut search, Look::Right, open);
         let circle = ["72"; 5];
@@ -284,7 +284,7 @@ mod tests {
         for _ in 0..100 {
             looks += 1;
             // Twelve looks of the two sweeps show an open direction, and later ones do not.
-            let way = (looks <= 12).then_some(Way { heading: 1.0, depth: 5 });
+            let way = (looks <= 12).then_some(OpenDirection { heading: 1.0, depth: 5 });
             match search.next(Look::Right, heading, way) {
                 SearchAction::Exhausted => break,
                 SearchAction::Fly => flew = true,
@@ -335,7 +335,7 @@ mod tests {
     #[test]
     fn ends_whatever_it_is_told() {
         for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left]] {
-            for way in [None, Some(Way { heading: 1.0, depth: 9 })] {
+            for way in [None, Some(OpenDirection { heading: 1.0, depth: 9 })] {
                 let mut search = Search::new(1.0, 2.0);
                 let ended = (0..200).position(|i| search.next(looks[i % 2], 0.3 * i as f64, way) == SearchAction::Exhausted);
                 assert!(ended.is_some_and(|n| n < 90), "{looks:?} {ended:?}");

@@ -8,7 +8,7 @@ use crate::detection::{self, Detection, parse_detections};
 use crate::geometry::Pose;
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
-use crate::policy::search::{Search, SearchAction, Way};
+use crate::policy::search::{OpenDirection, Search, SearchAction};
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
@@ -261,7 +261,9 @@ impl Spf {
         let craft = self.settings.craft;
         let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
-        let way = reply.open_way.map(|way| Way { heading: heading + libm::atan(camera.ray(way.point).right), depth: way.depth });
+        let way = reply
+            .open_way
+            .map(|way| OpenDirection { heading: heading + libm::atan(camera.ray(way.point).right), depth: way.depth });
         let (reported, clearance) = (&self.reported, craft.radius + BODY_MARGIN);
         let is_clear = |primitives: &Primitives| {
             primitives.climb == 0.0 || reported.iter().all(|report| report.clears(&pose, primitives.climb, clearance))

@@ -16,7 +16,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 const MISSING: Duration = Duration::from_secs(3);
 /// Interval between requests for a key frame: shorter than the age of a frame at which the craft holds (1 s), and long
 /// enough for the answer to the last request. A key frame has three times the datagrams of another frame.
-const ASK_AGAIN: Duration = Duration::from_millis(500);
+const REQUEST_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Decodes access units to frames.
 pub(super) struct FrameDecoder {
@@ -81,7 +81,7 @@ pub(super) enum Lack {
     KeyFrame,
 }
 
-/// When to request a key frame: at once after a loss, but at most every [`ASK_AGAIN`].
+/// When to request a key frame: at once after a loss, but at most every [`REQUEST_INTERVAL`].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct KeyRequests {
     asked: Option<Time>,
@@ -90,7 +90,7 @@ pub(super) struct KeyRequests {
 impl KeyRequests {
     /// Whether to request one now. `awaited`: whether the stream waits for a key frame.
     pub(super) fn is_due(&mut self, now: Time, awaited: bool) -> bool {
-        let due = awaited && self.asked.is_none_or(|asked| now.since(asked) >= ASK_AGAIN);
+        let due = awaited && self.asked.is_none_or(|asked| now.since(asked) >= REQUEST_INTERVAL);
         if due {
             self.asked = Some(now);
         }

@@ -29,7 +29,7 @@ use crate::{Capabilities, Drone, DroneError, DroneEvent};
 /// Maximum blocking time of the command and state sockets.
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Maximum blocking time of the video socket.
-const VIDEO_NAP: Duration = Duration::from_millis(50);
+const VIDEO_TIMEOUT: Duration = Duration::from_millis(50);
 /// Receive buffer for more than half a second of video, bytes.
 const VIDEO_BUFFER: usize = 4 << 20;
 /// Time allowed for repetitions of `emergency` at shutdown, until the state shows the motors off.
@@ -143,7 +143,7 @@ impl Tello {
         if let Err(error) = socket2::SockRef::from(&video).set_recv_buffer_size(VIDEO_BUFFER) {
             tracing::debug!(%error, "cannot enlarge the receive buffer of the video socket");
         }
-        let timeouts = [(&command, POLL_INTERVAL), (&state, POLL_INTERVAL), (&video, VIDEO_NAP)];
+        let timeouts = [(&command, POLL_INTERVAL), (&state, POLL_INTERVAL), (&video, VIDEO_TIMEOUT)];
         for (socket, nap) in timeouts {
             socket.set_read_timeout(Some(nap)).map_err(ConnectError::Start)?;
         }

@@ -52,7 +52,7 @@ const FILLS: f64 = 0.6;
 /// view") …
 const IN_FRAME: f32 = 0.25;
 /// … and maximum fraction of the silhouette inside the frame that is hidden.
-const HIDDEN_SHARE: f64 = 0.85;
+const HIDDEN_FRACTION: f64 = 0.85;
 /// Maximum fraction of the image covered by other objects nearer than half of the scene's `near`.
 const BLOCKED: f64 = 0.4;
 
@@ -273,7 +273,7 @@ impl<'a> Generator<'a> {
         let look_alikes = self.look_alikes(meant, &visible);
         let target = match kind {
             Kind::Absent => None,
-            _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_SHARE)?),
+            _ => Some(self.target(mask, &snapshot, &truth).filter(|target| target.occlusion <= HIDDEN_FRACTION)?),
         };
         let shot = Shot::still(Time::from_nanos(number), snapshot);
         let photograph = self.sim_camera.photograph(&shot, None, |camera, snapshot, image| {

@@ -17,7 +17,7 @@ use crate::summary::VerifiedBy;
 /// Minimum height of an object in view, as a fraction of the frame height …
 const VIEW_HEIGHT: f64 = 0.008;
 /// … with at least this fraction of its silhouette inside the frame …
-const VIEW_SHARE: f32 = 0.25;
+const VIEW_FRACTION: f32 = 0.25;
 /// … or the fraction of the frame it fills otherwise.
 const VIEW_FILL: f64 = 0.1;
 
@@ -86,7 +86,7 @@ pub fn sighted(
     let extents = extents(image, objects);
     let (high, fills) = (|of: &Extent| of.high(image, height), |of: &Extent| of.fills(image));
     let fractions = if extents.iter().any(|(_, of)| high(of) && !fills(of)) { fractions() } else { BTreeMap::new() };
-    let inside = |id: &ObjectId| fractions.get(id).is_none_or(|fraction| *fraction >= VIEW_SHARE);
+    let inside = |id: &ObjectId| fractions.get(id).is_none_or(|fraction| *fraction >= VIEW_FRACTION);
     let shown = extents.into_iter().filter(|(id, of)| fills(of) || (high(of) && inside(id)));
     shown.map(|(id, _)| id).collect()
 }

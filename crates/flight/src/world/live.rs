@@ -17,7 +17,7 @@ use crate::image::QueryImages;
 use crate::run::World;
 
 /// Maximum reaction time to Ctrl-C when nothing else happens.
-const LONGEST_NAP: Duration = Duration::from_millis(50);
+const MAX_WAIT: Duration = Duration::from_millis(50);
 
 /// Time for which the link counts as lost after the loop did not run: data waiting in the sockets is read by then.
 const PAUSE_OVER: Duration = Duration::from_secs(1);
@@ -178,7 +178,7 @@ impl World for Live {
             }
             let later = self.later.iter().map(|(at, _)| *at).min();
             let next = [self.drone.next_event_at(), self.script.next_at(), later].into_iter().flatten().fold(deadline, Time::min);
-            match self.events.recv_timeout(next.since(self.now).min(LONGEST_NAP)) {
+            match self.events.recv_timeout(next.since(self.now).min(MAX_WAIT)) {
                 Ok((at, event)) => {
                     if let Event::Reply { id, .. } | Event::ReplyFailed { id, .. } = &event {
                         self.out.retain(|(of, _)| of != id);
@@ -187,7 +187,7 @@ impl World for Live {
                 }
                 Err(RecvTimeoutError::Timeout) => {}
                 // The reply thread is gone; its queries time out and the pilot holds.
-                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(next.since(self.now).min(LONGEST_NAP)),
+                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(next.since(self.now).min(MAX_WAIT)),
             }
         }
     }

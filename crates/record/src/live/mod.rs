@@ -24,7 +24,7 @@ const WAITING: usize = 256;
 const VIEWERS: usize = 8;
 
 /// Maximum wait for the viewers' threads at the end, in polling intervals.
-const LAST_WORDS: u32 = 100;
+const SHUTDOWN_POLLS: u32 = 100;
 const GLANCE: Duration = Duration::from_millis(10);
 
 /// The live view server.
@@ -116,7 +116,7 @@ impl Drop for Live {
             door.join().ok();
         }
         // The last messages of the flight are sent; a viewer that accepts none is not awaited.
-        for _ in 0..LAST_WORDS {
+        for _ in 0..SHUTDOWN_POLLS {
             if self.shared.serving.load(Ordering::Relaxed) == 0 {
                 break;
             }

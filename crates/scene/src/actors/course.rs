@@ -21,7 +21,7 @@ const FACING: f64 = 1.0;
 /// Distance up to which a person looks for others in its path, metres.
 const NOTICED: f64 = 8.0;
 /// Distance up to which vehicles look for places that a person wants to enter, metres.
-pub(super) const WISH: f64 = 3.0;
+pub(super) const GIVE_WAY_DISTANCE: f64 = 3.0;
 /// An actor blocked for this long turns round, or stops giving way to places that others only want to enter; seconds.
 const PATIENCE: f64 = 12.0;
 /// Actors whose heights differ by more than this pass over one another, metres.
@@ -182,7 +182,7 @@ impl Course {
         if self.body.axle > 0.0 || state.wait > 0.0 {
             return false;
         }
-        let way = WISH.min(self.left(state));
+        let way = GIVE_WAY_DISTANCE.min(self.left(state));
         self.bound(state, place, way, claim);
         self.cover(state, way, claim);
         true

@@ -14,7 +14,7 @@ use spf_core::time::{Duration, Time};
 
 use super::Gait;
 use super::cast::Cast;
-use super::course::{Claim, Course, Seen, State, WISH};
+use super::course::{Claim, Course, GIVE_WAY_DISTANCE, Seen, State};
 use super::place::ActorPlace;
 
 /// Length of a tick: the frame period of the simulated camera.
@@ -161,7 +161,7 @@ impl Rooms {
         let yields = course.motion.gait == Gait::Drive && !Course::is_impatient(&states[actor]);
         for other in (0..states.len()).filter(|other| *other != actor) {
             let theirs = cast.course(other);
-            if !self.trial.near(&self.claims[other], gap + if yields { WISH } else { 0.0 }) {
+            if !self.trial.near(&self.claims[other], gap + if yields { GIVE_WAY_DISTANCE } else { 0.0 }) {
                 continue;
             }
             course.fill(state, &mut self.trial);

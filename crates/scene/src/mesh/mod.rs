@@ -127,9 +127,9 @@ impl<'de> Deserialize<'de> for Degrees {
 
 /// A fraction, 0..=1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Share(pub(crate) f32);
+pub(crate) struct Fraction(pub(crate) f32);
 
-impl<'de> Deserialize<'de> for Share {
+impl<'de> Deserialize<'de> for Fraction {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = f64::deserialize(deserializer)?;
         if (0.0..=1.0).contains(&value) {

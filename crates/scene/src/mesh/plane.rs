@@ -13,7 +13,7 @@ pub(crate) struct Plane {
 }
 
 /// The span for which the shapes below are given, metres.
-const DRAWN_SPAN: f32 = 15.0;
+const DESIGN_SPAN: f32 = 15.0;
 
 /// Half of the fuselage's section: across in half widths, up from the middle in half heights; from the top down the right side.
 const SECTION: [(f32, f32); 9] =
@@ -56,7 +56,7 @@ impl Generator for Plane {
         tail(&mut drawn);
         propeller(&mut drawn);
         gear(&mut drawn);
-        let scale = self.span.0 / DRAWN_SPAN;
+        let scale = self.span.0 / DESIGN_SPAN;
         for surface in &mut drawn.surfaces {
             for vertex in &mut surface.vertices {
                 vertex.position *= scale;

@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3};
 use serde::Deserialize;
 
-use super::{Degrees, Generator, Metres, Offset, Share, Sketch, Slots, parts};
+use super::{Degrees, Fraction, Generator, Metres, Offset, Sketch, Slots, parts};
 use crate::geometry::Role;
 
 /// Maximum number of holes in a wall.
@@ -256,7 +256,7 @@ pub(crate) struct Window {
     height: Metres,
     /// Height of the transom, as a fraction of the height; 0 for none.
     #[serde(default)]
-    transom: Share,
+    transom: Fraction,
 }
 
 impl Generator for Window {

@@ -57,7 +57,7 @@ impl PendingSetpoints {
 
 /// The remaining path.
 #[derive(Clone, Debug)]
-enum Way {
+enum PathKind {
     /// Through points, stopping at the last one.
     Through { points: VecDeque<EnuPosition>, speed: f64 },
     /// Turn on the spot, radians clockwise remaining.
@@ -67,7 +67,7 @@ enum Way {
 /// A manoeuvre in progress.
 #[derive(Clone, Debug)]
 pub(super) struct Manoeuvre {
-    way: Way,
+    way: PathKind,
     pending: PendingSetpoints,
     give_up: Time,
 }
@@ -90,14 +90,14 @@ impl Manoeuvre {
             from = *point;
         }
         let give_up = now + duration_from_secs(way / speed.max(0.01) + patience);
-        Self { way: Way::Through { points, speed }, pending: PendingSetpoints::default(), give_up }
+        Self { way: PathKind::Through { points, speed }, pending: PendingSetpoints::default(), give_up }
     }
 
     /// A turn, radians clockwise.
     pub(super) fn turn(now: Time, craft: &SimCraft, angle: f64, rate: f64, patience: f64) -> Self {
         let heading = craft.dynamics().pose().attitude.heading;
         let give_up = now + duration_from_secs(angle.abs() / rate + patience);
-        Self { way: Way::Turn { left: angle, rate, heading }, pending: PendingSetpoints::default(), give_up }
+        Self { way: PathKind::Turn { left: angle, rate, heading }, pending: PendingSetpoints::default(), give_up }
     }
 
     /// The next correction; call every [`CONTROL`].
@@ -110,7 +110,7 @@ impl Manoeuvre {
         let pose = craft.dynamics().pose();
         let heading = pose.attitude.heading;
         let setpoint = match &mut self.way {
-            Way::Turn { left, rate, heading: before } => {
+            PathKind::Turn { left, rate, heading: before } => {
                 *left -= wrap_angle(heading - *before);
                 *before = heading;
                 let turning = craft.dynamics().yaw_rate();
@@ -120,7 +120,7 @@ impl Manoeuvre {
                 }
                 Setpoint { yaw_rate: (GAIN * rest).clamp(-*rate, *rate), ..Setpoint::HOLD }
             }
-            Way::Through { points, speed } => {
+            PathKind::Through { points, speed } => {
                 let velocity = craft.dynamics().velocity();
                 let stop = |v| stopping(v, figures.acceleration, figures.lag);
                 let rest_at = EnuPosition {

@@ -166,7 +166,7 @@ impl Pixels {
         photo::size(image).map(|(width, height)| Self { width: f64::from(width.max(1)), height: f64::from(height.max(1)) })
     }
 
-    const SHARES: Self = Self { width: 1.0, height: 1.0 };
+    const FRACTIONS: Self = Self { width: 1.0, height: 1.0 };
 
     fn point(self, [x, y]: [f64; 2]) -> ImagePoint {
         ImagePoint { u: x / self.width, v: y / self.height }

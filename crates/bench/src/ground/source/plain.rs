@@ -66,7 +66,7 @@ fn item(folder: &Path, number: usize, row: Row) -> Result<Item, String> {
     };
     let pixels = match row.units {
         Units::Pixels => Pixels::of(&image).map_err(|error| format!("`{}`: {error}", row.image))?,
-        Units::Shares => Pixels::SHARES,
+        Units::Shares => Pixels::FRACTIONS,
     };
     let boxes: Vec<_> = row.area.iter().chain(&row.boxes).map(|area| pixels.area(*area)).collect();
     let points: Vec<_> = row.point.iter().chain(&row.points).map(|point| pixels.point(*point)).collect();

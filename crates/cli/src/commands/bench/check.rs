@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use spf_bench::judge::{Judgement, Sight, judge_trajectory};
 use spf_bench::task::Task;
-use spf_bench::trial::{Drawn, draw};
+use spf_bench::trial::{Sampled, draw};
 use spf_core::geometry::{Pose, wrap_angle};
 use spf_flight::sim::LoadedScene;
 use spf_render::Channels;
@@ -72,14 +72,14 @@ fn words(judgement: &Judgement, task: &Task) -> String {
 
 const HEAD: [&str; 10] = ["SEED", "SCENE", "LIGHT", "WIND", "START", "TARGET", "BEARING", "RANGE", "IN VIEW", "CLUTTER"];
 
-fn aloft(task: &Task, drawn: &Drawn) -> Pose {
+fn aloft(task: &Task, drawn: &Sampled) -> Pose {
     let mut pose = drawn.start;
     pose.position.up += Model::of(task.craft).craft.take_off_height;
     pose
 }
 
 /// The start of a trial. Clutter: clearly visible objects besides the ground and the target.
-fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
+fn row(task: &Task, seed: u64, drawn: &Sampled) -> Vec<String> {
     let (scene, start) = (&drawn.loaded.scene, &drawn.start);
     let focus = drawn.focus.and_then(|id| scene.object(id));
     let bearing = focus.map(|object| {
@@ -110,7 +110,7 @@ fn row(task: &Task, seed: u64, drawn: &Drawn) -> Vec<String> {
     ]
 }
 
-fn image(task: &Task, drawn: &Drawn, path: &Path) -> Result<(), CliError> {
+fn image(task: &Task, drawn: &Sampled, path: &Path) -> Result<(), CliError> {
     let moment = drawn.loaded.beginning(aloft(task, drawn));
     let image = drawn.loaded.render(&task.craft.camera(), &moment, Channels::RGB);
     write(path, &colour(&image)?)

@@ -45,7 +45,7 @@ pub(super) struct Move {
 
 /// The path of an actor: points, and the clearance needed around them.
 #[derive(Clone, Debug)]
-struct Way {
+struct ActorPath {
     points: Vec<DVec2>,
     reach: f64,
     height: f64,
@@ -61,7 +61,7 @@ pub(super) struct Room {
     owners: Vec<Option<usize>>,
     /// Actors with their objects.
     courses: Vec<(usize, Course)>,
-    ways: Vec<Way>,
+    ways: Vec<ActorPath>,
     start: Vec<Print>,
     /// East and north, from and to.
     bounds: [[f64; 2]; 2],
@@ -116,7 +116,7 @@ impl Room {
             let course = Course::new(&actor, None);
             let (points, radius) = course.way();
             let (height, more) = if motion.gait == Gait::Walk { (HEAD, motion.aside) } else { (ROOF, CUT) };
-            self.ways.push(Way { points, reach: radius + more, height });
+            self.ways.push(ActorPath { points, reach: radius + more, height });
             self.courses.push((self.shapes.len(), course));
         }
         self.shapes.push(shape);
@@ -271,7 +271,7 @@ impl Room {
     }
 }
 
-impl Way {
+impl ActorPath {
     /// Whether the object there leaves the path free, or at least as free as `old` did.
     fn is_clear_of(&self, print: &Print, old: Option<&Print>) -> bool {
         let clearance = self.clearance(print);

@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use self::posture::Pose;
 use super::sketch::on_circle;
-use super::{Generator, Metres, Share, Sketch, Slots};
+use super::{Fraction, Generator, Metres, Sketch, Slots};
 
 /// Height for which the dimensions in this folder hold, metres; others are scaled.
 const HEIGHT: f32 = 1.75;
@@ -25,7 +25,7 @@ pub(crate) struct Person {
     posture: Posture,
     /// Phase of the gait: 0 and 1 are the left heel strike.
     #[serde(default)]
-    phase: Share,
+    phase: Fraction,
     /// Height of the seat.
     #[serde(default = "default_seat_height")]
     seat: Metres,
@@ -164,7 +164,7 @@ impl Generator for Person {
     }
 
     fn draw_walking(&self, sketch: &mut Sketch, phase: f32) -> bool {
-        Self { posture: Posture::Walking, phase: Share(phase), ..*self }.draw_posed(sketch);
+        Self { posture: Posture::Walking, phase: Fraction(phase), ..*self }.draw_posed(sketch);
         true
     }
 }
