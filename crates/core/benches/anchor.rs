@@ -1,4 +1,4 @@
-//! What a reply costs the anchor. `cargo bench -p spf-core --bench anchor`
+//! Cost of a reply for the anchor. `cargo bench -p spf-core --bench anchor`
 
 use divan::{Bencher, black_box};
 use spf_core::anchor::{AnchorSettings, Anchors, RangeReading, Sighting};
@@ -34,13 +34,13 @@ fn after(count: u64, gap_ms: u64) -> Anchors {
     anchors
 }
 
-/// A reply in order of capture, behind the 7 of 10 s.
+/// A reply in order of capture, after the 7 replies of 10 s.
 #[divan::bench]
 fn in_order(bencher: Bencher<'_, '_>) {
     bencher.with_inputs(|| after(7, 1500)).bench_local_refs(|anchors| black_box(anchors.observe(sighting(7, 1500))));
 }
 
-/// A reply on the oldest frame, so that all later ones are applied again. Arguments: how many, over 10 s.
+/// A reply on the oldest frame, so that all later ones are applied again. Arguments: number of replies in 10 s.
 #[divan::bench(args = [7, 100])]
 fn late(bencher: Bencher<'_, '_>, count: u64) {
     let gap = 10_000 / count;

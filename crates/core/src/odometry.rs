@@ -36,7 +36,7 @@ impl Odometry {
         let way = DISTANCE_ERROR * gained(self.way, later.way);
         let climb = DISTANCE_ERROR * gained(self.climb, later.climb);
         Drift {
-            // The error of a way has a direction: half of its variance is on each axis.
+            // The error of a distance has a direction: half of its variance is on each axis.
             horizontal: gained(self.horizontal, later.horizontal) + 0.5 * way * way,
             vertical: gained(self.vertical, later.vertical) + climb * climb,
         }

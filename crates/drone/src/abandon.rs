@@ -1,5 +1,5 @@
-//! Crafts that must be landed when the program ends in a way that runs no destructors: a second Ctrl-C, a signal while the
-//! flight loop is stuck.
+//! Craft that must be landed when the program ends in a way that runs no destructors: a second Ctrl-C, a signal while
+//! the flight loop is stuck.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 

@@ -143,7 +143,7 @@ impl Keys {
                 continue;
             }
             self.first_cut = None;
-            // Of pasted text, spaces and line ends are text too.
+            // In pasted text, spaces and line ends are text too.
             let part = is_letter(key) || (pasted && matches!(key, Key::Enter | Key::Character(_)));
             let text = self.typed.is_none() && now < self.text_until && part;
             if !text {

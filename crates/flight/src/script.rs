@@ -63,7 +63,7 @@ enum What {
     Setpoint,
     Instruction,
     Land,
-    /// A hold. It used to cut the motors; no drone of such an older file may fall.
+    /// A hold. It used to cut the motors; no drone flown with such an older file may fall.
     Stop,
     CutMotors,
 }

@@ -485,7 +485,7 @@ fn the_other_kinds_answer_from_the_same_percept() {
     later.detections = program.detections.clone();
     later.memory.stage = 2;
     assert_eq!(oracle.answer(&later, &percept).text, "_1=s('black car');?_1==False{->False;}rp;");
-    // None of COCO's classes is here, and a detector does not take a VLM's time.
+    // None of COCO's classes is here, and a detector does not take as long as a VLM.
     let known = oracle.answer(&query(0, QueryKind::Detect { coco: true, scored: false }, ""), &percept);
     assert_eq!((known.text.as_str(), known.latency), ("", Duration::from_millis(100)));
     let mut requested = query(0, QueryKind::Question { text: "How many cranes are there?".to_owned() }, "");

@@ -73,7 +73,7 @@ impl<S: Simd> Spot<S> {
 pub(crate) struct Surface<S: Simd> {
     /// Linear RGB.
     pub(crate) albedo: V3<F<S>>,
-    /// Reflectivity (glass, water), 0..=1; `None` for surfaces that do not mirror.
+    /// Reflectivity (glass, water), 0..=1; `None` for surfaces that do not reflect.
     pub(crate) mirror: Option<F<S>>,
     /// Bend of the normal, in the surface's u and v.
     pub(crate) bump: Option<[F<S>; 2]>,

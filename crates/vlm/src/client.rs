@@ -158,7 +158,7 @@ impl Exchange {
     fn read_whole(&mut self, endpoint: &Endpoint, status: u16, content_type: &str, body: &[u8]) -> Result<(), VlmError> {
         let host = &endpoint.host;
         match serde_json::from_slice::<Value>(body) {
-            // Accept servers that stream without being asked to, or without saying so.
+            // Accept servers that stream without being asked to, or without declaring it.
             Err(_) if body.starts_with(b"data:") || body.starts_with(b"event:") => {
                 let mut events = Events::default();
                 let pieces = [events.push(body), events.finish()].concat();

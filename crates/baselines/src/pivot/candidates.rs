@@ -7,7 +7,7 @@ use core::ops::RangeInclusive;
 use spf_core::query::{ImagePoint, Mark};
 use spf_core::rng::RandomStream;
 
-/// Image width for which the pixel values are meant; wider images count as scaled down to it.
+/// Image width that the pixel values refer to; wider images count as scaled down to it.
 const MAX_WIDTH: f64 = 1024.0;
 /// Radius of a candidate's circle, as a fraction of the image's shorter side.
 const RADIUS_FRACTION: f64 = 0.05;

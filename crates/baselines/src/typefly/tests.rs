@@ -167,7 +167,7 @@ fn a_program_that_ends_badly_is_planned_again_a_few_times() {
     let again = query(told.sees("none"));
     assert!(again.prompt.contains("It ended because: it returned False") && again.prompt.contains("log('no such thing') = True"));
     assert_eq!(again.memory.actions, ["log('no such thing') = True"]);
-    // An object lost from view has no measures: comparing them is an error.
+    // An object lost from view has no measurements: comparing them is an error.
     assert_eq!(told.reply(&again, "?ox,car>0.5{tc,15;}"), Step::Look);
     for _ in 0..3 {
         assert_eq!(told.plans("none", "fly,3;"), Step::Look);

@@ -26,9 +26,9 @@ const STEP: Duration = Duration::from_millis(10);
 const PERIOD: u64 = 5;
 /// From a frame's capture to its arrival.
 const CAMERA_LATENCY: Duration = Duration::from_millis(150);
-/// More actions than this at one instant: the pilot never becomes idle.
+/// Maximum number of actions at one instant; more mean that the pilot never becomes idle.
 const ACTIONS_AT_ONCE: usize = 64;
-/// More steps than a whole flight has, landing included.
+/// Maximum number of steps: more than a whole flight has, landing included.
 const STEPS: u64 = 60_000;
 
 /// The crane stands 20 m ahead and 8 m to the right of the start, 6 m up.

@@ -34,7 +34,7 @@ fn typefly_goes_to_what_its_list_tells() {
         let (outcome, ended_at) = flight.end();
         assert_eq!(outcome, Outcome::Reached, "{preset:?} {heading}");
         assert!(ended_at.distance(CRANE) < 4.2, "{ended_at:?}");
-        // Lists are many, and are not decisions.
+        // There are many lists, and they are not decisions.
         let lists = flight.query.iter().filter(|query| matches!(query.kind, QueryKind::Detect { .. })).count();
         assert!(lists > flight.pilot.decisions() as usize + 4, "{lists} {}", flight.pilot.decisions());
     }

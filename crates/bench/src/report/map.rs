@@ -218,7 +218,7 @@ mod tests {
         // North is up, with equal scales in both directions.
         let [[x, y], [right, up]] = [view.at([0.0, 0.0]), view.at([1.0, 1.0])];
         assert!((right - x - (y - up)).abs() < 1e-9 && right > x);
-        // Something is shown even for no place, or one.
+        // Something is shown even with no place, or only one.
         assert!(View::of(std::iter::empty()).scale.is_finite() && View::of([[5.0, 5.0]].into_iter()).scale > 0.0);
     }
 }

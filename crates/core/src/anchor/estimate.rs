@@ -12,8 +12,8 @@ const ITERATIONS: usize = 4;
 const LEAST_AHEAD: f64 = 0.05;
 /// Standard deviations are never below this, so that the covariance stays invertible.
 const LEAST_SIGMA: f64 = 1e-4;
-/// Factor of the variances of a sighting that is fused. The gate drops one in a hundred that are good, and those are the ones
-/// that contradict an estimate that is off: without it the normalised error squared is 8 % too large (tests).
+/// Factor of the variances of a sighting that is fused. The gate drops one good sighting in a hundred, namely those
+/// that contradict a wrong estimate: without this factor the normalised error squared is 8 % too large (tests).
 const CAUTION: f64 = 1.08;
 /// Bound of one correction of the log range: a factor of 20.
 const MOST_LN: f64 = 3.0;
@@ -144,9 +144,9 @@ impl Estimate {
         at
     }
 
-    /// Factor by which the variances of a sighting grow because it is linearised at an estimated range: from a distance d
-    /// instead of the r of the first frame its derivative goes with r/d. If ln r and ln d err by s and s·r/d, the information
-    /// counts on average e^(2(s·r/d − s)²) times what it is worth.
+    /// Factor by which the variances of a sighting grow because it is linearised at an estimated range: seen from a
+    /// distance d instead of the r of the first frame, its derivative is proportional to r/d. If ln r and ln d err by s
+    /// and s·r/d, the information counts on average e^(2(s·r/d − s)²) times what it is worth.
     fn linearisation(&self, sighting: &Sighting) -> f64 {
         let before = self.seen_from(sighting.from);
         let here = before.range_sd / before.range.max(1e-6);
@@ -206,7 +206,7 @@ impl Measured {
 
 /// Variances of a bearing and of a log range of a target of some extent at a range.
 fn variances(bearing: f64, ln_range: f64, extent: f64, range: f64) -> (f64, f64) {
-    // Nearer than its extent the target is all around.
+    // Nearer than its extent, the target surrounds the craft.
     let angle = extent / range.max(extent).max(1e-3);
     let square = |sigma: f64| (sigma * sigma + angle * angle).max(LEAST_SIGMA * LEAST_SIGMA);
     (square(bearing), square(ln_range))

@@ -1,11 +1,11 @@
 //! The anchor: where the target is in the world, fused from replies at their frames' own times
 //! (`docs/explanation/between-answers.md`).
 //!
-//! A target that is flown at gives bearings that hardly triangulate, and a range that is known by a factor and not by a
-//! distance. An [`Anchor`] therefore holds a bearing and the logarithm of the range from the position of its first frame,
-//! with their covariance. [`Anchors`] keeps the sightings and states of the recent past: a sighting that arrives late, or
-//! after a newer one, is inserted at its frame's time and those after it are applied again, so that the result is that of
-//! the order of capture.
+//! While the craft flies straight at a target, bearings hardly triangulate, and the range is known to within a factor,
+//! not to within a distance. An [`Anchor`] therefore holds a bearing and the logarithm of the range from the position
+//! of its first frame, with their covariance. [`Anchors`] keeps the sightings and states of the recent past: a sighting
+//! that arrives late, or after a newer one, is inserted at its frame's time and those after it are applied again, so
+//! that the result is that of the order of capture.
 //!
 //! A sighting that does not fit opens a second hypothesis instead of moving the first; the next sighting that fits either
 //! of them decides.
@@ -40,10 +40,10 @@ pub const MEMORY: Duration = Duration::from_secs(10);
 /// What is assumed about targets and ranges.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct AnchorSettings {
-    /// Standard deviation, on each axis, of the point of the target that is meant from one sighting to the next, metres: a
-    /// target is no point.
+    /// Standard deviation along each axis of the point of the target meant in one sighting relative to the next,
+    /// metres: a target is not a point.
     pub extent: f64,
-    /// Range assumed of a first sighting without one, metres.
+    /// Range assumed for a first sighting without one, metres.
     pub prior_range: f64,
     /// Standard deviation of its natural logarithm.
     pub prior_sigma: f64,
@@ -113,8 +113,8 @@ pub struct Sight {
 }
 
 impl Sight {
-    /// Maximum step towards the target, metres: half of what remains after one standard deviation and 0.3 m where the range is
-    /// known to a half, else 3 m.
+    /// Maximum step towards the target, metres: where the range is known to better than half of itself, half of what
+    /// remains after subtracting one standard deviation and 0.3 m; else 3 m.
     #[must_use]
     pub fn step_limit(&self) -> f64 {
         if self.is_sure() { (0.5 * (self.range - self.range_sd - 0.3)).max(0.0) } else { 3.0 }
@@ -126,8 +126,8 @@ impl Sight {
         self.range_sd < 0.5 * self.range
     }
 
-    /// Whether a target out of view may still be flown at: its range is known, and the target is farther than `stop` metres
-    /// with 98 % probability.
+    /// Whether the craft may still fly towards a target out of view: its range is known, and the target is farther than
+    /// `stop` metres with 98 % probability.
     #[must_use]
     pub fn may_approach_unseen(&self, stop: f64) -> bool {
         self.is_sure() && self.range - 2.0 * self.range_sd > stop
@@ -147,8 +147,8 @@ impl Anchor {
         self.estimate.drifted(self.odometry.drift_to(odometry)).seen_from(at)
     }
 
-    /// Whether the craft at `at` has passed the target, as seen from where it was last sighted, or is within one standard
-    /// deviation of it. It must then hold and ask, and never fly back.
+    /// Whether the craft at `at` has passed the target, as seen from where it was last sighted, or is within one
+    /// standard deviation of it. It must then hold and query, and never fly back.
     #[must_use]
     pub fn is_passed(&self, at: EnuPosition, odometry: Odometry) -> bool {
         let sight = self.seen_from(at, odometry);
@@ -251,7 +251,7 @@ impl Belief {
             self.hypotheses.push(opened);
             return Gate::Opened;
         };
-        // The anchor stays first; of the doubts the oldest gives way.
+        // The anchor stays first; the oldest of the doubts is dropped.
         self.hypotheses.truncate(HYPOTHESES - 1);
         self.hypotheses.insert(1, opened);
         Gate::Doubted { distance }

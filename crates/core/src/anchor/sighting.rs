@@ -25,7 +25,7 @@ pub struct RangeReading {
 pub struct Sighting {
     /// Capture time of the frame.
     pub captured: Time,
-    /// Tells sightings of the same frame apart, and orders them: the number of the query.
+    /// Distinguishes sightings of the same frame, and orders them: the number of the query.
     pub id: u64,
     /// Stage of the instruction, non-decreasing; a later stage replaces the target.
     pub stage: u32,
@@ -59,14 +59,14 @@ impl Default for Trust {
     }
 }
 
-/// One depth label is this much in the natural logarithm of the range: ln 10 / 4.5.
+/// Difference of the natural logarithm of the range that corresponds to one depth label: ln 10 / 4.5.
 const LABEL: f64 = core::f64::consts::LN_10 / 4.5;
 
 impl Sighting {
     /// The sighting of a point with a depth label in the frame that was taken at `pose`.
     ///
-    /// The highest label means any range from its lower bound on, and the lowest any up to its upper bound, so their ranges
-    /// count half a label and one label less exactly.
+    /// The highest label means any range from its lower bound on, and the lowest any up to its upper bound, so their
+    /// ranges are less exact by half a label and by one label.
     ///
     /// # Errors
     /// [`UnprojectError`] for a point through which no line of sight leads.

@@ -39,7 +39,7 @@ fn the_first_sighting_is_the_anchor_with_its_own_uncertainty() {
     let sight = anchors.anchor().unwrap().seen_from(at(0.0, 0.0, 3.0), Odometry::default());
     assert!(near(sight.position, at(0.0, 20.0, 3.0), 1e-9));
     assert!((sight.range_sd - 4.0).abs() < 1e-9 && (sight.lateral_sd - 0.4).abs() < 1e-9, "{sight:?}");
-    // From 15 m nearer the same 4 m are most of the range, which is not sure any more.
+    // From 15 m nearer the same 4 m are most of the range, which is then no longer well known.
     let closer = anchors.anchor().unwrap().seen_from(at(0.0, 15.0, 3.0), Odometry::default());
     assert!((closer.range - 5.0).abs() < 1e-9 && (closer.range_sd - 4.0).abs() < 1e-9);
     assert!(!closer.is_sure() && closer.step_limit() == 3.0 && !closer.may_approach_unseen(0.0));
@@ -60,7 +60,7 @@ fn two_ranges_from_one_place_average_in_the_logarithm() {
     assert_eq!((anchor.hits, anchor.last_seen), (2, Time::from_millis(2000)));
 }
 
-/// A look-alike or a lie costs one sighting: the next one decides, for the anchor or against it.
+/// A look-alike or a wrong answer costs one sighting: the next one decides, for the anchor or against it.
 #[test]
 fn what_does_not_fit_is_a_doubt_that_the_next_sighting_decides() {
     let (from, tree, other) = (at(0.0, 0.0, 3.0), at(0.0, 20.0, 3.0), at(15.0, 15.0, 3.0));
@@ -122,7 +122,7 @@ fn a_target_is_passed_when_it_lies_behind_as_seen_from_the_last_frame() {
     );
 }
 
-/// By hand: after 20 m by dead reckoning, 5 % of the way is 1 m, half of its variance on each axis.
+/// By hand: after 20 m by dead reckoning, 5 % of the distance is 1 m, half of its variance on each axis.
 #[test]
 fn dead_reckoning_adds_its_drift() {
     let mut anchors = Anchors::new(AnchorSettings { extent: 0.0, ..AnchorSettings::default() });
@@ -194,13 +194,13 @@ fn what_is_not_a_number_is_no_sighting() {
     assert!(anchors.anchor().is_none());
 }
 
-/// What a simulated approach is flown with.
+/// Parameters of a simulated approach.
 #[derive(Clone, Copy)]
 struct Approach {
     /// Offset of the path from the straight line to the target, metres.
     aside: f64,
     ranged: bool,
-    /// Odometry loss: a walk of this variance a second.
+    /// Odometry drift: a random walk with this variance per second.
     walk: f64,
 }
 

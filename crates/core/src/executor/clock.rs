@@ -46,8 +46,8 @@ impl TickClock {
         self.last = Some(now);
     }
 
-    /// The longest of the last four intervals. Holding the final fraction too briefly leaves a rest for the next tick;
-    /// holding it too long overshoots.
+    /// The longest of the last four intervals. Holding the final fraction too briefly leaves a remainder for the next
+    /// tick; holding it too long overshoots.
     pub(super) fn interval(&self) -> f64 {
         let longest = self.intervals.iter().copied().fold(0.0, f64::max);
         if longest > 0.0 { longest } else { self.nominal }

@@ -29,8 +29,8 @@ pub(crate) struct AxisResponse {
 }
 
 impl AxisResponse {
-    /// The rest of a velocity error of magnitude `error` after `time` seconds, and its integral over that time. The
-    /// error decays at the acceleration limit down to `acceleration · lag`, then exponentially.
+    /// The remainder of a velocity error of magnitude `error` after `time` seconds, and its integral over that time.
+    /// The error decays at the acceleration limit down to `acceleration · lag`, then exponentially.
     fn decay(&self, mut error: f64, mut time: f64) -> (f64, f64) {
         let knee = self.acceleration * self.lag;
         let mut integral = 0.0;

@@ -157,7 +157,7 @@ fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, Re
     let depth = value.field(&DEPTH).map(|v| depth(v, "depth")).transpose();
     let boxes = match value.field(&BOXES) {
         Some(found) => boxes(found, profile),
-        // No list is not an empty list.
+        // A missing list is not an empty list.
         None if avoid => Err(ReplyError::Missing { field: "boxes".to_owned() }),
         None => Ok(Vec::new()),
     };

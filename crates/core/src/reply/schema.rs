@@ -8,8 +8,8 @@ use super::{DEPTH_LABELS, Look, Reply, Status};
 use crate::grounding::GroundingProfile;
 use crate::query::{ImageBox, ImagePoint};
 
-// The order of the fields is the order in which a model is to think and in which a stream is read: what decides comes first.
-// The comments on the fields reach the model, as descriptions in the schema.
+// The order of the fields is the order in which a model is to think and in which a stream is read: decisive fields come
+// first. The comments on the fields reach the model, as descriptions in the schema.
 /// Where the drone is to go next.
 #[derive(Serialize, JsonSchema)]
 struct WireReply<'a> {

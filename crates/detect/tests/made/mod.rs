@@ -159,7 +159,7 @@ pub(crate) fn model(export: &Export) -> Vec<u8> {
     model.0
 }
 
-/// Weights of the head of a stride: for red by how much a cell is redder than green, for blue by how much it is bluer.
+/// Weights of the head of a stride: for red, the excess of red over green in a cell; for blue, the excess of blue.
 fn looking(name: &str, rows: usize, export: &Export, stride: usize) -> Message {
     let area = stride * stride;
     let mut weights = vec![0.0; rows * export.channels * area];

@@ -56,7 +56,8 @@ impl Target for NamedTello {
         Craft::tello()
     }
 
-    /// Those of a room: a Tello weighs 80 g and has no position. It shuts down slightly above the maximum temperature.
+    /// Limits for a room: a Tello weighs 80 g and has no position. It shuts down slightly above the maximum
+    /// temperature.
     fn limits(&self) -> Limits {
         Limits {
             max_altitude: 5.0,

@@ -1,4 +1,4 @@
-//! What observes a flight cannot end it.
+//! Observers of a flight cannot end it.
 
 use std::sync::Arc;
 

@@ -45,7 +45,7 @@ fn pictures_with_b_frames_come_whole_and_in_order() {
     let mut seen: Vec<Rgb> = units(&stream).iter().filter_map(|unit| decoder.decode_in_order(unit).unwrap()).collect();
     seen.extend(decoder.rest().unwrap());
     assert_eq!((seen.len(), expected.len()), (25, 25));
-    // The clock in the test image advances: each is nearest to its own.
+    // The clock in the test image advances: each decoded image is nearest to its own original.
     let apart = |image: &Rgb, grey: &[u8]| -> u64 {
         let luma = |p: &[u8]| (54 * u32::from(p[0]) + 183 * u32::from(p[1]) + 19 * u32::from(p[2])) >> 8;
         image.data().chunks_exact(3).zip(grey).map(|(p, g)| u64::from(luma(p).abs_diff(u32::from(*g)))).sum()

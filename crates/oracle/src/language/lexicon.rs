@@ -34,7 +34,7 @@ pub(super) struct Verbs {
     pub(super) adverbs: Words,
     /// Prepositions that do not change the verb.
     pub(super) plain_prepositions: Words,
-    /// Verbs before a preposition changes them.
+    /// Verbs, before a preposition changes them.
     pub(super) verbs: Phrases<Verb>,
     /// Prepositions that change the verb.
     pub(super) prepositions: Phrases<Verb>,

@@ -1,8 +1,8 @@
 //! The live view: the log's messages over Foxglove's WebSocket protocol during the flight
 //! (docs/reference/flight-log.md).
 //!
-//! Sending never blocks: each viewer has a bounded queue, and a slow one loses messages and gets a status about it. A
-//! viewer that accepts nothing for some seconds is disconnected.
+//! Sending never blocks: each viewer has a bounded queue, and a slow one loses messages and receives a status message
+//! about it. A viewer that accepts nothing for some seconds is disconnected.
 
 mod protocol;
 mod viewer;

@@ -255,7 +255,7 @@ fn corner(reach: f64) -> impl Strategy<Value = [f64; 2]> {
     [-reach..reach, -reach..reach]
 }
 
-/// Some persons in a yard of 24 m, some vehicles on wider loops through it.
+/// Some people in a yard of 24 m, some vehicles on wider loops through it.
 fn crowd() -> impl Strategy<Value = String> {
     let round = prop::sample::select(vec!["circle", "there_and_back", "once"]);
     let person = (prop::collection::vec(corner(12.0), 3..6), round, 0.3..2.0_f64, 0.0..5.0_f64, 0.0..1.0_f64);

@@ -24,7 +24,7 @@ fn csv_of(folder: &Folder, name: &str) -> Vec<csv::StringRecord> {
     csv::Reader::from_reader(text.as_bytes()).records().map(Result::unwrap).collect()
 }
 
-/// Two methods, four seeds: `spf` does three of four, `plain` one, with two levels of errors.
+/// Two methods, four seeds: `spf` succeeds in three of four, `plain` in one, with two levels of errors.
 fn two_methods() -> Folder {
     let row = |method, vlm, seed, done| Row { method, vlm, seed, done, ..Row::default() };
     let mut rows = Vec::new();

@@ -56,7 +56,7 @@ fn in_obstacle_mode_a_reply_without_its_list_of_boxes_is_refused() {
         }
         assert_eq!(parse_reply(&with(r#","boxes":[]"#), &profile, true).unwrap().boxes, []);
     }
-    // The same as flights: such replies cause no motion, and the fifth lands the craft.
+    // As in whole flights: such replies cause no motion, and the fifth lands the craft.
     for step in [steps[0], steps[1], steps[2]] {
         let mut flight = avoiding().fly(always(step.replace("BOXES", ""), 0.4));
         assert_eq!(flight.end(), Outcome::Failed, "{step}");

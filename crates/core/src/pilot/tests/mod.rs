@@ -40,9 +40,9 @@ use crate::reply::{Look, OpenWay, Reply, Status};
 const PERIOD: Duration = Duration::from_millis(50);
 /// From a frame's capture to its arrival.
 const CAMERA_LATENCY: Duration = Duration::from_millis(150);
-/// More actions than this at one instant: the pilot never becomes idle.
+/// Maximum number of actions at one instant; more mean that the pilot never becomes idle.
 const ACTIONS_AT_ONCE: usize = 64;
-/// More instants than a whole flight has, landing included.
+/// Maximum number of instants: more than a whole flight has, landing included.
 const INSTANTS: usize = 60_000;
 /// The pilot's guarantee: zero within this time after the end of a reason to move.
 const STOP_RULE: Duration = Duration::from_millis(200);

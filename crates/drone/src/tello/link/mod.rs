@@ -32,7 +32,7 @@ const EMERGENCY_SPACING: Duration = Duration::from_millis(20);
 /// … and then, until the state shows the motors off, at this one and at most this often.
 const EMERGENCY_AGAIN: Duration = Duration::from_millis(200);
 const EMERGENCIES_AGAIN: u32 = 25;
-/// Height that a take-off has left the ground at, centimetres.
+/// Height at which a take-off has left the ground, centimetres.
 const LIFTED: i32 = 30;
 /// A take-off without a response is complete once the drone has been at that height for this long.
 const TAKEN_OFF: Duration = Duration::from_secs(3);
@@ -99,7 +99,7 @@ pub struct Link {
     take_off: Option<TakeOff>,
     /// Last call of the pilot.
     beat: Option<Time>,
-    /// Whether the craft holds because of its absence.
+    /// Whether the craft holds because the pilot does not call.
     held_silent: bool,
     /// Since when the drone is at take-off height.
     high_since: Option<Time>,
@@ -277,7 +277,7 @@ impl Link {
             match fate {
                 OrderOutcome::Answered(Answer::Refused(answer)) => {
                     if command == TakeOff::COMMAND && self.phase == FlightPhase::TakingOff {
-                        // The datagram may have arrived twice, and only the second be refused: the state decides
+                        // The datagram may have arrived twice, with only the second one refused: the state decides
                         // whether the motors turn.
                         self.begin_landing(now);
                     }

@@ -30,7 +30,7 @@ use crate::wired::Wired;
 
 pub(crate) use self::report::{tables, tsv};
 
-/// Time at which the operator of the phases `manual` and `landing` acts; both crafts fly by then.
+/// Time at which the operator of the phases `manual` and `landing` acts; both craft are flying by then.
 const OPERATOR_AT: f64 = 12.0;
 /// Duration of the manual flight.
 const BY_HAND: f64 = 6.0;
