@@ -111,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn methods_meet_on_the_draws_that_both_flew() {
+    fn methods_are_compared_on_the_starts_that_both_flew() {
         let pair = |name: &str| (name.to_owned(), "oracle".to_owned());
         let draw = |seed: u64| ("task".to_owned(), seed.to_string());
         // Eight of eight against two of the same eight, and a third that flew others.

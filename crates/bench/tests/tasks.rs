@@ -48,7 +48,7 @@ fn names_are_those_of_the_files() {
 }
 
 #[test]
-fn the_hard_suite_has_what_it_says() {
+fn the_hard_suite_has_what_it_declares() {
     let tasks = suite("hard").unwrap().tasks().unwrap();
     assert_eq!(tasks.len(), 30);
     let count = |has: &dyn Fn(&Task) -> bool| tasks.iter().filter(|task| has(task)).count();
@@ -158,7 +158,7 @@ fn every_task_judges_its_own_trajectories() {
 }
 
 #[test]
-fn a_draw_follows_from_task_and_seed() {
+fn a_sampled_start_follows_from_task_and_seed() {
     for id in ["sim-search-tower", "real-reason-dark", "hard-delay-extinguisher"] {
         let task = shipped().into_iter().find(|task| task.id == id).unwrap();
         let [one, again] = [draw(&task, 3).unwrap(), draw(&task, 3).unwrap()];
@@ -170,7 +170,7 @@ fn a_draw_follows_from_task_and_seed() {
 }
 
 #[test]
-fn wind_is_drawn_within_its_speeds() {
+fn wind_is_sampled_within_its_speeds() {
     let task = shipped().into_iter().find(|task| task.id == "hard-wind-bicycle").unwrap();
     let [one, again, other] = [2, 2, 3].map(|seed| draw(&task, seed).unwrap().wind);
     assert_eq!(one, again);

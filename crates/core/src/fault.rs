@@ -409,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn frozen_and_blank_are_told_apart() {
+    fn frozen_and_blank_are_distinguished() {
         let m = machine(&[(1.0, 3.0, Fault::Freeze), (2.0, 3.0, Fault::Blank { p: 1.0 })]);
         assert_eq!(m.pass(secs(1.5), Stream::Frames, 0)[0].content, Content::FrozenSince(secs(1.0)));
         assert_eq!(m.pass(secs(2.5), Stream::Frames, 1)[0].content, Content::Blank);
@@ -435,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn one_rule_more_changes_no_draw_of_another() {
+    fn an_additional_rule_changes_no_sample_of_another() {
         let drop = (0.0, 1.0, Fault::Drop { p: 0.5 });
         let (one, two) = (machine(&[drop]), machine(&[drop, (0.0, 1.0, Fault::Freeze)]));
         let arrives = |m: &FaultMachine| (0..64).map(|i| m.pass(secs(0.1), Stream::Frames, i).len()).collect::<Vec<_>>();

@@ -75,7 +75,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_log_tells_whether_a_frame_is_of_use() {
+    fn a_log_records_whether_a_frame_is_usable() {
         let frame = FrameMeta {
             id: FrameId(7),
             captured: Time::ZERO,

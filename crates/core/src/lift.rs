@@ -233,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn points_outside_the_picture_are_refused() {
+    fn points_outside_the_image_are_refused() {
         let camera = tilted(0.0);
         for (u, v) in [(-0.01, 0.5), (0.5, 1.01)] {
             assert_eq!(unproject(&camera, ImagePoint { u, v }, 1.0), Err(UnprojectError::OutsideImage { u, v }));

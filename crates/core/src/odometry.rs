@@ -55,7 +55,7 @@ mod tests {
 
     /// By hand: 10 m at 5 % is 0.5 m, 0.125 m² on each axis; the walk adds 0.02 m².
     #[test]
-    fn the_loss_between_two_times_is_that_of_the_way_and_of_the_walk() {
+    fn the_drift_between_two_times_is_that_of_the_distance_and_of_the_walk() {
         let from = Odometry { horizontal: 0.01, vertical: 0.0, way: 5.0, climb: 1.0 };
         let to = Odometry { horizontal: 0.03, vertical: 0.0, way: 15.0, climb: 3.0 };
         let drift = from.drift_to(to);

@@ -69,7 +69,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_wide_picture_has_grey_above_and_below() {
+    fn a_wide_image_has_grey_above_and_below() {
         // 960×720 in 640×640: r = 2/3, 640×480, 80 rows of padding on both sides.
         let letterbox = Letterbox::new((960, 720), (640, 640));
         assert_eq!((letterbox.size, letterbox.corner), ((640, 480), (0, 80)));

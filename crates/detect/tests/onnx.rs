@@ -98,7 +98,7 @@ fn final_boxes_are_taken_as_they_are() {
 }
 
 #[test]
-fn a_picture_without_anything_has_an_empty_list() {
+fn an_image_without_anything_has_an_empty_list() {
     let detector = Folder::new().open(&Export::default()).unwrap();
     for size in [(128, 64), (64, 128), (1, 1), (0, 0), (640, 480)] {
         assert_eq!(detector.detect(&Rgb::filled(size.0, size.1, [90, 90, 90])).unwrap(), [], "{size:?}");

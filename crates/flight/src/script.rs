@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_say_where() {
+    fn errors_state_where() {
         let message = |text: &str| Script::from_toml(text).unwrap_err().to_string();
         assert!(message("[[event]]\nat_s = 1\ndo = \"dance\"\n").starts_with("line 3: unknown variant `dance`"));
         assert_eq!(message("[[event]]\nat_s = -1\ndo = \"hold\"\n"), "event 1: `at_s` must be from 0 to 86400 s");

@@ -100,7 +100,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_without_pixels_is_refused() {
+    fn an_image_without_pixels_is_refused() {
         assert!(encode(&Rgb::new(0, 3)).is_err());
     }
 }

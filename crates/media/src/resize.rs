@@ -62,7 +62,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_flat_picture_stays_flat() {
+    fn a_flat_image_stays_flat() {
         let small = resize(&Rgb::filled(64, 48, [10, 200, 33]), 17, 9);
         assert_eq!(small, Rgb::filled(17, 9, [10, 200, 33]));
     }
@@ -113,7 +113,7 @@ mod tests {
     }
 
     #[test]
-    fn empty_pictures_do_not_panic() {
+    fn empty_images_do_not_panic() {
         assert_eq!(resize(&Rgb::new(0, 0), 3, 3), Rgb::new(3, 3));
         assert_eq!(resize(&Rgb::new(3, 3), 0, 5), Rgb::new(0, 5));
     }

@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn edges_are_told() {
+    fn edges_are_reported() {
         let (ids, width) = image(&["1000", "1002", "1002", "0000"]);
         let found = masks(&ids, width);
         assert_eq!(found[0].cut(4, 4), Some(Look::Left));

@@ -257,7 +257,7 @@ fn obstacles_are_boxed_and_pointed_clear_of() {
 
 /// A bush left of the tree does not obstruct the path to the building, but the path past the tree on its left.
 #[test]
-fn what_stands_beside_the_first_way_is_looked_at_when_the_way_leads_there() {
+fn what_stands_beside_the_first_path_counts_when_the_path_leads_there() {
     let oracle = oracle("perfect");
     let painting = Painting::new().with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0).with(
         tagged(2, "tree", "tree", "green"),
@@ -411,7 +411,7 @@ fn the_next_is_another_than_the_one_that_was_gone_to() {
 }
 
 #[test]
-fn what_is_through_an_opening_tells_how_far_to_fly() {
+fn what_is_visible_through_an_opening_determines_how_far_to_fly() {
     let oracle = oracle("perfect");
     let frame = Tagged { opening: true, opening_of: Some("gate_1".to_owned()), ..tagged(2, "opening", "opening", "") };
     let painting = Painting::new()

@@ -30,7 +30,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_way_keeps_its_shape_and_its_end() {
+    fn a_path_keeps_its_shape_and_its_end() {
         let way = [[0.0, 0.0], [0.1, 0.1], [3.0, 1.0], [3.2, 1.0]];
         assert_eq!(thinned(way), [[0.0, 0.0], [3.0, 1.0], [3.2, 1.0]]);
         assert_eq!(thinned([[1.0, 1.0]; 2]), [[1.0, 1.0]; 2]);

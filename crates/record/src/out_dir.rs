@@ -240,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_at_once_never_share_a_folder() {
+    fn simultaneous_runs_never_share_a_folder() {
         let base = tempfile::tempdir().unwrap();
         let paths: Vec<_> = std::thread::scope(|scope| {
             let runs: Vec<_> = (0..16).map(|_| scope.spawn(|| OutDir::fresh(base.path(), "same").unwrap())).collect();

@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn the_frame_fills_its_share_of_the_view() {
+    fn the_frame_fills_its_fraction_of_the_view() {
         let around = Surroundings::of(&Camera::quad());
         let fractions = around.fractions(&halves(around.camera()));
         assert_eq!(fractions.keys().copied().collect::<Vec<_>>(), [1, 2]);

@@ -43,7 +43,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spread_and_correlation_are_those_asked_for() {
+    fn spread_and_correlation_are_those_requested() {
         let mut wander = Wander::new(0.3, 2.0, 0.05, RandomStream::new(11, "test", &[]));
         let xs: Vec<f64> = (0..200_000).map(|_| wander.advance()).collect();
         let n = xs.len() as f64;

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn wind_blows_from_where_it_is_said_to() {
+    fn wind_blows_from_the_given_direction() {
         let near = |a: f64, b: f64| (a - b).abs() < 1e-12;
         let north = read("3").unwrap();
         assert!(near(north.east, 0.0) && near(north.north, -3.0) && north.gust == 0.0, "{north:?}");

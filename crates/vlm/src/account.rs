@@ -98,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_are_told_one_after_the_other() {
+    fn parts_are_carried_out_one_after_the_other() {
         let parts = Parts {
             encoded_s: Some(0.25),
             uploaded_s: Some(0.5),

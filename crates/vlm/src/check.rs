@@ -189,7 +189,7 @@ mod tests {
     }
 
     #[test]
-    fn swapped_axes_and_wrong_scales_are_told() {
+    fn swapped_axes_and_wrong_scales_are_reported() {
         let pixels = Scale::Pixels { width: 960, height: 720 };
         let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| {
             [Scale::Thousand, Scale::Hundred, Scale::Unit, pixels].map(|scale| GroundingProfile { order, scale })
@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_dot_is_where_it_is_said_to_be() {
+    fn the_dot_is_where_it_is_declared() {
         let image = dotted(DOTS[0]);
         assert_eq!(image.pixel(192, 504), Some([230, 20, 20]));
         assert_eq!(image.pixel(504, 192), Some([128, 128, 128]));

@@ -368,7 +368,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_for_people_are_told_from_errors() {
+    fn web_pages_are_distinguished_from_errors() {
         let page = b"<!DOCTYPE html><html><head><title>502 Bad\nGateway</title></head>";
         let error = refusal("h", 502, "text/html", page, None);
         assert_eq!(error, VlmError::WebPage { host: "h".to_owned(), status: 502, title: Some("502 Bad Gateway".to_owned()) });

@@ -151,7 +151,7 @@ impl Page {
 }
 
 #[test]
-fn held_keys_fly_and_pictures_follow() {
+fn held_keys_fly_and_images_follow() {
     let served = Served::start();
     let mut page = served.page();
     let first = page.show_small();
@@ -187,7 +187,7 @@ fn a_page_that_falls_silent_stands_still() {
 }
 
 #[test]
-fn pictures_do_not_queue_up() {
+fn images_do_not_queue_up() {
     let served = Served::start();
     let mut page = served.page();
     let last = page.show_small();
@@ -269,7 +269,7 @@ fn the_light_changes_where_one_is() {
 }
 
 #[test]
-fn wrong_messages_are_told_and_change_nothing() {
+fn wrong_messages_are_reported_and_change_nothing() {
     let served = Served::start();
     let mut page = served.page();
     let before = page.show_small();
@@ -344,7 +344,7 @@ fn a_ninth_page_is_refused_until_another_leaves() {
 }
 
 #[test]
-fn the_end_is_told_to_pages() {
+fn the_end_is_reported_to_pages() {
     let mut served = Served::start();
     let mut page = served.page();
     page.show();

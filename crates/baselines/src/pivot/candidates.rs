@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wide_picture_counts_as_scaled_down() {
+    fn a_wide_image_counts_as_scaled_down() {
         let sheet = Sheet::new((2048, 1024), MIDDLE);
         assert_eq!(sheet.point([256.0, -256.0]), ImagePoint { u: 0.75, v: 0.0 });
         assert_eq!(sheet.apart(), 1.5 * 0.05 * 512.0);
@@ -191,7 +191,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn candidates_are_apart_in_reach_and_on_the_picture(
+        fn candidates_are_apart_in_reach_and_in_the_image(
             seed: u64, count in 0..60_usize, width in 1..3000_u32, height in 1..3000_u32, u in 0.0..=1.0, v in 0.0..=1.0,
             mean in proptest::array::uniform2(-300.0..300.0), spread in 1.0..400.0,
         ) {

@@ -117,7 +117,7 @@ fn candidates_follow_the_seed() {
 }
 
 #[test]
-fn numbers_that_are_not_on_the_picture_do_not_count() {
+fn numbers_that_are_not_in_the_image_do_not_count() {
     let mut pivot = pivot(|settings| settings.rounds = 2);
     let first = begun(&mut pivot);
     let second = query(answer(&mut pivot, &first, &[0, 26, 4_000_000_000]));
@@ -211,7 +211,7 @@ fn done_is_believed_at_the_second_look() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_and_asked_anew() {
+fn what_cannot_be_parsed_is_refused_and_queried_again() {
     let mut pivot = pivot(|settings| settings.runs = 2);
     let first = begun(&mut pivot);
     let second = query(pivot.handle(PolicyEvent::Continue));
@@ -222,7 +222,7 @@ fn what_cannot_be_read_is_refused_and_asked_anew() {
 }
 
 #[test]
-fn an_answer_that_never_comes_is_asked_for_again() {
+fn a_query_without_an_answer_is_sent_again() {
     let mut pivot = pivot(|_| ());
     let first = begun(&mut pivot);
     assert_eq!(pivot.handle(PolicyEvent::ReplyFailed { id: first.id }), Step::Wait);

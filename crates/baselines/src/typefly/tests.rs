@@ -86,7 +86,7 @@ fn forward(metres: f64) -> Primitives {
 }
 
 #[test]
-fn the_planner_is_told_skills_list_and_instruction() {
+fn the_planner_receives_skills_list_and_instruction() {
     let mut told = Instructed::new(|_| ());
     let sent = query(told.sees(CAR));
     for words in [
@@ -114,7 +114,7 @@ fn moves_follow_one_another_and_the_program_ends() {
 }
 
 #[test]
-fn an_end_that_the_picture_does_not_show_is_planned_on_from() {
+fn an_end_that_the_image_does_not_show_is_replanned() {
     let mut told = Instructed::new(|_| ());
     let over = told.plans(CAR, "->True;");
     let list = query(told.ends(over, false));
@@ -145,7 +145,7 @@ fn skills_look_again_after_each_move() {
 }
 
 #[test]
-fn goto_orients_and_approaches_until_the_box_fills_half_the_picture() {
+fn goto_orients_and_approaches_until_the_box_fills_half_the_image() {
     let mut told = Instructed::new(|_| ());
     let at = |x: f64, height: f64| format!("car_3 x:{x} y:0.5 width:0.1 height:{height} color:black");
     assert!(
@@ -208,7 +208,7 @@ fn a_faster_craft_flies_longer_hops() {
 }
 
 #[test]
-fn questions_are_asked_while_the_program_runs() {
+fn queries_are_sent_while_the_program_runs() {
     let mut told = Instructed::new(|_| ());
     let sent = query(told.plans(CAR, "_1=sa('what can be driven?');?_1!=False{mf,50;}->True;"));
     assert_eq!(sent.kind, QueryKind::Question { text: "what can be driven?".to_owned() });
@@ -242,7 +242,7 @@ fn a_wait_ends_by_the_frames() {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_and_asked_for_anew() {
+fn an_unusable_reply_is_refused_and_queried_again() {
     let mut told = Instructed::new(|_| ());
     assert!(matches!(told.sees("I see a car."), Step::Reject(_)));
     assert!(matches!(told.plans(CAR, "8{tc,45;"), Step::Reject(why) if why.starts_with("line 1, column 9")));

@@ -18,7 +18,7 @@ fn listed(pose: &Pose) -> String {
 }
 
 #[test]
-fn typefly_goes_to_what_its_list_tells() {
+fn typefly_flies_to_what_its_list_contains() {
     for (preset, heading) in [(Preset::Default, 0.0), (Preset::Default, 2.0), (Preset::Paper, 0.0)] {
         let settings = TypeFlySettings::new(Craft::quad());
         let mut flight = Flight::new(preset, heading, TypeFly::new(settings), move |query, seen| {

@@ -288,7 +288,7 @@ mod tests {
     use spf_media::h264::{Encoder, EncoderSettings};
 
     #[test]
-    fn a_bare_stream_is_cut_into_pictures() {
+    fn a_bare_stream_is_cut_into_images() {
         let mut encoder = Encoder::new(EncoderSettings::for_size(64, 48, 10.0)).unwrap();
         let mut stream = Vec::new();
         for n in 0..6_u8 {

@@ -349,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn points_alone_say_nothing_about_hits() {
+    fn points_alone_give_no_hits() {
         let points = target(Shape::Points(vec![at(0.1, 0.1), at(0.9, 0.9)], None));
         assert_eq!((points.holds(at(0.1, 0.1)), points.side_px()), (None, None));
         assert!((points.error_px(at(0.9, 0.8)) - 5.0).abs() < 1e-9);

@@ -66,7 +66,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_crosses_a_triangle_from_either_side_or_not() {
+    fn a_path_crosses_a_triangle_from_either_side_or_not() {
         let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
         let (above, below) = (DVec3::new(0.2, 0.2, 1.0), DVec3::new(0.2, 0.2, -3.0));
         assert_eq!(meets(above, below, triangle), Some(0.25));

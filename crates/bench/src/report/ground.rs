@@ -50,7 +50,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_plan_has_what_stands_in_the_way_and_the_targets() {
+    fn a_plan_has_the_obstacles_and_the_targets() {
         let ground = Ground::load("city@340970708", &["red_crane".to_owned()]).unwrap();
         assert!(ground.solid.len() > 20, "{}", ground.solid.len());
         assert_eq!(ground.marks.len(), 1);

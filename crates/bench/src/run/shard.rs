@@ -73,7 +73,7 @@ mod tests {
     }
 
     #[test]
-    fn a_share_is_read_or_refused() {
+    fn a_shard_is_parsed_or_refused() {
         assert_eq!("2/4".parse(), Ok(Shard { index: 2, count: 4 }));
         for bad in ["4/4", "0/0", "1", "-1/4", "1/x", ""] {
             assert!(bad.parse::<Shard>().is_err(), "{bad}");
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn schedulers_tell_the_share() {
+    fn schedulers_determine_the_shard() {
         let slurm = [("SLURM_ARRAY_TASK_ID", "3"), ("SLURM_ARRAY_TASK_COUNT", "4"), ("SLURM_ARRAY_TASK_MIN", "1")];
         assert_eq!(environment(&slurm), Ok(Some(Shard { index: 2, count: 4 })));
         assert_eq!(environment(&[("JOB_COMPLETION_INDEX", "0"), ("SPF_SHARDS", "8")]), Ok(Some(Shard { index: 0, count: 8 })));

@@ -330,7 +330,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_stands_beside_the_way_is_so_far_off_it() {
+    fn what_stands_beside_the_path_is_at_its_distance() {
         let at = |east, north| EnuPosition { east, north, up: 0.0 };
         assert_eq!(distance_from_path(at(0.0, 0.0), at(10.0, 0.0), at(4.0, -3.0)), 3.0);
         assert_eq!(distance_from_path(at(0.0, 0.0), at(10.0, 0.0), at(11.0, 0.0)), f64::INFINITY);

@@ -79,7 +79,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_like_its_reference_has_one_and_a_far_one_nothing() {
+    fn a_path_like_its_reference_scores_one_and_a_far_one_nothing() {
         let reference = path(&[0.0, 4.0]);
         assert_eq!(ndtw(&reference, &path(&[0.0, 1.0, 2.0, 3.0, 4.0]), 1.0), 1.0);
         // Five reference points, each one metre off the path.
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn a_way_flown_slowly_with_rests_is_the_same_way() {
+    fn a_path_flown_slowly_with_rests_is_the_same_path() {
         let reference = path(&[0.0, 4.0]);
         // Steps of 5 cm, then a hundred samples of hovering.
         let slow: Vec<f64> = (0..=80).map(|i| f64::from(i) * 0.05).chain([4.0; 100]).collect();
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_way_ends_at_the_radius() {
+    fn the_shortest_path_ends_at_the_radius() {
         assert_eq!(shortest(&path(&[0.0, 10.0, 4.0]), 5.0), 11.0);
         assert_eq!(shortest(&path(&[0.0, 3.0]), 5.0), 0.0);
         assert_eq!((spl(10.0, 20.0), spl(10.0, 5.0), spl(0.0, 0.0)), (0.5, 1.0, 1.0));

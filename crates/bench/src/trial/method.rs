@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn an_ablation_changes_what_its_name_says() {
+    fn an_ablation_changes_what_its_name_states() {
         let task = crate::task::shipped("real-long-cones").unwrap().unwrap();
         let settings = |name| Method::of_name(name).unwrap().settings(&task);
         let [spf, stop] = ["spf", "spf-stop"].map(settings);
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn nobody_is_asked_by_the_blind_control_alone() {
+    fn the_blind_control_queries_nothing() {
         let blind: Vec<&str> = Method::all().filter(|method| !method.asks()).map(Method::name).collect();
         assert_eq!(blind, ["straight"]);
         assert_eq!(Method::of_name("straight").unwrap().policy().name(), "plain");

@@ -58,7 +58,7 @@ fn every_default_can_be_read() {
 
 /// Names with a common beginning are listed together, as `pivot[-parallel]`.
 #[test]
-fn the_meaning_of_the_policy_tells_every_name() {
+fn the_description_of_the_policy_lists_every_name() {
     let all = PolicyKind::all();
     let stem = |kind: &PolicyKind| kind.name().split('-').next().unwrap_or_default();
     let kinds = all.chunk_by(|one, next| stem(one) == stem(next)).map(|kind| {
@@ -71,7 +71,7 @@ fn the_meaning_of_the_policy_tells_every_name() {
 }
 
 #[test]
-fn each_flag_says_its_own_key_and_no_other() {
+fn each_flag_sets_its_own_key_and_no_other() {
     let default = Settings::default();
     for row in default.rows() {
         let Some(flag) = &row.key().flag else { continue };
@@ -121,7 +121,7 @@ fn flags_go_over_the_environment_over_dotenv_over_the_file_over_defaults() {
 }
 
 #[test]
-fn another_default_holds_only_where_nobody_said_anything() {
+fn another_default_applies_only_where_nothing_was_given() {
     let mut settings = Settings::default();
     settings.fly.vlm.default_to("auto");
     assert_eq!((settings.fly.vlm.text(), settings.fly.vlm.origin()), (Some("auto"), &Origin::Default));
@@ -140,7 +140,7 @@ fn an_empty_value_leaves_it_to_something_else() {
 }
 
 #[test]
-fn a_wrong_value_is_told_where_it_is_used_and_nowhere_else() {
+fn a_wrong_value_is_reported_where_it_is_used_and_nowhere_else() {
     let settings = read("[fly]\nscene = 3\nseed = -1\n").unwrap();
     assert_eq!(settings.fly.scene.get().unwrap().as_deref(), Some("3"));
     let error = settings.fly.seed.get().unwrap_err().to_string();

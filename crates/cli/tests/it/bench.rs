@@ -203,7 +203,7 @@ fn a_browser_shows_the_report() {
 }
 
 #[test]
-fn folders_that_are_none_of_results_are_told() {
+fn folders_that_are_none_of_results_are_reported() {
     let lab = Lab::new();
     for (args, message) in [
         (["bench", "report"].as_slice(), "`bench-results` is not a results folder"),

@@ -74,7 +74,7 @@ fn a_circle_is_found() {
 }
 
 #[test]
-fn one_way_is_no_circle() {
+fn one_direction_is_no_circle() {
     let files = [
         ("lib.rs", "mod a; mod b; #[cfg(test)] mod tests;"),
         ("a.rs", "use crate::b::B; pub struct A(B);"),

@@ -106,7 +106,7 @@ fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]
 }
 
 #[test]
-fn a_dataset_is_what_it_says_and_the_oracle_can_be_graded_on_it() {
+fn a_dataset_is_consistent_and_the_oracle_can_be_graded_on_it() {
     let lab = Lab::new();
     let run = make(&lab, "data", "40", &[]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(0), "data\n"), "{}", run.stderr);

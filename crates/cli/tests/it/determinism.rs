@@ -37,7 +37,7 @@ fn a_whole_flight_and_its_files() {
 }
 
 #[test]
-fn every_picture_of_the_video() {
+fn every_image_of_the_video() {
     let names = ["summary.json", "decisions.jsonl", "video.mp4"];
     let lab = Lab::new();
     let fly = |folder: &str, threads: &str| {

@@ -13,7 +13,7 @@ fn an_absent_target_is_not_found() {
 }
 
 #[test]
-fn how_the_words_are_read_is_said_before_take_off() {
+fn the_reading_of_the_instruction_is_printed_before_take_off() {
     let lab = Lab::new();
     let brief = ["--max-decisions", "1", "--no-video"];
     let run = lab.spf(&[&["fly", "GO TO TEH RED CRAN, then to the elephant", "--out", "mine"][..], &brief].concat());
@@ -158,7 +158,7 @@ fn flags_reach_the_pilot() {
 }
 
 #[test]
-fn a_detector_is_asked_before_each_decision() {
+fn a_detector_is_queried_before_each_decision() {
     let lab = Lab::new();
     let args = ["fly to the red crane", "--detector", "oracle:perfect", "--vlm", "oracle:perfect", "--max-decisions", "4"];
     let (_, summary) = lab.fly("mine", &args);

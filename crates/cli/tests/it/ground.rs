@@ -43,7 +43,7 @@ fn of<'a>(report: &'a Value, answerer: &str) -> &'a Value {
 }
 
 #[test]
-fn the_oracle_is_graded_as_its_error_files_say() {
+fn the_oracle_is_graded_as_its_error_files_state() {
     let lab = Lab::new();
     let made = lab.spf(&["sim", "dataset", "-n", "60", "-o", "data", "--seed", "5", "--size", "480x360"]);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
@@ -167,7 +167,7 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
 }
 
 #[test]
-fn a_model_that_answers_nothing_is_told_by_the_exit_code() {
+fn a_model_without_an_answer_is_reported_by_the_exit_code() {
     let lab = Lab::new();
     image(&lab, "a.jpg", (320, 240));
     lab.write("rows.jsonl", json!({"picture": "a.jpg", "instruction": "go", "box": [0, 0, 9, 9]}).to_string());

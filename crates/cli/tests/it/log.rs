@@ -60,7 +60,7 @@ fn lines(text: &str) -> Vec<Value> {
 
 /// A flight without images, processed by every log command.
 #[test]
-fn a_log_is_told_printed_replayed_and_repaired() {
+fn a_log_is_summarised_printed_replayed_and_repaired() {
     let lab = Lab::new();
     let (_, flown) = lab.fly("mine", &["fly to the red crane", "--max-time", "14", "--seed", "9"]);
     let log = "mine/flight.mcap";
@@ -213,7 +213,7 @@ fn a_video_is_made_of_a_log() {
 
 /// The flight's own oracle replies as before, from images rendered again from scene and true pose; a poor one does not.
 #[test]
-fn another_mind_is_asked_about_the_same_frames() {
+fn another_vlm_is_queried_about_the_same_frames() {
     let lab = Lab::new();
     let flight = ["fly to the red crane", "--max-time", "20", "--seed", "4", "--light", "dusk", "--camera-effects", "lens=wide"];
     lab.fly("mine", &flight);

@@ -18,7 +18,7 @@ fn every_built_in_scene_is_listed_in_one_line() {
 }
 
 #[test]
-fn stats_count_what_is_there_and_pictures_are_drawn() {
+fn stats_count_what_is_there_and_images_are_drawn() {
     let lab = Lab::new();
     let run = lab.spf(&["sim", "scenes", "city", "--stats", "--json", "--pictures", "previews/small"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
@@ -43,7 +43,7 @@ fn stats_count_what_is_there_and_pictures_are_drawn() {
 }
 
 #[test]
-fn with_nothing_asked_nothing_is_measured() {
+fn without_questions_nothing_is_measured() {
     let run = Lab::new().spf(&["sim", "scenes", "--json"]);
     let printed: Value = serde_json::from_str(&run.stdout).unwrap();
     for scene in printed["scenes"].as_array().unwrap() {

@@ -101,7 +101,7 @@ fn our_own_clients_get_the_same_answer_in_their_own_coordinates() {
 
 #[test]
 #[ignore = "long: .ci/interop runs it"]
-fn the_vendors_own_sdks_ask_it() {
+fn the_vendors_own_sdks_query_it() {
     let lab = Lab::new();
     let Some(python) = python::with(&["google-genai", "openai", "anthropic"]) else { return };
     let serving = Serving::start(&lab, &[]);
@@ -113,7 +113,7 @@ fn the_vendors_own_sdks_ask_it() {
 }
 
 #[test]
-fn what_cannot_be_served_is_said() {
+fn what_cannot_be_served_is_reported() {
     let lab = Lab::new();
     for (args, words) in [
         (&["sim", "serve"][..], "nothing to serve"),

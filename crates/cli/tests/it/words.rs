@@ -55,7 +55,7 @@ fn version() {
 }
 
 #[test]
-fn without_a_command_the_way_in_is_shown() {
+fn without_a_command_the_help_is_shown() {
     let run = Lab::new().spf(&[]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(2), ""));
     assert!(run.stderr.contains("spf fly \"Take off and fly to the red crane\""), "{}", run.stderr);

@@ -94,7 +94,7 @@ fn there_are_at_most_three_hypotheses_and_the_oldest_doubt_gives_way() {
 }
 
 #[test]
-fn a_later_stage_replaces_the_target_and_an_earlier_one_says_nothing() {
+fn a_later_stage_replaces_the_target_and_an_earlier_one_has_no_effect() {
     let from = at(0.0, 0.0, 0.0);
     let mut anchors = Anchors::default();
     anchors.observe(sighting(0.0, from, at(0.0, 20.0, 0.0)));

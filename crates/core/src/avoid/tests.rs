@@ -70,7 +70,7 @@ fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
 }
 
 #[test]
-fn a_way_along_the_left_or_right_edge_is_told() {
+fn a_path_along_the_left_or_right_edge_is_detected() {
     let camera = square();
     let along = |u: f64, step: f64| leads_along_edge(&plan(&camera, step), ImagePoint { u, v: 0.5 }, step, CLEARANCE);
     // 45° to the edge: at 4 m along the axis the end is (1 − tan)·4·cos 45° from its plane, 0.55 m at tan = 0.81.

@@ -69,7 +69,7 @@ fn the_band_is_that_of_the_place() {
 }
 
 #[test]
-fn errors_say_what_where_and_what_to_do() {
+fn errors_state_problem_place_and_remedy() {
     let ring = |points: &str| Geofence::from_geojson(&format!(r#"{{"type":"Polygon","coordinates":[{points}]}}"#));
     let shown = |result: Result<Geofence, GeofenceError>| result.unwrap_err().to_string();
     for (result, message) in [

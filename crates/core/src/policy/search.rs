@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_along_the_most_open_way_that_it_saw_and_not_back() {
+    fn flies_along_the_most_open_direction_seen_and_not_back() {
         let mut search = Search::new(PI / 2.0, 2.0);
         // Open to the south-east and nearly as open to the north-west; elsewhere there is a wall.
         let open = |heading: f64| {
@@ -333,7 +333,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_whatever_it_is_told() {
+    fn ends_whatever_the_replies() {
         for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left]] {
             for way in [None, Some(OpenDirection { heading: 1.0, depth: 9 })] {
                 let mut search = Search::new(1.0, 2.0);

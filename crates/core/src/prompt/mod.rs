@@ -229,7 +229,7 @@ For example: {"status":"navigating","look":null,"stage":1,"point":[400,620],"dep
     }
 
     #[test]
-    fn memory_is_told() {
+    fn memory_is_reported() {
         let memory = Memory {
             stage: 2,
             targets: vec!["the gate".to_owned(), "the \"red\"\ncrane".to_owned()],
@@ -248,7 +248,7 @@ For example: {"status":"navigating","look":null,"stage":1,"point":[400,620],"dep
     }
 
     #[test]
-    fn what_a_detector_found_is_told() {
+    fn what_a_detector_found_is_reported() {
         let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width: 640, height: 480 } };
         let query = |detections: &[&str]| Query {
             instruction: "go".to_owned(),
@@ -265,7 +265,7 @@ For example: {"status":"navigating","look":null,"stage":1,"point":[400,620],"dep
     }
 
     #[test]
-    fn example_is_in_the_form_asked_for() {
+    fn example_is_in_the_requested_form() {
         for (order, scale) in [
             (AxisOrder::Yx, Scale::Thousand),
             (AxisOrder::Xy, Scale::Unit),

@@ -135,7 +135,7 @@ fn refuses_with_a_reason() {
 }
 
 #[test]
-fn messages_say_what_is_wrong_and_where() {
+fn messages_state_what_is_wrong_and_where() {
     let message = |text: &str| parse_reply(text, &yx(), false).unwrap_err().to_string();
     assert_eq!(
         message("{\"point\":[1500,500],\"depth\":3}"),
@@ -150,7 +150,7 @@ fn messages_say_what_is_wrong_and_where() {
 
 /// Failing 12 of programs of this kind: a depth label of 15 became seconds at full stick.
 #[test]
-fn failing_12_no_label_off_the_scale_and_no_point_off_the_picture() {
+fn failing_12_no_label_off_the_scale_and_no_point_outside_the_image() {
     for label in ["15", "11", "0", "-3", "1e308", "\"15\""] {
         let text = format!("{{\"status\":\"navigating\",\"point\":[500,500],\"depth\":{label}}}");
         assert!(matches!(parse_reply(&text, &yx(), false), Err(ReplyError::DepthOutside { .. })), "{text}");

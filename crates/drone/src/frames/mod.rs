@@ -116,7 +116,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_received_is_scaled_and_what_is_drawn_is_drawn_at_the_size_asked_for() {
+    fn a_received_image_is_scaled_and_a_rendered_one_has_the_requested_size() {
         let mut scaler = Scaler::default();
         let received = Photo::received(Arc::new(Rgb::filled(8, 6, [9, 80, 200])));
         assert_eq!((received.size(), received.at((4, 3), &mut scaler)), ((8, 6), Rgb::filled(4, 3, [9, 80, 200])));

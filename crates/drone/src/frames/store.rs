@@ -183,7 +183,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_that_was_shown_before_is_no_new_capture() {
+    fn an_image_that_was_shown_before_is_no_new_capture() {
         let frames = FrameStore::default();
         let grey = |level| Rgb::filled(8, 8, [level; 3]);
         let counters = [1, 2, 2, 1, 3].map(|level| receive(&frames, 0, grey(level)).capture_counter);

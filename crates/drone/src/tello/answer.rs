@@ -77,7 +77,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn answers_are_told_apart() {
+    fn answers_are_distinguished() {
         let read = |text: &str| Answer::read(text.as_bytes());
         for ok in ["ok", "OK", "ok\r\n", " ok\0"] {
             assert_eq!(read(ok), Answer::Ok, "{ok:?}");

@@ -46,7 +46,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refusals_for_the_imu_are_told_from_others() {
+    fn refusals_for_the_imu_are_distinguished_from_others() {
         for answer in ["error No valid imu", "Error No Valid IMU\r\n", "error IMU"] {
             assert!(Imu::default().refused(answer), "{answer}");
         }

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_chain_of_the_newest_key_picture_waits() {
+    fn only_the_chain_of_the_newest_key_frame_waits() {
         let (inlet, stream) = (Inlet::default(), datagrams(34));
         put(&inlet, &stream[..8], 0);
         assert_eq!(times(&inlet.take(Duration::ZERO)), (0..8).collect::<Vec<_>>());
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn after_a_refusal_it_goes_on_with_a_key_picture() {
+    fn after_a_refusal_it_goes_on_with_a_key_frame() {
         let (inlet, stream) = (Inlet::default(), datagrams(25));
         put(&inlet, &stream[..3], 0);
         inlet.take(Duration::ZERO);

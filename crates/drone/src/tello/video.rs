@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_pictures_come_out_at_once_and_decode() {
+    fn whole_images_come_out_at_once_and_decode() {
         let stream = stream(25);
         assert!(stream.iter().any(|datagrams| datagrams.len() > 4));
         let (mut joiner, mut decoder) = (Joiner::default(), Decoder::new().unwrap());
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_that_is_joined_in_the_middle_begins_with_its_next_key_picture() {
+    fn a_stream_that_is_joined_in_the_middle_begins_with_its_next_key_frame() {
         let stream = stream(25);
         let mut joiner = Joiner::default();
         let came: Vec<usize> = (3..25).filter(|frame| !join(&mut joiner, &stream[*frame]).is_empty()).collect();

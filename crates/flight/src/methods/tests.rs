@@ -25,7 +25,7 @@ fn options_that_are_left_out_are_those_of_the_first_of_a_family() {
 }
 
 #[test]
-fn a_wrong_row_is_told() {
+fn a_wrong_row_is_reported() {
     assert_eq!(refused(&[row("a", SPF, ""), row("a", "family = \"plain\"", "")].concat()), "duplicate name `a`");
     for name in ["", "Spf", "1m", "spf-", "-spf", "spf--x", "a,b", "a/b", "ä"] {
         let message = refused(&row(name, SPF, ""));
@@ -53,7 +53,7 @@ fn a_wrong_row_is_told() {
 }
 
 #[test]
-fn an_unknown_word_is_told_with_its_line() {
+fn an_unknown_word_is_reported_with_its_line() {
     for (wrong, piece) in [
         (row("a", "family = \"spff\"", ""), "unknown variant `spff`, expected one of `spf`, `plain`, `pivot`, `typefly`"),
         (row("a", "family = \"spf\", runs = 3", ""), "unknown field `runs`, expected `detector`"),
@@ -70,7 +70,7 @@ fn an_unknown_word_is_told_with_its_line() {
 }
 
 #[test]
-fn a_variant_changes_what_it_says_and_nothing_else() {
+fn a_variant_changes_what_it_declares_and_nothing_else() {
     let settings = |words: &str| read(&row("some", SPF, words)).unwrap().remove(0).bench.unwrap();
     let preset = PilotSettings::preset(Preset::Default);
     assert_eq!((settings("").settings(6.7), settings("").preset()), (preset, Preset::Default));

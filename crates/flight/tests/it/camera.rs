@@ -101,7 +101,7 @@ fn a_flight_in_gusts_arrives_on_another_way() {
 }
 
 #[test]
-fn a_tello_whose_battery_runs_low_ends_by_it() {
+fn a_low_tello_battery_ends_the_flight() {
     // 0.13 % a second: from 0.21 to the envelope's 0.15 in 46 s.
     let summary = flown(FlightConditions { battery: 0.21, ..FlightConditions::default() }, CraftKind::Tello, 1);
     assert_eq!(summary.outcome, Outcome::Aborted, "{summary:?}");
@@ -110,7 +110,7 @@ fn a_tello_whose_battery_runs_low_ends_by_it() {
 }
 
 #[test]
-fn pictures_without_effects_are_those_of_the_renderer() {
+fn images_without_effects_are_those_of_the_renderer() {
     let world = world("none", CraftKind::Quad);
     let shot = world.shot(Time::ZERO).unwrap();
     let moment = world.snapshot_at(Time::ZERO).unwrap();

@@ -74,7 +74,7 @@ fn an_instruction_starts_a_policy_of_one_s_own_over() {
 }
 
 #[test]
-fn a_vlm_of_one_s_own_is_asked() {
+fn a_custom_vlm_is_queried() {
     let summary = vlm::fly().unwrap().summary;
     assert_eq!((summary.vlm.as_str(), summary.outcome), ("lightest", Outcome::Reached), "{summary:?}");
     assert!(summary.decisions >= 3, "{}", summary.decisions);

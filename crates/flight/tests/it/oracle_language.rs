@@ -66,7 +66,7 @@ impl City {
 }
 
 #[test]
-fn ways_of_saying_it_mean_the_same() {
+fn different_phrasings_mean_the_same() {
     let city = City::load();
     let cases: &[(&str, &[&str])] = &[
         ("Take off and fly to the red crane", &["red_crane"]),

@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn formats_are_told_by_their_first_bytes() {
+    fn formats_are_recognised_by_their_first_bytes() {
         let png = ours::encode(&image()).unwrap();
         let jpeg = Jpeg::encode(&image(), 90).unwrap();
         assert_eq!((Format::of(&png), Format::of(jpeg.bytes())), (Some(Format::Png), Some(Format::Jpeg)));

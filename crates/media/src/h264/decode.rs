@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn an_encoded_picture_comes_back() {
+    fn an_encoded_image_comes_back() {
         let mut image = Rgb::filled(64, 48, [200, 60, 40]);
         for y in 0..48 {
             for x in 32..64 {
@@ -135,7 +135,7 @@ mod tests {
     }
 
     #[test]
-    fn a_stream_without_a_key_picture_gives_no_picture() {
+    fn a_stream_without_a_key_frame_gives_no_image() {
         let mut decoder = Decoder::new().unwrap();
         assert!(!matches!(decoder.decode(&[0, 0, 0, 1, 0x41, 0x9a, 0x00, 0x10]), Ok(Some(_))));
     }

@@ -250,12 +250,12 @@ mod tests {
     }
 
     #[test]
-    fn the_same_pictures_give_the_same_bytes() {
+    fn the_same_images_give_the_same_bytes() {
         assert_eq!(stream(25), stream(25));
     }
 
     #[test]
-    fn key_pictures_carry_parameter_sets_and_come_at_the_interval() {
+    fn key_frames_carry_parameter_sets_and_come_at_the_interval() {
         let units = stream(25);
         let keys: Vec<_> = units.iter().map(|unit| unit.key).collect();
         assert!(keys.iter().enumerate().all(|(frame, &key)| key == (frame % 10 == 0)), "{keys:?}");
@@ -267,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn a_key_picture_comes_when_it_is_asked_for() {
+    fn a_key_frame_is_produced_when_requested() {
         let mut encoder = Encoder::new(EncoderSettings::for_size(96, 64, 10.0)).unwrap();
         let keys: Vec<_> = (0..9)
             .map(|frame: u32| {
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coarser_quantiser_makes_smaller_pictures() {
+    fn a_coarser_quantiser_makes_smaller_images() {
         let bytes = |quantiser| {
             let settings = EncoderSettings { quantiser, ..EncoderSettings::for_size(96, 64, 10.0) };
             let mut encoder = Encoder::new(settings).unwrap();

@@ -104,7 +104,7 @@ fn rounded_off(steps: &[u8; BLOCK], blocks: f64) -> f64 {
 proptest! {
     /// No error is larger than rounding explains: the transform preserves sums of squares.
     #[test]
-    fn any_picture_comes_back(
+    fn any_image_comes_back(
         (width, height) in (1..70_u32, 1..70_u32),
         (grain, seed) in (0..=255_u32, any::<u32>()),
         quality in 1..=100_u8,
@@ -188,7 +188,7 @@ fn clones_share_the_bytes() {
 }
 
 #[test]
-fn an_empty_picture_is_an_error_that_names_it() {
+fn an_empty_image_is_an_error_that_names_it() {
     let error = Jpeg::encode(&Rgb::new(0, 7), 90).unwrap_err();
     assert_eq!(error.to_string(), "cannot encode an image of 0×7 as JPEG");
 }

@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn an_empty_hud_leaves_the_picture_alone() {
+    fn an_empty_hud_leaves_the_image_alone() {
         let mut image = Rgb::filled(320, 240, [90, 120, 150]);
         draw_hud(&mut image, &Hud { lines: &["", ""], ..Hud::default() });
         assert_eq!(image, Rgb::filled(320, 240, [90, 120, 150]));

@@ -28,7 +28,7 @@ fn units(stream: &[u8]) -> Vec<Vec<u8>> {
 
 /// By default x264 sends images in an order that differs from presentation order.
 #[test]
-fn pictures_with_b_frames_come_whole_and_in_order() {
+fn images_with_b_frames_come_whole_and_in_order() {
     if !have_ffmpeg() {
         return;
     }

@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_twice_or_cannot_be_said_is_refused() {
+    fn duplicates_and_impossible_phrases_are_refused() {
         #[derive(Debug, Deserialize)]
         struct File {
             #[serde(rename = "words")]

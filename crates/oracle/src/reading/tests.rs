@@ -118,7 +118,7 @@ fn steps(instruction: &str) -> Vec<(Verb, Vec<u16>)> {
 }
 
 #[test]
-fn people_in_a_hurry_say_it_in_many_ways() {
+fn terse_phrasings_are_understood() {
     use Verb::{Follow, GoTo, Through};
     type Case = (&'static str, &'static [(Verb, &'static [u16])]);
     let cases: &[Case] = &[
@@ -186,7 +186,7 @@ fn a_direction_is_no_thing_to_fly_to() {
 }
 
 #[test]
-fn what_asks_for_no_flight_ends_at_once() {
+fn an_instruction_without_a_flight_ends_at_once() {
     for message in [
         "what should i cook tonight",
         "play some music",
@@ -216,7 +216,7 @@ fn where_a_thing_is_not_here_the_nearest_in_meaning_is_named() {
 
 proptest::proptest! {
     #[test]
-    fn any_order_of_what_people_say_is_read(words in proptest::collection::vec(proptest::sample::select(vec![
+    fn any_order_of_everyday_phrases_is_parsed(words in proptest::collection::vec(proptest::sample::select(vec![
         "whats", "who", "is", "that", "the", "red", "crane", "church", "doing", "parked", "sat", "with", "on", "it", "him",
         "somebody", "in", "a", "jumper", "go", "have", "look", "2", "nr", "two", "wonky", "north", "20m", ",", ".", "one", "way",
         "out", "near", "somewhere", "to", "sit", "flyto", "w/", "inside", "where", "can", "i", "over", "carrying", "then",

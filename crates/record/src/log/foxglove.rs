@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn the_body_looks_where_its_heading_says() {
+    fn the_body_faces_its_heading() {
         let attitude = |heading: f64, pitch: f64, roll: f64| Attitude { heading, pitch, roll };
         let forward = [1.0, 0.0, 0.0];
         // Heading 0 is north, a quarter turn clockwise is east.
@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_is_upright_and_the_lens_looks_down_by_its_tilt() {
+    fn the_image_is_upright_and_the_lens_looks_down_by_its_tilt() {
         let tilt = 30f64.to_radians();
         // Optical axis: forward and half a metre down. Right in the image: the body's right.
         let into = turned(optical_rotation(tilt), [0.0, 0.0, 1.0]);

@@ -353,7 +353,7 @@ mod tests {
     }
 
     #[test]
-    fn a_first_picture_without_parameter_sets_is_refused() {
+    fn a_first_image_without_parameter_sets_is_refused() {
         let mut disk = Disk { file: Cursor::new(Vec::new()), room: usize::MAX };
         let mut muxer = Muxer::new(&mut disk, 96, 64).unwrap();
         assert!(matches!(muxer.push(0, &unit(1)), Err(MuxError::Form(_))));

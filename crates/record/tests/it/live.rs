@@ -75,7 +75,7 @@ impl Viewer {
 }
 
 #[test]
-fn a_viewer_is_told_the_topics_and_shown_what_it_wants() {
+fn a_viewer_receives_the_topics_and_what_it_subscribes_to() {
     let live = live();
     let sender = live.sender();
     // Before any viewer connects: a viewer starts with the latest message of a topic.

@@ -70,7 +70,7 @@ fn check_well_formed(svg: &str) {
 }
 
 #[test]
-fn a_flight_is_drawn_whole_and_repeatably() {
+fn a_flight_is_plotted_completely_and_repeatably() {
     let svg = trajectory_svg(&flight());
     if let Some(folder) = std::env::var_os("SPF_TEST_PICTURES") {
         std::fs::write(std::path::Path::new(&folder).join("trajectory.svg"), &svg).unwrap();
@@ -100,7 +100,7 @@ fn the_map_is_to_scale_and_north_is_up() {
 }
 
 #[test]
-fn nothing_at_all_is_still_a_picture() {
+fn nothing_at_all_is_still_an_image() {
     check_well_formed(&trajectory_svg(&TrajectoryInput::default()));
 }
 
@@ -108,7 +108,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(100))]
 
     #[test]
-    fn any_texts_and_coordinates_give_a_well_formed_picture(
+    fn any_texts_and_coordinates_give_a_well_formed_image(
         title in ".{0,200}",
         name in ".{0,30}",
         points in proptest::collection::vec((any::<u64>(), any::<f64>(), any::<f64>(), any::<f64>()), 0..12),

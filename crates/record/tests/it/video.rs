@@ -57,7 +57,7 @@ fn ffprobe(path: &Path, entries: &str) -> Vec<String> {
 }
 
 #[test]
-fn ffprobe_reads_pictures_times_and_duration() {
+fn ffprobe_reads_images_times_and_duration() {
     if !have("ffprobe") {
         return;
     }
@@ -115,7 +115,7 @@ fn the_same_flight_gives_the_same_bytes() {
 }
 
 #[test]
-fn pictures_of_another_size_are_scaled() {
+fn images_of_another_size_are_scaled() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video.mp4");
     let mut video = VideoWriter::create(&path, 160, 120, 10.0).unwrap();
@@ -124,7 +124,7 @@ fn pictures_of_another_size_are_scaled() {
 }
 
 #[test]
-fn a_picture_out_of_order_is_refused_and_the_next_is_taken() {
+fn an_image_out_of_order_is_refused_and_the_next_is_taken() {
     let folder = tempfile::tempdir().unwrap();
     let mut video = VideoWriter::create(&folder.path().join("video.mp4"), 160, 120, 10.0).unwrap();
     let image = Rgb::new(160, 120);
@@ -135,7 +135,7 @@ fn a_picture_out_of_order_is_refused_and_the_next_is_taken() {
 }
 
 #[test]
-fn a_flight_without_a_picture_leaves_no_video() {
+fn a_flight_without_an_image_leaves_no_video() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("video.mp4");
     assert_eq!(VideoWriter::create(&path, 160, 120, 10.0).unwrap().finish().unwrap().frames, 0);

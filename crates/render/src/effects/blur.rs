@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_shutter_that_is_still_open_gives_no_picture() {
+    fn a_shutter_that_is_still_open_gives_no_image() {
         let shutter = Some(Duration::from_millis(10));
         assert_eq!(shot(&Camera::quad(), shutter, Time::from_millis(1996), flying), None);
         assert!(shot(&Camera::quad(), shutter, Time::from_millis(1995), flying).is_some());

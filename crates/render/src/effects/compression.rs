@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plain_picture_comes_back_plain() {
+    fn a_plain_image_comes_back_plain() {
         for compression in [Compression::Jpeg(50), Compression::H264(16)] {
             let back = compression.round_trip(Rgb::filled(33, 17, [90, 140, 60]));
             assert_eq!((back.width(), back.height()), (33, 17));

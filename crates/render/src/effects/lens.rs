@@ -275,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn absurd_lenses_keep_to_a_bounded_picture() {
+    fn absurd_lenses_keep_to_a_bounded_image() {
         for (k1, k2, p1) in [(9.0, 0.0, 0.0), (-9.0, 0.0, 0.0), (0.0, -9.0, 3.0), (-0.3, 0.02, 0.0), (1e300, 0.0, 0.0)] {
             let camera = Lens::Distorted(Distortion { k1, k2, p1, p2: 0.0 }).on(&Camera::quad()).resized(64, 48);
             let (remap, _) = bent(&camera);

@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn without_effects_the_picture_is_untouched() {
+    fn without_effects_the_image_is_untouched() {
         let mut plain = RenderedImage::default();
         let camera = Camera { width: 96, height: 16, fx: 200.0, fy: 200.0, cx: 48.0, cy: 8.0, ..Camera::tello() };
         stripe(&camera, &Pose::default(), &mut plain);

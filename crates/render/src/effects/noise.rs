@@ -65,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_is_as_noisy_as_asked_for() {
+    fn grey_is_as_noisy_as_requested() {
         let curve = Curve::get();
         let mut light = vec![curve.light(128); 300_000];
         add(&mut light, 1.0, 4.0, 5, 9);
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_and_seeds_differ_and_repeat() {
+    fn images_and_seeds_differ_and_repeat() {
         let noisy = |seed, image| {
             let mut light = vec![0.2; 3000];
             add(&mut light, 1.0, 3.0, seed, image);

@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_say_what_can_be_said() {
+    fn errors_list_what_is_accepted() {
         assert_eq!(
             read("blurr").unwrap_err(),
             "unknown camera effect `blurr`: use blur, noise, exposure, lens, compression, all or none"

@@ -20,7 +20,7 @@ fn a_model_without_ground_is_seen_from_its_start() {
 }
 
 #[test]
-fn pictures_are_drawn_where_the_coordinates_say() {
+fn images_are_rendered_where_the_coordinates_put_them() {
     let mut model = Model::new();
     let image = model.image(&png(2, 2, |x, y| {
         [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [250, 250, 250, 0]][(y * 2 + x) as usize]

@@ -57,7 +57,7 @@ fn a_wall_is_where_it_stands_and_as_far() {
 }
 
 #[test]
-fn a_picture_hangs_upright_and_repeats() {
+fn an_image_hangs_upright_and_repeats() {
     let mut scene = yard::empty();
     // Red over green, left over right: red, white / green, black. Facing south, 8 m square, two repetitions across, one up.
     let rgb = [[200, 10, 10], [230, 230, 230], [10, 160, 10], [5, 5, 5]].concat();
@@ -158,7 +158,7 @@ fn colour_keeps_ids_and_depth_as_they_are() {
 }
 
 #[test]
-fn actors_are_drawn_like_the_scene() {
+fn actors_are_rendered_like_the_scene() {
     let (mut whole, mut scene) = (yard::empty(), yard::empty());
     whole.add_box(Vec3::new(-2.0, 20.0, 1.0), Vec3::new(2.0, 21.0, 3.0), 1, 9, Role::Solid);
     scene.add_box(Vec3::new(-2.0, 20.0, 1.0), Vec3::new(2.0, 21.0, 3.0), 1, 9, Role::Solid);
@@ -202,7 +202,7 @@ fn wide_and_plain_instructions_give_the_same_bits() {
 }
 
 #[test]
-fn live_pictures_show_the_same_things_more_coarsely() {
+fn live_images_show_the_same_things_more_coarsely() {
     let renderer = Renderer::new(&yard::yard().geometry);
     let draw = |quality| renderer.render(&level(), &pose(0.0, -25.0, 6.0, 0.0), Channels { quality, ..Channels::ALL });
     let (full, live) = (draw(Quality::Full), draw(Quality::Live));
@@ -217,7 +217,7 @@ fn live_pictures_show_the_same_things_more_coarsely() {
 }
 
 #[test]
-fn files_hold_what_the_picture_holds() {
+fn files_contain_what_the_image_contains() {
     let image = Renderer::new(&yard::yard().geometry).render(&Camera::quad(), &pose(0.0, -25.0, 6.0, 0.0), Channels::ALL);
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);

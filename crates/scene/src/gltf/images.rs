@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pictures_are_halved_until_all_fit() {
+    fn images_are_halved_until_all_fit() {
         assert_eq!(halvings(&[(4096, 4096), (16, 16)]), [0, 0]);
         assert_eq!(halvings(&[(8192, 64), (1, 1)]), [1, 0]);
         // Four images of 4096 take 341 MiB.

@@ -191,7 +191,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_turned_as_the_extension_says() {
+    fn images_are_transformed_as_the_extension_states() {
         // A quarter turn counter-clockwise with v down: u goes to −v.
         let (c, s) = (0.0, 1.0);
         let image = TextureUse { set: 0, offset: Vec2::new(0.5, 0.0), columns: [Vec2::new(c, -s) * 2.0, Vec2::new(s, c)] };

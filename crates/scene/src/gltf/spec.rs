@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn nested_and_flat_keys_say_the_same() {
+    fn nested_and_flat_keys_mean_the_same() {
         let nested = node(r#"{"spf": {"names": ["Red  Car", "car"], "opening": true, "number": 7}}"#).unwrap().unwrap();
         let flat =
             node(r#"{"spf_names": "Red Car, car,", "spf_opening": 1, "spf_number": 7, "other": {"a": 1}}"#).unwrap().unwrap();

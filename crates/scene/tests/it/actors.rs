@@ -220,7 +220,7 @@ fn refused(motion: &str) -> String {
 }
 
 #[test]
-fn errors_say_what_to_write() {
+fn errors_state_what_to_write() {
     for (motion, message) in [
         ("walk = { path = [[0, 0]], speed_m_s = 1.0 }", "2 to 1000 corners"),
         ("walk = { path = [[0, 0], [0, 1]], speed_m_s = 1.0, loop = \"circle\" }", "3 to 1000 corners"),

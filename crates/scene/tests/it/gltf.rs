@@ -120,7 +120,7 @@ fn tags_come_from_extras_names_and_colours() {
 }
 
 #[test]
-fn extras_leave_out_let_through_and_say_how_to_fly() {
+fn extras_omit_open_and_describe_the_flight() {
     let mut model = yard();
     model.json["nodes"][1]["extras"] = json!({"spf_ignore": 1});
     model.json["meshes"][0]["extras"] = json!({"spf_names": "paving", "spf_solid": false});
@@ -176,7 +176,7 @@ fn a_model_without_ground_stands_on_a_meadow() {
 }
 
 #[test]
-fn materials_are_kept_as_far_as_they_can_be_drawn() {
+fn materials_are_kept_as_far_as_they_can_be_rendered() {
     let mut model = yard();
     let red = &mut model.json["materials"][1];
     red["doubleSided"] = json!(true);

@@ -173,7 +173,7 @@ fn crc32(bytes: &[u8]) -> u32 {
 }
 
 #[test]
-fn pictures_are_measured_before_they_are_decoded() {
+fn images_are_measured_before_they_are_decoded() {
     let with = |image: &[u8]| {
         let mut model = Model::new();
         let material = model.image(image);

@@ -61,7 +61,7 @@ fn load(folder: &Path) -> Result<Scene, SceneError> {
 }
 
 #[test]
-fn a_model_stands_where_the_scene_says_with_the_tags_of_the_scene() {
+fn a_model_stands_where_the_scene_puts_it_with_the_tags_of_the_scene() {
     let turned = CRATE.replace("id = \"crate\"", "id = \"big\"").replace("[4.0, 8.0, 1.0]", "[-6.0, 0.0]");
     let folder = folder(&format!("{CRATE}{turned}scale = 2.0\nheading_deg = 90.0\n"), &crate_model().glb());
     let scene = load(folder.path()).unwrap();
@@ -126,7 +126,7 @@ fn refusal(objects: &str) -> String {
 }
 
 #[test]
-fn errors_say_what_to_do() {
+fn errors_state_a_remedy() {
     let with = |mesh: &str| refusal(&CRATE.replace("position", &format!("mesh = {{ kind = \"model\", {mesh} }}\nposition")));
     for (mesh, message) in [
         ("file = \"models/chair.glb\"", "scene.toml:25: the model `models/chair.glb`: cannot read it: No such file"),

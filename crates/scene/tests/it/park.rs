@@ -56,7 +56,7 @@ fn targets_lie_within_the_bounds() {
 }
 
 #[test]
-fn the_start_and_the_way_up_are_free() {
+fn the_start_and_the_space_above_it_are_free() {
     let scene = park();
     let world = Collider::new(&scene.geometry).unwrap();
     let above = |up: f64| EnuPosition { up, ..scene.start.position };

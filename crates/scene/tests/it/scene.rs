@@ -158,7 +158,7 @@ fn solids_enclose_a_positive_volume() {
 }
 
 #[test]
-fn the_start_and_the_way_up_are_free() {
+fn the_start_and_the_space_above_it_are_free() {
     let scene = city();
     let p = scene.start.position;
     for object in scene.objects.iter().filter(|o| o.tags.kind != "ground") {
@@ -213,7 +213,7 @@ fn a_small_scene_loads_with_pose_heading_and_place() {
 }
 
 #[test]
-fn a_scene_says_what_it_shows_and_from_where() {
+fn a_scene_states_what_it_shows_and_from_where() {
     let say = |line: &str| format!("{HEAD}{line}\n{TREE}");
     let plain = Scene::parse(&say(""), "test.toml").unwrap();
     // Without a given pose: from the start, at the quad's take-off height.
@@ -321,7 +321,7 @@ fn under(text: &str, lighting: Option<Lighting>, weather: Option<Weather>) -> Sc
 }
 
 #[test]
-fn keys_of_the_light_hold_until_another_is_asked_for() {
+fn keys_of_the_light_apply_until_another_is_requested() {
     let light = "\n[light]\ntime = \"dusk\"\nsun_elevation_deg = 9.0\nhaze_per_m = 0.02\nexposure = 2.0\nsun = \"#ff0000\"\n";
     let text = format!("{HEAD}{light}{TREE}");
     let own = under(&text, None, None);

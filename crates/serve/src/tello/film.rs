@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn there_is_a_key_picture_each_second_however_few_pictures_there_are() {
+    fn there_is_a_key_frame_each_second_however_few_images_there_are() {
         let (mut reel, image) = (None, Rgb::filled(96, 64, [90, 120, 30]));
         for fps in [2, 5, 12, 30] {
             let keys: Vec<u64> = (0..4 * fps)
@@ -154,7 +154,7 @@ mod tests {
     }
 
     #[test]
-    fn each_streamon_begins_with_a_key_picture() {
+    fn each_streamon_begins_with_a_key_frame() {
         let (mut reel, image) = (None, Rgb::filled(96, 64, [90, 120, 30]));
         let keys = [1, 1, 2, 2, 3]
             .map(|stream_number| is_key(&encode(&mut reel, &request(stream_number), Time::from_millis(50), &image).unwrap()));

@@ -107,7 +107,7 @@ mod tests {
     }
 
     #[test]
-    fn slow_pictures_become_drafts_and_quick_drafts_become_fine_again() {
+    fn slow_images_become_drafts_and_fast_drafts_become_full_again() {
         let mut pace = Pace::new(VideoQuality::Auto);
         assert_eq!((pace.fineness(), pace.period(30)), (RenderQuality::Live, Duration::from_secs(1) / 30));
         assert_eq!(after(&mut pace, 1, 200), RenderQuality::Live);
@@ -132,7 +132,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_for_stays() {
+    fn what_is_requested_stays() {
         for name in ["full", "live", "draft"] {
             let quality = VideoQuality::from_name(name).unwrap();
             let mut pace = Pace::new(quality);

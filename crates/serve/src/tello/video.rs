@@ -27,7 +27,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn lengths_tell_where_units_end(sizes in proptest::collection::vec(1_usize..5000, 1..6), full in 0_usize..3) {
+        fn lengths_show_where_units_end(sizes in proptest::collection::vec(1_usize..5000, 1..6), full in 0_usize..3) {
             let mut units: Vec<Vec<u8>> = sizes.iter().map(|size| vec![7; *size]).collect();
             units.push(vec![9; DATAGRAM * (full + 1) - 4]);
             let cut = datagrams(units.iter().map(Vec::as_slice));

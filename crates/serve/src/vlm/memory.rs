@@ -192,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_are_told_apart_and_forgotten() {
+    fn frames_are_distinguished_and_forgotten() {
         let memory = Memory::default();
         assert_eq!(memory.recognise(Time::ZERO, &square(0)).unwrap_err(), Unrecognised::Nothing);
         for n in 0..20 {

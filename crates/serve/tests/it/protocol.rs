@@ -151,7 +151,7 @@ fn answers_come_when_the_manoeuvre_ends() {
 }
 
 #[test]
-fn moves_go_where_they_say() {
+fn moves_end_where_commanded() {
     // Right, forward, up in metres and clockwise degrees, from heading north.
     let moves: [(&str, [f64; 4]); 11] = [
         ("forward 120", [0.0, 1.2, 0.0, 0.0]),
@@ -260,7 +260,7 @@ fn one_manoeuvre_at_a_time_and_stop_ends_it() {
 }
 
 #[test]
-fn emergency_cuts_the_motors_and_says_nothing() {
+fn emergency_cuts_the_motors_without_an_answer() {
     let mut bench = Bench::flying();
     let answers = bench.answers.len();
     bench.say("emergency");
@@ -303,7 +303,7 @@ fn each_sdk_has_its_own_commands_and_state() {
 }
 
 #[test]
-fn the_state_comes_ten_times_a_second_and_tells_the_flight() {
+fn the_state_is_sent_ten_times_a_second_and_describes_the_flight() {
     let mut bench = Bench::new();
     bench.ask("command");
     bench.wait(0.1);
@@ -333,7 +333,7 @@ fn the_state_comes_ten_times_a_second_and_tells_the_flight() {
 }
 
 #[test]
-fn troubles_are_told_as_a_real_craft_tells_them() {
+fn faults_are_reported_as_by_a_real_craft() {
     let with = |fault| {
         let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, trouble(fault, 0.0, None));
         bench.ask("command");

@@ -40,7 +40,7 @@ fn is_multiple(value: f64, step: f64) -> bool {
 }
 
 #[test]
-fn quad_errs_as_the_design_says() {
+fn quad_errs_as_designed() {
     // Many short flights, since the slow errors hardly change within one.
     let all: Vec<(Telemetry, Truth)> = (0..300).flat_map(|seed| reports(Model::quad(), seed, 2)).collect();
     let position = |pick: fn(&Telemetry, &Truth) -> f64| spread(all.iter().map(|(told, true_)| pick(told, true_)));
@@ -72,7 +72,7 @@ fn quad_position_wanders_slowly() {
 }
 
 #[test]
-fn tello_tells_whole_degrees_decimetres_and_no_position() {
+fn tello_reports_whole_degrees_decimetres_and_no_position() {
     let reports = reports(Model::tello(), 3, 30);
     assert_eq!(reports.len(), 300, "10 a second");
     for (told, truth) in &reports {

@@ -10,7 +10,7 @@ fn model(name: &str) -> Model {
 }
 
 #[test]
-fn every_row_can_be_asked_or_names_its_successor() {
+fn every_row_can_be_queried_or_names_its_successor() {
     let table = Table::shipped();
     for row in table.models() {
         let name = format!("{}#{}", row.vendor, row.id);
@@ -30,7 +30,7 @@ fn every_row_can_be_asked_or_names_its_successor() {
 }
 
 #[test]
-fn each_family_is_asked_in_its_own_coordinates() {
+fn each_family_is_queried_in_its_own_coordinates() {
     // A camera of 1280×720, and an object a quarter from the left and five eighths down, as each family writes it. The
     // sizes sent: 768×432, for Gemini 960×540; in multiples of 28: 27.4 → 27·28 = 756 and 15.4 → 15·28 = 420; of 32: 24·32 = 768 and 13.5 →
     // 14·32 = 448.

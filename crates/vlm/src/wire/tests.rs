@@ -21,7 +21,7 @@ fn without_schema(mut request: Request, pointer: &str) -> Request {
 }
 
 #[test]
-fn gemini_is_asked_so() {
+fn gemini_requests_have_this_form() {
     let request = without_schema(request("gemini#gemini-3.8-flash"), "/generationConfig/responseJsonSchema");
     assert_eq!(request.path, "/models/gemini-3.8-flash:streamGenerateContent?alt=sse");
     let expected = json!({
@@ -35,7 +35,7 @@ fn gemini_is_asked_so() {
 }
 
 #[test]
-fn openai_is_asked_so() {
+fn openai_requests_have_this_form() {
     let responses = without_schema(request("openai"), "/text/format/schema");
     let expected = json!({
         "model": "gpt-6-luna", "stream": true, "store": false, "max_output_tokens": 1024, "reasoning": { "effort": "none" },
@@ -58,7 +58,7 @@ fn openai_is_asked_so() {
 }
 
 #[test]
-fn anthropic_is_asked_so() {
+fn anthropic_requests_have_this_form() {
     let request = without_schema(request("anthropic"), "/output_config/format/schema");
     let expected = json!({
         "model": "claude-haiku-5-5", "stream": true, "max_tokens": 1024, "thinking": { "type": "disabled" },
@@ -81,7 +81,7 @@ fn a_schema_as_open_api_has_it() {
 }
 
 #[test]
-fn an_unstructured_model_is_told_no_schema() {
+fn an_unstructured_model_receives_no_schema() {
     assert_eq!(request("moondream").body.get("response_format"), None);
 }
 

@@ -219,7 +219,7 @@ mod tests {
     use proptest::prelude::*;
 
     #[test]
-    fn messages_are_read_and_wrong_ones_told() {
+    fn messages_are_parsed_and_wrong_ones_reported() {
         let fly = r#"{"type":"fly","right":0,"forward":1,"up":-0.5,"yaw":0,"pitch":0,"fast":true}"#;
         let FromPage::Fly { forward, up, fast, .. } = FromPage::read(fly).unwrap() else { panic!() };
         assert_eq!((forward, up, fast), (1.0, -0.5, true));
@@ -238,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_has_its_head_in_front() {
+    fn an_image_has_its_head_in_front() {
         let head = Head {
             frame: 7,
             width: 4,

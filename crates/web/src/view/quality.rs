@@ -82,7 +82,7 @@ mod tests {
     const JAGGED: FrameQuality = FrameQuality { size: (960, 720), quality: Quality::Live };
 
     #[test]
-    fn a_slow_machine_draws_less_while_moving() {
+    fn a_slow_machine_renders_less_while_moving() {
         let mut budget = Budget::default();
         let moving = |budget: &Budget| {
             assert_eq!(budget.frame_quality((960, 720), false), WHOLE);

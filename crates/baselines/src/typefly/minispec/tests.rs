@@ -83,7 +83,7 @@ fn both_ways_of_calling_are_read_alike() {
 }
 
 #[test]
-fn errors_say_where() {
+fn errors_state_where() {
     assert_eq!(refused("mf,100;\n 8tc,45;"), "line 2, column 3: expected `{`, found `t`");
     assert_eq!(refused("mf,;"), "line 1, column 4: expected a value, found `;`");
     assert_eq!(refused("8{tc,45;"), "line 1, column 9: expected `}`, found the end");
@@ -135,7 +135,7 @@ fn skills_have_variables_of_their_own() {
 }
 
 #[test]
-fn conditions_ask_before_they_compare() {
+fn conditions_call_before_they_compare() {
     let (seen, not) = (Value::Bool(true), Value::Bool(false));
     let message = |text: &str, sights: &[Value]| run(text, sights).0.iter().any(|call| call == "say 1");
     assert!(message("?see,a{say,1;}", core::slice::from_ref(&seen)));
@@ -170,7 +170,7 @@ fn endless_programs_end() {
 }
 
 #[test]
-fn what_the_program_called_is_told() {
+fn the_calls_of_the_program_are_reported() {
     let mut machine = Machine::default();
     machine.extend(program("twice,3;say,'x';"));
     machine.complete();

@@ -98,7 +98,7 @@ fn latex_is_balanced_and_its_rows_are_as_wide_as_its_head() {
 }
 
 #[test]
-fn curves_are_drawn_from_what_was_flown_alone() {
+fn curves_are_plotted_only_from_what_was_flown() {
     let page = page_of(&two_methods());
     assert!(page.contains("aria-label=\"Success rate by oracle error level\""));
     assert!(page.contains("no method was flown with more than one latency"));
@@ -156,7 +156,7 @@ fn names_that_need_it_are_quoted_in_commands() {
 }
 
 #[test]
-fn an_unfinished_run_says_how_much_is_missing() {
+fn an_unfinished_run_reports_how_much_is_missing() {
     let folder = two_methods();
     let text = folder.text("results.jsonl");
     let lines: Vec<&str> = text.split_inclusive('\n').collect();
@@ -194,7 +194,7 @@ fn shares_are_one_run_together() {
 }
 
 #[test]
-fn what_is_no_folder_of_results_is_told() {
+fn what_is_no_folder_of_results_is_reported() {
     let folder = two_methods();
     let missing = Source::read(&[PathBuf::from("nowhere")]).unwrap_err();
     assert!(missing.to_string().contains("`nowhere` is not a results folder"), "{missing}");

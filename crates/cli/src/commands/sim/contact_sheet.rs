@@ -120,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn a_picture_is_pasted_where_it_belongs() {
+    fn an_image_is_pasted_where_it_belongs() {
         let mut sheet = Rgb::new(6, 5);
         paste(&mut sheet, &Rgb::filled(2, 3, [9; 3]), (3, 1));
         for (x, y, value) in [(3, 1, 9), (4, 3, 9), (2, 1, 0), (5, 3, 0), (3, 0, 0), (4, 4, 0)] {

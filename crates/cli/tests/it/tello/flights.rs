@@ -95,7 +95,7 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
 }
 
 #[test]
-fn nobody_there_is_said_at_once_with_what_to_do() {
+fn an_absent_drone_is_reported_at_once_with_a_remedy() {
     let lab = Lab::new();
     let server = model(0);
     let (run, _) = fly(&lab, "127.0.0.43", "127.0.0.44", &server, &[]);

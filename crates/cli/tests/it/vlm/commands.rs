@@ -15,7 +15,7 @@ fn crane(vendor: Vendor) -> Server {
 }
 
 #[test]
-fn a_flight_tells_what_it_took() {
+fn a_flight_reports_its_usage() {
     let (lab, server) = (Lab::new(), crane(Vendor::Gemini));
     let (code, summary) = fly(&lab, &server, Vendor::Gemini, "mine", &[]);
     // It believes that it has arrived, but the ground truth disagrees.
@@ -111,7 +111,7 @@ fn prompts_are_files() {
 /// The frames of a flight are rendered again for another model, which is queried at its own size and in its own
 /// coordinates.
 #[test]
-fn a_model_is_asked_about_the_frames_of_a_flight() {
+fn a_model_is_queried_about_the_frames_of_a_flight() {
     let lab = Lab::new();
     lab.fly("mine", &["fly to the red crane", "--max-time", "15"]);
     let fails = serde_json::json!({ "error": { "message": "no", "type": "invalid_request_error" } });
@@ -142,7 +142,7 @@ fn a_model_is_asked_about_the_frames_of_a_flight() {
 }
 
 #[test]
-fn what_cannot_be_asked_is_said_before_anything_flies() {
+fn a_query_that_cannot_be_sent_is_reported_before_anything_flies() {
     let lab = Lab::new();
     for (args, message) in [
         (vec!["--vlm", "gemini"], vec!["no API key set for Google Gemini", "set GOOGLE_API_KEY or GEMINI_API_KEY", "https://"]),

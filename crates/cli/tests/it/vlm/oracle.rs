@@ -114,7 +114,7 @@ fn every_vendors_wire_carries_a_whole_flight() {
 }
 
 #[test]
-fn obstacles_and_resized_pictures_cross_the_wire() {
+fn obstacles_and_resized_images_cross_the_wire() {
     // 756×588 in pixels, and boxes with every point.
     let (summary, questions) = flown_over(Vendor::Chat, Some("Qwen/Qwen2.5-VL-7B-Instruct"), None, true);
     assert_eq!(summary.outcome, Outcome::Reached, "{summary:?}");

@@ -96,7 +96,7 @@ proptest! {
 
     /// For any inputs, in any order and at any times: finite, within the limits, and no motion without cause.
     #[test]
-    fn whatever_it_is_told_what_leaves_is_bounded(
+    fn whatever_goes_in_what_comes_out_is_bounded(
         events in prop::collection::vec((any_event(), -100..900_i64), 1..80), fence in any::<bool>()
     ) {
         let limits = Limits { geofence: fence.then(|| square(30.0, "{}")), ..Limits::default() };
@@ -169,7 +169,7 @@ proptest! {
 
 /// Turning while flying back, the craft must not enter on one side and leave on another.
 #[test]
-fn a_way_back_that_turns_ends_inside() {
+fn a_return_that_turns_ends_inside() {
     let requested = Setpoint { right: 0.0, forward: 247.48767999337304, up: 0.0, yaw_rate: -1.4317031117876124 };
     reach_is_inside((-26.374545365294615, -30.66691734644264, 0.4), 0.0, (0.0, 0.0, 0.0), requested, 44.4090247433437).unwrap();
 }

@@ -33,7 +33,7 @@ fn in_square(east: f64, north: f64, up: f64) -> Rig {
 }
 
 #[test]
-fn a_manoeuvre_inside_the_limits_passes_and_says_until_when() {
+fn a_manoeuvre_inside_the_limits_passes_with_its_end_time() {
     let mut rig = in_square(0.0, 0.0, 3.0);
     let requested = go(1.0, 4.0, -0.5);
     assert_eq!(rig.fly(ms(1100), requested), (Some(requested), None));

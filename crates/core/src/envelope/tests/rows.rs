@@ -323,7 +323,7 @@ fn setpoints_move_nothing_unless_flying() {
 }
 
 #[test]
-fn nothing_that_asks_for_a_hold_interrupts_a_landing() {
+fn no_condition_that_requires_a_hold_interrupts_a_landing() {
     let mut rig = Rig::flying(Limits::default());
     rig.telemetry.phase = FlightPhase::Landing;
     rig.telemetry.battery = Some(0.1);

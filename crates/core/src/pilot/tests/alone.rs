@@ -89,7 +89,7 @@ fn set_aside(flight: &Flight) -> Vec<(Time, String)> {
 }
 
 #[test]
-fn a_reply_older_than_its_limit_moves_nothing_and_is_asked_again() {
+fn a_reply_older_than_its_limit_moves_nothing_and_the_query_is_repeated() {
     let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.5, 0.5, 9), 9.0));
     // Not a failed reply: more than five do not end a flight.
     assert_eq!(flight.end(), Outcome::Timeout);

@@ -61,7 +61,7 @@ impl Policy for Chooser {
 }
 
 #[test]
-fn a_policy_asks_three_dependent_questions_on_one_frame_then_moves_and_asks_while_moving() {
+fn a_policy_sends_three_dependent_queries_on_one_frame_then_moves_and_queries_while_moving() {
     for preset in PRESETS {
         let mut done_asked = 0;
         let mut flight = Setup::preset(preset).policy(Chooser::new()).fly(move |query, _| {

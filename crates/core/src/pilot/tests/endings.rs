@@ -78,7 +78,7 @@ fn a_low_battery_lands_as_aborted() {
 }
 
 #[test]
-fn failed_replies_hold_and_ask_again_and_the_fifth_in_a_row_lands_as_failed() {
+fn failed_replies_hold_and_query_again_and_the_fifth_in_a_row_lands_as_failed() {
     for preset in PRESETS {
         let mut queries = 0;
         let mut flight = Setup::preset(preset).fly(move |_, _| {
@@ -174,7 +174,7 @@ fn a_breach_of_a_limit_lands_as_aborted() {
 }
 
 #[test]
-fn a_fence_in_the_way_keeps_the_flight_inside() {
+fn a_fence_on_the_path_keeps_the_flight_inside() {
     let fence = r#"{"type": "Polygon", "coordinates": [[[-20, -20], [20, -20], [20, 20], [-20, 20], [-20, -20]]]}"#;
     for preset in PRESETS {
         let mut setup = Setup::preset(preset);
@@ -319,7 +319,7 @@ fn a_report_or_a_frame_from_the_future_does_not_blind_the_pilot() {
 
 /// A hold lasts seconds, at ten setpoints per second: it is reported once.
 #[test]
-fn a_hold_of_the_envelope_is_told_once() {
+fn a_hold_of_the_envelope_is_reported_once() {
     let mut flight = on_the_way(Preset::Default, |_| {});
     flight.tell(Event::LinkLost);
     flight.pass(4.0);

@@ -42,7 +42,7 @@ fn failing_02_landing_after_errors_fires_whatever_the_errors_are() {
 
 /// 3. A frozen, blank or placeholder frame is sent to the VLM as if it were live.
 #[test]
-fn failing_03_a_frozen_or_blank_frame_is_never_asked_about() {
+fn failing_03_a_frozen_or_blank_frame_is_never_queried() {
     for (fault, preset) in [Fault::Freeze, Fault::Blank { p: 1.0 }, Fault::Drop { p: 1.0 }].into_iter().zip([PRESETS[0]; 3]) {
         let setup = Setup::preset(preset).fault(Stream::Frames, 12.0, None, fault);
         let mut flight = setup.fly(always(navigate(0.5, 0.5, 9), 0.7));
@@ -175,7 +175,7 @@ fn failing_12_a_depth_label_beyond_the_scale_is_refused_or_the_greatest() {
 
 /// 15. Several encodings of the same frame in one decision; files of the second overwrite those of the first.
 #[test]
-fn failing_15_a_decision_asks_once_about_one_frame_and_ids_are_unique() {
+fn failing_15_a_decision_sends_one_query_about_one_frame_and_ids_are_unique() {
     for preset in PRESETS {
         let mut flight = Setup::preset(preset).fly(perfect(target(8.0, 40.0, 6.0), 0.3));
         assert_eq!(flight.end(), Outcome::Reached);
@@ -187,7 +187,7 @@ fn failing_15_a_decision_asks_once_about_one_frame_and_ids_are_unique() {
 
 /// 17. No log from which a decision could be understood afterwards.
 #[test]
-fn failing_17_a_decision_record_tells_pose_latency_and_reply() {
+fn failing_17_a_decision_record_has_pose_latency_and_reply() {
     let mut flight = Setup::preset(Preset::Default).fly(perfect(target(8.0, 40.0, 6.0), 1.25));
     assert_eq!(flight.end(), Outcome::Reached);
     for decision in flight.decisions() {

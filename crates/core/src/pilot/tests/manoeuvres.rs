@@ -76,7 +76,7 @@ fn a_manoeuvre_ends_with_its_reason() {
 }
 
 #[test]
-fn a_craft_that_refuses_manoeuvres_is_asked_on_and_moves_nothing() {
+fn a_craft_that_refuses_manoeuvres_stays_still_and_queries_continue() {
     let mut setup = own();
     setup.settings.max_decisions = 4;
     let mut flight = setup.fly(always(navigate(0.7, 0.45, 10), 0.5));

@@ -7,7 +7,7 @@ use crate::geometry::wrap_angle;
 const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
 
 #[test]
-fn stop_mode_asks_about_frames_captured_at_rest_only() {
+fn stop_mode_queries_only_frames_captured_at_rest() {
     for motion in [Motion::Sequential, Motion::Blended] {
         let mut setup = Setup::preset(Preset::Paper);
         setup.settings.motion = motion;

@@ -52,7 +52,7 @@ fn what_is_hidden_is_looked_for_from_elsewhere() {
 }
 
 #[test]
-fn the_search_looks_where_the_answer_says_and_finds() {
+fn the_search_looks_where_the_answer_points_and_finds() {
     for preset in PRESETS {
         let behind = target(-5.0, -30.0, 5.0);
         let mut flight = Setup::preset(preset).fly(perfect(behind, 0.8));

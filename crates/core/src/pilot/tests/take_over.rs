@@ -174,7 +174,7 @@ fn checked(limits: Limits, from: f64, until: f64) -> Flight {
 }
 
 #[test]
-fn take_off_needs_a_usable_image_where_the_limits_ask_for_it() {
+fn take_off_needs_a_usable_image_where_the_limits_require_it() {
     let limits = Limits { take_off_checks: true, ..Limits::default() };
     let mut flight = checked(limits.clone(), 0.0, 6.0);
     flight.at(Time::from_millis(5900));
@@ -191,7 +191,7 @@ fn take_off_needs_a_usable_image_where_the_limits_ask_for_it() {
 }
 
 #[test]
-fn take_off_needs_a_battery_charge_and_a_cool_craft_where_the_limits_ask_for_it() {
+fn take_off_needs_a_battery_charge_and_a_cool_craft_where_the_limits_require_it() {
     let limits = Limits { take_off_checks: true, max_temperature: Some(80.0), ..Limits::default() };
     let refusal = |temperature, battery| {
         let mut envelope = Envelope::new(limits.clone(), Craft::quad());

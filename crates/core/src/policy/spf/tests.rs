@@ -59,7 +59,7 @@ fn ahead(target: &str) -> String {
 }
 
 #[test]
-fn the_list_is_told_and_its_boxes_are_kept_clear_of() {
+fn the_list_is_in_the_prompt_and_its_boxes_are_kept_clear_of() {
     let mut spf = policy(true);
     let (point, step) = decided(&mut spf, 0, CAR_AHEAD, &ahead("red crane"));
     assert_eq!(point.detections, ["car_1 x:0.5000 y:0.5000 width:0.1000 height:0.2000 score:0.80"]);
@@ -72,7 +72,7 @@ fn the_list_is_told_and_its_boxes_are_kept_clear_of() {
 }
 
 #[test]
-fn what_the_reply_says_of_boxes_counts_for_nothing() {
+fn boxes_in_the_reply_have_no_effect() {
     let mut spf = policy(true);
     let wall = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{"box":[0,0,1000,1000],"depth":1,"name":"wall"}]}"#;
     let (_, step) = decided(&mut spf, 0, "none", wall);
@@ -115,7 +115,7 @@ fn a_second_look_begins_with_a_list_too() {
 }
 
 #[test]
-fn out_of_obstacle_mode_no_detector_is_asked() {
+fn outside_obstacle_mode_no_detector_is_queried() {
     let query = sent_query(policy(false).handle(PolicyEvent::Frame(&view(0))));
     assert_eq!((&query.kind, query.detections.len()), (&QueryKind::Point { avoid: false }, 0));
 }

@@ -32,7 +32,7 @@ fn red(width: u32, height: u32, shift: u32) -> Rgb {
 }
 
 #[test]
-fn the_newest_of_several_pictures_wins_and_its_age_is_known() {
+fn the_newest_of_several_images_wins_and_its_age_is_known() {
     let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
     let units: Vec<Unit> = (0..3).map(|n| unit(800 + 100 * n, &mut encoder, &red(96, 64, n as u32))).collect();
     assert!(eye.see(&units, &frames));
@@ -45,7 +45,7 @@ fn the_newest_of_several_pictures_wins_and_its_age_is_known() {
 
 /// Known failure 3 of similar programs: a frozen image is sent to the VLM as if it were live.
 #[test]
-fn failing_3_a_frozen_video_is_told_by_its_counter_though_pictures_keep_coming() {
+fn failing_3_a_frozen_video_is_detected_by_its_counter_though_images_keep_arriving() {
     let (mut eye, frames, mut encoder) = (eye(), FrameStore::default(), encoder(96, 64));
     let mut counters = Vec::new();
     for n in 0..60_u64 {
@@ -150,7 +150,7 @@ fn received(images: &[Rgb], loss: f64, asks: bool) -> (f64, f64) {
 }
 
 #[test]
-fn a_loss_costs_the_frames_until_a_key_frame_that_is_asked_for() {
+fn a_loss_costs_the_frames_until_a_requested_key_frame() {
     let images: Vec<Rgb> = (0..48).map(textured).collect();
     let mut shown = Vec::new();
     for loss in [0.0, 0.01, 0.05, 0.3] {
@@ -165,7 +165,7 @@ fn a_loss_costs_the_frames_until_a_key_frame_that_is_asked_for() {
 }
 
 #[test]
-fn key_frames_are_asked_for_at_most_twice_a_second() {
+fn key_frames_are_requested_at_most_twice_a_second() {
     let mut requests = KeyRequests::default();
     let asked: Vec<u64> = (0..3000).step_by(10).filter(|ms| requests.is_due(Time::from_millis(*ms), *ms >= 500)).collect();
     assert_eq!(asked, [500, 1000, 1500, 2000, 2500]);

@@ -112,7 +112,7 @@ fn lines_that_come_late_in_a_burst_end_no_flight() {
 }
 
 #[test]
-fn a_flight_is_over_only_after_land_was_said_and_the_motors_were_seen_off() {
+fn a_flight_is_over_only_after_land_was_sent_and_the_motors_were_reported_off() {
     let mut bench = Bench::flying();
     // The motors stop in flight, and it lies on the ground.
     (bench.motors_since, bench.height) = (None, 0);
@@ -186,7 +186,7 @@ fn a_line_that_is_repeated_unchanged_is_no_telemetry() {
 }
 
 #[test]
-fn a_take_off_that_cannot_be_said_in_two_seconds_is_never_said() {
+fn a_take_off_that_cannot_be_sent_in_two_seconds_is_never_sent() {
     let mut bench = Bench::new();
     bench.link.order(Order::quick("streamon"));
     bench.run(500, true);
@@ -234,7 +234,7 @@ fn a_pilot_that_falls_silent_is_a_hold_after_two_seconds_and_a_landing_after_fiv
 }
 
 #[test]
-fn a_program_that_ends_in_the_air_says_zero_three_times_and_lands() {
+fn a_program_that_ends_in_the_air_sends_zero_three_times_and_lands() {
     let mut bench = Bench::flying();
     let begun = bench.now;
     bench.link.leave(bench.time());
@@ -248,7 +248,7 @@ fn a_program_that_ends_in_the_air_says_zero_three_times_and_lands() {
 }
 
 #[test]
-fn a_drone_found_in_the_air_is_flown_and_not_told_to_take_off() {
+fn a_drone_found_in_the_air_is_flown_without_a_take_off_command() {
     let mut bench = Bench::flying();
     let phases: Vec<FlightPhase> = std::iter::from_fn(|| bench.link.take_event())
         .filter_map(|(_, event)| match event {
