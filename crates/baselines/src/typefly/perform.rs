@@ -63,7 +63,7 @@ impl TypeFly {
             Skill::Query => self.question(argument),
             Skill::TurnAndHop => self.turn_and_hop(&argument.text),
             Skill::RePlan => {
-                self.plan_again("it asked for another");
+                self.plan_again("it requested a new plan");
                 Outcome::Step(if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { Step::Look })
             }
         }
