@@ -260,7 +260,10 @@ fn commands_that_need_nothing_run() {
                             run.code,
                             began.elapsed().as_secs_f64()
                         );
-                        if run.code != Some(0) {
+                        // A flight cut short, or to a stand-in of the reader's own model, need not reach its target.
+                        let unreached =
+                            run.code == Some(3) && args.iter().any(|arg| arg.starts_with("--max-time") || arg == "yard.glb");
+                        if run.code != Some(0) && !unreached {
                             failed.push(format!("{document}:{line}: spf {}: {:?}\n{}", args.join(" "), run.code, run.stderr));
                         }
                     }

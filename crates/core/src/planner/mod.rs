@@ -1,5 +1,4 @@
-//! The local planner: from the obstacle map and a goal to the next place to fly to, the heading and the speed
-//! (`docs/explanation/between-answers.md`).
+//! The local planner: from the obstacle map and a goal to the next place to fly to, the heading and the speed.
 //!
 //! The path is the cheapest in the map's grid: places near obstacles cost more, vertical moves half as much again, what the
 //! body would touch twenty times, so that an unreachable goal is approached along the path that leads nearest to it and not
