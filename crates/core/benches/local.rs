@@ -51,7 +51,8 @@ fn room(wall: f64) -> DepthGrid {
     })
 }
 
-/// One depth grid of 160×120. Arguments: metres to the wall of a room; 0 for noise between 0.3 and 10 m, the worst there is.
+/// One depth grid of 160×120. Arguments: metres to the wall of a room; 0 for noise between 0.3 and 10 m, the worst
+/// case.
 #[divan::bench(args = [3, 6, 10, 0])]
 fn insert(bencher: Bencher<'_, '_>, wall: u32) {
     let mut rng = RandomStream::new(1, "depth", &[]);
@@ -60,7 +61,7 @@ fn insert(bencher: Bencher<'_, '_>, wall: u32) {
     bencher.bench_local(|| map.depth(black_box(&grid), black_box(pose())));
 }
 
-/// The grid moved by 1 m, and everything faded once.
+/// The grid moved by 1 m, and all cells faded once.
 #[divan::bench]
 fn advance(bencher: Bencher<'_, '_>) {
     let mut map = map();

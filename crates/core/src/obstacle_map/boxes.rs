@@ -1,4 +1,4 @@
-//! Boxes into the map: what a VLM or a detector has named, remembered in the world.
+//! Adds boxes to the map: what a VLM or a detector has named, remembered in world coordinates.
 
 use super::{CELL, Cell, OCCUPIED, ObstacleMap, SURE};
 use crate::camera::Camera;
@@ -9,7 +9,7 @@ use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 use crate::time::{Duration, Time};
 
-/// Most that a box is deep, metres: it is taken to be as deep as wide up to there.
+/// Maximum depth of a box, metres: up to there it is assumed to be as deep as it is wide.
 const DEEPEST: f64 = 3.0;
 /// Range at which a box with the lowest label begins, metres.
 const NEAREST: f64 = 0.5;
@@ -17,13 +17,13 @@ const NEAREST: f64 = 0.5;
 const MOVING: i8 = OCCUPIED + 4;
 /// How long the name of a box is remembered.
 const NAMED: Duration = Duration::from_secs(20);
-/// Most names that are remembered.
+/// Maximum number of remembered names.
 const NAMES: usize = 32;
 
-/// Whether a thing stays where it is.
+/// Whether an object stays where it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mobility {
-    /// It does: its cells fade within 20 s.
+    /// It stays: its cells fade within 20 s.
     Fixed,
     /// It may move: its cells fade within 2.5 s.
     Moving,
@@ -39,8 +39,8 @@ pub(super) struct Named {
 }
 
 impl ObstacleMap {
-    /// Takes a box that was seen in a frame taken at `pose`: a solid from the range of its label on, as deep as it is wide, at
-    /// most 3 m.
+    /// Adds a box seen in a frame taken at `pose`: a solid that begins at the range of its label, as deep as it is
+    /// wide, at most 3 m.
     pub fn solid(&mut self, now: Time, camera: &Camera, pose: Pose, obstacle: &ObstacleBox, mobility: Mobility) {
         let ImageBox { left, top, right, bottom } = obstacle.area;
         if ![left, top, right, bottom].iter().all(|x| (0.0..=1.0).contains(x)) || left > right || top > bottom {
@@ -86,7 +86,8 @@ impl ObstacleMap {
         self.changed += 1;
     }
 
-    /// Range up to which a frame is free by its boxes, metres: the near edge of the nearest; `None` without boxes.
+    /// Range up to which a frame is free according to its boxes, metres: the near edge of the nearest; `None` without
+    /// boxes.
     #[must_use]
     pub fn free_up_to(boxes: &[ObstacleBox]) -> Option<f64> {
         boxes.iter().map(near_edge).reduce(f64::min)
@@ -105,7 +106,8 @@ impl ObstacleMap {
         self.named.iter().rev().find(|named| holds(named)).map(|named| named.name.as_str())
     }
 
-    /// Raises the log-odds of cells between two corners, within the grid, to what `odds` gives for their middles.
+    /// Raises the log-odds of cells between two corners, within the grid, to the value that `odds` gives for their
+    /// middles.
     fn within(&mut self, low: Cell, high: Cell, odds: impl Fn(EnuPosition) -> Option<i8>) {
         let Some(corner) = self.corner else { return };
         let [x, y, z] = super::SIZE.map(|size| size as i32 - 1);
@@ -122,7 +124,7 @@ impl ObstacleMap {
     }
 }
 
-/// Range at which a box begins, metres. The lowest label also stands for what is nearer.
+/// Range at which a box begins, metres. The lowest label also stands for anything nearer.
 fn near_edge(obstacle: &ObstacleBox) -> f64 {
     if obstacle.depth <= 1 { NEAREST } else { range_of_label(f64::from(obstacle.depth) - 0.5) }
 }

@@ -1,4 +1,4 @@
-//! Depth grids into the map: one ray per cell in which rays end.
+//! Adds depth grids to the map: one ray for each cell in which rays end.
 
 use super::{CELL, CELLS, Cell, Line, ObstacleMap, SIZE, passed, struck};
 use crate::depth::{CameraAxes, DepthGrid};
@@ -10,7 +10,7 @@ const ENDED: u8 = 2;
 const STRUCK: u8 = 4;
 
 impl ObstacleMap {
-    /// Takes a depth grid, measured at `pose`. Pixels without a value say nothing. An invalid grid is ignored.
+    /// Adds a depth grid, measured at `pose`. Pixels without a value carry no information. An invalid grid is ignored.
     pub fn depth(&mut self, grid: &DepthGrid, pose: Pose) {
         let Some(corner) = self.corner.filter(|_| grid.check().is_ok()) else { return };
         self.changed += 1;
@@ -44,7 +44,8 @@ impl ObstacleMap {
             let index = index as usize;
             let mark = core::mem::take(&mut self.marks[index]);
             let odds = &mut self.odds[index];
-            // Where a ray has ended, others that passed say less: a grazing view of a floor clears it otherwise.
+            // Where one ray has ended, others that pass carry less weight: otherwise a grazing view of a floor would
+            // clear it.
             *odds = if mark & STRUCK != 0 { struck(*odds) } else { passed(*odds) };
         }
         self.touched.clear();
@@ -52,7 +53,7 @@ impl ObstacleMap {
     }
 }
 
-/// The part of a ray inside a box that holds its start, and whether that is all of it.
+/// The part of a ray inside a box that contains its start, and whether that is the whole ray.
 fn clip(from: EnuPosition, to: EnuPosition, low: [f64; 3], high: [f64; 3]) -> (EnuPosition, bool) {
     let (a, b) = ([from.east, from.north, from.up], [to.east, to.north, to.up]);
     let mut fraction = 1.0_f64;

@@ -2,7 +2,7 @@
 
 use super::Cell;
 
-/// The cells from one to another, both included; one per step of the longest axis.
+/// The cells from one to another, both included; one for each step along the longest axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
     at: [i32; 3],

@@ -1,11 +1,12 @@
 //! The obstacle map: what the craft's senses have shown around it.
 //!
-//! A grid of 20×20×8 m in cells of 0.25 m moves with the craft by whole cells, aligned with the world. Each cell holds the
-//! log-odds of being occupied, an integer: a hit marks it at once, rays that pass through clear it, and what nothing confirms
-//! fades to unknown within 20 s. Beside it stand the views of the last seconds: which places a usable frame has shown, and
-//! which a reply has implied to be free. Every source feeds the same map: depth grids, boxes, single ranges.
+//! A grid of 20×20×8 m in cells of 0.25 m moves with the craft by whole cells, aligned with the world. Each cell stores
+//! the log-odds of being occupied as an integer: a hit marks it at once, rays that pass through clear it, and without
+//! confirmation it fades to unknown within 20 s. In addition, the map stores the views of the last seconds: which
+//! places a usable frame has shown, and which a reply has implied to be free. Every source feeds the same map: depth
+//! grids, boxes, single ranges.
 //!
-//! Positions become integer cells before anything is decided, so that the map is the same on every machine.
+//! Positions are converted to integer cells before any decision, so that the map is the same on every machine.
 
 mod boxes;
 mod depth;
@@ -27,19 +28,20 @@ pub const SIZE: [usize; 3] = [80, 80, 32];
 /// Number of cells.
 pub const CELLS: usize = SIZE[0] * SIZE[1] * SIZE[2];
 
-/// Log-odds in tenths: of one hit, of one ray that passes through, and their bounds.
+/// Log-odds in tenths: of one hit, of one ray that passes through, and their limits.
 const HIT: i8 = 12;
 const MISS: i8 = 4;
 const SURE: i8 = 35;
 const FREE: i8 = -20;
-/// From here on a cell counts as occupied: one hit does, unless a ray has passed through since.
+/// From this value on a cell counts as occupied: one hit suffices, unless a ray has passed through since.
 const OCCUPIED: i8 = 9;
-/// From here down it counts as free: one ray does.
+/// Down from this value it counts as free: one ray suffices.
 const CLEAR: i8 = -4;
-/// How often what is known fades: by 1, so that a sure obstacle is unknown after 17.5 s and a sure free cell after 20 s.
+/// Interval at which cells fade by 1, so that a certain obstacle is unknown after 17.5 s and a certain free cell after
+/// 20 s.
 const FADE_OCCUPIED: Duration = Duration::from_millis(500);
 const FADE_FREE: Duration = Duration::from_secs(1);
-/// The grid moves when the craft is this many cells off its middle.
+/// The grid moves when the craft is this many cells away from its middle.
 const OFF_MIDDLE: i32 = 4;
 
 /// A cell of the world: metres divided by [`CELL`], rounded down.
@@ -54,7 +56,8 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// The cell that holds a position. Positions beyond ±500 km, and what is not a number, give the outermost cells or 0.
+    /// The cell that contains a position. Positions beyond ±500 km, and values that are not numbers, give the outermost
+    /// cells or 0.
     #[must_use]
     pub fn of(at: EnuPosition) -> Self {
         let along = |x: f64| libm::floor(x / CELL).clamp(-2e6, 2e6) as i32;
@@ -69,14 +72,14 @@ impl Cell {
     }
 }
 
-/// What is known of a cell.
+/// What is known about a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Known {
-    /// Something is there.
+    /// It is occupied.
     Occupied,
     /// A ray has passed through.
     Free,
-    /// Nothing is known, or not any more.
+    /// Nothing is known, or no longer.
     Unknown,
 }
 
@@ -87,7 +90,7 @@ pub struct ObstacleMap {
     corner: Option<Cell>,
     /// Log-odds in tenths, east fastest.
     odds: Vec<i8>,
-    /// Marks of the insertion that is going on.
+    /// Marks of the current insertion.
     marks: Vec<u8>,
     touched: Vec<u32>,
     faded_occupied: Time,
@@ -122,13 +125,13 @@ impl ObstacleMap {
         }
     }
 
-    /// Counts what has been put into the map: a plan made at an equal count is not outdated by it.
+    /// Number of insertions so far: a plan made at an equal count is not outdated by the map.
     #[must_use]
     pub fn changes(&self) -> u64 {
         self.changed
     }
 
-    /// Moves the grid along with a craft at `at`, and lets fade what is old. Call it before anything is put in.
+    /// Moves the grid along with a craft at `at`, and fades old cells. Call it before each insertion.
     pub fn advance(&mut self, now: Time, at: EnuPosition) {
         self.recentre(Cell::of(at));
         while self.faded_occupied + FADE_OCCUPIED <= now {
@@ -149,13 +152,13 @@ impl ObstacleMap {
         self.forget(now);
     }
 
-    /// Forgets everything: a jump of the position source.
+    /// Forgets everything, after a jump of the position source.
     pub fn clear(&mut self) {
         let changed = self.changed + 1;
         *self = Self { faded_occupied: self.faded_occupied, faded_free: self.faded_free, changed, ..Self::new() };
     }
 
-    /// What is known of a cell; unknown outside the grid.
+    /// What is known about a cell; unknown outside the grid.
     #[must_use]
     pub fn known(&self, cell: Cell) -> Known {
         match self.index(cell).map(|index| self.odds[index]) {
@@ -165,13 +168,13 @@ impl ObstacleMap {
         }
     }
 
-    /// Whether something is known to be in a cell.
+    /// Whether a cell is known to be occupied.
     #[must_use]
     pub fn is_occupied(&self, cell: Cell) -> bool {
         self.known(cell) == Known::Occupied
     }
 
-    /// All occupied cells, from the lowest, southernmost, westernmost one on.
+    /// All occupied cells, starting at the lowest, southernmost, westernmost one.
     pub fn occupied(&self) -> impl Iterator<Item = Cell> {
         self.odds.iter().enumerate().filter(|&(_, &odds)| odds >= OCCUPIED).filter_map(|(index, _)| self.cell(index))
     }
@@ -205,7 +208,7 @@ impl ObstacleMap {
         Some(Cell { east: corner.east + x as i32, north: corner.north + y as i32, up: corner.up + z as i32 })
     }
 
-    /// Marks a place as occupied, as surely as possible: an obstacle that the operator, or a test, knows of.
+    /// Marks a place as occupied, with the highest certainty: an obstacle known to the operator or a test.
     pub fn mark(&mut self, cell: Cell) {
         if let Some(index) = self.index(cell) {
             self.odds[index] = SURE;
@@ -213,7 +216,8 @@ impl ObstacleMap {
         }
     }
 
-    /// Takes one measured range: from a position to `end`, where something is if `hit`, else nothing up to there.
+    /// Adds one measured range: from a position to `end`, where there is an obstacle if `hit`; otherwise the line up to
+    /// there is free.
     pub fn ray(&mut self, from: EnuPosition, end: EnuPosition, hit: bool) {
         let (from, end) = (Cell::of(from), Cell::of(end));
         for cell in Line::new(from, end) {
@@ -259,7 +263,7 @@ impl ObstacleMap {
     }
 }
 
-/// Log-odds after a hit. What was believed free is occupied at once: one pixel of a wire marks it.
+/// Log-odds after a hit. A cell that counted as free is occupied at once: one pixel of a wire marks it.
 fn struck(odds: i8) -> i8 {
     (odds.max(0) + HIT).min(SURE)
 }

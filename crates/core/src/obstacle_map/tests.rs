@@ -57,7 +57,7 @@ fn a_hole_says_nothing_and_one_pixel_marks_a_wire_that_the_next_grids_clear() {
     let mut map = map();
     map.depth(&grid(|_, _| 0), pose(0.1, 0.1, 3.1));
     assert_eq!(map.known(cell(0.1, 2.0, 3.1)), Known::Unknown);
-    // Believed free, then one pixel of something: it is there at once.
+    // Free so far, then one pixel of an obstacle: it is occupied at once.
     for _ in 0..5 {
         map.depth(&grid(|_, _| 800), pose(0.1, 0.1, 3.1));
     }
@@ -167,7 +167,7 @@ fn the_map_is_the_same_bits_everywhere() {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
-    /// The grid moves by whole cells: what stays inside stays as it was, what comes in is unknown.
+    /// The grid moves by whole cells: cells that stay inside are unchanged, new ones are unknown.
     #[test]
     fn the_grid_moves_and_the_world_does_not(
         marks in prop::collection::vec(prop::array::uniform3(-40..40_i32), 1..60),
@@ -184,7 +184,7 @@ proptest! {
             position = at(position.east + m[0], position.north + m[1], position.up + 0.2 * m[2]);
             map.advance(Time::ZERO, position);
             prop_assert!(map.index(Cell::of(position)).is_some());
-            // What has left is forgotten, also if it comes back.
+            // Cells that have left are forgotten, even if they return.
             marked.retain(|&cell| map.index(cell).is_some());
             let mut expected = marked.clone();
             expected.sort_by_key(|cell| (cell.up, cell.north, cell.east));
@@ -193,7 +193,7 @@ proptest! {
         }
     }
 
-    /// Whatever a grid holds, no cell that a ray ends in is free, and none beyond the nearest return is.
+    /// Whatever a grid contains, no cell in which a ray ends is free, and none beyond the nearest return is.
     #[test]
     fn no_depth_clears_what_it_has_hit(seed in 0..1000_u64, heading in -3.0..3.0_f64, pitch in -0.4..0.4_f64) {
         let mut rng = RandomStream::new(seed, "depths", &[]);

@@ -6,15 +6,15 @@ use crate::depth::CameraAxes;
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::time::{Duration, Time};
 
-/// How long a frame counts as having shown what it shows.
+/// How long the content of a frame counts as seen.
 pub(super) const SEEN: Duration = Duration::from_secs(3);
-/// How long what a reply implies to be free counts as free after it has arrived.
+/// How long space that a reply implies to be free counts as free after the reply has arrived.
 pub(super) const IMPLIED: Duration = Duration::from_secs(5);
-/// A frame shows obstacles up to here, metres.
+/// Maximum range at which a frame shows obstacles, metres.
 const SIGHT: f64 = 20.0;
-/// Where the craft itself was within [`SEEN`], and this much around, metres, nothing was.
+/// Radius around the positions of the craft within [`SEEN`] that is known to be free, metres.
 const BODY: f64 = 0.5;
-/// A frame that was taken nearer to the last one than this only renews it, metres and radians.
+/// A frame taken closer to the last one than this only renews it, metres and radians.
 const SAME_PLACE: f64 = 0.1;
 const SAME_TURN: f64 = 2.0 / 180.0 * core::f64::consts::PI;
 
@@ -27,7 +27,7 @@ pub(super) struct SeenView {
     axes: CameraAxes,
 }
 
-/// What a reply has implied to be free: the frame's view up to a range.
+/// Space that a reply has implied to be free: the frame's view up to a range.
 #[derive(Clone, Debug)]
 pub(super) struct FreeView {
     until: Time,
@@ -37,7 +37,7 @@ pub(super) struct FreeView {
 }
 
 impl ObstacleMap {
-    /// Takes a usable frame.
+    /// Adds a usable frame.
     pub fn frame(&mut self, captured: Time, camera: &Camera, pose: Pose) {
         let same = |last: &SeenView| {
             last.pose.position.distance(pose.position) < SAME_PLACE
@@ -52,7 +52,8 @@ impl ObstacleMap {
         self.seen.push_back(SeenView { captured, camera: *camera, pose, axes: CameraAxes::new(camera, pose) });
     }
 
-    /// Takes what a reply that arrived at `now` implies: its frame's view is free up to `range` metres, until 5 s from now.
+    /// Adds what a reply that arrived at `now` implies: its frame's view is free up to `range` metres, until 5 s from
+    /// now.
     pub fn implied_free(&mut self, now: Time, camera: &Camera, pose: Pose, range: f64) {
         if range.is_finite() && range > 0.0 {
             self.free.push_back(FreeView { until: now + IMPLIED, camera: *camera, axes: CameraAxes::new(camera, pose), range });
@@ -60,7 +61,8 @@ impl ObstacleMap {
         }
     }
 
-    /// Whether a usable frame of the last 3 s has shown a place, with nothing known in between, or the craft has been there.
+    /// Whether a usable frame of the last 3 s has shown a place, with no known obstacle in between, or the craft has
+    /// been there.
     #[must_use]
     pub fn is_seen(&self, now: Time, at: EnuPosition) -> bool {
         self.seen.iter().rev().filter(|view| view.captured + SEEN >= now).any(|view| {
@@ -70,7 +72,7 @@ impl ObstacleMap {
         })
     }
 
-    /// Whether a place is free: a ray has passed through, or a reply has implied it and nothing is known against it, or the
+    /// Whether a place is free: a ray has passed through; or a reply has implied it and no obstacle is known; or the
     /// craft has been there within 3 s.
     #[must_use]
     pub fn is_free(&self, now: Time, at: EnuPosition) -> bool {
@@ -87,13 +89,13 @@ impl ObstacleMap {
             || self.seen.iter().any(|view| view.captured + SEEN >= now && view.pose.position.distance(at) <= BODY)
     }
 
-    /// Whether nothing is known on the line between two places, the last cell excepted.
+    /// Whether no obstacle is known on the line between two places, except in the last cell.
     fn is_line_free(&self, from: EnuPosition, to: EnuPosition) -> bool {
         let end = Cell::of(to);
         Line::new(Cell::of(from), end).all(|cell| cell == end || !self.is_occupied(cell))
     }
 
-    /// Drops views that are too old.
+    /// Drops outdated views.
     pub(super) fn forget(&mut self, now: Time) {
         while self.seen.front().is_some_and(|view| view.captured + SEEN < now) {
             self.seen.pop_front();

@@ -3,9 +3,9 @@
 
 use crate::obstacle_map::{CELLS, SIZE};
 
-/// Obstacles farther than this along an axis do not matter, cells: 1.75 m.
+/// Obstacles farther away than this along an axis have no effect, cells: 1.75 m.
 const REACH: usize = 7;
-/// The squared distance of everything farther.
+/// Squared distance assigned to everything farther away.
 const FAR: u8 = 255;
 
 /// Squared distances in cells; vertical ones are weighted.
@@ -36,7 +36,8 @@ impl Clearance {
         for (row, out) in occupied.chunks_exact(width).zip(self.scratch.chunks_exact_mut(width)) {
             along(row, out);
         }
-        // Along north, then up: each row is the least of its neighbours' rows, each farther by the square of its offset.
+        // Along north, then up: each row is the minimum of its neighbours' rows, each increased by the square of its
+        // offset.
         for z in 0..height {
             let layer = z * depth * width..(z + 1) * depth * width;
             let (from, to) = (&self.scratch[layer.clone()], &mut self.squared[layer]);
@@ -104,7 +105,7 @@ mod tests {
             solids.iter().for_each(|&at| occupied[index(at)] = true);
             let mut clearance = Clearance::default();
             clearance.measure(&occupied, weight);
-            // Near the obstacles, where it matters, besides anywhere.
+            // Positions near the obstacles, where distances matter, and anywhere else.
             let near = solids.iter().flat_map(|&(x, y, z)| (0..6).map(move |d| ((x + d) % SIZE[0], y, (z + d / 2) % SIZE[2])));
             for at in probes.into_iter().chain(near) {
                 let squared = |&(x, y, z): &(usize, usize, usize)| {

@@ -1,9 +1,10 @@
 //! The local planner: from the obstacle map and a goal to the next place to fly to, the heading and the speed.
 //!
-//! The path is the cheapest in the map's grid: places near obstacles cost more, vertical moves half as much again, what the
-//! body would touch twenty times, so that an unreachable goal is approached along the path that leads nearest to it and not
-//! along the straight line. Unknown cells count as free for the path and as blocked for the speed. The craft faces where it
-//! flies, and never flies into what no frame has shown within 3 s: it turns first.
+//! The path is the cheapest in the map's grid: cells near obstacles cost more, vertical moves cost half as much again,
+//! and cells in which the body would touch something cost twenty times as much, so that an unreachable goal is
+//! approached along the path that leads nearest to it and not along the straight line. Unknown cells count as free for
+//! the path and as blocked for the speed. The craft faces its direction of flight, and never flies into space that no
+//! frame has shown within 3 s: it turns first.
 //!
 //! Search and costs are integers, so that a plan is the same on every machine.
 
@@ -20,35 +21,35 @@ use crate::time::Time;
 
 /// Cost factors in quarters of that of free space.
 const OPEN: u16 = 4;
-/// The most that nearness costs.
+/// Maximum cost of nearness.
 const NEAR: u16 = 12;
-/// Where the body would touch what is known, or leave the altitude limits.
+/// Where the body would touch an obstacle, or leave the altitude limits.
 const BLOCKED: u16 = 80;
-/// Inside what is known.
+/// Inside an obstacle.
 const SOLID: u16 = 240;
-/// What lies this far around the goal, metres, besides one standard deviation of it, is the target itself.
+/// Obstacles within this distance of the goal, metres, plus one standard deviation of its place, are the target itself.
 const TARGET: f64 = 1.0;
-/// The target is no larger than this, metres around the goal.
+/// Maximum size of the target, metres around the goal.
 const TARGET_MOST: f64 = 2.0;
-/// A goal outside the grid is approached to within this distance of where the way there leaves it, metres.
+/// A goal outside the grid is approached to within this distance of the point where the path leaves the grid, metres.
 const OUTSIDE: f64 = 2.0;
-/// How far ahead free space is looked for, metres.
+/// Distance ahead up to which free space is checked, metres.
 const SPEED_SIGHT: f64 = 8.0;
-/// Where nothing is known but what frames have shown, the craft must be able to stop within this, metres.
+/// Where only frames have shown that space is free, the craft must be able to stop within this distance, metres.
 const CAREFUL: f64 = 0.7;
-/// The next part of a way that a frame must have shown before it is flown, metres.
+/// Length of the next part of a path that a frame must have shown before it is flown, metres.
 const SHOWN: f64 = 1.0;
 
 /// Margins of the planner, metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlannerSettings {
-    /// Kept free around the body, horizontally.
+    /// Horizontal clearance around the body.
     pub margin: f64,
-    /// Kept free above and below it.
+    /// Clearance above and below the body.
     pub vertical_margin: f64,
-    /// Beyond the margin, nearness costs up to this far.
+    /// Distance beyond the margin up to which nearness adds cost.
     pub near: f64,
-    /// The next place to fly to is at most this far along the path.
+    /// Maximum distance of the next place to fly to along the path.
     pub look_ahead: f64,
 }
 
@@ -58,14 +59,14 @@ impl Default for PlannerSettings {
     }
 }
 
-/// The craft, as the planner sees it.
+/// The state of the craft, as used by the planner.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Body {
     /// Radius, metres.
     pub radius: f64,
-    /// Standard deviation of the position relative to what is in the map, metres.
+    /// Standard deviation of the position relative to the map's contents, metres.
     pub position_sigma: f64,
-    /// Deceleration to plan with, m/s².
+    /// Deceleration used for planning, m/s².
     pub braking: f64,
     /// Time until it brakes, s.
     pub delay: f64,
@@ -102,17 +103,17 @@ pub struct Destination {
 /// What a plan leads to.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Reach {
-    /// The craft is there.
+    /// The craft has arrived.
     Arrived,
     /// The goal.
     Goal,
-    /// The edge of the grid on the way to it.
+    /// The edge of the grid on the path to it.
     Edge,
-    /// The nearest place along a path: beyond it something is in the way.
+    /// The nearest reachable place along a path: beyond it there is an obstacle.
     Blocked {
         /// Where.
         at: Cell,
-        /// Its name, if a box has given one.
+        /// The obstacle's name, if a box has given one.
         by: Option<String>,
     },
 }
@@ -124,19 +125,19 @@ pub struct Guide {
     pub waypoint: EnuPosition,
     /// The heading there, radians clockwise from north.
     pub heading: f64,
-    /// The most to fly, m/s; zero to hold.
+    /// Maximum speed, m/s; zero to hold.
     pub speed: f64,
-    /// True if the way there has not been seen: turn to the heading, on the spot, first.
+    /// True if the path there has not been seen: first turn to the heading on the spot.
     pub turn_first: bool,
     /// What the path leads to.
     pub reach: Reach,
-    /// Cost of the path to the goal, what blocks it included, as metres of free space.
+    /// Cost of the path to the goal, including blocked cells, as metres of free space.
     pub remaining: f64,
     /// The cells of the path, from the craft on.
     pub path: Vec<Cell>,
 }
 
-/// Plans paths; keeps its memory from one plan to the next.
+/// Plans paths; reuses its memory from one plan to the next.
 #[derive(Clone, Debug, Default)]
 pub struct Planner {
     settings: PlannerSettings,
@@ -179,7 +180,7 @@ impl Planner {
             return Some(Guide { waypoint, heading: towards, speed: 0.0, turn_first: false, reach, remaining: 0.0, path });
         }
 
-        // Where the craft stands too near to something, the way out is part of the path.
+        // Where the craft stands too near to an obstacle, the path out is part of the path.
         let out = indices.iter().position(|&i| self.factors[i as usize] < BLOCKED).unwrap_or(indices.len());
         let blocked = (1..indices.len()).find(|&k| {
             let factor = self.factors[indices[k] as usize];
@@ -200,8 +201,9 @@ impl Planner {
         let (shown, free) = if way > 0.0 { self.open_way(map, now, at, waypoint) } else { (0.0, 0.0) };
         let turn_first = way > 0.0 && shown < way.min(SHOWN);
         let room = |length: f64| length - body.radius - self.settings.margin;
-        // What a frame has shown, with nothing known in it, is entered carefully although nobody has said that it is free: a
-        // depth sensor has no return from the open, and no reply comes on the way around something.
+        // Space that a frame has shown, and in which no obstacle is known, is entered slowly even if no source has
+        // reported it as free: a depth sensor gets no return from open space, and no reply arrives while the craft
+        // flies around an obstacle.
         let careful = body.speed_within(room(shown).min(CAREFUL));
         let speed = if turn_first || way == 0.0 { 0.0 } else { body.speed_within(room(free)).max(careful) };
         let remaining = f64::from(cost) * CELL / f64::from(10 * OPEN);
@@ -214,7 +216,7 @@ impl Planner {
         map.flags(&mut self.flags);
         self.factors.clear();
         self.factors.extend(self.flags.iter().map(|&solid| if solid { SOLID } else { OPEN }));
-        // What is the target itself keeps nothing away from it.
+        // The target itself needs no clearance.
         let target = (TARGET + goal.sigma).min(TARGET_MOST);
         self.each_around(map, goal.position, target, |flags, index| flags[index] = false);
         let around = body.radius + settings.margin + 2.0 * body.position_sigma;
@@ -249,8 +251,8 @@ impl Planner {
         }
     }
 
-    /// The farthest cell of the path within the look-ahead to which the straight line is not blocked. Until the craft is out of
-    /// what it stands too near to, the next cell of the path.
+    /// The farthest cell of the path within the look-ahead to which the straight line is not blocked. While the craft
+    /// is leaving a place too near to an obstacle, the next cell of the path.
     fn look_ahead(&self, map: &ObstacleMap, here: Cell, path: &[Cell], out: usize) -> Cell {
         let (Some(&first), Some(&last)) = (path.get(1), path.last()) else { return here };
         if out > 0 {
@@ -266,8 +268,8 @@ impl Planner {
         path.iter().rev().filter(|cell| within(cell)).find(|cell| clear(cell)).copied().unwrap_or(first)
     }
 
-    /// How far the way from `at` through `waypoint` has been shown by frames with nothing known in it, at most 2 m or to the
-    /// waypoint, and how far it is free, metres.
+    /// How much of the path from `at` through `waypoint` frames have shown without a known obstacle, at most 2 m or to
+    /// the waypoint, and how much of it is free, metres.
     fn open_way(&self, map: &ObstacleMap, now: Time, at: EnuPosition, waypoint: EnuPosition) -> (f64, f64) {
         let way = at.distance(waypoint);
         let step = 0.5 * CELL;
@@ -292,7 +294,7 @@ impl Planner {
     }
 }
 
-/// The name of what is in the way: on the rest of the path, else on the straight line.
+/// The name of the obstacle on the rest of the path, else on the straight line.
 fn name(map: &ObstacleMap, here: Cell, end: Cell, rest: &[u32]) -> Option<String> {
     let path = rest.iter().filter_map(|&index| map.cell(index as usize));
     path.chain(Line::new(here, end)).find_map(|cell| map.name_at(cell.middle())).map(ToOwned::to_owned)
@@ -310,7 +312,8 @@ fn factors(around: f64, near: f64) -> [u16; 256] {
     })
 }
 
-/// The goal, or where the straight way to it leaves the grid; and the distance at which it counts as reached.
+/// The goal, or the point where the straight path to it leaves the grid; and the distance at which it counts as
+/// reached.
 fn within_grid(corner: Cell, at: EnuPosition, goal: &Destination) -> (EnuPosition, f64) {
     let (a, b) = ([at.east, at.north, at.up], [goal.position.east, goal.position.north, goal.position.up]);
     let low = [corner.east, corner.north, corner.up].map(|i| (f64::from(i) + 1.0) * CELL);

@@ -8,7 +8,7 @@ use super::OPEN;
 const STRAIGHT: u32 = 10;
 const DIAGONAL: u32 = 14;
 const VERTICAL: u32 = 15;
-/// More than any move can raise the estimate: a diagonal into a solid, and the heuristic of one move.
+/// More than any move can raise the estimate: a diagonal move into a solid, plus the heuristic of one move.
 const BUCKETS: usize = 4096;
 const NONE: u8 = u8::MAX;
 
@@ -37,8 +37,9 @@ pub(super) struct Search {
 }
 
 impl Search {
-    /// The cheapest path from `start` to within `radius` cells of `goal` (local coordinates, in the grid), as indices, and its
-    /// cost. Every cell can be entered, at its factor, so that there is always one. `None` for a goal outside the grid.
+    /// The cheapest path from `start` to within `radius` cells of `goal` (local coordinates, in the grid), as indices,
+    /// and its cost. Every cell can be entered at its cost factor, so there is always a path. `None` for a goal outside
+    /// the grid.
     pub(super) fn path(&mut self, factors: &[u16], start: usize, goal: [i32; 3], radius: i32) -> Option<(Vec<u32>, u32)> {
         if (0..3).any(|i| goal[i] < 0 || goal[i] >= SIZE[i] as i32) {
             return None;
@@ -50,9 +51,9 @@ impl Search {
         self.buckets.resize(BUCKETS, Vec::new());
         self.buckets.iter_mut().for_each(Vec::clear);
 
-        // The most that the moves within the radius can cost: √(10² + 4² + 15²) = 18.5 a cell.
+        // Maximum cost of the moves within the radius: √(10² + 4² + 15²) = 18.5 per cell.
         let slack = u32::try_from(radius.max(0)).unwrap_or(0) * 19;
-        // Within the radius nothing remains; outside, at least the moves less those of the radius.
+        // Within the radius nothing remains; outside it, at least the moves minus those within the radius.
         let heuristic = |x: i32, y: i32, z: i32| {
             let (dx, dy) = ((x - goal[0]).unsigned_abs(), (y - goal[1]).unsigned_abs());
             let level = STRAIGHT * dx.max(dy) + (DIAGONAL - STRAIGHT) * dx.min(dy);
@@ -77,7 +78,7 @@ impl Search {
             let index = index as usize;
             let (x, y, z) = coordinates(index);
             let cost = self.cost[index];
-            // A cheaper way was found since it was queued.
+            // A cheaper path was found since it was queued.
             if (cost + heuristic(x, y, z)) as usize != estimate {
                 continue;
             }
@@ -102,7 +103,7 @@ impl Search {
         None
     }
 
-    /// The path that has led to a cell.
+    /// The path that led to a cell.
     fn back(&self, mut index: usize) -> Vec<u32> {
         let mut path = vec![index as u32];
         while let Some(&(dx, dy, dz, _)) = MOVES.get(usize::from(self.by[index])) {
@@ -144,7 +145,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(16))]
-        /// The cost is that of Dijkstra's algorithm without a heuristic, and the path is connected and costs that.
+        /// The cost is that of Dijkstra's algorithm without a heuristic, and the path is connected and has that cost.
         #[test]
         fn the_path_is_the_cheapest(
             walls in prop::collection::vec((0..30_usize, 0..30_usize, 0..6_usize, 0..3_usize), 0..60),

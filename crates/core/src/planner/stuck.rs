@@ -1,4 +1,4 @@
-//! When a plan makes no progress, and what is tried then.
+//! Detects plans that make no progress, and chooses what to try then.
 
 use super::Body;
 use crate::geometry::{BodyDisplacement, EnuPosition};
@@ -9,27 +9,27 @@ use crate::time::{Duration, Time};
 const PROGRESS: f64 = 0.3;
 /// within this time in which it was to move, is stuck.
 const PATIENCE: Duration = Duration::from_secs(4);
-/// The way to the side that must be seen free, metres.
+/// Length of the path to the side that must have been seen free, metres.
 const ASIDE: f64 = 1.5;
-/// How far a side is looked along, metres.
+/// Distance up to which a side is checked, metres.
 const ASIDE_SIGHT: f64 = 4.0;
-/// How far it climbs, metres.
+/// Climb, metres.
 const UP: f64 = 2.0;
 /// Directions tried, degrees from that of the goal, on either side.
 const SIDES: [f64; 4] = [60.0, 90.0, 120.0, 30.0];
 
-/// What to do when stuck.
+/// The action of a stuck craft.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Escape {
-    /// Fly to the side, which has been seen free.
+    /// Fly to the side, which was seen to be free.
     Side(EnuPosition),
-    /// Climb, which has been seen free.
+    /// Climb, which was seen to be free.
     Up(EnuPosition),
-    /// Hold and ask.
+    /// Hold and query.
     Ask,
 }
 
-/// Watches whether the remaining path gets shorter.
+/// Observes whether the remaining path gets shorter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Progress {
     best: Option<f64>,
@@ -38,8 +38,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Takes the remaining path, metres, at `now`; `moving` says whether the craft was to move since the last call. Returns
-    /// true when it is stuck; it then starts over.
+    /// Takes the remaining path, metres, at `now`; `moving` states whether the craft was to move since the last call.
+    /// Returns true when the craft is stuck; the observation then starts over.
     pub fn is_stuck(&mut self, now: Time, moving: bool, remaining: f64) -> bool {
         let passed = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last));
         if self.best.is_none_or(|best| remaining < best - PROGRESS) {
@@ -56,18 +56,18 @@ impl Progress {
         true
     }
 
-    /// Starts over: another goal.
+    /// Starts over, for another goal.
     pub fn reset(&mut self) {
         *self = Self::default();
     }
 }
 
-/// What a craft at `at` that is stuck on its way in the direction `towards` (radians clockwise from north) does: the side that
-/// has been seen free farthest, else up, else ask. Between equal sides, the right one.
+/// The action of a craft at `at` that is stuck on its path in the direction `towards` (radians clockwise from north):
+/// the side seen free farthest, else up, else a query. Of equal sides, the right one.
 #[must_use]
 pub fn escape(map: &ObstacleMap, now: Time, at: EnuPosition, towards: f64, body: &Body) -> Escape {
     let place = |turn: f64, forward: f64, up: f64| at.displaced(BodyDisplacement { right: 0.0, forward, up }, towards + turn);
-    // How far a direction has been seen free: `forward` and `up` are metres per metre.
+    // How far a direction was seen to be free: `forward` and `up` are metres per metre.
     let open = |turn: f64, forward: f64, up: f64, most: f64| {
         let step = 0.5 * CELL;
         let count = libm::floor(most / step) as u32;

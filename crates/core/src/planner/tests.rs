@@ -29,12 +29,12 @@ fn pose(position: EnuPosition, heading: f64) -> Pose {
     Pose { position, attitude: Attitude { heading, ..Attitude::default() } }
 }
 
-/// Solid boxes: least and greatest east, north and up.
+/// Solid boxes: minimum and maximum east, north and up.
 #[derive(Clone, Debug)]
 struct World(Vec<([f64; 3], [f64; 3])>);
 
 impl World {
-    /// The fraction of the way from `from` to `to` at which it meets something; infinite if it does not.
+    /// The fraction of the path from `from` to `to` at which it intersects something; infinite if it does not.
     fn hit(&self, from: EnuPosition, to: EnuPosition) -> f64 {
         let (a, b) = ([from.east, from.north, from.up], [to.east, to.north, to.up]);
         let enters = |(low, high): &([f64; 3], [f64; 3])| {
@@ -65,7 +65,7 @@ impl World {
         self.0.iter().map(distance).fold(f64::INFINITY, f64::min)
     }
 
-    /// What a depth sensor of 0.3 to 10 m measures.
+    /// Measurements of a depth sensor with a range of 0.3 to 10 m.
     fn depth(&self, pose: Pose) -> DepthGrid {
         let camera = camera();
         let axes = CameraAxes::new(&camera, pose);
@@ -82,7 +82,7 @@ impl World {
     }
 }
 
-/// A map around `position` in which the last frame looked along `heading`, and nothing is known but what `world` shows.
+/// A map around `position` in which the last frame looked along `heading`, and only what `world` shows is known.
 fn seen(world: &World, position: EnuPosition, heading: f64) -> ObstacleMap {
     let mut map = ObstacleMap::new();
     map.advance(Time::ZERO, position);
@@ -91,7 +91,7 @@ fn seen(world: &World, position: EnuPosition, heading: f64) -> ObstacleMap {
     map
 }
 
-/// A floor 3 m below, and a wall 9 m ahead that makes everything before it known.
+/// A floor 3 m below, and a wall 9 m ahead that makes everything in front of it known.
 fn hall() -> World {
     World(vec![([-30.0, -30.0, -1.0], [30.0, 30.0, 0.0]), ([-30.0, 9.0, 0.0], [30.0, 10.0, 8.0])])
 }
@@ -100,8 +100,8 @@ fn plan(map: &ObstacleMap, from: EnuPosition, heading: f64, goal: &Destination) 
     Planner::default().plan(map, Time::ZERO, from, heading, &body(), goal).unwrap()
 }
 
-/// By hand: 4 m ahead in the open; the wall 9 m ahead leaves 8 m of free space, 7.4 m besides body and margin:
-/// 0.5·v + v²/4 = 7.4 is 4.5 m/s, capped at 3 m/s.
+/// By hand: 4 m ahead in the open; the wall 9 m ahead leaves 8 m of free space, 7.4 m without body and margin: 0.5·v +
+/// v²/4 = 7.4 is 4.5 m/s, capped at 3 m/s.
 #[test]
 fn an_open_way_is_flown_straight_at_full_speed() {
     let from = at(0.1, 0.1, 3.1);
@@ -120,7 +120,7 @@ fn the_speed_stops_within_what_is_known_to_be_free() {
     map.advance(Time::ZERO, from);
     map.frame(Time::ZERO, &camera(), pose(from, 0.0));
     let goal = to(0.1, 7.0, 3.1);
-    // Nothing is known but that a frame has shown it: 0.5·v + v²/4 = 0.7 is v = √(1 + 2.8) − 1.
+    // A frame has shown it, but no source has reported it as free: 0.5·v + v²/4 = 0.7 is v = √(1 + 2.8) − 1.
     let blind = plan(&map, from, 0.0, &goal);
     assert!((blind.speed - 0.949).abs() < 1e-3 && !blind.turn_first, "{blind:?}");
     map.implied_free(Time::ZERO, &camera(), pose(from, 0.0), 2.0);
@@ -190,7 +190,7 @@ fn the_target_is_not_its_own_obstacle_and_is_never_entered() {
     let guide = plan(&map, from, 0.0, &to(0.0, 5.0, 3.1));
     assert_eq!(guide.reach, Reach::Goal);
     assert!(guide.path.iter().all(|cell| !map.is_occupied(*cell)));
-    // Behind something else within the margin of the goal there is no way.
+    // Behind another obstacle within the margin of the goal there is no path.
     assert!(guide.path.last().unwrap().middle().distance(at(0.0, 5.0, 3.1)) <= 1.25);
     let there = at(0.0, 4.2, 3.1);
     assert_eq!(plan(&map, there, 0.0, &to(0.0, 5.0, 3.1)).reach, Reach::Arrived);
@@ -223,7 +223,7 @@ fn no_progress_for_4_s_of_motion_is_stuck() {
 #[test]
 fn a_stuck_craft_takes_the_side_seen_free_else_up_else_asks() {
     let from = at(0.1, 0.1, 3.1);
-    // Open in front: the goal lies to the left of where it looks.
+    // Open in front: the goal lies to the left of the view.
     let map = seen(&hall(), from, 0.0);
     let Escape::Side(side) = escape(&map, Time::ZERO, from, -0.8, &body()) else { panic!("no side") };
     assert!(side.north > 2.0, "{side:?}");
@@ -231,7 +231,7 @@ fn a_stuck_craft_takes_the_side_seen_free_else_up_else_asks() {
     let mut blind = ObstacleMap::new();
     blind.advance(Time::ZERO, from);
     assert_eq!(escape(&blind, Time::ZERO, from, 0.0, &body()), Escape::Ask);
-    // Only what is above has been seen: the camera looks up.
+    // Only the space above has been seen: the camera looks up.
     let up = Camera { tilt: -1.4, ..camera() };
     blind.frame(Time::ZERO, &up, pose(from, 0.0));
     blind.implied_free(Time::ZERO, &up, pose(from, 0.0), 3.0);
@@ -239,11 +239,11 @@ fn a_stuck_craft_takes_the_side_seen_free_else_up_else_asks() {
     assert!((above.up - 4.85).abs() < 1e-9 && (above.north - 0.1).abs() < 1e-9);
 }
 
-/// How a flight through a world has ended.
+/// The end of a flight through a world.
 #[derive(Debug)]
 struct Flown {
     arrived: bool,
-    /// Least distance of the craft's middle from anything solid.
+    /// Minimum distance of the craft's middle from anything solid.
     clearance: f64,
 }
 
@@ -284,7 +284,7 @@ fn fly(world: &World, goal: &Destination, limit: f64) -> Flown {
     Flown { arrived: false, clearance }
 }
 
-/// A pocket 5 m deep and 6 m wide, open towards the craft, the goal behind it.
+/// A pocket 5 m deep and 6 m wide, open towards the craft, with the goal behind it.
 #[test]
 fn a_pocket_is_left() {
     let mut world = World(vec![([-30.0, -30.0, -1.0], [30.0, 30.0, 0.0])]);
@@ -316,7 +316,7 @@ proptest! {
         prop_assert!(flown.clearance > 0.3, "{flown:?}");
     }
 
-    /// Whatever is known, a plan leads neither into what is occupied nor, at a speed above zero, into what was not seen.
+    /// Whatever is known, a plan leads neither into occupied cells nor, at a speed above zero, into unseen space.
     #[test]
     fn no_plan_leads_into_anything(
         marks in prop::collection::vec(prop::array::uniform3(-30..30_i32), 0..200),
