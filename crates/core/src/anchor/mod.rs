@@ -1,4 +1,5 @@
-//! The anchor: where the target is in the world, fused from replies at their frames' own times.
+//! The anchor: where the target is in the world, fused from replies at their frames' own times
+//! (`docs/explanation/between-answers.md`).
 //!
 //! While the craft flies straight at a target, bearings hardly triangulate, and the range is known to within a factor,
 //! not to within a distance. An [`Anchor`] therefore holds a bearing and the logarithm of the range from the position

@@ -1,10 +1,10 @@
-//! The brake: whatever planner, pilot or VLM want, speed is bounded by what is known to lie in the way.
+//! The brake: limits the speed near known obstacles, whatever planner, pilot or VLM request.
 //!
-//! It knows points in the world: those of the newest depth grid, and the occupied cells of the obstacle map. The speed along a
-//! direction is at most that which comes to rest the margin before the nearest point in the corridor of the body. In
-//! directions that no working sensor shows (sideways, backwards, with a sensor that is dead, frozen or late) it is also at
-//! most that of flying blind. A direction in the field without a return is not blind: the open gives none, and neither does
-//! glass.
+//! It uses points in the world: those of the newest depth grid, and the occupied cells of the obstacle map. Along a
+//! direction, the speed is limited so that the craft comes to rest the margin before the nearest point in the corridor
+//! of the body. In directions that no working sensor shows (sideways, backwards, or with a dead, frozen or late sensor)
+//! it is also limited to the blind speed. A direction in the field of view without a return does not count as blind:
+//! open space gives none, and neither does glass.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,11 +15,11 @@ use crate::depth::{CameraAxes, DepthGrid};
 use crate::geometry::{EnuPosition, EnuVelocity, Pose};
 use crate::time::{Time, duration_from_secs};
 
-/// Added to the body's radius on either side of the way, metres.
+/// Added to the body's radius on either side of the path, metres.
 const BESIDE: f64 = 0.1;
-/// Grids with equal values in a row from which on the sensor counts as frozen: noise never repeats.
+/// Number of consecutive grids with equal values from which the sensor counts as frozen: noise never repeats.
 const FROZEN: u32 = 3;
-/// A grid with fewer pixels with a value than this fraction comes from a dead or covered sensor.
+/// A grid in which a smaller fraction of pixels has a value comes from a dead or covered sensor.
 const LEAST_VALID: f64 = 0.02;
 /// A grid is reduced to the nearest point of each block of this many pixels a side.
 const BLOCK: usize = 4;
@@ -34,15 +34,15 @@ const FRESH: f64 = 0.5;
 pub struct BrakeLimits {
     /// Distance between the body and an obstacle at which the craft comes to rest, m.
     pub margin: f64,
-    /// Maximum speed in directions that no working sensor shows, m/s; infinity for a craft without a depth sensor, for which
-    /// only what is remembered counts.
+    /// Maximum speed in directions that no working sensor shows, m/s; infinity for a craft without a depth sensor, for
+    /// which only remembered obstacles count.
     pub blind_speed: f64,
-    /// Age of the newest depth grid from which on the sensor counts as dead, s.
+    /// Age of the newest depth grid at which the sensor counts as dead, s.
     pub max_depth_age: f64,
 }
 
 impl BrakeLimits {
-    /// For a craft with a depth sensor: flying blind at 0.5 m/s.
+    /// For a craft with a depth sensor: a blind speed of 0.5 m/s.
     #[must_use]
     pub fn with_sensor() -> Self {
         Self { margin: 0.3, blind_speed: 0.5, max_depth_age: 0.5 }
@@ -65,14 +65,14 @@ impl BrakeLimits {
     }
 }
 
-/// What the brake knows.
+/// The known obstacles and motion.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Brake {
     depth: Option<Seen>,
-    /// Values of the newest grid, and how many grids in a row have had them.
+    /// Values of the newest grid, and the number of consecutive grids with these values.
     repeated: (Vec<u16>, u32),
     remembered: Vec<EnuPosition>,
-    /// Position and heading by the motion estimate that depth and map are based on.
+    /// Position and heading according to the motion estimate that depth and map are based on.
     motion: Option<(Time, EnuPosition, f64)>,
 }
 
@@ -98,7 +98,7 @@ pub(super) struct Motion {
 }
 
 impl Brake {
-    /// Takes a depth grid, measured at `pose`.
+    /// Adds a depth grid, measured at `pose`.
     pub(super) fn depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
         if grid.check().is_err() || self.depth.as_ref().is_some_and(|seen| grid.captured <= seen.captured) {
             return;
@@ -132,20 +132,20 @@ impl Brake {
         self.depth = Some(Seen { captured: grid.captured.min(now), counter: grid.counter, camera: grid.camera, axes, points });
     }
 
-    /// Replaces what is remembered by these places, those near the craft.
+    /// Replaces the remembered obstacles by these places near the craft.
     pub(super) fn remember(&mut self, places: impl Iterator<Item = EnuPosition>) {
         self.remembered.clear();
         self.remembered.extend(places.filter(|p| [p.east, p.north, p.up].iter().all(|x| x.is_finite())));
     }
 
-    /// Takes the position by the motion estimate that depth and map are based on, and the heading.
+    /// Takes the position according to the motion estimate that depth and map are based on, and the heading.
     pub(super) fn motion(&mut self, now: Time, at: EnuPosition, heading: f64) {
         let finite = [at.east, at.north, at.up, heading].iter().all(|x| x.is_finite());
         self.motion = finite.then_some((now, at, heading));
     }
 
-    /// Position and heading at `now` by the motion estimate, for a craft that moves at `velocity`; `None` if it has not been told
-    /// for half a second.
+    /// Position and heading at `now` according to the motion estimate, for a craft that moves at `velocity`; `None` if
+    /// the estimate is more than half a second old.
     pub(super) fn place(&self, now: Time, velocity: EnuVelocity, ahead: f64) -> Option<(EnuPosition, f64)> {
         let (told, at, heading) = self.motion.filter(|(told, ..)| now.since(*told) <= duration_from_secs(FRESH))?;
         let t = now.since(told).as_secs_f64() + ahead;
@@ -154,7 +154,7 @@ impl Brake {
         Some((moved, heading))
     }
 
-    /// Length of a straight way that is allowed, metres, and whether no working sensor shows it.
+    /// Length of a straight path that is allowed, metres, and whether no working sensor shows it.
     pub(super) fn way(&self, now: Time, limits: &BrakeLimits, motion: &Motion) -> (f64, bool) {
         if motion.velocity.speed() <= 0.0 {
             return (f64::INFINITY, false);
@@ -214,7 +214,7 @@ fn nearest<'a>(points: impl Iterator<Item = &'a EnuPosition>, motion: &Motion, a
     points.filter_map(distance).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether a grid's field covers the way: the place 2 m along it.
+/// Whether a grid's field of view covers the path: the place 2 m along it.
 fn shows(seen: &Seen, motion: &Motion, along: [f64; 3]) -> bool {
     let ahead = 2.0;
     let place = EnuPosition {

@@ -25,7 +25,7 @@ pub enum Cause {
     DistanceLimit,
     /// The setpoint would have taken the craft out of the geofence.
     GeofenceLimit,
-    /// Something is known to lie in the way, or no working depth sensor shows it.
+    /// An obstacle is known on the path, or no working depth sensor shows it.
     Obstacle,
     /// A component of the setpoint was not a finite number.
     NotFinite,

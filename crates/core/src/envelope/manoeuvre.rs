@@ -59,7 +59,7 @@ impl Envelope {
         (Some(Manoeuvre::Go { displacement: allowed, speed: speed.min(fastest) }), confined.or(slowed))
     }
 
-    /// The part of a straight path that the brake allows, and the most speed along it.
+    /// The part of a straight path that the brake allows, and the maximum speed along it.
     fn braked_path(&self, now: Time, way: BodyDisplacement) -> (BodyDisplacement, Option<Cause>, f64) {
         let Some(limits) = &self.limits.brake else { return (way, None, f64::INFINITY) };
         let asked = Setpoint { right: way.right, forward: way.forward, up: way.up, yaw_rate: 0.0 };

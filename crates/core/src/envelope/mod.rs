@@ -177,7 +177,7 @@ impl Envelope {
         self.watch.reply(now, ok);
     }
 
-    /// Takes a depth grid that arrived at `now`, measured at `pose` by the motion estimate. Ignored without
+    /// Takes a depth grid that arrived at `now`, measured at `pose` according to the motion estimate. Ignored without
     /// [`Limits::brake`], as are the next two.
     pub fn observe_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
         let now = self.advance(now);
@@ -186,15 +186,15 @@ impl Envelope {
         }
     }
 
-    /// Replaces the obstacles that are remembered: places near the craft where something is, by the motion estimate.
+    /// Replaces the remembered obstacles: occupied places near the craft, according to the motion estimate.
     pub fn observe_obstacles(&mut self, places: impl Iterator<Item = EnuPosition>) {
         if self.limits.brake.is_some() {
             self.brake.remember(places);
         }
     }
 
-    /// Takes the motion estimate on which depth grids and obstacles are based. Without one for half a second the brake uses the
-    /// envelope's own.
+    /// Takes the motion estimate on which depth grids and obstacles are based. If none arrives for half a second, the
+    /// brake uses the envelope's own.
     pub fn observe_motion(&mut self, now: Time, known: &Known) {
         let now = self.advance(now);
         if self.limits.brake.is_some() {
@@ -426,7 +426,7 @@ impl Envelope {
         self.motion_of(now, setpoint, [0.0, 0.5 * turned, turned]).map_or(0.0, |motion| self.brake.allowed(now, limits, &motion))
     }
 
-    /// A velocity as the brake sees it, from where it takes effect; `None` without a heading.
+    /// A velocity as used by the brake, from where it takes effect; `None` without a heading.
     fn motion_of(&self, now: Time, setpoint: Setpoint, turns: [f64; 3]) -> Option<Motion> {
         let e = &self.estimate;
         let velocity = e.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();

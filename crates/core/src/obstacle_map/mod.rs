@@ -1,4 +1,4 @@
-//! The obstacle map: what the craft's senses have shown around it.
+//! The obstacle map: what the craft's senses have shown around it (`docs/explanation/between-answers.md`).
 //!
 //! A grid of 20×20×8 m in cells of 0.25 m moves with the craft by whole cells, aligned with the world. Each cell stores
 //! the log-odds of being occupied as an integer: a hit marks it at once, rays that pass through clear it, and without

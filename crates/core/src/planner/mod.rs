@@ -1,4 +1,5 @@
-//! The local planner: from the obstacle map and a goal to the next place to fly to, the heading and the speed.
+//! The local planner: from the obstacle map and a goal to the next place to fly to, the heading and the speed
+//! (`docs/explanation/between-answers.md`).
 //!
 //! The path is the cheapest in the map's grid: cells near obstacles cost more, vertical moves cost half as much again,
 //! and cells in which the body would touch something cost twenty times as much, so that an unreachable goal is

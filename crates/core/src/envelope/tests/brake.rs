@@ -11,7 +11,7 @@ fn camera() -> Camera {
     Camera::from_fov(40, 30, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0)
 }
 
-/// A grid whose pixels all have `cm`, but for one that tells it from the last.
+/// A grid whose pixels all have `cm`, except for one that distinguishes it from the previous grid.
 fn grid(counter: u64, now: Time, cm: u16) -> DepthGrid {
     let mut values = vec![cm; 1200];
     values[0] = cm.saturating_sub((counter % 7) as u16);
@@ -38,7 +38,7 @@ fn an_obstacle_ahead_bounds_the_speed_to_what_stops_before_it() {
     rig.envelope.observe_depth(ms(1000), &grid(1, ms(1000), 300), here());
     let (is, cause) = rig.ask(ms(1000), forward(3.0));
     assert!((is.forward - 1.957).abs() < 0.01 && cause == Some(Cause::Obstacle), "{is:?}");
-    // Slower than that passes unchanged, and so does what leads away from it at the blind speed.
+    // A slower motion passes unchanged, and so does one that leads away at the blind speed.
     assert_eq!(rig.ask(ms(1000), forward(1.9)), (forward(1.9), None));
     assert_eq!(rig.ask(ms(1000), forward(-0.5)), (forward(-0.5), None));
     // The direction is kept.
@@ -57,7 +57,7 @@ fn outside_the_field_of_the_sensor_the_craft_flies_slowly() {
         assert!((is.speed() - 0.5).abs() < 1e-9 && cause == Some(Cause::Obstacle), "{asked:?}: {is:?}");
     }
     assert!(rig.ask(ms(1000), forward(2.0)).0.forward > 1.99);
-    // A turn that leads out of the field counts.
+    // A turn that leads out of the field of view counts.
     assert!(rig.ask(ms(1000), Setpoint { yaw_rate: 2.0, ..forward(2.0) }).0.forward <= 0.5);
 }
 
@@ -69,7 +69,7 @@ fn what_is_remembered_counts_in_every_direction() {
     let left = Setpoint { right: -3.0, ..Setpoint::HOLD };
     let (is, cause) = rig.ask(ms(1000), left);
     assert!(is.right > -1.0 && cause == Some(Cause::Obstacle), "{is:?}");
-    // Too near: nothing towards it, everything away from it.
+    // Too near: no motion towards it, any motion away from it.
     rig.envelope.observe_obstacles([place(-0.5, 0.0, 3.0)].into_iter());
     assert_eq!(rig.ask(ms(1000), left).0, Setpoint::HOLD);
     assert_eq!(rig.ask(ms(1000), Setpoint { right: 3.0, ..Setpoint::HOLD }).1, None);
@@ -165,7 +165,7 @@ fn room(seed: u64) -> Vec<EnuPosition> {
     points
 }
 
-/// Setpoints at full stick, changed every 1.5 s to anything, among what is remembered: nothing is touched.
+/// Arbitrary setpoints at full stick, changed every 1.5 s, among remembered obstacles: nothing is touched.
 #[test]
 fn no_sequence_of_plans_touches_what_is_known() {
     for craft in [Craft::quad(), Craft::tello()] {
