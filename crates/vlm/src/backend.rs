@@ -171,7 +171,7 @@ impl Backend {
             }
             if let Err(VlmError::Stalled { .. }) = &text {
                 self.spare.fetch_xor(true, Ordering::Relaxed);
-                if retry && free > 0 && Instant::now() + WORTH_ASKING <= deadline {
+                if retry && free > 0 && Instant::now() + MIN_RETRY_TIME <= deadline {
                     free -= 1;
                     tracing::debug!(host = %self.endpoint.host, error = ?text.as_ref().err(), "asking again at once");
                     continue;
