@@ -1,5 +1,7 @@
 //! Object tags: names and properties of an object, as given by the scene and read by the oracle and the judge.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 /// The tags of one object.
@@ -22,6 +24,13 @@ pub struct Tagged {
     pub qualities: Vec<String>,
     /// Its uses, in a few words each.
     pub uses: Vec<String>,
+    /// The place or set to which it belongs: meeting room, construction site.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub group: Option<String>,
+    /// Whether it stands for its group, because no object of the scene is named after it ([`Tagged::represent_groups`]): whoever
+    /// goes to the meeting table is in the meeting room.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub stands_for_group: bool,
     /// True for an opening, which is rendered into a separate id image.
     pub opening: bool,
     /// Key of the object that an opening belongs to.
@@ -39,6 +48,14 @@ impl Tagged {
         }
     }
 
+    /// Lets the objects of a scene stand for their groups, where no object is named after the group.
+    pub fn represent_groups(objects: &mut [Self]) {
+        let named: BTreeSet<String> = objects.iter().flat_map(|tags| tags.names.iter().chain(&tags.synonyms)).cloned().collect();
+        for tags in objects {
+            tags.stands_for_group = tags.group.as_ref().is_some_and(|group| !named.contains(group));
+        }
+    }
+
     /// Whether it is ground or water, which is flown over and never an obstacle.
     #[must_use]
     pub fn is_surface(&self) -> bool {
@@ -51,3 +68,17 @@ pub const SURFACES: [&str; 22] = [
     "ground", "road", "street", "path", "pavement", "sidewalk", "grass", "lawn", "field", "water", "lake", "pond", "river",
     "sea", "plaza", "square", "parking", "floor", "sky", "marking", "crossing", "terrain",
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_object_stands_for_a_group_that_no_object_is_named_after() {
+        let of =
+            |name: &str, group: &str| Tagged { names: vec![name.to_owned()], group: Some(group.to_owned()), ..Tagged::default() };
+        let mut objects = [of("table", "meeting room"), of("break room", "office"), of("chair", "break room"), Tagged::default()];
+        Tagged::represent_groups(&mut objects);
+        assert_eq!(objects.map(|tags| tags.stands_for_group), [true, true, false, false]);
+    }
+}

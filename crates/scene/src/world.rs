@@ -119,10 +119,14 @@ impl Scene {
             kind: o.tags.kind.clone(),
             qualities: o.tags.qualities.clone(),
             uses: o.tags.uses.clone(),
+            group: o.tags.group.clone(),
+            stands_for_group: false,
             opening: o.opening,
             opening_of: o.tags.opening_of.and_then(|id| self.object(id)).map(|of| of.key.clone()),
         };
-        self.objects.iter().map(tagged).collect()
+        let mut all: Vec<Tagged> = self.objects.iter().map(tagged).collect();
+        Tagged::represent_groups(&mut all);
+        all
     }
 
     /// The legend of an id image: `{"scene": …, "objects": [{"id": 1, "key": …, "opening": …, "tags": {…}, "bounds": {…}}]}`.

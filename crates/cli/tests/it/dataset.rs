@@ -50,11 +50,15 @@ fn tags(legend: &Value) -> Vec<Tagged> {
             kind: tags["kind"].as_str().unwrap().to_owned(),
             qualities: words(&tags["qualities"]),
             uses: words(&tags["uses"]),
+            group: tags["group"].as_str().map(str::to_owned),
+            stands_for_group: false,
             opening: object["opening"].as_bool().unwrap(),
             opening_of: tags["opening_of"].as_u64().and_then(key_of),
         }
     };
-    objects.iter().map(tagged).collect()
+    let mut all: Vec<Tagged> = objects.iter().map(tagged).collect();
+    Tagged::represent_groups(&mut all);
+    all
 }
 
 /// The oracle's inputs for one example, from its files.

@@ -426,4 +426,7 @@ fn starts(words: &[String], phrase: &str) -> bool {
 }
 
 /// Words that may follow "the drone" or "yourself" after a verb such as "bring".
-const AFTER_CRAFT: [&str; 10] = ["drone", "to", "over", "through", "around", "towards", "behind", "way", "straight", "directly"];
+const AFTER_CRAFT: [&str; 18] = [
+    "drone", "to", "over", "through", "around", "towards", "behind", "way", "straight", "directly", "above", "near", "beside",
+    "by", "at", "next", "in", "on",
+];

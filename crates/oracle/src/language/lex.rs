@@ -43,6 +43,8 @@ pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
 pub(crate) fn raw_tokens(text: &str) -> Vec<String> {
     let mut out: Vec<String> = Vec::new();
     let mut word = String::new();
+    // Between words a hyphen separates; within one, it joins.
+    let text = text.replace(" - ", " , ");
     for c in text.chars().take(LONGEST).flat_map(char::to_lowercase).chain([' ']) {
         match c {
             'a'..='z' | '0'..='9' => word.push(c),

@@ -143,6 +143,11 @@ pub(crate) struct Joints {
     pub(super) turning: Words,
     /// Measures of such a motion.
     pub(super) measures: Words,
+    /// Shapes in which one may fly.
+    #[serde(deserialize_with = "list")]
+    pub(super) shapes: Phrases,
+    /// Verbs whose object a shape may be.
+    pub(super) drawing: Words,
     /// Phrases that express a sequence of several targets.
     #[serde(deserialize_with = "list")]
     pub(super) in_turn: Phrases,

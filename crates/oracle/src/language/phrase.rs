@@ -227,8 +227,11 @@ impl Phrase {
     /// another noun such a word is part of a name: "swimming pool".
     fn is_described_by(&self, words: &[String]) -> bool {
         let word = words[0].as_str();
-        let form = NOUNS.participles.contains(word) || (word.len() > 4 && word.ends_with("ing") && !is_thing(&singular(word)));
         let person = || self.nouns.iter().any(|noun| NOUNS.people.contains(noun));
+        let article = words.get(1).is_some_and(|next| ARTICLES.contains(&next.as_str()));
+        // "People crossing the road" are no crossing.
+        let thing = is_thing(&singular(word)) && !(person() && article);
+        let form = NOUNS.participles.contains(word) || (word.len() > 4 && word.ends_with("ing") && !thing);
         form && !self.nouns.is_empty()
             && !ADJECTIVES.fluff.contains(word)
             && !NOUNS.vague.contains(word)
@@ -297,7 +300,11 @@ impl Phrase {
             if self.nouns == ["way"] && word == "out" {
                 self.nouns.push(plain);
             }
-        } else if ADJECTIVES.soft.contains(word) && next.is_some_and(|n| !matches!(n, "of" | "," | "." | "and")) {
+        } else if ADJECTIVES.soft.contains(word)
+            && next.is_some_and(|n| !matches!(n, "of" | "," | "." | "and"))
+            // "The needle thingy" is a needle, though "the needle tower" is a tower.
+            && !(is_thing(&plain) && next.is_some_and(|n| NOUNS.vague.contains(n)))
+        {
             self.soft.push(word.to_owned());
         } else if NOUNS.vague.contains(&plain) && next != Some("of") {
             // "The cone thing" is the cone.

@@ -8,7 +8,7 @@ use super::meaning::{Relation, Size, Verb};
 use super::order::{numbered, of_size, on_side, ordered, ranked};
 use super::phrase::Phrase;
 use super::relations::related;
-use super::score::{knows, named, numbers, score, split};
+use super::score::{is_in, knows, named, numbers, score, split};
 
 /// Indices of the items that the phrase may mean, all with the best score, in the order of `items`. With ordinals or
 /// superlatives a single one, if the items provide the data; empty if nothing matches.
@@ -38,6 +38,14 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
     }
     found = soft(phrase, found, items);
     for (relation, anchors) in &phrase.relations {
+        // "The chair in the meeting room" is told by the tags of the chair, wherever the room's other objects are.
+        if let (Relation::On, [place]) = (relation, anchors.as_slice()) {
+            let inside: Vec<usize> = found.iter().copied().filter(|&i| is_in(place, items[i].tags)).collect();
+            if !inside.is_empty() {
+                found = inside;
+                continue;
+            }
+        }
         let anchors: Vec<Vec<usize>> = anchors.iter().map(|anchor| meant_within(anchor, items, depth + 1)).collect();
         found = related(*relation, &anchors, found, items, phrase.ordinal.is_some() || !phrase.sizes.is_empty());
     }

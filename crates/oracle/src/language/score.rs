@@ -14,10 +14,22 @@ use super::turns::CARDINALS;
 /// Words of the names, colours and qualities of the tags at hand, for [`parse`](super::parse).
 pub(crate) fn vocabulary<'a>(tags: impl Iterator<Item = &'a Tagged>) -> BTreeSet<String> {
     let named = |tags: &'a Tagged| {
-        let looks = tags.colour.iter().chain(&tags.qualities).flat_map(|text| split(text));
+        let looks = tags.colour.iter().chain(&tags.qualities).chain(place_of(tags)).flat_map(|text| split(text));
         terms(tags).into_iter().flatten().chain(looks).collect::<Vec<String>>()
     };
     tags.flat_map(named).collect()
+}
+
+/// The group for which an object stands.
+fn place_of(tags: &Tagged) -> impl Iterator<Item = &String> {
+    tags.group.iter().filter(|_| tags.stands_for_group)
+}
+
+/// Whether an object belongs to the place that the phrase names: the armchair "in the break room".
+pub(super) fn is_in(phrase: &Phrase, tags: &Tagged) -> bool {
+    let Some(group) = tags.group.as_deref().map(head_last).filter(|_| !phrase.nouns.is_empty()) else { return false };
+    let (place, named) = (group.join(" "), phrase.nouns.join(" "));
+    place == named || NOUNS.synonyms.iter().any(|group| group.contains(&place) && group.contains(&named))
 }
 
 /// Singular words of all names, synonyms, kind, colour and uses of an object.
@@ -116,8 +128,8 @@ fn coloured(colours: &[String], tags: &Tagged) -> bool {
     })
 }
 
-/// 6: a name; 5: a synonym, or a name with the same head; 4: the kind, or a synonym with the same head; 3: a general
-/// synonym; 2: a hypernym; 1: the words of one of its names in another order.
+/// 6: a name; 5: a synonym, or a name with the same head; 4: the kind, a synonym with the same head, or the place to which it
+/// belongs; 3: a general synonym; 2: a hypernym; 1: the words of one of its names in another order.
 pub(super) fn named(nouns: &[String], tags: &Tagged) -> u32 {
     let Some((head, others)) = nouns.split_last() else { return 0 };
     let names: Vec<Vec<String>> = tags.names.iter().map(|n| head_last(n)).collect();
@@ -140,7 +152,8 @@ pub(super) fn named(nouns: &[String], tags: &Tagged) -> u32 {
     if exact(&synonyms) || headed(&names) {
         return 5;
     }
-    if exact(&terms) || headed(&terms) {
+    let place: Vec<Vec<String>> = place_of(tags).map(|place| head_last(place)).collect();
+    if exact(&terms) || headed(&terms) || exact(&place) {
         return 4;
     }
     let whole = nouns.join(" ");

@@ -73,7 +73,11 @@ impl Words<'_> {
             let strange = |anchor: &Phrase| !anchor.nouns.is_empty() && anchor.nouns.iter().all(unknown);
             let named = |phrase: &Phrase| phrase.nouns.iter().any(|noun| !unknown(noun));
             if named(phrase) && anchors.iter().any(strange) {
-                phrase.ignored.extend(anchors.into_iter().filter(strange).flat_map(|anchor| anchor.nouns));
+                // "A bottle of wine on the table" is on the table.
+                for anchor in anchors.into_iter().filter(strange) {
+                    phrase.ignored.extend(anchor.nouns);
+                    phrase.relations.extend(anchor.relations);
+                }
             } else {
                 phrase.relations.push((relation, anchors));
             }

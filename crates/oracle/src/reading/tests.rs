@@ -239,3 +239,69 @@ proptest::proptest! {
         }
     }
 }
+
+#[test]
+fn a_shape_is_a_motion_and_a_square_with_its_article_a_place() {
+    let tags = [
+        tagged(1, &["plaza", "square"], None, "plaza"),
+        tagged(2, &["fountain"], None, "fountain"),
+        tagged(3, &["table"], None, "table"),
+    ];
+    let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+    let read = |message: &str| read_instruction(message, &objects, None);
+    for message in
+        ["fly in a square", "fly a big square", "draw two circles", "fly in circles please", "fly a figure of eight", "zigzag"]
+    {
+        let reading = read(message);
+        assert!(!reading.is_understood() && reading.directions.len() == 1, "{message}: {reading:?}");
+    }
+    for (message, object) in [
+        ("fly to the square", 1),
+        ("cross the square", 1),
+        ("go to a square", 1),
+        ("circle the fountain", 2),
+        ("fly a circle around the fountain", 2),
+        ("fly to the fountain in a big square", 2),
+        ("go to the square table", 3),
+    ] {
+        assert_eq!(read(message).steps[0].candidates, [object], "{message}: {:?}", read(message));
+    }
+}
+
+#[test]
+fn a_place_without_an_object_of_its_own_is_where_its_objects_are() {
+    let within = |id: u16, name: &str, group: &str| Tagged { group: Some(group.to_owned()), ..tagged(id, &[name], None, name) };
+    let mut tags = [
+        within(1, "table", "meeting room"),
+        within(2, "whiteboard", "meeting room"),
+        within(3, "chair", "break room"),
+        within(4, "chair", "office"),
+        tagged(5, &["sign", "break room"], None, "sign"),
+        within(6, "plant", "corridor"),
+        within(7, "plant", "office"),
+    ];
+    Tagged::represent_groups(&mut tags);
+    let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+    for (message, meant) in [
+        ("the meeting room", &[1, 2][..]),
+        ("go to the meeting room", &[1, 2]),
+        ("fly to the break room", &[5]),
+        ("fly to the chair in the break room", &[3]),
+        ("go to the plant in the hall", &[6]),
+    ] {
+        let reading = read_instruction(message, &objects, None);
+        assert_eq!(reading.steps[0].candidates, meant, "{message}: {reading:?}");
+    }
+}
+
+#[test]
+fn what_an_unknown_thing_stands_on_is_kept_and_a_dash_separates() {
+    let tags =
+        [tagged(1, &["bottle"], None, "bottle"), tagged(2, &["table"], None, "table"), tagged(3, &["bus"], Some("red"), "bus")];
+    let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+    let bottle = parse("bottle of quixley on the table", &vocabulary(objects.iter().map(|o| o.tags)));
+    let target = &bottle.clauses[0].target;
+    assert!(target.relations.iter().any(|(_, anchors)| anchors[0].nouns == ["table"]), "{target:?}");
+    let dash = read_instruction("nice bottle - go to the bus", &objects, None);
+    assert_eq!(dash.steps.last().unwrap().candidates, [3], "{dash:?}");
+}

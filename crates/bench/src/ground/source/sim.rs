@@ -148,9 +148,14 @@ fn tagged(legend: &Value) -> Result<Vec<Tagged>, String> {
             kind: tags["kind"].as_str()?.to_owned(),
             qualities: words(&tags["qualities"]),
             uses: words(&tags["uses"]),
+            group: tags["group"].as_str().map(str::to_owned),
+            stands_for_group: false,
             opening: object["opening"].as_bool()?,
             opening_of: tags["opening_of"].as_u64().and_then(key_of).map(str::to_owned),
         })
     };
-    objects.iter().map(|object| one(object).ok_or_else(|| format!("incomplete object: {object}"))).collect()
+    let each = objects.iter().map(|object| one(object).ok_or_else(|| format!("incomplete object: {object}")));
+    let mut all = each.collect::<Result<Vec<Tagged>, String>>()?;
+    Tagged::represent_groups(&mut all);
+    Ok(all)
 }
