@@ -22,8 +22,12 @@ use crate::lift::{CameraDisplacement, Lifting, lift, lower, range_of_label, unpr
 use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 
+mod memory;
+mod sighting;
 mod vertical;
 
+pub use memory::ObstacleMemory;
+pub use sighting::Sighting;
 pub use vertical::is_clear_vertically;
 
 /// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° image, the box error of a good model.
@@ -267,10 +271,12 @@ impl Solid {
         if range * cos >= self.near { range * sin } else { to_near_edge(range, self.near, cos) }
     }
 
-    /// Whether a straight path leads from the lens into the box.
+    /// Whether a straight path from the lens, flown on, would come closer than the clearance. Where the range is that of the
+    /// lowest label only the direction is known: of many short steps past such a box each ends before it.
     fn is_towards(&self, end: DVec3) -> bool {
         let length = end.length();
-        length > 0.0 && self.angle(end / length).1 == 0.0
+        let (cos, sin) = if length > 0.0 { self.angle(end / length) } else { return false };
+        cos > 0.0 && self.near * sin < self.clearance
     }
 
     /// Minimum distance of a straight path from the lens to the solid, metres.

@@ -308,8 +308,8 @@ impl Pivot {
 
     /// No run chose anything: the same search as in the other policies.
     fn look_elsewhere(&mut self, view: &View) -> Step {
-        let (fov, climb) = (2.0 * view.camera.half_fov().0, self.settings.craft.take_off_height);
-        let search = self.search.get_or_insert_with(|| Search::new(fov, climb));
+        let (fov, craft) = (2.0 * view.camera.half_fov().0, self.settings.craft);
+        let search = self.search.get_or_insert_with(|| Search::new(fov, &craft));
         // A choice among marks reports no open direction.
         let heading = view.pose.attitude.heading;
         let mut action = search.next(self.memory.last_seen.unwrap_or(Look::Right), heading, None);
@@ -325,7 +325,7 @@ impl Pivot {
         }
         match action {
             SearchAction::Look(primitives) => self.fly(view, primitives),
-            SearchAction::Fly | SearchAction::Exhausted => Step::Fail(FailReason::NotFound),
+            SearchAction::Fly { .. } | SearchAction::Exhausted => Step::Fail(FailReason::NotFound),
         }
     }
 

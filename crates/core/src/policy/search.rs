@@ -3,7 +3,9 @@
 use core::f64::consts::{PI, TAU};
 
 use super::coverage::Coverage;
+use crate::craft::Craft;
 use crate::geometry::wrap_angle;
+use crate::lift::label_of_range;
 use crate::primitives::Primitives;
 use crate::reply::Look;
 
@@ -22,6 +24,11 @@ const EXCURSION_MOVES: u32 = 3;
 const BACK: f64 = 1.0;
 /// Heading difference below which a direction counts as faced, radians.
 const FACED: f64 = 0.1;
+/// A way counts as open at most as far as the craft flies in this time, seconds: one that is open far beyond leads out of the
+/// surroundings (out of a yard into the street), and shows little that has not been seen from here.
+const NEARBY_S: f64 = 12.0;
+/// The depth label of a way is that of half its free distance (`docs/reference/reply.md`).
+const LABELLED_PART: f64 = 0.5;
 
 /// An open direction reported in a reply.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,8 +44,11 @@ pub struct OpenDirection {
 pub enum SearchAction {
     /// Turn or climb, then look again.
     Look(Primitives),
-    /// Fly along the open direction of the reply, whose frame was taken in that direction.
-    Fly,
+    /// Fly along the open direction of the reply, whose frame was taken in that direction, as if it were this deep.
+    Fly {
+        /// Depth label, at most that of the way.
+        depth: u8,
+    },
     /// The search is exhausted.
     Exhausted,
 }
@@ -56,7 +66,8 @@ enum Stage {
 
 /// The search: turn by 0.8 of the horizontal field of view; after a full turn climb once and turn again; then twice fly
 /// along the most open direction reported and turn there; then give up. An open direction is flown only from a frame
-/// taken in that direction.
+/// taken in that direction. Of directions that are equally open, or open farther than the craft flies in 12 s, it takes the
+/// one nearest to the heading at which the search began.
 #[derive(Clone, Debug)]
 pub struct Search {
     /// Angle per turn, radians, positive.
@@ -81,16 +92,22 @@ pub struct Search {
     excursions: u32,
     /// Heading of the last excursion.
     gone: Option<f64>,
+    /// Highest depth label that counts.
+    deepest: u8,
+    /// Heading of the first look: where the target was expected.
+    expected: Option<f64>,
 }
 
 impl Search {
-    /// A search for a camera with this horizontal field of view, radians, that climbs by `climb` metres between its two
-    /// turns.
+    /// A search with a camera of this horizontal field of view, radians, by a craft that climbs to its take-off height
+    /// between the two turns.
     #[must_use]
-    pub fn new(horizontal_fov: f64, climb: f64) -> Self {
+    pub fn new(horizontal_fov: f64, craft: &Craft) -> Self {
         Self {
             turn: TURN_FRACTION * horizontal_fov,
-            climb,
+            climb: craft.take_off_height,
+            deepest: label_of_range(LABELLED_PART * NEARBY_S * craft.cruise_speed),
+            expected: None,
             turned: 0.0,
             vertical: 0,
             climbed: false,
@@ -106,7 +123,20 @@ impl Search {
 
     /// Resets the search, since the target was seen.
     pub fn reset(&mut self) {
-        *self = Self::new(self.turn / TURN_FRACTION, self.climb);
+        *self = Self {
+            turned: 0.0,
+            vertical: 0,
+            climbed: false,
+            stage: Stage::Sweep,
+            covered: Coverage::new(COVERED_FRACTION / TURN_FRACTION * self.turn),
+            turns: 0,
+            turning: false,
+            open: None,
+            excursions: 0,
+            gone: None,
+            expected: None,
+            ..*self
+        };
     }
 
     /// Turned since the target was last seen, radians, clockwise positive.
@@ -122,7 +152,7 @@ impl Search {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
             self.stage = Stage::Excursion(left - 1);
             self.gone = Some(way.heading);
-            return SearchAction::Fly;
+            return SearchAction::Fly { depth: way.depth.min(self.deepest) };
         }
         if self.stage != Stage::Sweep {
             self.stage = Stage::Sweep;
@@ -132,8 +162,10 @@ impl Search {
         if core::mem::take(&mut self.turning) {
             self.covered.look(heading);
         }
+        let expected = *self.expected.get_or_insert(heading);
         let back = |way: &OpenDirection| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
-        if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| way.depth > open.depth)) {
+        let rank = |way: OpenDirection| (way.depth.min(self.deepest), -wrap_angle(way.heading - expected).abs());
+        if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| rank(*way) > rank(open))) {
             self.open = Some(way);
         }
         match look {
@@ -200,13 +232,18 @@ impl Search {
 mod tests {
     use super::*;
 
+    /// A quadrotor's search that climbs by 2 m.
+    fn searching(horizontal_fov: f64) -> Search {
+        Search::new(horizontal_fov, &Craft { take_off_height: 2.0, ..Craft::quad() })
+    }
+
     /// The actions of a search whose replies always give `look`: degrees turned, `up`, `back`, `fly`; until it ends.
     fn flown(search: &mut Search, look: Look, way: impl Fn(f64) -> Option<OpenDirection>) -> Vec<String> {
         let (mut heading, mut out) = (0.0, Vec::new());
         while out.len() < 200 {
             match search.next(look, heading, way(heading)) {
                 SearchAction::Exhausted => break,
-                SearchAction::Fly => out.push("fly".to_owned()),
+                SearchAction::Fly { .. } => out.push("fly".to_owned()),
                 SearchAction::Look(step) if step.climb > 0.0 => out.push(format!("up {}", step.climb)),
                 SearchAction::Look(step) if step.climb < 0.0 => out.push(format!("down {}", -step.climb)),
                 SearchAction::Look(step) => {
@@ -221,7 +258,7 @@ mod tests {
     #[test]
     fn turns_once_climbs_turns_again_and_gives_up() {
         // 90° field: turns of 72°, five to a circle.
-        let mut search = Search::new(PI / 2.0, 2.0);
+        let mut search = searching(PI / 2.0);
         let circle = ["72"; 5];
         assert_eq!(flown(&mut search, Look::Right, |_| None), [&circle[..], &["up 2"], &circle].concat());
         search.reset();
@@ -232,13 +269,13 @@ mod tests {
     #[test]
     fn looks_up_and_down_sum_to_three_metres_and_never_go_back() {
         for look in [Look::Up, Look::Down] {
-            let mut search = Search::new(PI / 2.0, 2.0);
+            let mut search = searching(PI / 2.0);
             let seen = flown(&mut search, look, |_| None);
             let word = if look == Look::Up { "up 1" } else { "down 1" };
             assert_eq!(seen[..5], [word, word, word, "72", "72"], "{look:?}");
             assert_eq!(seen.iter().filter(|step| *step == word).count(), 3, "{look:?}");
         }
-        let mut search = Search::new(PI / 2.0, 2.0);
+        let mut search = searching(PI / 2.0);
         let mut metres = 0.0;
         for look in [Look::Up, Look::Down].into_iter().cycle().take(40) {
             if let SearchAction::Look(step) = search.next(look, 0.0, None) {
@@ -250,8 +287,8 @@ mod tests {
     }
 
     #[test]
-    fn flies_along_the_most_open_direction_seen_and_not_back() {
-        let mut search = Search::new(PI / 2.0, 2.0);
+    fn goes_along_the_most_open_way_that_it_saw_and_not_back() {
+        let mut search = searching(PI / 2.0);
         // Open to the south-east and nearly as open to the north-west; elsewhere there is a wall.
         let open = |heading: f64| {
             let off = |to: f64| wrap_angle(heading - to).abs() < 0.5;
@@ -277,8 +314,36 @@ mod tests {
     }
 
     #[test]
+    fn a_slow_craft_stays_near_and_looks_first_where_the_target_was_expected() {
+        // A yard, seen by a Tello that looks into it: open to the street behind, and 10 m deep to both sides ahead.
+        let way = |heading: f64| {
+            let depth = if heading.abs() > 2.2 {
+                8
+            } else if heading.abs() > 0.4 {
+                5
+            } else {
+                3
+            };
+            Some(OpenDirection { heading, depth })
+        };
+        let mut search = Search::new(PI / 2.0, &Craft::tello());
+        let (mut heading, mut flown) = (0.0_f64, None);
+        while flown.is_none() {
+            match search.next(Look::Right, heading, way(heading)) {
+                SearchAction::Fly { depth } => flown = Some(depth),
+                SearchAction::Look(step) => heading = wrap_angle(heading + step.yaw),
+                SearchAction::Exhausted => panic!("never flew"),
+            }
+        }
+        assert!(heading.abs() < 1.3, "{heading}");
+        assert_eq!(flown, Some(5));
+        // A quadrotor flies along streets.
+        assert_eq!(Search::new(PI / 2.0, &Craft::quad()).deepest, label_of_range(20.0));
+    }
+
+    #[test]
     fn what_does_not_look_open_when_faced_is_not_flown_to() {
-        let mut search = Search::new(PI / 2.0, 2.0);
+        let mut search = searching(PI / 2.0);
         let (mut looks, mut heading) = (0, 0.0);
         let mut flew = false;
         for _ in 0..100 {
@@ -287,7 +352,7 @@ mod tests {
             let way = (looks <= 12).then_some(OpenDirection { heading: 1.0, depth: 5 });
             match search.next(Look::Right, heading, way) {
                 SearchAction::Exhausted => break,
-                SearchAction::Fly => flew = true,
+                SearchAction::Fly { .. } => flew = true,
                 SearchAction::Look(step) => heading = wrap_angle(heading + step.yaw),
             }
         }
@@ -297,7 +362,7 @@ mod tests {
     #[test]
     fn left_right_left_and_behind_twice_are_no_full_turn() {
         for looks in [&[Look::Left, Look::Right][..], &[Look::Behind]] {
-            let mut search = Search::new(PI / 2.0, 2.0);
+            let mut search = searching(PI / 2.0);
             let (mut heading, mut seen) = (0.0_f64, Vec::new());
             // Until the climb, which ends the first sweep.
             for n in 0.. {
@@ -317,7 +382,7 @@ mod tests {
 
     #[test]
     fn a_turn_that_was_cut_short_covers_only_what_it_showed() {
-        let mut search = Search::new(PI / 2.0, 2.0);
+        let mut search = searching(PI / 2.0);
         let (mut heading, mut seen) = (0.0_f64, Vec::new());
         for n in 0.. {
             let SearchAction::Look(step) = search.next(Look::Right, heading, None) else { panic!("{seen:?}") };
@@ -336,7 +401,7 @@ mod tests {
     fn ends_whatever_the_replies() {
         for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left]] {
             for way in [None, Some(OpenDirection { heading: 1.0, depth: 9 })] {
-                let mut search = Search::new(1.0, 2.0);
+                let mut search = searching(1.0);
                 let ended = (0..200).position(|i| search.next(looks[i % 2], 0.3 * i as f64, way) == SearchAction::Exhausted);
                 assert!(ended.is_some_and(|n| n < 90), "{looks:?} {ended:?}");
             }

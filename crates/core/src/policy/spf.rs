@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::avoid::{self, Avoidance, BODY_MARGIN, PathShape, PlannedStep};
+use crate::avoid::{self, Avoidance, BODY_MARGIN, ObstacleMemory, PathShape, PlannedStep};
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
 use crate::geometry::Pose;
@@ -104,6 +104,8 @@ pub struct Spf {
     blocked: u32,
     /// The obstacles reported in the last seconds.
     reported: Vec<Report>,
+    /// Those of them that a later reply may have left out.
+    obstacles: ObstacleMemory,
     /// Turns towards paths along an edge since the last other step.
     turned_first: Option<TurnedFirst>,
     next_id: u64,
@@ -141,6 +143,7 @@ impl Spf {
             confirming: false,
             blocked: 0,
             reported: Vec::new(),
+            obstacles: ObstacleMemory::default(),
             turned_first: None,
             next_id: 0,
             reading: Reading::default(),
@@ -222,6 +225,13 @@ impl Spf {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
         if self.settings.avoid && reply.status != Status::Done {
+            let View { camera, pose, frame, .. } = open_query.view;
+            let missing = self.obstacles.recall(&camera, pose, frame.captured, &reply.boxes, reply.target.as_deref());
+            if let [first, ..] = missing.as_slice() {
+                let name = one_line(&first.name);
+                self.reading.actions.push(format!("an obstacle of the reply before still counts: {name}"));
+            }
+            reply.boxes.extend(missing);
             self.report(&open_query.view, &reply.boxes);
         }
         self.reading.reply = Some(reply.clone());
@@ -259,7 +269,7 @@ impl Spf {
         let View { camera, pose, .. } = open_query.view;
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
-        let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, craft.take_off_height));
+        let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, &craft));
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
         let way = reply
             .open_way
@@ -282,8 +292,8 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (SearchAction::Fly, Some(way)) => self.fly_to(open_query, reply, way.point, way.depth),
-            (SearchAction::Fly | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
+            (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, depth),
+            (SearchAction::Fly { .. } | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }
 
@@ -407,7 +417,8 @@ impl Policy for Spf {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt, detector) = (self.next_id, self.prompt.clone(), self.detector);
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
-                *self = Self { instruction, next_id, prompt, detector, reported, ..Self::new(self.settings) };
+                let obstacles = core::mem::take(&mut self.obstacles);
+                *self = Self { instruction, next_id, prompt, detector, reported, obstacles, ..Self::new(self.settings) };
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => self.decide(view),
