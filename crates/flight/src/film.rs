@@ -5,11 +5,13 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
+use spf_core::avoid::Sighting;
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
 use spf_core::query::{ImageBox, ImagePoint, Mark};
+use spf_core::reply::ObstacleBox;
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Photo;
 use spf_media::Scaler;
@@ -32,6 +34,9 @@ const WAITING: usize = 16;
 
 /// Quality of the JPEG images in the log, high enough to keep the edges of distant objects.
 const JPEG_QUALITY: u8 = 80;
+
+/// How long the boxes of a reply are shown.
+const BOXES_SHOWN: Duration = Duration::from_millis(1000);
 
 /// Older snapshots may no longer be available: the simulator keeps ten seconds.
 const FORGOTTEN: Duration = Duration::from_secs(9);
@@ -60,7 +65,9 @@ pub(crate) struct Film {
     next: Time,
     decision: String,
     waypoint: Option<EnuPosition>,
-    boxes: Vec<(ImageBox, String)>,
+    /// The boxes of the last reply, each with its caption, and when their frame was captured.
+    boxes: Vec<(Sighting, String)>,
+    captured: Time,
     /// The marks of the last query, such as PIVOT's arrows.
     query_marks: Vec<Mark>,
     /// Until when boxes and marks are shown.
@@ -90,6 +97,7 @@ impl Film {
             decision: String::new(),
             waypoint: None,
             boxes: Vec::new(),
+            captured: Time::ZERO,
             query_marks: Vec::new(),
             drawn_until: Time::ZERO,
             live,
@@ -110,10 +118,12 @@ impl Film {
             Action::Note(Note::Decision(decision)) => {
                 self.decision = format!("{}. {}", decision.number, words::decision(decision));
                 self.waypoint = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
+                // They belong to the frame of the decision, and are shown where they are by now.
+                let place = |b: &ObstacleBox| Sighting::new(self.frame_source.camera(), decision.pose, b.area, b.depth);
                 let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes);
-                self.boxes = boxes.map(|b| (b.area, format!("{} {}", b.name, b.depth))).collect();
-                // They belong to the frame of the decision; soon they would cover something else.
-                self.drawn_until = now + Duration::from_millis(600);
+                self.boxes = boxes.map(|b| (place(b), format!("{} {}", b.name, b.depth))).collect();
+                self.captured = decision.captured;
+                self.drawn_until = now + BOXES_SHOWN;
             }
             Action::Note(Note::Envelope(cause)) => self.decision = format!("envelope: {cause}"),
             Action::Finished(ending) => {
@@ -159,18 +169,35 @@ impl Film {
         let error = pilot.position_error();
         let drifted = if pilot.is_dead_reckoned() { format!("  position ±{error:.1} m") } else { String::new() };
         let shown = at < self.drawn_until;
+        let boxes = if shown { self.boxes_at(known) } else { Vec::new() };
+        // Whoever walks is no longer where a box was seen.
+        let age = at.since(self.captured).as_secs_f64();
+        let seen = if boxes.is_empty() { String::new() } else { format!("  boxes seen {age:.1} s ago") };
         Shot {
             at,
             photo,
             known,
             waypoint: self.waypoint,
-            boxes: if shown { self.boxes.clone() } else { Vec::new() },
+            boxes,
             query_marks: if shown { self.query_marks.clone() } else { Vec::new() },
             title: self.title.clone(),
             status: format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase())),
             decision: self.decision.clone(),
-            craft: format!("height {:.1} m  heading {heading:03.0}  decisions {}{drifted}", known.position.up, pilot.decisions()),
+            craft: format!(
+                "height {:.1} m  heading {heading:03.0}  decisions {}{drifted}{seen}",
+                known.position.up,
+                pilot.decisions()
+            ),
         }
+    }
+
+    /// The boxes as seen from a pose.
+    fn boxes_at(&self, known: Pose) -> Vec<(ImageBox, String)> {
+        let seen = |(place, caption): &(Sighting, String)| {
+            let (area, _) = place.seen_from(self.frame_source.camera(), known)?;
+            Some((area, caption.clone()))
+        };
+        self.boxes.iter().filter_map(seen).collect()
     }
 
     /// Finishes the file.
