@@ -57,6 +57,8 @@ pub struct Recorder {
     flown: f64,
     last_known: Option<EnuPosition>,
     problems: Problems,
+    /// Whether a failure of a file has been reported in flight.
+    warned: bool,
 }
 
 const LOG: &str = "flight.mcap";
@@ -94,6 +96,7 @@ impl Recorder {
             flown: 0.0,
             last_known: None,
             problems,
+            warned: false,
         }
     }
 
@@ -110,6 +113,22 @@ impl Recorder {
             waypoint: decision.goal.map(|goal| goal.position),
             label: words::decision(decision),
         });
+    }
+
+    /// Reports the first file that can no longer be written when that happens; the reasons are given at the end.
+    fn watch_files(&mut self) {
+        if self.warned {
+            return;
+        }
+        let failed = [
+            (LOG, self.log.as_ref().is_some_and(FlightLog::has_failed)),
+            (DECISIONS, self.decisions.as_ref().is_some_and(JsonLines::has_failed)),
+        ];
+        let failed = failed.into_iter().find(|(_, failed)| *failed).map(|(file, _)| file.to_owned());
+        if let Some(file) = failed.or_else(|| self.problems.files.first().cloned()) {
+            tracing::warn!("recording failed: {file} cannot be written (disk full?); the flight goes on");
+            self.warned = true;
+        }
     }
 
     /// Closes the files and writes the summary, including the names of files that failed; returns the reasons.
@@ -216,8 +235,9 @@ impl Observer for Recorder {
         if let Some(film) = &mut self.film
             && !film.advance(now, pilot)
         {
-            // Usually a full disk: the flight continues without its video and reports this at the end.
+            // Usually a full disk: the flight continues without its video.
             self.problems.kept(VIDEO, self.film.take().map_or(Ok(()), Film::finish));
         }
+        self.watch_files();
     }
 }

@@ -60,6 +60,13 @@ impl JsonLines {
         Ok(())
     }
 
+    /// Whether the file can no longer be written; [`finish`](Self::finish) says why.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        // As long as the queue is open, only a failure ends the thread.
+        self.writer.is_finished()
+    }
+
     /// Waits until every queued row is written. Returns the number of dropped rows.
     ///
     /// # Errors
@@ -106,6 +113,9 @@ mod tests {
     fn a_full_disk_is_an_error_that_names_the_file() {
         let mut rows = JsonLines::create(Path::new("/dev/full"), false).unwrap();
         (0..10).for_each(|row| rows.push(&row).unwrap());
+        while !rows.has_failed() {
+            std::thread::yield_now();
+        }
         let error = rows.finish().unwrap_err();
         assert!(matches!(error, FileError::Write { .. }) && error.to_string().contains("/dev/full"), "{error}");
     }

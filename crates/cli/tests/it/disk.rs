@@ -32,6 +32,9 @@ fn flew_on(run: &crate::harness::Run) {
     let summary: serde_json::Value = serde_json::from_str(&run.stdout).unwrap();
     assert_eq!((summary["outcome"].as_str(), &summary["finished_at_s"]), (Some("timeout"), &12.0.into()), "{summary}");
     assert!(run.stderr.contains("warning: recording failed: cannot write"), "{}", run.stderr);
+    // Once when it happens, before the flight is over.
+    let (flight, _) = run.stderr.split_once("landing").unwrap();
+    assert_eq!(flight.matches("cannot be written (disk full?); the flight goes on").count(), 1, "{}", run.stderr);
 }
 
 /// No file may grow past 12 KiB: a write fails in the middle, as on a full disk.

@@ -233,6 +233,11 @@ impl FlightLog {
         self.put(Channel::Log, now, &foxglove::log_line(now, level, line));
     }
 
+    /// Whether the file can no longer be written.
+    pub(crate) fn has_failed(&self) -> bool {
+        self.log.as_ref().is_some_and(Log::has_failed)
+    }
+
     /// Ends the log with the flight's summary. Returns the number of dropped messages.
     pub(crate) fn finish(mut self, summary: &Summary) -> Result<u64, LogError> {
         self.wake();

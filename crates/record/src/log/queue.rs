@@ -70,6 +70,13 @@ impl Log {
         self.sender.clone()
     }
 
+    /// Whether the file can no longer be written; [`finish`](Self::finish) says why.
+    #[must_use]
+    pub fn has_failed(&self) -> bool {
+        // The queue is open as long as the log is, so that only a failure ends the thread.
+        self.writer.is_finished()
+    }
+
     /// Finishes the file. Waits until every other [`LogSender`] has been dropped.
     ///
     /// # Errors
