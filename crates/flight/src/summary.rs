@@ -5,14 +5,46 @@ use crate::ledger::VlmUse;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
+use spf_core::tags::SURFACES;
 
 /// A collision in flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Touch {
     /// Key of the object in the scene.
     pub object: String,
+    /// What people call the object if it is the ground: `ground`, `floor` or `water`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface: Option<String>,
     /// Flight time, seconds.
     pub at_s: f64,
+}
+
+impl Touch {
+    /// The touch of an object of this kind with this key.
+    #[must_use]
+    pub fn of(object: String, kind: &str, at_s: f64) -> Self {
+        let surface = SURFACES.contains(&kind).then(|| {
+            let water = matches!(kind, "water" | "lake" | "pond" | "river" | "sea");
+            let word = if water {
+                "water"
+            } else if kind == "floor" {
+                "floor"
+            } else {
+                "ground"
+            };
+            word.to_owned()
+        });
+        Self { object, surface, at_s }
+    }
+
+    /// In words: `red_crane`, or "the ground (plaza)".
+    #[must_use]
+    pub fn words(&self) -> String {
+        match &self.surface {
+            Some(surface) => format!("the {surface} ({})", self.object),
+            None => self.object.clone(),
+        }
+    }
 }
 
 /// How the target objects for `verified` were determined.

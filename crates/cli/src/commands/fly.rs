@@ -19,7 +19,7 @@ use spf_flight::frame_age::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::recorder::RecordPlan;
 use spf_flight::sim::Simulated;
-use spf_flight::summary::Summary;
+use spf_flight::summary::{Summary, Touch};
 use spf_flight::words;
 use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
@@ -27,6 +27,7 @@ use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
+use self::reading::Reader;
 use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
 use self::signals::flight_interrupts;
 use crate::args::Fly;
@@ -68,6 +69,8 @@ struct Ready {
     announcements: Vec<String>,
     /// The craft for manual flight; `None` in virtual time.
     by_hand: Option<Craft>,
+    /// Checks the instructions typed in flight, where the VLM is the oracle.
+    reader: Option<Reader>,
     /// Whether take-off requires an operator at the keys.
     attended: bool,
     /// The camera whose video statistics are reported at the end.
@@ -76,7 +79,7 @@ struct Ready {
 
 /// Flies, reports the result, and writes the files.
 fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
-    let Ready { plan, announcements, by_hand, attended, camera } = ready;
+    let Ready { plan, announcements, by_hand, reader, attended, camera } = ready;
     // A flight on the wall clock never waits for a terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(live_view).transpose()?;
@@ -85,7 +88,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     let typing = is_human(&plan.vlm);
     let (manual, operator) = match by_hand {
         _ if typing => (Manual::none().0, console()),
-        Some(craft) => Manual::start(craft),
+        Some(craft) => Manual::start(craft, reader),
         None => Manual::none(),
     };
     if attended && !manual.is_on() && !typing {
@@ -214,8 +217,12 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     );
     let limits = limits(settings, loaded.limits(kind))?;
     let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
-    if pointing.is_oracle {
+    let reader = pointing.is_oracle.then(|| Reader::new(&loaded, start));
+    if let Some(reader) = &reader {
         announcements.extend(reading::lines(instruction, &loaded, start)?);
+        for (at, text) in script.instructions() {
+            announcements.extend(reader.scripted(at, text)?);
+        }
     }
     let site = Simulated { loaded, scene: scene.to_owned(), start, kind, flight_conditions, seed, realtime };
     let plan = FlightPlan {
@@ -230,7 +237,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
         interrupts: flight_interrupts(false)?,
         ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), attended: false, camera: None })
+    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), reader, attended: false, camera: None })
 }
 
 /// The output of `--json`: the summary and the paths of the files.
@@ -261,7 +268,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     printer.result(&format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause));
     let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
-    let touched: Vec<&str> = summary.touched.iter().map(|touch| touch.object.as_str()).collect();
+    let touched: Vec<String> = summary.touched.iter().map(Touch::words).collect();
     let touched = if touched.is_empty() { String::new() } else { format!(" (with {})", touched.join(", ")) };
     printer.result(&format!(
         "{time}, {:.1} m flown, {}, {}{touched}{distance}",

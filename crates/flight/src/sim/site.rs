@@ -172,7 +172,11 @@ impl Judge for Judging {
     fn settle(&mut self, now: Time, instruction: &str) {
         self.world.advance_to(now);
         let truth = self.world.truth();
-        let touch = |&(at, id): &(Time, ObjectId)| Touch { object: self.world.loaded().key(id), at_s: at.as_secs_f64() };
+        let loaded = self.world.loaded();
+        let touch = |&(at, id): &(Time, ObjectId)| {
+            let kind = loaded.scene.object(id).map_or("", |object| object.tags.kind.as_str());
+            Touch::of(loaded.key(id), kind, at.as_secs_f64())
+        };
         self.found = Found {
             verdict: judge(&self.world, instruction, &self.start),
             path_length: truth.path_length,

@@ -28,6 +28,14 @@ impl Script {
         Self(events.into())
     }
 
+    /// The instructions given in flight, with their times.
+    pub fn instructions(&self) -> impl Iterator<Item = (Time, &str)> {
+        self.0.iter().filter_map(|(at, event)| match event {
+            OperatorEvent::Instruction(text) => Some((*at, text.as_str())),
+            _ => None,
+        })
+    }
+
     fn next_at(&self) -> Option<Time> {
         self.0.front().map(|(at, _)| *at)
     }

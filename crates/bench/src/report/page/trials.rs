@@ -165,7 +165,7 @@ fn happened(record: &Record) -> Markup {
                 @if scores.false_stop { "; reported done, but the goals were not met" } }
             @if !flight.touched.is_empty() {
                 p { "Touched " @for (touch, number) in flight.touched.iter().zip(0..) {
-                    @if number > 0 { ", " } code { (touch.object) } (format!(" at {:.1} s", touch.at_s)) } "." }
+                    @if number > 0 { ", " } @if let Some(surface) = &touch.surface { "the " (surface) " " } code { (touch.object) } (format!(" at {:.1} s", touch.at_s)) } "." }
             }
             p {
                 (record.goals_met) " of " (record.goals) " goals met; "

@@ -5,6 +5,8 @@ use std::sync::mpsc::Receiver;
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
 
+use super::reading::Reader;
+
 /// A terminal that passes single keys; its modes are restored when this is dropped.
 pub(super) struct Manual(Option<platform::Raw>);
 
@@ -24,9 +26,9 @@ impl Manual {
         self.0.is_some()
     }
 
-    /// Listens to the terminal, if there is one; the second value is the text being typed.
-    pub(super) fn start(craft: Craft) -> (Self, Option<Receiver<OperatorEvent>>) {
-        match platform::listen(craft) {
+    /// Listens to the terminal, if there is one; the second value is the text being typed. A `reader` checks the instructions in it.
+    pub(super) fn start(craft: Craft, reader: Option<Reader>) -> (Self, Option<Receiver<OperatorEvent>>) {
+        match platform::listen(craft, reader) {
             Some((raw, events)) => (Self(Some(raw)), Some(events)),
             None => (Self(None), None),
         }
@@ -52,6 +54,7 @@ mod platform {
     use spf_flight::keys::{Keys, keys_of};
 
     use crate::background;
+    use crate::commands::fly::reading::Reader;
 
     /// The original modes of the terminal.
     static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
@@ -77,7 +80,7 @@ mod platform {
         stdin().is_terminal() && stderr().is_terminal()
     }
 
-    pub(super) fn listen(craft: Craft) -> Option<(Raw, Receiver<OperatorEvent>)> {
+    pub(super) fn listen(craft: Craft, reader: Option<Reader>) -> Option<(Raw, Receiver<OperatorEvent>)> {
         if !is_possible() {
             return None;
         }
@@ -90,11 +93,11 @@ mod platform {
         tcsetattr(stdin(), OptionalActions::Now, &modes).ok()?;
         let (send, receive) = channel();
         // It ends with the process: a read from a terminal cannot be cancelled.
-        std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, &send)).ok()?;
+        std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, reader.as_ref(), &send)).ok()?;
         Some((raw, receive))
     }
 
-    fn read(craft: Craft, events: &Sender<OperatorEvent>) {
+    fn read(craft: Craft, reader: Option<&Reader>, events: &Sender<OperatorEvent>) {
         let (mut keys, mut buffer, mut input, start) = (Keys::new(craft), [0; 256], stdin(), Instant::now());
         while let Ok(length) = input.read(&mut buffer) {
             if length == 0 {
@@ -102,15 +105,17 @@ mod platform {
             }
             let typing = keys.typed().is_some();
             let pressed = keys.read(Time::ZERO + start.elapsed(), &keys_of(&buffer[..length]));
-            for event in pressed.events {
+            let (admitted, lines) = match reader {
+                Some(reader) => reader.admit(pressed),
+                None => (pressed.events, pressed.hint.map(str::to_owned).into_iter().collect()),
+            };
+            for event in admitted {
                 if events.send(event).is_err() {
                     return;
                 }
             }
             show(typing, keys.typed());
-            if let Some(hint) = pressed.hint {
-                background::say(hint);
-            }
+            lines.iter().for_each(|line| background::say(line));
         }
     }
 
@@ -134,6 +139,8 @@ mod platform {
     use spf_core::craft::Craft;
     use spf_core::pilot::OperatorEvent;
 
+    use crate::commands::fly::reading::Reader;
+
     pub(super) struct Raw;
 
     pub(super) fn restore() {}
@@ -142,7 +149,7 @@ mod platform {
         false
     }
 
-    pub(super) fn listen(_craft: Craft) -> Option<(Raw, Receiver<OperatorEvent>)> {
+    pub(super) fn listen(_craft: Craft, _reader: Option<Reader>) -> Option<(Raw, Receiver<OperatorEvent>)> {
         None
     }
 }

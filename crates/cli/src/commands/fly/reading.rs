@@ -1,9 +1,13 @@
-//! Prints before take-off how the oracle reads an instruction.
+//! Prints how the oracle reads an instruction: before take-off, and in flight when a new one is given.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use spf_core::geometry::Pose;
+use spf_core::pilot::OperatorEvent;
 use spf_core::tags::Tagged;
+use spf_core::time::Time;
+use spf_flight::keys::Pressed;
 use spf_flight::sim::LoadedScene;
 use spf_oracle::language::Verb;
 use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, unread};
@@ -46,6 +50,57 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
         lines.push(format!("not read: {} (the flight ends when the rest is fulfilled)", quoted(&unread)));
     }
     Ok(lines)
+}
+
+/// Reads the instructions that are given in flight.
+pub(super) struct Reader {
+    loaded: Arc<LoadedScene>,
+    start: Option<Pose>,
+}
+
+impl Reader {
+    /// A reader for a scene. The objects are those that are there at the start of the flight, seen from there.
+    pub(super) fn new(loaded: &Arc<LoadedScene>, start: Option<Pose>) -> Self {
+        Self { loaded: loaded.clone(), start }
+    }
+
+    /// The lines for an instruction that a script gives at this time.
+    ///
+    /// # Errors
+    /// As for [`lines`].
+    pub(super) fn scripted(&self, at: Time, text: &str) -> Result<Vec<String>, CliError> {
+        let lines = lines(text, &self.loaded, self.start)?;
+        let at = at.since(Time::ZERO).as_secs_f64();
+        Ok(lines.into_iter().map(|line| format!("new instruction at {at} s {line}")).collect())
+    }
+
+    /// Of what was typed, what is passed to the pilot, and the lines to print. An instruction of which nothing is understood is not
+    /// passed on, and the drone goes on holding.
+    pub(super) fn admit(&self, pressed: Pressed) -> (Vec<OperatorEvent>, Vec<String>) {
+        let mut printed: Vec<String> = pressed.hint.map(str::to_owned).into_iter().collect();
+        let mut admitted = Vec::with_capacity(pressed.events.len());
+        let mut refused = false;
+        for event in pressed.events {
+            // The resumption that belongs to a typed instruction is refused with it.
+            let resumes = core::mem::take(&mut refused) && event == OperatorEvent::Resume;
+            match &event {
+                OperatorEvent::Instruction(text) => match lines(text, &self.loaded, self.start) {
+                    Ok(lines) => printed.extend(lines),
+                    Err(error) => {
+                        printed.push(format!(
+                            "{error}\nThe drone holds: T resumes the last instruction, Enter opens the prompt again."
+                        ));
+                        refused = true;
+                        continue;
+                    }
+                },
+                _ if resumes => continue,
+                _ => {}
+            }
+            admitted.push(event);
+        }
+        (admitted, printed)
+    }
 }
 
 fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene) -> CliError {
@@ -118,5 +173,32 @@ fn described(step: &ReadStep, tags: &[Tagged]) -> String {
                 step.alike.join(" or ")
             ),
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_instruction_in_flight_is_read_and_one_that_says_nothing_is_not_flown() {
+        let reader = Reader::new(&Arc::new(LoadedScene::load("city").unwrap()), None);
+        let typed =
+            |text: &str| Pressed { events: vec![OperatorEvent::Instruction(text.to_owned()), OperatorEvent::Resume], hint: None };
+        let (events, lines) = reader.admit(typed("go to teh red cran from above"));
+        assert_eq!(events, typed("go to teh red cran from above").events);
+        assert_eq!(lines[0], "reads: fly to → red tower crane");
+        assert!(
+            lines.iter().any(|line| line.starts_with("spelling: ")) && lines.iter().any(|line| line.starts_with("not read: "))
+        );
+        // The resumption is refused with it, a later one is not: it resumes what was flown before.
+        let (events, lines) = reader.admit(typed("qwertzuiop"));
+        assert_eq!(events, []);
+        assert!(lines[0].contains("unknown word `qwertzuiop`") && lines[0].contains("The drone holds"), "{lines:?}");
+        let resume = Pressed { events: vec![OperatorEvent::Resume], hint: Some("a hint") };
+        assert_eq!(reader.admit(resume), (vec![OperatorEvent::Resume], vec!["a hint".to_owned()]));
+        assert!(reader.scripted(Time::from_secs_f64(12.0), "qwertzuiop").is_err());
+        let lines = reader.scripted(Time::from_secs_f64(12.0), "fly to the church").unwrap();
+        assert_eq!(lines, ["new instruction at 12 s reads: fly to → cream church"]);
     }
 }

@@ -102,7 +102,7 @@ pub(super) fn ready(
         interrupts,
         ..FlightPlan::new(site, instruction, &pointing.name, pointing.vlm_factory)
     };
-    Ok(Ready { plan, announcements, by_hand: Some(craft), attended, camera })
+    Ok(Ready { plan, announcements, by_hand: Some(craft), reader: None, attended, camera })
 }
 
 /// Connects, and describes the craft.
