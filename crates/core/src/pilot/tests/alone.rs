@@ -187,7 +187,7 @@ fn what_replaces_a_climb_that_is_not_clear_is_checked_too() {
         let mut flight = below_a_beam(5, look);
         assert_eq!(flight.end(), Outcome::NotFound, "{look}");
         assert!(climbs(&flight).is_empty(), "{look}: {:?}", climbs(&flight));
-        assert!(flight.decisions().any(|d| d.reading.actions.iter().any(|action| action.contains("no look up or down"))));
+        assert!(flight.decisions().any(|d| d.reading.actions.iter().any(|action| action.contains("not looking up or down"))));
     }
     let mut flight = below_a_beam(100, "right");
     assert_eq!((flight.end(), climbs(&flight)), (Outcome::NotFound, vec![3.0]));
