@@ -31,8 +31,11 @@ def sent(line):
     return at, found[2].strip()
 
 
-def flight(spf, folder, seconds):
-    """Times and texts of the datagrams, and when the signal was sent."""
+def flight(spf, folder, seconds, more=(), during=None):
+    """Times and texts of the datagrams, and when the signal was sent.
+
+    `more` are further arguments of `spf fly`; `during(url, served, client)` is called once, when the drone flies.
+    """
     serve = [spf, "sim", "serve", "--tello", "--listen", DRONE, "--vlm", "--scene", "office"]
     served = subprocess.Popen(serve, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     url = None
@@ -43,7 +46,7 @@ def flight(spf, folder, seconds):
             break
     env = {**os.environ, "OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": LOCAL, "RUST_LOG": "warn,spf_drone=trace"}
     command = [spf, "fly", "fly to the vending machine", "--drone", f"tello@{DRONE}", "--vlm", f"openai@{url}/v1", "--no-vlm-check"]
-    command += ["--unattended", "--out", os.path.join(folder, "flight")]
+    command += ["--unattended", "--out", os.path.join(folder, "flight"), *more]
     client = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=env)
     said, flying, stopped = [], None, None
     for line in client.stderr:
@@ -52,6 +55,8 @@ def flight(spf, folder, seconds):
             said.append(datagram)
         if flying is None and line.rstrip().endswith(" flying"):
             flying = time.time()
+            if during:
+                during(url, served, client)
         moving = datagram and datagram[1].startswith("rc ") and datagram[1] != "rc 0 0 0 0"
         if flying and stopped is None and time.time() - flying > seconds and moving:
             stopped = time.time()
