@@ -92,11 +92,13 @@ impl Detector {
     /// # Errors
     /// [`DetectError`], with a message for the user.
     pub fn open(path: &Path) -> Result<Self, DetectError> {
-        let size = std::fs::metadata(path).map_err(DetectError::Read)?.len();
-        if size > MAX_MODEL {
-            return Err(DetectError::TooLarge(size));
-        }
-        let network = Network::load(std::fs::read(path).map_err(DetectError::Read)?)?;
+        let bytes = spf_input::read(path, MAX_MODEL).map_err(|error| match error.kind() {
+            std::io::ErrorKind::FileTooLarge => {
+                DetectError::TooLarge(std::fs::metadata(path).map_or(MAX_MODEL, |about| about.len()))
+            }
+            _ => DetectError::Read(error),
+        })?;
+        let network = Network::load(bytes)?;
         let Description { input, names, end_to_end } = network.description().clone();
         let grey = vec![letterbox::PADDING; 3 * input.0 * input.1];
         let output = network.run(&grey)?;

@@ -30,7 +30,7 @@ use spf_core::time::{Duration, Time};
 use spf_media::{Jpeg, Rgb, Scaler};
 use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
-use spf_vlm::setup;
+use spf_vlm::setup::{self, Access};
 use spf_vlm::table::Table;
 use spf_vlm::{QueryImage, QueryRequest, Strategy, Vlm, VlmError};
 
@@ -171,7 +171,8 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
     });
     let variables = |variable: &str| variable.ends_with("_API_KEY").then(|| "none".to_owned());
     let table = Table::shipped();
-    let mut remote = setup::remote(&table, &[&format!("{name}@http://{address}")], &variables, Strategy::default())?;
+    let full = format!("{name}@http://{address}");
+    let mut remote = setup::remote(&table, &[full.as_str().into()], Access::of(&variables), Strategy::default())?;
     let eyes = remote.image_spec((camera.width, camera.height));
     let preset = PilotSettings::preset(Preset::Default);
     let mut spf = Spf::new(SpfSettings {

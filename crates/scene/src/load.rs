@@ -3,6 +3,7 @@
 //! [`Scene::load`] reads a built-in scene by name or a file by path, validates it, and builds its meshes. Object ids
 //! are assigned from 1 in file order, so the same file always gives the same ids.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use crate::error::SceneError;
@@ -73,11 +74,11 @@ impl Scene {
             return Err(SceneError::unknown(name_or_path, &Self::built_in()));
         }
         let read = |source| SceneError::Read { path: name_or_path.to_owned(), source };
-        let length = std::fs::metadata(name_or_path).map_err(read)?.len();
-        if length > MAX_BYTES as u64 {
-            return Err(SceneError::too_large(name_or_path));
-        }
-        let text = std::fs::read_to_string(name_or_path).map_err(read)?;
+        let bytes = spf_input::read(Path::new(name_or_path), MAX_BYTES as u64).map_err(|error| match error.kind() {
+            ErrorKind::FileTooLarge => SceneError::too_large(name_or_path),
+            _ => read(error),
+        })?;
+        let text = String::from_utf8(bytes).map_err(|error| read(std::io::Error::new(ErrorKind::InvalidData, error)))?;
         file::parse(&text, name_or_path, Path::new(name_or_path).parent(), conditions, seed)
     }
 

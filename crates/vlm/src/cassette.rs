@@ -153,7 +153,7 @@ impl Replay {
     /// # Errors
     /// [`CassetteError`] if it cannot be read.
     pub fn open(path: &Path) -> Result<Self, CassetteError> {
-        Self::read(BufReader::new(File::open(path)?))
+        Self::read(BufReader::new(spf_input::open(path)?))
     }
 
     /// Reads a recording from any source.

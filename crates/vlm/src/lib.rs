@@ -13,6 +13,7 @@ pub mod cassette;
 pub mod check;
 mod client;
 mod day;
+mod destination;
 mod error;
 pub mod exec;
 pub mod human;

@@ -1,20 +1,56 @@
 //! Creates a model client from its name and the environment.
 
-use std::net::IpAddr;
-
 use reqwest::Url;
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderName, HeaderValue};
 
 use crate::backend::Backend;
 use crate::client::Endpoint;
 use crate::day::today;
+use crate::destination::{ChosenBy, KeyUse, is_here, key_use};
 use crate::key::ApiKey;
 use crate::remote::{Remote, Strategy};
 use crate::table::{Auth, Choice, Model, SelectError, Table};
 use crate::transport::{Transport, TransportError};
 
-/// Looks up variables, in the environment or `.env`.
+pub use crate::destination::{KeyHost, KeyHostError};
+
+/// Looks up variables.
 pub type Variables<'a> = &'a dyn Fn(&str) -> Option<String>;
+
+/// Where keys come from, and what a person said about where they go.
+#[derive(Clone, Copy)]
+pub struct Access<'a> {
+    /// Looks up keys, in the environment or `.env`.
+    pub keys: Variables<'a>,
+    /// Looks up URLs of servers, in the environment alone: a file of the working directory must not choose who receives a
+    /// key.
+    pub places: Variables<'a>,
+    /// Servers to which keys may be sent.
+    pub send_to: &'a [KeyHost],
+}
+
+impl<'a> Access<'a> {
+    /// Keys and URLs of the same source, and no other servers.
+    #[must_use]
+    pub fn of(variables: Variables<'a>) -> Self {
+        Self { keys: variables, places: variables, send_to: &[] }
+    }
+}
+
+/// The name of a model, and where it stands.
+#[derive(Clone, Copy, Debug)]
+pub struct Name<'a> {
+    /// `NAME[#MODEL][@URL]`.
+    pub text: &'a str,
+    /// Whether it stands in a file of the working directory, and not on the command line or in the environment.
+    pub from_file: bool,
+}
+
+impl<'a> From<&'a str> for Name<'a> {
+    fn from(text: &'a str) -> Self {
+        Self { text, from_file: false }
+    }
+}
 
 /// Why a model cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -45,6 +81,30 @@ pub enum SetupError {
         /// The variable.
         variable: String,
     },
+    /// A key that would be sent to another server than its vendor's, or readable by others.
+    #[error("the key in {variable} is not sent to {server}{}: {server} is not the vendor's server", if *plain { " over http" } else { "" })]
+    KeyElsewhere {
+        /// The variable that holds the key.
+        variable: String,
+        /// The server.
+        server: KeyHost,
+        /// Whether the connection is not encrypted.
+        plain: bool,
+    },
+    /// The vendor's own server, without encryption.
+    #[error("the key in {variable} is not sent to {server} over http, where others can read it")]
+    KeyInClear {
+        /// The variable that holds the key.
+        variable: String,
+        /// The server.
+        server: KeyHost,
+    },
+    /// A URL variable that stands in a file of the working directory.
+    #[error("`.env` sets {variable}, but a file of the working directory cannot set where an API key is sent")]
+    UrlFromFile {
+        /// The variable.
+        variable: String,
+    },
     /// An invalid address.
     #[error("invalid server URL `{0}`")]
     Url(String),
@@ -66,18 +126,18 @@ pub const AUTO: &str = "auto";
 ///
 /// # Errors
 /// [`SetupError`] if one of them cannot be used.
-pub fn remote(table: &Table, names: &[&str], variables: Variables<'_>, strategy: Strategy) -> Result<Remote, SetupError> {
-    let backends = names.iter().map(|name| backend(table, name, variables, strategy)).collect::<Result<Vec<_>, _>>()?;
-    let name = names.first().copied().unwrap_or(AUTO);
+pub fn remote(table: &Table, names: &[Name<'_>], access: Access<'_>, strategy: Strategy) -> Result<Remote, SetupError> {
+    let backends = names.iter().map(|name| backend(table, *name, access, strategy)).collect::<Result<Vec<_>, _>>()?;
+    let name = names.first().map_or(AUTO, |name| name.text);
     Ok(Remote::new(name.to_owned(), backends, strategy, Transport::start()?))
 }
 
-fn backend(table: &Table, name: &str, variables: Variables<'_>, strategy: Strategy) -> Result<Backend, SetupError> {
-    let mut choice = choose(table, name, variables)?;
+fn backend(table: &Table, name: Name<'_>, access: Access<'_>, strategy: Strategy) -> Result<Backend, SetupError> {
+    let mut choice = choose(table, name.text, access.keys)?;
     if let Some(price) = strategy.price {
         choice.model.price = vec![price.into()];
     }
-    let endpoint = endpoint(&choice, variables)?;
+    let endpoint = endpoint(&choice, name.from_file, access)?;
     Ok(Backend::new(choice.name, choice.model, endpoint))
 }
 
@@ -107,36 +167,84 @@ pub fn has_key(model: &Model, variables: Variables<'_>) -> bool {
     !model.vendor.key_needed || key(&model.vendor.keys, variables).is_some()
 }
 
-/// The base URL: of the name, else of the vendor's variable, else of the vendor.
-fn base_url(choice: &Choice, variables: Variables<'_>) -> String {
+/// The base URL: of the name, else of the vendor's variable, else of the table; and who chose it.
+fn base_url(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<(String, ChosenBy), SetupError> {
     let vendor = &choice.model.vendor;
-    let elsewhere = vendor.base_url_env.as_deref().and_then(variables).filter(|url| !url.trim().is_empty());
-    let base = choice.url.clone().or(elsewhere).unwrap_or_else(|| vendor.base_url.clone());
-    base.trim().trim_end_matches('/').to_owned()
+    let found = |variables: Variables<'_>, name: &str| variables(name).filter(|url| !url.trim().is_empty());
+    let (base, by) = match (&choice.url, &vendor.base_url_env) {
+        (Some(url), _) => (url.clone(), if from_file { ChosenBy::File } else { ChosenBy::Person }),
+        (None, Some(variable)) => match found(access.places, variable) {
+            Some(url) => (url, ChosenBy::Person),
+            None if found(access.keys, variable).is_some() => {
+                return Err(SetupError::UrlFromFile { variable: variable.clone() });
+            }
+            None => (vendor.base_url.clone(), ChosenBy::File),
+        },
+        (None, None) => (vendor.base_url.clone(), ChosenBy::File),
+    };
+    Ok((base.trim().trim_end_matches('/').to_owned(), by))
 }
 
-/// Whether the server of this model is on this machine: `localhost` or a loopback address.
-#[must_use]
-pub fn is_local(choice: &Choice, variables: Variables<'_>) -> bool {
-    let Ok(url) = Url::parse(&base_url(choice, variables)) else { return false };
-    let host = url.host_str().unwrap_or_default().trim_matches(['[', ']']);
-    host == "localhost" || host.ends_with(".localhost") || host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+/// A server's base URL, and the key sent to it.
+struct Destination {
+    base: String,
+    url: Url,
+    key: Option<(String, ApiKey)>,
+    /// The variable of a key that is set, but not sent.
+    withheld: Option<String>,
 }
 
-fn endpoint(choice: &Choice, variables: Variables<'_>) -> Result<Endpoint, SetupError> {
+fn destination(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<Destination, SetupError> {
     let vendor = &choice.model.vendor;
-    let base = base_url(choice, variables);
+    let (base, by) = base_url(choice, from_file, access)?;
     let url = Url::parse(&base).ok().filter(|url| matches!(url.scheme(), "http" | "https") && url.host_str().is_some());
     let Some(url) = url else { return Err(SetupError::Url(base)) };
     if !url.username().is_empty() || url.password().is_some() || url.query().is_some() {
         return Err(SetupError::SecretInUrl);
     }
-    let host = url.host_str().unwrap_or_default().to_owned() + &url.port().map_or(String::new(), |port| format!(":{port}"));
-    let key = key(&vendor.keys, variables);
-    if key.is_none() && vendor.key_needed {
-        let (title, variables, page) = (vendor.title.clone(), vendor.keys.clone(), vendor.key_page.clone());
-        return Err(SetupError::NoKey { title, variables, page });
+    let Some((variable, key)) = key(&vendor.keys, access.keys) else {
+        // A server on this machine is not the vendor's, and needs no key of theirs.
+        if vendor.key_needed && !is_here(&url) {
+            let (title, variables, page) = (vendor.title.clone(), vendor.keys.clone(), vendor.key_page.clone());
+            return Err(SetupError::NoKey { title, variables, page });
+        }
+        return Ok(Destination { base, url, key: None, withheld: None });
+    };
+    match key_use(&variable, &url, by, access.send_to) {
+        KeyUse::Send => Ok(Destination { base, url, key: Some((variable, key)), withheld: None }),
+        KeyUse::Withhold => Ok(Destination { base, url, key: None, withheld: Some(variable) }),
+        KeyUse::Refuse => {
+            let server = KeyHost::of(&url);
+            let own =
+                Url::parse(&vendor.base_url).is_ok_and(|home| home.scheme() == "https" && home.host_str() == url.host_str());
+            Err(match own && url.scheme() == "http" {
+                true => SetupError::KeyInClear { variable, server },
+                false => SetupError::KeyElsewhere { variable, server, plain: url.scheme() == "http" },
+            })
+        }
     }
+}
+
+/// Whether the server of this model is on this machine: `localhost` or a loopback address.
+#[must_use]
+pub fn is_local(choice: &Choice, access: Access<'_>) -> bool {
+    base_url(choice, false, access).is_ok_and(|(base, _)| Url::parse(&base).is_ok_and(|url| is_here(&url)))
+}
+
+/// The variable of a key that is set but not sent, and the server, which is on this machine; `None` if there is none.
+///
+/// # Errors
+/// [`SetupError`] if the model cannot be used.
+pub fn withheld_key(table: &Table, name: Name<'_>, access: Access<'_>) -> Result<Option<(String, KeyHost)>, SetupError> {
+    let choice = choose(table, name.text, access.keys)?;
+    let Destination { url, withheld, .. } = destination(&choice, name.from_file, access)?;
+    Ok(withheld.map(|variable| (variable, KeyHost::of(&url))))
+}
+
+fn endpoint(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<Endpoint, SetupError> {
+    let vendor = &choice.model.vendor;
+    let Destination { base, url, key, withheld: _ } = destination(choice, from_file, access)?;
+    let host = url.host_str().unwrap_or_default().to_owned() + &url.port().map_or(String::new(), |port| format!(":{port}"));
     let mut headers = HeaderMap::new();
     for (name, value) in &vendor.headers {
         let wrong = || SetupError::Header(name.clone());
@@ -163,7 +271,7 @@ mod tests {
 
     #[test]
     fn a_server_on_this_machine_is_local() {
-        let local = |name: &str| is_local(&Table::shipped().select(name, "2026-11-22").unwrap(), &|_| None);
+        let local = |name: &str| is_local(&Table::shipped().select(name, "2026-11-22").unwrap(), Access::of(&|_| None));
         for name in
             ["ollama", "http://localhost:1/v1#m", "http://127.0.0.1:1/v1#m", "http://[::1]:1/v1#m", "gemini@http://127.0.0.1:1"]
         {

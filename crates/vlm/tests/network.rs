@@ -14,6 +14,7 @@ use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
 use spf_vlm::check::{Verdict, check};
+use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
 use spf_vlm::{Strategy, setup};
 use tempfile::TempDir;
@@ -156,7 +157,8 @@ fn requested(address: SocketAddr, variables: &[(&str, &str)]) -> String {
 fn ask() {
     let Ok(address) = std::env::var(ADDRESS) else { return };
     let variables = |_: &str| None;
-    let remote = setup::remote(&Table::shipped(), &[&format!("vllm@https://{address}")], &variables, Strategy::default());
+    let name = format!("vllm@https://{address}");
+    let remote = setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&variables), Strategy::default());
     let mut remote = match remote {
         Ok(remote) => remote,
         Err(error) => return println!("NOT SET UP {error}"),

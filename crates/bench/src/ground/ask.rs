@@ -107,7 +107,7 @@ impl Answerer {
                 AnswerRow::of(&self.name, &item.key, answer, &profile)
             }
             AnswererKind::Model(make, prompt) => {
-                let read = std::fs::read(&item.image).map_err(|error| error.to_string());
+                let read = spf_input::read(&item.image, photo::LONGEST_FILE).map_err(|error| error.to_string());
                 match read.and_then(|bytes| photo::decode(&bytes).map_err(|error| error.to_string())) {
                     Ok(image) => {
                         let image = Arc::new(image);

@@ -186,7 +186,7 @@ fn card(item: usize, items: &[Item], report: &Report, grades: &Grades) -> String
 
 /// An item's image with its target and all points.
 fn drawn(item: &Item, points: &[(usize, ImagePoint)]) -> Option<Jpeg> {
-    let image = photo::decode(&std::fs::read(&item.image).ok()?).ok()?;
+    let image = photo::decode(&spf_input::read(&item.image, photo::LONGEST_FILE).ok()?).ok()?;
     let height = (u64::from(image.height()) * u64::from(WIDTH) / u64::from(image.width().max(1))).clamp(1, 4096) as u32;
     let mut small = resize(&image, WIDTH, height);
     if let Some(outline) = outline(item).ok().flatten() {

@@ -12,8 +12,10 @@ use spf_vlm::{QueryImage, VlmError};
 
 /// Longest side of an image that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
+/// Longest image file, bytes.
+pub(super) const LONGEST_FILE: u64 = 256 << 20;
 /// The side length also bounds the memory.
-const LIMITS: Limits = Limits { side: LONGEST_SIDE, memory: u64::MAX };
+const LIMITS: Limits = Limits { side: LONGEST_SIDE, pixels: u64::MAX, memory: u64::MAX };
 /// Longest side of an image that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.
 const KEPT_SIDE: u32 = 2_576;
 /// Maximum number of video samples examined: six hours at 60 frames per second.
@@ -59,7 +61,7 @@ pub fn decode(bytes: &[u8]) -> Result<Rgb, PhotoError> {
 /// # Errors
 /// [`PhotoError::QueryImage`] if the header is invalid.
 pub fn size(path: &Path) -> Result<(u32, u32), PhotoError> {
-    let bytes = std::fs::read(path).map_err(FileError::from)?;
+    let bytes = spf_input::read(path, LONGEST_FILE).map_err(FileError::from)?;
     let file = ImageFile::open(&bytes, LIMITS)?;
     Ok(file.orientation().turned_size(file.size()))
 }

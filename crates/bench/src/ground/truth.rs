@@ -99,7 +99,7 @@ impl Mask {
     /// [`TruthError`] if it cannot be read or is empty.
     pub fn read(path: &Path) -> Result<Self, TruthError> {
         let wrong = |source| TruthError::Mask { path: path.to_owned(), source };
-        let bytes = std::fs::read(path).map_err(|error| wrong(error.into()))?;
+        let bytes = spf_input::read(path, super::photo::LONGEST_FILE).map_err(|error| wrong(error.into()))?;
         let grey = file::decode(&bytes, Limits { side: LONGEST_SIDE, ..Limits::default() }).map_err(wrong)?;
         let (width, height) = (grey.width(), grey.height());
         let mask = Self { width, height, inside: grey.into_grey8().into_iter().map(|value| value > 0).collect() };

@@ -285,7 +285,8 @@ impl Task {
     /// # Errors
     /// [`TaskError`] if it cannot be read or is invalid.
     pub fn load(path: &str) -> Result<Self, TaskError> {
-        let text = std::fs::read_to_string(path).map_err(|source| TaskError::Read { path: path.to_owned(), source })?;
+        let text = spf_input::read_text(std::path::Path::new(path))
+            .map_err(|source| TaskError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
     }
 

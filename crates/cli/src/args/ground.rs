@@ -37,6 +37,9 @@ pub(crate) struct Ground {
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// Also request obstacle boxes
     #[arg(long)]
     pub(crate) avoid: bool,

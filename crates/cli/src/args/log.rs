@@ -83,6 +83,9 @@ pub(crate) struct Replay {
     /// TOML file with additional model definitions (with --vlm)
     #[arg(long, value_name = "FILE", requires = "vlm")]
     pub(crate) vlm_models: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST", requires = "vlm")]
+    pub(crate) send_key_to: Option<String>,
     /// Read this configuration file instead of ./spf.toml (with --vlm)
     #[arg(long, value_name = "FILE", requires = "vlm")]
     pub(crate) config: Option<PathBuf>,

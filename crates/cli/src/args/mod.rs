@@ -204,6 +204,9 @@ pub(crate) struct MethodArgs {
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// With a real drone: skip the VLM pointing check before take-off
     #[arg(long)]
     pub(crate) no_vlm_check: bool,
@@ -282,6 +285,9 @@ pub(crate) struct OutputArgs {
     /// Stream the flight live to Foxglove, at ws://127.0.0.1:8765 or the given address; flies in real time
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8765")]
     pub(crate) live: Option<String>,
+    /// Allow pages of this origin to connect to the live view, besides Foxglove's
+    #[arg(long, value_name = "URL")]
+    pub(crate) live_origin: Option<String>,
     /// Print only the summary, as one JSON object, on standard output
     #[arg(long)]
     pub(crate) json: bool,
@@ -300,6 +306,9 @@ pub(crate) struct Doctor {
     /// VLM, as for `spf fly --vlm` [default: oracle; auto with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// Scene of the simulated drone [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
@@ -348,6 +357,9 @@ pub(crate) struct VlmCheck {
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// Read this configuration file instead of ./spf.toml
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,

@@ -82,7 +82,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
     let Ready { plan, announcements, by_hand, reader, attended, camera } = ready;
     // A flight on the wall clock never waits for a terminal.
     let paced = by_hand.is_some();
-    let view = settings.fly.live.get()?.map(live_view).transpose()?;
+    let view = settings.fly.live.get()?.map(|address| live_view(address, settings.fly.live_origin.get()?)).transpose()?;
     let out = out_dir(settings, instruction)?;
     // Who types answers types no keys: standard input is read by lines, orders to the drone included.
     let typing = is_human(&plan.vlm);
@@ -155,8 +155,9 @@ fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
 }
 
 /// Starts the live view, if requested.
-fn live_view(address: SocketAddr) -> Result<Live, CliError> {
-    Live::bind(address, "spf", spf_flight::log::topics()).map_err(|error| {
+fn live_view(address: SocketAddr, origin: Option<String>) -> Result<Live, CliError> {
+    let origins: Vec<String> = origin.into_iter().collect();
+    Live::bind(address, "spf", spf_flight::log::topics(), &origins).map_err(|error| {
         CliError::usage(format!("cannot start the live view on {address}"))
             .because(&error)
             .hint("--live=127.0.0.1:0 picks a free port")

@@ -36,7 +36,7 @@ pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedSce
 
 /// Reads a file named by the user.
 pub(crate) fn read(path: &Path, what: &str) -> Result<String, CliError> {
-    std::fs::read_to_string(path).map_err(|error| {
+    spf_input::read_text(path).map_err(|error| {
         CliError::usage(format!("cannot read the {what} file `{}`", path.display()))
             .because(&error)
             .hint("relative paths start at the working directory")

@@ -40,6 +40,7 @@ impl Settings {
                 })?;
                 row.set(value, Origin::Env(key.env));
             } else if let Some(value) = dotenv.get(key.env) {
+                key.refuse_file(&format!(".env {}", key.env))?;
                 row.set(value.clone(), Origin::DotEnv(key.env));
             }
         }
@@ -73,8 +74,9 @@ impl Settings {
 fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
     let mut variables = BTreeMap::new();
     if Path::new(".env").exists() {
-        let lines = dotenvy::from_path_iter(".env").map_err(|error| CliError::usage("cannot read .env").because(&error))?;
-        for line in lines {
+        let text =
+            spf_input::read_text(Path::new(".env")).map_err(|error| CliError::usage("cannot read .env").because(&error))?;
+        for line in dotenvy::from_read_iter(text.as_bytes()) {
             // The error would quote the line, and with it perhaps a key.
             let (name, value) = line.map_err(|_| {
                 CliError::usage("invalid line in .env").hint("use NAME=value, one per line; quote values with spaces")
@@ -88,5 +90,10 @@ fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
 /// Looks up other variables, such as vendors' keys; the environment overrides `.env`.
 pub(crate) fn variables() -> Result<impl Fn(&str) -> Option<String>, CliError> {
     let dotenv = dotenv()?;
-    Ok(move |name: &str| std::env::var(name).ok().or_else(|| dotenv.get(name).cloned()))
+    Ok(move |name: &str| environment(name).or_else(|| dotenv.get(name).cloned()))
+}
+
+/// Looks up other variables in the environment alone.
+pub(crate) fn environment(name: &str) -> Option<String> {
+    std::env::var(name).ok()
 }

@@ -13,7 +13,7 @@ use crate::printer::one_line;
 impl Settings {
     pub(super) fn read_file(&mut self, path: &Path) -> Result<(), CliError> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path)
+        let text = spf_input::read_text(path)
             .map_err(|error| CliError::usage(format!("cannot read the configuration file `{shown}`")).because(&error))
             .map_err(|error| error.hint("give a readable file with --config, or omit it to use ./spf.toml"))?;
         self.read_text(path, &text)
@@ -49,6 +49,7 @@ impl Settings {
                         .hint(row.key().meaning()));
                     }
                 };
+                row.key().refuse_file(&format!("{shown}:{line}"))?;
                 row.set(value, Origin::File(path.to_owned(), line));
             }
         }

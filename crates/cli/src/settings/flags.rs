@@ -73,6 +73,7 @@ impl MethodArgs {
             vlm_latency,
             vlm_price,
             vlm_models,
+            send_key_to,
             no_vlm_check,
             policy,
             preset,
@@ -91,6 +92,7 @@ impl MethodArgs {
         models.latency_s.flag(vlm_latency.as_deref());
         models.price.flag(vlm_price.as_deref());
         models.models.flag(vlm_models.as_deref());
+        models.send_key_to.flag(send_key_to.as_deref());
         fly.vlm_check.switch(*no_vlm_check);
         fly.policy.flag(policy.as_deref());
         fly.preset.flag(preset.as_deref());
@@ -132,10 +134,11 @@ impl LimitArgs {
 
 impl OutputArgs {
     fn apply(&self, Settings { fly, .. }: &mut Settings) {
-        let Self { out, no_video, live, json: _, config: _ } = self;
+        let Self { out, no_video, live, live_origin, json: _, config: _ } = self;
         fly.out.flag(out.as_deref());
         fly.video.switch(*no_video);
         fly.live.flag(live.as_deref());
+        fly.live_origin.flag(live_origin.as_deref());
     }
 }
 
@@ -144,9 +147,10 @@ impl Flags for args::Doctor {
         self.config.as_deref()
     }
 
-    fn apply(&self, Settings { fly, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         fly.drone.flag(self.drone.as_deref());
         fly.vlm.flag(self.vlm.as_deref());
+        vlm.send_key_to.flag(self.send_key_to.as_deref());
         fly.scene.flag(self.scene.as_deref());
         fly.detector.flag(self.detector.as_deref());
     }
@@ -180,6 +184,7 @@ impl Flags for args::Ground {
     fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         fly.vlm.flag(self.vlm.as_deref());
         vlm.models.flag(self.vlm_models.as_deref());
+        vlm.send_key_to.flag(self.send_key_to.as_deref());
         fly.max_cost_usd.flag(self.max_cost.as_deref());
     }
 }
@@ -192,6 +197,7 @@ impl Flags for args::Replay {
     fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         fly.vlm.flag(self.vlm.as_deref());
         vlm.models.flag(self.vlm_models.as_deref());
+        vlm.send_key_to.flag(self.send_key_to.as_deref());
     }
 }
 
@@ -226,6 +232,7 @@ impl Flags for args::VlmCheck {
 
     fn apply(&self, Settings { fly, vlm, .. }: &mut Settings) {
         vlm.models.flag(self.vlm_models.as_deref());
+        vlm.send_key_to.flag(self.send_key_to.as_deref());
         fly.vlm.argument("NAME", &self.name);
     }
 }

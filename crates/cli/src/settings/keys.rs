@@ -13,11 +13,16 @@ use spf_flight::policy::PolicyKind;
 use spf_render::effects::Effects;
 use spf_scene::{Lighting, Weather};
 use spf_sim::wind::Wind;
+use spf_vlm::setup::KeyHost;
 use spf_vlm::table::PerMillion;
 
-use super::reading::{Count, Drone, DroneName, Explained, Number, Parsed, Start, Step, Text, Word};
+use super::reading::{Count, Drone, DroneName, Explained, Joined, Number, Parsed, Start, Step, Text, Word};
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
+
+/// Keys that neither a configuration file nor `.env` may set: they decide who receives keys or images, and such a file may
+/// come with somebody else's folder.
+pub(super) const BY_HAND: [&str; 2] = ["fly.live_origin", "vlm.send_key_to"];
 
 settings! {
     /// A flight: `[fly]`.
@@ -84,6 +89,8 @@ settings! {
         video: bool = "true", Word, "SPF_VIDEO", "--no-video" sets "false";
         /// address and port of the Foxglove live view, such as 127.0.0.1:8765; empty: none
         live: SocketAddr = "", Parsed("an address and a port, such as 127.0.0.1:8765"), "SPF_LIVE", "--live";
+        /// origin of pages that may connect to the live view, besides Foxglove's: SCHEME://HOST[:PORT]; empty: none
+        live_origin: String = "", Text, "SPF_LIVE_ORIGIN", "--live-origin";
         /// folder for the flight's files; empty: flights/NNN-instruction
         out: String = "", Text, "SPF_OUT", "--out";
     }
@@ -108,6 +115,8 @@ settings! {
         price: PerMillion = "", Parsed("two prices in US dollars per million tokens, IN,OUT, such as 0.3,2.5"), "SPF_VLM_PRICE", "--vlm-price";
         /// TOML file with additional model definitions; empty: none
         models: String = "", Text, "SPF_VLM_MODELS", "--vlm-models";
+        /// servers that may receive an API key besides its vendor's: HOST or HOST:PORT, joined by commas; empty: none
+        send_key_to: Vec<KeyHost> = "", Joined("HOST or HOST:PORT, joined by commas"), "SPF_SEND_KEY_TO", "--send-key-to";
         /// longest side of images sent to the VLM, pixels; empty: the model's, 768
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
         /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's, 70

@@ -25,7 +25,7 @@ use std::time::Duration;
 
 use spf_core::time::duration_from_secs;
 
-pub(crate) use environment::variables;
+pub(crate) use environment::{environment, variables};
 pub(crate) use keys::Settings;
 pub(crate) use reading::DroneName;
 pub(crate) use setting::{Origin, Row, Setting};

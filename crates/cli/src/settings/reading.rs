@@ -110,6 +110,16 @@ impl<T: FromStr<Err: Error + 'static>> Reading<T> for Explained {
     }
 }
 
+/// Values for the type's own parser, joined by commas; with a description.
+pub(super) struct Joined(pub(super) &'static str);
+
+impl<T: FromStr<Err: Error + 'static>> Reading<Vec<T>> for Joined {
+    fn read(&self, text: &str) -> Result<Vec<T>, Refusal> {
+        let values = text.split(',').map(|part| part.trim().parse()).collect::<Result<_, T::Err>>();
+        values.map_err(|error| Refusal { cause: Some(Box::new(error)), ..Refusal::of(self.0) })
+    }
+}
+
 /// One of the names of a type's values.
 pub(super) struct Word;
 

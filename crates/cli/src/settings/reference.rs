@@ -16,7 +16,9 @@ const HEAD: &str = "\
 Each key can be set in four places. In rising order of precedence they are the default, the
 configuration file (`./spf.toml`, or the file of `--config FILE`), an environment variable and a
 flag. Variables can also be set in `./.env`; the environment overrides that file. `spf config show`
-prints every value in force with its source, in the form of a configuration file.
+prints every value in force with its source, in the form of a configuration file. Neither file can
+set `live_origin` and `send_key_to`, which decide who receives images and API keys
+([security](../explanation/security.md)).
 
 The file is TOML: each table below is a `[table]`, and a value is a string, a number, `true` or
 `false`. An unknown key is an error, which names its line. An unknown variable that begins with

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::keys::BY_HAND;
 use super::reading::{Reading, Refusal};
 use crate::error::CliError;
 
@@ -116,6 +117,11 @@ impl<T> Setting<T> {
         CliError::usage(format!("{}: expected {expected}, found `{}`", self.origin, self.text)).hint(hint)
     }
 
+    /// Whether the value stands in a configuration file or in `.env`.
+    pub(crate) fn is_from_file(&self) -> bool {
+        matches!(self.origin, Origin::File(..) | Origin::DotEnv(_))
+    }
+
     /// The key and its meaning, as a hint.
     pub(crate) fn meaning(&self) -> String {
         self.key.meaning()
@@ -164,6 +170,18 @@ impl Setting<bool> {
 }
 
 impl Key {
+    /// Refuses a value from a file of the working directory, if the key must be set by hand; `place` names it.
+    pub(super) fn refuse_file(&self, place: &str) -> Result<(), CliError> {
+        if !BY_HAND.contains(&self.name) {
+            return Ok(());
+        }
+        Err(CliError::usage(format!(
+            "{place}: `{}` cannot be set in a file, which may come with somebody else's folder",
+            self.name
+        ))
+        .hint(format!("use {}, or export {} in the environment", self.flag_name(), self.env)))
+    }
+
     /// The key and its meaning, as a hint.
     pub(super) fn meaning(&self) -> String {
         format!("{}: {}", self.name, self.doc)

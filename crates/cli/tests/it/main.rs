@@ -32,3 +32,4 @@ mod words;
 
 #[cfg(unix)]
 mod signals;
+mod strangers;

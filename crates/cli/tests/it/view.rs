@@ -77,8 +77,15 @@ impl Browser {
             let profile = format!("--user-data-dir={}", lab.path("profile").display());
             // Without a sandbox, for tests run as root in containers; it opens no page but ours.
             let args = ["--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-port=0", "--window-size=1200,800"];
+            // A name that others may point at this machine.
+            let rebound = "--host-resolver-rules=MAP rebound.example 127.0.0.1";
             let mut command = Command::new(program);
-            command.args(args).arg(profile).env("HOME", lab.path("home")).stdout(Stdio::null()).stderr(Stdio::piped());
+            command
+                .args(args)
+                .args([&profile, rebound])
+                .env("HOME", lab.path("home"))
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped());
             command.spawn().ok()
         });
         let mut child = child?;

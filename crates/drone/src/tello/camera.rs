@@ -8,6 +8,7 @@ use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
 use super::inlet::{Inlet, Unit};
+use super::intake;
 use crate::frames::{FrameStore, Frames as _};
 
 /// Maximum wait for images before checking whether to stop.
@@ -61,13 +62,10 @@ impl FrameDecoder {
 
 /// Receives video from `from` until stopped.
 pub(super) fn gather(socket: &UdpSocket, from: IpAddr, inlet: &Inlet, start: Instant, stopped: &AtomicBool) {
-    let mut buffer = [0; 2048];
+    let mut buffer = [0; intake::BUFFER];
     while !stopped.load(Ordering::Relaxed) {
-        // The only expected error is the timeout.
-        if let Ok((length, peer)) = socket.recv_from(&mut buffer)
-            && peer.ip() == from
-        {
-            inlet.put(Time::ZERO + start.elapsed(), &buffer[..length]);
+        if let Some(datagram) = intake::receive(socket, from, intake::VIDEO, &mut buffer) {
+            inlet.put(Time::ZERO + start.elapsed(), datagram);
         }
     }
 }

@@ -18,6 +18,7 @@ use spf_media::h264::Decoder;
 use super::camera::{FrameDecoder, Lack, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
+use super::intake;
 use super::link::{Link, Notice};
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::{TelloMotion, TelloSettings};
@@ -177,7 +178,7 @@ impl Tello {
         let (five, seen) = (shared, frames);
         let inlet = Arc::<Inlet>::default();
         let received = inlet.clone();
-        tello.spawn("answers", move || answers(&one))?;
+        tello.spawn("answers", move || answers(&one, drone.ip()))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
         // In flight by `go` the answer to `streamon` would delay the next move.
@@ -278,24 +279,21 @@ impl Drone for Tello {
     }
 }
 
-fn answers(shared: &Shared) {
-    let mut buffer = [0; 2048];
+fn answers(shared: &Shared, drone: IpAddr) {
+    let mut buffer = [0; intake::BUFFER];
     while !shared.stopped.load(Ordering::Relaxed) {
-        // Errors are from earlier sends, or the timeout.
-        if let Ok(length) = shared.command.recv(&mut buffer) {
-            shared.link().handle_answer(shared.now(), &buffer[..length]);
+        if let Some(datagram) = intake::receive(&shared.command, drone, intake::TEXT, &mut buffer) {
+            shared.link().handle_answer(shared.now(), datagram);
         }
         shared.flush();
     }
 }
 
 fn states(shared: &Shared, socket: &UdpSocket, drone: IpAddr) {
-    let mut buffer = [0; 2048];
+    let mut buffer = [0; intake::BUFFER];
     while !shared.stopped.load(Ordering::Relaxed) {
-        if let Ok((length, from)) = socket.recv_from(&mut buffer)
-            && from.ip() == drone
-        {
-            shared.link().handle_state(shared.now(), &buffer[..length]);
+        if let Some(datagram) = intake::receive(socket, drone, intake::TEXT, &mut buffer) {
+            shared.link().handle_state(shared.now(), datagram);
         }
     }
 }

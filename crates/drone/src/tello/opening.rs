@@ -8,6 +8,7 @@ use spf_core::time::Duration;
 
 use super::answer::{Answer, explain};
 use super::conversation::SPACING;
+use super::intake;
 use super::settings::COMMAND_PORT;
 use super::state::State;
 
@@ -111,13 +112,11 @@ pub(super) fn bind(local: IpAddr, port: u16, what: &'static str) -> Result<UdpSo
     UdpSocket::bind((local, port)).map_err(|source| ConnectError::Port { port, what, source })
 }
 
-/// Waits up to `wait` for a datagram.
-fn receive(socket: &UdpSocket, wait: Duration, mut accept: impl FnMut(&[u8], SocketAddr) -> bool) -> bool {
-    let (begun, mut buffer) = (Instant::now(), [0; 2048]);
+/// Waits up to `wait` for a datagram of the drone.
+fn receive(socket: &UdpSocket, drone: IpAddr, wait: Duration, mut accept: impl FnMut(&[u8]) -> bool) -> bool {
+    let (begun, mut buffer) = (Instant::now(), [0; intake::BUFFER]);
     while begun.elapsed() < wait {
-        if let Ok((length, from)) = socket.recv_from(&mut buffer)
-            && accept(&buffer[..length], from)
-        {
+        if intake::receive(socket, drone, intake::TEXT, &mut buffer).is_some_and(&mut accept) {
             return true;
         }
     }
@@ -129,12 +128,12 @@ pub(super) fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Firmware, C
     for _ in 0..COMMAND_TRIES {
         socket.send(b"command").map_err(|source| ConnectError::Unreachable { drone, source })?;
         let mut answer = Answer::Noise;
-        receive(socket, ANSWER_WAIT, |bytes, _| {
+        receive(socket, drone.ip(), ANSWER_WAIT, |bytes| {
             answer = Answer::read(bytes);
             matches!(answer, Answer::Ok | Answer::Refused(_))
         });
         match answer {
-            Answer::Ok => return Ok(ask_firmware(socket)),
+            Answer::Ok => return Ok(ask_firmware(socket, drone.ip())),
             Answer::Refused(answer) => {
                 let meaning = explain(&answer);
                 return Err(ConnectError::Refused { command: "command", answer, meaning });
@@ -147,21 +146,21 @@ pub(super) fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Firmware, C
 }
 
 /// SDK 1.3 supports none of these commands, and only SDK 3.0 the last.
-fn ask_firmware(socket: &UdpSocket) -> Firmware {
-    let sdk = ask(socket, "sdk?");
-    let serial = sdk.as_ref().and_then(|_| ask(socket, "sn?"));
+fn ask_firmware(socket: &UdpSocket, drone: IpAddr) -> Firmware {
+    let sdk = ask(socket, drone, "sdk?");
+    let serial = sdk.as_ref().and_then(|_| ask(socket, drone, "sn?"));
     let third = sdk.as_ref().and_then(|sdk| sdk.parse().ok()).is_some_and(|sdk: u32| sdk >= 30);
-    let hardware = if third { ask(socket, "hardware?") } else { None };
+    let hardware = if third { ask(socket, drone, "hardware?") } else { None };
     Firmware { sdk, serial, hardware }
 }
 
 /// The response to a read command, before the command channel is started.
-fn ask(socket: &UdpSocket, question: &str) -> Option<String> {
+fn ask(socket: &UdpSocket, drone: IpAddr, question: &str) -> Option<String> {
     // Discard late responses to earlier commands.
-    receive(socket, SPACING, |_, _| false);
+    receive(socket, drone, SPACING, |_| false);
     socket.send(question.as_bytes()).ok()?;
     let mut latest = None;
-    receive(socket, ANSWER_WAIT, |bytes, _| match Answer::read(bytes) {
+    receive(socket, drone, ANSWER_WAIT, |bytes| match Answer::read(bytes) {
         Answer::Value(value) => {
             latest = Some(value);
             true
@@ -175,8 +174,8 @@ fn ask(socket: &UdpSocket, question: &str) -> Option<String> {
 /// The first state line of the drone.
 pub(super) fn first_state(socket: &UdpSocket, drone: IpAddr) -> Option<State> {
     let mut first = None;
-    receive(socket, STATE_WAIT, |bytes, from| {
-        first = State::read(bytes).filter(|_| from.ip() == drone);
+    receive(socket, drone, STATE_WAIT, |bytes| {
+        first = State::read(bytes);
         first.is_some()
     });
     first
@@ -191,7 +190,7 @@ pub(super) fn is_flying(socket: &UdpSocket, drone: IpAddr, first: &State) -> boo
     }
     // Without a motor time the height above the take-off point decides: it is zero while the motors are off.
     let Some(before) = first.motor_time else { return first.height.unwrap_or(0) >= ABOVE_GROUND };
-    receive(socket, MOTOR_WAIT, |bytes, from| {
-        from.ip() == drone && State::read(bytes).is_some_and(|state| state.motor_time.is_some_and(|time| time != before))
+    receive(socket, drone, MOTOR_WAIT, |bytes| {
+        State::read(bytes).is_some_and(|state| state.motor_time.is_some_and(|time| time != before))
     })
 }

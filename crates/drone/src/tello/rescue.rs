@@ -9,6 +9,7 @@ use std::time::Instant;
 use spf_core::time::{Duration, Time};
 
 use super::ground::Ground;
+use super::intake;
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::TelloSettings;
 use super::state::State;
@@ -89,7 +90,7 @@ impl Rescue {
     /// The operating system's error if nothing can be sent.
     pub fn land(&self) -> std::io::Result<Landed> {
         self.hold()?;
-        let (begun, mut due, mut buffer) = (Instant::now(), Duration::ZERO, [0; 2048]);
+        let (begun, mut due, mut buffer) = (Instant::now(), Duration::ZERO, [0; intake::BUFFER]);
         let (mut ground, mut heard) = (Ground::default(), false);
         loop {
             let passed = begun.elapsed();
@@ -98,9 +99,8 @@ impl Rescue {
                 due = passed + LAND_AGAIN;
             }
             let socket = self.state.as_ref().unwrap_or(&self.command);
-            if let Ok((length, from)) = socket.recv_from(&mut buffer)
-                && from.ip() == self.drone.ip()
-                && let Some(state) = State::read(&buffer[..length])
+            if let Some(datagram) = intake::receive(socket, self.drone.ip(), intake::TEXT, &mut buffer)
+                && let Some(state) = State::read(datagram)
             {
                 heard = true;
                 ground.observe(Time::ZERO + begun.elapsed(), &state);

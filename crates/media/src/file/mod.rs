@@ -48,6 +48,8 @@ impl Format {
 pub struct Limits {
     /// Maximum side length, pixels.
     pub side: u32,
+    /// Maximum number of pixels.
+    pub pixels: u64,
     /// Maximum memory of the decoded samples, bytes.
     pub memory: u64,
 }
@@ -55,13 +57,20 @@ pub struct Limits {
 impl Default for Limits {
     /// Sides of any length, 512 MiB of samples.
     fn default() -> Self {
-        Self { side: u32::MAX, memory: 512 << 20 }
+        Self { side: u32::MAX, pixels: u64::MAX, memory: 512 << 20 }
     }
 }
 
 impl Limits {
     fn check(self, (width, height): (u32, u32)) -> Result<(), FileError> {
-        if width.max(height) > self.side { Err(FileError::TooLarge) } else { Ok(()) }
+        let pixels = u64::from(width) * u64::from(height);
+        if width.max(height) > self.side {
+            Err(FileError::TooLarge)
+        } else if pixels > self.pixels {
+            Err(FileError::TooManyPixels { pixels, most: self.pixels })
+        } else {
+            Ok(())
+        }
     }
 }
 
@@ -94,6 +103,14 @@ pub enum FileError {
     /// A side is too long.
     #[error("the image has too many pixels per side")]
     TooLarge,
+    /// It has too many pixels.
+    #[error("the image has {:.1} million pixels; at most {:.1} million are accepted", *pixels as f64 / 1e6, *most as f64 / 1e6)]
+    TooManyPixels {
+        /// Pixels that it has.
+        pixels: u64,
+        /// Pixels allowed.
+        most: u64,
+    },
     /// Its samples would take too much memory.
     #[error("the image would take too much memory")]
     TooMuchMemory,
@@ -272,7 +289,9 @@ mod tests {
         let (png, jpeg) = (ours::encode(&image()).unwrap(), Jpeg::encode(&image(), 90).unwrap());
         for bytes in [&png[..], jpeg.bytes()] {
             assert!(matches!(ImageFile::open(bytes, Limits { side: 4, ..Limits::default() }), Err(FileError::TooLarge)));
-            assert!(decode(bytes, Limits { side: 5, ..Limits::default() }).is_ok());
+            assert!(decode(bytes, Limits { side: 5, pixels: 20, ..Limits::default() }).is_ok());
+            let few = Limits { pixels: 19, ..Limits::default() };
+            assert!(matches!(ImageFile::open(bytes, few), Err(FileError::TooManyPixels { pixels: 20, most: 19 })));
         }
         let memory = |memory| Limits { memory, ..Limits::default() };
         assert!(matches!(decode(jpeg.bytes(), memory(59)), Err(FileError::TooMuchMemory)));

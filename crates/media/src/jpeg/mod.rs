@@ -62,6 +62,16 @@ pub fn decode_any(bytes: &[u8]) -> Result<Rgb, DecodeError> {
     decode_as(if bytes.starts_with(b"\x89PNG") { Format::Png } else { Format::Jpeg }, bytes)
 }
 
+/// Decodes a JPEG or PNG file of a stranger: one with more than `pixels` pixels is refused before it is decoded, and at
+/// most four bytes of memory are used for each pixel decoded.
+///
+/// # Errors
+/// [`FileError`] if it is neither, damaged or too large.
+pub fn decode_within(bytes: &[u8], pixels: u64) -> Result<Rgb, FileError> {
+    let limits = Limits { side: u32::MAX, pixels, memory: 4 * pixels };
+    Ok(ImageFile::open(bytes, limits)?.decode()?.into_rgb())
+}
+
 fn decode_as(format: Format, bytes: &[u8]) -> Result<Rgb, DecodeError> {
     let limits = Limits { side: LONGEST_SIDE, ..Limits::default() };
     Ok(ImageFile::open_as(format, bytes, limits)?.decode()?.into_rgb())

@@ -8,24 +8,34 @@ mod protocol;
 mod viewer;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
-use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::io::{self, Write as _};
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use spf_guard::{Access, Places};
+
 use crate::log::{Message, Topic};
 
 /// Maximum number of messages queued for a viewer.
 const WAITING: usize = 256;
-/// Maximum number of viewers; further ones are rejected.
-const VIEWERS: usize = 8;
 
 /// Maximum wait for the viewers' threads at the end, in polling intervals.
 const SHUTDOWN_POLLS: u32 = 100;
 const GLANCE: Duration = Duration::from_millis(10);
+
+/// Reads a viewer's request, for fuzzing; whether it is one.
+#[doc(hidden)]
+#[must_use]
+pub fn read_request(text: &str) -> bool {
+    serde_json::from_str::<protocol::Request>(text).is_ok()
+}
+
+/// The origin of Foxglove's web application, whose pages may connect.
+pub const FOXGLOVE: &str = "https://app.foxglove.dev";
 
 /// The live view server.
 #[derive(Debug)]
@@ -44,8 +54,10 @@ struct Shared {
     name: String,
     topics: Vec<Topic>,
     closed: AtomicBool,
-    /// Number of viewer threads.
-    serving: AtomicUsize,
+    access: Access,
+    /// Whether a page of another origin was refused before: a page that tries again and again must not fill the log.
+    refused: AtomicBool,
+    places: Places,
     state: Mutex<State>,
 }
 
@@ -74,18 +86,25 @@ struct Subscription<'a> {
 }
 
 impl Live {
-    /// Serves at `address` (port 0: any free port); `name` is the server name sent to viewers.
+    /// Serves at `address` (port 0: any free port); `name` is the server name sent to viewers. Programs may connect, and
+    /// pages of [`FOXGLOVE`] and of `origins`; no other page.
     ///
     /// # Errors
-    /// The operating system's error if the address cannot be bound or no thread can be started.
-    pub fn bind(address: SocketAddr, name: &str, topics: Vec<Topic>) -> io::Result<Self> {
+    /// The operating system's error if the address cannot be bound or no thread can be started; an invalid origin.
+    pub fn bind(address: SocketAddr, name: &str, topics: Vec<Topic>, origins: &[String]) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
         let address = listener.local_addr()?;
+        let mut access = Access::at(address);
+        for origin in core::iter::once(FOXGLOVE).chain(origins.iter().map(String::as_str)) {
+            access = access.allowing(origin).map_err(io::Error::other)?;
+        }
         let shared = Arc::new(Shared {
             name: name.to_owned(),
             topics,
             closed: AtomicBool::new(false),
-            serving: AtomicUsize::new(0),
+            access,
+            refused: AtomicBool::new(false),
+            places: Places::new(spf_guard::CONNECTIONS),
             state: Mutex::default(),
         });
         let inside = shared.clone();
@@ -117,7 +136,7 @@ impl Drop for Live {
         }
         // The last messages of the flight are sent; a viewer that accepts none is not awaited.
         for _ in 0..SHUTDOWN_POLLS {
-            if self.shared.serving.load(Ordering::Relaxed) == 0 {
+            if self.shared.places.count() == 0 {
                 break;
             }
             std::thread::sleep(GLANCE);
@@ -144,17 +163,16 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Adds a subscriber; `None` if the maximum is reached.
+    /// Adds a subscriber; `None` if the server is closed.
     fn subscriber(&self) -> Option<Subscription<'_>> {
         let (queue, messages) = sync_channel(WAITING);
         let left_out = Arc::new(AtomicU64::new(0));
         let mut state = self.state();
-        if state.viewers.len() >= VIEWERS || self.closed.load(Ordering::Relaxed) {
+        if self.closed.load(Ordering::Relaxed) {
             return None;
         }
         let id = state.next;
         state.next += 1;
-        self.serving.fetch_add(1, Ordering::Relaxed);
         state.viewers.insert(id, Subscriber { queue, topics: BTreeSet::new(), left_out: left_out.clone() });
         Some(Subscription { shared: self, id, queue: messages, left_out })
     }
@@ -184,7 +202,6 @@ impl Subscription<'_> {
 impl Drop for Subscription<'_> {
     fn drop(&mut self) {
         self.shared.state().viewers.remove(&self.id);
-        self.shared.serving.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -199,10 +216,24 @@ fn answer(listener: &TcpListener, shared: &Arc<Shared>) {
             std::thread::sleep(Duration::from_millis(100));
             continue;
         };
+        // A viewer that has not said what it wants gives its place up to a new one; its thread ends with its connection.
+        let Ok(other) = stream.try_clone() else { continue };
+        let Some(place) = shared.places.enter(move || drop(other.shutdown(Shutdown::Both))) else {
+            turn_away(&stream);
+            continue;
+        };
         let inside = shared.clone();
         let viewer = std::thread::Builder::new().name("live viewer".to_owned());
-        if let Err(error) = viewer.spawn(move || viewer::serve(stream, &inside)) {
+        if let Err(error) = viewer.spawn(move || viewer::serve(stream, &inside, &place)) {
             tracing::warn!(%error, "cannot accept a viewer");
         }
+    }
+}
+
+/// Tells a viewer that there is no place; what cannot be sent at once is not.
+fn turn_away(mut stream: &TcpStream) {
+    let head = "HTTP/1.1 503 Service Unavailable\r\ncontent-length: 0\r\nretry-after: 1\r\nconnection: close\r\n\r\n";
+    if stream.set_nonblocking(true).is_ok() {
+        drop(stream.write_all(head.as_bytes()));
     }
 }

@@ -7,15 +7,19 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
+use spf_guard::{HEAD_TIME, Patient, Place, Refusal};
 use tungstenite::handshake::server::{ErrorResponse, Request as Hello, Response};
-use tungstenite::http::{HeaderValue, StatusCode, header::SEC_WEBSOCKET_PROTOCOL};
+use tungstenite::http::{
+    HeaderValue, StatusCode,
+    header::{ORIGIN, SEC_WEBSOCKET_PROTOCOL},
+};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message as Frame, WebSocket, accept_hdr_with_config};
 
 use super::protocol::{self, Request, SUBPROTOCOLS};
 use super::{GLANCE, Shared, Subscription};
 
-/// Time limit for a viewer's handshake, and for accepting data: then it is disconnected.
+/// Time limit for a viewer to accept data: then it is disconnected.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Maximum size of a viewer's request, bytes.
 const LONGEST: usize = 64 * 1024;
@@ -23,30 +27,50 @@ const LONGEST: usize = 64 * 1024;
 const SUBSCRIPTIONS: usize = 256;
 
 /// Serves a viewer until it disconnects, is too slow, or the flight is over.
-pub(super) fn serve(stream: TcpStream, shared: &Shared) {
+pub(super) fn serve(stream: TcpStream, shared: &Shared, place: &Place) {
     let Some(subscription) = shared.subscriber() else { return };
-    match greet(stream, shared).and_then(|socket| show(socket, &subscription)) {
+    match greet(stream, shared, place).and_then(|socket| show(socket, &subscription)) {
         Ok(()) | Err(Error::ConnectionClosed | Error::AlreadyClosed) => {}
         Err(error) => tracing::debug!(%error, "viewer disconnected"),
     }
 }
 
-fn greet(stream: TcpStream, shared: &Shared) -> Result<WebSocket<TcpStream>, Error> {
-    stream.set_read_timeout(Some(PATIENCE))?;
+fn greet(stream: TcpStream, shared: &Shared, place: &Place) -> Result<WebSocket<Patient>, Error> {
     stream.set_write_timeout(Some(PATIENCE))?;
     stream.set_nodelay(true)?;
     let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
-    let shaken = accept_hdr_with_config(stream, choose, Some(config));
+    let answer = |hello: &Hello, response: Response| {
+        let response = choose(hello, response, shared)?;
+        place.settle();
+        Ok(response)
+    };
+    let shaken = accept_hdr_with_config(Patient::new(stream, HEAD_TIME), answer, Some(config));
     let mut socket = shaken.map_err(|error| Error::Io(io::Error::other(error.to_string())))?;
+    socket.get_mut().unlimited();
+    socket.get_ref().get_ref().set_write_timeout(Some(PATIENCE))?;
     socket.send(Frame::text(protocol::greeting(&shared.name)))?;
     socket.send(Frame::text(protocol::advertisement(&shared.topics)))?;
-    socket.get_ref().set_read_timeout(Some(GLANCE))?;
+    socket.get_ref().get_ref().set_read_timeout(Some(GLANCE))?;
     Ok(socket)
 }
 
-/// The first supported subprotocol that the viewer offers; an error if there is none.
+/// The first supported subprotocol that the viewer offers; an error if there is none, or if it may not connect.
 #[allow(clippy::result_large_err, reason = "the type is given by the handshake API")]
-fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorResponse> {
+fn choose(hello: &Hello, mut response: Response, shared: &Shared) -> Result<Response, ErrorResponse> {
+    let refused = |status: StatusCode, why: String| {
+        let mut refusal = ErrorResponse::new(Some(why));
+        *refusal.status_mut() = status;
+        refusal
+    };
+    if let Err(refusal) = shared.access.check(hello.method(), hello.headers()) {
+        let origin = hello.headers().get(ORIGIN).map(|origin| String::from_utf8_lossy(origin.as_bytes()).into_owned());
+        if let Some(origin) = origin.filter(|_| refusal == Refusal::Origin)
+            && !shared.refused.swap(true, Ordering::Relaxed)
+        {
+            tracing::warn!("live view: a page of {origin:?} was refused; if it is your viewer, allow it with --live-origin");
+        }
+        return Err(refused(StatusCode::FORBIDDEN, format!("{refusal}\n")));
+    }
     let offered: Vec<&str> = hello
         .headers()
         .get_all(SEC_WEBSOCKET_PROTOCOL)
@@ -61,15 +85,14 @@ fn choose(hello: &Hello, mut response: Response) -> Result<Response, ErrorRespon
             Ok(response)
         }
         None => {
-            let mut refusal = ErrorResponse::new(Some(format!("use one of the subprotocols {}\n", SUBPROTOCOLS.join(", "))));
-            *refusal.status_mut() = StatusCode::BAD_REQUEST;
-            Err(refusal)
+            let why = format!("use one of the subprotocols {}\n", SUBPROTOCOLS.join(", "));
+            Err(refused(StatusCode::BAD_REQUEST, why))
         }
     }
 }
 
 /// Alternates between reading requests and sending messages.
-fn show(mut socket: WebSocket<TcpStream>, subscription: &Subscription<'_>) -> Result<(), Error> {
+fn show(mut socket: WebSocket<Patient>, subscription: &Subscription<'_>) -> Result<(), Error> {
     // The viewer's own ids for topics.
     let mut subscriptions: BTreeMap<u32, usize> = BTreeMap::new();
     loop {

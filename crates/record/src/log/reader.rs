@@ -86,7 +86,7 @@ impl LogReader<BufReader<File>> {
     /// # Errors
     /// [`ReadError::Read`] if it cannot be opened.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        File::open(path).map(|file| Self::new(BufReader::new(file))).map_err(ReadError::Read)
+        spf_input::open(path).map(|file| Self::new(BufReader::new(file))).map_err(ReadError::Read)
     }
 }
 

@@ -60,7 +60,7 @@ pub struct Repaired {
 /// [`RepairError`]; the file is then unchanged.
 pub fn repair(path: &Path) -> Result<Repaired, RepairError> {
     let nothing = |source| RepairError::Nothing { path: path.to_owned(), source };
-    let source = File::open(path).map_err(|error| nothing(ReadError::Read(error)))?;
+    let source = spf_input::open(path).map_err(|error| nothing(ReadError::Read(error)))?;
     if being_written(&source) {
         return Err(RepairError::Busy { path: path.to_owned() });
     }

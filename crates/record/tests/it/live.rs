@@ -21,7 +21,7 @@ struct Row {
 
 fn live() -> Live {
     let topics = vec![Topic::of_json::<Row>("/row", "test.Row"), Topic::of_foxglove::<foxglove::CompressedImage>("/image")];
-    Live::bind("127.0.0.1:0".parse().unwrap(), "test", topics).unwrap()
+    Live::bind("127.0.0.1:0".parse().unwrap(), "test", topics, &[]).unwrap()
 }
 
 fn message(topic: usize, number: u64, size: usize) -> Message {

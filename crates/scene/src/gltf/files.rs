@@ -1,8 +1,7 @@
 //! Buffers and images of a file: embedded, in data URIs, or beside it in its folder.
 
 use std::borrow::Cow;
-use std::fs::File;
-use std::io::Read;
+use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
 use base64::Engine;
@@ -61,17 +60,11 @@ impl Surroundings {
                 together",
             )
         };
-        let file = File::open(&path).map_err(unreadable)?;
-        let about = file.metadata().map_err(unreadable)?;
-        if !about.is_file() {
-            return Err(Problem::new(format!("the referenced `{shown}` is not a file")));
-        }
-        if about.len() > self.left {
-            return Err(Self::too_much());
-        }
-        let mut bytes = Vec::with_capacity(about.len() as usize);
-        file.take(self.left).read_to_end(&mut bytes).map_err(unreadable)?;
-        Ok(bytes)
+        spf_input::read(&path, self.left).map_err(|error| match error.kind() {
+            ErrorKind::FileTooLarge => Self::too_much(),
+            ErrorKind::InvalidInput => Problem::new(format!("the referenced `{shown}` is not a file")),
+            _ => unreadable(error),
+        })
     }
 
     /// The path of a relative URI, inside the folder.

@@ -17,7 +17,7 @@ const KEPT_SIDE: u32 = 4096;
 /// Maximum number of decoded pixels, of all images together.
 const MAX_PIXELS: u64 = 1 << 29;
 /// Memory limit for decoding one image: 256 MiB.
-const LIMITS: Limits = Limits { side: u32::MAX, memory: 256 << 20 };
+const LIMITS: Limits = Limits { side: u32::MAX, pixels: u64::MAX, memory: 256 << 20 };
 
 /// The images in use.
 #[derive(Debug, Default)]

@@ -60,10 +60,12 @@ impl<'a> Meshes<'a> {
 
     /// The triangles of a primitive; empty for points and lines. `of` names the primitive in errors.
     pub(super) fn draw(&mut self, primitive: &Primitive, placed: &Placed, look: &Look, of: &str) -> Result<Drawn, Problem> {
+        // Something is done for each placement, also of a primitive without corners.
+        self.corners += 1;
         let Checked::Valid(mode) = primitive.mode else { return Err(Problem::new(format!("{of} has an unknown mode"))) };
         if matches!(mode, Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             self.skipped += 1;
-            return Ok(Drawn::default());
+            return self.within_budget().map(|()| Drawn::default());
         }
         self.count(primitive, mode)?;
         let attributes = self.attributes(primitive, look, of)?;
@@ -85,6 +87,10 @@ impl<'a> Meshes<'a> {
         let named = primitive.indices.map_or(Ok(corners), |index| self.accessors.count(index))?;
         self.corners += corners.max(named);
         self.triangles += if mode == Mode::Triangles { named / 3 } else { named.saturating_sub(2) };
+        self.within_budget()
+    }
+
+    fn within_budget(&self) -> Result<(), Problem> {
         if self.triangles > MAX_TRIANGLES || self.corners > MAX_CORNERS {
             let message = format!("it has more than {MAX_TRIANGLES} triangles or {MAX_CORNERS} vertices");
             return Err(Problem::new(message).hint("simplify its meshes (Blender: the Decimate modifier)"));
@@ -96,18 +102,20 @@ impl<'a> Meshes<'a> {
         let accessors = &self.accessors;
         let wrap = |p: Problem| Problem { message: format!("{of}: {}", p.message), ..p };
         let positions = accessors.vectors::<3>(position(primitive)?, 3, 0.0, false).map_err(wrap)?;
-        let normals = attribute(primitive, Semantic::Normals).map(|i| accessors.vectors::<3>(i, 3, 0.0, false));
-        let set = look.image.as_ref().map(|image| Semantic::TexCoords(image.set));
-        let uv = set.and_then(|set| attribute(primitive, set)).map(|i| accessors.vectors::<2>(i, 2, 0.0, true));
-        let coloured = look.by_corner.then(|| attribute(primitive, Semantic::Colors(0))).flatten();
-        let colours = coloured.map(|i| accessors.vectors::<4>(i, 3, 1.0, true));
-        // Attributes whose count differs from that of the positions are ignored.
+        // Attributes with another number of corners than the positions are left out, as if they were not there. They are
+        // not read at all: the budget counts positions, and an accessor without data may have millions of zeros.
         let count = positions.len();
+        let fits = |i: &Index<Accessor>| accessors.count(*i).is_ok_and(|own| own == count);
+        let normals = attribute(primitive, Semantic::Normals).filter(fits).map(|i| accessors.vectors::<3>(i, 3, 0.0, false));
+        let set = look.image.as_ref().map(|image| Semantic::TexCoords(image.set));
+        let uv = set.and_then(|set| attribute(primitive, set)).filter(fits).map(|i| accessors.vectors::<2>(i, 2, 0.0, true));
+        let coloured = look.by_corner.then(|| attribute(primitive, Semantic::Colors(0))).flatten();
+        let colours = coloured.filter(fits).map(|i| accessors.vectors::<4>(i, 3, 1.0, true));
         Ok(Attributes {
             positions,
-            normals: normals.transpose().map_err(wrap)?.filter(|list| list.len() == count),
-            uv: uv.transpose().map_err(wrap)?.filter(|list| list.len() == count),
-            colours: colours.transpose().map_err(wrap)?.filter(|list| list.len() == count),
+            normals: normals.transpose().map_err(wrap)?,
+            uv: uv.transpose().map_err(wrap)?,
+            colours: colours.transpose().map_err(wrap)?,
         })
     }
 }

@@ -19,6 +19,7 @@ mod start;
 mod walk;
 
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use glam::Vec3;
@@ -94,14 +95,13 @@ pub(crate) fn load(path: &str, overrides: &ModelOverrides, shining: Shining) -> 
 
 /// The bytes of a file, up to the size limit.
 fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
-    match std::fs::metadata(path) {
-        Ok(about) if about.len() > container::MAX_BYTES => {
-            let message =
-                format!("the file has {} MiB, at most {} MiB is supported", about.len() >> 20, container::MAX_BYTES >> 20);
+    match spf_input::read(path, container::MAX_BYTES) {
+        Err(error) if error.kind() == ErrorKind::FileTooLarge => {
+            let length = std::fs::metadata(path).map_or(0, |about| about.len() >> 20);
+            let message = format!("the file has {length} MiB, at most {} MiB is supported", container::MAX_BYTES >> 20);
             Err(Problem::new(message).hint("reduce the textures and simplify the meshes"))
         }
-        Ok(_) => Ok(std::fs::read(path)),
-        Err(e) => Ok(Err(e)),
+        read => Ok(read),
     }
 }
 

@@ -26,7 +26,7 @@ pub(super) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
         FaultSource::Plan(plan) => Ok(plan.clone()),
         FaultSource::File(path) => {
             let failed = |source| ServerError::FaultFile { path: path.clone(), source };
-            let text = std::fs::read_to_string(path).map_err(failed)?;
+            let text = spf_input::read_text(path).map_err(failed)?;
             toml::from_str(&text).map_err(|source| ServerError::FaultSyntax { path: path.clone(), source: Box::new(source) })
         }
     }

@@ -5,6 +5,9 @@ use std::net::SocketAddr;
 use spf_core::fault::{Content, FaultMachine, Stream, Trouble};
 use spf_core::time::Time;
 
+/// Maximum number of datagrams in transit; more are lost, as on a radio link.
+const MOST: usize = 1024;
+
 /// A datagram in transit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Packet {
@@ -43,6 +46,9 @@ impl Link {
     pub(super) fn send(&mut self, at: Time, stream: Stream, peer: SocketAddr, bytes: &[u8]) {
         self.count += 1;
         if self.faults.troubled(at, Trouble::LinkCut) {
+            return;
+        }
+        if self.under_way.len() >= MOST {
             return;
         }
         for delivery in self.faults.pass(at, stream, self.count) {

@@ -28,6 +28,9 @@ const WAITING: usize = 16;
 /// An image sent later than this counts as late.
 const LATE: Duration = Duration::from_millis(50);
 
+/// Longest command, bytes; longer datagrams are ignored.
+const LONGEST_COMMAND: usize = 1024;
+
 /// Configuration of a server.
 pub struct Setup {
     /// The drone's address and command port (a Tello's is 8889).
@@ -143,7 +146,9 @@ fn fly(
             return;
         }
         // Errors are from earlier sends (nobody listens there) or the timeout.
-        if let Ok((length, from)) = command.recv_from(&mut buffer) {
+        if let Ok((length, from)) = command.recv_from(&mut buffer)
+            && length <= LONGEST_COMMAND
+        {
             tello.handle(shared.now(), from, &buffer[..length]);
         }
         let now = shared.now();

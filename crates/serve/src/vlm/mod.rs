@@ -18,4 +18,6 @@ pub use lens::Lens;
 pub use memory::{KEPT, Memory, Remembered, Unrecognised};
 pub use onboard::OnboardCamera;
 pub use responder::{AnswerForm, Instruction, OracleReply, Responder};
+#[doc(hidden)]
+pub use server::read_any_request;
 pub use server::{Endpoint, EndpointError, Serving};

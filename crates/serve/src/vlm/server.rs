@@ -4,7 +4,7 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use axum::Router;
 use axum::body::Bytes;
@@ -14,16 +14,17 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use serde_json::Value;
 use spf_flight::pose::parse_pose;
+use spf_guard::Access;
 use spf_media::{Jpeg, jpeg};
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 use super::lens::Lens;
 use super::memory::Unrecognised;
 use super::responder::{OracleReply, Responder};
-use super::wire::{Answered, Wire};
+use super::wire::{Answered, Question, Wire};
 
-/// Maximum request size, bytes.
-const LONGEST: usize = 32 << 20;
+/// Maximum number of images decoded or rendered at the same time; further requests wait. Each takes tens of megabytes.
+const AT_ONCE: usize = 2;
 /// JPEG quality of /frame.jpg.
 const QUALITY: u8 = 90;
 
@@ -62,6 +63,7 @@ struct Shared {
     lens: Arc<dyn Lens>,
     responder: Responder,
     questions: AtomicU64,
+    work: Arc<Semaphore>,
 }
 
 impl Endpoint {
@@ -72,7 +74,6 @@ impl Endpoint {
     pub fn bind(address: SocketAddr) -> Result<Self, EndpointError> {
         let listen = |source| EndpointError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(listen)?;
-        listener.set_nonblocking(true).map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
         Ok(Self { listener, address })
     }
@@ -89,20 +90,14 @@ impl Endpoint {
     /// [`EndpointError::Thread`] if it cannot be started.
     pub fn serve(self, lens: Arc<dyn Lens>, responder: Responder) -> Result<Serving, EndpointError> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(EndpointError::Thread)?;
-        let shared = Arc::new(Shared { lens, responder, questions: AtomicU64::new(0) });
-        let (stop, mut stopped) = watch::channel(false);
+        let shared = Arc::new(Shared { lens, responder, questions: AtomicU64::new(0), work: Arc::new(Semaphore::new(AT_ONCE)) });
+        let (stop, stopped) = watch::channel(false);
         let work = move || {
             runtime.block_on(async {
-                let Ok(listener) = tokio::net::TcpListener::from_std(self.listener) else { return };
-                let serving = axum::serve(listener, router(shared));
-                tokio::select! {
-                    served = serving.into_future() => {
-                        if let Err(error) = served {
-                            tracing::error!(%error, "the endpoint failed");
-                        }
-                    }
-                    // A dropped sender also means shutdown.
-                    _ = stopped.wait_for(|stop| *stop) => {}
+                let access = Access::at(self.address);
+                let served = spf_guard::serve(self.listener, router(shared), access, stopped, Duration::ZERO).await;
+                if let Err(error) = served {
+                    tracing::error!(%error, "the endpoint failed");
                 }
             });
             runtime.shutdown_background();
@@ -128,11 +123,14 @@ fn router(shared: Arc<Shared>) -> Router {
         let ask = move |State(shared): State<Arc<Shared>>, body: Bytes| ask(shared, wire, body, None);
         router = router.route(&format!("/v1/{path}"), post(ask)).route(&format!("/{path}"), post(ask));
     }
-    router.layer(DefaultBodyLimit::max(LONGEST)).with_state(shared)
+    // The guard bounds the body.
+    router.layer(DefaultBodyLimit::disable()).with_state(shared)
 }
 
 async fn frame(State(shared): State<Arc<Shared>>) -> Response {
+    let Ok(turn) = shared.work.clone().acquire_owned().await else { return StatusCode::SERVICE_UNAVAILABLE.into_response() };
     let taken = tokio::task::spawn_blocking(move || {
+        let _turn = turn;
         let (frame, image) = shared.lens.newest()?;
         Some((frame, Jpeg::encode(&image, QUALITY).ok()?))
     });
@@ -167,22 +165,17 @@ async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String
 /// `named`: model and streaming, if given in the path.
 async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String, bool)>) -> Response {
     let began = Instant::now();
-    let Ok(body) = serde_json::from_slice::<Value>(&body) else {
-        return refused(wire, StatusCode::BAD_REQUEST, "the body is not valid JSON");
-    };
-    let mut question = wire.question(&body);
-    if let Some((model, stream)) = named {
-        (question.model, question.stream) = (model, stream);
-    }
-    let Some(image) = question.image.take() else {
-        return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, "the request contains no image (base64, JPEG)");
-    };
+    let Ok(turn) = shared.work.clone().acquire_owned().await else { return StatusCode::SERVICE_UNAVAILABLE.into_response() };
     let number = shared.questions.fetch_add(1, Ordering::Relaxed);
-    let prompt = question.prompt.clone();
-    let thought = tokio::task::spawn_blocking(move || think(&shared, number, &prompt, &image)).await;
-    let OracleReply { text, latency } = match thought {
+    // The turn ends with the work, which goes on if the client leaves.
+    let work = move || {
+        let _turn = turn;
+        think(&shared, wire, number, &body, named)
+    };
+    let thought = tokio::task::spawn_blocking(work).await;
+    let (question, OracleReply { text, latency }) = match thought {
         Ok(Ok(thought)) => thought,
-        Ok(Err(why)) => return refused(wire, StatusCode::UNPROCESSABLE_ENTITY, &why),
+        Ok(Err((status, why))) => return refused(wire, status, &why),
         Err(_) => return refused(wire, StatusCode::INTERNAL_SERVER_ERROR, "the oracle failed"),
     };
     let answered = Answered::new(&question, &text, number);
@@ -195,10 +188,40 @@ async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String
     ([(header::CONTENT_TYPE, kind)], body).into_response()
 }
 
-fn think(shared: &Shared, number: u64, prompt: &str, image: &[u8]) -> Result<OracleReply, String> {
-    let image = jpeg::decode_any(image).map_err(|error| error.to_string())?;
-    let answer = shared.responder.answer(shared.lens.now(), number, prompt, &image);
-    answer.map_err(|why: Unrecognised| why.to_string())
+/// Reads a request and answers it; the question is returned without its image.
+fn think(
+    shared: &Shared,
+    wire: Wire,
+    number: u64,
+    body: &[u8],
+    named: Option<(String, bool)>,
+) -> Result<(Question, OracleReply), (StatusCode, String)> {
+    let mut question = read_request(wire, body).map_err(|why| (StatusCode::BAD_REQUEST, why))?;
+    if let Some((model, stream)) = named {
+        (question.model, question.stream) = (model, stream);
+    }
+    let unusable = |why: String| (StatusCode::UNPROCESSABLE_ENTITY, why);
+    let image = question.image.take().ok_or_else(|| unusable("the request contains no image (base64, JPEG)".to_owned()))?;
+    let image = jpeg::decode_within(&image, spf_guard::PIXELS).map_err(|error| unusable(error.to_string()))?;
+    let answer = shared.responder.answer(shared.lens.now(), number, &question.prompt, &image);
+    let reply = answer.map_err(|why: Unrecognised| unusable(why.to_string()))?;
+    Ok((question, reply))
+}
+
+/// Reads any bytes as a request in every format, up to the decoded image, for fuzzing.
+#[doc(hidden)]
+pub fn read_any_request(bytes: &[u8]) {
+    for wire in [Wire::Chat, Wire::Responses, Wire::Gemini, Wire::Anthropic] {
+        let question = read_request(wire, bytes);
+        if let Some(image) = question.ok().and_then(|question| question.image) {
+            drop(jpeg::decode_within(&image, 1 << 20));
+        }
+    }
+}
+
+fn read_request(wire: Wire, body: &[u8]) -> Result<Question, String> {
+    let body = serde_json::from_slice::<Value>(body).map_err(|_| "the body is not valid JSON".to_owned())?;
+    Ok(wire.question(&body))
 }
 
 fn refused(wire: Wire, status: StatusCode, message: &str) -> Response {

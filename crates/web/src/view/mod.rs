@@ -6,7 +6,6 @@
 
 mod camera;
 mod draw;
-mod guard;
 mod library;
 mod message;
 mod quality;
@@ -21,6 +20,13 @@ use spf_scene::SceneLook;
 
 pub use library::Library;
 pub use server::{Stopper, ViewError, Viewer};
+
+/// Reads a page's message, for fuzzing; whether it is one.
+#[doc(hidden)]
+#[must_use]
+pub fn read_page_message(text: &str) -> bool {
+    message::FromPage::read(text).is_ok()
+}
 
 /// The initial view of a page.
 #[derive(Clone, Debug)]

@@ -2,24 +2,22 @@
 
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Request, State};
+use axum::http::HeaderValue;
 use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
+use spf_guard::Access;
 use tokio::sync::watch;
 
 use super::message::LONGEST;
-use super::{InitialView, Library, guard, session};
+use super::{InitialView, Library, session};
 
-/// Maximum number of pages; each has its own rendering thread.
-const MOST_PAGES: usize = 8;
 /// Maximum wait for pages at shutdown, slightly longer than each of their closing handshakes.
 const SHUTDOWN_GRACE: Duration = session::SHUTDOWN_GRACE.saturating_add(Duration::from_millis(200));
 
@@ -67,8 +65,6 @@ pub struct Viewer {
 struct Shared {
     library: Arc<Library>,
     beginning: InitialView,
-    loopback: bool,
-    pages: AtomicUsize,
     stop: watch::Receiver<bool>,
 }
 
@@ -80,7 +76,6 @@ impl Viewer {
     pub fn bind(address: SocketAddr) -> Result<Self, ViewError> {
         let listen = |source| ViewError::Listen { address, source };
         let listener = TcpListener::bind(address).map_err(listen)?;
-        listener.set_nonblocking(true).map_err(listen)?;
         let address = listener.local_addr().map_err(listen)?;
         Ok(Self { listener, address, stop: Stopper(watch::Sender::new(false)) })
     }
@@ -102,45 +97,15 @@ impl Viewer {
     /// # Errors
     /// [`ViewError::Server`] if the system's sockets or threads fail.
     pub fn serve(self, library: Library, beginning: InitialView) -> Result<(), ViewError> {
-        let shared = Arc::new(Shared {
-            library: Arc::new(library),
-            beginning,
-            loopback: self.address.ip().is_loopback(),
-            pages: AtomicUsize::new(0),
-            stop: self.stop.0.subscribe(),
-        });
+        let shared = Arc::new(Shared { library: Arc::new(library), beginning, stop: self.stop.0.subscribe() });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Server)?;
-        let served = runtime.block_on(answer(self.listener, shared));
+        let (access, stop) = (Access::at(self.address), self.stop.0.subscribe());
+        // Pages are closed in their own tasks.
+        let served = runtime.block_on(spf_guard::serve(self.listener, router(shared), access, stop, SHUTDOWN_GRACE));
         // The rendering threads end with their channels and need not be awaited.
         runtime.shutdown_background();
         served.map_err(ViewError::Server)
     }
-}
-
-async fn answer(listener: TcpListener, shared: Arc<Shared>) -> std::io::Result<()> {
-    let listener = tokio::net::TcpListener::from_std(listener)?;
-    let stopped = |mut stop: watch::Receiver<bool>| async move { drop(stop.wait_for(|stop| *stop).await) };
-    let serving = axum::serve(listener, router(shared.clone())).with_graceful_shutdown(stopped(shared.stop.clone()));
-    let end = async {
-        stopped(shared.stop.clone()).await;
-        // Pages are closed in their own tasks; one that does not respond is not awaited.
-        let all_gone = async {
-            while shared.pages.load(Ordering::Relaxed) > 0 {
-                tokio::time::sleep(Duration::from_millis(10)).await;
-            }
-        };
-        drop(tokio::time::timeout(SHUTDOWN_GRACE, all_gone).await);
-    };
-    tokio::pin!(end);
-    tokio::select! {
-        // WebSockets are not counted among its connections: it often finishes before the pages are closed.
-        served = serving.into_future() => {
-            served?;
-            end.await;
-        }
-        () = &mut end => {}
-    }
-    Ok(())
 }
 
 fn router(shared: Arc<Shared>) -> Router {
@@ -149,7 +114,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/view.css", get(async || file("text/css; charset=utf-8", include_str!("page/view.css"))))
         .route("/view.js", get(async || file("text/javascript; charset=utf-8", include_str!("page/view.js"))))
         .route("/socket", any(socket))
-        .layer(middleware::from_fn_with_state(shared.clone(), guarded))
+        .layer(middleware::from_fn(headed))
         .with_state(shared)
 }
 
@@ -157,12 +122,9 @@ fn file(kind: &'static str, text: &'static str) -> Response {
     ([(header::CONTENT_TYPE, kind)], text).into_response()
 }
 
-/// Rejects unauthorised requests, and adds security headers to every response.
-async fn guarded(State(shared): State<Arc<Shared>>, request: Request, next: Next) -> Response {
-    let mut response = match guard::check(request.headers(), shared.loopback) {
-        Ok(()) => next.run(request).await,
-        Err(refusal) => (StatusCode::FORBIDDEN, format!("{refusal}\n")).into_response(),
-    };
+/// Adds security headers to every response.
+async fn headed(request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
     let headers: [(HeaderName, &str); 5] = [
         (header::CONTENT_SECURITY_POLICY, POLICY),
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
@@ -177,29 +139,8 @@ async fn guarded(State(shared): State<Arc<Shared>>, request: Request, next: Next
 }
 
 async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
-    let Some(slot) = PageSlot::take(&shared) else {
-        let text = format!("{MOST_PAGES} pages are already open; close one\n");
-        return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
-    };
     upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(async move |socket| {
-        let Shared { library, beginning, stop, .. } = &*slot.0;
+        let Shared { library, beginning, stop } = &*shared;
         session::converse(socket, library.clone(), beginning.clone(), stop.clone()).await;
     })
-}
-
-/// One of the available page slots; released when dropped.
-struct PageSlot(Arc<Shared>);
-
-impl PageSlot {
-    fn take(shared: &Arc<Shared>) -> Option<Self> {
-        let more = |pages| (pages < MOST_PAGES).then_some(pages + 1);
-        shared.pages.fetch_update(Ordering::Relaxed, Ordering::Relaxed, more).ok()?;
-        Some(Self(shared.clone()))
-    }
-}
-
-impl Drop for PageSlot {
-    fn drop(&mut self) {
-        self.0.pages.fetch_sub(1, Ordering::Relaxed);
-    }
 }

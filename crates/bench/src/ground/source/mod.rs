@@ -6,7 +6,6 @@ mod plain;
 mod sim;
 
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -126,7 +125,7 @@ fn find(folder: &Path) -> Result<PathBuf, SourceError> {
 fn read(path: &Path) -> Result<String, SourceError> {
     let wrong = |source| SourceError::Read { path: path.to_owned(), source };
     let mut text = String::new();
-    File::open(path).map_err(wrong)?.take(LONGEST).read_to_string(&mut text).map_err(wrong)?;
+    spf_input::open(path).map_err(wrong)?.take(LONGEST).read_to_string(&mut text).map_err(wrong)?;
     Ok(text)
 }
 

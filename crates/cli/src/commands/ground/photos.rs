@@ -1,6 +1,5 @@
 //! Input images: photographs, video frames, standard input.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -156,7 +155,7 @@ fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
 }
 
 fn file(path: &Path, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
-    let open = File::open(path).map_err(|error| {
+    let open = spf_input::open(path).map_err(|error| {
         CliError::usage(format!("cannot read the image `{}`", path.display()))
             .because(&error)
             .hint("give images first and the instruction last: spf ground photo.jpg \"the blue door\"")

@@ -3,7 +3,7 @@
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_vlm::check::{Check, Verdict, check as ask};
 use spf_vlm::exec::EXEC;
-use spf_vlm::setup;
+use spf_vlm::setup::{self, Access};
 use spf_vlm::{Paced, Strategy, Vlm, VlmError};
 
 use super::{exec, refused, table};
@@ -11,7 +11,7 @@ use crate::args::VlmCheck;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use crate::settings::{Settings, variables};
+use crate::settings::{Settings, environment, variables};
 
 /// Queries a model about the calibration images.
 pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
@@ -20,7 +20,9 @@ pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError
         Box::new(Paced::new(Box::new(exec(&settings, &args.name)?), None, true))
     } else {
         let (table, variables) = (table(&settings)?, variables()?);
-        let remote = setup::remote(&table, &[&args.name], &variables, Strategy::default());
+        let send_to = settings.vlm.send_key_to.get()?.unwrap_or_default();
+        let access = Access { keys: &variables, places: &environment, send_to: &send_to };
+        let remote = setup::remote(&table, &[args.name.as_str().into()], access, Strategy::default());
         Box::new(remote.map_err(|error| refused(&settings, &args.name, &error))?)
     };
     let time = settings.reply_timeout()?;

@@ -16,7 +16,7 @@ use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
 use spf_oracle::ErrorFile;
 use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::human::HUMAN;
-use spf_vlm::setup::{self, AUTO, SetupError};
+use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
 use spf_vlm::table::{SelectError, Table};
 use spf_vlm::{Remote, Strategy, Vlm, today};
 
@@ -28,7 +28,7 @@ pub(crate) use trial::trial;
 
 use crate::commands::read;
 use crate::error::{CliError, nearest};
-use crate::settings::{Row, Settings, variables};
+use crate::settings::{Row, Settings, environment, variables};
 
 /// The VLM of a flight.
 #[derive(Clone)]
@@ -167,7 +167,11 @@ fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Re
 pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Chosen, CliError> {
     let table = table(settings)?;
     let variables = variables()?;
-    let names: Vec<&str> = [Some(name), settings.vlm.fallback.text()].into_iter().flatten().collect();
+    let send_to = settings.vlm.send_key_to.get()?.unwrap_or_default();
+    let access = Access { keys: &variables, places: &environment, send_to: &send_to };
+    let first = Name { text: name, from_file: settings.fly.vlm.is_from_file() };
+    let second = settings.vlm.fallback.text().map(|text| Name { text, from_file: settings.vlm.fallback.is_from_file() });
+    let names: Vec<Name<'_>> = [Some(first), second].into_iter().flatten().collect();
     let strategy = Strategy {
         hedge: settings.vlm.hedge_s.get()?.map(duration_from_secs),
         long_side: settings.vlm.image_long_side.get()?,
@@ -177,7 +181,8 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     let today = today();
     let mut chosen = Vec::new();
     let mut auto = String::new();
-    for name in &names {
+    for &full in &names {
+        let name = full.text;
         let choice = setup::choose(&table, name, &variables).map_err(|error| refused(settings, name, &error))?;
         let model = &choice.model;
         if auto.is_empty() {
@@ -194,10 +199,14 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
             let then = successor.map_or(String::new(), |successor| format!("; its successor is {successor}"));
             format!(" (warning: it ends on {day}, in {left} days{then})")
         });
-        let sent = if setup::is_local(&choice, &variables) { "" } else { "; images are sent to its server and may incur costs" };
-        chosen.push(format!("{} from {}{place}{assumed}{ends}{sent}", model.id, model.vendor.title));
+        let sent = if setup::is_local(&choice, access) { "" } else { "; images are sent to its server and may incur costs" };
+        let withheld = setup::withheld_key(&table, full, access).map_err(|error| refused(settings, name, &error))?;
+        let withheld = withheld.map_or(String::new(), |(variable, server)| {
+            format!("; the key in {variable} is not sent to this server (to send it: --send-key-to {server})")
+        });
+        chosen.push(format!("{} from {}{place}{assumed}{ends}{sent}{withheld}", model.id, model.vendor.title));
     }
-    let remote = setup::remote(&table, &names, &variables, strategy).map_err(|error| refused(settings, name, &error))?;
+    let remote = setup::remote(&table, &names, access, strategy).map_err(|error| refused(settings, name, &error))?;
     let remote = match prompt {
         Some(prompt) => remote.with_prompt(prompt),
         None => remote,
@@ -232,6 +241,14 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
         SetupError::Select(SelectError::Retired { successor, .. }) => {
             let vendor = name.split(['#', '@']).next().unwrap_or(name);
             failure.hint(format!("use --vlm {vendor}#{successor}"))
+        }
+        SetupError::KeyElsewhere { variable, server, .. } => failure.hint(format!(
+            "if that server may have the key, add --send-key-to {server}; to query it without a key, unset {variable}"
+        )),
+        SetupError::KeyInClear { .. } => failure.hint("use the URL with https://"),
+        SetupError::UrlFromFile { variable } => {
+            let vendor = name.split(['#', '@']).next().unwrap_or(name);
+            failure.hint(format!("remove it from .env and export {variable} in the environment, or use --vlm {vendor}@URL"))
         }
         SetupError::NoKey { variables, page, .. } => {
             let page = page.as_deref().map_or(String::new(), |page| format!("; create a key at {page}"));

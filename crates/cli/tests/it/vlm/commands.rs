@@ -157,6 +157,7 @@ fn a_query_that_cannot_be_sent_is_reported_before_anything_flies() {
         (vec!["--vlm", "http://me:secret@localhost:1/v1#m"], vec!["set API keys in the environment"]),
         (vec!["--vlm", "vllm@http://localhost:1/v1?key=secret"], vec!["set API keys in the environment"]),
         (vec!["--vlm", "vllm@http://"], vec!["invalid server URL"]),
+        (vec!["--vlm", "vllm", "--send-key-to", "http://h"], vec!["--send-key-to: expected HOST or HOST:PORT"]),
         (vec!["--vlm-models", "none.toml", "--vlm", "vllm"], vec!["cannot read the models file"]),
     ] {
         let run = lab.spf(&[&["fly", "go"], args.as_slice()].concat());
@@ -171,11 +172,12 @@ fn a_query_that_cannot_be_sent_is_reported_before_anything_flies() {
 #[test]
 fn auto_takes_the_first_vendor_whose_key_is_set() {
     let (lab, server) = (Lab::new(), crane(Vendor::OpenAi));
-    lab.write(
-        ".env",
-        format!("OPENAI_API_KEY={}\nOPENAI_BASE_URL={}\nANTHROPIC_API_KEY=sk-other-key\n", super::KEY, server.url()),
-    );
-    let (_, summary) = lab.fly("mine", &["fly to the red crane", "--vlm", "auto"]);
+    lab.write(".env", format!("OPENAI_API_KEY={}\nANTHROPIC_API_KEY=sk-other-key\n", super::KEY));
+    let host = server.host().to_string();
+    let args = ["fly", "fly to the red crane", "--vlm", "auto", "--send-key-to", &host, "--json", "--no-video", "--out", "mine"];
+    let output = lab.command(&args).env("OPENAI_BASE_URL", server.url()).output().unwrap();
+    let run = crate::harness::Run::of(&output);
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}\n{}", run.stderr));
     assert_eq!((&summary["vlm"], &summary["vlm_use"]["models"]["gpt-6-luna"]), (&"openai".into(), &5.into()), "{summary}");
     assert_eq!(server.questions()[0].header("authorization"), Some(format!("Bearer {}", super::KEY).as_str()));
 }

@@ -12,6 +12,7 @@ use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::VlmFactory;
 use spf_flight::summary::Summary;
+use spf_vlm::setup::{Access, KeyHost, Name};
 use spf_vlm::table::Table;
 use spf_vlm::{Strategy, setup};
 
@@ -76,9 +77,11 @@ fn flown(
     let server = Server::start(answer);
     let mut names = vec![format!("{}@{}", vendor.name(), server.url())];
     names.extend(more.iter().map(|(vendor, server)| format!("{}@{}", vendor.name(), server.url())));
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let send_to: Vec<KeyHost> =
+        std::iter::once(&server).chain(more.iter().map(|(_, server)| *server)).map(Server::host).collect();
+    let names: Vec<Name<'_>> = names.iter().map(|name| name.as_str().into()).collect();
     let key = |variable: &str| Vendor::ALL.iter().any(|vendor| vendor.key() == variable).then(|| KEY.to_owned());
-    let remote = setup::remote(&Table::shipped(), &names, &key, strategy).unwrap();
+    let remote = setup::remote(&Table::shipped(), &names, Access { send_to: &send_to, ..Access::of(&key) }, strategy).unwrap();
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
     let mut plan = plan(vlm_factory, false);
     plan.settings.reply_timeout = Duration::from_millis(1500);

@@ -52,9 +52,9 @@ fn keys_stand_nowhere() {
                 _ => vendor.stream(&format!("model-{KEY}"), DONE),
             }
         });
-        let vlm = format!("{}@{}", vendor.name(), server.url());
+        let (vlm, host) = (format!("{}@{}", vendor.name(), server.url()), server.host().to_string());
         let args = ["-vv", "fly", "go", "--out", "mine", "--no-video", "--vlm", &vlm, "--vlm-record", "tape.jsonl"];
-        let mut command = lab.command(&args);
+        let mut command = lab.command(&[&args[..], &["--send-key-to", &host]].concat());
         // All log output of reqwest, hyper and rustls.
         let run = Run::of(&command.env("RUST_LOG", "trace").env("SPF_MAX_FAILED_REPLIES", "20").output().unwrap());
         assert!(server.questions().len() > 9, "{vendor:?}: {}", run.stderr);
@@ -66,7 +66,172 @@ fn keys_stand_nowhere() {
         }
         let shown = lab.spf(&["config", "show"]);
         assert_hidden("config show", shown.stdout.as_bytes());
-        let check = lab.spf(&["-vv", "vlm", "check", &vlm]);
+        let check = lab.spf(&["-vv", "vlm", "check", &vlm, "--send-key-to", &host]);
         assert_hidden("vlm check", format!("{}{}", check.stdout, check.stderr).as_bytes());
     }
+}
+
+/// A server that keeps all that is sent to it, and answers as `vendor` does.
+fn thief(vendor: Vendor) -> Server {
+    Server::start(move |_, request| vendor.stream(&vendor.model(request), DONE))
+}
+
+/// Nothing that a server received has a piece of the key in it.
+fn assert_not_received(what: &str, server: &Server) {
+    for request in server.questions() {
+        for (name, value) in &request.headers {
+            assert_hidden(&format!("{what}: the header {name}"), value.as_bytes());
+        }
+        assert_hidden(&format!("{what}: the path"), request.path.as_bytes());
+        assert_hidden(&format!("{what}: the body"), &request.body);
+    }
+}
+
+/// A folder of somebody else's: whatever its files say, the key in the user's environment goes nowhere.
+#[test]
+fn files_of_the_working_directory_cannot_send_a_key_anywhere() {
+    let server = thief(Vendor::OpenAi);
+    let (url, host) = (server.url(), server.host());
+    // On this machine requests are sent without the key; to another one, nothing is sent.
+    let elsewhere = "https://198.51.100.7/v1";
+    let own = |base: &str| {
+        format!(
+            "[[vendor]]\nname = \"openai\"\ntitle = \"x\"\nwire = \"openai-responses\"\nbase_url = \"{base}\"\nauth = \"bearer\"\n\
+             keys = [\"OPENAI_API_KEY\", \"AWS_SECRET_ACCESS_KEY\"]\nkey_needed = true\nfamily = \"gpt\"\ndefault = \"gpt-6-luna\"\n"
+        )
+    };
+    let fly = ["-vv", "fly", "go", "--no-video", "--max-decisions", "2", "--out", "mine"];
+    let openai = [&fly[..], &["--vlm", "openai"]].concat();
+    for (what, env, toml, models, args, code, said) in [
+        (
+            "a URL for the vendor in .env",
+            format!("OPENAI_BASE_URL={url}"),
+            String::new(),
+            String::new(),
+            &openai,
+            2,
+            "`.env` sets OPENAI_BASE_URL",
+        ),
+        (
+            "a VLM with a URL in .env",
+            format!("SPF_VLM=openai@{url}"),
+            String::new(),
+            String::new(),
+            &fly.to_vec(),
+            0,
+            "is not sent to this server",
+        ),
+        (
+            "a VLM elsewhere in .env",
+            format!("SPF_VLM=openai@{elsewhere}"),
+            String::new(),
+            String::new(),
+            &fly.to_vec(),
+            2,
+            "--send-key-to 198.51.100.7",
+        ),
+        (
+            "a receiver in .env",
+            format!("SPF_SEND_KEY_TO={host}"),
+            String::new(),
+            String::new(),
+            &openai,
+            2,
+            "cannot be set in a file",
+        ),
+        (
+            "a VLM with a URL in spf.toml",
+            String::new(),
+            format!("[fly]\nvlm = \"openai@{url}\""),
+            String::new(),
+            &fly.to_vec(),
+            0,
+            "is not sent to this server",
+        ),
+        (
+            "any server in spf.toml",
+            String::new(),
+            format!("[fly]\nvlm = \"{elsewhere}#m\""),
+            String::new(),
+            &fly.to_vec(),
+            2,
+            "OPENAI_COMPATIBLE_API_KEY",
+        ),
+        (
+            "the user's own kind of server",
+            String::new(),
+            format!("[fly]\nvlm = \"{url}#gpt-6-luna\""),
+            String::new(),
+            &fly.to_vec(),
+            0,
+            "is not sent to this server",
+        ),
+        (
+            "a receiver in spf.toml",
+            String::new(),
+            format!("[vlm]\nsend_key_to = \"{host}\""),
+            String::new(),
+            &openai,
+            2,
+            "cannot be set in a file",
+        ),
+        (
+            "a table of models",
+            String::new(),
+            "[vlm]\nmodels = \"m.toml\"".to_owned(),
+            own(&url),
+            &openai,
+            0,
+            "is not sent to this server",
+        ),
+        (
+            "a table of models elsewhere",
+            String::new(),
+            "[vlm]\nmodels = \"m.toml\"".to_owned(),
+            own(elsewhere),
+            &openai,
+            2,
+            "--send-key-to 198.51.100.7",
+        ),
+        (
+            "plain http to the vendor",
+            String::new(),
+            "[fly]\nvlm = \"openai@http://api.openai.com/v1\"".to_owned(),
+            String::new(),
+            &fly.to_vec(),
+            2,
+            "use the URL with https://",
+        ),
+    ] {
+        let lab = Lab::new();
+        lab.write(".env", env);
+        lab.write("spf.toml", toml);
+        lab.write("m.toml", models);
+        let mut command = lab.command(args);
+        for variable in ["OPENAI_API_KEY", "OPENAI_COMPATIBLE_API_KEY", "AWS_SECRET_ACCESS_KEY"] {
+            command.env(variable, KEY);
+        }
+        let run = Run::of(&command.env("RUST_LOG", "trace").output().unwrap());
+        assert!(run.stderr.contains(said), "{what}: {}", run.stderr);
+        // A flight may end anyhow; what may not start is a matter of usage.
+        assert_eq!(run.code == Some(2), code == 2, "{what}: {:?} {}", run.code, run.stderr);
+        assert_not_received(what, &server);
+        let mut all = vec![("stdout".to_owned(), run.stdout.into_bytes()), ("stderr".to_owned(), run.stderr.into_bytes())];
+        files(&lab.path("."), &mut all);
+        for (name, bytes) in &all {
+            assert_hidden(&format!("{what}: {name}"), bytes);
+        }
+    }
+    assert!(!server.questions().is_empty(), "what was sent without the key arrived");
+}
+
+#[test]
+fn a_person_can_send_a_key_to_a_server_of_their_own() {
+    let lab = Lab::new();
+    let server = thief(Vendor::OpenAi);
+    let vlm = format!("openai@{}", server.url());
+    let host = server.host().to_string();
+    let fly = ["fly", "go", "--no-video", "--max-decisions", "1", "--out", "mine", "--vlm", &vlm, "--send-key-to", &host];
+    drop(lab.command(&fly).env("OPENAI_API_KEY", KEY).output().unwrap());
+    assert_eq!(server.questions()[0].header("authorization"), Some(format!("Bearer {KEY}").as_str()));
 }

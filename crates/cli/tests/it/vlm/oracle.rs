@@ -12,6 +12,7 @@ use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
+use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
 use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Remote, Strategy, Vlm, setup};
 
@@ -69,7 +70,9 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     let server = Server::start(move |_, request| vendor.stream(&vendor.model(request), &told.lock().unwrap().clone()));
     let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
     let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
-    let remote = setup::remote(&Table::shipped(), &[&name], &key, Strategy { long_side, ..Strategy::default() }).unwrap();
+    let (strategy, send_to) = (Strategy { long_side, ..Strategy::default() }, [server.host()]);
+    let access = Access { send_to: &send_to, ..Access::of(&key) };
+    let remote = setup::remote(&Table::shipped(), &[name.as_str().into()], access, strategy).unwrap();
     let vlm_factory: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
         let world = world.unwrap();
         let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect")?, seed);
@@ -140,7 +143,8 @@ fn a_question_taken_back_ends_at_once() {
     }
     let server = Server::start(|_, _| Reply { pieces: vec![Piece::Hang], ..Reply::new(200, "text/event-stream", "") });
     let name = format!("vllm@{}", server.url());
-    let mut remote = setup::remote(&Table::shipped(), &[&name], &|_| None, Strategy::default()).unwrap();
+    let mut remote =
+        setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&|_| None), Strategy::default()).unwrap();
     let query = super::check::query();
     let request = QueryRequest::new(&query, Duration::from_secs(60));
     let cancel = request.cancel.clone();

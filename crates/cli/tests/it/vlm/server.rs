@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use serde_json::Value;
+use spf_vlm::setup::KeyHost;
 
 /// A received request.
 #[derive(Clone)]
@@ -97,6 +98,11 @@ impl Server {
     /// `http://127.0.0.1:PORT/v1`.
     pub(crate) fn url(&self) -> String {
         format!("http://{}/v1", self.address)
+    }
+
+    /// The server, as a key's receiver.
+    pub(crate) fn host(&self) -> KeyHost {
+        self.address.to_string().parse().unwrap()
     }
 
     /// The queries so far; a request that only opens a connection does not count.

@@ -113,6 +113,9 @@ pub struct Link {
     key_wanted: bool,
 }
 
+/// Maximum number of events that wait for the pilot; the oldest telemetry makes room.
+const EVENTS: usize = 64;
+
 impl Link {
     /// A link to a drone in SDK mode, on the ground or in the air.
     #[must_use]
@@ -395,6 +398,11 @@ impl Link {
     }
 
     fn report_phase(&mut self, now: Time) {
+        // Somebody who floods the state port must not fill the memory, nor put old telemetry before the pilot.
+        if self.events.len() >= EVENTS {
+            let oldest = self.events.iter().position(|(_, event)| matches!(event, DroneEvent::Telemetry(_)));
+            oldest.and_then(|index| self.events.remove(index));
+        }
         self.events.push_back((now, DroneEvent::Telemetry(self.telemetry(now))));
     }
 
