@@ -10,6 +10,7 @@ mod progress;
 mod settings;
 
 use std::io::IsTerminal;
+use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -42,11 +43,13 @@ fn main() -> ExitCode {
     background::start();
     start_log(cli.verbose);
     let printer = Printer::new(cli.command.is_json());
-    let result = run(&cli, printer);
+    // A panic has landed the drone while it unwound, and its message is printed; the exit code is still that of an internal error.
+    let result = std::panic::catch_unwind(AssertUnwindSafe(|| run(&cli, printer)));
     background::flush();
     match result {
-        Ok(exit) => exit.into(),
-        Err(error) => {
+        Ok(Ok(exit)) => exit.into(),
+        Err(_) => Exit::Internal.into(),
+        Ok(Err(error)) => {
             Printer::new(false).log(&error.to_string());
             error.exit.into()
         }

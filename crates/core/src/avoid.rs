@@ -117,6 +117,20 @@ pub enum Avoidance {
 /// comes before up, up before down, and right before left. The result depends only on the arguments.
 #[must_use]
 pub fn avoid(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], target: Option<&str>) -> Avoidance {
+    avoid_guessed(plan, clearance, boxes, &[], target)
+}
+
+/// The same for boxes of which some have no range: their label, the nearest, is a guess (`guessed`, by the index of the box;
+/// a missing entry is false). What they block is shortened or held and never led around: a guess that is wrong would lead
+/// far aside, and to where a detector that knows a few classes of objects sees no wall.
+#[must_use]
+pub fn avoid_guessed(
+    plan: &PlannedStep<'_>,
+    clearance: f64,
+    boxes: &[ObstacleBox],
+    guessed: &[bool],
+    target: Option<&str>,
+) -> Avoidance {
     let Some(path) = plan.path(plan.point, plan.step) else { return Avoidance::Hold { by: None } };
     let solids: Vec<Solid> = boxes
         .iter()
@@ -127,7 +141,10 @@ pub fn avoid(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], targ
     let Some(by) = solids.iter().find(|solid| solid.blocks(&path)).map(|solid| solid.index) else { return Avoidance::Clear };
     let free =
         |point: ImagePoint, step: f64| plan.path(point, step).is_some_and(|path| !solids.iter().any(|solid| solid.blocks(&path)));
-    if let Some(point) = nearest_free(plan, |point| free(point, plan.step)) {
+    let is_guess = |solid: &Solid| guessed.get(solid.index) == Some(&true) && solid.blocks(&path);
+    if !solids.iter().any(is_guess)
+        && let Some(point) = nearest_free(plan, |point| free(point, plan.step))
+    {
         return Avoidance::Shifted { point, by };
     }
     let shortened = (1..SHORTENINGS).rev().map(|part| plan.step * f64::from(part) / f64::from(SHORTENINGS));
@@ -149,6 +166,19 @@ pub fn leads_along_edge(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, cl
     let edge = camera.ray(ImagePoint { u: if ray.right < 0.0 { 0.0 } else { 1.0 }, v: point.v }).right;
     // Distance of the end point from the vertical plane through the lens and the image edge.
     step * (edge - ray.right).abs() / libm::sqrt(1.0 + edge * edge) < clearance
+}
+
+/// Whether the straight way between two points, relative to where a view was taken with this attitude, stays `clearance` metres
+/// away from the view's boxes.
+#[must_use]
+pub fn is_free(camera: &Camera, attitude: Attitude, boxes: &[ObstacleBox], way: [BodyDisplacement; 2], clearance: f64) -> bool {
+    let [from, to] = way.map(|point| axes(lower(point, camera, attitude, Lifting::Levelled)));
+    let parts = libm::ceil(from.distance(to) / (0.5 * clearance)).clamp(1.0, 128.0);
+    // Where the craft is now it already is.
+    let points = (1..=parts as u32).map(|i| from + (to - from) * (f64::from(i) / parts));
+    let solids: Vec<Solid> =
+        boxes.iter().enumerate().map(|(index, obstacle)| Solid::new(camera, obstacle, index, clearance)).collect();
+    points.into_iter().all(|point| solids.iter().all(|solid| solid.distance(point) >= solid.clearance))
 }
 
 /// Distance at which a box's solid begins, metres: the near edge of its label's range interval.

@@ -1,7 +1,8 @@
 //! Detector output for a frame, and the obstacles that obstacle mode derives from it.
 //!
 //! A detector reports boxes and scores but no range. The range of a box is estimated from its class's typical height;
-//! where the class has none, or an image edge cuts the box, the object counts as near.
+//! where the class has none, or the upper or lower image edge cuts the box, the object counts as near, and a path that it
+//! blocks is shortened rather than led around it.
 
 use core::fmt::Write as _;
 
@@ -20,6 +21,8 @@ const MAX_IN_PROMPT: usize = 40;
 const MAX_LINE: usize = 160;
 /// A box that ends within this fraction of the image size from an edge is considered cut off there.
 const EDGE: f64 = 0.01;
+/// Fraction of its height that an object shows at least whose box the left or right edge cuts.
+const VISIBLE: f64 = 0.5;
 /// The text of an empty list.
 const NONE: &str = "none";
 
@@ -132,13 +135,14 @@ impl Detection {
     }
 
     /// Range at which an object of this class appears this tall, metres; `None` if the class has no typical height, or
-    /// the image edge cuts the box.
+    /// the upper or lower image edge cuts the box. Of an object that is cut off at the side at least half of the height is
+    /// taken to be visible.
     fn range(&self, camera: &Camera) -> Option<f64> {
         let ImageBox { left, top, right, bottom } = self.area;
-        let whole = left > EDGE && top > EDGE && right < 1.0 - EDGE && bottom < 1.0 - EDGE;
+        let (is_upright, is_wide) = (top > EDGE && bottom < 1.0 - EDGE, left > EDGE && right < 1.0 - EDGE);
         let pixels = (bottom - top) * f64::from(camera.height);
-        let height = coco::height(&self.name).filter(|_| whole && pixels > 0.0)?;
-        Some(height * camera.fy / pixels)
+        let height = coco::height(&self.name).filter(|_| is_upright && pixels > 0.0)?;
+        Some(if is_wide { 1.0 } else { VISIBLE } * height * camera.fy / pixels)
     }
 }
 
@@ -216,6 +220,12 @@ pub fn obstacles(detections: &[Detection], camera: &Camera, target: Option<&str>
     detections.iter().map(obstacle).collect()
 }
 
+/// Which of the [`obstacles`] have no known range, so that their label is a guess.
+#[must_use]
+pub fn unranged(detections: &[Detection], camera: &Camera) -> Vec<bool> {
+    detections.iter().map(|detection| detection.range(camera).is_none()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -260,11 +270,15 @@ mod tests {
         assert!((person.range(&camera).unwrap() - 12.0).abs() < 1e-9);
         let label = |of: &Detection| obstacles(core::slice::from_ref(of), &camera, None)[0].depth;
         assert_eq!(label(&person), label_of_range(12.0));
+        // Cut by the right edge: half of it may be hidden.
+        let aside = detection("person", [0.95, 0.4, 1.0, 0.4 + 1.7 / 12.0 * camera.fy / 720.0]);
+        assert!((aside.range(&camera).unwrap() - 6.0).abs() < 1e-9);
         // Cut by the lower edge, or of a class of any height: near.
         let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
         let kite = detection("kite", [0.4, 0.4, 0.45, 0.5]);
         for unknown in [cut, kite] {
             assert_eq!((unknown.range(&camera), label(&unknown)), (None, 1));
+            assert_eq!(unranged(&[unknown, person.clone()], &camera), [true, false]);
         }
     }
 

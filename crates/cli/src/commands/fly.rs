@@ -1,5 +1,7 @@
 //! `spf fly`: creates a flight from settings, and reports its result and exit code.
 
+#[cfg(all(debug_assertions, unix))]
+mod drill;
 mod manual;
 mod reading;
 pub(crate) mod real;

@@ -281,6 +281,12 @@ impl Envelope {
         (low - self.limits.min_altitude - LOOK_MARGIN, self.limits.max_altitude - LOOK_MARGIN - self.estimate.height)
     }
 
+    /// Whether the craft measures its distance to the ground.
+    #[must_use]
+    pub fn measures_clearance(&self) -> bool {
+        self.estimate.clearance.is_some()
+    }
+
     /// Whether a usable frame was captured within the maximum frame age.
     #[must_use]
     pub fn has_fresh_frame(&self, now: Time) -> bool {

@@ -85,6 +85,8 @@ pub struct Pilot {
     manual: Option<(Setpoint, Time)>,
     /// The operator's last setpoint.
     last_manual: Option<Time>,
+    /// Last setpoint of the operator, also an ignored one.
+    last_setpoint: Option<Time>,
     /// Time from which flight time is counted; advanced by the time flown by hand.
     counted_from: Time,
     /// Time up to which flight time is counted.
@@ -164,6 +166,7 @@ impl Pilot {
             settled: None,
             manual: None,
             last_manual: None,
+            last_setpoint: None,
             counted_from: Time::ZERO,
             counted_to: Time::ZERO,
             earlier_decisions: 0,

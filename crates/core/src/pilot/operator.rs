@@ -8,9 +8,21 @@ use crate::time::{Duration, Time};
 /// How long a manual setpoint is held without a new one, so that a released key stops the craft.
 const MANUAL_VALIDITY: Duration = Duration::from_millis(400);
 
+/// Setpoints that follow each other within this time are those of one held key: longer than the delay after which a terminal
+/// begins to repeat it.
+const HELD_KEY: Duration = Duration::from_millis(700);
+
 impl Pilot {
     pub(super) fn operator(&mut self, now: Time, event: OperatorEvent) {
-        if let Some(why) = self.ignored(&event) {
+        let is_setpoint = matches!(event, OperatorEvent::Setpoint(_));
+        // A key that was held when the landing began would undo the landing that a signal, or the other hand, asked for.
+        let still_held =
+            is_setpoint && self.phase == Phase::Landing && self.last_setpoint.is_some_and(|last| now.since(last) < HELD_KEY);
+        if is_setpoint {
+            self.last_setpoint = Some(now);
+        }
+        let held = still_held.then_some("landing: let go of the key, and press it again to take over");
+        if let Some(why) = self.ignored(&event).or(held) {
             return self.note(Note::OperatorIgnored(event, why));
         }
         self.note(Note::Operator(event.clone()));

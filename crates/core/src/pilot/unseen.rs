@@ -1,5 +1,5 @@
-//! Space that no camera frame has shown: no autonomous motion goes backwards into it, and vertical search moves stay
-//! between floor and ceiling.
+//! Space that no camera frame has shown: no autonomous motion goes backwards into it, in obstacle mode none goes straight
+//! down into it, and vertical search moves stay between floor and ceiling.
 
 use std::collections::VecDeque;
 
@@ -77,7 +77,17 @@ impl Pilot {
             }
         }
         let looks = motion.then_rest && primitives.forward == 0.0 && primitives.right == 0.0 && primitives.climb != 0.0;
-        if looks {
+        // A forward camera does not see what is below. Boxes tell nothing of it, and neither does the height above the
+        // take-off point.
+        if looks && primitives.climb < 0.0 && self.settings.avoid && !self.envelope.measures_clearance() {
+            let pose = self.known_pose(now);
+            let to = Goal::of_primitives(pose, primitives).position;
+            if !self.seen.shows(now, &self.camera, pose.position, to) {
+                primitives.climb = 0.0;
+                self.note(Note::Limited("no descent: no frame of the last 3 s shows what is below, and nothing measures it"));
+            }
+        }
+        if looks && primitives.climb != 0.0 {
             let (down, up) = self.envelope.vertical_room();
             let climb = primitives.climb.clamp(-down.max(0.0), up.max(0.0));
             if climb != primitives.climb {

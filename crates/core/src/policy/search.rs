@@ -13,8 +13,12 @@ use crate::reply::Look;
 const TURN_FRACTION: f64 = 0.8;
 /// Fraction of the field of view that a look covers: turns miss their heading by a few degrees.
 const COVERED_FRACTION: f64 = 0.9;
-/// Looks up or down without seeing the target, of one metre each, before turning continues.
-const VERTICAL_LOOKS: u32 = 3;
+/// Climb or descent of one look up or down, metres.
+const VERTICAL_LOOK: f64 = 1.0;
+/// Most metres of climbs and descents together before the target is flown to again.
+const VERTICAL_SUM: f64 = 3.0;
+/// A climb shorter than this shows nothing new, metres.
+const WORTH_CLIMBING: f64 = 0.1;
 /// Number of excursions to other positions. A target that does not exist costs three full turns.
 const EXCURSIONS: u32 = 2;
 /// Moves per excursion, each based on its own frame.
@@ -76,8 +80,9 @@ pub struct Search {
     climb: f64,
     /// Turned since the target was last seen, signed, clockwise positive.
     turned: f64,
-    /// Looks up or down since the target was last seen.
-    vertical: u32,
+    /// Climbs and descents since the target was last flown to, metres: looks up and down, the climb between the two
+    /// turns, and those of a blocked path.
+    vertical: f64,
     climbed: bool,
     stage: Stage,
     /// Headings for which a frame of this sweep was answered. The initial view does not count: the sweep ends where it
@@ -109,7 +114,7 @@ impl Search {
             deepest: label_of_range(LABELLED_PART * NEARBY_S * craft.cruise_speed),
             expected: None,
             turned: 0.0,
-            vertical: 0,
+            vertical: 0.0,
             climbed: false,
             stage: Stage::Sweep,
             covered: Coverage::new(COVERED_FRACTION * horizontal_fov),
@@ -121,11 +126,11 @@ impl Search {
         }
     }
 
-    /// Resets the search, since the target was seen.
+    /// Resets the search, since the target was seen and is flown to.
     pub fn reset(&mut self) {
         *self = Self {
             turned: 0.0,
-            vertical: 0,
+            vertical: 0.0,
             climbed: false,
             stage: Stage::Sweep,
             covered: Coverage::new(COVERED_FRACTION / TURN_FRACTION * self.turn),
@@ -137,6 +142,20 @@ impl Search {
             expected: None,
             ..*self
         };
+    }
+
+    /// Resets the search, since the target was seen; climbs and descents count on until it is flown to.
+    pub fn seen(&mut self) {
+        let vertical = self.vertical;
+        self.reset();
+        self.vertical = vertical;
+    }
+
+    /// Takes up to `wished` metres from those left for climbs and descents; returns what may be flown.
+    pub fn take_vertical(&mut self, wished: f64) -> f64 {
+        let taken = wished.min(VERTICAL_SUM - self.vertical).max(0.0);
+        self.vertical += taken;
+        taken
     }
 
     /// Turned since the target was last seen, radians, clockwise positive.
@@ -169,15 +188,14 @@ impl Search {
             self.open = Some(way);
         }
         match look {
-            Look::Up if self.vertical < VERTICAL_LOOKS => {
-                self.vertical += 1;
-                return SearchAction::Look(Primitives { climb: 1.0, ..Primitives::default() });
-            }
             // The camera cannot tilt, and the space behind the craft has not been seen: objects below come into view
             // from lower down.
-            Look::Down if self.vertical < VERTICAL_LOOKS => {
-                self.vertical += 1;
-                return SearchAction::Look(Primitives { climb: -1.0, ..Primitives::default() });
+            Look::Up | Look::Down => {
+                let metres = self.take_vertical(VERTICAL_LOOK);
+                if metres >= WORTH_CLIMBING {
+                    let climb = if look == Look::Up { metres } else { -metres };
+                    return SearchAction::Look(Primitives { climb, ..Primitives::default() });
+                }
             }
             _ => {}
         }
@@ -200,7 +218,11 @@ impl Search {
         if !self.climbed {
             self.climbed = true;
             self.begin_sweep();
-            return SearchAction::Look(Primitives { climb: self.climb, ..Primitives::default() });
+            let climb = self.take_vertical(self.climb);
+            if climb >= WORTH_CLIMBING {
+                return SearchAction::Look(Primitives { climb, ..Primitives::default() });
+            }
+            return self.next(Look::Right, heading, way);
         }
         let Some(open) = self.open.filter(|_| self.excursions < EXCURSIONS) else { return SearchAction::Exhausted };
         self.excursions += 1;
@@ -284,6 +306,30 @@ mod tests {
             }
         }
         assert_eq!(metres, 3.0);
+    }
+
+    #[test]
+    fn the_climb_between_turns_counts_towards_the_three_metres() {
+        let climbs = |search: &mut Search, looks: &[Look]| {
+            let (mut heading, mut climbs) = (0.0, Vec::new());
+            for n in 0..60 {
+                match search.next(looks[n.min(looks.len() - 1)], heading, None) {
+                    SearchAction::Look(Primitives { climb: 0.0, yaw, .. }) => heading = wrap_angle(heading + yaw),
+                    SearchAction::Look(step) => climbs.push(step.climb),
+                    SearchAction::Fly | SearchAction::Exhausted => break,
+                }
+            }
+            climbs
+        };
+        let mut search = searching(PI / 2.0);
+        assert_eq!(climbs(&mut search, &[Look::Right]), [3.0]);
+        search.reset();
+        assert_eq!(climbs(&mut search, &[Look::Up, Look::Down, Look::Right]), [1.0, -1.0, 1.0]);
+        search.reset();
+        assert_eq!(climbs(&mut search, &[Look::Up, Look::Up, Look::Up, Look::Right]), [1.0, 1.0, 1.0]);
+        // Seen and lost again: only what is flown to starts the sum anew.
+        search.seen();
+        assert_eq!(climbs(&mut search, &[Look::Up, Look::Right]), [0.0; 0]);
     }
 
     #[test]

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use crate::avoid::{self, Avoidance, BODY_MARGIN, ObstacleMemory, PathShape, PlannedStep};
+use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
-use crate::geometry::Pose;
+use crate::geometry::{EnuPosition, Pose};
 use crate::grounding::GroundingProfile;
 use crate::lift::{self, Lifting};
 use crate::policy::search::{OpenDirection, Search, SearchAction};
@@ -79,7 +80,13 @@ impl Report {
         let View { camera, pose: seen, .. } = self.view;
         // The same end height, relative to where the view was taken.
         let from_there = climb + pose.position.up - seen.position.up;
-        from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance)
+        let end = EnuPosition { up: pose.position.up + climb, ..pose.position };
+        let way = [pose.position, end].map(|point| seen.position.displacement_to(point, seen.attitude.heading));
+        // What a view from elsewhere shows of the way down must not be an obstacle.
+        let is_seen_free = climb > 0.0 || avoid::is_free(&camera, seen.attitude, &self.boxes, way, clearance);
+        let is_clear =
+            from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance);
+        is_clear && is_seen_free
     }
 }
 
@@ -269,7 +276,7 @@ impl Spf {
         let View { camera, pose, .. } = open_query.view;
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
-        let search = self.search.get_or_insert_with(|| Search::new(2.0 * camera.half_fov().0, &craft));
+        let search = self.search.get_or_insert_with(|| search_with(&camera, &craft));
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
         let way = reply
             .open_way
@@ -304,7 +311,7 @@ impl Spf {
             return Step::Reject("navigating without a point and a depth".to_owned());
         };
         if let Some(search) = &mut self.search {
-            search.reset();
+            search.seen();
         }
         self.remember(reply, point);
         self.fly_to(open_query, reply, point, depth)
@@ -326,7 +333,8 @@ impl Spf {
                 step,
             };
             let clearance = self.settings.craft.radius + BODY_MARGIN;
-            let outcome = avoid::avoid(&plan, clearance, &reply.boxes, reply.target.as_deref());
+            let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
+            let outcome = avoid::avoid_guessed(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref());
             self.reading.avoidance = Some(outcome);
             match outcome {
                 Avoidance::Clear => self.blocked = 0,
@@ -351,6 +359,9 @@ impl Spf {
                     Some(_) => None,
                 };
             }
+        }
+        if let Some(search) = self.search.as_mut().filter(|_| reply.status == Status::Navigating) {
+            search.reset();
         }
         self.reading.waypoint = Some(waypoint);
         self.reading.step = Some(step);
@@ -381,13 +392,19 @@ impl Spf {
         }
         self.blocked = 0;
         let View { camera, pose, .. } = open_query.view;
-        let clearance = self.settings.craft.radius + BODY_MARGIN;
-        let primitives = if self.reported.iter().all(|report| report.clears(&pose, BLOCKED_CLIMB, clearance)) {
-            Primitives { climb: BLOCKED_CLIMB, ..Primitives::default() }
+        let craft = self.settings.craft;
+        let is_clear = self.reported.iter().all(|report| report.clears(&pose, BLOCKED_CLIMB, craft.radius + BODY_MARGIN));
+        let search = self.search.get_or_insert_with(|| search_with(&camera, &craft));
+        let climb = if is_clear { search.take_vertical(BLOCKED_CLIMB) } else { 0.0 };
+        let primitives = if climb > 0.0 {
+            Primitives { climb, ..Primitives::default() }
         } else {
-            self.reading
-                .actions
-                .push("turns instead of climbing: an obstacle reaches beyond the upper edge of the frame".to_owned());
+            let why = if is_clear {
+                "it has climbed 3 m without flying on"
+            } else {
+                "an obstacle reaches beyond the upper edge of the frame"
+            };
+            self.reading.actions.push(format!("turns instead of climbing: {why}"));
             Primitives { yaw: camera.half_fov().0, ..Primitives::default() }
         };
         self.reading.primitives = Some(primitives);
@@ -405,6 +422,10 @@ impl Spf {
         }
         self.memory.last_seen = Some(if point.u < 0.5 { Look::Left } else { Look::Right });
     }
+}
+
+fn search_with(camera: &Camera, craft: &Craft) -> Search {
+    Search::new(2.0 * camera.half_fov().0, craft)
 }
 
 impl Policy for Spf {

@@ -96,6 +96,11 @@ impl Shared {
                 Notice::NoTakeOff => tracing::warn!("no reply to `takeoff`, and the motors do not turn: take-off abandoned"),
                 Notice::Unattended { landing: false } => tracing::error!("no command from the pilot for 2 s: the drone holds"),
                 Notice::Unattended { landing: true } => tracing::error!("no command from the pilot for 5 s: landing the drone"),
+                Notice::Unheard => {
+                    tracing::error!(
+                        "the drone has replied to nothing for 3 s: its commands do not arrive, the link counts as lost"
+                    );
+                }
                 Notice::Failed => tracing::error!("a part of the Tello driver failed: landing the drone"),
             }
         }

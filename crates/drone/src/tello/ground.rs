@@ -73,6 +73,11 @@ impl Ground {
         }
     }
 
+    /// Whether the last line was that of a drone on the ground, as far as height goes.
+    pub(super) fn looks_low(&self) -> bool {
+        self.is_low
+    }
+
     /// Whether the motors turned since [`Ground::forget`].
     pub(super) fn motors_turned(&self) -> bool {
         self.advanced

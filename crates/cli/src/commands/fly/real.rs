@@ -80,6 +80,8 @@ pub(super) fn ready(
         limits.max_altitude, limits.max_distance, limits.max_speed
     );
     let (craft, camera) = (limits.capped(&drone.capabilities().craft), Some(drone.frames()));
+    #[cfg(all(debug_assertions, unix))]
+    let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
     let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning.to_owned()];
     if !attended {

@@ -73,7 +73,11 @@ fn others(real: bool, count: Arc<AtomicU32>) -> std::io::Result<()> {
             match signal {
                 SIGQUIT => interrupt(&count),
                 SIGTSTP => background::say("Ctrl-Z does not suspend a flight; Ctrl-C lands"),
-                _ => tracing::debug!(signal, "ignored in flight"),
+                _ => {
+                    #[cfg(debug_assertions)]
+                    super::drill::hear(signal);
+                    tracing::debug!(signal, "ignored in flight");
+                }
             }
         }
     };

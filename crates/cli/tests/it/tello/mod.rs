@@ -3,6 +3,7 @@
 mod clients;
 mod ending;
 mod flights;
+mod matrix;
 
 use std::process::{Command, Stdio};
 

@@ -35,6 +35,29 @@ fn a_landing_can_be_taken_over_and_the_flight_continues() {
     }
 }
 
+/// Whoever holds a key when SIGTERM arrives, or a colleague presses Ctrl-C, has not seen the landing yet.
+#[test]
+fn a_key_held_since_before_the_landing_does_not_take_it_over() {
+    let mut flight = Setup::preset(Preset::Default).fly(always(navigate(0.6, 0.45, 9), 2.0));
+    flight.until_phase(Phase::Flying);
+    let press = |flight: &mut Flight| flight.operator(OperatorEvent::Setpoint(LEFT));
+    press(&mut flight);
+    // The delay before a terminal repeats a held key.
+    flight.pass(0.65);
+    for n in 0..15 {
+        press(&mut flight);
+        flight.pass(0.1);
+        if n == 5 {
+            flight.operator(OperatorEvent::Land);
+        }
+        assert_eq!(flight.pilot.phase(), if n < 5 { Phase::Manual } else { Phase::Landing }, "{n}");
+    }
+    // Let go, and pressed again.
+    flight.pass(0.8);
+    press(&mut flight);
+    assert_eq!(flight.pilot.phase(), Phase::Manual);
+}
+
 #[test]
 fn a_landing_that_the_envelope_began_can_be_taken_over() {
     let mut flight = Setup::preset(Preset::Default)

@@ -86,6 +86,32 @@ fn no_motion_goes_backwards_into_what_no_frame_of_the_last_three_seconds_shows()
     assert!((moved - 1.5).abs() < 0.5 && limited(&flight) == 0, "{moved} m");
 }
 
+/// A forward camera does not see what is below: where nothing measures the distance to it, only what was flown through, or
+/// shown, within 3 s is free.
+#[test]
+fn in_obstacle_mode_a_descent_needs_a_view_of_what_is_below_or_a_measured_clearance() {
+    let flown_in_obstacle_mode = |moves: &[Primitives], reports: fn(Telemetry) -> Telemetry| {
+        let mut setup = Setup::preset(Preset::Default).policy(Moves::of(moves));
+        setup.settings.avoid = true;
+        setup.reports = reports;
+        let mut flight = setup.fly(|_, _| Answer::Never);
+        flight.until_phase(Phase::Flying);
+        flight.pass(14.0);
+        (limited(&flight), flight.model.position.up - Craft::quad().take_off_height)
+    };
+    // What it has climbed through at take-off is 3 s ago by then.
+    let (limited_to, up) = flown_in_obstacle_mode(&[turn(170.0), turn(170.0), climb(-1.0)], |telemetry| telemetry);
+    assert!(up.abs() < 0.3 && limited_to == 1, "{up} m");
+    let (limited_to, up) = flown_in_obstacle_mode(&[turn(170.0), turn(170.0), climb(-1.0)], |telemetry| Telemetry {
+        ground_clearance: telemetry.height,
+        ..telemetry
+    });
+    assert!((up + 1.0).abs() < 0.3 && limited_to == 0, "{up} m");
+    // It has just come from there.
+    let (limited_to, up) = flown_in_obstacle_mode(&[climb(1.0), climb(-0.8)], |telemetry| telemetry);
+    assert!((up - 0.2).abs() < 0.3 && limited_to == 0, "{up} m");
+}
+
 #[test]
 fn looks_up_and_down_keep_half_a_metre_from_floor_and_ceiling() {
     let height = Craft::quad().take_off_height;

@@ -166,3 +166,25 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     let step = spf.handle(PolicyEvent::Reply { id: query.id, text: aside });
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
 }
+
+/// The climbs of a blocked path count towards the 3 m too, until a step is flown; then it turns.
+#[test]
+fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
+    let mut spf = Spf::new(SpfSettings { avoid: true, ..policy(true).settings });
+    spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+    let mut number = 0;
+    let mut decide = |spf: &mut Spf, boxes: &str| {
+        let query = sent_query(spf.handle(PolicyEvent::Frame(&view(number))));
+        number += 1;
+        let text = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
+        match spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) {
+            Step::Move(Move { primitives, .. }) => Some(primitives),
+            _ => None,
+        }
+    };
+    let wall = r#"{"box":[30,0,1000,1000],"depth":1,"name":"wall"}"#;
+    let mut moves =
+        |spf: &mut Spf| (0..15).filter_map(|_| decide(spf, wall)).map(|p| (p.climb, p.yaw != 0.0)).collect::<Vec<_>>();
+    assert_eq!(moves(&mut spf), [(1.0, false), (1.0, false), (1.0, false), (0.0, true), (0.0, true)]);
+    assert!(spf.reading().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading().actions);
+}

@@ -63,6 +63,7 @@ impl Link {
         self.land_again = None;
         self.interruptible = false;
         self.phase = FlightPhase::Flying;
+        self.reach.begin(now);
         self.ground.forget();
         self.conversation.interrupt(now, manoeuvre::stop());
         self.sticks.set([0; 4], valid_until);

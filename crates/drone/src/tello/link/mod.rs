@@ -8,9 +8,11 @@ use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 
 mod leaving;
+mod reach;
 mod report;
 
 use self::leaving::TakeOff;
+use self::reach::Reach;
 use super::answer::{Answer, explain};
 use super::conversation::{Conversation, Order, OrderOutcome};
 use super::ground::{Ground, Repeats};
@@ -72,6 +74,8 @@ pub enum Notice {
     },
     /// One of the driver's threads failed; a landing is commanded.
     Failed,
+    /// The state arrives, but the drone responds to no command any more: the link counts as lost.
+    Unheard,
 }
 
 /// The link to one Tello. Sans-IO.
@@ -87,6 +91,8 @@ pub struct Link {
     /// Time of the last state.
     heard: Option<Time>,
     lost: bool,
+    /// Whether commands arrive, as far as responses tell.
+    reach: Reach,
     called: Time,
     land_again: Option<Time>,
     /// The pilot began the landing, so a hold of the pilot ends it.
@@ -130,6 +136,7 @@ impl Link {
             state: State::default(),
             heard: None,
             lost: false,
+            reach: Reach::default(),
             called: Time::ZERO,
             land_again: None,
             interruptible: false,
@@ -266,11 +273,24 @@ impl Link {
             && text.to_ascii_lowercase().starts_with("error motor stop")
             && self.phase == FlightPhase::Landing
             && !self.may_still_rise(now)
+            // An answer alone ends no flight: it may be late, or belong to an earlier command.
+            && self.ground.looks_low()
         {
             self.on_ground();
         }
+        self.reach.answered();
+        self.restore(now);
         self.conversation.handle(now, datagram);
         self.settle(now);
+    }
+
+    /// Ends the loss of the link, if there is none any more.
+    fn restore(&mut self, now: Time) {
+        let silent = self.heard.is_some_and(|heard| now.since(heard) >= LOST);
+        if self.lost && !silent && !self.reach.is_lost(now) {
+            self.lost = false;
+            self.events.push_back((now, DroneEvent::LinkRestored));
+        }
     }
 
     /// Handles completed orders.
@@ -338,6 +358,7 @@ impl Link {
         self.sent.push_back((now, Setpoint::HOLD));
         if self.phase == FlightPhase::Manoeuvring {
             self.phase = FlightPhase::Flying;
+            self.reach.begin(now);
         }
     }
 
@@ -362,6 +383,7 @@ impl Link {
         self.phase = FlightPhase::OnGround;
         self.take_off = None;
         self.imu = Imu::default();
+        self.reach = Reach::default();
         self.ground.forget();
         self.manoeuvre = None;
         self.land_again = None;
@@ -374,6 +396,7 @@ impl Link {
         self.phase = FlightPhase::Flying;
         self.take_off = None;
         self.ground.forget();
+        self.reach.begin(now);
         // From here on something is sent continuously.
         self.sticks.set([0; 4], now);
     }
@@ -383,17 +406,17 @@ impl Link {
         let Some(state) = State::read(datagram) else { return };
         let stale = self.repeats.is_stale(now, datagram);
         let before = self.heard.replace(now);
-        if std::mem::take(&mut self.lost) {
-            self.events.push_back((now, DroneEvent::LinkRestored));
-        }
+        self.restore(now);
         // The link works, but the values are old: the envelope treats them as missing.
         if stale {
             return;
         }
         self.state = state;
-        self.imu.observe(&self.state);
         self.judge_phase(now);
         self.model(now, before.unwrap_or(now));
+        let [east, north, _] = self.modelled;
+        let told = if self.flies_by_sticks() && !self.held_silent { libm::hypot(east, north) } else { 0.0 };
+        self.imu.observe(&self.state, before.map_or(Duration::ZERO, |before| now.since(before)), told);
         self.report_phase(now);
     }
 
@@ -404,6 +427,11 @@ impl Link {
             oldest.and_then(|index| self.events.remove(index));
         }
         self.events.push_back((now, DroneEvent::Telemetry(self.telemetry(now))));
+    }
+
+    /// In flight by setpoints, with no landing begun.
+    fn flies_by_sticks(&self) -> bool {
+        self.phase == FlightPhase::Flying && self.land_again.is_none()
     }
 
     /// Determines the flight phase from the state and the commands sent.
@@ -447,9 +475,13 @@ impl Link {
             return Some("land".to_owned());
         }
         let silent = self.heard.is_some_and(|heard| now.since(heard) >= LOST);
-        if silent && !self.lost {
+        let unheard = self.flies_by_sticks() && self.reach.is_lost(now);
+        if (silent || unheard) && !self.lost {
             self.lost = true;
             self.events.push_back((now, DroneEvent::LinkLost));
+            if unheard {
+                self.notices.push_back(Notice::Unheard);
+            }
         }
         if silent && now.since(self.called) >= CALL_AGAIN {
             self.called = now;
@@ -460,6 +492,9 @@ impl Link {
         if std::mem::take(&mut self.key_wanted) && self.phase == FlightPhase::Flying {
             self.conversation.sent_outside(now);
             return Some("streamon".to_owned());
+        }
+        if self.flies_by_sticks() && self.reach.ask(now) {
+            return Some(reach::QUESTION.to_owned());
         }
         if let Some(text) = self.sticks.poll(now) {
             self.rc_sent += 1;

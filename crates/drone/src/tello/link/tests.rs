@@ -19,6 +19,8 @@ struct Bench {
     motors_since: Option<u64>,
     height: i32,
     with_motor_time: bool,
+    /// Whether commands reach the drone.
+    hears: bool,
     serial: u64,
 }
 
@@ -33,6 +35,7 @@ impl Bench {
             motors_since: None,
             height: 0,
             with_motor_time: true,
+            hears: true,
             serial: 0,
         }
     }
@@ -74,6 +77,9 @@ impl Bench {
                 }
             }
             while let Some(text) = self.link.poll(self.time()) {
+                if self.hears && text == reach::QUESTION {
+                    self.link.handle_answer(self.time(), b"80\r\n");
+                }
                 self.said.push((self.now, text));
             }
         }
@@ -337,4 +343,67 @@ fn a_request_for_a_key_frame_delays_no_setpoint_and_no_landing() {
     bench.link.ask_for_key_frame();
     bench.run(300, true);
     assert!(bench.count("land") == 1 && bench.count("streamon") == 0, "{:?}", bench.said);
+}
+
+/// Its state arrives, and what is said to it does not: a Tello flies on at its last velocity, and only its answers tell.
+#[test]
+fn a_drone_that_answers_nothing_while_its_state_arrives_is_a_lost_link() {
+    let mut bench = Bench::flying();
+    let link_events = |bench: &mut Bench| {
+        let events = std::iter::from_fn(|| bench.link.take_event());
+        events.filter(|(_, event)| !matches!(event, DroneEvent::Telemetry(_))).collect::<Vec<_>>()
+    };
+    bench.run(20_000, true);
+    assert_eq!(link_events(&mut bench), [], "it answers");
+    bench.hears = false;
+    bench.run(3000, true);
+    assert_eq!(link_events(&mut bench), []);
+    bench.run(600, true);
+    let lost = link_events(&mut bench);
+    assert!(matches!(lost[..], [(_, DroneEvent::LinkLost)]), "{lost:?}");
+    assert_eq!(bench.notices(), [Notice::Unheard]);
+    // It is asked on, and any answer ends the loss.
+    bench.hears = true;
+    bench.run(600, true);
+    let restored = link_events(&mut bench);
+    assert!(matches!(restored[..], [(_, DroneEvent::LinkRestored)]), "{restored:?}");
+    // A landing needs no answers to be repeated.
+    bench.apply(Command::Land);
+    bench.hears = false;
+    bench.run(10_000, true);
+    assert!(bench.count("land") >= 9 && link_events(&mut bench).is_empty());
+}
+
+/// An answer may be late, or repeated by the network: as long as the state shows a drone in the air, it is told to land.
+#[test]
+fn an_answer_that_the_motors_are_off_ends_no_flight_while_the_state_shows_height() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::Land);
+    bench.run(500, true);
+    bench.link.handle_answer(bench.time(), b"error Motor stop");
+    bench.run(3000, true);
+    assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::Landing, 4));
+    (bench.motors_since, bench.height) = (None, 0);
+    bench.run(200, true);
+    bench.link.handle_answer(bench.time(), b"error Motor stop");
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+/// In the dark a Tello that is flown by `rc` measures no speed: its position cannot be reckoned, and no limit on it holds.
+#[test]
+fn a_drone_that_reports_no_speed_while_it_is_told_to_fly_is_an_imu_error() {
+    let mut bench = Bench::flying();
+    let is_error = |bench: &Bench| bench.link.telemetry(bench.time()).imu_error;
+    bench.link.sent.push_back((bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }));
+    for second in 1..6 {
+        bench.run(1000, true);
+        assert_eq!(is_error(&bench), second > 3, "{second} s");
+    }
+    // Landing is no flight by commanded speeds.
+    let mut bench = Bench::flying();
+    bench.link.sent.push_back((bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }));
+    bench.run(1000, true);
+    bench.apply(Command::Land);
+    bench.run(5000, true);
+    assert!(!is_error(&bench));
 }
