@@ -124,6 +124,17 @@ const HEIGHTS: [(&str, f64); 28] = [
     ("microwave", 0.3),
 ];
 
+/// Least heights, metres, of classes without a typical one whose smallest instances are much taller than [`LEAST_OF_ANY`].
+const LEAST: [(&str, f64); 3] = [("airplane", 1.5), ("boat", 0.5), ("kite", 0.3)];
+/// Least height of an instance of any class, metres: a cup or an apple.
+const LEAST_OF_ANY: f64 = 0.05;
+
+/// Height below which there is hardly an instance of a class, metres.
+#[must_use]
+pub fn least_height(class: &str) -> f64 {
+    LEAST.iter().find(|(name, _)| *name == class).map_or(LEAST_OF_ANY, |(_, metres)| *metres)
+}
+
 /// Typical height of a class, metres; `None` if it varies too much.
 #[must_use]
 pub fn height(class: &str) -> Option<f64> {

@@ -1,8 +1,8 @@
 //! Detector output for a frame, and the obstacles that obstacle mode derives from it.
 //!
-//! A detector reports boxes and scores but no range. The range of a box is estimated from its class's typical height;
-//! where the class has none, or the upper or lower image edge cuts the box, the object counts as near, and a path that it
-//! blocks is shortened rather than led around it.
+//! A detector reports boxes and scores but no range. The range of a box is estimated from its class's typical height, or from
+//! the least height of an instance where there is none. Where the upper or lower image edge cuts the box, the object counts as
+//! near, and a path that it blocks is shortened rather than led around it.
 
 use core::fmt::Write as _;
 
@@ -134,15 +134,15 @@ impl Detection {
         person || called.windows(own.len()).any(|row| row == own)
     }
 
-    /// Range at which an object of this class appears this tall, metres; `None` if the class has no typical height, or
-    /// the upper or lower image edge cuts the box. Of an object that is cut off at the side at least half of the height is
-    /// taken to be visible.
+    /// Range at which an object of this class appears this tall, metres, by its typical height, or else by the least; `None`
+    /// if the upper or lower image edge cuts the box. Of an object that is cut off at the side at least half of the height
+    /// is taken to be visible.
     fn range(&self, camera: &Camera) -> Option<f64> {
         let ImageBox { left, top, right, bottom } = self.area;
         let (is_upright, is_wide) = (top > EDGE && bottom < 1.0 - EDGE, left > EDGE && right < 1.0 - EDGE);
         let pixels = (bottom - top) * f64::from(camera.height);
-        let height = coco::height(&self.name).filter(|_| is_upright && pixels > 0.0)?;
-        Some(if is_wide { 1.0 } else { VISIBLE } * height * camera.fy / pixels)
+        let height = coco::height(&self.name).unwrap_or_else(|| coco::least_height(&self.name));
+        (is_upright && pixels > 0.0).then_some(if is_wide { 1.0 } else { VISIBLE } * height * camera.fy / pixels)
     }
 }
 
@@ -273,13 +273,13 @@ mod tests {
         // Cut by the right edge: half of it may be hidden.
         let aside = detection("person", [0.95, 0.4, 1.0, 0.4 + 1.7 / 12.0 * camera.fy / 720.0]);
         assert!((aside.range(&camera).unwrap() - 6.0).abs() < 1e-9);
-        // Cut by the lower edge, or of a class of any height: near.
-        let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
+        // Of a class of any height: as near as the smallest, 0.3 m on 72 pixels.
         let kite = detection("kite", [0.4, 0.4, 0.45, 0.5]);
-        for unknown in [cut, kite] {
-            assert_eq!((unknown.range(&camera), label(&unknown)), (None, 1));
-            assert_eq!(unranged(&[unknown, person.clone()], &camera), [true, false]);
-        }
+        assert!((kite.range(&camera).unwrap() - 2.0).abs() < 1e-9);
+        // Cut by the lower edge: near, and a guess.
+        let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
+        assert_eq!((cut.range(&camera), label(&cut)), (None, 1));
+        assert_eq!(unranged(&[cut, person], &camera), [true, false]);
     }
 
     #[test]
