@@ -275,7 +275,7 @@ mod tests {
         assert!((aside.range(&camera).unwrap() - 6.0).abs() < 1e-9);
         // Of a class of any height: as near as the smallest, 0.3 m on 72 pixels.
         let kite = detection("kite", [0.4, 0.4, 0.45, 0.5]);
-        assert!((kite.range(&camera).unwrap() - 2.0).abs() < 1e-9);
+        assert!((kite.range(&camera).unwrap() - 0.3 * camera.fy / 72.0).abs() < 1e-9);
         // Cut by the lower edge: near, and a guess.
         let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
         assert_eq!((cut.range(&camera), label(&cut)), (None, 1));
