@@ -316,13 +316,13 @@ mod tests {
                 match search.next(looks[n.min(looks.len() - 1)], heading, None) {
                     SearchAction::Look(Primitives { climb: 0.0, yaw, .. }) => heading = wrap_angle(heading + yaw),
                     SearchAction::Look(step) => climbs.push(step.climb),
-                    SearchAction::Fly | SearchAction::Exhausted => break,
+                    SearchAction::Fly { .. } | SearchAction::Exhausted => break,
                 }
             }
             climbs
         };
         let mut search = searching(PI / 2.0);
-        assert_eq!(climbs(&mut search, &[Look::Right]), [3.0]);
+        assert_eq!(climbs(&mut search, &[Look::Right]), [2.0]);
         search.reset();
         assert_eq!(climbs(&mut search, &[Look::Up, Look::Down, Look::Right]), [1.0, -1.0, 1.0]);
         search.reset();
