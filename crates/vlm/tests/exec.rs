@@ -79,7 +79,7 @@ fn late_answers_are_dropped_and_a_missed_deadline_ends_the_program() {
          if [ \"$(wc -l < \"$FOLDER/starts\")\" -gt 1 ]; then echo \"{{\\\"id\\\":$id,\\\"status\\\":\\\"again\\\"}}\"; next; fi\n\
          first=$id; next\n\
          for of in $first $id; do echo \"{{\\\"id\\\":$of,\\\"status\\\":\\\"of $of\\\"}}\"; done\n\
-         next; sleep 1000 & wait"
+         next; echo thinking; sleep 1000 & wait"
     );
     let (folder, mut exec) = program(&script, Duration::ZERO);
     let cancel = Cancel::default();
@@ -90,7 +90,7 @@ fn late_answers_are_dropped_and_a_missed_deadline_ends_the_program() {
     let began = Instant::now();
     let error = ask(&mut exec, SHORT, &Cancel::default()).unwrap_err();
     assert_eq!(error.code(), "deadline");
-    assert!(error.to_string().contains("killed and started again"), "{error}");
+    assert!(error.to_string().contains("killed and started again; it printed: thinking"), "{error}");
     assert!(began.elapsed() < Duration::from_secs(15), "{:?}", began.elapsed());
     assert_eq!(ask(&mut exec, LONG, &Cancel::default()).unwrap(), r#"{"status":"again"}"#);
     assert_eq!(std::fs::read_to_string(folder.path().join("starts")).unwrap(), "started\nstarted\n");

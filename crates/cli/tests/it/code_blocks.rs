@@ -88,6 +88,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
     let starts = |wanted: &[&str]| args.iter().map(String::as_str).take(wanted.len()).eq(wanted.iter().copied());
     if has(&["gemini", "openai@", "anthropic", "ollama", "vllm"]) {
         Some("needs a key or a server")
+    } else if has(&["exec:"]) {
+        Some("needs a program; module vlm::own has the examples fly")
     } else if has(&["--drone", "tello"]) {
         Some("needs a drone; module tello flies a virtual one")
     } else if starts(&["sim", "serve"]) || starts(&["sim", "view"]) {

@@ -249,11 +249,17 @@ impl Desk {
         running.discard();
         (account.requests, account.bytes_sent) = (1, line.len() as u64);
         running.send(line);
+        let mut noise = String::new();
         loop {
             if request.cancel.is_cancelled() {
                 return Err(VlmError::Cancelled);
             }
             match running.next(LOOK_UP) {
+                // The progress of loading a model is often printed there; of a program that does not know the protocol it is
+                // all that can be told.
+                Some(Said::Line(line)) if !line.trim_start().starts_with('{') => {
+                    noise = format!("; it printed: {}", brief(quote(&line)));
+                }
                 Some(Said::Line(line)) => {
                     if let Some(reply) = read_reply(&program, id, &line) {
                         running.answered = true;
@@ -276,7 +282,7 @@ impl Desk {
                     } else {
                         "the program has not answered since its start"
                     };
-                    return Err(VlmError::Deadline { host: program, waited: began.elapsed(), stage: stage.to_owned() });
+                    return Err(VlmError::Deadline { host: program, waited: began.elapsed(), stage: format!("{stage}{noise}") });
                 }
             }
         }

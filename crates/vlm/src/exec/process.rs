@@ -31,6 +31,8 @@ pub(super) struct Running {
     requests: Option<Sender<String>>,
     lines: Receiver<Said>,
     last_error: Arc<Mutex<String>>,
+    /// Disconnected once standard error has been read to its end.
+    errors_read: Receiver<()>,
     /// When it was started.
     pub(super) started: Instant,
     /// Whether it has answered a request.
@@ -50,12 +52,14 @@ impl Running {
         let (requests, to_write) = channel::<String>();
         let (said, lines) = channel();
         let last_error = Arc::new(Mutex::new(String::new()));
+        let (reading, errors_read) = channel::<()>();
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
         let running = Self {
             child,
             requests: Some(requests),
             lines,
             last_error: last_error.clone(),
+            errors_read,
             started: Instant::now(),
             answered: false,
         };
@@ -78,6 +82,7 @@ impl Running {
             drop(said.send(Said::End));
         })?;
         Builder::new().name("exec err".to_owned()).spawn(move || {
+            let _reading = reading;
             let mut stderr = BufReader::new(stderr);
             while let Some(line) = next_line(&mut stderr) {
                 let line = quote(&line);
@@ -120,6 +125,8 @@ impl Running {
     pub(super) fn why_ended(&mut self) -> String {
         let status =
             self.wait(FAREWELL).map_or_else(|| "it closed its output".to_owned(), |status| format!("it ended with {status}"));
+        // Its last message may still be on the way; a child that it left behind may keep the pipe open.
+        let _ = self.errors_read.recv_timeout(FAREWELL);
         match self.last_error.lock().unwrap_or_else(PoisonError::into_inner).as_str() {
             "" => status,
             words => format!("{status}; its last message: {words}"),

@@ -309,9 +309,11 @@ impl Trial<'_> {
         let latency =
             latency.map(|(candidate, seconds)| format!("Flights of {} count {seconds} s for every reply.", candidate.name));
         let questions = format!(
-            "{} pointing questions about images of {SCENES} from the simulator, and {} flights of the paper suite in it, one each of \
+            "{} pointing questions about images of the scenes {} from the simulator, and {} flights of the paper suite in it, one each of \
              tasks spread over the suite. No image is of the real world.",
-            self.args.questions, self.args.flights
+            self.args.questions,
+            SCENES.replace(',', " and "),
+            self.args.flights
         );
         let notes: Vec<String> = std::iter::once(questions).chain(latency).collect();
         let out = self.args.output.join("index.html");

@@ -7,6 +7,7 @@ mod keys;
 mod oracle;
 #[cfg(unix)]
 mod own;
+mod requests;
 mod sdk;
 pub(crate) mod server;
 pub(crate) mod vendors;

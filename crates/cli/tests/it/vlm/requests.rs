@@ -1,0 +1,165 @@
+//! Single requests over each vendor's wire: parameters that are refused, sockets that hang, costs that are told.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use serde_json::{Value, json};
+use spf_vlm::setup::Access;
+use spf_vlm::table::Table;
+use spf_vlm::{Answer, QueryImage, QueryRequest, Remote, Strategy, Vlm, VlmError, setup};
+
+use super::server::{Piece, Reply, Request, Server};
+use super::vendors::Vendor;
+use super::{AHEAD, KEY};
+
+struct Grey;
+
+impl QueryImage for Grey {
+    fn size(&self) -> (u32, u32) {
+        (64, 48)
+    }
+
+    fn jpeg(&mut self, _: (u32, u32), _: u8) -> Result<Arc<[u8]>, VlmError> {
+        Ok(Arc::new([0xff, 0xd8]))
+    }
+}
+
+fn remote(server: &Server, name: &str, rows: &str) -> Remote {
+    let table = Table::shipped().extended(rows).unwrap();
+    let (key, send_to) = (|_: &str| Some(KEY.to_owned()), [server.host()]);
+    // No variable sets another place.
+    let access = Access { keys: &key, places: &|_| None, send_to: &send_to };
+    setup::remote(&table, &[format!("{name}@{}", server.url()).as_str().into()], access, Strategy::default()).unwrap()
+}
+
+fn ask(remote: &mut Remote) -> Answer {
+    let query = super::check::query();
+    remote.answer(&QueryRequest::new(&query, Duration::from_secs(60)), &mut Grey)
+}
+
+/// Refuses whatever has the parameter at this place.
+fn refusing(vendor: Vendor, pointer: &'static str, message: &'static str) -> Server {
+    let error = match vendor {
+        Vendor::Gemini => json!({ "error": { "code": 400, "status": "INVALID_ARGUMENT", "message": message } }),
+        Vendor::Anthropic => json!({ "type": "error", "error": { "type": "invalid_request_error", "message": message } }),
+        _ => json!({ "error": { "message": message, "type": "invalid_request_error", "param": null, "code": null } }),
+    };
+    Server::start(move |_, request: &Request| match request.json().pointer(pointer) {
+        Some(_) => Reply::json(400, &error),
+        None => vendor.stream(&vendor.model(request), AHEAD),
+    })
+}
+
+#[test]
+fn a_refused_parameter_costs_one_request() {
+    for (vendor, pointer, message) in [
+        (
+            Vendor::Gemini,
+            "/generationConfig/thinkingConfig",
+            "Invalid JSON payload received. Unknown name \"thinkingLevel\" at 'generation_config.thinking_config': Cannot find field.",
+        ),
+        (Vendor::OpenAi, "/reasoning", "Unsupported parameter: 'reasoning.effort' is not supported with this model."),
+        (Vendor::Chat, "/chat_template_kwargs", "Unrecognized request argument supplied: chat_template_kwargs"),
+        (Vendor::Anthropic, "/output_config/effort", "output_config.effort: Extra inputs are not permitted"),
+    ] {
+        let server = refusing(vendor, pointer, message);
+        let mut remote = remote(&server, vendor.name(), "");
+        let first = ask(&mut remote);
+        assert_eq!(first.text.as_deref(), Ok(AHEAD), "{vendor:?}");
+        let again = ask(&mut remote);
+        assert_eq!((first.account.requests, again.account.requests), (2, 1), "{vendor:?}");
+        // Nothing else is left out: the schema, above all.
+        let bodies: Vec<Value> = server.questions().iter().map(Request::json).collect();
+        assert_eq!(bodies[1], bodies[2], "{vendor:?}");
+        assert!(bodies[1].to_string().contains("\"required\""), "{vendor:?}");
+    }
+    // It was not the parameter: the error is told, and nothing is left out the next time.
+    let server = Server::start(|_, _| Reply::json(400, &json!({ "error": { "message": "reasoning is off today" } })));
+    let mut remote = remote(&server, "openai", "");
+    assert_eq!(ask(&mut remote).text.unwrap_err().code(), "bad_request");
+    assert_eq!(ask(&mut remote).text.unwrap_err().code(), "bad_request");
+    let bodies: Vec<Value> = server.questions().iter().map(Request::json).collect();
+    assert_eq!(bodies.len(), 4);
+    assert!(bodies[0].get("reasoning").is_some() && bodies[1].get("reasoning").is_none());
+    assert_eq!(bodies[0], bodies[2]);
+}
+
+#[test]
+fn a_hung_socket_costs_its_models_timeout_and_no_more() {
+    let rows: String = ["gemini", "openai", "vllm", "anthropic"]
+        .map(|vendor| {
+            format!(
+                "[[model]]\nid = \"quick\"\nvendor = \"{vendor}\"\nstatus = \"current\"\n\
+                 timeouts = {{ connect_s = 2.0, first_byte_s = 0.5, whole_s = 30.0 }}\n"
+            )
+        })
+        .concat();
+    for vendor in Vendor::ALL {
+        // A head without a body, as servers send that begin to think.
+        let hang = Reply { pieces: vec![Piece::Hang], ..Reply::new(200, "text/event-stream", "") };
+        let server = Server::start(
+            move |number, request| {
+                if number == 0 { hang.clone() } else { vendor.stream(&vendor.model(request), AHEAD) }
+            },
+        );
+        let mut remote = remote(&server, &format!("{}#quick", vendor.name()), &rows);
+        let answer = ask(&mut remote);
+        assert_eq!((answer.text.as_deref(), answer.account.requests), (Ok(AHEAD), 2), "{vendor:?}");
+        assert!(answer.latency >= Duration::from_millis(500) && answer.latency < Duration::from_secs(20), "{:?}", answer.latency);
+        assert_eq!(server.connections.load(Ordering::SeqCst), 2, "{vendor:?}: the hung connection is not used again");
+        // What was dropped may be charged.
+        assert!(answer.account.tokens.estimated, "{vendor:?}");
+    }
+    // Always: it has a name, within the query's time.
+    let server = Server::start(|_, _| Reply { pieces: vec![Piece::Hang], ..Reply::new(200, "text/event-stream", "") });
+    let mut remote = remote(&server, "vllm#quick", &rows);
+    let query = super::check::query();
+    let answer = remote.answer(&QueryRequest::new(&query, Duration::from_millis(1800)), &mut Grey);
+    assert!(matches!(answer.text.as_ref().map_err(VlmError::code), Err("timeout" | "deadline")), "{:?}", answer.text);
+    assert!(answer.account.requests >= 2, "{:?}", answer.account);
+}
+
+#[test]
+fn openrouter_is_asked_for_what_the_model_has_and_its_costs_are_read() {
+    let told = |cost: f64| {
+        Server::start(move |_, request| {
+            let mut events = Vendor::Chat.events(request.json()["model"].as_str().unwrap(), AHEAD);
+            events.last_mut().unwrap()["usage"]["cost"] = cost.into();
+            // The costs come a moment after the reply.
+            let all: Vec<String> = events.iter().map(|event| format!("data: {event}\n\n")).collect();
+            let (reply, costs) = all.split_at(all.len() - 1);
+            let pieces = vec![Piece::Bytes(reply.concat().into_bytes()), Piece::Bytes(costs.concat().into_bytes())];
+            Reply { pieces, ..Reply::new(200, "text/event-stream", "") }
+        })
+    };
+    let server = told(0.0123);
+    let answer = ask(&mut remote(&server, "openrouter", ""));
+    assert_eq!((answer.text.as_deref(), answer.account.cost_usd), (Ok(AHEAD), Some(0.0123)));
+    let body = server.questions()[0].json();
+    // A listed model: every server must have what is sent, so nothing is sent that the model lacks.
+    assert_eq!((&body["provider"]["require_parameters"], body.get("reasoning")), (&true.into(), None), "{body}");
+    assert!(body.get("response_format").is_some() && body["provider"]["sort"] == "latency", "{body}");
+    let server = told(0.5);
+    let answer = ask(&mut remote(&server, "openrouter#some/model", ""));
+    assert_eq!(answer.account.cost_usd, Some(0.5));
+    let body = server.questions()[0].json();
+    assert_eq!((body["provider"].get("require_parameters"), &body["reasoning"]["effort"]), (None, &"none".into()), "{body}");
+}
+
+#[test]
+fn depth_labels_of_ones_own_are_put_right() {
+    let rows = "[[model]]\nid = \"own\"\nvendor = \"vllm\"\nstatus = \"current\"\n\
+                depth_m = [0.5, 1, 2, 4, 8, 16, 32, 64, 128, 256]\n";
+    let server = Server::start(|_, request| Vendor::Chat.stream(&Vendor::Chat.model(request), AHEAD));
+    let label = |name: &str| -> Value {
+        let answer = ask(&mut remote(&server, &format!("vllm#{name}"), rows));
+        serde_json::from_str::<Value>(&answer.text.unwrap()).unwrap()["depth"].clone()
+    };
+    // Its label 6 means 16 m: 1 + 4.5·log10(16) = 6.4; another model's 6 is left alone.
+    assert_eq!((label("own"), label("other")), (6.into(), 6.into()));
+    let rows = rows.replace("16, 32", "30, 32");
+    let answer = ask(&mut remote(&server, "vllm#own", &rows));
+    // 30 m: 7.6.
+    assert_eq!(serde_json::from_str::<Value>(&answer.text.unwrap()).unwrap()["depth"], 8);
+}
