@@ -40,7 +40,7 @@ impl Settings {
                 })?;
                 row.set(value, Origin::Env(key.env));
             } else if let Some(value) = dotenv.get(key.env) {
-                key.refuse_file(&format!(".env {}", key.env))?;
+                key.refuse_file(&format!(".env {}", key.env), value)?;
                 row.set(value.clone(), Origin::DotEnv(key.env));
             }
         }

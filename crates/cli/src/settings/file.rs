@@ -49,7 +49,7 @@ impl Settings {
                         .hint(row.key().meaning()));
                     }
                 };
-                row.key().refuse_file(&format!("{shown}:{line}"))?;
+                row.key().refuse_file(&format!("{shown}:{line}"), &value)?;
                 row.set(value, Origin::File(path.to_owned(), line));
             }
         }

@@ -170,9 +170,10 @@ impl Setting<bool> {
 }
 
 impl Key {
-    /// Refuses a value from a file of the working directory, if the key must be set by hand; `place` names it.
-    pub(super) fn refuse_file(&self, place: &str) -> Result<(), CliError> {
-        if !BY_HAND.contains(&self.name) {
+    /// Refuses a value from a file of the working directory, if the key must be set by hand; `place` names it. An empty
+    /// value, as `spf config show` writes it, says nothing.
+    pub(super) fn refuse_file(&self, place: &str, value: &str) -> Result<(), CliError> {
+        if value.is_empty() || !BY_HAND.contains(&self.name) {
             return Ok(());
         }
         Err(CliError::usage(format!(

@@ -151,6 +151,21 @@ fn a_wrong_value_is_reported_where_it_is_used_and_nowhere_else() {
 }
 
 #[test]
+fn no_file_decides_who_receives_keys_or_images() {
+    for (table, key, variable) in [("vlm", "send_key_to", "SPF_SEND_KEY_TO"), ("fly", "live_origin", "SPF_LIVE_ORIGIN")] {
+        let error = read(&format!("[{table}]\n{key} = \"evil.example\"\n")).err().unwrap().to_string();
+        assert!(error.contains("spf.toml:2") && error.contains("cannot be set in a file"), "{error}");
+        assert!(read(&format!("[{table}]\n{key} = \"\"\n")).is_ok());
+        let dotenv: BTreeMap<String, String> = [(variable.to_owned(), "evil.example".to_owned())].into();
+        let error = Settings::default().take_variables(&dotenv, |_| None).unwrap_err().to_string();
+        assert!(error.contains(&format!(".env {variable}")) && error.contains("hint: "), "{error}");
+        // The environment is the person's own, and stands above the file.
+        let own = |name: &str| (name == variable).then(|| OsString::from("own.example"));
+        assert!(Settings::default().take_variables(&dotenv, own).is_ok());
+    }
+}
+
+#[test]
 fn unknown_variables_are_warned_about_once_each() {
     let names = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
     let warnings = Settings::default().unknown_variables(
