@@ -39,6 +39,7 @@ fn greet(stream: TcpStream, shared: &Shared, place: &Place) -> Result<WebSocket<
     stream.set_write_timeout(Some(PATIENCE))?;
     stream.set_nodelay(true)?;
     let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+    #[allow(clippy::result_large_err, reason = "the type is given by the handshake API")]
     let answer = |hello: &Hello, response: Response| {
         let response = choose(hello, response, shared)?;
         place.settle();
