@@ -239,19 +239,17 @@ def datagrams(target, seed, stop, tried, source=None):
 
 
 def start(command):
-    """A command that serves, and the first address that it prints."""
+    """A command that serves, and the address that it prints."""
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-    line = process.stdout.readline()
-    while "http" not in line:
-        line = process.stdout.readline()
-    found = re.search(r"http://([0-9.]+):(\d+)", line)
+    found = re.search(r"([0-9.]+):(\d+)", process.stdout.readline())
     return process, (found[1], int(found[2]))
 
 
 def besiege(spf, minutes, seed):
     """The first form."""
     stop = threading.Event()
-    serve = start([spf, "sim", "serve", "--tello", "--listen", "127.0.0.92", "--vlm", "--scene", "office"])
+    serve = start([spf, "sim", "serve", "--vlm", "--scene", "office"])
+    tello = start([spf, "sim", "serve", "--tello", "--listen", "127.0.0.92", "--scene", "office"])
     view = start([spf, "sim", "view", "--listen", "127.0.0.1:0"])
     plain = [requests(serve[1]), requests(view[1])]
     strangers = [Stranger((serve, view)[n % 2][1], seed + n, stop, plain[n % 2]) for n in range(16)]
@@ -272,27 +270,28 @@ def besiege(spf, minutes, seed):
             except OSError as error:
                 failed[name, getattr(error, "code", type(error).__name__)] += 1
         time.sleep(1)
-    peaks = {"endpoint and Tello": memory(serve[0].pid), "view": memory(view[0].pid)}
-    alive = [process.poll() is None for process, _ in (serve, view)]
+    servers = {"endpoint": serve[0], "Tello": tello[0], "view": view[0]}
+    peaks = {name: memory(process.pid) for name, process in servers.items()}
+    alive = [process.poll() is None for process in servers.values()]
     stop.set()
     for thread in threads:
         thread.join()
-    for process, _ in (serve, view):
+    for process in servers.values():
         process.send_signal(signal.SIGINT)
-    codes = [process.wait() for process, _ in (serve, view)]
+    codes = [process.wait() for process in servers.values()]
     total = sum((stranger.tried for stranger in strangers), udp)
     print(f"{minutes:g} minutes, {sum(total.values())} attempts, seed {seed}")
     for (kind, answer), count in sorted(total.items()):
         print(f"  {kind:30} {answer:24} {count}")
-    for name, list_ in waits.items():
-        list_.sort()
+    for name in urls:
+        list_ = sorted(waits[name]) or [float("nan")]
         refused = sum(count for (of, _), count in failed.items() if of == name)
-        print(f"well-behaved client, {name}: {len(list_)} answers, {refused} failed {dict(failed) if refused else ''}, "
+        print(f"well-behaved client, {name}: {len(waits[name])} answers, {refused} failed {dict(failed) if refused else ''}, "
               f"median {statistics.median(list_):.2f} s, longest {list_[-1]:.2f} s")
     for name, (now, most) in peaks.items():
         print(f"memory, {name}: {now:.0f} MiB at the end, {most:.0f} MiB at most")
     print(f"alive at the end: {alive}, exit codes {codes}")
-    sys.exit(0 if all(alive) and codes == [0, 0] else 1)
+    sys.exit(0 if all(alive) and codes == [0, 0, 0] else 1)
 
 
 def gaps(spf, flights, connections):
