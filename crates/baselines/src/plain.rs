@@ -14,8 +14,11 @@ use spf_core::query::{Memory, Query, QueryId, QueryKind};
 /// Number of earlier actions included in the prompt.
 const REMEMBERED_ACTIONS: usize = 5;
 
+/// Added to an action that was cut short: it was not carried out as it stands.
+const CUT_SHORT: &str = " (cut short)";
+
 /// Settings of the plain policy.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlainSettings {
     /// Form of the actions.
     pub form: ActForm,
@@ -23,6 +26,8 @@ pub struct PlainSettings {
     pub confirm_done: bool,
     /// Size at which images are sent, if not the camera's.
     pub image_size: Option<(u32, u32)>,
+    /// Distance from the target that counts as reached, metres, as told to the VLM.
+    pub near_m: Option<f64>,
 }
 
 /// The kind of prompt for a form.
@@ -80,10 +85,8 @@ impl Plain {
         self.memory.confirming = self.confirming;
         self.pending = Some((id, self.confirming));
         let prompt = self.prompt.write(&PromptInput {
-            instruction: &self.instruction,
-            memory: &self.memory,
-            profile: &GroundingProfile::default(),
-            avoid: false,
+            near_m: self.settings.near_m,
+            ..PromptInput::new(&self.instruction, &self.memory, &GroundingProfile::default())
         });
         Step::Ask(Box::new(Query {
             instruction: self.instruction.clone(),
@@ -160,6 +163,9 @@ impl Policy for Plain {
             PolicyEvent::MoveEnded { completed: true } if self.moving => self.next_action(),
             PolicyEvent::MoveEnded { .. } => {
                 // A move that was cut short is not resumed: its reason is gone.
+                if let Some(words) = self.memory.actions.last_mut().filter(|_| self.moving) {
+                    words.push_str(CUT_SHORT);
+                }
                 self.moving = false;
                 self.queue.clear();
                 Step::Wait

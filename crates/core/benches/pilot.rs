@@ -81,6 +81,8 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         grounding: GroundingProfile::default(),
         image_size: None,
         craft,
+        depth: settings.depth,
+        near_m: settings.near_m,
     });
     let mut pilot = Pilot::new(PilotParts {
         settings,

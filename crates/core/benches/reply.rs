@@ -22,14 +22,12 @@ fn reply(boxes: usize) -> Reply {
         name: format!("pole {i}"),
     };
     Reply {
-        status: Status::Navigating,
-        look: None,
         stage: Some(1),
         point: Some(ImagePoint { u: 0.55, v: 0.4 }),
         depth: Some(6),
-        open_way: None,
         target: Some("the red tower crane".to_owned()),
         boxes: (0..boxes).map(obstacle).collect(),
+        ..Reply::new(Status::Navigating)
     }
 }
 
@@ -71,7 +69,7 @@ fn parse_three_actions(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn write_prompt(bencher: Bencher<'_, '_>) {
     let (memory, profile) = (Memory::default(), GroundingProfile::default());
-    let input = PromptInput { instruction: "fly to the red crane", memory: &memory, profile: &profile, avoid: true };
+    let input = PromptInput { avoid: true, ..PromptInput::new("fly to the red crane", &memory, &profile) };
     bencher.bench(|| point_prompt(black_box(&input)));
 }
 
@@ -85,7 +83,7 @@ fn check(bencher: Bencher<'_, '_>, shape: PathShape, boxes: &[ObstacleBox]) {
         point: ImagePoint { u: 0.5, v: 0.4 },
         step: 4.0,
     };
-    bencher.bench(|| -> Avoidance { avoid(black_box(&plan), 0.55, black_box(boxes), None) });
+    bencher.bench(|| -> Avoidance { avoid(black_box(&plan), 0.55, black_box(boxes), None, None) });
 }
 
 #[divan::bench]

@@ -23,15 +23,25 @@ use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 
 mod memory;
+mod people;
 mod sighting;
 mod vertical;
 
 pub use memory::ObstacleMemory;
+pub use people::is_person;
 pub use sighting::Sighting;
 pub use vertical::is_clear_vertically;
 
 /// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° image, the box error of a good model.
 pub const BODY_MARGIN: f64 = 0.25;
+/// Added to that around a person, who may step aside, metres.
+pub const PERSON_MARGIN: f64 = 0.5;
+/// A detour keeps this far away where the image has room for it, metres: boxes are loose, and an obstacle is passed only once.
+pub const DETOUR_CLEARANCE: f64 = 0.8;
+/// A direction is not lower than another if it ends less than this below it, metres.
+const LEVEL: f64 = 0.02;
+/// No detour leads towards a person who is nearer than this, metres.
+const PERSON_SIGHT: f64 = 10.0;
 /// Maximum angle by which a point is shifted from the planned direction, degrees.
 pub const MAX_SHIFT_DEG: u32 = 60;
 /// Shortest step worth flying, metres: the paper's `d_min`.
@@ -50,6 +60,8 @@ const BEYOND: f64 = 5.0;
 const ASIDE: f64 = 0.25;
 /// Directions tried on each ring around the planned one, half a circle's worth.
 const HALF_RING: u32 = 8;
+/// Part to the side below which a direction counts as straight up or down, which is on either side.
+const STRAIGHT_UP: f64 = 1e-9;
 /// Number of increments in which a step is shortened.
 const SHORTENINGS: u32 = 40;
 
@@ -62,6 +74,25 @@ pub enum PathShape {
     Straight,
     /// Along the heading first and then up or down (sequential motion, the paper's queue).
     LevelThenClimb,
+}
+
+/// A side of the planned direction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    /// Left of it.
+    Left,
+    /// Right of it.
+    Right,
+}
+
+/// The side on which an obstacle is being passed, so that one answer does not undo what the last one began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Keep {
+    /// The side.
+    pub side: Side,
+    /// Whether no other side may be tried: it has been changed once already.
+    pub strict: bool,
 }
 
 /// A step as planned from one frame.
@@ -110,14 +141,24 @@ pub enum Avoidance {
 }
 
 /// Checks `plan` against `boxes`. `clearance` is the distance to keep free around the path, metres: the body's radius
-/// plus [`BODY_MARGIN`]. A box is the target, and not an obstacle, if its name equals `target` (ignoring case) and it
-/// contains the planned point; of several trees, only the one pointed at is the target.
+/// plus [`BODY_MARGIN`]; from persons it is [`PERSON_MARGIN`] more. A box is the target, and not an obstacle, if its name
+/// equals `target` (ignoring case) and it contains the planned point; of several trees, only the one pointed at is the
+/// target.
 ///
 /// Alternatives are tried by growing angle from the planned direction in steps of one degree; at equal angles sideways
-/// comes before up, up before down, and right before left. The result depends only on the arguments.
+/// comes before up, up before down, and right before left. With `keep` those on its side come first, whatever their angle,
+/// so that a detour goes on where it began. None leads towards a person who is near. Those that keep
+/// [`DETOUR_CLEARANCE`] come first, and those lower than both the planned direction and the horizon last. The result
+/// depends only on the arguments.
 #[must_use]
-pub fn avoid(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], target: Option<&str>) -> Avoidance {
-    avoid_guessed(plan, clearance, boxes, &[], target)
+pub fn avoid(
+    plan: &PlannedStep<'_>,
+    clearance: f64,
+    boxes: &[ObstacleBox],
+    target: Option<&str>,
+    keep: Option<Keep>,
+) -> Avoidance {
+    avoid_guessed(plan, clearance, boxes, &[], target, keep)
 }
 
 /// The same for boxes of which some have no range: their label, the nearest, is a guess (`guessed`, by the index of the box;
@@ -130,20 +171,45 @@ pub fn avoid_guessed(
     boxes: &[ObstacleBox],
     guessed: &[bool],
     target: Option<&str>,
+    keep: Option<Keep>,
 ) -> Avoidance {
     let Some(path) = plan.path(plan.point, plan.step) else { return Avoidance::Hold { by: None } };
-    let solids: Vec<Solid> = boxes
-        .iter()
-        .enumerate()
-        .filter(|(_, obstacle)| !is_target(obstacle, plan.point, target))
-        .map(|(index, obstacle)| Solid::new(plan.camera, obstacle, index, clearance))
-        .collect();
+    let solids_within = |clearance: f64| -> Vec<Solid> {
+        let obstacles = boxes.iter().enumerate().filter(|(_, obstacle)| !is_target(obstacle, plan.point, target));
+        obstacles.map(|(index, obstacle)| Solid::new(plan.camera, obstacle, index, clearance)).collect()
+    };
+    let solids = solids_within(clearance);
     let Some(by) = solids.iter().find(|solid| solid.blocks(&path)).map(|solid| solid.index) else { return Avoidance::Clear };
     let free =
         |point: ImagePoint, step: f64| plan.path(point, step).is_some_and(|path| !solids.iter().any(|solid| solid.blocks(&path)));
+    let allowed = |point: ImagePoint| {
+        let toward = direction(plan.camera, point);
+        !solids.iter().any(|solid| solid.is_person && solid.near < PERSON_SIGHT && solid.is_passed_closely(toward))
+    };
+    // Below the horizon is the ground, which no box represents.
+    let lowest = plan.climb(plan.point).min(0.0) - LEVEL;
+    // Right beside an obstacle there is no such room, and looking for it would lead far aside.
+    let mut roomy = solids_within(clearance);
+    for solid in &mut roomy {
+        solid.clearance = solid.clearance.max(DETOUR_CLEARANCE.min(0.5 * solid.near));
+    }
+    let has_room =
+        |point: ImagePoint| plan.path(point, plan.step).is_some_and(|path| !roomy.iter().any(|solid| solid.blocks(&path)));
+    let try_side = |side: Option<Side>| {
+        let fits = |point: ImagePoint| free(point, plan.step) && allowed(point);
+        let level = |point: ImagePoint| plan.climb(point) >= lowest && fits(point);
+        nearest_free(plan, side, |point| level(point) && has_room(point))
+            .or_else(|| nearest_free(plan, side, level))
+            .or_else(|| nearest_free(plan, side, fits))
+    };
+    let shifted = || match keep {
+        None => try_side(None),
+        Some(Keep { side, strict: true }) => try_side(Some(side)),
+        Some(Keep { side, strict: false }) => try_side(Some(side)).or_else(|| try_side(None)),
+    };
     let is_guess = |solid: &Solid| guessed.get(solid.index) == Some(&true) && solid.blocks(&path);
     if !solids.iter().any(is_guess)
-        && let Some(point) = nearest_free(plan, |point| free(point, plan.step))
+        && let Some(point) = shifted()
     {
         return Avoidance::Shifted { point, by };
     }
@@ -152,6 +218,15 @@ pub fn avoid_guessed(
         Some(step) => Avoidance::Shortened { step, by },
         None => Avoidance::Hold { by: Some(by) },
     }
+}
+
+/// The side of the planned point on which another one lies; `None` if it lies above or below it.
+#[must_use]
+pub fn side_of(plan: &PlannedStep<'_>, point: ImagePoint) -> Option<Side> {
+    let (from, to) = (plan.camera.ray(plan.point), plan.camera.ray(point));
+    let (across, up) = (to.right - from.right, to.up - from.up);
+    // Less than a quarter of the way across is a way over or under.
+    (across.abs() > 0.25 * up.abs()).then_some(if across < 0.0 { Side::Left } else { Side::Right })
 }
 
 /// Whether the path to `point`, flown for `step` metres along the optical axis, ends closer than `clearance` metres to
@@ -199,6 +274,12 @@ struct Path {
 }
 
 impl PlannedStep<'_> {
+    /// Metres gained, negative if lost, by a step to this point.
+    fn climb(&self, point: ImagePoint) -> f64 {
+        unproject(self.camera, point, self.step)
+            .map_or(0.0, |straight| lift(straight, self.camera, self.attitude, self.lifting).up)
+    }
+
     fn path(&self, point: ImagePoint, step: f64) -> Option<Path> {
         let straight = unproject(self.camera, point, step).ok()?;
         let end = axes(straight);
@@ -234,6 +315,7 @@ struct Solid {
     clearance: f64,
     /// The lowest label also covers anything closer, so no path may lead towards such a box, however short.
     is_here: bool,
+    is_person: bool,
 }
 
 impl Solid {
@@ -264,9 +346,17 @@ impl Solid {
             if normal.dot(middle) < 0.0 { -normal } else { normal }
         });
         let near = near_edge(obstacle);
+        let is_person = is_person(&obstacle.name);
+        let clearance = clearance + if is_person { PERSON_MARGIN } else { 0.0 };
         // A wide craft may already be closer than its clearance; it may leave but must not come closer.
         let clearance = clearance.min(0.95 * near);
-        Self { index, corners, normals, near, clearance, is_here: obstacle.depth <= 1 }
+        Self { index, corners, normals, near, clearance, is_here: obstacle.depth <= 1, is_person }
+    }
+
+    /// Whether a path in this direction, however long, passes closer than the clearance.
+    fn is_passed_closely(&self, toward: DVec3) -> bool {
+        let (cos, sin) = self.angle(toward);
+        cos > 0.0 && self.near * sin < self.clearance
     }
 
     /// Cosine and sine of the angle between a unit vector and the nearest direction of the box.
@@ -348,8 +438,9 @@ fn to_near_edge(range: f64, near: f64, cos: f64) -> f64 {
     libm::sqrt((range * range + near * near - 2.0 * range * near * cos).max(0.0))
 }
 
-/// The first point inside the image that is `free`, on rings of growing angle around the planned direction.
-fn nearest_free(plan: &PlannedStep<'_>, free: impl Fn(ImagePoint) -> bool) -> Option<ImagePoint> {
+/// The first point inside the image that is `free`, on rings of growing angle around the planned direction, or on one side
+/// of it.
+fn nearest_free(plan: &PlannedStep<'_>, side: Option<Side>, free: impl Fn(ImagePoint) -> bool) -> Option<ImagePoint> {
     let ahead = direction(plan.camera, plan.point);
     // The axes across it: to the right, and up.
     let right = DVec3::new(ahead.y, -ahead.x, 0.0).normalize();
@@ -357,8 +448,16 @@ fn nearest_free(plan: &PlannedStep<'_>, free: impl Fn(ImagePoint) -> bool) -> Op
     let inside = EDGE..=1.0 - EDGE;
     for ring in 1..=MAX_SHIFT_DEG {
         let (sin, cos) = sin_cos(f64::from(ring).to_radians());
-        for (side, tip) in around() {
-            let toward = ahead * cos + (right * side + up * tip) * sin;
+        for (aside, tip) in around() {
+            let wrong = match side {
+                None => false,
+                Some(Side::Left) => aside > STRAIGHT_UP,
+                Some(Side::Right) => aside < -STRAIGHT_UP,
+            };
+            if wrong {
+                continue;
+            }
+            let toward = ahead * cos + (right * aside + up * tip) * sin;
             let Some(point) = plan.camera.project(toward.x, toward.y, toward.z) else { continue };
             if inside.contains(&point.u) && inside.contains(&point.v) && free(point) {
                 return Some(point);

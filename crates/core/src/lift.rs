@@ -175,6 +175,14 @@ pub fn label_of_range(range: f64) -> u8 {
     (label as u8).clamp(1, DEPTH_LABELS)
 }
 
+/// The same, not rounded.
+#[must_use]
+pub fn exact_label_of_range(range: f64) -> f64 {
+    let label = 1.0 + 4.5 * libm::log10(range);
+    // A range that is not positive gives −∞ or NaN, neither of which passes.
+    if label >= 1.0 { label.min(f64::from(DEPTH_LABELS)) } else { 1.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;

@@ -1,5 +1,9 @@
 //! Queries: questions to a VLM about one frame.
 
+mod memory;
+
+pub use memory::{Detour, DetourKind, FinishedStage, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said, VerticalRoom};
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +23,9 @@ pub enum QueryKind {
     Point {
         /// Whether obstacle boxes are requested as well (the paper's obstacle-avoidance mode).
         avoid: bool,
+        /// How distances are requested.
+        #[serde(default, skip_serializing_if = "DepthAs::is_default")]
+        depth: DepthAs,
     },
     /// A choice among the numbered marks overlaid on the image (PIVOT).
     Choose,
@@ -45,6 +52,33 @@ pub enum QueryKind {
     },
     /// Whether the instruction is fulfilled.
     Done,
+}
+
+impl QueryKind {
+    /// The query for a point with depth labels; `avoid`: obstacle boxes as well.
+    #[must_use]
+    pub const fn point(avoid: bool) -> Self {
+        Self::Point { avoid, depth: DepthAs::Labels }
+    }
+}
+
+/// How a reply states distances.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DepthAs {
+    /// As labels from 1 to 10, the paper's form (§3.1).
+    #[default]
+    Labels,
+    /// In metres, an ablation.
+    Metres,
+}
+
+impl DepthAs {
+    /// Whether this is the default form, which serialisation omits.
+    #[must_use]
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
 }
 
 /// The form in which actions are requested.
@@ -155,23 +189,8 @@ pub enum Look {
     Down,
     /// Turn around.
     Behind,
-}
-
-/// The history that the pilot includes in each query to the VLM (`docs/explanation/method.md`).
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Memory {
-    /// Current stage of a multi-stage instruction, from 1, according to the last reply.
-    pub stage: u32,
-    /// Targets named by earlier replies, oldest first; at most the last 8.
-    pub targets: Vec<String>,
-    /// Yaw since the target was last seen, radians, clockwise positive, not wrapped.
-    pub turned: f64,
-    /// Side of the image on which the target was last seen.
-    pub last_seen: Option<Look>,
-    /// Recent text actions (plain-text baseline), oldest first.
-    pub actions: Vec<String>,
-    /// True if this query confirms a `done` while holding.
-    pub confirming: bool,
+    /// Straight ahead: hidden, or too far away to be seen yet.
+    Ahead,
 }
 
 /// One question to a VLM about one frame.
@@ -199,6 +218,9 @@ pub struct Query {
     pub deadline: Time,
     /// Size at which the image is sent, if not that of the frame.
     pub image_size: Option<(u32, u32)>,
+    /// Distance from the target at which the instruction counts as fulfilled, metres, as it is told to the model.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub near_m: Option<f64>,
 }
 
 impl Query {
@@ -216,6 +238,7 @@ impl Query {
             detections: Vec::new(),
             deadline: Time::MAX,
             image_size: None,
+            near_m: None,
         }
     }
 }

@@ -42,10 +42,17 @@ impl StepRule {
     /// ```
     #[must_use]
     pub fn length(&self, label: u8) -> f64 {
+        self.length_of(f64::from(label))
+    }
+
+    /// The same for a label between whole ones.
+    #[must_use]
+    pub fn length_of(&self, label: f64) -> f64 {
         match *self {
             Self::Adaptive { scale, labels, min, exponent } => {
-                let labels = labels.max(1);
-                let fraction = f64::from(label.clamp(1, labels)) / f64::from(labels);
+                let labels = f64::from(labels.max(1));
+                // A NaN counts as 1.
+                let fraction = label.max(1.0).min(labels) / labels;
                 (scale * libm::pow(fraction, exponent)).max(min)
             }
             Self::Fixed(length) => length,

@@ -46,6 +46,8 @@ fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<d
             image_size: None,
             craft: capabilities.craft,
             shape: PathShape::Straight,
+            depth: settings.depth,
+            near_m: settings.near_m,
         })),
         instruction: "fly to the red crane".to_owned(),
     });

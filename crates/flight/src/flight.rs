@@ -98,6 +98,17 @@ impl Site {
         }
     }
 
+    /// Distance from its target at which an instruction counts as fulfilled here, metres, unless the settings say otherwise: the
+    /// scene's; 0.8 m with a Tello, which flies in rooms, and 3 m with any other real craft. The judge's radius is another.
+    #[must_use]
+    pub fn near_m(&self) -> f64 {
+        match self {
+            Self::Simulated(site) => site.loaded.scene.near,
+            Self::Real(site) if site.drone.name() == "tello" => 0.8,
+            Self::Real(_) => 3.0,
+        }
+    }
+
     /// Opens the site: the parts needed by a flight, and the simulated world if there is one.
     fn open(self) -> Result<(Parts, Option<SimWorld>), StartError> {
         match self {
@@ -164,6 +175,7 @@ pub enum FlightError {
 /// [`FlightError`] if the flight cannot start; once started it always ends in a [`Flown`].
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let FlightPlan { site, policy, prompt, record, script, interrupts, operator, .. } = plan;
+    let near_m = plan.settings.near_m.or_else(|| Some(site.near_m()));
     let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
     let capabilities = drone.capabilities();
     if plan.settings.motion == Motion::Manoeuvres && !capabilities.manoeuvres {
@@ -181,7 +193,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         instruction: plan.instruction,
         policy: policy.name().to_owned(),
         preset: plan.preset,
-        settings: plan.settings,
+        settings: PilotSettings { near_m, ..plan.settings },
         craft: plan.limits.capped(&capabilities.craft),
         senses: capabilities.senses,
         camera,

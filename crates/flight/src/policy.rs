@@ -136,6 +136,8 @@ impl PolicyMaker for PolicyKind {
                     grounding: image_spec.grounding,
                     image_size,
                     craft,
+                    depth: settings.depth,
+                    near_m: settings.near_m,
                     shape: match settings.motion {
                         Motion::Sequential => PathShape::LevelThenClimb,
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
@@ -145,7 +147,7 @@ impl PolicyMaker for PolicyKind {
                 Box::new(if detector { spf.with_detector() } else { spf })
             }
             Family::Plain { form } => {
-                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form };
+                let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form, near_m: settings.near_m };
                 Box::new(Plain::new(settings).with_prompt(prompt))
             }
             Family::Pivot { runs } => {
@@ -160,12 +162,14 @@ impl PolicyMaker for PolicyKind {
                     avoid: settings.avoid,
                     image_size,
                     seed,
+                    near_m: settings.near_m,
                     ..PivotSettings::published(craft, step)
                 };
                 Box::new(Pivot::new(settings).with_prompt(prompt))
             }
             Family::TypeFly { coco, replanning } => {
-                let settings = TypeFlySettings { replanning, coco, image_size, ..TypeFlySettings::new(craft) };
+                let near_m = settings.near_m;
+                let settings = TypeFlySettings { replanning, coco, image_size, near_m, ..TypeFlySettings::new(craft) };
                 Box::new(TypeFly::new(settings).with_prompt(prompt))
             }
         }

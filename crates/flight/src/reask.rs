@@ -108,11 +108,13 @@ impl Pointed {
     #[must_use]
     pub fn words(&self) -> String {
         match (self.status, self.point) {
-            (Some(Status::Navigating), Some(point)) => {
+            (Some(Status::Navigating | Status::Following), Some(point)) => {
                 let (target, depth) = (self.target.as_deref().unwrap_or("target"), self.depth.unwrap_or(0));
                 format!("{target} at ({:.3}, {:.3}), depth label {depth}", point.u, point.v)
             }
             (Some(Status::Done), _) => "done".to_owned(),
+            (Some(Status::Blocked), _) => "blocked".to_owned(),
+            (Some(Status::Navigating | Status::Following), None) => "turn on the spot".to_owned(),
             (Some(_), _) => "not visible".to_owned(),
             (None, _) => "no usable reply".to_owned(),
         }
@@ -212,7 +214,7 @@ impl Asker {
     pub fn ask(&mut self, question: &Question) -> ReplyPair {
         let snapshot = self.snapshot(question);
         let (answer, grounding) = self.answer(question, &snapshot);
-        let avoid = question.query.kind == QueryKind::Point { avoid: true };
+        let avoid = matches!(question.query.kind, QueryKind::Point { avoid: true, .. });
         let then = question.answer.as_deref().map(|text| Pointed::of(text, &self.grounding, avoid));
         let failed = answer.text.as_ref().err().map(ToString::to_string);
         let now = answer.text.ok().map(|text| Pointed::of(&text, &grounding, avoid));

@@ -56,6 +56,7 @@ pub fn look(look: Look) -> &'static str {
         Look::Up => "up",
         Look::Down => "down",
         Look::Behind => "behind",
+        Look::Ahead => "ahead",
     }
 }
 
@@ -74,7 +75,8 @@ pub fn decision(decision: &Decision) -> String {
                 Some(way) => format!("not visible, search {}", look(way)),
                 None => "not visible".to_owned(),
             },
-            Status::Navigating => {
+            Status::Blocked => "blocked".to_owned(),
+            Status::Navigating | Status::Following => {
                 let target = reply.target.as_deref().unwrap_or("target");
                 let stage = reply.stage.filter(|stage| *stage > 1).map_or(String::new(), |stage| format!(" (stage {stage})"));
                 let point = reading.waypoint.or(reply.point).map_or(String::new(), |p| format!(" at ({:.2}, {:.2})", p.u, p.v));

@@ -45,7 +45,7 @@ fn image() -> (Vec<u16>, Vec<f32>, Vec<Tagged>) {
 }
 
 fn query(instruction: &str) -> Query {
-    Query { instruction: instruction.to_owned(), ..Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: true }) }
+    Query { instruction: instruction.to_owned(), ..Query::new(QueryId(0), FrameId(0), QueryKind::point(true)) }
 }
 
 #[divan::bench]

@@ -38,6 +38,7 @@ pub(super) fn act(oracle: &Oracle, query: &Query, percept: &Percept, aim: &Aim, 
             Look::Behind => Motion { turn: 180.0, ..Motion::default() },
             Look::Up => Motion { climb: 1.0, ..Motion::default() },
             Look::Down => Motion { forward: -1.0, ..Motion::default() },
+            Look::Ahead => Motion { forward: 1.0, ..Motion::default() },
         }
     };
     let reply = match form {

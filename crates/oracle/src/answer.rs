@@ -1,11 +1,11 @@
 //! Creates the text of a reply from a percept, depending on the kind of query.
 
 use spf_core::grounding::GroundingProfile;
-use spf_core::query::{Query, QueryKind};
+use spf_core::query::{DepthAs, Query, QueryKind};
 use spf_core::reply::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 
 use super::act;
-use super::corridor;
+use super::corridor::{self, Way};
 use super::errors::Reading;
 use super::kinds;
 use super::language::Phrase;
@@ -20,7 +20,9 @@ use super::{ErrorFile, Oracle};
 /// The text of the answer.
 pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String {
     match &query.kind {
-        QueryKind::Point { avoid } => point(oracle, query, percept, *avoid).to_json(&GroundingProfile::default(), *avoid),
+        QueryKind::Point { avoid, depth } => {
+            point(oracle, query, percept, *avoid).to_json_as(&GroundingProfile::default(), *avoid, *depth)
+        }
         QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
         QueryKind::Act { form } => act::act(oracle, query, percept, &aim(oracle, query, percept), *form),
         QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
@@ -42,64 +44,60 @@ pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {
     let aim = aim(oracle, query, percept);
+    let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
     let mut reply = Reply {
-        status: Status::Navigating,
-        look: None,
-        stage: aim.stages.gt(&1).then_some(aim.stage),
-        point: None,
-        depth: None,
-        open_way: None,
         target: Some(aim.words.clone()).filter(|words| !words.is_empty()),
-        boxes: Vec::new(),
+        stage: aim.stages.gt(&1).then_some(aim.stage),
+        ..Reply::new(Status::Navigating)
     };
-    match aim.place {
-        None => {
-            reply.status = if aim.done { Status::Done } else { Status::NotVisible };
-            if !aim.done {
-                let (point, room) = percept.open;
-                reply.look = Some(aim.look.unwrap_or(Look::Right));
-                reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
-                if avoid {
-                    let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
-                    let way = corridor::Way { point, range: room, target: None, opening: None };
-                    reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));
-                }
-            }
+    let Some(place) = aim.place else {
+        if aim.done {
+            return Reply { status: Status::Done, ..reply };
         }
-        Some(place) => {
-            reply.depth = Some(label_slipped(oracle, query, place.range, place.fraction));
-            reply.point = Some(place.point);
-            if aim.done {
-                reply.status = Status::Done;
-            }
-            if !aim.past.is_empty() {
-                let Some(beside) = corridor::free(oracle, percept, place.point, &aim.past) else {
-                    return Reply { status: Status::NotVisible, look: Some(Look::Up), point: None, depth: None, ..reply };
-                };
-                reply.point = Some(beside);
-            }
-            if avoid || !query.detections.is_empty() {
-                let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
-                let in_way = |point| {
-                    let Aim { target, .. } = &aim;
-                    let way = corridor::Way { point, range: place.range, target: target.as_deref(), opening: place.opening };
-                    if avoid {
-                        corridor::boxes(oracle, percept, &seen, &way)
-                    } else {
-                        corridor::listed(oracle, percept, &seen, &way, &query.detections)
-                    }
-                };
-                let (point, found) = corridor::around(oracle, percept, place.point, in_way);
-                reply.point = Some(point);
-                // Boxes given in the query are not repeated in the reply.
-                if avoid {
-                    reply.boxes = reported(oracle, found);
-                }
-            }
+        let (point, room) = percept.open;
+        reply.status = Status::NotVisible;
+        reply.look = Some(aim.look.unwrap_or(Look::Right));
+        reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
+        if avoid {
+            let way = Way { range: room, target: None, opening: None };
+            reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));
         }
+        return reply;
+    };
+    reply.status = match (aim.done, aim.follows) {
+        (true, _) => Status::Done,
+        (false, true) => Status::Following,
+        (false, false) => Status::Navigating,
+    };
+    reply.depth = Some(label_slipped(oracle, query, place.range, place.fraction));
+    reply.point = Some(place.point);
+    reply.target_box = aim.target.as_deref().and_then(|key| corridor::target_box(oracle, percept, &seen, key));
+    if query.kind == (QueryKind::Point { avoid, depth: DepthAs::Metres }) {
+        reply.range_m = Some(place.range.clamp(0.1, FARTHEST_M));
+    }
+    if avoid {
+        let way = Way { range: place.range, target: aim.target.as_deref(), opening: place.opening };
+        reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));
+    } else if !aim.past.is_empty() && query.detections.is_empty() {
+        // Without obstacle mode nobody else leads past the objects that are meant to be passed.
+        let Some(beside) = corridor::free(oracle, percept, place.point, &aim.past) else {
+            return Reply {
+                status: Status::NotVisible,
+                look: Some(Look::Up),
+                point: None,
+                depth: None,
+                range_m: None,
+                target_box: None,
+                ..reply
+            };
+        };
+        reply.point = Some(beside);
     }
     reply
 }
+
+/// The largest distance that is stated in metres.
+const FARTHEST_M: f64 = 1e4;
 
 /// The obstacles as they are written.
 fn reported(oracle: &Oracle, found: Vec<corridor::Found>) -> Vec<ObstacleBox> {

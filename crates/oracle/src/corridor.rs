@@ -1,17 +1,19 @@
-//! Obstacle mode: the objects in the corridor, and the nearest point clear of the reported boxes
+//! Boxes: the nearest objects in obstacle mode, the target's own, and the nearest point clear of objects that are to be passed
 //! (`docs/explanation/oracle.md`).
 
-use spf_core::detection::parse_detections;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::rng::RandomStream;
 
 use super::Oracle;
 use super::percept::{PerceivedObject, Percept};
 
-/// The planned path.
+/// Maximum number of boxes reported, besides a spurious one.
+const MOST_BOXES: usize = 8;
+/// Standard deviation of each side of the target's box, as a fraction of the box.
+const BOX_SD: f64 = 0.03;
+
+/// Where the path ends.
 pub(super) struct Way<'a> {
-    /// Its end in the image.
-    pub(super) point: ImagePoint,
     /// Its length, metres.
     pub(super) range: f64,
     /// Key of the target object.
@@ -37,15 +39,14 @@ impl Found {
     }
 }
 
-/// Boxes nearer than the target that intersect the corridor. The error file gives the fraction that is missed, and the
-/// rate of spurious boxes. Sampled by frame, like the rest of the percept.
+/// The nearest objects that are nearer than the target, at most [`MOST_BOXES`]. The error file gives the fraction that is
+/// missed, and the rate of spurious boxes. Drawn by frame, like the rest of the percept.
 pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject], way: &Way<'_>) -> Vec<Found> {
     let errors = &oracle.errors.boxes;
-    let mut out: Vec<Found> = seen
-        .iter()
-        .filter(|thing| thing.box_luck >= errors.missed && is_in_way(oracle, percept, thing, way))
-        .map(|thing| Found::of(thing))
-        .collect();
+    let mut nearer: Vec<&&PerceivedObject> =
+        seen.iter().filter(|thing| thing.box_luck >= errors.missed && is_obstacle(thing, way)).collect();
+    nearer.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+    let mut out: Vec<Found> = nearer.into_iter().take(MOST_BOXES).map(|thing| Found::of(thing)).collect();
     let mut luck = RandomStream::new(oracle.seed, "oracle spurious box", &[percept.frame.0]);
     if luck.chance(errors.spurious) {
         let (u, v) = (luck.uniform(), luck.uniform());
@@ -64,34 +65,23 @@ pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject
     out
 }
 
-/// The listed boxes that match a visible object nearer than the target and in the corridor.
-pub(super) fn listed(
-    oracle: &Oracle,
-    percept: &Percept,
-    seen: &[&PerceivedObject],
-    way: &Way<'_>,
-    lines: &[String],
-) -> Vec<Found> {
-    // An invalid list counts as empty.
-    let detections = parse_detections(&lines.join("\n")).unwrap_or_default();
-    let is_listed = |thing: &PerceivedObject| detections.iter().any(|detection| detection.area.iou(&thing.bounds) >= SAME_THING);
-    let in_way = |thing: &&&PerceivedObject| is_listed(thing) && is_in_way(oracle, percept, thing, way);
-    seen.iter().filter(in_way).map(|thing| Found::of(thing)).collect()
+/// The box of the target: that of its mask, each side off by a normal error, in the image. A perfect oracle errs in no side.
+pub(super) fn target_box(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject], key: &str) -> Option<ImageBox> {
+    let thing = seen.iter().find(|thing| thing.tags.key == key)?;
+    let ImageBox { left, top, right, bottom } = thing.bounds;
+    let sd = if oracle.errors.range.log_sd > 0.0 { BOX_SD } else { 0.0 };
+    let mut luck = RandomStream::new(oracle.seed, "oracle target box", &[percept.frame.0, u64::from(thing.tags.id)]);
+    let mut off = |side: f64, size: f64| (side + sd * size * luck.normal()).clamp(0.0, 1.0);
+    let (left, right) = (off(left, right - left), off(right, right - left));
+    let (top, bottom) = (off(top, bottom - top), off(bottom, bottom - top));
+    Some(ImageBox { left: left.min(right), top: top.min(bottom), right: left.max(right), bottom: top.max(bottom) })
 }
 
-/// Minimum intersection over union of two boxes for the same object, as in detector benchmarks.
-const SAME_THING: f64 = 0.5;
-
-/// Whether an object is nearer than the end of the path and intersects it.
-fn is_in_way(oracle: &Oracle, percept: &Percept, thing: &PerceivedObject, way: &Way<'_>) -> bool {
+/// Whether an object is solid, not the target itself, and nearer than the end of the path.
+fn is_obstacle(thing: &PerceivedObject, way: &Way<'_>) -> bool {
     let tags = &thing.tags;
     let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
-    !tags.opening
-        && !tags.is_surface()
-        && !own
-        && !frames(thing, way)
-        && thing.nearest < way.range
-        && meets(oracle, percept, way.point, thing.bounds, thing.nearest)
+    !tags.opening && !tags.is_surface() && !own && !frames(thing, way) && thing.nearest < way.range
 }
 
 /// Whether an object surrounds the opening: a hill around a tunnel entrance does not block the path into it.
@@ -110,46 +100,7 @@ fn margin(oracle: &Oracle, percept: &Percept, range: f64) -> (f64, f64) {
     (at * camera.fx / f64::from(camera.width), at * camera.fy / f64::from(camera.height))
 }
 
-/// Whether the corridor to `point` passes within its half width of the box. Seen from the camera, a straight path is a
-/// single point; the corridor around it is a disc that shrinks with range, here a rectangle.
-fn meets(oracle: &Oracle, percept: &Percept, point: ImagePoint, area: ImageBox, range: f64) -> bool {
-    let (du, dv) = margin(oracle, percept, range);
-    point.u > area.left - du && point.u < area.right + du && point.v > area.top - dv && point.v < area.bottom + dv
-}
-
-/// The clear point nearest to `point`, and the obstacles on the path to it and to the points rejected during the
-/// search: an object beside one path may block the next. Returns `point` itself if the image has no clear point.
-pub(super) fn around(
-    oracle: &Oracle,
-    percept: &Percept,
-    point: ImagePoint,
-    in_way: impl Fn(ImagePoint) -> Vec<Found>,
-) -> (ImagePoint, Vec<Found>) {
-    let (mut place, mut found) = (point, Vec::new());
-    for _ in 0..PLACES {
-        let known = found.len();
-        for another in in_way(place) {
-            if !found.contains(&another) {
-                found.push(another);
-            }
-        }
-        if found.len() == known {
-            break;
-        }
-        place = clear(oracle, percept, point, &found);
-    }
-    (place, found)
-}
-
-/// Maximum number of points tried: each adds an obstacle.
-const PLACES: usize = 16;
-
-/// The point nearest to `point` that is clear of all boxes and their margins; `point` itself if there is none.
-pub(super) fn clear(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> ImagePoint {
-    free(oracle, percept, point, found).unwrap_or(point)
-}
-
-/// The same, but `None` if there is no such point.
+/// The point nearest to `point` that is clear of all boxes and their margins; `None` if there is none.
 pub(super) fn free(oracle: &Oracle, percept: &Percept, point: ImagePoint, found: &[Found]) -> Option<ImagePoint> {
     let walls: Vec<ImageBox> = found
         .iter()

@@ -72,7 +72,7 @@ const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 ///
 /// let oracle = Oracle::new(ErrorFile::named("perfect")?, 3.0, 0);
 /// let percept = oracle.percept(FrameId(0), &sight, &[wall]);
-/// let mut query = Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: false });
+/// let mut query = Query::new(QueryId(0), FrameId(0), QueryKind::point(false));
 /// query.instruction = "fly to the wall".to_owned();
 /// let answer = oracle.answer(&query, &percept);
 /// assert!(answer.text.contains("navigating"), "{}", answer.text);

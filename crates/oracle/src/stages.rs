@@ -52,6 +52,8 @@ pub(super) struct Aim {
     pub(super) words: String,
     /// Key of the target object.
     pub(super) target: Option<String>,
+    /// Whether the stage is to stay with it.
+    pub(super) follows: bool,
 }
 
 /// The action of a stage.
@@ -164,6 +166,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     let mut aim = Aim { stage: at as u32 + 1, words: words(stage, thing), ..Aim::default() };
     aim.past = past(stage, thing, view);
     aim.target = thing.map(|t| t.tags.opening_of.clone().unwrap_or_else(|| t.tags.key.clone()));
+    aim.follows = stage.step == Step::Keep;
     match outcome {
         Met::Go(place) => aim.place = Some(place),
         Met::Look(look) => aim.look = Some(look),
@@ -176,6 +179,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
             let stage = plan[at + 1];
             let (outcome, thing) = take(stage, true, view);
             aim.stage = at as u32 + 2;
+            aim.follows = stage.step == Step::Keep;
             aim.past = past(stage, thing, view);
             aim.words = words(stage, thing);
             aim.target = thing.map(|t| t.tags.opening_of.clone().unwrap_or_else(|| t.tags.key.clone()));

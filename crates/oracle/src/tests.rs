@@ -4,7 +4,7 @@ use spf_core::actions::ActForm;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
-use spf_core::query::{Mark, Memory, Query, QueryId, QueryKind};
+use spf_core::query::{DepthAs, Mark, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Look, Reply, Status, parse_reply};
 
 use super::*;
@@ -83,7 +83,7 @@ fn query(id: u64, kind: QueryKind, instruction: &str) -> Query {
     Query { instruction: instruction.to_owned(), ..Query::new(QueryId(id), FrameId(id), kind) }
 }
 
-const POINT: QueryKind = QueryKind::Point { avoid: false };
+const POINT: QueryKind = QueryKind::point(false);
 
 fn oracle(name: &str) -> Oracle {
     Oracle::new(ErrorFile::named(name).unwrap(), 3.0, 7)
@@ -91,7 +91,7 @@ fn oracle(name: &str) -> Oracle {
 
 fn ask(oracle: &Oracle, painting: &Painting, query: &Query) -> Reply {
     let answer = oracle.answer(query, &painting.percept(oracle, query.frame.0));
-    let avoid = query.kind == QueryKind::Point { avoid: true };
+    let avoid = matches!(query.kind, QueryKind::Point { avoid: true, .. });
     parse_reply(&answer.text, &GroundingProfile::default(), avoid).unwrap()
 }
 
@@ -232,51 +232,46 @@ fn labels_follow_their_reading() {
 }
 
 #[test]
-fn obstacles_are_boxed_and_pointed_clear_of() {
-    let oracle = Oracle::new(
-        ErrorFile {
-            boxes: BoxErrors { missed: 0.0, ..ErrorFile::named("perfect").unwrap().boxes },
-            ..ErrorFile::named("perfect").unwrap()
-        },
-        3.0,
-        7,
-    );
-    let painting = Painting::new()
+fn the_nearest_things_are_boxed_and_the_point_stays_on_the_target() {
+    let oracle = oracle("perfect");
+    let mut painting = Painting::new()
         .with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0)
         .with(tagged(2, "ground", "ground", ""), 0..960, 500..720, 10.0)
         .with(tagged(3, "tree", "tree", "green"), 440..620, 110..500, 12.0)
-        .with(tagged(4, "car", "vehicle", "red"), 100..200, 480..520, 15.0);
-    let reply = ask(&oracle, &painting, &query(0, QueryKind::Point { avoid: true }, "fly to the white building"));
-    assert_eq!(reply.boxes.len(), 1, "{:?}", reply.boxes);
-    assert_eq!(reply.boxes[0].name, "green tree");
-    let point = reply.point.unwrap();
-    let area = reply.boxes[0].area;
-    assert!(point.u < area.left || point.u > area.right || point.v < area.top || point.v > area.bottom, "{point:?}");
-    assert!(ask(&oracle, &painting, &query(0, POINT, "fly to the white building")).boxes.is_empty());
+        .with(tagged(4, "car", "vehicle", "red"), 100..200, 480..520, 15.0)
+        .with(tagged(5, "tower", "building", "grey"), 700..760, 100..500, 80.0);
+    let requested = query(0, QueryKind::point(true), "fly to the white building");
+    let reply = ask(&oracle, &painting, &requested);
+    let names: Vec<&str> = reply.boxes.iter().map(|obstacle| obstacle.name.as_str()).collect();
+    assert_eq!(names, ["green tree", "red car"], "nearest first; neither ground nor what is farther than the target");
+    let free = ask(&oracle, &painting, &query(0, POINT, "fly to the white building"));
+    assert_eq!((free.boxes.len(), free.point), (0, reply.point), "obstacles do not move the point");
+    // A perfect oracle's box is that of the target.
+    let area = reply.target_box.unwrap();
+    assert!((area.left - 400.0 / 960.0).abs() < 2e-3 && (area.right - 660.0 / 960.0).abs() < 2e-3, "{area:?}");
+    for id in 0..10_u16 {
+        let left = 10 + 30 * usize::from(id);
+        painting = painting.with(tagged(10 + id, "post", "post", "white"), left..left + 20, 300..420, 5.0 + f32::from(id));
+    }
+    let boxes = ask(&oracle, &painting, &requested).boxes;
+    assert!(boxes.len() == 8 && boxes.is_sorted_by_key(|obstacle| obstacle.depth), "{boxes:?}");
+    assert_eq!(boxes.iter().filter(|obstacle| obstacle.name == "white post").count(), 7, "the tree is nearer than the eighth");
 }
 
-/// A bush left of the tree does not obstruct the path to the building, but the path past the tree on its left.
 #[test]
-fn what_stands_beside_the_first_path_counts_when_the_path_leads_there() {
+fn metres_are_stated_where_they_are_asked_for() {
     let oracle = oracle("perfect");
-    let painting = Painting::new().with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0).with(
-        tagged(2, "tree", "tree", "green"),
-        440..620,
-        0..500,
-        12.0,
-    );
-    let requested = query(0, QueryKind::Point { avoid: true }, "fly to the white building");
-    let alone = ask(&oracle, &painting, &requested);
-    let past = alone.point.unwrap().u * W as f64;
-    assert!(alone.boxes.len() == 1 && (330.0..440.0).contains(&past), "{past} {:?}", alone.boxes);
-    let painting = painting.with(tagged(3, "bush", "bush", "green"), 330..400, 0..500, 12.0);
-    let both = ask(&oracle, &painting, &requested);
-    let past = both.point.unwrap().u * W as f64;
-    assert!(both.boxes.len() == 2 && past < 330.0, "{past} {:?}", both.boxes);
+    let painting = Painting::new().with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0);
+    let kind = QueryKind::Point { avoid: true, depth: DepthAs::Metres };
+    let percept = painting.percept(&oracle, 0);
+    let text = oracle.answer(&query(0, kind, "fly to the white building"), &percept).text;
+    assert!(text.contains("\"depth_m\":6") && !text.contains("\"depth\""), "{text}");
+    let reply = parse_reply(&text, &GroundingProfile::default(), true).unwrap();
+    assert!(reply.depth == Some(9) && (60.0..64.0).contains(&reply.range_m.unwrap()), "{reply:?}");
 }
 
 #[test]
-fn what_a_detector_listed_is_pointed_clear_of() {
+fn what_a_detector_listed_moves_no_point() {
     let oracle = oracle("perfect");
     let painting = Painting::new()
         .with(tagged(1, "building", "building", "white"), 400..660, 100..500, 60.0)
@@ -298,9 +293,7 @@ fn what_a_detector_listed_is_pointed_clear_of() {
     let straight = pointed(&[]);
     assert_eq!(pointed(&["none"]), straight);
     assert_eq!(pointed(&["truck_1 x:0.2 y:0.4 width:0.2 height:0.5"]), straight, "nothing is seen there");
-    let clear = pointed(&[list.text.trim()]);
-    let truck = percept.things.iter().find(|thing| thing.tags.id == 3).unwrap().bounds;
-    assert!(clear.u < truck.left || clear.u > truck.right || clear.v < truck.top || clear.v > truck.bottom, "{clear:?}");
+    assert_eq!(pointed(&[list.text.trim()]), straight, "the pilot leads around what was listed");
 }
 
 #[test]
@@ -434,8 +427,8 @@ fn a_scan_ends_after_a_full_turn_and_follow_never() {
     assert_eq!(ask(&oracle, &site(), &scan).status, Status::Done);
     let close = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 5.0);
     let reply = ask(&oracle, &close, &query(0, POINT, "follow the person"));
-    assert_eq!((reply.status, reply.depth), (Status::Navigating, Some(1)));
-    // The craft backs off when nearer than that.
+    assert_eq!((reply.status, reply.depth), (Status::Following, Some(1)));
+    // Nearer than that one backs off.
     let closer = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 1.0);
     let reply = ask(&oracle, &closer, &query(0, POINT, "follow the person"));
     assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Down)));

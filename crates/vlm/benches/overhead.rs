@@ -29,7 +29,7 @@ fn frame() -> Rgb {
 fn frame_to_request(bencher: Bencher<'_, '_>, name: &str) {
     let (frame, table) = (frame(), Table::shipped());
     let model = table.select(name, "2026-11-21").expect("it is in the table").model;
-    let kind = QueryKind::Point { avoid: true };
+    let kind = QueryKind::point(true);
     let mut scaler = Scaler::default();
     bencher.bench_local(|| {
         let (width, height) = model.image.sent((960, 720), None);

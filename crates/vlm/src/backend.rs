@@ -117,7 +117,7 @@ impl Backend {
         serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
         let enough = match question.kind {
-            QueryKind::Point { avoid } => Some((grounding, *avoid)),
+            QueryKind::Point { avoid, .. } => Some((grounding, *avoid)),
             _ => None,
         };
         Ok(Written {

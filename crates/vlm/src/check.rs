@@ -115,10 +115,10 @@ fn query(number: u64, profile: &GroundingProfile, image_size: Option<(u32, u32)>
     let memory = Memory::default();
     Query {
         instruction: INSTRUCTION.to_owned(),
-        prompt: point_prompt(&PromptInput { instruction: INSTRUCTION, memory: &memory, profile, avoid: false }),
+        prompt: point_prompt(&PromptInput::new(INSTRUCTION, &memory, profile)),
         memory,
         image_size,
-        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: false })
+        ..Query::new(QueryId(number), FrameId(number), QueryKind::point(false))
     }
 }
 

@@ -198,7 +198,7 @@ mod tests {
     #[test]
     fn lines_become_replies_that_the_parser_reads() {
         for avoid in [false, true] {
-            let schema = reply_schema(&QueryKind::Point { avoid }).unwrap();
+            let schema = reply_schema(&QueryKind::point(avoid)).unwrap();
             let read = |line: &str| {
                 let text = reply(&schema, typed(line, SIZE).unwrap(), &pixels(SIZE)).to_string();
                 parse_reply(&text, &pixels(SIZE), avoid).unwrap_or_else(|error| panic!("{text}: {error}"))
@@ -246,10 +246,8 @@ mod tests {
         let shown = Mutex::new(shown);
         let mut human = Human::new(lines, Arc::new(move |line| shown.lock().unwrap().send(line.to_owned()).unwrap())).unwrap();
         send.send("1 2 3".to_owned()).unwrap();
-        let query = Query {
-            instruction: "to the crane".to_owned(),
-            ..Query::new(QueryId(4), FrameId(9), QueryKind::Point { avoid: false })
-        };
+        let query =
+            Query { instruction: "to the crane".to_owned(), ..Query::new(QueryId(4), FrameId(9), QueryKind::point(false)) };
         let typist = std::thread::spawn(move || {
             let line = seen.recv().unwrap();
             assert!(line.contains("query 4") && line.contains("9.jpg") && line.contains("to the crane"), "{line}");

@@ -35,6 +35,8 @@ pub struct Strategy {
     pub quality: Option<u8>,
     /// Price, if not the table's.
     pub price: Option<PerMillion>,
+    /// Temperature 0, where the model takes one: the paper's equation 1 is the likeliest answer.
+    pub greedy: bool,
 }
 
 /// One or two models over HTTP. Clones share connections.
@@ -291,7 +293,7 @@ impl Asking<'_> {
     /// A reply in the coordinates of the query, with depth labels as the prompt describes them.
     fn translated(&self, index: usize, text: String) -> Result<String, VlmError> {
         let (request, own) = (self.remote.sight(0, self.camera).0, self.remote.sight(index, self.camera).0);
-        let QueryKind::Point { avoid } = self.request.query.kind else { return Ok(text) };
+        let QueryKind::Point { avoid, .. } = self.request.query.kind else { return Ok(text) };
         let model = &self.remote.backends[index].model;
         if request == own && model.depth_m.is_none() {
             return Ok(text);

@@ -138,7 +138,8 @@ fn backend(table: &Table, name: Name<'_>, access: Access<'_>, strategy: Strategy
         choice.model.price = vec![price.into()];
     }
     let endpoint = endpoint(&choice, name.from_file, access)?;
-    Ok(Backend::new(choice.name, choice.model, endpoint))
+    let model = if strategy.greedy { choice.model.greedy() } else { choice.model };
+    Ok(Backend::new(choice.name, model, endpoint))
 }
 
 /// The model for a name; `auto` is the first vendor of the table with a key.

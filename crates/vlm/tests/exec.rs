@@ -37,7 +37,7 @@ fn ask(exec: &mut Exec, time_left: Duration, cancel: &Cancel) -> Result<String, 
     let query = Query {
         instruction: "to the crane".to_owned(),
         prompt: "Where?\nSay it.".to_owned(),
-        ..Query::new(QueryId(7), FrameId(7), QueryKind::Point { avoid: false })
+        ..Query::new(QueryId(7), FrameId(7), QueryKind::point(false))
     };
     let request = QueryRequest { query: &query, time_left, cancel: cancel.clone() };
     exec.answer(&request, &mut Blank).text

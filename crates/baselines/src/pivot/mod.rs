@@ -63,6 +63,8 @@ pub struct PivotSettings {
     pub craft: Craft,
     /// Seed of the candidates.
     pub seed: u64,
+    /// Distance from the target that counts as reached, metres, as told to the VLM.
+    pub near_m: Option<f64>,
 }
 
 impl PivotSettings {
@@ -84,6 +86,7 @@ impl PivotSettings {
             image_size: None,
             craft,
             seed: 0,
+            near_m: None,
         }
     }
 }
@@ -178,12 +181,8 @@ impl Pivot {
     }
 
     fn write(&self, text: &PromptText, own: impl Fn(&str) -> Option<String>) -> String {
-        let input = PromptInput {
-            instruction: &self.instruction,
-            memory: &self.memory,
-            profile: &GroundingProfile::default(),
-            avoid: false,
-        };
+        let profile = GroundingProfile::default();
+        let input = PromptInput { near_m: self.settings.near_m, ..PromptInput::new(&self.instruction, &self.memory, &profile) };
         text.write_with(&input, own)
     }
 

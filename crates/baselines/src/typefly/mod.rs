@@ -45,13 +45,23 @@ pub struct TypeFlySettings {
     pub image_size: Option<(u32, u32)>,
     /// The craft: lengths are the Tello's, scaled by the ratio of cruise speeds.
     pub craft: Craft,
+    /// Distance from the target that counts as reached, metres, as told to the VLM.
+    pub near_m: Option<f64>,
 }
 
 impl TypeFlySettings {
     /// Settings with replanning, all objects and five failures.
     #[must_use]
     pub fn new(craft: Craft) -> Self {
-        Self { replanning: true, coco: false, failures: 5, precedence: Precedence::Published, image_size: None, craft }
+        Self {
+            replanning: true,
+            coco: false,
+            failures: 5,
+            precedence: Precedence::Published,
+            image_size: None,
+            craft,
+            near_m: None,
+        }
     }
 
     /// Ratio of the craft's cruise speed to a Tello's.
@@ -164,7 +174,7 @@ impl TypeFly {
 
     fn write(&self, text: &PromptText, own: impl Fn(&str) -> Option<String>) -> String {
         let profile = &GroundingProfile::default();
-        let input = PromptInput { instruction: &self.instruction, memory: &self.memory, profile, avoid: false };
+        let input = PromptInput { near_m: self.settings.near_m, ..PromptInput::new(&self.instruction, &self.memory, profile) };
         text.write_with(&input, |place| match place {
             "scene" => Some(self.scene_words()),
             other => own(other),

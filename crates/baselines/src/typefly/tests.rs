@@ -4,6 +4,7 @@ use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::Pose;
 use spf_core::policy::Move;
 use spf_core::primitives::Primitives;
+use spf_core::query::VerticalRoom;
 
 const CAR: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black";
 
@@ -33,7 +34,13 @@ impl Instructed {
             height: 720,
             unusable: None,
         };
-        self.policy.handle(PolicyEvent::Frame(&View { frame, camera: Camera::tello(), pose: Pose::default(), at_rest: true }))
+        self.policy.handle(PolicyEvent::Frame(&View {
+            frame,
+            camera: Camera::tello(),
+            pose: Pose::default(),
+            at_rest: true,
+            room: VerticalRoom::default(),
+        }))
     }
 
     fn reply(&mut self, to: &Query, text: &str) -> Step {

@@ -10,7 +10,7 @@ use crate::flight::Flight;
 
 fn plain(confirm_done: bool, texts: &'static [&'static str]) -> Flight {
     let mut number = 0;
-    let policy = Plain::new(PlainSettings { confirm_done, image_size: None, form: ActForm::Commands });
+    let policy = Plain::new(PlainSettings { confirm_done, image_size: None, form: ActForm::Commands, near_m: None });
     Flight::new(Preset::Paper, 0.0, policy, move |query, _| {
         assert_eq!(query.kind, QueryKind::Act { form: ActForm::Commands });
         number += 1;

@@ -138,7 +138,7 @@ impl Answerer {
     ) -> AnswerRow {
         let image_spec = vlm.image_spec((image.width(), image.height()));
         let (profile, memory) = (image_spec.grounding, Memory::default());
-        let text = prompt.write(&PromptInput { instruction, memory: &memory, profile: &profile, avoid: options.avoid });
+        let text = prompt.write(&PromptInput { avoid: options.avoid, ..PromptInput::new(instruction, &memory, &profile) });
         let query = query(number, instruction, text, options, image_spec.image_size);
         let request = QueryRequest { query: &query, time_left: options.time, cancel: cancel.clone() };
         let answer = vlm.answer(&request, &mut Photograph::new(image.clone()));
@@ -151,16 +151,7 @@ fn failed(model: &str, why: String) -> Answer {
 }
 
 fn centre(key: &str) -> AnswerRow {
-    let reply = Reply {
-        status: Status::Navigating,
-        look: None,
-        stage: None,
-        point: Some(ImagePoint { u: 0.5, v: 0.5 }),
-        depth: Some(CENTRE_LABEL),
-        open_way: None,
-        target: None,
-        boxes: Vec::new(),
-    };
+    let reply = Reply { point: Some(ImagePoint { u: 0.5, v: 0.5 }), depth: Some(CENTRE_LABEL), ..Reply::new(Status::Navigating) };
     AnswerRow {
         answerer: CENTRE.to_owned(),
         item: key.to_owned(),
@@ -177,7 +168,7 @@ fn query(number: u64, instruction: &str, prompt: String, options: AskOptions, im
         instruction: instruction.to_owned(),
         prompt,
         image_size,
-        ..Query::new(QueryId(number), FrameId(number), QueryKind::Point { avoid: options.avoid })
+        ..Query::new(QueryId(number), FrameId(number), QueryKind::point(options.avoid))
     }
 }
 

@@ -70,16 +70,7 @@ mod tests {
 
     fn reply(status: Status, point: Option<(f64, f64)>) -> ParsedReply {
         let point = point.map(|(u, v)| ImagePoint { u, v });
-        ParsedReply::Reply(Reply {
-            status,
-            look: None,
-            stage: None,
-            point,
-            depth: point.map(|_| 5),
-            open_way: None,
-            target: None,
-            boxes: Vec::new(),
-        })
+        ParsedReply::Reply(Reply { point, depth: point.map(|_| 5), ..Reply::new(status) })
     }
 
     fn target() -> Target {

@@ -48,6 +48,8 @@ pub fn words(row: &AnswerRow) -> String {
                 Status::Navigating => "points to",
                 Status::Done => "done",
                 Status::NotVisible => "not visible",
+                Status::Following => "follows",
+                Status::Blocked => "blocked",
             };
             format!("{status}{target}{place}{depth}")
         }

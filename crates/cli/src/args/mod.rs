@@ -183,7 +183,7 @@ pub(crate) struct MethodArgs {
     /// [default: oracle; auto with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
-    /// Prompt file for the VLM (see docs/guide/vlm.md) [default: built-in]
+    /// Prompt for the VLM: a file (see docs/guide/vlm.md), or paper (the label as distance to travel) [default: built-in]
     #[arg(long, value_name = "FILE")]
     pub(crate) prompt: Option<String>,
     /// Record the VLM's replies to a new file; `--vlm replay:FILE` repeats the flight
@@ -215,9 +215,17 @@ pub(crate) struct MethodArgs {
     /// Preset: default (recommended settings) or paper (the paper's constants and behaviour) [default: default]
     #[arg(long, value_name = "PRESET")]
     pub(crate) preset: Option<String>,
-    /// Step length: adaptive (paper §3.2) or fixed:METRES [default: the preset's]
+    /// Step length: adaptive (paper §3.2), adaptive:s=METRES,p=EXPONENT,min=METRES with other constants, or fixed:METRES
+    /// [default: the preset's]
     #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
     pub(crate) step: Option<String>,
+    /// How the VLM states distances: labels (1 to 10) or metres, an ablation [default: labels]
+    #[arg(long, value_name = "FORM")]
+    pub(crate) depth_as: Option<String>,
+    /// Distance from the target that counts as reached, metres, as told to the VLM [default: the scene's; 0.8 with a Tello;
+    /// else 3]
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) near: Option<String>,
     /// Execute motion primitives one at a time (sequential) or simultaneously (blended) [default: the preset's]
     #[arg(long, value_name = "MOTION")]
     pub(crate) motion: Option<String>,

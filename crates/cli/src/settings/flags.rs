@@ -78,6 +78,8 @@ impl MethodArgs {
             policy,
             preset,
             step,
+            depth_as,
+            near,
             motion,
             think,
             rate,
@@ -97,6 +99,8 @@ impl MethodArgs {
         fly.policy.flag(policy.as_deref());
         fly.preset.flag(preset.as_deref());
         fly.step.flag(step.as_deref());
+        fly.depth_as.flag(depth_as.as_deref());
+        fly.near_m.flag(near.as_deref());
         fly.motion.flag(motion.as_deref());
         fly.think.flag(think.as_deref());
         fly.rate_hz.flag(rate.as_deref());

@@ -7,6 +7,7 @@ use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
 use spf_core::pilot::{AtEnd, Preset, Think};
+use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
@@ -43,8 +44,12 @@ settings! {
         policy: PolicyKind = "spf", Word, "SPF_POLICY", "--policy";
         /// preset: default or paper
         preset: Preset = "default", Word, "SPF_PRESET", "--preset";
-        /// step length: adaptive or fixed:METRES; empty: the preset's
+        /// step length: adaptive[:s=METRES,p=EXPONENT,min=METRES] or fixed:METRES; empty: the preset's
         step: StepRule = "", Step, "SPF_STEP", "--step";
+        /// how the VLM states distances: labels or metres
+        depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";
+        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
+        near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
         /// sequential or blended; empty: the preset's
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
         /// stop or continuous; empty: the preset's
@@ -79,7 +84,7 @@ settings! {
         max_reply_age_s: f64 = "8", Number(0.1, 600.0), "SPF_MAX_REPLY_AGE_S", "--max-reply-age";
         /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
-        /// prompt file (docs/guide/vlm.md); empty: built-in
+        /// prompt file (docs/guide/vlm.md), or paper: the label as distance to travel; empty: built-in
         prompt: String = "", Text, "SPF_PROMPT", "--prompt";
         /// geofence: GeoJSON file with polygons in local east/north metres; empty: none
         geofence: String = "", Text, "SPF_GEOFENCE", "--geofence";

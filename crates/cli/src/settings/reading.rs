@@ -8,6 +8,7 @@ use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
 use spf_core::pilot::{AtEnd, Preset, Think};
+use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::driver::{Driver, Target};
 use spf_drone::registry::{DRIVERS, alternatives, forms, named};
@@ -175,6 +176,12 @@ impl Words for Preset {
     }
 }
 
+impl Words for DepthAs {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("labels", Self::Labels), ("metres", Self::Metres)]
+    }
+}
+
 impl Words for Motion {
     /// Values that can be set: manoeuvres are set by [`TelloMotion`].
     fn words() -> Vec<(&'static str, Self)> {
@@ -232,15 +239,42 @@ impl Reading<Pose> for Start {
     }
 }
 
-/// Step length: the built-in adaptive rule, or metres.
+/// How long a step is: the adaptive rule, with the paper's constants or others, or metres.
 pub(super) struct Step;
 
 impl Reading<StepRule> for Step {
     fn read(&self, text: &str) -> Result<StepRule, Refusal> {
-        match text.strip_prefix("fixed:").map(str::parse::<f64>) {
+        let refused = || {
+            Refusal::of(
+                "adaptive, adaptive:s=METRES,p=EXPONENT,min=METRES (each optional; s 0.1 to 50, p 0 to 5, min 0.01 to s) or \
+                 fixed:METRES (0.05 to 50)",
+            )
+        };
+        match text.split_once(':') {
             None if text == "adaptive" => Ok(StepRule::default()),
-            Some(Ok(metres)) if (0.05..=50.0).contains(&metres) => Ok(StepRule::Fixed(metres)),
-            _ => Err(Refusal::of("adaptive or fixed:METRES (0.05 to 50)")),
+            Some(("fixed", metres)) => within(metres, &0.05, &50.0).map(StepRule::Fixed).ok_or_else(refused),
+            Some(("adaptive", constants)) => adaptive(constants).ok_or_else(refused),
+            _ => Err(refused()),
         }
     }
+}
+
+/// The adaptive rule with the constants in `s=…,p=…,min=…`; those that are not given are the paper's.
+fn adaptive(constants: &str) -> Option<StepRule> {
+    let StepRule::Adaptive { mut scale, labels, mut min, mut exponent } = StepRule::PAPER else { return None };
+    let mut given = Vec::new();
+    for constant in constants.split(',') {
+        let (name, value) = constant.split_once('=')?;
+        match name {
+            "s" => scale = within(value, &0.1, &50.0)?,
+            "p" => exponent = within(value, &0.0, &5.0)?,
+            "min" => min = within(value, &0.01, &50.0)?,
+            _ => return None,
+        }
+        if given.contains(&name) {
+            return None;
+        }
+        given.push(name);
+    }
+    (min <= scale).then_some(StepRule::Adaptive { scale, labels, min, exponent })
 }

@@ -101,10 +101,7 @@ fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]
     };
     let frame = FrameId(row.number);
     let percept = oracle.percept(frame, &sight, tags);
-    let query = Query {
-        instruction: row.instruction.clone(),
-        ..Query::new(QueryId(row.number), frame, QueryKind::Point { avoid: false })
-    };
+    let query = Query { instruction: row.instruction.clone(), ..Query::new(QueryId(row.number), frame, QueryKind::point(false)) };
     let reply = parse_reply(&oracle.answer(&query, &percept).text, &Default::default(), false).unwrap();
     reply.point.map(|point| ((point.u * w as f64) as usize, (point.v * h as f64) as usize))
 }

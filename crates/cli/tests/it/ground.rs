@@ -137,8 +137,8 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     assert!(one["tokens_in"]["value"].as_f64().unwrap() > 0.0 && one["cost_usd_total"].as_f64().unwrap() > 0.0, "{one}");
     assert_eq!(server.questions().len(), 5);
 
-    // Two prompts are two answerers; earlier questions are sent again only under the new name.
-    let prompt = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../prompts/point-3.txt")).unwrap();
+    // Two prompts are two answerers; what was asked before is asked again only under its new name.
+    let prompt = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../prompts/point-4.txt")).unwrap();
     lab.write("p.txt", &prompt);
     lab.write("q.txt", prompt.replace("drone", "aircraft"));
     let args = ["--dataset", "set", "-o", "wordings", "--json", "--prompt", "p.txt,q.txt"];

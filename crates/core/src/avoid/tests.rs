@@ -33,19 +33,19 @@ fn failing_9_a_box_on_the_path_changes_the_flight() {
     let camera = square();
     let pole = [boxed(0.45, 0.0, 0.55, 1.0, 3, "pole")];
     // Label 3 begins at 10^(1.5/4.5) = 2.15 m. A step of 4 m would fly into it ...
-    let Avoidance::Shifted { point, by: 0 } = avoid(&plan(&camera, 4.0), CLEARANCE, &pole, Some("door")) else { panic!() };
-    // ... its right edge stands at tan = 0.1, 5.7° off the middle, and asin(0.55 / 2.15) = 14.8° more are needed: 20.5°, so
-    // the ring of 21° is the first that is free. tan 21° = 0.384, half of that right of the middle.
-    assert!((point.u - (0.5 + 0.5 * 21.0_f64.to_radians().tan())).abs() < 1e-9 && (point.v - 0.5).abs() < 1e-9, "{point:?}");
+    let Avoidance::Shifted { point, by: 0 } = avoid(&plan(&camera, 4.0), CLEARANCE, &pole, Some("door"), None) else { panic!() };
+    // ... its right edge stands at tan = 0.1, 5.7° off the middle, and asin(0.8 / 2.15) = 21.8° more leave room: 27.5°, so
+    // the ring of 28° is the first that does. tan 28° = 0.532, half of that right of the middle.
+    assert!((point.u - (0.5 + 0.5 * 28.0_f64.to_radians().tan())).abs() < 1e-9 && (point.v - 0.5).abs() < 1e-9, "{point:?}");
     // A step of 1.5 m ends 0.65 m before it, one of 1.7 m would end 0.45 m before it.
-    assert_eq!(avoid(&plan(&camera, 1.5), CLEARANCE, &pole, None), Avoidance::Clear);
-    assert_ne!(avoid(&plan(&camera, 1.7), CLEARANCE, &pole, None), Avoidance::Clear);
-    // If there is no path around it: stop before it, 2.154 − 0.55 = 1.604 m; 16 of 40 parts of 4 m.
+    assert_eq!(avoid(&plan(&camera, 1.5), CLEARANCE, &pole, None, None), Avoidance::Clear);
+    assert_ne!(avoid(&plan(&camera, 1.7), CLEARANCE, &pole, None, None), Avoidance::Clear);
+    // Where there is no way round: stop before it, 2.154 − 0.55 = 1.604 m; 16 of 40 parts of 4 m.
     let wall = [boxed(0.0, 0.0, 1.0, 1.0, 3, "wall")];
-    assert_eq!(avoid(&plan(&camera, 4.0), CLEARANCE, &wall, None), Avoidance::Shortened { step: 1.6, by: 0 });
-    // No direction is free: label 2 begins at 1.292 m, which allows 0.092 m, less than any step.
+    assert_eq!(avoid(&plan(&camera, 4.0), CLEARANCE, &wall, None, None), Avoidance::Shortened { step: 1.6, by: 0 });
+    // Nowhere to go at all: label 2 begins at 1.292 m, of which 0.092 m may be flown, which is no step.
     let close = |depth| [boxed(0.0, 0.0, 1.0, 1.0, 9, "sky"), boxed(0.0, 0.0, 1.0, 1.0, depth, "wall")];
-    assert_eq!(avoid(&plan(&camera, 0.4), 1.2, &close(2), None), Avoidance::Hold { by: Some(1) });
+    assert_eq!(avoid(&plan(&camera, 0.4), 1.2, &close(2), None, None), Avoidance::Hold { by: Some(1) });
 }
 
 /// Label 1 stands for anything nearer than 1.29 m. The middle of its interval leaves room for a short step, but after
@@ -55,21 +55,21 @@ fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
     let camera = square();
     let all = [boxed(0.0, 0.0, 1.0, 1.0, 1, "wall")];
     for step in [0.1, 0.2, 0.4, 4.0] {
-        assert_eq!(avoid(&plan(&camera, step), CLEARANCE, &all, None), Avoidance::Hold { by: Some(0) }, "{step}");
+        assert_eq!(avoid(&plan(&camera, step), CLEARANCE, &all, None, None), Avoidance::Hold { by: Some(0) }, "{step}");
     }
     // Past it one may fly, in a direction that keeps clear of it however near it is within its label: 45.5° from its edge, which
     // is 31° left of the middle.
     let left = [boxed(0.0, 0.0, 0.2, 1.0, 1, "wall")];
     for step in [0.1, 2.0] {
-        let Avoidance::Shifted { point, .. } = avoid(&plan(&camera, step), CLEARANCE, &left, None) else { panic!() };
+        let Avoidance::Shifted { point, .. } = avoid(&plan(&camera, step), CLEARANCE, &left, None, None) else { panic!() };
         assert!((0.62..0.66).contains(&point.u), "{point:?}");
     }
     // The object at the point is not an obstacle.
-    assert_eq!(avoid(&plan(&camera, 0.2), CLEARANCE, &all, Some("wall")), Avoidance::Clear);
+    assert_eq!(avoid(&plan(&camera, 0.2), CLEARANCE, &all, Some("wall"), None), Avoidance::Clear);
     // Level first and then up to a lamp right above: the corner is beside it, the end is not.
     let lamp = [boxed(0.0, 0.0, 1.0, 0.4, 1, "lamp")];
     let up = PlannedStep { shape: PathShape::LevelThenClimb, point: ImagePoint { u: 0.5, v: 0.3 }, ..plan(&camera, 0.15) };
-    assert!(!matches!(avoid(&up, 0.3, &lamp, None), Avoidance::Clear | Avoidance::Shortened { .. }));
+    assert!(!matches!(avoid(&up, 0.3, &lamp, None, None), Avoidance::Clear | Avoidance::Shortened { .. }));
 }
 
 #[test]
@@ -109,7 +109,8 @@ fn a_box_that_an_edge_cuts_off_extends_beyond_it() {
 #[test]
 fn a_box_of_unknown_range_shortens_or_holds_and_never_leads_aside() {
     let camera = square();
-    let avoided = |boxes: &[ObstacleBox], guessed: &[bool]| avoid_guessed(&plan(&camera, 4.0), CLEARANCE, boxes, guessed, None);
+    let avoided =
+        |boxes: &[ObstacleBox], guessed: &[bool]| avoid_guessed(&plan(&camera, 4.0), CLEARANCE, boxes, guessed, None, None);
     // Ahead: into it leads nothing, however short.
     let ahead = [boxed(0.45, 0.5, 0.55, 1.0, 1, "boat")];
     assert!(matches!(avoided(&ahead, &[false]), Avoidance::Shifted { .. }));
@@ -131,7 +132,7 @@ fn a_box_of_unknown_range_shortens_or_holds_and_never_leads_aside() {
 #[test]
 fn what_is_far_beside_or_the_target_itself_is_not_in_the_way() {
     let camera = square();
-    let clear = |boxes: &[ObstacleBox], target| avoid(&plan(&camera, 4.0), CLEARANCE, boxes, target) == Avoidance::Clear;
+    let clear = |boxes: &[ObstacleBox], target| avoid(&plan(&camera, 4.0), CLEARANCE, boxes, target, None) == Avoidance::Clear;
     assert!(clear(&[], None));
     // Label 6 begins at 10 m.
     assert!(clear(&[boxed(0.0, 0.0, 1.0, 1.0, 6, "house")], None));
@@ -147,7 +148,7 @@ fn what_is_far_beside_or_the_target_itself_is_not_in_the_way() {
 #[test]
 fn the_side_is_chosen_by_angle_and_then_by_rule() {
     let camera = square();
-    let shifted = |boxes: &[ObstacleBox]| match avoid(&plan(&camera, 4.0), CLEARANCE, boxes, None) {
+    let shifted = |boxes: &[ObstacleBox]| match avoid(&plan(&camera, 4.0), CLEARANCE, boxes, None, None) {
         Avoidance::Shifted { point, .. } => point,
         other => panic!("{other:?}"),
     };
@@ -169,21 +170,21 @@ fn a_sequential_path_is_checked_leg_by_leg() {
     let up = ImagePoint { u: 0.5, v: 0.1 };
     let kerb = [boxed(0.0, 0.5, 1.0, 1.0, 3, "kerb")];
     let straight = PlannedStep { point: up, ..plan(&camera, 4.0) };
-    assert_eq!(avoid(&straight, CLEARANCE, &kerb, None), Avoidance::Clear);
+    assert_eq!(avoid(&straight, CLEARANCE, &kerb, None, None), Avoidance::Clear);
     let sequential = PlannedStep { shape: PathShape::LevelThenClimb, ..straight };
-    assert_ne!(avoid(&sequential, CLEARANCE, &kerb, None), Avoidance::Clear);
+    assert_ne!(avoid(&sequential, CLEARANCE, &kerb, None, None), Avoidance::Clear);
     // And the climb at its end, which starts below a balcony.
     let balcony = [boxed(0.4, 0.2, 0.6, 0.3, 4, "balcony")];
     let steep = PlannedStep { point: ImagePoint { u: 0.5, v: 0.0 }, ..sequential };
-    assert_eq!(avoid(&PlannedStep { shape: PathShape::Straight, ..steep }, CLEARANCE, &balcony, None), Avoidance::Clear);
-    assert_ne!(avoid(&steep, CLEARANCE, &balcony, None), Avoidance::Clear);
+    assert_eq!(avoid(&PlannedStep { shape: PathShape::Straight, ..steep }, CLEARANCE, &balcony, None, None), Avoidance::Clear);
+    assert_ne!(avoid(&steep, CLEARANCE, &balcony, None, None), Avoidance::Clear);
     // A lens tilted down by 20°: the level leg runs through the image where the horizon is, tan 20° above the middle.
     let tilted = Camera::from_fov(800, 800, PI / 2.0, PI / 2.0, 20.0_f64.to_radians());
     let horizon = 0.5 - 0.5 * 20.0_f64.to_radians().tan();
     let bar = [boxed(0.4, horizon - 0.02, 0.6, horizon + 0.02, 3, "bar")];
     let below = PlannedStep { point: ImagePoint { u: 0.5, v: 0.9 }, camera: &tilted, ..sequential };
-    assert_ne!(avoid(&below, CLEARANCE, &bar, None), Avoidance::Clear);
-    assert_eq!(avoid(&PlannedStep { shape: PathShape::Straight, ..below }, CLEARANCE, &bar, None), Avoidance::Clear);
+    assert_ne!(avoid(&below, CLEARANCE, &bar, None, None), Avoidance::Clear);
+    assert_eq!(avoid(&PlannedStep { shape: PathShape::Straight, ..below }, CLEARANCE, &bar, None, None), Avoidance::Clear);
 }
 
 #[test]
@@ -192,7 +193,10 @@ fn no_step_is_no_flight() {
     for (point, step) in
         [(ImagePoint { u: 1.5, v: 0.5 }, 1.0), (ImagePoint { u: f64::NAN, v: 0.5 }, 1.0), (MIDDLE, 0.0), (MIDDLE, f64::NAN)]
     {
-        assert_eq!(avoid(&PlannedStep { point, ..plan(&camera, step) }, CLEARANCE, &[], None), Avoidance::Hold { by: None });
+        assert_eq!(
+            avoid(&PlannedStep { point, ..plan(&camera, step) }, CLEARANCE, &[], None, None),
+            Avoidance::Hold { by: None }
+        );
     }
 }
 
@@ -242,7 +246,7 @@ proptest! {
         let shape = if sequential { PathShape::LevelThenClimb } else { PathShape::Straight };
         let attitude = Attitude { heading: 1.0, pitch, roll };
         let plan = PlannedStep { camera: &camera, attitude, lifting: Lifting::Levelled, shape, point: ImagePoint { u, v }, step };
-        let (point, flown) = match avoid(&plan, CLEARANCE, &boxes, None) {
+        let (point, flown) = match avoid(&plan, CLEARANCE, &boxes, None, None) {
             Avoidance::Clear => (plan.point, step),
             Avoidance::Shifted { point, by } => {
                 prop_assert!(by < boxes.len() && (0.0..=1.0).contains(&point.u) && (0.0..=1.0).contains(&point.v));
@@ -267,7 +271,7 @@ proptest! {
     fn a_straight_path_is_only_changed_for_a_reason(boxes in boxes(), u in 0.02..0.98f64, v in 0.02..0.98f64, step in 0.1..10.0f64) {
         let camera = Camera::quad();
         let plan = PlannedStep { point: ImagePoint { u, v }, ..plan(&camera, step) };
-        if let Avoidance::Shifted { by, .. } | Avoidance::Shortened { by, .. } | Avoidance::Hold { by: Some(by) } = avoid(&plan, CLEARANCE, &boxes, None) {
+        if let Avoidance::Shifted { by, .. } | Avoidance::Shortened { by, .. } | Avoidance::Hold { by: Some(by) } = avoid(&plan, CLEARANCE, &boxes, None, None) {
             // The brute force misses at most what lies between its rays and samples.
             let least = sampled_distance(&plan, plan.point, step, &boxes[by]);
             prop_assert!(boxes[by].depth == 1 || least < CLEARANCE + 0.15, "{least} {:?}", boxes[by]);
@@ -279,8 +283,56 @@ proptest! {
         let camera = Camera::quad();
         let plan = PlannedStep { point: ImagePoint { u, v }, ..plan(&camera, step) };
         let farther: Vec<ObstacleBox> = boxes.iter().map(|b| ObstacleBox { depth: (b.depth + 1).min(DEPTH_LABELS), ..b.clone() }).collect();
-        if avoid(&plan, CLEARANCE, &boxes, None) == Avoidance::Clear {
-            prop_assert_eq!(avoid(&plan, CLEARANCE, &farther, None), Avoidance::Clear);
+        if avoid(&plan, CLEARANCE, &boxes, None, None) == Avoidance::Clear {
+            prop_assert_eq!(avoid(&plan, CLEARANCE, &farther, None, None), Avoidance::Clear);
         }
     }
+}
+
+fn standing(name: &str, left: f64, right: f64, depth: u8) -> ObstacleBox {
+    ObstacleBox { area: ImageBox { left, top: 0.2, right, bottom: 0.8 }, depth, name: name.to_owned() }
+}
+
+#[test]
+fn more_is_kept_free_around_a_person() {
+    let camera = Camera::quad();
+    // 2.15 m away and 12 to 17° right of the way: 0.45 to 0.65 m beside it.
+    let beside = |name: &str| avoid(&plan(&camera, 4.0), 0.4, &[standing(name, 0.62, 0.66, 3)], None, None);
+    assert_eq!(beside("post"), Avoidance::Clear);
+    assert_ne!(beside("person"), Avoidance::Clear);
+    assert_ne!(beside("legs of a man"), Avoidance::Clear);
+}
+
+#[test]
+fn no_detour_leads_towards_a_person_who_is_near() {
+    let camera = Camera::quad();
+    let post = standing("post", 0.46, 0.56, 3);
+    let to = |boxes: &[ObstacleBox]| match avoid(&plan(&camera, 2.5), 0.4, boxes, None, None) {
+        Avoidance::Shifted { point, .. } => point,
+        other => panic!("{other:?}"),
+    };
+    let free = to(&[post.clone()]);
+    // Where the detour would lead somebody stands, farther away than the step reaches.
+    let person = standing("person", free.u - 0.05, free.u + 0.05, 5);
+    let other = to(&[post.clone(), person]);
+    assert!((other.u - free.u).abs() > 0.1, "{free:?} {other:?}");
+    assert_eq!(to(&[post, standing("person", free.u - 0.05, free.u + 0.05, 8)]), free, "36 m away");
+}
+
+#[test]
+fn the_side_to_keep_comes_first_and_alone_if_it_is_strict() {
+    let camera = Camera::quad();
+    let post = [standing("post", 0.46, 0.50, 3)];
+    let to = |keep| match avoid(&plan(&camera, 4.0), CLEARANCE, &post, None, keep) {
+        Avoidance::Shifted { point, .. } => point.u - 0.5,
+        other => panic!("{other:?}"),
+    };
+    let keep = |side| Some(Keep { side, strict: true });
+    assert!(to(None) > 0.0 && to(keep(Side::Left)) < 0.0 && to(keep(Side::Right)) > 0.0);
+    // A wall to the left, up and down.
+    let wall =
+        [ObstacleBox { area: ImageBox { left: 0.0, top: 0.0, right: 0.55, bottom: 1.0 }, depth: 3, name: "wall".to_owned() }];
+    let kept = |keep| avoid(&plan(&camera, 4.0), CLEARANCE, &wall, None, keep);
+    assert!(matches!(kept(keep(Side::Left)), Avoidance::Shortened { .. }), "{:?}", kept(keep(Side::Left)));
+    assert!(matches!(kept(Some(Keep { side: Side::Left, strict: false })), Avoidance::Shifted { .. }));
 }

@@ -31,6 +31,7 @@ use crate::depth::DepthGrid;
 use crate::estimator::Known;
 use crate::frame::FrameMeta;
 use crate::geometry::{EnuPosition, EnuVelocity, Pose, Spread};
+use crate::query::VerticalRoom;
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
@@ -285,6 +286,13 @@ impl Envelope {
     #[must_use]
     pub fn measures_clearance(&self) -> bool {
         self.estimate.clearance.is_some()
+    }
+
+    /// Height above the take-off point, and how far the craft may sink and climb, metres.
+    #[must_use]
+    pub fn room(&self) -> VerticalRoom {
+        let (down, up) = self.vertical_room();
+        VerticalRoom { height: self.estimate.height, down: down.max(0.0), up: up.max(0.0) }
     }
 
     /// Whether a usable frame was captured within the maximum frame age.

@@ -5,7 +5,7 @@ use crate::envelope::{Cause, Reaction};
 use crate::frame::FrameMeta;
 use crate::geometry::wrap_angle;
 use crate::policy::{FailReason, PolicyEvent, Step, View};
-use crate::query::{Query, QueryId, QueryKind};
+use crate::query::{Query, QueryId, QueryKind, VerticalRoom};
 use crate::time::{Duration, Time};
 
 /// Maximum number of steps of a policy at one instant; more means a policy that never waits.
@@ -29,7 +29,8 @@ impl Pilot {
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
         if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
             self.seen.frame(frame.captured, known);
-            self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false });
+            let room = VerticalRoom::default();
+            self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false, room });
         }
     }
 
@@ -45,6 +46,7 @@ impl Pilot {
         let Some(mut view) = self.view else { return };
         // Checked now and not when the frame arrived: the craft may have moved since.
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
+        view.room = self.envelope.room();
         let from_rest = self.needs_rest || self.settings.think == Think::Stop;
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::executor::{Ending as MotionEnding, Motion};
 use crate::lift::Lifting;
+use crate::query::DepthAs;
 use crate::step::StepRule;
 use crate::time::Duration;
 
@@ -72,6 +73,13 @@ pub struct PilotSettings {
     /// the capture. Logs from before this setting have no limit.
     #[serde(default = "unlimited")]
     pub max_reply_age: Duration,
+    /// How the VLM is asked for distances.
+    #[serde(default, skip_serializing_if = "DepthAs::is_default")]
+    pub depth: DepthAs,
+    /// Distance from its target at which an instruction counts as fulfilled, metres, as told to the VLM; `None` leaves it
+    /// to the site: the scene's, or the craft's.
+    #[serde(default)]
+    pub near_m: Option<f64>,
 }
 
 fn unlimited() -> Duration {
@@ -97,6 +105,8 @@ impl PilotSettings {
             max_decisions: 60,
             reply_timeout: Duration::from_secs(20),
             max_reply_age: Duration::from_secs(8),
+            depth: DepthAs::Labels,
+            near_m: None,
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::camera::Camera;
 use crate::frame::FrameMeta;
 use crate::geometry::{BodyDisplacement, Pose};
 use crate::primitives::Primitives;
-use crate::query::{ImagePoint, Query, QueryId};
+use crate::query::{ImagePoint, Query, QueryId, VerticalRoom};
 use crate::reply::Reply;
 
 /// A frame with the pilot's estimates for its capture time.
@@ -34,6 +34,8 @@ pub struct View {
     pub pose: Pose,
     /// True if the craft was at rest at capture.
     pub at_rest: bool,
+    /// Height, and how far the craft may climb and sink, when the frame is handed over.
+    pub room: VerticalRoom,
 }
 
 /// Input of a policy.

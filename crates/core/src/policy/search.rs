@@ -19,6 +19,8 @@ const VERTICAL_LOOK: f64 = 1.0;
 const VERTICAL_SUM: f64 = 3.0;
 /// A climb shorter than this shows nothing new, metres.
 const WORTH_CLIMBING: f64 = 0.1;
+/// Moves along the open way because the target is thought to be ahead, before turning begins.
+const AHEAD_MOVES: u32 = 3;
 /// Number of excursions to other positions. A target that does not exist costs three full turns.
 const EXCURSIONS: u32 = 2;
 /// Moves per excursion, each based on its own frame.
@@ -83,6 +85,8 @@ pub struct Search {
     /// Climbs and descents since the target was last flown to, metres: looks up and down, the climb between the two
     /// turns, and those of a blocked path.
     vertical: f64,
+    /// Moves ahead since the target was last seen.
+    ahead: u32,
     climbed: bool,
     stage: Stage,
     /// Headings for which a frame of this sweep was answered. The initial view does not count: the sweep ends where it
@@ -115,6 +119,7 @@ impl Search {
             expected: None,
             turned: 0.0,
             vertical: 0.0,
+            ahead: 0,
             climbed: false,
             stage: Stage::Sweep,
             covered: Coverage::new(COVERED_FRACTION * horizontal_fov),
@@ -131,6 +136,7 @@ impl Search {
         *self = Self {
             turned: 0.0,
             vertical: 0.0,
+            ahead: 0,
             climbed: false,
             stage: Stage::Sweep,
             covered: Coverage::new(COVERED_FRACTION / TURN_FRACTION * self.turn),
@@ -167,6 +173,19 @@ impl Search {
     /// The next action after a look at `heading`, radians, that did not show the target but may have shown an open
     /// direction.
     pub fn next(&mut self, look: Look, heading: f64, way: Option<OpenDirection>) -> SearchAction {
+        self.next_turning(look, None, heading, way)
+    }
+
+    /// The same after an answer that asks for a turn by `turn`, radians, clockwise positive.
+    pub fn next_turning(&mut self, look: Look, turn: Option<f64>, heading: f64, way: Option<OpenDirection>) -> SearchAction {
+        // The target is thought to be ahead, hidden or too far away: closer to it, it may come into view.
+        if let (Look::Ahead, None, Some(open), Stage::Sweep) = (look, turn, way, self.stage)
+            && self.ahead < AHEAD_MOVES
+        {
+            self.ahead += 1;
+            self.begin_sweep();
+            return SearchAction::Fly { depth: open.depth.min(self.deepest) };
+        }
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
             self.stage = Stage::Excursion(left - 1);
@@ -202,12 +221,12 @@ impl Search {
         if self.covered.is_full() || self.turns >= self.most_turns() {
             return self.swept_all(heading, way);
         }
-        let wished = match look {
+        let wished = turn.unwrap_or(match look {
             Look::Left => -self.turn,
             Look::Behind => PI,
             _ => self.turn,
-        };
-        // Whatever the replies request, each turn shows something new: alternating left and right is not a full circle.
+        });
+        // Whatever the replies ask for, each turn shows something new: left and right in turn are not a full circle.
         let yaw = if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished };
         (self.turning, self.turns) = (true, self.turns + 1);
         self.turn_by(yaw)
@@ -444,8 +463,32 @@ mod tests {
     }
 
     #[test]
+    fn a_stated_turn_is_made_and_never_twice_over_the_same() {
+        let mut search = searching(PI / 2.0);
+        let (mut heading, mut turns) = (0.0, Vec::new());
+        while let SearchAction::Look(step) = search.next_turning(Look::Right, Some(-0.5), heading, None) {
+            if step.climb > 0.0 {
+                break;
+            }
+            heading = wrap_angle(heading + step.yaw);
+            turns.push(step.yaw);
+        }
+        assert!((turns[0] + 0.5).abs() < 1e-12 && turns.len() < 14, "{turns:?}");
+    }
+
+    #[test]
+    fn what_is_thought_ahead_is_flown_towards_three_times() {
+        let mut search = searching(PI / 2.0);
+        let way = Some(OpenDirection { heading: 0.0, depth: 5 });
+        assert!(matches!(search.next(Look::Ahead, 0.0, None), SearchAction::Look(step) if step.yaw > 0.0), "no way is open");
+        search.reset();
+        let flown = (0..20).take_while(|_| matches!(search.next(Look::Ahead, 0.0, way), SearchAction::Fly { .. })).count();
+        assert_eq!(flown, 3);
+    }
+
+    #[test]
     fn ends_whatever_the_replies() {
-        for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left]] {
+        for looks in [[Look::Up, Look::Down], [Look::Left, Look::Right], [Look::Behind, Look::Left], [Look::Ahead, Look::Right]] {
             for way in [None, Some(OpenDirection { heading: 1.0, depth: 9 })] {
                 let mut search = searching(1.0);
                 let ended = (0..200).position(|i| search.next(looks[i % 2], 0.3 * i as f64, way) == SearchAction::Exhausted);

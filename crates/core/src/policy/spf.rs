@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::avoid::{self, Avoidance, BODY_MARGIN, ObstacleMemory, PathShape, PlannedStep};
+use crate::avoid::{self, Avoidance, BODY_MARGIN, Keep, ObstacleMemory, PathShape, PlannedStep};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
@@ -13,12 +13,16 @@ use crate::policy::search::{OpenDirection, Search, SearchAction};
 use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
-use crate::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
-use crate::reply::{Look, ObstacleBox, Reply, Status, one_line, parse_reply};
+use crate::query::{DepthAs, ImagePoint, Memory, Query, QueryId, QueryKind};
+use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse_reply};
 use crate::step::StepRule;
 use crate::time::Duration;
 
-/// Number of earlier targets included in the prompt.
+mod history;
+
+use history::History;
+
+/// Number of earlier targets in the memory.
 const REMEMBERED_TARGETS: usize = 8;
 /// Maximum consecutive turns towards paths along the image edges; the second only towards the other edge.
 const TURNS_FIRST: u32 = 2;
@@ -28,6 +32,10 @@ const REPORTED: Duration = Duration::from_secs(3);
 const BLOCKED_LOOKS: u32 = 3;
 /// Climb with which that search begins, metres.
 const BLOCKED_CLIMB: f64 = 1.0;
+/// How far the craft backs off from what the VLM says is in its way, metres.
+const BACK_OFF: f64 = 1.0;
+/// Depth label up to which a person counts as standing in front: 4.6 m.
+const PERSON_IN_FRONT: u8 = 4;
 
 /// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +56,10 @@ pub struct SpfSettings {
     pub image_size: Option<(u32, u32)>,
     /// The craft: its radius determines the corridor, its take-off height the climb of a search.
     pub craft: Craft,
+    /// How distances are requested.
+    pub depth: DepthAs,
+    /// Distance from the target that counts as reached, metres, as told to the VLM.
+    pub near_m: Option<f64>,
 }
 
 /// The open query and the view it refers to.
@@ -65,6 +77,38 @@ struct TurnedFirst {
     right: bool,
     /// Number in a row.
     turns: u32,
+}
+
+/// Number of clear ways in a row after which a detour is over.
+const DETOUR_OVER: u32 = 2;
+
+/// A detour under way.
+#[derive(Clone, Copy, Debug, Default)]
+struct DetourSide {
+    keep: Option<Keep>,
+    /// Clear ways in a row.
+    clear: u32,
+}
+
+impl DetourSide {
+    fn clear(&mut self) {
+        self.clear += 1;
+        if self.clear >= DETOUR_OVER {
+            self.keep = None;
+        }
+    }
+
+    /// A way around has been found on this side; `None` if it leads over or under.
+    fn shifted(&mut self, side: Option<avoid::Side>) {
+        self.clear = 0;
+        let Some(side) = side else { return };
+        self.keep = match self.keep {
+            Some(keep) if keep.side == side => Some(keep),
+            // It changes sides once; a craft that did so at every answer would get nowhere.
+            Some(_) => Some(Keep { side, strict: true }),
+            None => Some(Keep { side, strict: false }),
+        };
+    }
 }
 
 /// The obstacles that were reported in a view; none outside obstacle mode.
@@ -122,6 +166,8 @@ pub struct Spf {
     detector: bool,
     /// Its detections in the current frame.
     detections: Vec<Detection>,
+    history: History,
+    detour: DetourSide,
 }
 
 impl Spf {
@@ -157,6 +203,8 @@ impl Spf {
             prompt: PromptText::shipped(PromptKind::Point),
             detector: false,
             detections: Vec::new(),
+            history: History::default(),
+            detour: DetourSide::default(),
         }
     }
 
@@ -190,10 +238,12 @@ impl Spf {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         let id = self.asking(view, QuerySubject::Point { confirming: self.confirming });
-        let kind = QueryKind::Point { avoid: self.settings.avoid && !self.detector };
+        self.history.tell(view, &mut self.memory);
+        let kind = QueryKind::Point { avoid: self.settings.avoid && !self.detector, depth: self.settings.depth };
         let mut query = Query {
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
+            near_m: self.settings.near_m,
             detections: if self.lists() { detection::lines(&self.detections) } else { Vec::new() },
             image_size: self.settings.image_size,
             ..Query::new(id, view.frame.id, kind)
@@ -224,9 +274,14 @@ impl Spf {
 
     fn answered(&mut self, open_query: OpenQuery, confirming: bool, text: &str) -> Step {
         self.reading = Reading::default();
+        // Told until it has been answered.
+        self.memory.refused = None;
         let mut reply = match parse_reply(text, &self.settings.grounding, self.settings.avoid && !self.detector) {
             Ok(reply) => reply,
-            Err(error) => return self.refuse(&error),
+            Err(error) => {
+                self.memory.refused = Some(ReplyError::for_the_model(&error));
+                return self.refuse(&error);
+            }
         };
         if self.lists() {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
@@ -242,14 +297,18 @@ impl Spf {
             self.report(&open_query.view, &reply.boxes);
         }
         self.reading.reply = Some(reply.clone());
+        self.history.answered(&open_query.view, &reply, self.memory.stage);
         if let Some(stage) = reply.stage {
             self.memory.stage = stage;
         }
-        match reply.status {
+        let step = match reply.status {
             Status::Done => self.done(confirming),
             Status::NotVisible => self.not_visible(open_query, &reply),
-            Status::Navigating => self.navigate(open_query, &reply),
-        }
+            Status::Navigating | Status::Following => self.navigate(open_query, &reply),
+            Status::Blocked => self.held_up(open_query, &reply),
+        };
+        self.history.planned(&self.reading, &reply.boxes);
+        step
     }
 
     /// Remembers the obstacles of a view, besides those of the 3 s before it.
@@ -285,9 +344,9 @@ impl Spf {
         let is_clear = |primitives: &Primitives| {
             primitives.climb == 0.0 || reported.iter().all(|report| report.clears(&pose, primitives.climb, clearance))
         };
-        let mut action = search.next(look, heading, way);
-        // A climb or descent that is not clear is omitted, and the search continues turning. Its next action may be
-        // another climb, but only one: the search climbs once between its turns.
+        let mut action = search.next_turning(look, reply.turn_deg.map(f64::to_radians), heading, way);
+        // A climb or descent that is not clear is left out, and the search goes on turning. Its next action may be another
+        // climb, but only one: the search climbs once between its turns.
         while let SearchAction::Look(primitives) = action
             && !is_clear(&primitives)
         {
@@ -299,14 +358,17 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, depth),
+            (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, f64::from(depth)),
             (SearchAction::Fly { .. } | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }
 
     fn navigate(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
-        let (Some(point), Some(depth)) = (reply.point, reply.depth) else {
+        if let (None, Some(degrees)) = (reply.point, reply.turn_deg) {
+            return self.turn(open_query, degrees);
+        }
+        let (Some(point), Some(label)) = (reply.point, reply.label()) else {
             // The parser refuses such replies; a policy must not rely on that alone.
             return Step::Reject("navigating without a point and a depth".to_owned());
         };
@@ -314,13 +376,38 @@ impl Spf {
             search.seen();
         }
         self.remember(reply, point);
-        self.fly_to(open_query, reply, point, depth)
+        self.fly_to(open_query, reply, point, label)
+    }
+
+    /// A turn in place, as the reply asks for.
+    fn turn(&mut self, open_query: OpenQuery, degrees: f64) -> Step {
+        self.turned_first = None;
+        let primitives = Primitives { yaw: degrees.to_radians(), ..Primitives::default() };
+        self.reading.primitives = Some(primitives);
+        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
+    }
+
+    /// The VLM says that someone or something is in the way: the craft holds before a person, who will walk on, and backs off
+    /// from anything else. The pilot flies back only over what was seen in the last seconds.
+    fn held_up(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
+        self.confirming = false;
+        self.turned_first = None;
+        let person = reply.boxes.iter().any(|obstacle| avoid::is_person(&obstacle.name) && obstacle.depth <= PERSON_IN_FRONT);
+        let unknown = reply.boxes.is_empty() && !self.settings.avoid;
+        if person || unknown {
+            self.reading.actions.push("holds: the way is blocked".to_owned());
+            return Step::Look;
+        }
+        self.reading.actions.push("backs off: the way is blocked".to_owned());
+        let primitives = Primitives { forward: -BACK_OFF, ..Primitives::default() };
+        self.reading.primitives = Some(primitives);
+        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
     }
 
     /// A step towards an image point, clear of the obstacle boxes in obstacle mode.
-    fn fly_to(&mut self, open_query: OpenQuery, reply: &Reply, point: ImagePoint, depth: u8) -> Step {
+    fn fly_to(&mut self, open_query: OpenQuery, reply: &Reply, point: ImagePoint, label: f64) -> Step {
         let view = open_query.view;
-        let mut step = self.settings.step.length(depth);
+        let mut step = self.settings.step.length_of(label);
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
         if self.settings.avoid {
@@ -334,12 +421,17 @@ impl Spf {
             };
             let clearance = self.settings.craft.radius + BODY_MARGIN;
             let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
-            let outcome = avoid::avoid_guessed(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref());
+            let outcome =
+                avoid::avoid_guessed(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), self.detour.keep);
             self.reading.avoidance = Some(outcome);
             match outcome {
-                Avoidance::Clear => self.blocked = 0,
+                Avoidance::Clear => {
+                    self.blocked = 0;
+                    self.detour.clear();
+                }
                 Avoidance::Shifted { point, .. } => {
                     self.blocked = 0;
+                    self.detour.shifted(avoid::side_of(&plan, point));
                     waypoint = point;
                 }
                 Avoidance::Shortened { step: shorter, .. } => {
@@ -391,6 +483,8 @@ impl Spf {
             return Step::Look;
         }
         self.blocked = 0;
+        // Whatever side it was, that way is closed.
+        self.detour = DetourSide::default();
         let View { camera, pose, .. } = open_query.view;
         let craft = self.settings.craft;
         let is_clear = self.reported.iter().all(|report| report.clears(&pose, BLOCKED_CLIMB, craft.radius + BODY_MARGIN));

@@ -66,14 +66,25 @@ impl PromptKind {
     /// The placeholders available in a prompt of this kind.
     fn places(self) -> &'static [&'static str] {
         match self {
-            Self::Point => {
-                &["instruction", "coordinates", "labels", "scale", "avoid", "detected", "memory", "confirming", "example"]
-            }
+            Self::Point => &[
+                "instruction",
+                "coordinates",
+                "labels",
+                "in_metres",
+                "depth_key",
+                "scale",
+                "endings",
+                "avoid",
+                "detected",
+                "memory",
+                "confirming",
+                "example",
+            ],
             Self::Plain | Self::Numeric | Self::Discrete => {
-                &["instruction", "metres", "degrees", "most_actions", "actions", "confirming"]
+                &["instruction", "metres", "degrees", "most_actions", "endings", "actions", "confirming"]
             }
             Self::Choose => &["instruction", "step", "most", "example"],
-            Self::Done => &["instruction", "memory", "confirming"],
+            Self::Done => &["instruction", "endings", "memory", "confirming"],
             Self::Program => &["instruction", "low_skills", "high_skills", "replanning", "scene", "previous"],
             Self::Question => &["question", "scene"],
             Self::Detect => &["classes"],

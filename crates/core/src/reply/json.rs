@@ -32,6 +32,12 @@ impl Value {
         })
     }
 
+    /// The value of `key` if it is present, null included; for a repeated key the last value counts.
+    pub(crate) fn key(&self, key: &str) -> Option<&Self> {
+        let Self::Object(fields) = self else { return None };
+        fields.iter().rev().find(|(name, _)| name.eq_ignore_ascii_case(key)).map(|(_, value)| value)
+    }
+
     /// The value as a number, also if written as text.
     pub(crate) fn number(&self) -> Option<f64> {
         match self {

@@ -28,19 +28,33 @@ pub use stream::{ReplyStream, parse_reply};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use crate::query::Look;
+use crate::lift::exact_label_of_range;
+pub use crate::query::{DepthAs, Look};
 use crate::query::{ImageBox, ImagePoint};
 
 /// Progress of the instruction, as judged by the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Status {
     /// The target is in view and not yet reached.
+    #[default]
     Navigating,
     /// The target is not in view; [`Reply::look`] gives the direction in which to look.
     NotVisible,
     /// The instruction is fulfilled.
     Done,
+    /// The target is in view and moves; the instruction is to stay with it. Flown like [`Status::Navigating`].
+    Following,
+    /// Someone or something is so close in the way that the craft must not go on.
+    Blocked,
+}
+
+impl Status {
+    /// Whether a reply with this status leads to a point in view.
+    #[must_use]
+    pub fn leads_to_a_point(self) -> bool {
+        matches!(self, Self::Navigating | Self::Following)
+    }
 }
 
 /// An obstacle reported by the model.
@@ -63,26 +77,50 @@ pub struct OpenWay {
     pub depth: u8,
 }
 
-/// One answer to a [`Point`](crate::query::QueryKind::Point) query, in normalised coordinates.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// One answer to a [`Point`](crate::query::QueryKind::Point) query, in normalised coordinates (reply version 3).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reply {
+    /// The object at the point or searched for, in the model's words.
+    pub target: Option<String>,
     /// Progress of the instruction.
     pub status: Status,
-    /// Direction in which to look; only with [`Status::NotVisible`].
-    pub look: Option<Look>,
     /// Current stage of a multi-stage instruction, from 1.
     pub stage: Option<u32>,
-    /// The waypoint in the image; always present with [`Status::Navigating`].
+    /// Bounding box of the target.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_box: Option<ImageBox>,
+    /// The waypoint in the image; always present with [`Status::Navigating`] and [`Status::Following`] unless
+    /// [`Reply::turn_deg`] is.
     pub point: Option<ImagePoint>,
-    /// Depth label 1..=L; always present with [`Status::Navigating`].
+    /// Depth label 1..=L; present if and only if the point is.
     pub depth: Option<u8>,
-    /// Only with [`Status::NotVisible`]; uses the point and depth fields on the wire.
+    /// The distance itself, metres, from a reply that states it ([`DepthAs::Metres`]).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range_m: Option<f64>,
+    /// Turn on the spot instead of a motion to a point, degrees, clockwise positive, within ±180.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turn_deg: Option<f64>,
+    /// Direction in which to look; only with [`Status::NotVisible`].
+    pub look: Option<Look>,
+    /// Only with [`Status::NotVisible`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub open_way: Option<OpenWay>,
-    /// The object at the point, in the model's words.
-    pub target: Option<String>,
     /// Obstacles, in obstacle mode.
     pub boxes: Vec<ObstacleBox>,
+}
+
+impl Reply {
+    /// A reply with this status and nothing else.
+    #[must_use]
+    pub fn new(status: Status) -> Self {
+        Self { status, ..Self::default() }
+    }
+
+    /// The depth as a label that need not be whole: of the distance in metres, if the reply states it.
+    #[must_use]
+    pub fn label(&self) -> Option<f64> {
+        self.range_m.map(exact_label_of_range).or(self.depth.map(f64::from))
+    }
 }
 
 /// Number of depth labels, the paper's `L`.

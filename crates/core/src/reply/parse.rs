@@ -4,12 +4,15 @@ use super::json::Value;
 use super::scan::Verdict;
 use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 use crate::grounding::{GroundingError, GroundingProfile};
+use crate::lift::label_of_range;
 
 /// Maximum number of obstacle boxes in a reply.
 pub const MAX_BOXES: usize = 64;
 /// Maximum length of a target or obstacle name, characters; longer ones are truncated, since names are repeated
 /// in the next prompt.
 pub const MAX_NAME: usize = 80;
+/// Largest distance accepted in metres; the sky may be called as far as that.
+pub(super) const MAX_METRES: f64 = 1e5;
 /// Maximum stage number.
 pub const MAX_STAGE: u32 = 99;
 
@@ -48,11 +51,11 @@ pub enum ReplyError {
         /// The field.
         field: String,
     },
-    /// `navigating` without a point to go to.
-    #[error("`status` is `navigating`, but `point` is missing")]
+    /// `navigating` or `following` without a point to go to.
+    #[error("`status` says that the target is visible, but `point` is missing")]
     MissingPoint,
-    /// `navigating` without a depth label.
-    #[error("`status` is `navigating`, but `depth` is missing")]
+    /// A point without its depth.
+    #[error("`status` says that the target is visible, but `depth` is missing")]
     MissingDepth,
     /// A point or box outside the image.
     #[error("`{field}`: {source}")]
@@ -74,6 +77,12 @@ pub enum ReplyError {
     /// A stage number below 0 or above [`MAX_STAGE`].
     #[error("`stage` is {found}; stages must be 1 to {MAX_STAGE}")]
     StageOutside {
+        /// The number found.
+        found: f64,
+    },
+    /// A turn of more than half a circle.
+    #[error("`turn_deg` is {found}; turns must be -180 to 180")]
+    TurnOutside {
         /// The number found.
         found: f64,
     },
@@ -101,7 +110,28 @@ impl ReplyError {
             Self::PointOutside { .. } => "point_outside",
             Self::DepthOutside { .. } => "depth_outside",
             Self::StageOutside { .. } => "stage_outside",
+            Self::TurnOutside { .. } => "turn_outside",
             Self::TooManyBoxes { .. } => "too_many_boxes",
+        }
+    }
+
+    /// What is told to the model in the next query, in words after "your last answer". It repeats nothing that the model
+    /// wrote, since that may be text that it read in the image.
+    #[must_use]
+    pub fn for_the_model(&self) -> String {
+        match self {
+            Self::NoJson | Self::NoReply => "was not the JSON object that is asked for".to_owned(),
+            Self::Truncated => "ended before its JSON was complete: be brief".to_owned(),
+            Self::TooLong { .. } => "was too long".to_owned(),
+            Self::WrongType { field, wanted, .. } => format!("had a {field} that was not {wanted}"),
+            Self::Missing { field } => format!("lacked {field}"),
+            Self::MissingPoint => "lacked point".to_owned(),
+            Self::MissingDepth => "lacked depth".to_owned(),
+            Self::PointOutside { field, .. } => format!("had a {field} that is not in the picture in the coordinates asked for"),
+            Self::DepthOutside { field, .. } => format!("had a {field} off the scale"),
+            Self::StageOutside { .. } => format!("had a stage that was not 1 to {MAX_STAGE}"),
+            Self::TurnOutside { .. } => "had a turn_deg that was not -180 to 180".to_owned(),
+            Self::TooManyBoxes { .. } => "had too many boxes".to_owned(),
         }
     }
 }
@@ -109,6 +139,12 @@ impl ReplyError {
 const STATUS: [&str; 1] = ["status"];
 const POINT: [&str; 2] = ["point", "point_2d"];
 const DEPTH: [&str; 2] = ["depth", "depth_label"];
+const METRES: [&str; 2] = ["depth_m", "distance_m"];
+const TARGET_BOX: [&str; 1] = ["target_box"];
+const TURN: [&str; 1] = ["turn_deg"];
+const OPEN_WAY: &str = "open_way";
+/// Largest turn, degrees.
+const MAX_TURN: f64 = 180.0;
 const TARGET: [&str; 2] = ["target", "label"];
 const BOXES: [&str; 2] = ["boxes", "obstacles"];
 const BOX: [&str; 4] = ["box", "box_2d", "bbox", "bbox_2d"];
@@ -153,35 +189,88 @@ fn object(value: &Value, asked: Asked<'_>, nested: bool) -> Verdict<Reply, Reply
 fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, ReplyError> {
     // Models trained to point often return a bare point with its label, which can only mean "go there".
     let status = value.field(&STATUS).map_or(Ok(Status::Navigating), status)?;
-    let point = value.field(&POINT).map(|v| point(v, profile)).transpose();
-    let depth = value.field(&DEPTH).map(|v| depth(v, "depth")).transpose();
+    let point = value.field(&POINT).map(|v| point(v, "point", profile)).transpose();
+    let distance = distance(value, "depth");
+    let turn = value.field(&TURN).map(turn).transpose();
     let boxes = match value.field(&BOXES) {
         Some(found) => boxes(found, profile),
         // A missing list is not an empty list.
         None if avoid => Err(ReplyError::Missing { field: "boxes".to_owned() }),
         None => Ok(Vec::new()),
     };
-    let (point, depth, boxes) = if status == Status::Navigating {
-        let (point, depth) = (point?.ok_or(ReplyError::MissingPoint)?, depth?.ok_or(ReplyError::MissingDepth)?);
-        (Some(point), Some(depth), boxes?)
+    let mut reply = Reply::new(status);
+    if status.leads_to_a_point() {
+        match (point, turn) {
+            (Ok(None), Ok(Some(Some(turn)))) => reply.turn_deg = Some(turn),
+            // Without a point, the turn was the answer.
+            (Ok(None), Err(error)) => return Err(error),
+            (point, _) => {
+                reply.point = Some(point?.ok_or(ReplyError::MissingPoint)?);
+                let Distance { label, metres } = distance?.ok_or(ReplyError::MissingDepth)?;
+                (reply.depth, reply.range_m) = (Some(label), metres);
+            }
+        }
+        reply.boxes = boxes?;
     } else {
-        // Steps of a search are kept clear of the boxes, too; `done` flies nowhere.
-        let boxes = if avoid && status == Status::NotVisible { boxes? } else { boxes.unwrap_or_default() };
+        // What a search or a retreat flies is kept clear of the boxes, too; `done` flies nowhere.
+        reply.boxes = if avoid && status != Status::Done { boxes? } else { boxes.unwrap_or_default() };
         // Models that must fill every field fill these with zeros; what cannot be parsed is omitted.
-        (point.unwrap_or(None), depth.unwrap_or(None), boxes)
-    };
-    let (point, depth, open_way) = match (status, point, depth) {
-        (Status::NotVisible, Some(point), Some(depth)) => (None, None, Some(OpenWay { point, depth })),
-        (Status::NotVisible, ..) => (None, None, None),
-        _ => (point, depth, None),
-    };
-    let look = match (status, value.field(&["look"])) {
-        (Status::NotVisible, Some(word)) => look(word)?,
-        _ => None,
-    };
-    let stage = value.field(&["stage"]).map(stage).transpose()?.flatten();
-    let target = value.field(&TARGET).map(|v| name(v, "target")).transpose()?.flatten();
-    Ok(Reply { status, look, stage, point, depth, open_way, target, boxes })
+        let (point, distance) = (point.unwrap_or(None), distance.unwrap_or(None));
+        if status == Status::NotVisible {
+            reply.turn_deg = turn.unwrap_or(None).flatten();
+            reply.look = value.field(&["look"]).map(look).transpose()?.flatten();
+            reply.open_way = match value.key(OPEN_WAY) {
+                Some(way) => open_way(way, profile),
+                // Reply version 2: the point of an answer without a visible target is the open way.
+                None => point.zip(distance).map(|(point, distance)| OpenWay { point, depth: distance.label }),
+            };
+        } else if let (Some(point), Some(Distance { label, metres })) = (point, distance) {
+            (reply.point, reply.depth, reply.range_m) = (Some(point), Some(label), metres);
+        }
+    }
+    reply.stage = value.field(&["stage"]).map(stage).transpose()?.flatten();
+    reply.target = value.field(&TARGET).map(|v| name(v, "target")).transpose()?.flatten();
+    // It moves nothing, so an unreadable one is dropped.
+    let target_box = value.field(&TARGET_BOX).and_then(|v| area(v, profile, "target_box").ok());
+    reply.target_box = target_box.filter(|area| area.right > area.left && area.bottom > area.top);
+    Ok(reply)
+}
+
+/// A distance as stated.
+#[derive(Clone, Copy)]
+struct Distance {
+    label: u8,
+    /// If it was stated in metres.
+    metres: Option<f64>,
+}
+
+/// The distance in an object: a label in `depth`, or metres in `depth_m`.
+fn distance(value: &Value, field: &str) -> Result<Option<Distance>, ReplyError> {
+    if let Some(found) = value.field(&DEPTH) {
+        return Ok(Some(Distance { label: depth(found, field)?, metres: None }));
+    }
+    let Some(found) = value.field(&METRES) else { return Ok(None) };
+    let field = format!("{field}_m");
+    let metres = found.number().ok_or_else(|| wrong(&field, "a distance in metres", found))?;
+    if !(metres > 0.0 && metres <= MAX_METRES) {
+        return Err(ReplyError::DepthOutside { field, found: metres });
+    }
+    Ok(Some(Distance { label: label_of_range(metres), metres: Some(metres) }))
+}
+
+fn open_way(value: &Value, profile: &GroundingProfile) -> Option<OpenWay> {
+    let at = value.field(&POINT).and_then(|v| point(v, "open_way.point", profile).ok())?;
+    let distance = distance(value, "open_way.depth").ok()??;
+    Some(OpenWay { point: at, depth: distance.label })
+}
+
+/// `None` for 0, which models write instead of null.
+fn turn(value: &Value) -> Result<Option<f64>, ReplyError> {
+    let degrees = value.number().ok_or_else(|| wrong("turn_deg", "a number of degrees", value))?;
+    if !(-MAX_TURN..=MAX_TURN).contains(&degrees) {
+        return Err(ReplyError::TurnOutside { found: degrees });
+    }
+    Ok(Some(degrees).filter(|degrees| *degrees != 0.0))
 }
 
 /// The word in normalised form, without case, spaces, hyphens and underscores.
@@ -197,23 +286,26 @@ fn wrong(field: &str, wanted: &'static str, found: &Value) -> ReplyError {
 }
 
 fn status(value: &Value) -> Result<Status, ReplyError> {
-    const WANTED: &str = "`navigating`, `not_visible` or `done`";
+    const WANTED: &str = "`navigating`, `not_visible`, `done`, `following` or `blocked`";
     match plain_word(value, "status", WANTED)?.as_str() {
         "navigating" | "navigate" | "inprogress" | "visible" => Ok(Status::Navigating),
         "notvisible" | "notinview" | "notfound" | "invisible" => Ok(Status::NotVisible),
         "done" | "complete" | "completed" | "finished" | "reached" | "arrived" => Ok(Status::Done),
+        "following" | "follow" | "tracking" => Ok(Status::Following),
+        "blocked" | "obstructed" => Ok(Status::Blocked),
         _ => Err(wrong("status", WANTED, value)),
     }
 }
 
 fn look(value: &Value) -> Result<Option<Look>, ReplyError> {
-    const WANTED: &str = "`left`, `right`, `up`, `down` or `behind`";
+    const WANTED: &str = "`left`, `right`, `up`, `down`, `behind` or `ahead`";
     Ok(Some(match plain_word(value, "look", WANTED)?.as_str() {
         "left" | "lookleft" | "turnleft" => Look::Left,
         "right" | "lookright" | "turnright" => Look::Right,
         "up" | "lookup" | "above" => Look::Up,
         "down" | "lookdown" | "below" => Look::Down,
         "behind" | "lookbehind" | "back" | "backward" | "backwards" | "turnaround" => Look::Behind,
+        "ahead" | "forward" | "straight" | "straightahead" | "lookahead" => Look::Ahead,
         "" | "none" | "null" | "unknown" => return Ok(None),
         _ => return Err(wrong("look", WANTED, value)),
     }))
@@ -298,7 +390,7 @@ fn named<const N: usize>(value: &Value, names: [&[&str]; N]) -> Option<[f64; N]>
     Some(out)
 }
 
-fn point(value: &Value, profile: &GroundingProfile) -> Result<crate::query::ImagePoint, ReplyError> {
+fn point(value: &Value, field: &str, profile: &GroundingProfile) -> Result<crate::query::ImagePoint, ReplyError> {
     use crate::grounding::AxisOrder::{Xy, Yx};
     let pair = if let Some([x, y]) = named(value, [&["x"], &["y"]]) {
         Some(match profile.order {
@@ -308,8 +400,8 @@ fn point(value: &Value, profile: &GroundingProfile) -> Result<crate::query::Imag
     } else {
         numbers(value).and_then(|all| <[f64; 2]>::try_from(all).ok())
     };
-    let pair = pair.ok_or_else(|| wrong("point", "two numbers", value))?;
-    profile.point(pair).map_err(|source| ReplyError::PointOutside { field: "point".to_owned(), source })
+    let pair = pair.ok_or_else(|| wrong(field, "two numbers", value))?;
+    profile.point(pair).map_err(|source| ReplyError::PointOutside { field: field.to_owned(), source })
 }
 
 fn area(value: &Value, profile: &GroundingProfile, field: &str) -> Result<crate::query::ImageBox, ReplyError> {
@@ -345,7 +437,7 @@ fn boxes(value: &Value, profile: &GroundingProfile) -> Result<Vec<ObstacleBox>, 
         Ok(ObstacleBox {
             area: area(edges, profile, &format!("boxes[{i}].box"))?,
             // An obstacle at an unknown range may be here.
-            depth: item.field(&DEPTH).map_or(Ok(1), |label| depth(label, &format!("boxes[{i}].depth")))?,
+            depth: distance(item, &format!("boxes[{i}].depth"))?.map_or(1, |distance| distance.label),
             name: named.unwrap_or_else(|| "obstacle".to_owned()),
         })
     };

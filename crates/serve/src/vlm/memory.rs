@@ -32,7 +32,7 @@ pub struct Remembered {
     pub snapshot: WorldSnapshot,
 }
 
-/// Why an image was not recognised.
+/// Why a query was not recognised.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Unrecognised {
@@ -59,6 +59,9 @@ pub enum Unrecognised {
         /// Its height, pixels.
         height: u32,
     },
+    /// The prompt is not understood: what of it.
+    #[error("the prompt is not in the wording of this program's prompt for points (prompts/point-4.txt): cannot tell {0}")]
+    Wording(&'static str),
 }
 
 struct Seen {

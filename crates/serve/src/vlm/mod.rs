@@ -12,6 +12,7 @@ mod onboard;
 mod responder;
 mod server;
 mod wire;
+mod wording;
 
 pub use camera::Camera;
 pub use lens::Lens;

@@ -287,6 +287,20 @@ impl Model {
         (1..=ENDS_SOON).contains(&left).then_some((day, row.successor.as_deref(), left))
     }
 
+    /// The model without sampling (temperature 0), if its row says that it takes such a parameter.
+    #[must_use]
+    pub fn greedy(mut self) -> Self {
+        if self.row.as_ref().is_some_and(|row| row.sampling) {
+            let temperature = serde_json::json!({ "temperature": 0.0 });
+            let over = match self.wire {
+                WireKind::Gemini => serde_json::json!({ "generationConfig": temperature }),
+                _ => temperature,
+            };
+            merge(&mut self.request, &over);
+        }
+        self
+    }
+
     /// The price in force on a date, `YYYY-MM-DD`.
     #[must_use]
     pub fn price_on(&self, day: &str) -> Option<&Price> {

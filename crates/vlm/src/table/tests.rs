@@ -182,6 +182,9 @@ fn rows_of_ones_own_add_and_replace() {
     assert_eq!((model.grounding((448, 336)).scale, model.image.sent((960, 720), None)), (Scale::Unit, (448, 336)));
     assert_eq!(model.request["stream_options"]["include_usage"], true, "the vendor's part is kept");
     assert_eq!(model.request["chat_template_kwargs"]["a"], true);
+    assert_eq!(model.clone().greedy().temperature(), Some(0.0));
+    let fixed = Table::shipped().select("openai", DAY).unwrap().model;
+    assert_eq!(fixed.clone().greedy().request, fixed.request, "its row allows no sampling parameter");
     assert_eq!((model.temperature(), Table::shipped().select("openai", DAY).unwrap().model.temperature()), (Some(0.0), None));
     assert_eq!(table.select("lab", DAY).unwrap().model.id, "falcon-2");
 }

@@ -4,18 +4,19 @@ use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
 use spf_core::actions::moves_schema;
-use spf_core::query::QueryKind;
+use spf_core::query::{DepthAs, QueryKind};
 use spf_core::reply::{choice_schema, completion_schema, reply_schema};
 
 // Needed for every decision.
-static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false));
-static POINT_AND_BOXES: LazyLock<Value> = LazyLock::new(|| reply_schema(true));
+static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false, DepthAs::Labels));
+static POINT_AND_BOXES: LazyLock<Value> = LazyLock::new(|| reply_schema(true, DepthAs::Labels));
 
 /// The reply schema for a kind of query; `None` if any text is allowed.
 pub(super) fn of(kind: &QueryKind) -> Option<Value> {
     match kind {
-        QueryKind::Point { avoid: false } => Some(POINT.clone()),
-        QueryKind::Point { avoid: true } => Some(POINT_AND_BOXES.clone()),
+        QueryKind::Point { avoid: false, depth: DepthAs::Labels } => Some(POINT.clone()),
+        QueryKind::Point { avoid: true, depth: DepthAs::Labels } => Some(POINT_AND_BOXES.clone()),
+        QueryKind::Point { avoid, depth: DepthAs::Metres } => Some(reply_schema(*avoid, DepthAs::Metres)),
         QueryKind::Act { form } => Some(moves_schema(*form)),
         QueryKind::Choose => Some(choice_schema()),
         QueryKind::Done => Some(completion_schema()),

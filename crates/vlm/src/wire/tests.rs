@@ -8,7 +8,7 @@ fn model(name: &str) -> Model {
 
 fn request(name: &str) -> Request {
     let model = model(name);
-    let kind = QueryKind::Point { avoid: false };
+    let kind = QueryKind::point(false);
     model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", kind: &kind })
 }
 
@@ -72,7 +72,7 @@ fn anthropic_requests_have_this_form() {
 
 #[test]
 fn a_schema_as_open_api_has_it() {
-    let schema = schema::open_api(&schema::of(&QueryKind::Point { avoid: true }).unwrap());
+    let schema = schema::open_api(&schema::of(&QueryKind::point(true)).unwrap());
     assert_eq!((&schema["type"], &schema["propertyOrdering"][0]), (&json!("OBJECT"), &json!("status")));
     let depth = &schema["properties"]["depth"];
     assert_eq!((&depth["type"], &depth["nullable"], &depth["enum"][9]), (&json!("STRING"), &json!(true), &json!("10")));

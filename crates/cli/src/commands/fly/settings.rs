@@ -8,6 +8,7 @@ use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
 use spf_core::pilot::{PilotSettings, Preset, Think};
 use spf_core::prompt::PromptText;
+use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
@@ -32,6 +33,9 @@ pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKi
 /// The prompt in the settings, if any.
 pub(super) fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<Arc<PromptText>>, CliError> {
     let Some(path) = settings.fly.prompt.text() else { return Ok(None) };
+    if let Some(prompt) = PromptText::named(path) {
+        return built_in(settings, policy, prompt).map(Some);
+    }
     let refused = || CliError::usage(format!("invalid prompt file `{path}`"));
     let prompt = PromptText::parse(&read(Path::new(path), "prompt")?)
         .map_err(|error| refused().because(&error).hint("start from the built-in prompts in `prompts/` (docs/guide/vlm.md)"))?;
@@ -42,6 +46,17 @@ pub(super) fn prompt(settings: &Settings, policy: PolicyKind) -> Result<Option<A
         );
     }
     Ok(Some(Arc::new(prompt)))
+}
+
+/// A built-in prompt named by `--prompt`.
+fn built_in(settings: &Settings, policy: PolicyKind, prompt: Arc<PromptText>) -> Result<Arc<PromptText>, CliError> {
+    if prompt.kind() != policy.prompt() {
+        return Err(CliError::usage(format!("the prompt `paper` is for the policy spf, not for {}", policy.name())));
+    }
+    if settings.fly.depth_as.get()?.is_some_and(|depth| depth == DepthAs::Metres) {
+        return Err(CliError::usage("the prompt `paper` asks for a label, and cannot be used with --depth-as metres"));
+    }
+    Ok(prompt)
 }
 
 /// Wind, charge and camera effects.
@@ -77,6 +92,10 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         method.think = think;
     }
     method.avoid = fly.avoid.is_on()?;
+    if let Some(depth) = fly.depth_as.get()? {
+        method.depth = depth;
+    }
+    method.near_m = fly.near_m.get()?;
     if let Some(rate) = fly.rate_hz.get()? {
         method.rate_hz = rate;
     }

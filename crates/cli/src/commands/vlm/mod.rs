@@ -163,6 +163,9 @@ fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Re
     Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None })
 }
 
+/// The built-in prompt that asks as the paper does.
+const PAPER: &str = "paper";
+
 /// A model of the table.
 pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Chosen, CliError> {
     let table = table(settings)?;
@@ -177,6 +180,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         long_side: settings.vlm.image_long_side.get()?,
         quality: settings.vlm.jpeg_quality.get()?,
         price: settings.vlm.price.get()?,
+        greedy: settings.fly.prompt.text().is_some_and(|prompt| prompt == PAPER),
     };
     let today = today();
     let mut chosen = Vec::new();

@@ -14,7 +14,7 @@ pub(super) fn query() -> Query {
     Query {
         instruction: "fly to the red dot".to_owned(),
         prompt: "Where?".to_owned(),
-        ..Query::new(QueryId(0), FrameId(0), QueryKind::Point { avoid: false })
+        ..Query::new(QueryId(0), FrameId(0), QueryKind::point(false))
     }
 }
 

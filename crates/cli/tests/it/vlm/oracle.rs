@@ -40,7 +40,7 @@ impl Vlm for Behind {
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let meant = self.oracle.answer(request, image);
         let mut words = meant.text.unwrap();
-        if let QueryKind::Point { avoid } = request.query.kind {
+        if let QueryKind::Point { avoid, .. } = request.query.kind {
             let own = self.image_spec(self.camera).grounding;
             words = parse_reply(&words, &GroundingProfile::default(), avoid).unwrap().to_json(&own, avoid);
         }

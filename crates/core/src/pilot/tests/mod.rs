@@ -121,6 +121,8 @@ impl Setup {
                 grounding: GroundingProfile::default(),
                 image_size: None,
                 craft: self.craft,
+                depth: settings.depth,
+                near_m: settings.near_m,
             }))
         });
         let pilot = Pilot::new(PilotParts {
@@ -530,40 +532,25 @@ fn json(reply: &Reply) -> String {
 
 fn navigate(u: f64, v: f64, depth: u8) -> String {
     json(&Reply {
-        status: Status::Navigating,
-        look: None,
-        stage: None,
         point: Some(ImagePoint { u, v }),
         depth: Some(depth),
-        open_way: None,
         target: Some("red crane".to_owned()),
-        boxes: Vec::new(),
+        ..Reply::new(Status::Navigating)
     })
 }
 
 fn not_visible(look: Look) -> String {
-    let status = Status::NotVisible;
-    json(&Reply {
-        status,
-        look: Some(look),
-        stage: None,
-        point: None,
-        depth: None,
-        open_way: None,
-        target: None,
-        boxes: Vec::new(),
-    })
+    json(&Reply { look: Some(look), ..Reply::new(Status::NotVisible) })
 }
 
 /// The same with an open direction at the level middle.
 fn open_way(look: Look, u: f64, depth: u8) -> String {
-    let (status, open_way) = (Status::NotVisible, Some(OpenWay { point: ImagePoint { u, v: 0.5 }, depth }));
-    json(&Reply { status, look: Some(look), stage: None, point: None, depth: None, open_way, target: None, boxes: Vec::new() })
+    let open_way = Some(OpenWay { point: ImagePoint { u, v: 0.5 }, depth });
+    json(&Reply { look: Some(look), open_way, ..Reply::new(Status::NotVisible) })
 }
 
 fn done() -> String {
-    let status = Status::Done;
-    json(&Reply { status, look: None, stage: None, point: None, depth: None, open_way: None, target: None, boxes: Vec::new() })
+    json(&Reply::new(Status::Done))
 }
 
 /// Perfect perception: the true point of `target`, the depth label of its range; done within 3 m.

@@ -5,12 +5,26 @@ use crate::camera::Camera;
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::lift::label_of_range;
+use crate::query::VerticalRoom;
 use crate::time::Time;
 
 const CAR_AHEAD: &str = "car_1 x:0.5 y:0.5 width:0.1 height:0.2 score:0.8";
 
 fn policy(avoid: bool) -> Spf {
-    let settings = SpfSettings {
+    let mut spf = Spf::new(settings(avoid)).with_detector();
+    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
+    spf
+}
+
+/// The same without a detector.
+fn policy_by_reply(avoid: bool) -> Spf {
+    let mut spf = Spf::new(settings(avoid));
+    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
+    spf
+}
+
+fn settings(avoid: bool) -> SpfSettings {
+    SpfSettings {
         step: StepRule::PAPER,
         lifting: Lifting::Levelled,
         shape: PathShape::Straight,
@@ -19,10 +33,16 @@ fn policy(avoid: bool) -> Spf {
         grounding: GroundingProfile::default(),
         image_size: Some((640, 480)),
         craft: Craft::quad(),
-    };
-    let mut spf = Spf::new(settings).with_detector();
-    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
-    spf
+        depth: DepthAs::Labels,
+        near_m: Some(3.0),
+    }
+}
+
+/// What the policy asks about a frame, and does when it hears this answer.
+fn told(spf: &mut Spf, frame: u64, answer: &str) -> (Query, Step) {
+    let query = sent_query(spf.handle(PolicyEvent::Frame(&view(frame))));
+    let step = spf.handle(PolicyEvent::Reply { id: query.id, text: answer });
+    (query, step)
 }
 
 fn view(id: u64) -> View {
@@ -35,7 +55,7 @@ fn view(id: u64) -> View {
         height: 720,
         unusable: None,
     };
-    View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true }
+    View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true, room: VerticalRoom::default() }
 }
 
 fn sent_query(step: Step) -> Query {
@@ -49,7 +69,7 @@ fn decided(spf: &mut Spf, frame: u64, list: &str, answer: &str) -> (Query, Step)
     assert_eq!(detect.kind, QueryKind::Detect { coco: true, scored: true });
     assert_eq!((detect.frame, detect.image_size), (FrameId(frame), None), "a detector sees the camera's frame");
     let point = sent_query(spf.handle(PolicyEvent::Reply { id: detect.id, text: list }));
-    assert_eq!((&point.kind, point.frame), (&QueryKind::Point { avoid: false }, FrameId(frame)));
+    assert_eq!((&point.kind, point.frame), (&QueryKind::point(false), FrameId(frame)));
     let step = spf.handle(PolicyEvent::Reply { id: point.id, text: answer });
     (point, step)
 }
@@ -117,7 +137,7 @@ fn a_second_look_begins_with_a_list_too() {
 #[test]
 fn outside_obstacle_mode_no_detector_is_queried() {
     let query = sent_query(policy(false).handle(PolicyEvent::Frame(&view(0))));
-    assert_eq!((&query.kind, query.detections.len()), (&QueryKind::Point { avoid: false }, 0));
+    assert_eq!((&query.kind, query.detections.len()), (&QueryKind::point(false), 0));
 }
 
 #[test]
@@ -170,7 +190,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
 /// The climbs of a blocked path count towards the 3 m too, until a step is flown; then it turns.
 #[test]
 fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
-    let mut spf = Spf::new(SpfSettings { avoid: true, ..policy(true).settings });
+    let mut spf = Spf::new(settings(true));
     spf.handle(PolicyEvent::Instruction("fly to the red crane"));
     let mut number = 0;
     let mut decide = |spf: &mut Spf, boxes: &str| {
@@ -187,4 +207,67 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
         |spf: &mut Spf| (0..15).filter_map(|_| decide(spf, wall)).map(|p| (p.climb, p.yaw != 0.0)).collect::<Vec<_>>();
     assert_eq!(moves(&mut spf), [(1.0, false), (1.0, false), (1.0, false), (0.0, true), (0.0, true)]);
     assert!(spf.reading().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading().actions);
+}
+
+#[test]
+fn who_is_followed_is_flown_to_and_a_turn_is_turned() {
+    let mut spf = policy_by_reply(false);
+    let (query, step) = told(&mut spf, 0, r#"{"status":"following","point":[500,500],"depth":5,"target":"man"}"#);
+    assert!(query.prompt.contains("the drone is within 3 m of it"), "{}", query.prompt);
+    assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 2.0), "{step:?}");
+    let (_, step) = told(&mut spf, 1, r#"{"status":"navigating","point":null,"turn_deg":-90,"target":"man"}"#);
+    let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
+    assert_eq!(primitives, Primitives { yaw: -90.0_f64.to_radians(), ..Primitives::default() });
+}
+
+#[test]
+fn a_blocked_way_is_held_before_a_person_and_backed_off_from_otherwise() {
+    let blocked = |name: &str, depth| {
+        format!(r#"{{"status":"blocked","boxes":[{{"box":[300,400,900,600],"depth":{depth},"name":"{name}"}}]}}"#)
+    };
+    let mut spf = policy_by_reply(true);
+    assert_eq!(told(&mut spf, 0, &blocked("woman", 2)).1, Step::Look);
+    for (name, depth) in [("shelf", 2), ("woman", 8)] {
+        let (_, step) = told(&mut policy_by_reply(true), 1, &blocked(name, depth));
+        assert!(matches!(step, Step::Move(Move { primitives, then_rest: true, .. }) if primitives.forward == -1.0), "{step:?}");
+    }
+    // Nobody says what it is.
+    assert_eq!(told(&mut policy_by_reply(false), 0, r#"{"status":"blocked"}"#).1, Step::Look);
+}
+
+#[test]
+fn what_was_wrong_is_told_once() {
+    let mut spf = policy_by_reply(true);
+    let (first, step) = told(&mut spf, 0, &ahead("red crane"));
+    assert!(first.memory.refused.is_none() && matches!(step, Step::Reject(_)), "{step:?}");
+    let (second, _) = told(&mut spf, 1, r#"{"status":"not_visible","boxes":[]}"#);
+    assert!(second.prompt.contains("\nYour last answer could not be used: it lacked boxes.\n"), "{}", second.prompt);
+    let (third, _) = told(&mut spf, 2, r#"{"status":"not_visible","boxes":[]}"#);
+    assert!(!third.prompt.contains("could not be used"), "{}", third.prompt);
+}
+
+/// A post whose middle is seen now left, now right of the way: the craft passes it on the side on which it began.
+#[test]
+fn a_detour_keeps_its_side_from_answer_to_answer() {
+    let post = |u: u32| {
+        let (left, right) = (u - 40, u + 40);
+        format!(
+            r#"{{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[{{"box":[100,{left},900,{right}],"depth":4,"name":"post"}}]}}"#
+        )
+    };
+    let mut spf = policy_by_reply(true);
+    let mut sides = Vec::new();
+    for (frame, u) in [490, 510, 480, 520, 490].into_iter().enumerate() {
+        told(&mut spf, frame as u64, &post(u));
+        let waypoint = spf.reading().waypoint.unwrap();
+        assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading().avoidance);
+        sides.push(waypoint.u > 0.5);
+    }
+    assert_eq!(sides, [true; 5]);
+    // Twice clear, and the next one is passed where it is nearest.
+    for frame in 10..14 {
+        told(&mut spf, frame, r#"{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[]}"#);
+    }
+    told(&mut spf, 14, &post(520));
+    assert!(spf.reading().waypoint.unwrap().u < 0.5);
 }

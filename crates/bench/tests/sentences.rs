@@ -1,0 +1,484 @@
+//! No false sentence: reads every prompt of whole flights of all suites and checks each sentence of the history against what the
+//! pilot knew and did: who, when, where, which side, which stage, how far.
+//!
+//! `cargo test -p spf-bench --test sentences` flies 100 flights; `cargo test --release -p spf-bench --test sentences -- --ignored`
+//! a thousand.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+use spf_bench::task::{Task, suite};
+use spf_bench::trial::draw;
+use spf_core::avoid::Avoidance;
+use spf_core::camera::Camera;
+use spf_core::command::Setpoint;
+use spf_core::envelope::Limits;
+use spf_core::geometry::{Pose, wrap_angle};
+use spf_core::grounding::GroundingProfile;
+use spf_core::lift::range_of_label;
+use spf_core::pilot::{Action, Decision, Event, Note, OperatorEvent, Pilot, PilotSettings, Preset};
+use spf_core::query::{DepthAs, QueryId, QueryKind};
+use spf_core::reply::{Reply, Status};
+use spf_core::telemetry::Telemetry;
+use spf_core::time::{Time, duration_from_secs};
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::run::Observer;
+use spf_flight::sim::{FlightConditions, Simulated, oracle_factory};
+use spf_flight::world::Script;
+use spf_oracle::ErrorFile;
+
+/// Before the history in a prompt, and what follows it.
+const HEADING: &str = "\nWhat has happened so far, from the drone's own record:\n";
+
+/// A usable answer, as the test remembers it.
+struct Past {
+    reply: Reply,
+    pose: Pose,
+    decision: Decision,
+}
+
+/// Watches a flight and collects what its prompts say wrongly.
+struct Reader {
+    limits: Limits,
+    camera: Option<Camera>,
+    telemetry: Option<Telemetry>,
+    /// Telemetry when a query was sent.
+    asked: BTreeMap<QueryId, Option<Telemetry>>,
+    past: Vec<Past>,
+    /// Since when the present instruction counts.
+    refused: bool,
+    sentences: usize,
+    wrong: Vec<String>,
+}
+
+impl Observer for Reader {
+    fn event(&mut self, _: Time, event: &Event) {
+        if let Event::Telemetry(telemetry) = event {
+            self.telemetry = Some(*telemetry);
+        }
+    }
+
+    fn action(&mut self, _: Time, action: &Action, _: &Pilot) {
+        match action {
+            Action::Ask(query) if matches!(query.kind, QueryKind::Point { .. }) => {
+                self.asked.insert(query.id, self.telemetry);
+            }
+            Action::Note(Note::Operator(OperatorEvent::Instruction(_))) => {
+                self.past.clear();
+                self.refused = false;
+            }
+            Action::Note(Note::Decision(decision)) => self.decided(decision),
+            _ => {}
+        }
+    }
+}
+
+impl Reader {
+    fn decided(&mut self, decision: &Decision) {
+        if !matches!(decision.query.kind, QueryKind::Point { .. }) {
+            return;
+        }
+        self.read(decision);
+        self.refused = decision.reading.reply.is_none();
+        if let Some(reply) = &decision.reading.reply {
+            self.past.push(Past { reply: reply.clone(), pose: decision.pose, decision: decision.clone() });
+        }
+    }
+
+    fn read(&mut self, decision: &Decision) {
+        let prompt = &decision.query.prompt;
+        let Some((_, behind)) = prompt.split_once(HEADING) else { return self.wrong.push(format!("no history in: {prompt}")) };
+        let history = behind.split_once("\n\n").map_or(behind, |(history, _)| history);
+        let lines: Vec<&str> = history.lines().collect();
+        let mut kinds = Vec::new();
+        for line in &lines {
+            self.sentences += 1;
+            match self.check(line, decision) {
+                Ok(kind) => kinds.push(kind),
+                Err(why) => self.wrong.push(format!("{why}: `{line}`")),
+            }
+        }
+        // What must be told is told.
+        let told = |kind: &str| kinds.iter().filter(|told| **told == kind).count();
+        let lost = self.lost().is_some();
+        for (kind, count) in [
+            ("stage", 1),
+            ("answer", self.past.len().min(3)),
+            ("lost", usize::from(lost)),
+            ("refused", usize::from(self.refused)),
+            ("height", 1),
+        ] {
+            if told(kind) != count {
+                self.wrong.push(format!("{} sentences of `{kind}` instead of {count}: {history}", told(kind)));
+            }
+        }
+        if decision.query.memory.confirming != prompt.contains("You have answered \"done\".")
+            || (decision.query.memory.confirming && self.past.last().is_none_or(|past| past.reply.status != Status::Done))
+        {
+            self.wrong.push(format!("a second look at what was not done: {history}"));
+        }
+    }
+
+    /// The kind of a sentence if it is true.
+    fn check(&self, line: &str, decision: &Decision) -> Result<&'static str, String> {
+        if let Some(stage) = between(line, "Stage ", " of the instruction is being worked on.") {
+            let stages = self.past.iter().filter_map(|past| past.reply.stage);
+            return same("stage", stage, &stages.last().unwrap_or(1).to_string());
+        }
+        if let Some(text) = line.strip_prefix("Stage ") {
+            return self.finished(text);
+        }
+        if let Some(text) = line.strip_prefix("You last pointed at the target ") {
+            return self.pointed_last(text, decision);
+        }
+        if let Some(text) = line.strip_prefix("You have not seen the target yet; the drone has turned ") {
+            if self.past.iter().any(|past| past.reply.point.is_some() && past.reply.status.leads_to_a_point()) {
+                return Err("it was pointed at".to_owned());
+            }
+            let turned = self.turned_since(0, decision.pose);
+            return turn_is(text.strip_suffix(" in all.").ok_or("no end")?, turned, 360.0).map(|()| "unseen");
+        }
+        if let Some(text) = line.strip_prefix("The drone is ") {
+            return self.height(text, decision);
+        }
+        if line.starts_with("Your last answer could not be used: it ") {
+            return if self.refused { Ok("refused") } else { Err("it was used".to_owned()) };
+        }
+        if let Some((ago, text)) = line.split_once(" ago: ") {
+            return self.answer(number_of(ago)?, text, decision);
+        }
+        Err("unknown sentence".to_owned())
+    }
+
+    fn back(&self, ago: usize) -> Result<usize, String> {
+        self.past.len().checked_sub(ago).filter(|_| ago > 0).ok_or_else(|| format!("there was no answer {ago} ago"))
+    }
+
+    fn finished(&self, text: &str) -> Result<&'static str, String> {
+        let (stage, rest) = text.split_once(" ended with your answer ").ok_or("unknown sentence")?;
+        let (ago, target) = rest.split_once(" ago").ok_or("unknown sentence")?;
+        let at = self.back(number_of(ago)?)?;
+        let before = self.past[..at].iter().filter_map(|past| past.reply.stage).last().unwrap_or(1);
+        let after = self.past[at].reply.stage.ok_or("that answer had no stage")?;
+        if stage != before.to_string() || after <= before {
+            return Err(format!("that answer went from stage {before} to {after}"));
+        }
+        let named = between(target, ", target \"", "\".");
+        if let Some(named) = named {
+            // Since the stage began.
+            let began =
+                self.past[..at].iter().rposition(|past| past.reply.stage.is_some_and(|s| s < before)).map_or(0, |i| i + 1);
+            let known = self.past[began..at].iter().any(|past| past.reply.target.as_deref() == Some(named));
+            if !known {
+                return Err("another target".to_owned());
+            }
+        }
+        Ok("finished")
+    }
+
+    fn answer(&self, ago: usize, text: &str, decision: &Decision) -> Result<&'static str, String> {
+        let at = self.back(ago)?;
+        let past = &self.past[at];
+        let next = self.past.get(at + 1).map_or(decision.pose, |next| next.pose);
+        let to = if ago == 1 { "this one" } else { "the next one in this list" };
+        let (said, flown) = text.split_once(&format!("; from that picture to {to}: ")).ok_or("no motion is told")?;
+        let mut parts = said.split("; ");
+        let claim = parts.next().unwrap_or_default();
+        let reply = &past.reply;
+        let target = reply.target.as_deref().map_or("the target".to_owned(), |target| format!("\"{target}\""));
+        let meant = match (reply.status, reply.point) {
+            (Status::Done, _) => "you answered \"done\"".to_owned(),
+            (Status::Blocked, _) => "you answered \"blocked\"".to_owned(),
+            (Status::NotVisible, _) => format!("you did not see {target}"),
+            (_, None) => "you asked for a turn in place".to_owned(),
+            (_, Some(point)) => {
+                let [y, x] = GroundingProfile::default().point_numbers(point);
+                let depth = match reply.range_m {
+                    Some(range) => format!(", {} m away", rounded(range)),
+                    None => format!(", depth {}", reply.depth.unwrap_or(0)),
+                };
+                format!("you pointed at {target} at [{y}, {x}]{depth}")
+            }
+        };
+        same("answer", claim, &meant)?;
+        for part in parts {
+            if let Some(planned) = part.strip_suffix(" m planned") {
+                let primitives = past.decision.reading.primitives.ok_or("nothing was planned")?;
+                let length = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
+                metres_are(planned, length)?;
+            } else {
+                detour(part, past)?;
+            }
+        }
+        if past.decision.reading.avoidance.is_some_and(|avoidance| avoidance != Avoidance::Clear) && !said.contains("because of")
+        {
+            let Some(Avoidance::Hold { by: None }) = past.decision.reading.avoidance else {
+                return Err("what avoidance did is not told".to_owned());
+            };
+        }
+        motion(flown.strip_suffix('.').ok_or("no end")?, past.pose, next).map(|()| "answer")
+    }
+
+    /// The last pointing, if a later answer did not see the target: its number and that of the first such answer.
+    fn lost(&self) -> Option<(usize, usize)> {
+        let pointed = self.past.iter().rposition(|past| past.reply.point.is_some() && past.reply.status.leads_to_a_point())?;
+        let unseen = self.past[pointed..].iter().position(|past| past.reply.status == Status::NotVisible)?;
+        Some((pointed, pointed + unseen))
+    }
+
+    fn bearing(&self, at: usize) -> Option<f64> {
+        let past = &self.past[at];
+        Some(past.pose.attitude.heading + libm::atan(self.camera?.ray(past.reply.point?).right))
+    }
+
+    fn turned_since(&self, at: usize, now: Pose) -> f64 {
+        let headings = self.past[at..].iter().map(|past| past.pose).chain([now]).map(|pose| pose.attitude.heading);
+        let headings: Vec<f64> = headings.collect();
+        headings.windows(2).map(|pair| wrap_angle(pair[1] - pair[0]).to_degrees()).sum()
+    }
+
+    fn pointed_last(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
+        let (pointed, unseen) = self.lost().ok_or("the target is not lost")?;
+        let (ago, mut rest) = text.split_once(" ago.").ok_or("no number")?;
+        same("number", &number_of(ago)?.to_string(), &(self.past.len() - pointed).to_string())?;
+        let (camera, bearing) = (self.camera.ok_or("no camera")?, self.bearing(pointed).ok_or("no point")?);
+        let half = camera.half_fov().0;
+        let left_by = wrap_angle(bearing - self.past[unseen].pose.attitude.heading);
+        if let Some(behind) = rest.strip_prefix(" It then left the picture on the ") {
+            let (side, behind) = behind.split_once('.').ok_or("no side")?;
+            if left_by.abs() <= half {
+                return Err(format!("it was {:.0}° off, within the picture", left_by.to_degrees()));
+            }
+            same("side", side, if left_by < 0.0 { "left" } else { "right" })?;
+            rest = behind;
+        } else if left_by.abs() > half {
+            return Err("it left the picture".to_owned());
+        }
+        if let Some(behind) = rest.strip_prefix(" Since then the drone has turned ") {
+            let (turn, behind) = behind.split_once('.').ok_or("no turn")?;
+            turn_is(turn, self.turned_since(pointed, decision.pose), 360.0)?;
+            rest = behind;
+        }
+        let now = wrap_angle(bearing - decision.pose.attitude.heading);
+        let text = between(rest, " The direction you pointed in is now ", ".").ok_or("unknown end")?;
+        let (direction, shown) = text.rsplit_once(", ").ok_or("unknown end")?;
+        same("width", shown, if now.abs() <= half { "in this picture's width" } else { "outside this picture" })?;
+        if direction == "straight ahead" {
+            return if now.to_degrees().abs() < 2.0 { Ok("lost") } else { Err(format!("{:.1}° off", now.to_degrees())) };
+        }
+        let (turn, side) = direction.split_once(" to the ").ok_or("unknown end")?;
+        let side = side.strip_suffix(" of straight ahead").ok_or("unknown end")?;
+        turn_is(&format!("{turn} {side}"), now.to_degrees(), 360.0).map(|()| "lost")
+    }
+
+    fn height(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
+        let (height, rest) = text.split_once(" m above where it took off. It can go ").ok_or("unknown sentence")?;
+        let (down, rest) = rest.split_once(" m lower and ").ok_or("unknown sentence")?;
+        let up = rest.strip_suffix(" m higher.").ok_or("unknown sentence")?;
+        let Some(Some(telemetry)) = self.asked.get(&decision.query.id) else { return Err("no telemetry".to_owned()) };
+        let Some(known) = telemetry.height else { return Ok("height") };
+        metres_are(height, known)?;
+        let low = telemetry.ground_clearance.map_or(known, |clearance| clearance.min(known));
+        metres_are(down, (low - self.limits.min_altitude - 0.5).max(0.0))?;
+        metres_are(up, (self.limits.max_altitude - 0.5 - known).max(0.0)).map(|()| "height")
+    }
+}
+
+fn detour(part: &str, past: &Past) -> Result<(), String> {
+    let avoidance = past.decision.reading.avoidance.ok_or("no avoidance")?;
+    let (how, because) = part.split_once(" because of ").map_or((part, None), |(how, because)| (how, Some(because)));
+    let (meant, by) = match avoidance {
+        Avoidance::Clear => return Err("the way was clear".to_owned()),
+        Avoidance::Shifted { point, by } => {
+            let planned = past.reply.point.or(past.reply.open_way.map(|way| way.point)).ok_or("no point")?;
+            let (right, down) = (point.u - planned.u, point.v - planned.v);
+            let fits = match how {
+                "dodged to the left" => right < 0.0,
+                "dodged to the right" => right > 0.0,
+                "dodged upwards" => down < 0.0,
+                "dodged downwards" => down > 0.0,
+                _ => false,
+            };
+            if !fits {
+                return Err(format!("it went from {planned:?} to {point:?}"));
+            }
+            (how, Some(by))
+        }
+        Avoidance::Shortened { by, .. } => ("cut short", Some(by)),
+        Avoidance::Hold { by } => ("held back", by),
+    };
+    same("detour", how, meant)?;
+    let obstacle = by.and_then(|by| past.reply.boxes.get(by));
+    let meant = obstacle
+        .map(|obstacle| format!("\"{}\", about {} m away", obstacle.name, rounded(range_of_label(f64::from(obstacle.depth)))));
+    if because.map(str::to_owned) == meant { Ok(()) } else { Err(format!("because of {meant:?}")) }
+}
+
+/// Checks what was flown between two frames.
+fn motion(text: &str, from: Pose, to: Pose) -> Result<(), String> {
+    let moved = from.position.distance(to.position);
+    let climbed = to.position.up - from.position.up;
+    let turned = wrap_angle(to.attitude.heading - from.attitude.heading).to_degrees();
+    let (mut told_move, mut told_turn) = (false, false);
+    for part in text.split(" and ").filter(|part| *part != "no motion") {
+        if let Some((metres, rest)) = part.split_once(" m flown") {
+            told_move = true;
+            metres_are(metres, moved)?;
+            if let Some(climb) = between(rest, " (", ")") {
+                let (metres, way) = climb.split_once(" m ").ok_or("no climb")?;
+                metres_are(metres, climbed.abs())?;
+                same("climb", way, if climbed > 0.0 { "up" } else { "down" })?;
+            } else if climbed.abs() >= 0.3 {
+                return Err(format!("{climbed:.2} m of it are a climb"));
+            }
+        } else if let Some((degrees, side)) = part.split_once(" turned ") {
+            told_turn = true;
+            turn_is(&format!("{degrees} {side}"), turned, 360.0)?;
+        } else {
+            return Err(format!("unknown motion `{part}`"));
+        }
+    }
+    if told_move != (moved >= 0.1) || told_turn != (turned.abs() >= 2.0) {
+        return Err(format!("it moved {moved:.2} m and turned {turned:.1}°"));
+    }
+    Ok(())
+}
+
+fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {
+    text.strip_prefix(before)?.strip_suffix(after)
+}
+
+fn same(what: &'static str, told: &str, meant: &str) -> Result<&'static str, String> {
+    if told == meant { Ok(what) } else { Err(format!("{what}: it was {meant}")) }
+}
+
+fn number_of(text: &str) -> Result<usize, String> {
+    let (number, word) = text.split_once(' ').ok_or("no number")?;
+    let number: usize = number.parse().map_err(|_| "no number")?;
+    same("number", word, if number == 1 { "answer" } else { "answers" }).map(|_| number)
+}
+
+fn rounded(metres: f64) -> f64 {
+    if metres < 9.95 { (metres * 10.0).round() / 10.0 } else { metres.round() }
+}
+
+fn metres_are(told: &str, meant: f64) -> Result<(), String> {
+    let told: f64 = told.parse().map_err(|_| format!("no number in `{told}`"))?;
+    let tolerance = if meant < 9.94 { 0.0501 } else { 0.501 };
+    if (told - meant).abs() <= tolerance { Ok(()) } else { Err(format!("it was {meant:.2} m")) }
+}
+
+/// Checks a turn such as `30° left`, which may be off by whole turns where its sense is not known.
+fn turn_is(told: &str, meant: f64, whole: f64) -> Result<(), String> {
+    let (degrees, side) = told.split_once("° ").ok_or("no turn")?;
+    let degrees: f64 = degrees.parse().map_err(|_| "no turn")?;
+    let told = match side {
+        "left" => -degrees,
+        "right" => degrees,
+        _ => return Err("no side".to_owned()),
+    };
+    let off = (told - meant).rem_euclid(whole);
+    if off.min(whole - off) <= 0.51 { Ok(()) } else { Err(format!("it was {meant:.1}°")) }
+}
+
+/// One flight, and what its prompts said.
+fn flown(task: &Task, number: u64) -> (usize, usize, Vec<String>) {
+    let Ok(drawn) = draw(task, number / 7) else { return (0, 0, Vec::new()) };
+    let site = Simulated {
+        start: Some(drawn.start),
+        kind: task.craft,
+        flight_conditions: FlightConditions { wind: drawn.wind, ..FlightConditions::default() },
+        seed: number,
+        ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
+    };
+    let errors = ErrorFile::named(["default", "poor"][(number % 2) as usize]).unwrap();
+    let preset = if number % 5 == 4 { Preset::Paper } else { Preset::Default };
+    let settings = PilotSettings {
+        avoid: task.avoid || number % 3 == 0,
+        depth: if number % 4 == 3 { DepthAs::Metres } else { DepthAs::Labels },
+        max_time: duration_from_secs(60.0),
+        max_decisions: 25,
+        ..PilotSettings::preset(preset)
+    };
+    let at = |seconds: f64| Time::ZERO + duration_from_secs(seconds);
+    // In every fourth flight somebody interferes.
+    let events = if number % 4 == 1 {
+        let aside = OperatorEvent::Setpoint(Setpoint { right: 1.0, yaw_rate: 1.0, ..Setpoint::HOLD });
+        vec![
+            (at(14.0), OperatorEvent::Hold),
+            (at(16.0), OperatorEvent::Resume),
+            (at(22.0), aside),
+            (at(22.5), OperatorEvent::Resume),
+            (at(30.0), OperatorEvent::Instruction(format!("{} and then look around", task.instruction))),
+        ]
+    } else {
+        Vec::new()
+    };
+    let plan = FlightPlan {
+        settings,
+        preset,
+        script: Script::new(events),
+        ..FlightPlan::new(Site::Simulated(site), &task.instruction, "oracle", oracle_factory("oracle".to_owned(), errors))
+    };
+    let camera = task.craft.camera();
+    let mut reader = Reader {
+        limits: plan.limits.clone(),
+        camera: Some(camera),
+        telemetry: None,
+        asked: BTreeMap::new(),
+        past: Vec::new(),
+        refused: false,
+        sentences: 0,
+        wrong: Vec::new(),
+    };
+    fly(plan, &mut [&mut reader]).unwrap();
+    let told = format!("{} seed {number}", task.id);
+    (reader.asked.len(), reader.sentences, reader.wrong.into_iter().map(|why| format!("{told}: {why}")).collect())
+}
+
+fn read(flights: u64) {
+    let tasks: Vec<Arc<Task>> =
+        ["paper", "hard", "trials"].iter().flat_map(|name| suite(name).unwrap().tasks().unwrap()).collect();
+    let (next, found) = (AtomicUsize::new(0), Mutex::new((0, 0, Vec::new())));
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(2, usize::from) {
+            scope.spawn(|| {
+                loop {
+                    let number = next.fetch_add(1, Ordering::Relaxed);
+                    if number as u64 >= flights {
+                        return;
+                    }
+                    // Spread over the suites, however few there are.
+                    let task = &tasks[(number * 37) % tasks.len()];
+                    let (prompts, sentences, wrong) = flown(task, number as u64);
+                    let mut found = found.lock().unwrap();
+                    found.0 += prompts;
+                    found.1 += sentences;
+                    found.2.extend(wrong);
+                }
+            });
+        }
+    });
+    let (prompts, sentences, wrong) = found.into_inner().unwrap();
+    println!("{flights} flights, {prompts} prompts, {sentences} sentences, {} false", wrong.len());
+    assert!(
+        wrong.is_empty(),
+        "{} of {sentences} sentences are false, such as:\n{}",
+        wrong.len(),
+        wrong[..wrong.len().min(12)].join("\n")
+    );
+    assert!(prompts as u64 > 8 * flights && sentences > 4 * prompts, "{prompts} prompts, {sentences} sentences");
+}
+
+#[test]
+fn no_sentence_of_a_hundred_flights_is_false() {
+    read(100);
+}
+
+#[test]
+#[ignore = "takes a quarter of an hour"]
+fn no_sentence_of_a_thousand_flights_is_false() {
+    read(1000);
+}

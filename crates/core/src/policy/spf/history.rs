@@ -1,0 +1,180 @@
+//! What the policy remembers of a flight, as events and measurements: the source of [`Memory`]'s answers, stages and lost
+//! target.
+
+use std::collections::VecDeque;
+
+use crate::avoid::Avoidance;
+use crate::geometry::{Pose, wrap_angle};
+use crate::policy::{Reading, View};
+use crate::query::{Detour, DetourKind, FinishedStage, Look, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said};
+use crate::reply::{ObstacleBox, Reply, Status};
+
+/// Above this part of a half turn the sign of a turn between two frames is not known from them, radians.
+const HALF_TURN: f64 = 0.9 * core::f64::consts::PI;
+
+/// The events of a flight.
+#[derive(Clone, Debug, Default)]
+pub(super) struct History {
+    /// The last usable answers, with the pose of their frames.
+    answers: VecDeque<(PastAnswer, Pose)>,
+    /// Number of usable answers.
+    count: u32,
+    sighting: Option<Sighting>,
+    finished: VecDeque<(u32, u32, Option<String>)>,
+    /// The last target named in the current stage.
+    target: Option<String>,
+    /// Yaw of the last planned motion, radians.
+    yaw: f64,
+    /// Turned since the first answer, radians.
+    turned: f64,
+}
+
+/// The last time that the target was pointed at.
+#[derive(Clone, Copy, Debug)]
+struct Sighting {
+    /// Number of the answer.
+    answer: u32,
+    /// The direction, radians clockwise from north.
+    bearing: f64,
+    /// Turned since, radians.
+    turned: f64,
+    /// Whether a later answer has not seen it, and on which side its direction had left the frame by then.
+    lost: Option<Option<Look>>,
+}
+
+impl History {
+    /// Notes a usable answer about `view`; `stage` is the one before it.
+    pub(super) fn answered(&mut self, view: &View, reply: &Reply, stage: u32) {
+        self.moved_to(view.pose);
+        self.count += 1;
+        let said = match reply.status {
+            Status::Done => Said::Done,
+            Status::NotVisible => Said::NotSeen,
+            Status::Blocked => Said::Blocked,
+            Status::Navigating | Status::Following if reply.point.is_some() => Said::Pointed,
+            Status::Navigating | Status::Following => Said::Turn,
+        };
+        if let Some(next) = reply.stage {
+            if next > stage.max(1) {
+                self.finished.push_back((stage.max(1), self.count, self.target.take()));
+            } else if next < stage {
+                // It has gone back: what it thought finished is not.
+                self.finished.retain(|(finished, ..)| *finished < next);
+                self.target = None;
+            }
+            while self.finished.len() > REMEMBERED_ANSWERS {
+                self.finished.pop_front();
+            }
+        }
+        if reply.target.is_some() {
+            self.target.clone_from(&reply.target);
+        }
+        match (said, reply.point) {
+            (Said::Pointed, Some(point)) => {
+                let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(point).right);
+                self.sighting = Some(Sighting { answer: self.count, bearing, turned: 0.0, lost: None });
+            }
+            (Said::NotSeen, _) => {
+                let half = view.camera.half_fov().0;
+                if let Some(sighting) = self.sighting.as_mut().filter(|sighting| sighting.lost.is_none()) {
+                    let away = wrap_angle(sighting.bearing - view.pose.attitude.heading);
+                    let side = if away < 0.0 { Look::Left } else { Look::Right };
+                    sighting.lost = Some((away.abs() > half).then_some(side));
+                }
+            }
+            _ => {}
+        }
+        let past = PastAnswer {
+            said,
+            target: reply.target.clone(),
+            point: reply.point.filter(|_| said == Said::Pointed),
+            depth: reply.depth.filter(|_| said == Said::Pointed),
+            range_m: reply.range_m.filter(|_| said == Said::Pointed),
+            planned_m: None,
+            detour: None,
+            moved_m: 0.0,
+            climbed_m: 0.0,
+            turned_deg: 0.0,
+        };
+        self.answers.push_back((past, view.pose));
+        while self.answers.len() > REMEMBERED_ANSWERS {
+            self.answers.pop_front();
+        }
+        self.yaw = 0.0;
+    }
+
+    /// Notes what follows from the last answer.
+    pub(super) fn planned(&mut self, reading: &Reading, boxes: &[ObstacleBox]) {
+        let Some((past, _)) = self.answers.back_mut() else { return };
+        if let Some(primitives) = reading.primitives {
+            let metres = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
+            past.planned_m = Some(metres).filter(|metres| *metres > 0.0);
+            self.yaw = primitives.yaw;
+        }
+        past.detour = reading.avoidance.and_then(|avoidance| detour(avoidance, reading, boxes));
+    }
+
+    /// Measures the last answer's motion to where the craft is now.
+    fn moved_to(&mut self, pose: Pose) {
+        let Some((past, from)) = self.answers.back_mut() else { return };
+        let mut turned = wrap_angle(pose.attitude.heading - from.attitude.heading);
+        if turned.abs() > HALF_TURN && turned * self.yaw < 0.0 {
+            turned += 2.0 * core::f64::consts::PI * self.yaw.signum();
+        }
+        let before = past.turned_deg.to_radians();
+        self.turned += turned - before;
+        past.moved_m = from.position.distance(pose.position);
+        past.climbed_m = pose.position.up - from.position.up;
+        past.turned_deg = turned.to_degrees();
+        if let Some(sighting) = &mut self.sighting {
+            sighting.turned += turned - before;
+        }
+    }
+
+    /// Fills the memory of a query about `view`.
+    pub(super) fn tell(&mut self, view: &View, memory: &mut Memory) {
+        self.moved_to(view.pose);
+        memory.answers = self.answers.iter().map(|(past, _)| past.clone()).collect();
+        let ago = |answer: u32| self.count + 1 - answer;
+        let finished = self.finished.iter();
+        memory.finished = finished
+            .map(|(stage, answer, target)| FinishedStage { stage: *stage, answers_ago: ago(*answer), target: target.clone() })
+            .collect();
+        memory.lost = self.sighting.and_then(|sighting| {
+            let left_on = sighting.lost?;
+            let bearing = wrap_angle(sighting.bearing - view.pose.attitude.heading);
+            Some(LostTarget {
+                answers_ago: ago(sighting.answer),
+                left_on,
+                bearing_deg: bearing.to_degrees(),
+                in_frame: bearing.abs() <= view.camera.half_fov().0,
+                turned_deg: sighting.turned.to_degrees(),
+            })
+        });
+        let unseen = self.sighting.is_none() && self.answers.back().is_some_and(|(past, _)| past.said == Said::NotSeen);
+        memory.searched_deg = unseen.then(|| self.turned.to_degrees());
+        memory.room = Some(view.room);
+    }
+}
+
+/// What obstacle mode did, in words of the memory; `None` if it left the plan as it was.
+fn detour(avoidance: Avoidance, reading: &Reading, boxes: &[ObstacleBox]) -> Option<Detour> {
+    let (how, by) = match avoidance {
+        Avoidance::Clear => return None,
+        Avoidance::Shifted { point, by } => {
+            let planned = reading.reply.as_ref().and_then(|reply| reply.point.or(reply.open_way.map(|way| way.point)))?;
+            let (across, up) = (point.u - planned.u, planned.v - point.v);
+            let how = match (across.abs() >= up.abs(), across < 0.0, up < 0.0) {
+                (true, true, _) => DetourKind::Left,
+                (true, false, _) => DetourKind::Right,
+                (false, _, true) => DetourKind::Down,
+                (false, _, false) => DetourKind::Up,
+            };
+            (how, Some(by))
+        }
+        Avoidance::Shortened { by, .. } => (DetourKind::Shortened, Some(by)),
+        Avoidance::Hold { by } => (DetourKind::Held, by),
+    };
+    let obstacle = by.and_then(|by| boxes.get(by));
+    Some(Detour { how, name: obstacle.map(|obstacle| obstacle.name.clone()), depth: obstacle.map(|obstacle| obstacle.depth) })
+}

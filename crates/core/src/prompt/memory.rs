@@ -1,0 +1,147 @@
+//! The history in sentences. Each states one event or measurement, so that none can be false; a test reads the prompts of whole
+//! flights and checks every sentence against them (`crates/bench/tests/sentences.rs`).
+
+use crate::grounding::GroundingProfile;
+use crate::lift::range_of_label;
+use crate::query::{DetourKind, Look, LostTarget, Memory, PastAnswer, Said};
+use crate::reply::one_line;
+
+/// Motions below this are not told, metres and degrees.
+const WORTH_TELLING_M: f64 = 0.1;
+const WORTH_TELLING_DEG: f64 = 2.0;
+/// A climb below this is not told apart from the motion, metres.
+const WORTH_TELLING_CLIMB_M: f64 = 0.3;
+
+/// The history, one event a line, with points in the coordinates of `profile`.
+pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String {
+    let mut lines = vec![format!("Stage {} of the instruction is being worked on.", memory.stage.max(1))];
+    for finished in &memory.finished {
+        let target = finished.target.as_deref().map_or(String::new(), |target| format!(", target {}", quoted(target)));
+        lines.push(format!("Stage {} ended with your answer {}{target}.", finished.stage, ago(finished.answers_ago)));
+    }
+    let count = memory.answers.len() as u32;
+    lines.extend((1..=count).rev().zip(&memory.answers).map(|(number, past)| answer(number, past, profile)));
+    lines.extend(memory.lost.as_ref().map(lost));
+    if let Some(turned) = memory.searched_deg.filter(|turned| turned.abs() >= WORTH_TELLING_DEG) {
+        lines.push(format!(
+            "You have not seen the target yet; the drone has turned {} {} in all.",
+            degrees(turned),
+            side(turned)
+        ));
+    }
+    if let Some(room) = memory.room {
+        let (height, down, up) = (metres(room.height), metres(room.down), metres(room.up));
+        lines.push(format!("The drone is {height} m above where it took off. It can go {down} m lower and {up} m higher."));
+    }
+    if let Some(wrong) = &memory.refused {
+        lines.push(format!("Your last answer could not be used: it {}.", one_line(wrong)));
+    }
+    lines.join("\n")
+}
+
+fn answer(number: u32, past: &PastAnswer, profile: &GroundingProfile) -> String {
+    let target = past.target.as_deref().map_or_else(|| "the target".to_owned(), quoted);
+    let said = match (past.said, past.point) {
+        (Said::Pointed, Some(point)) => {
+            let [a, b] = profile.point_numbers(point);
+            let depth = match (past.range_m, past.depth) {
+                (Some(range), _) => format!(", {} m away", metres(range)),
+                (None, Some(depth)) => format!(", depth {depth}"),
+                (None, None) => String::new(),
+            };
+            format!("you pointed at {target} at [{a}, {b}]{depth}")
+        }
+        (Said::Pointed, None) => format!("you pointed at {target}"),
+        (Said::Turn, _) => "you asked for a turn in place".to_owned(),
+        (Said::NotSeen, _) => format!("you did not see {target}"),
+        (Said::Done, _) => "you answered \"done\"".to_owned(),
+        (Said::Blocked, _) => "you answered \"blocked\"".to_owned(),
+    };
+    let planned = past.planned_m.filter(|planned| *planned >= WORTH_TELLING_M);
+    let planned = planned.map_or(String::new(), |planned| format!("; {} m planned", metres(planned)));
+    let detour = past.detour.as_ref().map_or(String::new(), |detour| {
+        let how = match detour.how {
+            DetourKind::Left => "dodged to the left",
+            DetourKind::Right => "dodged to the right",
+            DetourKind::Up => "dodged upwards",
+            DetourKind::Down => "dodged downwards",
+            DetourKind::Shortened => "cut short",
+            DetourKind::Held => "held back",
+        };
+        let because = match (&detour.name, detour.depth) {
+            (Some(name), Some(depth)) => {
+                format!(" because of {}, about {} m away", quoted(name), metres(range_of_label(f64::from(depth))))
+            }
+            _ => String::new(),
+        };
+        format!("; {how}{because}")
+    });
+    // Answers that could not be used are not in the list.
+    let to = if number == 1 { "this one" } else { "the next one in this list" };
+    format!("{}: {said}{planned}{detour}; from that picture to {to}: {}.", ago(number), flown(past))
+}
+
+/// What was flown between two frames.
+fn flown(past: &PastAnswer) -> String {
+    let mut parts = Vec::new();
+    if past.moved_m >= WORTH_TELLING_M {
+        let climbed = past.climbed_m;
+        let of_it = if climbed.abs() >= WORTH_TELLING_CLIMB_M {
+            format!(" ({} m {})", metres(climbed.abs()), if climbed > 0.0 { "up" } else { "down" })
+        } else {
+            String::new()
+        };
+        parts.push(format!("{} m flown{of_it}", metres(past.moved_m)));
+    }
+    if past.turned_deg.abs() >= WORTH_TELLING_DEG {
+        parts.push(format!("{} turned {}", degrees(past.turned_deg), side(past.turned_deg)));
+    }
+    if parts.is_empty() { "no motion".to_owned() } else { parts.join(" and ") }
+}
+
+fn lost(lost: &LostTarget) -> String {
+    let mut text = format!("You last pointed at the target {}.", ago(lost.answers_ago));
+    match lost.left_on {
+        Some(Look::Left) => text.push_str(" It then left the picture on the left."),
+        Some(Look::Right) => text.push_str(" It then left the picture on the right."),
+        _ => {}
+    }
+    if lost.turned_deg.abs() >= WORTH_TELLING_DEG {
+        text.push_str(&format!(" Since then the drone has turned {} {}.", degrees(lost.turned_deg), side(lost.turned_deg)));
+    }
+    let where_now = if lost.bearing_deg.abs() < WORTH_TELLING_DEG {
+        "straight ahead".to_owned()
+    } else {
+        format!("{} to the {} of straight ahead", degrees(lost.bearing_deg), side(lost.bearing_deg))
+    };
+    let shown = if lost.in_frame { "in this picture's width" } else { "outside this picture" };
+    text.push_str(&format!(" The direction you pointed in is now {where_now}, {shown}."));
+    text
+}
+
+/// How long ago an answer was, of which the last one has number 1.
+fn ago(number: u32) -> String {
+    match number {
+        0 | 1 => "1 answer ago".to_owned(),
+        number => format!("{number} answers ago"),
+    }
+}
+
+fn side(turn: f64) -> &'static str {
+    if turn > 0.0 { "right" } else { "left" }
+}
+
+fn degrees(turn: f64) -> String {
+    format!("{}°", libm::round(turn.abs()))
+}
+
+/// About two significant figures, which is what such a distance is good for.
+fn metres(distance: f64) -> f64 {
+    let distance = distance.max(0.0);
+    if distance < 9.95 { libm::round(distance * 10.0) / 10.0 } else { libm::round(distance) }
+}
+
+/// A name given by a model: in quotation marks, on one line.
+fn quoted(name: &str) -> String {
+    format!("\"{}\"", one_line(name).replace('"', "'"))
+}

@@ -1,0 +1,160 @@
+//! What the pilot includes in each query of what has happened (`docs/reference/reply.md`).
+//!
+//! Everything here is an event or a measurement, so that a prompt written from it states no more than what is known.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{ImagePoint, Look};
+
+/// The history that a query carries.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Memory {
+    /// Current stage of a multi-stage instruction, from 1, according to the last reply; 0 before the first.
+    pub stage: u32,
+    /// Targets named by earlier replies, oldest first; at most the last 8.
+    pub targets: Vec<String>,
+    /// Yaw of the search since the target was last seen, radians, clockwise positive, not wrapped.
+    pub turned: f64,
+    /// Half of the image in which the target was last pointed at: where a search begins.
+    pub last_seen: Option<Look>,
+    /// Recent text actions (plain-text baseline), oldest first.
+    pub actions: Vec<String>,
+    /// True if this query confirms a `done` while holding.
+    pub confirming: bool,
+    /// The last usable answers, oldest first, at most [`REMEMBERED_ANSWERS`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub answers: Vec<PastAnswer>,
+    /// Where the target was last pointed at, once an answer has not seen it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lost: Option<LostTarget>,
+    /// Turned while searching for a target that was never pointed at, degrees, clockwise positive, not wrapped.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub searched_deg: Option<f64>,
+    /// Earlier stages, oldest first, at most [`REMEMBERED_ANSWERS`].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub finished: Vec<FinishedStage>,
+    /// What was wrong with the answer before, if it could not be used: told once, in words after "your last answer".
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+    /// The free height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub room: Option<VerticalRoom>,
+}
+
+/// Number of answers and stages that are remembered.
+pub const REMEMBERED_ANSWERS: usize = 3;
+
+/// What an answer said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Said {
+    /// It pointed at the target.
+    Pointed,
+    /// It asked for a turn in place.
+    Turn,
+    /// It did not see the target.
+    NotSeen,
+    /// The instruction is fulfilled.
+    Done,
+    /// The way is blocked.
+    Blocked,
+}
+
+/// An earlier answer, and what was flown after it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct PastAnswer {
+    /// What it said.
+    pub said: Said,
+    /// The target, in the model's words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+    /// Where it pointed, in its own frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point: Option<ImagePoint>,
+    /// Depth label of that point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth: Option<u8>,
+    /// The distance itself, metres, if the answer stated it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range_m: Option<f64>,
+    /// Length of the planned motion, metres; `None` if none was planned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planned_m: Option<f64>,
+    /// What obstacle mode did to the plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detour: Option<Detour>,
+    /// Straight distance from where its frame was taken to where the next one was, metres.
+    pub moved_m: f64,
+    /// Of this the height gained, metres, negative if lost.
+    pub climbed_m: f64,
+    /// Turn between the two frames, degrees, clockwise positive, within ±180.
+    pub turned_deg: f64,
+}
+
+/// What obstacle mode did to a plan, and because of what.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Detour {
+    /// What it did.
+    pub how: DetourKind,
+    /// Name of the obstacle; `None` if there was no particular one.
+    pub name: Option<String>,
+    /// Its depth label.
+    pub depth: Option<u8>,
+}
+
+/// What obstacle mode does to a plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DetourKind {
+    /// It aims further left.
+    Left,
+    /// It aims further right.
+    Right,
+    /// It aims higher.
+    Up,
+    /// It aims lower.
+    Down,
+    /// It flies less far.
+    Shortened,
+    /// It does not fly.
+    Held,
+}
+
+/// A target that is no longer seen.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct LostTarget {
+    /// Number of usable answers since, that one included: 1 for the last answer.
+    pub answers_ago: u32,
+    /// The side on which its direction left the frame before the first answer that did not see it; `None` if it had not.
+    pub left_on: Option<Look>,
+    /// The direction in which it was pointed at, as seen now: degrees right of straight ahead, within ±180.
+    pub bearing_deg: f64,
+    /// Whether the present frame shows that direction.
+    pub in_frame: bool,
+    /// Turned since, degrees, clockwise positive, not wrapped.
+    pub turned_deg: f64,
+}
+
+/// A stage that an answer has left behind.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FinishedStage {
+    /// Its number.
+    pub stage: u32,
+    /// Number of usable answers since the one that went on to a later stage, that one included.
+    pub answers_ago: u32,
+    /// The last target named while it was worked on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target: Option<String>,
+}
+
+/// Height, and how far the craft may climb and sink.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct VerticalRoom {
+    /// Height above the take-off point, metres.
+    pub height: f64,
+    /// How far it may sink, metres; 0 if not at all.
+    pub down: f64,
+    /// How far it may climb, metres; 0 if not at all.
+    pub up: f64,
+}
