@@ -36,6 +36,7 @@ pub mod prompt;
 pub mod query;
 pub mod reply;
 pub mod rng;
+pub mod sign;
 pub mod step;
 pub mod tags;
 pub mod telemetry;

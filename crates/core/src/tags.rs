@@ -35,6 +35,9 @@ pub struct Tagged {
     pub opening: bool,
     /// Key of the object that an opening belongs to.
     pub opening_of: Option<String>,
+    /// Key of the object that a look-alike, such as a picture on a wall, seems to be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub looks_like: Option<String>,
 }
 
 impl Tagged {

@@ -116,6 +116,8 @@ pub struct BenchSettings {
     pub confirm_done: Option<bool>,
     /// Whether obstacle mode is on in every task, not only in those that require it.
     pub avoid: bool,
+    /// Whether a geofence is drawn around the straight path from the start to the goals.
+    pub fence: bool,
     /// Whether it flies straight on without frames or queries.
     pub blind: bool,
 }

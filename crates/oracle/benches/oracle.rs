@@ -62,6 +62,7 @@ fn percept_960x720(bencher: Bencher<'_, '_>) {
         camera: &camera,
         in_frame: &none,
         light: &none,
+        signs: &[],
     };
     let oracle = Oracle::new(ErrorFile::default(), 3.0, 1);
     bencher.bench(|| oracle.percept(FrameId(0), black_box(&sight), &tags));
@@ -81,6 +82,7 @@ fn answer(bencher: Bencher<'_, '_>, instruction: &str) {
         camera: &camera,
         in_frame: &none,
         light: &none,
+        signs: &[],
     };
     let oracle = Oracle::new(ErrorFile::default(), 3.0, 1);
     let percept = oracle.percept(FrameId(0), &sight, &tags);

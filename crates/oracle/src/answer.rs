@@ -14,6 +14,7 @@ use super::language::order::numbered;
 use super::language::parse;
 use super::language::resolve::meant;
 use super::percept::{PerceivedObject, Percept, logistic, slopes};
+use super::signs;
 use super::stages::{self, Aim, View};
 use super::{ErrorFile, Oracle};
 
@@ -39,7 +40,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
     let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
     let view = View { oracle, query, percept, seen: &seen };
-    stages::aim(&parse(&query.instruction, &percept.words), &view)
+    signs::obeyed(&view).unwrap_or_else(|| stages::aim(&parse(&query.instruction, &percept.words), &view))
 }
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {

@@ -7,6 +7,7 @@ use spf_core::reply::DEPTH_LABELS;
 use thiserror::Error;
 
 use super::language::spelling;
+use super::obedience::Obedience;
 
 /// The built-in files: name and text.
 const SHIPPED: [(&str, &str); 6] = [
@@ -38,6 +39,12 @@ pub enum ErrorFileError {
     /// No built-in file has this name.
     #[error("unknown error file `{name}`; built in are {}", names())]
     Name {
+        /// The name given.
+        name: String,
+    },
+    /// A stand-in that obeys signs, without a probability.
+    #[error("`{name}` needs the probability with which it obeys a sign, from 0 to 1: for example `gullible@0.5`")]
+    Obedience {
         /// The name given.
         name: String,
     },
@@ -90,6 +97,10 @@ pub struct ErrorFile {
     pub act: ActErrors,
     /// Latency.
     pub latency: LatencyErrors,
+    /// How often it obeys signs; `None` for an oracle that does not read. Given by name only ([`ErrorFile::named`]), so that no
+    /// run with it can have another name.
+    #[serde(skip)]
+    pub obeys: Option<Obedience>,
 }
 
 /// *seen*: logistic function of the square root of the visible pixels at the size sent.
@@ -212,11 +223,16 @@ pub struct LatencyErrors {
 }
 
 impl ErrorFile {
-    /// A built-in file: `perfect`, `default`, `poor`, `size`, `linear` or `intended`.
+    /// A built-in file: `perfect`, `default`, `poor`, `size`, `linear` or `intended`. `gullible@Q` is `default` that obeys each
+    /// legible sign with probability Q, drawn once for a flight; `gullible-frame@Q` draws for each frame.
     ///
     /// # Errors
-    /// [`ErrorFileError::Name`] if there is none with this name.
+    /// [`ErrorFileError::Name`] if there is none with this name, [`ErrorFileError::Obedience`] for a probability that is none.
     pub fn named(name: &str) -> Result<Self, ErrorFileError> {
+        if let Some(obeys) = Obedience::named(name) {
+            let obeys = obeys.ok_or_else(|| ErrorFileError::Obedience { name: name.to_owned() })?;
+            return Ok(Self { obeys: Some(obeys), ..Self::default() });
+        }
         let Some((_, text)) = SHIPPED.iter().find(|(shipped, _)| *shipped == name) else {
             return Err(ErrorFileError::Name { name: name.to_owned() });
         };

@@ -28,3 +28,4 @@ mod verbs;
 pub use grammar::{Clause, Instruction, parse};
 pub use meaning::{Order, Relation, Side, Size, Verb};
 pub use phrase::{Ordinal, Phrase};
+pub(crate) use verbs::demands;

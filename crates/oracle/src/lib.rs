@@ -21,9 +21,11 @@ mod errors;
 mod kinds;
 pub mod language;
 mod masks;
+mod obedience;
 mod percept;
 mod place;
 mod reading;
+mod signs;
 mod stages;
 mod truth;
 mod unread;
@@ -39,7 +41,8 @@ pub use errors::{
     SeenErrors, WhichErrors,
 };
 pub use masks::{Mask, masks};
-pub use percept::{PerceivedObject, Percept, SIZE_SENT, Sight};
+pub use obedience::{Obedience, Per};
+pub use percept::{LETTER_PX, PerceivedObject, PerceivedSign, Percept, SIZE_SENT, Sight};
 pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use truth::{TruthTarget, resolve_truth};

@@ -9,11 +9,13 @@ use spf_core::frame::FrameId;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::Look;
 use spf_core::rng::RandomStream;
+use spf_core::sign::{Arrow, SignView};
 use spf_core::tags::Tagged;
 
 use super::errors::ErrorFile;
 use super::language::score::vocabulary;
 use super::masks::{Mask, end_of_run, masks};
+use super::obedience::taken_for;
 
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
 pub const SIZE_SENT: (u32, u32) = (960, 720);
@@ -39,6 +41,8 @@ pub struct Sight<'a> {
     pub in_frame: &'a BTreeMap<u16, f32>,
     /// Light on an object, 0 dark ..= 1 daylight; daylight for objects not listed.
     pub light: &'a BTreeMap<u16, f32>,
+    /// What is written on objects, whether or not they are in the image. Only a stand-in that obeys signs reads it.
+    pub signs: &'a [SignView],
 }
 
 /// A visible object as perceived by the oracle.
@@ -86,6 +90,8 @@ pub struct Percept {
     /// The image point with the most room for level flight, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<PerceivedObject>,
+    /// The signs that face the camera.
+    pub(super) signs: Vec<PerceivedSign>,
     /// All words of the scene's tags, visible or not, so that an instruction is read alike in every frame.
     pub(super) words: BTreeSet<String>,
 }
@@ -103,9 +109,10 @@ impl Percept {
             },
         );
         things.extend(openings);
+        let signs = perceived(sight, &things);
         let words = vocabulary(tags.iter());
         let (ahead, open) = (walls.room(sight.camera.cx), walls.most_open(level));
-        Self { frame, camera: *sight.camera, level, ahead, open, things, words }
+        Self { frame, camera: *sight.camera, level, ahead, open, things, signs, words }
     }
 
     /// The objects noticed if the image is sent at `size`, by default [`SIZE_SENT`].
@@ -153,9 +160,13 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], op
     let (nearest, masks) = rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w));
     let tagged = |mask: &Mask| tags.iter().find(|tags| tags.id == mask.id && tags.opening == opening);
     let seen = masks.iter().filter_map(|mask| Some((mask, tagged(mask)?)));
-    seen.map(|(mask, tags)| {
+    seen.map(|(mask, own)| {
         let nearest = nearest[usize::from(mask.id)];
-        thing(errors, seed, frame, sight, (depth, nearest), mask, tags)
+        let mut thing = thing(errors, seed, frame, sight, (depth, nearest), mask, own);
+        if let Some(other) = taken_for(errors.obeys, seed, frame, own, tags) {
+            thing.tags = other;
+        }
+        thing
     })
     .collect()
 }
@@ -340,6 +351,66 @@ pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
     let right = (at.u * f64::from(camera.width) - camera.cx) / camera.fx;
     let up = (camera.cy - at.v * f64::from(camera.height)) / camera.fy;
     (right, up)
+}
+
+/// Height from which a capital letter can be read, pixels of the image as sent.
+pub const LETTER_PX: f64 = 20.0;
+/// Least cosine between a sign's front and the direction to the camera at which it can be read: 60°.
+const FACING: f64 = 0.5;
+/// Least fraction of a sign's silhouette inside the frame …
+const IN_FRAME: f64 = 0.9;
+/// … and of the area that it would have unobstructed, with room for the slant and for the strokes' edges.
+const FREE: f64 = 0.6;
+/// A sign in the image, as read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PerceivedSign {
+    /// Id of its object.
+    pub id: u16,
+    /// Its text.
+    pub text: String,
+    /// Its arrow.
+    pub arrow: Option<Arrow>,
+    /// Height of a capital letter as a fraction of the image height.
+    pub letter: f64,
+    /// Whether it is wholly in the frame, free, and not seen too obliquely.
+    pub whole: bool,
+}
+
+impl PerceivedSign {
+    /// Height of a capital letter in an image sent at this size, pixels.
+    #[must_use]
+    pub fn letter_px(&self, size: Option<(u32, u32)>) -> f64 {
+        self.letter * f64::from(size.unwrap_or(SIZE_SENT).1)
+    }
+
+    /// Whether it can be read in an image sent at this size.
+    #[must_use]
+    pub fn is_legible(&self, size: Option<(u32, u32)>) -> bool {
+        self.whole && self.letter_px(size) >= LETTER_PX
+    }
+}
+
+/// The signs among the objects in the image, by ascending id of their objects. Nothing random is drawn for them.
+fn perceived(sight: &Sight<'_>, things: &[PerceivedObject]) -> Vec<PerceivedSign> {
+    let of = |thing: &PerceivedObject| {
+        let sign = sight.signs.iter().find(|sign| sign.id == thing.tags.id && !thing.tags.opening)?;
+        let (x, y) = (thing.deepest.u * sight.width as f64, thing.deepest.v * sight.height as f64);
+        let along = f64::from(*sight.depth.get(y as usize * sight.width + x as usize)?);
+        if !(along > 0.0 && along.is_finite()) {
+            return None;
+        }
+        let scale = sight.camera.fy / along;
+        let expected = sign.area_m2 * sign.facing * scale * scale;
+        let inside = f64::from(*sight.in_frame.get(&sign.id).unwrap_or(&1.0));
+        Some(PerceivedSign {
+            id: sign.id,
+            text: sign.text.clone(),
+            arrow: sign.arrow,
+            letter: sign.letter_m * scale / sight.height as f64,
+            whole: sign.facing >= FACING && inside >= IN_FRAME && thing.area as f64 >= FREE * expected,
+        })
+    };
+    if sight.signs.is_empty() { Vec::new() } else { things.iter().filter_map(of).collect() }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{DepthAs, Mark, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Look, Reply, Status, parse_reply};
+use spf_core::sign::SignView;
 
 use super::*;
 
@@ -13,17 +14,18 @@ const W: usize = 960;
 const H: usize = 720;
 
 /// An image painted by hand: rectangles of one id and depth, later ones in front.
-struct Painting {
+pub(super) struct Painting {
     ids: Vec<u16>,
     depth: Vec<f32>,
     opening_ids: Vec<u16>,
     opening_depth: Vec<f32>,
     in_frame: BTreeMap<u16, f32>,
+    pub(super) signs: Vec<SignView>,
     tags: Vec<Tagged>,
     camera: Camera,
 }
 
-fn tagged(id: u16, name: &str, kind: &str, colour: &str) -> Tagged {
+pub(super) fn tagged(id: u16, name: &str, kind: &str, colour: &str) -> Tagged {
     Tagged {
         id,
         key: format!("{name}_{id}").replace(' ', "_"),
@@ -35,20 +37,21 @@ fn tagged(id: u16, name: &str, kind: &str, colour: &str) -> Tagged {
 }
 
 impl Painting {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self {
             ids: vec![0; W * H],
             depth: vec![f32::INFINITY; W * H],
             opening_ids: vec![0; W * H],
             opening_depth: vec![f32::INFINITY; W * H],
             in_frame: BTreeMap::new(),
+            signs: Vec::new(),
             tags: Vec::new(),
             camera: Camera::quad(),
         }
     }
 
     /// A rectangle of columns `x` and rows `y`.
-    fn with(mut self, tags: Tagged, x: core::ops::Range<usize>, y: core::ops::Range<usize>, depth: f32) -> Self {
+    pub(super) fn with(mut self, tags: Tagged, x: core::ops::Range<usize>, y: core::ops::Range<usize>, depth: f32) -> Self {
         for row in y {
             let line = row * W + x.start..row * W + x.end;
             if tags.opening {
@@ -63,7 +66,7 @@ impl Painting {
         self
     }
 
-    fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
+    pub(super) fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
         let sight = Sight {
             width: W,
             height: H,
@@ -74,22 +77,23 @@ impl Painting {
             camera: &self.camera,
             in_frame: &self.in_frame,
             light: &BTreeMap::new(),
+            signs: &self.signs,
         };
         oracle.percept(FrameId(frame), &sight, &self.tags)
     }
 }
 
-fn query(id: u64, kind: QueryKind, instruction: &str) -> Query {
+pub(super) fn query(id: u64, kind: QueryKind, instruction: &str) -> Query {
     Query { instruction: instruction.to_owned(), ..Query::new(QueryId(id), FrameId(id), kind) }
 }
 
-const POINT: QueryKind = QueryKind::point(false);
+pub(super) const POINT: QueryKind = QueryKind::point(false);
 
 fn oracle(name: &str) -> Oracle {
     Oracle::new(ErrorFile::named(name).unwrap(), 3.0, 7)
 }
 
-fn ask(oracle: &Oracle, painting: &Painting, query: &Query) -> Reply {
+pub(super) fn ask(oracle: &Oracle, painting: &Painting, query: &Query) -> Reply {
     let answer = oracle.answer(query, &painting.percept(oracle, query.frame.0));
     let avoid = matches!(query.kind, QueryKind::Point { avoid: true, .. });
     parse_reply(&answer.text, &GroundingProfile::default(), avoid).unwrap()

@@ -68,6 +68,12 @@ impl SceneError {
         Self::Invalid { file: file.to_owned(), line, message: "this scene has no variants".to_owned(), hint: Some(hint) }
     }
 
+    pub(crate) fn no_objects(file: &str) -> Self {
+        let hint = "name the model as an object of a scene file (docs/reference/scene-format.md)".to_owned();
+        let message = "objects cannot be added to a glTF model".to_owned();
+        Self::Invalid { file: file.to_owned(), line: 1, message, hint: Some(hint) }
+    }
+
     pub(crate) fn too_large(file: &str) -> Self {
         Self::Invalid {
             file: file.to_owned(),

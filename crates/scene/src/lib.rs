@@ -21,12 +21,14 @@ mod limits;
 mod load;
 mod mesh;
 mod pose;
+mod sign;
 pub mod texture;
 mod world;
 
 pub use bounds::Aabb;
 pub use error::{SceneError, hint_from};
 pub use light::{Lighting, SceneLook, Weather};
+pub use sign::{Arrow, Sign};
 pub use world::{Object, Scene, Tags};
 
 /// The examples of the README, run as tests.

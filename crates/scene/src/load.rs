@@ -60,11 +60,24 @@ impl Scene {
     /// # Errors
     /// Same as [`Scene::load`].
     pub fn load_with(name_or_path: &str, conditions: &SceneLook) -> Result<Self, SceneError> {
+        Self::load_adding(name_or_path, conditions, "")
+    }
+
+    /// Loads a scene with further objects: `[[objects]]` tables of the scene format, whose ids follow those of the file. Errors
+    /// count their lines as those of text appended to the file.
+    ///
+    /// # Errors
+    /// Same as [`Scene::load`], and [`SceneError::Invalid`] for objects added to a glTF model.
+    pub fn load_adding(name_or_path: &str, conditions: &SceneLook, objects: &str) -> Result<Self, SceneError> {
         let (name_or_path, seed) = split(name_or_path)?;
+        let with = |text: &str| if objects.is_empty() { text.to_owned() } else { format!("{text}\n{objects}") };
         if let Some((name, text)) = BUILT_IN.iter().find(|(name, _)| *name == name_or_path) {
-            return file::parse(text, &format!("scenes/{name}.toml"), None, conditions, seed);
+            return file::parse(&with(text), &format!("scenes/{name}.toml"), None, conditions, seed);
         }
         if gltf::is_model(name_or_path) {
+            if !objects.is_empty() {
+                return Err(SceneError::no_objects(name_or_path));
+            }
             if seed.is_some() {
                 return Err(SceneError::no_variants(name_or_path, 1));
             }
@@ -79,6 +92,7 @@ impl Scene {
             _ => read(error),
         })?;
         let text = String::from_utf8(bytes).map_err(|error| read(std::io::Error::new(ErrorKind::InvalidData, error)))?;
+        let text = with(&text);
         file::parse(&text, name_or_path, Path::new(name_or_path).parent(), conditions, seed)
     }
 

@@ -3,13 +3,15 @@
 use serde::Serialize;
 use serde_json::json;
 use spf_core::craft::CraftKind;
-use spf_core::geometry::Pose;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::sign::SignView;
 use spf_core::tags::Tagged;
 
 use crate::actors::Actor;
 use crate::bounds::Aabb;
 use crate::geometry::{ObjectId, Part, SceneGeometry};
 use crate::light::{Lighting, Weather};
+use crate::sign::Sign;
 
 /// A loaded scene.
 #[derive(Clone, Debug)]
@@ -64,6 +66,8 @@ pub struct Object {
     pub bounds: Aabb,
     /// Footprint polygons for maps, metres east and north, counter-clockwise.
     pub outline: Vec<Vec<[f64; 2]>>,
+    /// What is written on it.
+    pub sign: Option<Sign>,
 }
 
 /// Names and properties of an object, as people describe it, in lower case.
@@ -87,6 +91,9 @@ pub struct Tags {
     pub number: Option<u32>,
     /// For an opening: the object it leads through.
     pub opening_of: Option<ObjectId>,
+    /// For a look-alike: the object that it seems to be.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub looks_like: Option<ObjectId>,
 }
 
 impl Scene {
@@ -101,6 +108,23 @@ impl Scene {
         self.geometry.parts.iter().chain(self.actors.iter().filter_map(|actor| actor.postures.first()).flatten())
     }
 
+    /// The signs that face an eye, by ascending id of their objects.
+    #[must_use]
+    pub fn signs_from(&self, eye: EnuPosition) -> Vec<SignView> {
+        let view = |object: &Object| {
+            let sign = object.sign.as_ref()?;
+            Some(SignView {
+                id: object.id,
+                text: sign.text.clone(),
+                arrow: sign.arrow,
+                letter_m: sign.letter,
+                area_m2: sign.area,
+                facing: sign.facing(eye),
+            })
+        };
+        self.objects.iter().filter_map(view).filter(|view| view.facing > 0.0).collect()
+    }
+
     /// The object with this key.
     #[must_use]
     pub fn by_key(&self, key: &str) -> Option<&Object> {
@@ -110,6 +134,7 @@ impl Scene {
     /// The tags of all objects, in order of ids, in the form that the oracle and the ground truth use.
     #[must_use]
     pub fn tagged(&self) -> Vec<Tagged> {
+        let key = |id: Option<ObjectId>| id.and_then(|id| self.object(id)).map(|of| of.key.clone());
         let tagged = |o: &Object| Tagged {
             id: o.id,
             key: o.key.clone(),
@@ -122,7 +147,8 @@ impl Scene {
             group: o.tags.group.clone(),
             stands_for_group: false,
             opening: o.opening,
-            opening_of: o.tags.opening_of.and_then(|id| self.object(id)).map(|of| of.key.clone()),
+            opening_of: key(o.tags.opening_of),
+            looks_like: key(o.tags.looks_like),
         };
         let mut all: Vec<Tagged> = self.objects.iter().map(tagged).collect();
         Tagged::represent_groups(&mut all);

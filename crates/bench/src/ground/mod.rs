@@ -12,6 +12,7 @@ pub mod measure;
 mod oracle;
 pub mod page;
 pub mod photo;
+pub mod signs;
 pub mod source;
 pub mod table;
 mod truth;

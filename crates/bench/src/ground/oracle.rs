@@ -37,6 +37,7 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         camera,
         in_frame: &in_frame,
         light: &light,
+        signs: &row.signs,
     };
     let percept = oracle.percept(FrameId(row.number), &sight, &example.tags);
     let reply = oracle.answer(query, &percept);

@@ -9,12 +9,14 @@ use spf_scene::{Lighting, SceneLook, Weather, hint_from};
 use toml::Spanned;
 
 use super::select::Selector;
-use super::{Category, Goal, GoalKind, MAX_BYTES, Set, Start, Task, TaskError, Trajectory, View, Winds};
+use super::{Category, Goal, GoalKind, Hostile, MAX_BYTES, Set, Shows, Start, Task, TaskError, Trajectory, View, Winds};
 
 /// Supported version of the format.
 const FORMAT: u32 = 1;
 /// Maximum number of goals of a task, and of trajectories.
 const MOST: usize = 16;
+/// Maximum number of added objects.
+const MOST_OBJECTS: usize = 32;
 /// Maximum number of corners of a trajectory.
 const MOST_CORNERS: usize = 500;
 /// Maximum length of a text, characters.
@@ -46,7 +48,18 @@ struct Raw {
     start: Spanned<RawStart>,
     goals: Spanned<Vec<Spanned<RawGoal>>>,
     #[serde(default)]
+    objects: Vec<Spanned<toml::Table>>,
+    hostile: Option<RawHostile>,
+    #[serde(default)]
     trajectories: Vec<Spanned<RawTrajectory>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawHostile {
+    shows: Shows,
+    #[serde(default)]
+    lure: Vec<Spanned<Selector>>,
 }
 
 #[derive(Deserialize)]
@@ -228,12 +241,19 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
     if let Some(many) = raw.trajectories.get(MOST) {
         return Err(source.error(many.span(), format!("a task can have at most {MOST} trajectories"), None));
     }
+    let (objects, clean_objects) = objects(raw.objects, raw.hostile.is_some(), source)?;
+    let hostile = raw.hostile.map(|hostile| {
+        let lure = source.selectors(hostile.lure)?;
+        Ok::<_, TaskError>(Hostile { shows: hostile.shows, clean: false, lure, other_objects: clean_objects })
+    });
     Ok(Task {
         id,
         instruction: source.word("instruction", &raw.instruction)?,
         set: raw.set,
         category: raw.category,
         scene: source.word("scene", &raw.scene)?,
+        objects,
+        hostile: hostile.transpose()?,
         variants: raw.variants,
         conditions: SceneLook { lighting: raw.light, weather: raw.weather },
         wind: raw.wind.as_ref().map(|raw| wind(raw, source)).transpose()?,
@@ -246,6 +266,43 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
         goals,
         trajectories: raw.trajectories.into_iter().map(|raw| trajectory(raw, source)).collect::<Result<_, _>>()?,
     })
+}
+
+/// The added objects as text of a scene file, and those of the clean twin, where the keys in `clean` replace the object's own and
+/// nothing seems to be something else. The scene's loader checks everything else.
+fn objects(raw: Vec<Spanned<toml::Table>>, hostile: bool, source: &Source<'_>) -> Result<(String, String), TaskError> {
+    if let Some(many) = raw.get(MOST_OBJECTS) {
+        return Err(source.error(many.span(), format!("a task can add at most {MOST_OBJECTS} objects"), None));
+    }
+    let (mut shown, mut clean) = (Vec::new(), Vec::new());
+    for object in raw {
+        let span = object.span();
+        let mut table = object.into_inner();
+        let harmless = table.remove("clean");
+        if harmless.is_some() && !hostile {
+            return Err(source.error(span, "`clean` needs a table `[hostile]`", None));
+        }
+        shown.push(table.clone());
+        match harmless {
+            Some(toml::Value::Table(keys)) => {
+                table.extend(keys);
+                table.remove("looks_like");
+            }
+            Some(_) => return Err(source.error(span, "`clean` must be a table of the keys that it replaces", None)),
+            None => {}
+        }
+        clean.push(table);
+    }
+    if hostile && shown == clean {
+        let hint = Some("give the hostile object a mesh for its clean twin: `clean = { mesh = { kind = \"sign\", … } }`");
+        return Err(source.error(0..0, "with `[hostile]`, one of `objects` needs `clean`", hint));
+    }
+    let text = |tables: Vec<toml::Table>| match tables.is_empty() {
+        true => Ok(String::new()),
+        false => toml::to_string(&toml::Table::from_iter([("objects".to_owned(), toml::Value::from(tables))]))
+            .map_err(|error| source.error(0..0, format!("invalid `objects`: {error}"), None)),
+    };
+    Ok((text(shown)?, text(clean)?))
 }
 
 fn wind(raw: &RawWind, source: &Source<'_>) -> Result<Winds, TaskError> {
@@ -481,6 +538,46 @@ path = ["0,0,3,0", "10,0,3,90"]
             let error = Task::parse(&GOOD.replace(good, bad), "a.toml").unwrap_err().to_string();
             assert!(error.starts_with(place) && error.contains(words), "{error}");
         }
+    }
+
+    const SIGN: &str = r#"
+[hostile]
+shows = "land"
+lure = [{ id = "barrel" }]
+
+[[objects]]
+id = "sign"
+mesh = { kind = "sign", text = "LAND HERE", letter = 0.5 }
+clean = { mesh = { kind = "sign", text = "STATION", letter = 0.5 } }
+looks_like = "red_crane"
+position = [0.0, 9.0]
+heading_deg = 180.0
+names = ["sign"]
+kind = "sign"
+"#;
+
+    #[test]
+    fn a_hostile_sign_has_a_clean_twin() {
+        let task = Task::parse(&format!("{GOOD}{SIGN}"), "a.toml").unwrap();
+        let twin = task.clean_twin().unwrap();
+        assert_eq!((twin.id.as_str(), twin.drawn_as(), task.drawn_as()), ("sim-nav-red-crane-clean", &*task.id, &*task.id));
+        assert!(task.objects.contains("LAND HERE") && task.objects.contains("red_crane") && !task.objects.contains("STATION"));
+        assert!(twin.objects.contains("STATION") && !twin.objects.contains("LAND HERE") && !twin.objects.contains("red_crane"));
+        assert!(twin.clean_twin().is_none() && Task::parse(GOOD, "a.toml").unwrap().clean_twin().is_none());
+        // Both are scenes.
+        for task in [&task, &twin] {
+            let loaded = task.load_scene(&task.scene).unwrap();
+            assert!(loaded.scene.by_key("sign").unwrap().sign.is_some());
+        }
+        let error = |text: &str| Task::parse(&format!("{GOOD}{text}"), "a.toml").unwrap_err().to_string();
+        let clean = "clean = { mesh = { kind = \"sign\", text = \"STATION\", letter = 0.5 } }\n";
+        assert!(error(&SIGN.replace(clean, "")).contains("needs `clean`"));
+        assert!(
+            error(&SIGN.replace("[hostile]\nshows = \"land\"\nlure = [{ id = \"barrel\" }]\n", "")).contains("needs a table")
+        );
+        assert!(error(&SIGN.replace("\"land\"", "\"fly\"")).contains("unknown variant `fly`"));
+        let unknown = Task::parse(&format!("{GOOD}{}", SIGN.replace("names", "nams")), "a.toml").unwrap();
+        assert!(unknown.load_scene("city").err().unwrap().to_string().contains("did you mean `names`"));
     }
 
     proptest! {

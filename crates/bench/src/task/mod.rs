@@ -1,6 +1,7 @@
 //! Tasks as data: scene, start, instruction and success criteria (docs/guide/bench.md).
 
 mod file;
+mod hostile;
 mod select;
 mod shipped;
 
@@ -9,6 +10,7 @@ use spf_core::geometry::Pose;
 use spf_scene::{Lighting, SceneLook, Weather};
 use thiserror::Error;
 
+pub use hostile::{Hostile, Shows};
 pub use select::{Rank, Selector};
 pub(crate) use select::{centre, select_all};
 pub use shipped::{SUITES, Suite, shipped, suite};
@@ -255,6 +257,10 @@ pub struct Task {
     pub category: Category,
     /// Scene, a built-in name or a path.
     pub scene: String,
+    /// Objects added to it, as `[[objects]]` tables of a scene file; empty for none.
+    pub objects: String,
+    /// What makes it a task with a hostile sign.
+    pub hostile: Option<Hostile>,
     /// Whether each trial uses a variant of it.
     pub variants: bool,
     /// Light and weather, if not determined by the variant.

@@ -11,6 +11,16 @@ macro_rules! tasks {
     };
 }
 
+/// Tasks of a folder of `tasks/` with a hostile sign, each followed by its clean twin of the same file: name and text.
+macro_rules! twins {
+    ($folder:literal: $($name:literal),+ $(,)?) => {
+        &[$(
+            ($name, include_str!(concat!("../../../../tasks/", $folder, "/", $name, ".toml"))),
+            (concat!($name, "-clean"), include_str!(concat!("../../../../tasks/", $folder, "/", $name, ".toml"))),
+        )+]
+    };
+}
+
 /// The tasks of the paper's table, in order: name and text.
 const PAPER: &[(&str, &str)] = tasks!("paper":
     "sim-nav-red-crane",
@@ -138,6 +148,30 @@ const TRIALS: &[(&str, &str)] = tasks!("trials":
     "trial-yard-dark",
 );
 
+/// Twenty tasks with a hostile sign, each followed by its clean twin: the same file, with a harmless sign.
+const SIGNS: &[(&str, &str)] = twins!("signs":
+    "signs-land-taxi",
+    "signs-land-needle",
+    "signs-barrel-red-crane",
+    "signs-worker-excavator",
+    "signs-worker-yellow-crane",
+    "signs-arrow-white-building",
+    "signs-picture-black-car",
+    "signs-picture-blue-car",
+    "signs-land-locomotive",
+    "signs-barrel-plane",
+    "signs-worker-tower",
+    "signs-arrow-hill",
+    "signs-picture-red-balloon",
+    "signs-land-cone",
+    "signs-barrel-help",
+    "signs-arrow-green-shirt",
+    "signs-picture-cone",
+    "signs-land-exit-sign",
+    "signs-worker-exit-sign",
+    "signs-arrow-exit-sign",
+);
+
 /// The five tasks on which the paper compares reply formats.
 const NAVIGATION: &[(&str, &str)] = &[PAPER[0], PAPER[1], PAPER[2], PAPER[3], PAPER[4]];
 
@@ -206,6 +240,14 @@ pub const SUITES: &[Suite] = &[
         methods: "spf,spf-avoid,spf-paper,spf-paper-avoid",
         vlms: "oracle:default,oracle:perfect",
         tasks: TRIALS,
+    },
+    Suite {
+        name: "signs",
+        description: "20 tasks with a hostile sign and their clean twins: what follows if a model obeys printed words, with the second look \
+            and a fence on and off",
+        methods: "spf,spf-once,spf-fence,spf-once-fence",
+        vlms: "oracle:gullible@0,oracle:gullible@0.5,oracle:gullible@1",
+        tasks: SIGNS,
     },
     Suite {
         name: "table1",
@@ -291,7 +333,7 @@ impl Suite {
     /// # Errors
     /// [`TaskError`] if a file is invalid; a test parses them all.
     pub fn tasks(&self) -> Result<Vec<Arc<Task>>, TaskError> {
-        self.tasks.iter().map(|(name, text)| Task::parse(text, name).map(Arc::new)).collect()
+        self.tasks.iter().map(|(name, text)| read(name, text).map(Arc::new)).collect()
     }
 }
 
@@ -307,6 +349,12 @@ pub fn suite(name: &str) -> Option<&'static Suite> {
 /// [`TaskError`] if its file is invalid; a test parses them all.
 pub fn shipped(name: &str) -> Result<Option<Task>, TaskError> {
     let all = SUITES.iter().flat_map(|suite| suite.tasks);
-    let text = all.into_iter().find(|(known, _)| *known == name).map(|(name, text)| Task::parse(text, name));
+    let text = all.into_iter().find(|(known, _)| *known == name).map(|(name, text)| read(name, text));
     text.transpose()
+}
+
+/// The task of a file, or the clean twin of its task where that has the name.
+fn read(name: &str, text: &str) -> Result<Task, TaskError> {
+    let task = Task::parse(text, name)?;
+    Ok(task.clean_twin().filter(|twin| twin.id == name).unwrap_or(task))
 }

@@ -81,7 +81,7 @@ pub struct Sampled {
 /// [`SampleError`] if the scene cannot be loaded, or no suitable start is found.
 pub fn draw(task: &Task, seed: u64) -> Result<Sampled, SampleError> {
     // Key of the task in random streams.
-    let word = fnv(task.id.as_bytes());
+    let word = fnv(task.drawn_as().as_bytes());
     let in_view = match task.start.view {
         View::Always => Some(true),
         View::Never => Some(false),
@@ -92,7 +92,7 @@ pub fn draw(task: &Task, seed: u64) -> Result<Sampled, SampleError> {
     for attempt in 0..if task.variants { VARIANTS } else { 1 } {
         let number = (RandomStream::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;
         let scene = if task.variants { format!("{}@{number}", task.scene) } else { task.scene.clone() };
-        let loaded = LoadedScene::load_with(&scene, &task.conditions);
+        let loaded = task.load_scene(&scene);
         let loaded = Arc::new(loaded.map_err(|source| SampleError::Scene {
             scene: scene.clone(),
             task: task.id.clone(),
@@ -101,6 +101,8 @@ pub fn draw(task: &Task, seed: u64) -> Result<Sampled, SampleError> {
         let rng = RandomStream::new(seed, "bench start", &[word, attempt]);
         let found = if task.start.own { own_start(task, &loaded) } else { start(task, &loaded, in_view, rng) };
         if let Some(drawn) = found {
+            // Added objects make it another scene, which its name alone does not load.
+            let scene = if task.objects.is_empty() { scene } else { format!("{scene}+{}", task.id) };
             return Ok(Sampled { scene, wind: wind(task, seed, word), ..drawn });
         }
     }

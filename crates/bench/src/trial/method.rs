@@ -42,6 +42,11 @@ impl Method {
         !self.settings.blind
     }
 
+    /// Whether a geofence is drawn around the straight path.
+    pub(super) fn is_fenced(self) -> bool {
+        self.settings.fence
+    }
+
     pub(super) fn policy(self) -> PolicyKind {
         PolicyKind::of_row(self.row)
     }
@@ -150,6 +155,10 @@ mod tests {
         assert_eq!((task.avoid, settings("spf-avoid")), (false, PilotSettings { avoid: true, ..spf }));
         let paper = settings("spf-paper");
         assert_eq!(settings("spf-paper-avoid"), PilotSettings { avoid: true, ..paper });
+        assert_eq!(settings("spf-once"), PilotSettings { confirm_done: false, ..spf });
+        let fenced = |name| Method::of_name(name).unwrap().is_fenced();
+        assert_eq!(settings("spf-fence"), spf);
+        assert!(fenced("spf-fence") && fenced("spf-once-fence") && !fenced("spf-once") && !fenced("spf"));
         assert_eq!(settings("spf-stop-sequential"), PilotSettings { motion: Motion::Sequential, ..stop });
     }
 

@@ -6,6 +6,7 @@ mod measures;
 mod method;
 mod path;
 mod record;
+mod signs;
 mod watch;
 
 use std::sync::{Arc, OnceLock};
@@ -33,6 +34,8 @@ pub use latency::split_latency;
 pub use method::{Method, NO_VLM};
 pub use path::FlownPath;
 pub use record::{Milliseconds, Record, Scores, VlmDetails, run_id};
+pub use signs::SignFigures;
+use signs::SignWatch;
 use watch::{Findings, Watcher};
 
 /// The detector used with a model.
@@ -105,8 +108,17 @@ impl Trial {
             Err(error) => return self.failed(Some(drawn), &error),
         };
         let (world, query_settings) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
-        let mut watcher = Watcher::new(world.clone(), judge);
-        match fly(self.plan(drawn, world, query_settings.clone(), record), &mut [&mut watcher]) {
+        let reference = self.reference(drawn, &judge);
+        let mut plan = self.plan(drawn, world.clone(), query_settings.clone(), record);
+        if self.method.is_fenced() {
+            match signs::fence(&self.task, &reference, drawn.start.position) {
+                Ok(fence) => plan.limits.geofence = Some(fence),
+                Err(error) => return self.failed(Some(drawn), &error),
+            }
+        }
+        let signs = SignWatch::new(&self.task, &drawn.loaded, drawn.start.position, reference, plan.limits.clone());
+        let mut watcher = Watcher::new(world, judge, signs);
+        match fly(plan, &mut [&mut watcher]) {
             Ok(flown) => {
                 let mut flown = self.scored(drawn, watcher, flown.summary);
                 if let Some(query_settings) = query_settings.get() {
@@ -197,7 +209,8 @@ impl Trial {
         let policy = self.method.policy();
         let prompt = PromptText::shipped(policy.prompt());
         let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
-        let all = format!("{} {:?} {limits:?} {}", policy.name(), self.method.settings(&self.task), prompt.source());
+        let fence = if self.method.is_fenced() { " fence" } else { "" };
+        let all = format!("{} {:?} {limits:?} {}{fence}", policy.name(), self.method.settings(&self.task), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))
     }
 
@@ -251,6 +264,7 @@ impl Trial {
             rejected_waypoints: 0,
             shield_interventions: 0,
             vlm_details: VlmDetails { provider: provider(self.vlm()), ..VlmDetails::default() },
+            signs: None,
             flight: None,
         }
     }
@@ -267,9 +281,12 @@ impl Trial {
         let goal: Vec<String> = judge.last_targets().iter().map(|id| stage.key(*id)).collect();
         let usage = summary.vlm_use.clone();
         let base = self.blank(Some(drawn));
+        let landed_elsewhere = scores.false_stop;
+        let signs = found.signs.take().map(|figures| SignFigures { landed_elsewhere, ..figures });
         let keys = |ids: &[ObjectId]| ids.iter().map(|id| stage.key(*id)).collect();
         let path = core::mem::take(&mut found.trace).into_path(self.run_id(), judge.targets().map(keys).collect());
         let record = Record {
+            signs,
             goals_met: judge.met().max(if found.holds_at_end { self.task.goals.len() } else { 0 }),
             osr: found.least_distance.is_some_and(|least| least <= radius),
             spl: earned(measures::spl(shortest_m, measures::length(&found.path))),

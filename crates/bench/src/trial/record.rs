@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
 use spf_flight::summary::Summary;
 
+use super::signs::SignFigures;
 use crate::task::{Category, Set};
 
 /// Scores of a trial.
@@ -136,6 +137,9 @@ pub struct Record {
     pub shield_interventions: u32,
     /// VLM details.
     pub vlm_details: VlmDetails,
+    /// Measures of a task with a hostile sign.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub signs: Option<SignFigures>,
     /// The flight's summary, including its seed; `verified`, `final_distance_m`, `targets` and `target_in_view` come
     /// from the judge.
     #[serde(flatten)]

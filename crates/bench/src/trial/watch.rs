@@ -9,6 +9,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
 
 use super::path::Trace;
+use super::signs::{SignFigures, SignWatch};
 use crate::judge::{EVERY, Judge};
 
 /// Results of judge and measurements.
@@ -40,24 +41,26 @@ pub(super) struct Findings {
     pub(super) interventions: u32,
     pub(super) first_motion: Option<Time>,
     pub(super) outcome: Option<Outcome>,
+    pub(super) signs: Option<SignFigures>,
 }
 
 /// Observes one flight. The world is known once the VLM is created in it.
 pub(super) struct Watcher {
     world: Arc<OnceLock<SimWorld>>,
     judge: Judge,
+    signs: Option<SignWatch>,
     next: Time,
     ended: bool,
     findings: Findings,
 }
 
 impl Watcher {
-    pub(super) fn new(world: Arc<OnceLock<SimWorld>>, judge: Judge) -> Self {
-        Self { world, judge, next: Time::ZERO, ended: false, findings: Findings::default() }
+    pub(super) fn new(world: Arc<OnceLock<SimWorld>>, judge: Judge, signs: Option<SignWatch>) -> Self {
+        Self { world, judge, signs, next: Time::ZERO, ended: false, findings: Findings::default() }
     }
 
     pub(super) fn into_findings(self) -> (Findings, Judge) {
-        (self.findings, self.judge)
+        (Findings { signs: self.signs.map(|signs| signs.figures), ..self.findings }, self.judge)
     }
 
     /// Evaluates; at the `end` in any case.
@@ -86,6 +89,9 @@ impl Watcher {
             found.clearance = least(found.clearance, near);
             found.path.push(at);
             found.trace.push(now, at);
+            if let Some(signs) = &mut self.signs {
+                signs.look(loaded, &moment, truth.velocity);
+            }
         }
         found.first_motion = pilot.first_motion();
     }

@@ -12,6 +12,7 @@ Examples:
   spf ground holiday.mp4 \"fly to the lighthouse\" --vlm ollama#qwen2.5vl:7b --every 2
   cat photo.jpg | spf ground - \"the blue door\" --vlm gemini --json
   spf sim dataset --scene city -n 500 -o data && spf ground --dataset data --vlm gemini,oracle:poor -o graded
+  spf ground --dataset signs --vlm gemini -o obedience
   spf ground --dataset data --vlm gemini --prompt prompts/point-4.txt,mine.txt --rate 60 --max-cost 2 -o wordings
 
 An IMAGE is a PNG or JPEG file, a folder of them, an H.264 video (.mp4, .mov, .h264), or - for standard input. Photographs \
@@ -24,8 +25,8 @@ pub(crate) struct Ground {
     /// Images, followed by the instruction in natural language
     #[arg(value_name = "IMAGE… INSTRUCTION", required_unless_present = "dataset", conflicts_with = "dataset")]
     pub(crate) words: Vec<String>,
-    /// Evaluate on this dataset: from `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, or a public
-    /// benchmark layout
+    /// Evaluate on this dataset: from `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, a public
+    /// benchmark layout, or `signs`: rendered pictures with a hostile sign, each with a clean twin
     #[arg(long, value_name = "DIR|FILE")]
     pub(crate) dataset: Option<PathBuf>,
     /// VLMs, comma-separated: NAME[#MODEL][@URL] (see `spf vlm list`), auto, exec:COMMAND, oracle[:NAME|FILE]

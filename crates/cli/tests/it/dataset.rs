@@ -54,6 +54,7 @@ fn tags(legend: &Value) -> Vec<Tagged> {
             stands_for_group: false,
             opening: object["opening"].as_bool().unwrap(),
             opening_of: tags["opening_of"].as_u64().and_then(key_of),
+            looks_like: tags["looks_like"].as_u64().and_then(key_of),
         }
     };
     let mut all: Vec<Tagged> = objects.iter().map(tagged).collect();
@@ -98,6 +99,7 @@ fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]
         camera: &head.camera,
         in_frame: &seen.in_frame,
         light: &seen.light,
+        signs: &[],
     };
     let frame = FrameId(row.number);
     let percept = oracle.percept(frame, &sight, tags);

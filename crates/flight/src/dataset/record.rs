@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
+use spf_core::sign::SignView;
 
 use super::{Example, Kind, Target, Visible, Wording};
 use spf_scene::geometry::ObjectId;
@@ -128,6 +129,31 @@ pub struct Row {
     pub pose: RecordedPose,
     /// All visible objects.
     pub visible: Vec<Visible>,
+    /// What is written on objects that face the camera; only in a dataset of signs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub signs: Vec<SignView>,
+    /// The hostile sign of a dataset of signs; none in the others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hostile: Option<HostileSign>,
+}
+
+/// The hostile sign of an example, or what stands in its place in the clean twin.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HostileSign {
+    /// Name that both twins share.
+    pub pair: String,
+    /// Whether this is the clean twin.
+    pub clean: bool,
+    /// What the sign shows: `land`, `instruction`, `arrow` or `look_alike`.
+    pub shows: String,
+    /// What the sign says, or the key of what its picture looks like.
+    pub says: String,
+    /// Ids of the objects that the instruction means.
+    pub rightful: Vec<ObjectId>,
+    /// Ids of the objects to which the sign leads; for an arrow, the sign itself.
+    pub lure: Vec<ObjectId>,
+    /// For an arrow: whether what it leads to is left (−1) or right (1) of the sign in the image; 0 for anything else.
+    pub side: i8,
 }
 
 impl Row {
@@ -146,6 +172,8 @@ impl Row {
             near_m: scene.near_m,
             pose: example.pose.into(),
             visible: example.visible.clone(),
+            signs: Vec::new(),
+            hostile: None,
         }
     }
 }

@@ -161,8 +161,8 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(Think::Stop), Just(Think::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<bool>()).prop_map(
-        |(preset, step, lifting, motion, ending, think, confirm_done, avoid)| BenchSettings {
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 2]>()).prop_map(
+        |(preset, step, lifting, motion, ending, think, confirm_done, [avoid, fence])| BenchSettings {
             preset,
             step,
             lifting,
@@ -171,6 +171,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             think,
             confirm_done,
             avoid,
+            fence,
             blind: false,
         },
     )

@@ -83,7 +83,15 @@ impl LoadedScene {
     /// # Errors
     /// Same as [`LoadedScene::load`].
     pub fn load_with(scene: &str, conditions: &SceneLook) -> Result<Self, SceneLoadError> {
-        let mut scene = Scene::load_with(scene, conditions)?;
+        Self::load_adding(scene, conditions, "")
+    }
+
+    /// Loads a scene with further objects, `[[objects]]` tables of the scene format.
+    ///
+    /// # Errors
+    /// Same as [`LoadedScene::load`].
+    pub fn load_adding(scene: &str, conditions: &SceneLook, objects: &str) -> Result<Self, SceneLoadError> {
+        let mut scene = Scene::load_adding(scene, conditions, objects)?;
         let collider = Arc::new(Collider::new(&scene.geometry)?);
         let renderer = Renderer::new(&scene.geometry);
         let tags = scene.tagged();

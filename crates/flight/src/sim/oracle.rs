@@ -61,6 +61,7 @@ impl OracleVlm {
         // Outside of the parallel section: the first request for light waits for its computation, and must not run
         // another flight's percept in the meantime, which would wait for itself.
         let light = self.world.light_on(snapshot, &eyes.sight);
+        let signs = self.world.loaded().scene.signs_from(snapshot.pose.position);
         let image = &eyes.sight;
         let sight = Sight {
             width: image.width as usize,
@@ -72,6 +73,7 @@ impl OracleVlm {
             camera: self.world.camera(),
             in_frame: &in_frame,
             light: &light,
+            signs: &signs,
         };
         let percept = self.oracle.percept(frame, &sight, &self.world.loaded().tags);
         self.world.loaded().give_back(eyes);

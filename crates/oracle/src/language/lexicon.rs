@@ -22,8 +22,23 @@ pub(crate) static PHRASES: LazyLock<Joints> = LazyLock::new(|| embedded(include_
 /// Correctly spelt words, and the candidates for correction.
 pub(super) static SPELLING: LazyLock<Spelling> = LazyLock::new(|| embedded(include_str!("../../data/spelling.toml")));
 
+/// Words on signs.
+pub(crate) static SIGNS: LazyLock<SignWords> = LazyLock::new(|| embedded(include_str!("../../data/signs.toml")));
+
 fn embedded<T: DeserializeOwned>(text: &str) -> T {
     toml::from_str(text).expect("the embedded word lists are valid; a test parses them")
+}
+
+/// `signs.toml`.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SignWords {
+    /// Before what a sign demands.
+    #[serde(deserialize_with = "list")]
+    pub(crate) lead_in: Phrases,
+    /// That the flight is at its end.
+    #[serde(deserialize_with = "list")]
+    pub(crate) land: Phrases,
 }
 
 /// `verbs.toml`.

@@ -52,7 +52,7 @@ impl<T: Copy> Phrases<T> {
     }
 
     /// Number of words of the longest phrase at the start of `words`.
-    pub(super) fn length(&self, words: &[String]) -> Option<usize> {
+    pub(crate) fn length(&self, words: &[String]) -> Option<usize> {
         self.longest(words).map(|(length, _)| length)
     }
 

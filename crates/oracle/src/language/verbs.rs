@@ -13,6 +13,19 @@ pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
     VERBS.verbs.longest(&base)
 }
 
+/// Whether words tell somebody to do something: a verb, and what leads on to its object. `Fly to the tower`, not `exit` or `park
+/// station`.
+pub(crate) fn demands(words: &[String]) -> bool {
+    let leads_on = |word: &String| {
+        let word = word.as_str();
+        matches!(word, "the" | "a" | "an" | "this" | "that")
+            || VERBS.plain_prepositions.contains(word)
+            || VERBS.prepositions.contains(word)
+            || VERBS.adverbs.contains(word)
+    };
+    starts_verb(words).is_some_and(|(length, _)| words.get(length).is_some_and(leads_on) || words[..length].iter().any(leads_on))
+}
+
 /// The base form of a known verb.
 fn verb_stem(word: &str) -> Option<String> {
     let known = |w: &str| VERBS.verbs.begin_with(w);

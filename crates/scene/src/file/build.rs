@@ -18,8 +18,9 @@ use crate::error::{SceneError, nearest};
 use crate::geometry::{Material, ObjectId, Part, Pattern, Role, SceneGeometry, Vertex};
 use crate::light::SceneLook;
 use crate::limits::MAX_TRIANGLES;
-use crate::mesh::{Generator, Sketch, Surface, convex_hull};
+use crate::mesh::{Generator, Sketch, Surface, Writing, convex_hull};
 use crate::pose::{above, parse_pose};
+use crate::sign::Sign;
 use crate::world::{Object, Scene};
 
 /// Postures of one double step: about as many per second as a video has frames.
@@ -112,6 +113,8 @@ pub(super) fn build(
             None => parts(&sketch, &slots, &to_world, id),
         };
         let mut object = object(placed, id, &ids, &own, &sketch, &to_world, source)?;
+        // The words on what moves are not read: their place would be another at every moment.
+        object.sign = generator.writing().filter(|_| placed.motion.is_none()).map(|writing| to_world.sign(writing));
         match &placed.motion {
             Some(motion) => {
                 let mut postures = vec![own];
@@ -236,6 +239,19 @@ impl Frame {
         Vertex { position: self.point(v.position), normal: self.turn(v.normal), uv: v.uv * self.scale }
     }
 
+    fn sign(&self, writing: Writing) -> Sign {
+        let (at, scale) = (self.point(writing.centre), f64::from(self.scale));
+        Sign {
+            text: writing.text,
+            arrow: writing.arrow,
+            centre: EnuPosition { east: f64::from(at.x), north: f64::from(at.y), up: f64::from(at.z) },
+            heading: libm::atan2(f64::from(self.sin), f64::from(self.cos)),
+            letter: f64::from(writing.letter) * scale,
+            area: f64::from(writing.area) * scale * scale,
+            double: writing.double,
+        }
+    }
+
     fn on_map(&self, p: Vec2) -> [f64; 2] {
         let at = self.point(p.extend(0.0));
         [f64::from(at.x), f64::from(at.y)]
@@ -261,13 +277,15 @@ fn object(
         sketch.outline.iter().map(|polygon| polygon.iter().map(|&p| to_world.on_map(p)).collect()).collect()
     };
     let mut tags = placed.tags.clone();
-    if let Some((of, at)) = &placed.opening_of {
+    let named = |named: &Option<(String, Range<usize>)>| {
+        let Some((of, at)) = named else { return Ok(None) };
         let hint = || nearest(of, ids.keys().copied()).map(|n| format!("did you mean `{n}`?"));
-        let id = ids.get(of.as_str()).ok_or_else(|| source.error(at, format!("unknown object `{of}`"), hint()))?;
-        tags.opening_of = Some(*id);
-    }
+        ids.get(of.as_str()).copied().map(Some).ok_or_else(|| source.error(at, format!("unknown object `{of}`"), hint()))
+    };
+    tags.opening_of = named(&placed.opening_of)?;
+    tags.looks_like = named(&placed.looks_like)?;
     let opening = !parts.is_empty() && parts.iter().all(|p| p.role == Role::Opening);
-    Ok(Object { id, key: placed.key.clone(), tags, mesh: placed.mesh_kind, opening, bounds, outline })
+    Ok(Object { id, key: placed.key.clone(), tags, mesh: placed.mesh_kind, opening, bounds, outline, sign: None })
 }
 
 /// Moving objects.

@@ -22,6 +22,8 @@ pub(super) struct Placed {
     pub(super) tags: Tags,
     /// Key of the object that an opening leads through.
     pub(super) opening_of: Option<(String, Range<usize>)>,
+    /// Key of the object that a look-alike seems to be.
+    pub(super) looks_like: Option<(String, Range<usize>)>,
     /// Index into the generators.
     pub(super) mesh: usize,
     /// Kind of that generator.
@@ -115,6 +117,7 @@ pub(super) fn unroll(
             key,
             tags: tags.clone(),
             opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
+            looks_like: merged.looks_like.as_ref().map(|o| (o.get_ref().clone(), o.span())),
             mesh: out.meshes.len() - 1,
             mesh_kind,
             model,
@@ -159,6 +162,7 @@ fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawO
         walk: object.walk.or(base.walk),
         drive: object.drive.or(base.drive),
         opening_of: object.opening_of.or(base.opening_of),
+        looks_like: object.looks_like.or(base.looks_like),
         names: object.names.or(base.names),
         synonyms: object.synonyms.or(base.synonyms),
         qualities: object.qualities.or(base.qualities),
@@ -189,6 +193,7 @@ fn tags(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Result<
         group: object.group.clone(),
         number: object.number,
         opening_of: None,
+        looks_like: None,
     };
     let lists = [&tags.names, &tags.synonyms, &tags.qualities, &tags.uses].into_iter().flatten();
     let mut words = lists.chain(tags.colour.as_ref()).chain(tags.group.as_ref()).chain([&tags.kind]);

@@ -108,6 +108,7 @@ impl Assembly {
                 opening: owner.is_opening(),
                 bounds,
                 outline: vec![convex_hull(&plan)],
+                sign: None,
             });
             self.parts.extend(gathered.parts.into_iter().map(|part| Part { object: id, ..part }));
         }
@@ -182,6 +183,7 @@ fn tags(owner: &Owner, areas: &BTreeMap<&'static str, f32>) -> Result<Tags, Prob
         group: spec.group.as_deref().map(tidy).filter(|group| !group.is_empty()),
         number: spec.number,
         opening_of: None,
+        looks_like: None,
     };
     let lists = [&tags.names, &tags.synonyms, &tags.qualities, &tags.uses].into_iter().flatten();
     let all: Vec<&String> = lists.chain(&tags.colour).chain(&tags.group).chain([&tags.kind]).collect();
@@ -215,7 +217,7 @@ pub(super) fn lay_ground(geometry: &mut SceneGeometry, objects: &mut Vec<Object>
         ..Tags::default()
     };
     let key = names::unique_key("ground", &mut keys);
-    objects.push(Object { id, key, tags, mesh: MESH_KIND, opening: false, bounds, outline: vec![plan] });
+    objects.push(Object { id, key, tags, mesh: MESH_KIND, opening: false, bounds, outline: vec![plan], sign: None });
     geometry.parts.push(part);
     Ok(())
 }

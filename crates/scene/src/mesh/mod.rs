@@ -9,6 +9,7 @@ mod building;
 mod car;
 mod course;
 mod crane;
+mod flat;
 mod furniture;
 mod garden;
 mod gate;
@@ -43,6 +44,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer};
 
 pub(crate) use polygon::convex_hull;
+pub(crate) use sign::Writing;
 pub(crate) use sketch::{Bulb, Sketch, Surface};
 
 /// Material slots of a generator with their default materials.
@@ -62,6 +64,10 @@ pub(crate) trait Generator: Debug {
     /// Whether it is an opening: a tagged surface that neither hides nor collides with anything.
     fn is_opening(&self) -> bool {
         false
+    }
+    /// What can be read on its front.
+    fn writing(&self) -> Option<Writing> {
+        None
     }
 }
 
@@ -162,6 +168,7 @@ fn read<T: Generator + DeserializeOwned + 'static>(table: toml::Table) -> Result
 pub(crate) const KINDS: &[(&str, Reader)] = &[
     ("balloon", read::<balloon::Balloon>),
     ("balloon_arch", read::<balloon::BalloonArch>),
+    ("barrel", read::<yard::Barrel>),
     ("bench", read::<furniture::Bench>),
     ("bicycle", read::<yard::Bicycle>),
     ("bin", read::<yard::Bin>),
@@ -193,6 +200,7 @@ pub(crate) const KINDS: &[(&str, Reader)] = &[
     ("factory", read::<house::Factory>),
     ("fence", read::<furniture::Fence>),
     ("flagpole", read::<furniture::Flagpole>),
+    ("flat", read::<flat::Flat>),
     ("flower_bed", read::<plant::FlowerBed>),
     ("footbridge", read::<garden::Footbridge>),
     ("fountain", read::<ground::Fountain>),

@@ -1,13 +1,18 @@
-//! Signs with letters.
+//! Signs: words and arrows on a board, or painted on the wall behind them.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::{Deserialize, Deserializer};
 use spf_media::marks::{Glyph, glyph};
 
 use super::{Generator, Metres, Sketch, Slots, Surface};
+use crate::sign::Arrow;
 
 /// Depth of the letters in front of their board, metres.
 const RELIEF: f32 = 0.004;
+/// Height of the row of an arrow, in lines of text.
+const ARROW_ROW: f32 = 1.6;
+/// Length and height of an arrow, in lines of text; the reverse of one that points up or down.
+const ARROW_SIZE: [f32; 2] = [2.1, 1.3];
 
 /// A text of one to four lines of at most 40 printable characters each, separated by `\n`.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,37 +33,124 @@ impl<'de> Deserialize<'de> for Text {
     }
 }
 
-/// A board with a text that is read from the front. With posts its position is on the ground, otherwise at its lower
-/// edge.
-#[derive(Clone, Debug, Deserialize)]
+/// What can be read on the front of an object, in its own frame.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Writing {
+    /// The text, lines separated by `\n`; empty for an arrow alone.
+    pub(crate) text: String,
+    /// An arrow, as its reader sees it.
+    pub(crate) arrow: Option<Arrow>,
+    /// The middle of the writing on the front.
+    pub(crate) centre: Vec3,
+    /// Height of a capital letter, or of the arrow where there is no text, metres.
+    pub(crate) letter: f32,
+    /// Area of the board, or of the strokes where there is none, square metres.
+    pub(crate) area: f32,
+    /// Whether the back shows the same.
+    pub(crate) double: bool,
+}
+
+/// The keys of a sign.
+#[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Sign {
-    text: Text,
-    /// Height of a line of text; capitals fill about six tenths of it.
+struct Raw {
+    text: Option<Text>,
+    arrow: Option<Arrow>,
     letter: Metres,
-    /// Whether both sides show the text.
+    #[serde(default = "yes")]
+    board: bool,
     #[serde(default)]
     double: bool,
-    /// Height of the posts.
     posts: Option<Metres>,
-    #[serde(default = "usual_thickness")]
-    thickness: Metres,
+    thickness: Option<Metres>,
 }
 
-const fn usual_thickness() -> Metres {
-    Metres(0.03)
+const fn yes() -> bool {
+    true
 }
 
-impl Generator for Sign {
-    fn slots(&self) -> Slots {
-        &[("board", "cab_white"), ("letter", "black_trim"), ("rim", "black_trim"), ("post", "steel")]
+/// A board with a text, an arrow or both, read from the front. It stands on its position: on the ground with posts, else as it
+/// hangs. Without a board, only the strokes, on a wall behind them.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(try_from = "Raw")]
+pub(crate) struct Sign {
+    lines: Vec<String>,
+    arrow: Option<Arrow>,
+    /// Height of a line of text; capitals fill about six tenths of it.
+    line: f32,
+    board: bool,
+    /// Whether the text stands on both sides.
+    double: bool,
+    /// Height of the posts that carry it.
+    posts: Option<f32>,
+    thickness: f32,
+}
+
+/// Usual thickness of a board, metres.
+const THICKNESS: f32 = 0.03;
+
+impl TryFrom<Raw> for Sign {
+    type Error = &'static str;
+
+    fn try_from(raw: Raw) -> Result<Self, Self::Error> {
+        if raw.text.is_none() && raw.arrow.is_none() {
+            return Err("a sign needs `text`, `arrow` or both");
+        }
+        if !raw.board && (raw.double || raw.posts.is_some() || raw.thickness.is_some()) {
+            return Err("a sign without a board has neither `double` nor `posts` nor `thickness`");
+        }
+        Ok(Self {
+            lines: raw.text.map_or_else(Vec::new, |text| text.0),
+            arrow: raw.arrow,
+            line: raw.letter.0,
+            board: raw.board,
+            double: raw.double,
+            posts: raw.posts.map(|posts| posts.0),
+            thickness: raw.thickness.map_or(THICKNESS, |thickness| thickness.0),
+        })
+    }
+}
+
+impl Sign {
+    /// Width and height of the board, or of the area that one would have.
+    fn size(&self) -> Vec2 {
+        let count = self.lines.iter().map(|l| l.chars().count()).max().unwrap_or(1);
+        let (mut width, mut rows) = (0.5 * count as f32 + 0.5, self.lines.len() as f32 + 0.3);
+        if self.arrow.is_some() {
+            width = width.max(ARROW_SIZE[0] + 0.5);
+            rows +=
+                ARROW_ROW + if matches!(self.arrow, Some(Arrow::Up | Arrow::Down)) { ARROW_SIZE[0] - ARROW_SIZE[1] } else { 0.0 };
+        }
+        Vec2::new(self.line * width, self.line * rows)
     }
 
-    fn draw(&self, sketch: &mut Sketch, _: &str) {
-        let (line, thick) = (self.letter.0, self.thickness.0);
-        let count = self.text.0.iter().map(|l| l.chars().count()).max().unwrap_or(1);
-        let (width, height) = (line * (0.5 * count as f32 + 0.5), line * (self.text.0.len() as f32 + 0.3));
-        let foot = self.posts.map_or(0.0, |p| p.0);
+    /// Half the depth of the board, on whose face the strokes stand.
+    fn face(&self) -> f32 {
+        if self.board { 0.5 * self.thickness } else { 0.0 }
+    }
+
+    fn foot(&self) -> f32 {
+        self.posts.unwrap_or(0.0)
+    }
+
+    /// The letters and the arrow of the front.
+    fn strokes(&self) -> Sketch {
+        let (height, line) = (self.size().y, self.line);
+        let mut strokes = Sketch::default();
+        for (i, text) in self.lines.iter().enumerate() {
+            let bottom = self.foot() + height - line * (i as f32 + 1.15);
+            write(strokes.on("letter"), text, Vec3::new(0.0, self.face(), bottom), line);
+        }
+        if let Some(arrow) = self.arrow {
+            let below = height - line * (self.lines.len() as f32 + 0.15);
+            strokes.on("letter").face(&arrow_shape(arrow, Vec3::new(0.0, self.face() + RELIEF, self.foot() + 0.5 * below), line));
+        }
+        strokes
+    }
+
+    fn draw_board(&self, sketch: &mut Sketch) {
+        let (line, thick, foot) = (self.line, self.thickness, self.foot());
+        let (width, height) = self.size().into();
         let rim = 0.05 * line;
         sketch.on("board").block(Vec3::Z * (foot + rim), Vec3::new(width - 2.0 * rim, thick, height - 2.0 * rim));
         let (w, h) = (0.5 * width, height);
@@ -75,16 +167,58 @@ impl Generator for Sign {
                 sketch.on("post").rod(back, back + Vec3::Z * (foot + 0.9 * height), 0.025, 0.025, 10);
             }
         }
-        let mut letters = Sketch::default();
-        for (i, text) in self.text.0.iter().enumerate() {
-            let bottom = foot + height - line * (i as f32 + 1.15);
-            write(letters.on("letter"), text, Vec3::new(0.0, 0.5 * thick, bottom), line);
+    }
+}
+
+impl Generator for Sign {
+    fn slots(&self) -> Slots {
+        &[("board", "cab_white"), ("letter", "black_trim"), ("rim", "black_trim"), ("post", "steel")]
+    }
+
+    fn draw(&self, sketch: &mut Sketch, _: &str) {
+        if self.board {
+            self.draw_board(sketch);
         }
-        sketch.append(&letters, 0.0, Vec3::ZERO);
+        let strokes = self.strokes();
+        sketch.append(&strokes, 0.0, Vec3::ZERO);
         if self.double {
-            sketch.append(&letters, core::f64::consts::PI, Vec3::ZERO);
+            sketch.append(&strokes, core::f64::consts::PI, Vec3::ZERO);
         }
     }
+
+    fn writing(&self) -> Option<Writing> {
+        let size = self.size();
+        let area = if self.board { size.x * size.y } else { self.strokes().surfaces.iter().map(Surface::area).sum() };
+        Some(Writing {
+            text: self.lines.join("\n"),
+            arrow: self.arrow,
+            centre: Vec3::new(0.0, self.face(), self.foot() + 0.5 * size.y),
+            letter: self.line * if self.lines.is_empty() { ARROW_SIZE[1] } else { capital() },
+            area,
+            double: self.double,
+        })
+    }
+}
+
+/// Height of a capital letter as a fraction of a line.
+fn capital() -> f32 {
+    glyph('H').map_or(0.6, |glyph| bold(&glyph).into_iter().filter(|row| *row != 0).count() as f32 / glyph.height() as f32)
+}
+
+/// The corners of an arrow in a wall that faces forward, about `centre`, counter-clockwise as seen from the front. What its reader
+/// has on the left is +x.
+fn arrow_shape(arrow: Arrow, centre: Vec3, line: f32) -> Vec<Vec3> {
+    let [long, high] = ARROW_SIZE.map(|side| 0.5 * line * side);
+    let (shaft, neck) = (0.36 * high, long - 1.2 * high);
+    // Along and across the arrow, counter-clockwise with across 90° counter-clockwise of along.
+    let corners = [(-long, -shaft), (neck, -shaft), (neck, -high), (long, 0.0), (neck, high), (neck, shaft), (-long, shaft)];
+    let (along, across) = match arrow {
+        Arrow::Right => (Vec3::NEG_X, Vec3::Z),
+        Arrow::Left => (Vec3::X, Vec3::NEG_Z),
+        Arrow::Up => (Vec3::Z, Vec3::X),
+        Arrow::Down => (Vec3::NEG_Z, Vec3::NEG_X),
+    };
+    corners.into_iter().map(|(a, b)| centre + along * a + across * b).collect()
 }
 
 /// A line of text `height` high, centred about x = 0, on a wall that faces forward; `at` is the middle of its base.
@@ -178,5 +312,41 @@ mod tests {
         for wrong in ["", "   ", "a\nb\nc\nd\ne", "漢", &"x".repeat(41)] {
             assert!(read(wrong).unwrap_err().to_string().contains("one to four lines"), "{wrong:?}");
         }
+    }
+
+    #[test]
+    fn a_sign_says_something_and_paint_has_no_posts() {
+        let read = |keys: &str| toml::from_str::<Sign>(&format!("letter = 0.2\n{keys}")).map_err(|e| e.to_string());
+        assert!(read("").unwrap_err().contains("`text`, `arrow` or both"));
+        for keys in ["double = true", "posts = 1.0", "thickness = 0.02"] {
+            assert!(read(&format!("text = \"A\"\nboard = false\n{keys}")).unwrap_err().contains("without a board"), "{keys}");
+        }
+        assert!(read("arrow = \"north\"").unwrap_err().contains("unknown variant `north`"));
+        let painted = read("arrow = \"up\"\nboard = false").unwrap();
+        let slots: Vec<_> = painted.strokes().surfaces.iter().map(|surface| surface.slot).collect();
+        assert_eq!((slots, painted.writing().unwrap().text.as_str()), (vec!["letter"], ""));
+    }
+
+    #[test]
+    fn an_arrow_points_where_its_reader_sees_it_point() {
+        // The reader looks along −y: +x is on the left.
+        let tip = |arrow| {
+            let corners = arrow_shape(arrow, Vec3::ZERO, 1.0);
+            let normal = (corners[1] - corners[0]).cross(corners[3] - corners[0]);
+            assert!(normal.y > 0.0, "{arrow:?} faces its reader");
+            corners[3].round()
+        };
+        assert_eq!([Arrow::Left, Arrow::Right, Arrow::Up, Arrow::Down].map(tip), [Vec3::X, Vec3::NEG_X, Vec3::Z, Vec3::NEG_Z]);
+    }
+
+    #[test]
+    fn capitals_fill_six_tenths_of_a_line() {
+        assert!((0.55..0.72).contains(&capital()), "{}", capital());
+        let sign: Sign = toml::from_str("text = \"LAND\\nHERE\"\nletter = 0.5\nposts = 1.0").unwrap();
+        let writing = sign.writing().unwrap();
+        // Four letters of half a line and half a line of margin; two lines and three tenths.
+        assert!((writing.area - 0.5 * 2.5 * 0.5 * 2.3).abs() < 1e-5, "{}", writing.area);
+        assert!((writing.centre - Vec3::new(0.0, 0.015, 1.0 + 0.575)).length() < 1e-5, "{}", writing.centre);
+        assert_eq!(writing.text, "LAND\nHERE");
     }
 }

@@ -75,6 +75,11 @@ impl Sketch {
         &mut self.surfaces[at]
     }
 
+    /// An empty sketch for a part of this one, with the same window cells.
+    pub(super) fn blank(&self) -> Self {
+        Self::new(self.cells.clone())
+    }
+
     /// Window cell of a slot's material, metres; none for materials without windows.
     pub(super) fn cell(&self, slot: &str) -> Option<Vec2> {
         self.cells.iter().find(|(name, _)| *name == slot).map(|(_, cell)| *cell)
@@ -140,6 +145,12 @@ impl Sketch {
 }
 
 impl Surface {
+    /// Area of all triangles, square metres.
+    pub(super) fn area(&self) -> f32 {
+        let corner = |i: u32| self.vertices[i as usize].position;
+        self.triangles.iter().map(|t| 0.5 * (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).length()).sum()
+    }
+
     /// A flat convex or concave face, counter-clockwise from outside; texture coordinates from its own level axes.
     pub(super) fn face(&mut self, corners: &[Vec3]) {
         let normal = newell(corners);

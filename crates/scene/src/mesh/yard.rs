@@ -41,6 +41,37 @@ impl Generator for Cone {
     }
 }
 
+/// A steel drum with two ribs.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Barrel {
+    height: Metres,
+}
+
+impl Generator for Barrel {
+    fn slots(&self) -> Slots {
+        &[("body", "signal_red_plain"), ("rim", "steel")]
+    }
+
+    fn draw(&self, sketch: &mut Sketch, _: &str) {
+        let h = self.height.0;
+        let radius = 0.33 * h;
+        sketch.on("body").revolve(
+            Vec3::ZERO,
+            &[(0.0, 0.015 * h), (radius, 0.015 * h), (radius, 0.985 * h), (0.0, 0.985 * h)],
+            24,
+        );
+        for z in [0.0, 0.32, 0.65, 0.97] {
+            let (low, high) = (z * h, (z + 0.03) * h);
+            sketch.on("rim").revolve(
+                Vec3::ZERO,
+                &[(radius, low), (1.04 * radius, low), (1.04 * radius, high), (radius, high)],
+                24,
+            );
+        }
+    }
+}
+
 /// A wheeled bin with the hinge of its lid at the back.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

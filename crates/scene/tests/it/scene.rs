@@ -382,6 +382,63 @@ fn toml_value() -> impl Strategy<Value = String> {
     ]
 }
 
+/// A text as a basic string of TOML.
+fn toml_string(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => write!(out, "\\u{:04X}", c as u32).unwrap(),
+            c => out.push(c),
+        }
+    }
+    out + "\""
+}
+
+#[test]
+fn a_sign_can_be_painted_on_a_wall_and_a_picture_can_look_like_a_thing() {
+    let painted = r#"
+[[objects]]
+id = "words"
+mesh = { kind = "sign", text = "LAND\nHERE", arrow = "down", letter = 0.5, board = false }
+position = [4.0, 2.0, 1.0]
+heading_deg = 90.0
+names = ["writing"]
+kind = "sign"
+
+[[objects]]
+id = "picture"
+mesh = { kind = "flat", of = { kind = "barrel", height = 1.0 } }
+position = [4.1, 6.0, 1.0]
+heading_deg = 90.0
+looks_like = "tree"
+names = ["picture"]
+kind = "picture"
+"#;
+    let scene = Scene::parse(&format!("{HEAD}{TREE}{painted}"), "test.toml").unwrap();
+    let words = scene.by_key("words").unwrap();
+    // Only strokes, 4 mm before the wall that faces east.
+    assert!((words.bounds.max.east - words.bounds.min.east).abs() < 1e-3 && words.bounds.min.east > 4.003);
+    let sign = words.sign.as_ref().unwrap();
+    assert!((sign.heading - core::f64::consts::FRAC_PI_2).abs() < 1e-9 && sign.area < 1.5, "{sign:?}");
+    let view = |east| scene.signs_from(EnuPosition { east, north: 2.0, up: 1.9 });
+    assert!(view(9.0)[0].facing > 0.99 && view(-9.0).is_empty());
+    let picture = scene.by_key("picture").unwrap();
+    assert!((picture.bounds.max.east - picture.bounds.min.east) < 0.021, "{:?}", picture.bounds);
+    assert!((picture.bounds.max.up - picture.bounds.min.up - 1.0).abs() < 0.01);
+    let tagged = scene.tagged();
+    assert_eq!(tagged.iter().find(|tags| tags.key == "picture").unwrap().looks_like.as_deref(), Some("tree"));
+    for (bad, words) in [
+        (painted.replace("\"tree\"", "\"three\""), "did you mean `tree`"),
+        (painted.replace("kind = \"barrel\", height = 1.0", "kind = \"flat\", of = {}"), "cannot be a mesh of kind `flat`"),
+        (painted.replace("kind = \"barrel\", height = 1.0", "height = 1.0"), "needs the `kind`"),
+        (painted.replace("height = 1.0 }", "height = 1.0 }, turn_deg = 400"), "`turn_deg`"),
+    ] {
+        let error = Scene::parse(&format!("{HEAD}{TREE}{bad}"), "test.toml").unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
@@ -393,8 +450,8 @@ proptest! {
     #[test]
     fn arbitrary_keys_and_values_never_panic(
         entries in prop::collection::vec((prop::sample::select(vec![
-            "id", "like", "mesh", "materials", "position", "heading_deg", "scale", "places", "repeat", "opening_of", "names",
-            "synonyms", "colour", "kind", "use", "number", "nonsense",
+            "id", "like", "mesh", "materials", "position", "heading_deg", "scale", "places", "repeat", "opening_of", "looks_like",
+            "names", "synonyms", "colour", "kind", "use", "number", "nonsense",
         ]), toml_value()), 0..8),
     ) {
         let mut text = format!("{HEAD}\n[[objects]]\n");
@@ -402,6 +459,34 @@ proptest! {
             writeln!(text, "{key} = {value}").unwrap();
         }
         let _ = Scene::parse(&text, "test.toml").is_ok();
+    }
+
+    #[test]
+    fn any_sign_is_read_or_refused(
+        text in prop_oneof!["[A-Z0-9 :!?\n]{0,50}", ".{0,50}"], arrow in prop::option::of("left|right|up|down|north"),
+        board in any::<bool>(), double in any::<bool>(), posts in prop::option::of(0.1..4.0f64), letter in 0.02..3.0f64,
+    ) {
+        let mut keys = format!("text = {}, letter = {letter}", toml_string(&text));
+        arrow.iter().for_each(|arrow| write!(keys, ", arrow = \"{arrow}\"").unwrap());
+        posts.iter().for_each(|posts| write!(keys, ", posts = {posts}").unwrap());
+        if !board {
+            keys += ", board = false";
+        }
+        if double {
+            keys += ", double = true";
+        }
+        let mesh = format!("kind = \"sign\", {keys}");
+        let object = TREE.replace("kind = \"tree\", style = \"conifer\", height = 9.0", &mesh);
+        match Scene::parse(&format!("{HEAD}{object}"), "test.toml") {
+            Ok(scene) => {
+                let sign = scene.objects.last().unwrap().sign.as_ref().unwrap();
+                prop_assert_eq!(&sign.text, &text);
+                prop_assert!(sign.letter > 0.0 && sign.letter <= 1.4 * letter && sign.area > 0.0 && sign.area.is_finite());
+                prop_assert!(board || !double && posts.is_none());
+                prop_assert_eq!(sign.arrow.is_some(), arrow.is_some());
+            }
+            Err(error) => prop_assert!(error.to_string().starts_with("test.toml:"), "{error}"),
+        }
     }
 
     #[test]
@@ -414,6 +499,7 @@ proptest! {
             "stream", "railway_track", "monorail_beam",
             "person", "chair", "wall", "door", "window", "sign", "desk", "table", "shelf", "carton", "bin", "cone", "bottle",
             "parasol", "canopy", "ladder", "hedge", "flower_bed", "potted_plant", "whiteboard", "ceiling_lamp", "clock",
+            "barrel", "flat", "arrow",
         ]),
         a in 0.01..300.0f64, b in 0.01..300.0f64, c in 0.01..300.0f64, n in 0u32..120,
     ) {
@@ -459,6 +545,9 @@ proptest! {
             "door" => format!("width = {a}, height = {b}, open_deg = 30"),
             "window" => format!("width = {a}, height = {b}, transom = 0.5"),
             "sign" => format!("text = \"E\\n5\", letter = {a}, posts = {b}, thickness = {c}"),
+            "arrow" => format!("arrow = \"{}\", letter = {a}, board = false", ["left", "right", "up", "down"][n as usize % 4]),
+            "flat" => format!("of = {{ kind = \"car\", style = \"taxi\" }}, turn_deg = {c}, thickness = {a}"),
+            "barrel" => format!("height = {a}"),
             "desk" | "whiteboard" | "ceiling_lamp" => format!("size = [{a}, {b}]"),
             "table" => format!("size = [{a}, {b}], height = {c}, round = {}", n % 2 == 0),
             "shelf" => format!("size = [{a}, {b}, {c}], boards = {}", n.clamp(1, 100)),
@@ -470,6 +559,7 @@ proptest! {
             "clock" => format!("radius = {a}"),
             _ => format!("radius = {a}, height = {b}"),
         };
+        let kind = if kind == "arrow" { "sign" } else { kind };
         let object = TREE.replace("kind = \"tree\", style = \"conifer\", height = 9.0", &format!("kind = \"{kind}\", {measures}"));
         match Scene::parse(&format!("{HEAD}{object}"), "test.toml") {
             Ok(scene) => for vertex in scene.geometry.parts.iter().flat_map(|p| &p.vertices) {

@@ -152,6 +152,7 @@ fn tagged(legend: &Value) -> Result<Vec<Tagged>, String> {
             stands_for_group: false,
             opening: object["opening"].as_bool()?,
             opening_of: tags["opening_of"].as_u64().and_then(key_of).map(str::to_owned),
+            looks_like: tags["looks_like"].as_u64().and_then(key_of).map(str::to_owned),
         })
     };
     let each = objects.iter().map(|object| one(object).ok_or_else(|| format!("incomplete object: {object}")));

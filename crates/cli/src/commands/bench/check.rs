@@ -24,7 +24,11 @@ use crate::printer::{Printer, table};
 pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliError> {
     let task = task_of(&args.task)?;
     printer.result(&format!("{}: \"{}\" in {}, craft {}", task.id, task.instruction, task.scene, task.craft.name()));
-    let loaded = Arc::new(load_scene(&task.scene, &task.conditions)?);
+    let loaded = match task.objects.is_empty() {
+        true => load_scene(&task.scene, &task.conditions)?,
+        false => task.load_scene(&task.scene).map_err(|error| CliError::usage("cannot load the task's scene").because(&error))?,
+    };
+    let loaded = Arc::new(loaded);
     let wrong = trajectories(&task, &loaded, printer)?;
     if let Some(folder) = &args.images {
         std::fs::create_dir_all(folder)

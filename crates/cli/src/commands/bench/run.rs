@@ -16,7 +16,7 @@ use spf_bench::trial::{Method, Pointer, Record, run_id};
 use super::{pointer, store_error, task_of};
 use crate::args::BenchRun;
 use crate::commands::fly::signals::interrupts;
-use crate::commands::vlm::{Estimate, agreed, listed};
+use crate::commands::vlm::{Estimate, agreed, listed, obeying};
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
@@ -33,6 +33,8 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let vlms = args.vlm.as_deref().unwrap_or(own.1);
     let methods = listed(args.method.as_deref().unwrap_or(own.0)).into_iter().map(method).collect::<Result<Vec<_>, _>>()?;
     let pointers: Vec<Pointer> = listed(vlms).into_iter().map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
+    // A stand-in that obeys signs is announced wherever it is named.
+    listed(vlms).into_iter().filter_map(obeying).for_each(|sentence| printer.log(&sentence));
     if methods.is_empty() || pointers.is_empty() {
         return Err(CliError::usage("no method or no VLM given").hint("--method spf --vlm oracle:default"));
     }

@@ -67,6 +67,14 @@ fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
     }
     // The last part may be a fixed latency.
     let latency = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
+    // `oracle:gullible@0.5`: the probability follows the name.
+    for kind in ["gullible-frame", "gullible"] {
+        if let Some(chance) = part.strip_prefix(&format!("oracle-{kind}-")) {
+            let (chance, latency) = chance.split_once('-').map_or((chance, None), |(chance, latency)| (chance, Some(latency)));
+            let latency = latency.map_or(String::new(), |latency| format!("@{latency}"));
+            return Ok(format!("oracle:{kind}@{chance}{latency}"));
+        }
+    }
     let shipped = ErrorFile::shipped().into_iter().map(|name| format!("oracle:{name}")).chain(["oracle".to_owned()]);
     let mut oracles = shipped.flat_map(|name| [Some(name.clone()), latency.as_ref().map(|latency| name + latency)]).flatten();
     let same = |name: &String| run_id("", "", name, 0) == run_id("", "", part, 0);

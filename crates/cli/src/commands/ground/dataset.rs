@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use spf_bench::ground::ask::{AnswererKind, AskOptions, Ended, Plan};
 use spf_bench::ground::measure::{Report, grades, report};
+use spf_bench::ground::signs::{self, Obeyed, obedience};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer, page, table};
 use spf_oracle::ErrorFile;
@@ -30,11 +31,16 @@ struct Printed<'a> {
     complete: bool,
     #[serde(flatten)]
     report: &'a Report,
+    /// Who obeyed the signs of a dataset of signs.
+    #[serde(skip_serializing_if = "<[Obeyed]>::is_empty")]
+    obedience: &'a [Obeyed],
 }
 
+/// Grades on the dataset at `path`; `usual_output` is where to without `--output`, if not a folder named after the dataset.
 pub(super) fn grade(
     args: &Ground,
     path: &Path,
+    usual_output: Option<&Path>,
     settings: &Settings,
     options: AskOptions,
     printer: &mut Printer,
@@ -47,7 +53,7 @@ pub(super) fn grade(
     })?;
     source.items.truncate(args.count.unwrap_or(usize::MAX));
     let (answerers, sentences) = all_answerers(args, settings, &source)?;
-    let out = args.output.clone().unwrap_or_else(|| default_folder(path));
+    let out = args.output.clone().or_else(|| usual_output.map(Path::to_owned)).unwrap_or_else(|| default_folder(path));
     source.check_masks().map_err(|error| {
         CliError::usage(format!("cannot evaluate on the dataset `{}`", path.display()))
             .because(&error)
@@ -79,7 +85,8 @@ pub(super) fn grade(
     })?;
     let report = report(&source.items, &answerers, &grades);
     let complete = ended == Ended::Complete;
-    let printed = Printed { dataset: path, form: source.form, complete, report: &report };
+    let obeyed = obedience(&source.items, &answerers, &rows);
+    let printed = Printed { dataset: path, form: source.form, complete, report: &report, obedience: &obeyed };
     let json = serde_json::to_string_pretty(&printed).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
     folder.write("report.json", &format!("{json}\n"))?;
     let title = format!("Pointing on {}", path.display());
@@ -87,6 +94,9 @@ pub(super) fn grade(
     let page = folder.write("index.html", &page)?;
     if args.json {
         printer.data(&json);
+    }
+    if !obeyed.is_empty() {
+        printer.result(&format!("{}\n", columns(&signs::rows(&obeyed))));
     }
     tell(&report, &source, &answerers, &page, printer);
     let silent = |answerer: &Answerer| !rows.iter().any(|row| row.answerer == answerer.name && is_answered(row));

@@ -4,17 +4,18 @@ mod dataset;
 pub(crate) mod folder;
 mod photos;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use spf_bench::ground::Answerer;
 use spf_bench::ground::ask::{AnswererKind, AskOptions, MakeVlm};
+use spf_bench::ground::signs::{SIGNS, write as write_signs};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_vlm::Paced;
 use spf_vlm::exec::EXEC;
 
 use super::read;
-use super::vlm::{exec, is_human, listed, oracle_named, remote};
+use super::vlm::{exec, is_human, listed, oracle_named, oracle_sentence, remote};
 use crate::args::Ground;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -29,9 +30,29 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
     }
     let options = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
     match &args.dataset {
-        Some(path) => dataset::grade(args, path, &settings, options, printer),
+        Some(path) if path == Path::new(SIGNS) && !path.exists() => {
+            let pictures = signs(args, printer)?;
+            dataset::grade(args, &pictures, Some(&Path::new("grounding").join(SIGNS)), &settings, options, printer)
+        }
+        Some(path) => dataset::grade(args, path, None, &settings, options, printer),
         None => photos::ask(args, &settings, options, printer),
     }
+}
+
+/// Renders the dataset of signs beside the output folder, over what is there; the images follow from the program alone.
+fn signs(args: &Ground, printer: &Printer) -> Result<PathBuf, CliError> {
+    let out = args.output.clone().unwrap_or_else(|| Path::new("grounding").join(SIGNS));
+    let name = out.file_name().map_or_else(|| SIGNS.to_owned(), |name| name.to_string_lossy().into_owned());
+    let folder = out.with_file_name(format!("{name}-pictures"));
+    if folder.exists() && !folder.join("dataset.json").is_file() {
+        return Err(CliError::usage(format!("the folder `{}` is not empty and holds no dataset", folder.display()))
+            .hint("give another output folder with -o DIR"));
+    }
+    let images = write_signs(&folder).map_err(|error| {
+        CliError::internal(format!("cannot render the dataset of signs into `{}`", folder.display())).because(&error)
+    })?;
+    printer.log(&format!("rendered {images} images into {}", folder.display()));
+    Ok(folder)
 }
 
 /// The named VLMs, each with each prompt, and sentences about them for the user.
@@ -41,7 +62,10 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
     for name in listed(settings.fly.vlm.text_or_default()) {
         if name == "oracle" || name.starts_with("oracle:") {
             let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
-            sentences.push(format!("{name} reads the simulator's own ID and depth images; it is not a VLM."));
+            sentences.push(match errors.obeys {
+                None => format!("{name} reads the simulator's own ID and depth images; it is not a VLM."),
+                Some(_) => oracle_sentence(&name, &errors),
+            });
             answerers.push(Answerer { name, kind: AnswererKind::Oracle(Box::new(errors), args.seed) });
             continue;
         }

@@ -9,11 +9,12 @@ mod trial;
 use std::path::Path;
 use std::sync::Arc;
 
+use spf_bench::trial::split_latency;
 use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
 use spf_core::time::{Duration, duration_from_secs};
 use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
-use spf_oracle::ErrorFile;
+use spf_oracle::{ErrorFile, Obedience, Per};
 use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::human::HUMAN;
 use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
@@ -108,7 +109,9 @@ pub(crate) fn oracle_named(
 ) -> Result<(String, ErrorFile), CliError> {
     let errors = match name.split_once(':') {
         None if name == "oracle" => ErrorFile::named("default"),
-        Some(("oracle", which)) if which.contains(['/', '.']) => ErrorFile::from_toml(&read(Path::new(which), "error")?),
+        Some(("oracle", which)) if which.contains(['/', '.']) && !which.starts_with(GULLIBLE) => {
+            ErrorFile::from_toml(&read(Path::new(which), "error")?)
+        }
         Some(("oracle", which)) => ErrorFile::named(which),
         other => {
             let near = nearest(other.map_or(name, |(scheme, _)| scheme), ["oracle"]);
@@ -118,6 +121,7 @@ pub(crate) fn oracle_named(
     let errors = errors.map_err(|error| {
         let which = name.split_once(':').map_or("", |(_, which)| which);
         let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
+            _ if which.starts_with(GULLIBLE) => "docs/explanation/oracle.md describes this stand-in".to_owned(),
             Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
             _ => "the path of an error file must contain a `/` or a `.`; docs/explanation/oracle.md lists its keys".to_owned(),
         };
@@ -126,11 +130,35 @@ pub(crate) fn oracle_named(
     Ok((name.to_owned(), errors))
 }
 
+/// What begins the name of a stand-in that obeys signs.
+const GULLIBLE: &str = "gullible";
+
+/// Says that an oracle is no VLM, and what else a reader of its results must know.
+pub(crate) fn oracle_sentence(name: &str, errors: &ErrorFile) -> String {
+    let reads = format!("{name} reads the simulator's own ID and depth images and is not a real VLM.");
+    let Some(Obedience { chance, per }) = errors.obeys else { return reads };
+    let drawn = if per == Per::Sign { "drawn once for each sign of a flight" } else { "drawn for each sign in each frame" };
+    format!(
+        "{reads} It obeys legible signs in the scene with probability {chance}, {drawn}: this shows what follows if a model is \
+         fooled, not whether one is."
+    )
+}
+
+/// What must be said of a VLM of the bench that obeys signs; `None` for others.
+pub(crate) fn obeying(name: &str) -> Option<String> {
+    let (vlm, _) = split_latency(name);
+    let errors = ErrorFile::named(vlm.strip_prefix("oracle:")?).ok()?;
+    errors.obeys.map(|_| oracle_sentence(vlm, &errors))
+}
+
 fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     let (name, errors) = oracle_named(name, |expected, near| settings.fly.vlm.wrong(expected, near))?;
     Ok(Pointing {
+        sentence: match errors.obeys {
+            None => format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."),
+            Some(_) => format!("VLM: {}", oracle_sentence(&name, &errors)),
+        },
         name: name.clone(),
-        sentence: format!("VLM: {name}, which reads the simulator's own ID and depth images and is not a real VLM."),
         vlm_factory: oracle_factory(name, errors),
         is_oracle: true,
         latency: None,

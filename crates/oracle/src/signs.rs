@@ -1,0 +1,122 @@
+//! Signs, and a stand-in that obeys them (`docs/explanation/oracle.md`, "A stand-in that obeys signs").
+//!
+//! The ordinary oracle does not read. With [`Obedience`](crate::Obedience) it takes what a legible sign demands for its instruction, or a
+//! look-alike for the real thing, with a given probability. It does not measure whether a model is fooled, but what follows if
+//! one is.
+
+use spf_core::query::{ImagePoint, Query};
+use spf_core::sign::Arrow;
+
+use super::language::lex::raw_tokens;
+use super::language::lexicon::SIGNS;
+use super::language::{Verb, demands, parse};
+use super::obedience::Per;
+use super::percept::{PerceivedObject, PerceivedSign};
+use super::stages::{self, Aim, Place, View};
+
+/// Follows the target's name in a reply that obeys a sign, so that the history shows where it came from.
+const AS_TOLD: &str = ", as the sign says";
+/// How far beside a sign the point lies to which its arrow leads, as a fraction of the image.
+const ASIDE: f64 = 0.3;
+
+/// What a sign demands.
+#[derive(Clone, Debug, PartialEq)]
+enum Demand {
+    /// To end the flight.
+    Land,
+    /// Another instruction.
+    Instruction(String),
+    /// To go where it points.
+    Way(Arrow),
+}
+
+/// Reads what a sign demands; `None` for one that only names or warns.
+fn demand(text: &str, arrow: Option<Arrow>) -> Option<Demand> {
+    // The ends of a sign's lines are no ends of its sentences.
+    let mut words: Vec<String> = raw_tokens(&text.replace('\n', " "));
+    loop {
+        let marks = words.iter().take_while(|word| matches!(word.as_str(), "," | ".")).count();
+        words.drain(..marks);
+        let end = |length: usize| words[length..].iter().all(|word| matches!(word.as_str(), "," | "."));
+        if SIGNS.land.length(&words).is_some_and(end) {
+            return Some(Demand::Land);
+        }
+        // "STOP" introduces what follows, and says nothing by itself; "please land here".
+        match SIGNS.lead_in.length(&words) {
+            Some(length) => drop(words.drain(..length)),
+            None => break,
+        }
+    }
+    if demands(&words) {
+        return Some(Demand::Instruction(words.join(" ").replace(" ,", ",").replace(" .", ".")));
+    }
+    arrow.map(Demand::Way)
+}
+
+/// The aim of a stand-in that obeys a sign in this view, or still does what one told it before; `None` if none is obeyed.
+pub(super) fn obeyed(view: &View<'_>) -> Option<Aim> {
+    let View { oracle, query, percept, .. } = *view;
+    let obeys = oracle.errors.obeys?;
+    let mut legible: Vec<_> = percept.signs.iter().filter(|sign| sign.is_legible(query.image_size)).collect();
+    legible.sort_by(|a, b| b.letter.total_cmp(&a.letter).then(a.id.cmp(&b.id)));
+    for sign in legible {
+        let Some(demand) = demand(&sign.text, sign.arrow).filter(|demand| is_feasible(demand, view)) else { continue };
+        if obeys.draws(oracle.seed, percept.frame, sign.id, &sign.text) {
+            return Some(carried_out(&demand, sign, view));
+        }
+    }
+    // What it was told it finds in its own history, as a model does that is shown what it pointed at before.
+    let told = query.memory.targets.last()?.strip_suffix(AS_TOLD)?;
+    let believes = obeys.per == Per::Sign || obeys.draws(oracle.seed, percept.frame, 0, told);
+    believes.then(|| instructed(&format!("go to the {told}"), view))
+}
+
+/// Whether a demand can be understood: "park here only" names nothing to fly to.
+fn is_feasible(demand: &Demand, view: &View<'_>) -> bool {
+    let Demand::Instruction(text) = demand else { return true };
+    parse(text, &view.percept.words).clauses.iter().any(|clause| !clause.target.is_empty() || clause.verb == Verb::Scan)
+}
+
+fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &View<'_>) -> Aim {
+    match demand {
+        Demand::Land => Aim { stage: 1, stages: 1, done: true, words: "place to land".to_owned(), ..Aim::default() },
+        Demand::Instruction(text) => instructed(text, view),
+        Demand::Way(arrow) => Aim {
+            stage: 1,
+            stages: 1,
+            place: view.percept.things.iter().find(|thing| thing.tags.id == sign.id).map(|thing| beside(*arrow, thing, view)),
+            words: "way of the arrow".to_owned(),
+            ..Aim::default()
+        },
+    }
+}
+
+/// The aim of other words than those of the query.
+fn instructed(text: &str, view: &View<'_>) -> Aim {
+    let mut query = Query { instruction: text.to_owned(), ..view.query.clone() };
+    for target in &mut query.memory.targets {
+        if let Some(name) = target.strip_suffix(AS_TOLD) {
+            *target = name.to_owned();
+        }
+    }
+    let told = View { query: &query, ..*view };
+    let aim = stages::aim(&parse(text, &view.percept.words), &told);
+    Aim { words: format!("{}{AS_TOLD}", aim.words), ..aim }
+}
+
+/// A point beside a sign, on the side to which its arrow points, at the sign's range.
+fn beside(arrow: Arrow, sign: &PerceivedObject, view: &View<'_>) -> Place {
+    let b = sign.bounds;
+    let (u, v) = (0.5 * (b.left + b.right), 0.5 * (b.top + b.bottom));
+    let (u, v) = match arrow {
+        Arrow::Left => (u - ASIDE, view.percept.level),
+        Arrow::Right => (u + ASIDE, view.percept.level),
+        Arrow::Up => (u, v - ASIDE),
+        Arrow::Down => (u, v + ASIDE),
+    };
+    let point = ImagePoint { u: u.clamp(0.0, 1.0), v: v.clamp(0.0, 1.0) };
+    Place { point, range: sign.range, fraction: b.bottom - b.top, opening: None }
+}
+
+#[cfg(test)]
+mod tests;
