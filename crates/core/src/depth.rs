@@ -1,5 +1,7 @@
 //! Depth grids: what a depth sensor, or a network that estimates depth from a frame, measures at one instant.
 
+mod packed;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -34,6 +36,8 @@ pub struct DepthGrid {
     /// Its camera, with the grid's width and height.
     pub camera: Camera,
     /// Centimetres along the optical axis; 0 where nothing was measured: a hole, glass, sky, or beyond the sensor's range.
+    #[serde(with = "packed")]
+    #[schemars(with = "String")]
     pub cm: Vec<u16>,
     /// Where it comes from.
     #[serde(default)]

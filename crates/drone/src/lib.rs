@@ -17,6 +17,7 @@ use std::sync::Arc;
 use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
+use spf_core::depth::DepthGrid;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::Senses;
 use spf_core::frame::FrameMeta;
@@ -59,12 +60,14 @@ impl Capabilities {
 }
 
 /// Something a craft reports.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum DroneEvent {
     /// A telemetry report.
     Telemetry(Telemetry),
     /// A camera frame arrived.
     Frame(FrameMeta),
+    /// A depth grid arrived.
+    Depth(Box<DepthGrid>),
     /// The link is lost.
     LinkLost,
     /// The link is back.

@@ -235,6 +235,7 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
     Ok(Some(match channel {
         Channel::Telemetry => Event::Telemetry(row(entry)?),
         Channel::Frame => Event::Frame(row(entry)?),
+        Channel::Depth => Event::Depth(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
         Channel::Link => match row::<LinkRow>(entry)?.lost {
             true => Event::LinkLost,

@@ -8,6 +8,7 @@
 
 mod body;
 pub mod craft;
+pub mod depth_sensor;
 pub mod dynamics;
 pub mod frame_clock;
 pub mod model;

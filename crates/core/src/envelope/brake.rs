@@ -34,9 +34,9 @@ const FRESH: f64 = 0.5;
 pub struct BrakeLimits {
     /// Distance between the body and an obstacle at which the craft comes to rest, m.
     pub margin: f64,
-    /// Maximum speed in directions that no working sensor shows, m/s; infinity for a craft without a depth sensor, for
-    /// which only remembered obstacles count.
-    pub blind_speed: f64,
+    /// Maximum speed in directions that no working sensor shows, m/s; `None` for a craft without a depth sensor, for which only
+    /// remembered obstacles count.
+    pub blind_speed: Option<f64>,
     /// Age of the newest depth grid at which the sensor counts as dead, s.
     pub max_depth_age: f64,
 }
@@ -45,13 +45,13 @@ impl BrakeLimits {
     /// For a craft with a depth sensor: a blind speed of 0.5 m/s.
     #[must_use]
     pub fn with_sensor() -> Self {
-        Self { margin: 0.3, blind_speed: 0.5, max_depth_age: 0.5 }
+        Self { margin: 0.3, blind_speed: Some(0.5), max_depth_age: 0.5 }
     }
 
     /// For a craft without one.
     #[must_use]
     pub fn without_sensor() -> Self {
-        Self { blind_speed: f64::INFINITY, ..Self::with_sensor() }
+        Self { blind_speed: None, ..Self::with_sensor() }
     }
 
     /// The strictest reading of values that are negative or not numbers.
@@ -59,7 +59,7 @@ impl BrakeLimits {
         let strict = |value: f64, worst: f64| if value >= 0.0 { value } else { worst };
         Self {
             margin: strict(self.margin, f64::INFINITY),
-            blind_speed: strict(self.blind_speed, 0.0),
+            blind_speed: self.blind_speed.map(|speed| strict(speed, 0.0)),
             max_depth_age: strict(self.max_depth_age, 0.0),
         }
     }
@@ -184,7 +184,7 @@ impl Brake {
             let room = nearest(points, motion, along) - motion.radius - limits.margin;
             most = most.min(motion.braking.speed_within(room));
             if !seen.is_some_and(|seen| shows(seen, motion, along)) {
-                most = most.min(limits.blind_speed);
+                most = most.min(limits.blind_speed.unwrap_or(f64::INFINITY));
             }
         }
         (most / speed).clamp(0.0, 1.0)

@@ -65,7 +65,7 @@ impl Envelope {
         let asked = Setpoint { right: way.right, forward: way.forward, up: way.up, yaw_rate: 0.0 };
         let (room, blind) =
             self.motion_of(now, asked, [0.0; 3]).map_or((0.0, true), |motion| self.brake.way(now, limits, &motion));
-        let most = if blind { limits.blind_speed } else { f64::INFINITY };
+        let most = limits.blind_speed.filter(|_| blind).unwrap_or(f64::INFINITY);
         let (length, within) = (way.length(), room / (1.0 + reach::DISTANCE_ERROR));
         if length <= within {
             return (way, None, most);

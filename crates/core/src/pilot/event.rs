@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::command::{Command, Setpoint};
+use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
@@ -20,6 +21,8 @@ pub enum Event {
     Frame(FrameMeta),
     /// A telemetry report arrived.
     Telemetry(Telemetry),
+    /// A depth grid arrived.
+    Depth(Box<DepthGrid>),
     /// The complete reply of a VLM.
     Reply {
         /// The query that it answers.

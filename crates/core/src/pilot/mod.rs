@@ -29,6 +29,7 @@ use std::collections::{BTreeMap, VecDeque};
 use crate::camera::Camera;
 use crate::command::Setpoint;
 use crate::craft::Craft;
+use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Envelope, Limits};
 use crate::estimator::{Known, MotionEstimator, Senses};
 use crate::executor::Executor;
@@ -194,6 +195,7 @@ impl Pilot {
         match event {
             Event::Frame(frame) => self.frame(now, frame),
             Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
+            Event::Depth(grid) => self.depth(now, &grid),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
@@ -308,6 +310,13 @@ impl Pilot {
         self.executor.observe(telemetry.time, telemetry.phase);
         let before = core::mem::replace(&mut self.craft_phase, telemetry.phase);
         self.follow_craft(now, before, telemetry.crashed);
+    }
+
+    /// Passes a depth grid to the brake, with the pose at its capture. A grid of unknown pose says nothing.
+    fn depth(&mut self, now: Time, grid: &DepthGrid) {
+        if let Some(pose) = self.estimator.pose_at(grid.captured.min(now)) {
+            self.envelope.observe_depth(now, grid, pose);
+        }
     }
 
     fn clock(&mut self, now: Time) -> Time {

@@ -168,6 +168,7 @@ impl Pilot {
         }
         self.settle(now);
         let known = self.known(now);
+        self.envelope.observe_motion(now, &known);
         let mut finished = false;
         let by_hand = self.phase == Phase::Manual && !self.link_lost;
         let clearance = match self.manual.filter(|(_, until)| by_hand && now < *until) {

@@ -150,6 +150,7 @@ impl FlightLog {
         match event {
             Event::Frame(frame) => self.row(Channel::Frame, now, frame),
             Event::Telemetry(telemetry) => self.row(Channel::Telemetry, now, telemetry),
+            Event::Depth(grid) => self.row(Channel::Depth, now, grid),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),

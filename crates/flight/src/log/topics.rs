@@ -1,6 +1,7 @@
 //! The topics of a flight log.
 
 use schemars::JsonSchema;
+use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
 use spf_core::pilot::{Decision, Ending};
 use spf_core::query::Query;
@@ -23,6 +24,8 @@ pub enum Channel {
     Telemetry,
     /// Input: a camera frame.
     Frame,
+    /// Input: a depth grid.
+    Depth,
     /// Input: a reply or a failure.
     Reply,
     /// Input: an operator input.
@@ -71,11 +74,12 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 27] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
         Self::Frame,
+        Self::Depth,
         Self::Reply,
         Self::Operator,
         Self::Link,
@@ -126,6 +130,7 @@ impl Channel {
             Self::Wake => "/wake",
             Self::Telemetry => "/telemetry",
             Self::Frame => "/frame",
+            Self::Depth => "/depth",
             Self::Reply => "/reply",
             Self::Operator => "/operator",
             Self::Link => "/link",
@@ -162,6 +167,7 @@ impl Channel {
             Self::Wake => json::<Wake>(self, "spf.Wake"),
             Self::Telemetry => json::<Telemetry>(self, "spf.Telemetry"),
             Self::Frame => json::<FrameMeta>(self, "spf.Frame"),
+            Self::Depth => json::<DepthGrid>(self, "spf.Depth"),
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
             Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
             Self::Link => json::<LinkRow>(self, "spf.Link"),

@@ -4,12 +4,14 @@ use std::sync::Arc;
 
 use spf_core::command::Command;
 use spf_core::craft::CraftKind;
+use spf_core::depth::DepthGrid;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::Senses;
 use spf_core::frame::FrameId;
 use spf_core::time::Time;
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_sim::depth_sensor::{DepthSensor, DepthStream};
 use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::Model;
 
@@ -22,13 +24,29 @@ pub struct SimDrone {
     clock: FrameClock,
     telemetry_at: Time,
     frame: FrameId,
+    depth: Option<DepthStream>,
 }
 
 impl SimDrone {
     /// A driver for the craft of a world.
     #[must_use]
     pub fn new(world: SimWorld) -> Self {
-        Self { world, clock: FrameClock::default(), telemetry_at: Time::ZERO, frame: FrameId(0) }
+        Self { world, clock: FrameClock::default(), telemetry_at: Time::ZERO, frame: FrameId(0), depth: None }
+    }
+
+    /// Adds a depth sensor, whose noise follows from the seed.
+    #[must_use]
+    pub fn with_depth_sensor(mut self, sensor: Option<DepthSensor>, seed: u64) -> Self {
+        self.depth = sensor.map(|sensor| DepthStream::new(sensor, seed));
+        self
+    }
+
+    /// The depth grid that is due at `at`; `None` if its capture is no longer known.
+    fn measure(&mut self, at: Time) -> Option<Box<DepthGrid>> {
+        self.world.advance_to(at);
+        let stream = self.depth.as_mut()?;
+        let depths = self.world.depths(stream.camera(), stream.captured());
+        stream.take(depths.as_deref().unwrap_or_default()).map(Box::new)
     }
 
     fn frame_at(&self) -> Time {
@@ -67,6 +85,9 @@ impl Drone for SimDrone {
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
         let frame_at = self.frame_at();
         let at = self.telemetry_at.min(frame_at);
+        if let Some(depth_at) = self.depth.as_ref().map(DepthStream::due).filter(|&due| due < at && due <= until) {
+            return Some((depth_at, DroneEvent::Depth(self.measure(depth_at)?)));
+        }
         if at > until {
             return None;
         }
@@ -86,6 +107,7 @@ impl Drone for SimDrone {
     }
 
     fn next_event_at(&self) -> Option<Time> {
-        Some(self.telemetry_at.min(self.frame_at()))
+        let depth_at = self.depth.as_ref().map(DepthStream::due);
+        depth_at.into_iter().chain([self.telemetry_at, self.frame_at()]).min()
     }
 }

@@ -86,7 +86,7 @@ impl Simulated {
     pub(crate) fn open(self) -> Result<(Parts, SimWorld), StartError> {
         let start = self.start.unwrap_or(self.loaded.scene.start);
         let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
-        let drone = SimDrone::new(world.clone());
+        let drone = SimDrone::new(world.clone()).with_depth_sensor(self.flight_conditions.depth_sensor, self.seed);
         check_place(&self.loaded, start.position)?;
         check_start(&self.loaded, &world, drone.capabilities().craft.radius)?;
         let parts = Parts {

@@ -13,6 +13,7 @@ use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, RenderedImage};
 use spf_sim::craft::{SimCraft, Truth};
+use spf_sim::depth_sensor::DepthSensor;
 use spf_sim::dynamics::SimConditions;
 use spf_sim::frame_clock::FrameClock;
 use spf_sim::model::Model;
@@ -29,12 +30,14 @@ pub struct FlightConditions {
     pub battery: f64,
     /// Camera effects.
     pub effects: Effects,
+    /// A depth sensor, if the craft has one.
+    pub depth_sensor: Option<DepthSensor>,
 }
 
 impl Default for FlightConditions {
-    /// Still air, a full battery, an ideal camera.
+    /// Still air, a full battery, an ideal camera, no depth sensor.
     fn default() -> Self {
-        Self { wind: Wind::default(), battery: 1.0, effects: Effects::default() }
+        Self { wind: Wind::default(), battery: 1.0, effects: Effects::default(), depth_sensor: None }
     }
 }
 
@@ -63,7 +66,7 @@ impl SimWorld {
         start: Pose,
         seed: u64,
     ) -> Self {
-        let FlightConditions { wind, battery, effects } = flight_conditions;
+        let FlightConditions { wind, battery, effects, .. } = flight_conditions;
         let conditions = SimConditions { wind: *wind, battery: *battery, ..SimConditions::new(seed) };
         let craft = SimCraft::with_traffic(loaded.cast.clone(), loaded.collider.clone(), Model::of(kind), start, conditions);
         let sim_camera = SimCamera::new(kind.camera(), effects.clone(), seed);
@@ -143,6 +146,14 @@ impl SimWorld {
     #[must_use]
     pub fn still(&self, at: Time, snapshot: &WorldSnapshot) -> Option<Shot<WorldSnapshot>> {
         self.sim_camera.shot(at, |_| Some(snapshot.clone()))
+    }
+
+    /// True depths along the optical axis of another camera, metres, 0 for none, and what it is captured with. `None` if `at` is
+    /// too long ago.
+    #[must_use]
+    pub fn depths(&self, camera: &Camera, at: Time) -> Option<Vec<f32>> {
+        let snapshot = self.snapshot_at(at)?;
+        self.loaded.render(camera, &snapshot, Channels { depth: true, ..Channels::default() }).depth
     }
 
     /// Renders the camera's view of a snapshot.

@@ -63,6 +63,7 @@ fn pilot_event(event: DroneEvent) -> Event {
             }
             Event::Frame(frame)
         }
+        DroneEvent::Depth(grid) => Event::Depth(grid),
         DroneEvent::LinkLost => Event::LinkLost,
         DroneEvent::LinkRestored => Event::LinkRestored,
     }

@@ -135,8 +135,8 @@ fn without_its_setting_there_is_no_brake() {
     rig.envelope.observe_obstacles([place(0.0, 0.5, 3.0)].into_iter());
     assert_eq!(rig.ask(ms(1000), forward(3.0)), (forward(3.0), None));
     // Values that are not numbers are the strictest.
-    let strict = BrakeLimits { margin: f64::NAN, blind_speed: -1.0, max_depth_age: f64::NAN }.made_strict();
-    assert_eq!((strict.margin, strict.blind_speed, strict.max_depth_age), (f64::INFINITY, 0.0, 0.0));
+    let strict = BrakeLimits { margin: f64::NAN, blind_speed: Some(-1.0), max_depth_age: f64::NAN }.made_strict();
+    assert_eq!((strict.margin, strict.blind_speed, strict.max_depth_age), (f64::INFINITY, Some(0.0), 0.0));
 }
 
 /// Points every 0.2 m on the walls of a room of 14×14×7 m and on pillars in it.

@@ -60,7 +60,7 @@ impl Faulty {
     }
 
     fn take(&mut self, at: Time, event: DroneEvent) {
-        let stream = match event {
+        let stream = match &event {
             DroneEvent::Frame(_) => Stream::Frames,
             DroneEvent::Telemetry(_) => Stream::Telemetry,
             _ => {
@@ -72,7 +72,7 @@ impl Faulty {
         let count = &mut self.counts[stream as usize];
         *count += 1;
         for delivery in self.faults.pass(at, stream, *count) {
-            let event = match event {
+            let event = match event.clone() {
                 DroneEvent::Frame(frame) => {
                     DroneEvent::Frame(FrameMeta { received: delivery.at, ..self.frame(frame, delivery.content) })
                 }
