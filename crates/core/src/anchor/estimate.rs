@@ -116,29 +116,27 @@ impl Estimate {
 
     /// The maximum of the posterior density, by Gauss and Newton, and its covariance.
     pub(super) fn updated(&self, sighting: &Sighting, settings: &AnchorSettings) -> Self {
-        let prior = self.covariance.inverse();
         let mut correction = DVec3::ZERO;
-        let mut information = prior;
+        let mut covariance = self.covariance;
         let mut at = *self;
         // The target's extent is a fixed angle during the update, that at the prior mean.
         let Some(first) = Measured::at(self, sighting, settings) else { return *self };
         let inflation = CAUTION * self.linearisation(sighting);
         let variance = first.variance * inflation;
         let weight = DVec3::new(1.0 / variance.x, 1.0 / variance.y, 1.0 / variance.z);
-        let weight = if sighting.range.is_some() { weight } else { DVec3::new(weight.x, weight.y, 0.0) };
+        let (weight, used) = if sighting.range.is_some() { (weight, 3) } else { (DVec3::new(weight.x, weight.y, 0.0), 2) };
         for _ in 0..ITERATIONS {
             let Some(measured) = Measured::at(&at, sighting, settings) else { break };
             let rows = measured.rows;
-            let weighted = rows.transpose() * DMat3::from_diagonal(weight);
-            information = prior + weighted * rows;
-            let next = information.inverse() * (weighted * (measured.residual + rows * correction));
+            let fused = fused(self.covariance, rows, variance, used);
+            let next = fused * (rows.transpose() * DMat3::from_diagonal(weight) * (measured.residual + rows * correction));
             if !next.is_finite() {
                 break;
             }
+            covariance = fused;
             correction = DVec3::new(next.x.clamp(-1.0, 1.0), next.y.clamp(-1.0, 1.0), next.z.clamp(-MOST_LN, MOST_LN));
             at = self.moved(correction);
         }
-        let covariance = information.inverse();
         // Rounding must not make it asymmetric over thousands of updates.
         at.covariance = 0.5 * (covariance + covariance.transpose());
         at
@@ -166,6 +164,24 @@ impl Estimate {
             ..*self
         }
     }
+}
+
+/// Covariance after the first `used` measurements, whose derivatives are the rows of `rows`, one after the other, in Joseph's
+/// form: a sum of squares, which stays positive where the inverse of the summed information does not. That is the case for a
+/// place almost beside the sighting's position, where a bearing's derivative is huge.
+fn fused(prior: DMat3, rows: DMat3, variance: DVec3, used: usize) -> DMat3 {
+    let rows = rows.transpose();
+    (0..used).fold(prior, |covariance, i| {
+        let row = rows.col(i);
+        let gain = covariance * row / (row.dot(covariance * row) + variance[i]);
+        let kept = DMat3::IDENTITY - outer(gain, row);
+        kept * covariance * kept.transpose() + outer(gain, gain) * variance[i]
+    })
+}
+
+/// The matrix a·bᵀ.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 /// A sighting compared with an estimate.

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::brake::BrakeLimits;
+use super::brake_limits::BrakeLimits;
 use crate::craft::Craft;
 use crate::geofence::Geofence;
 

@@ -10,6 +10,7 @@
 //! it.
 
 mod brake;
+mod brake_limits;
 mod cause;
 mod estimate;
 mod limits;
@@ -17,7 +18,7 @@ mod manoeuvre;
 mod reach;
 mod watch;
 
-pub use brake::BrakeLimits;
+pub use brake_limits::BrakeLimits;
 pub use cause::{Cause, Reaction, Refusal};
 pub use limits::{Limits, LimitsError};
 

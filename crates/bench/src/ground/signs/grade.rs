@@ -178,6 +178,9 @@ mod tests {
             depth,
             open_way: None,
             target: None,
+            target_box: None,
+            turn_deg: None,
+            range_m: None,
             boxes: Vec::new(),
         })
     }

@@ -419,6 +419,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("manoeuvres.rs"),
         include_str!("failings.rs"),
         include_str!("flights.rs"),
+        include_str!("brake.rs"),
         include_str!("../../pilot/tests/alone.rs"),
         include_str!("../../../../drone/src/tello/link/tests.rs"),
         include_str!("../../../../cli/tests/it/tello/ending.rs")
@@ -440,6 +441,8 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../serve/tests/it/fault_matrix.rs"),
         include_str!("../../../../serve/tests/it/flights.rs"),
         include_str!("../../../../serve/tests/it/images.rs"),
+        include_str!("../../../../bench/tests/signs.rs"),
+        include_str!("../../prompt/mod.rs"),
         include_str!("../../../../drone/src/frames/usable/tests.rs"),
         include_str!("../../../../drone/src/tello/camera/tests.rs")
     );
