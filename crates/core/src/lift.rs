@@ -7,7 +7,6 @@ use thiserror::Error;
 use crate::camera::Camera;
 use crate::geometry::{Attitude, BodyDisplacement};
 use crate::query::ImagePoint;
-use crate::reply::DEPTH_LABELS;
 
 /// A displacement in camera axes, metres: the result of the paper's equation 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -158,6 +157,9 @@ fn turn(up: f64, other: f64, angle: f64) -> (f64, f64) {
     let (sin, cos) = (libm::sin(angle), libm::cos(angle));
     (up * cos - other * sin, other * cos + up * sin)
 }
+
+/// Number of depth labels, the paper's `L`.
+pub const DEPTH_LABELS: u8 = 10;
 
 /// The range in metres that a depth label stands for, as defined in the prompt: `10^((label − 1) / 4.5)`, so 1 at 1 m and 10
 /// at 100 m (`docs/explanation/method.md`). Half labels are meaningful, so the label is a number.

@@ -191,8 +191,9 @@ struct Destination {
     base: String,
     url: Url,
     key: Option<(String, ApiKey)>,
-    /// The variable of a key that is set, but not sent.
-    withheld: Option<String>,
+    /// A key that is set, but not sent, and its variable. It is masked in responses all the same: a server can have it from
+    /// elsewhere.
+    withheld: Option<(String, ApiKey)>,
 }
 
 fn destination(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<Destination, SetupError> {
@@ -213,7 +214,7 @@ fn destination(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<D
     };
     match key_use(&variable, &url, by, access.send_to) {
         KeyUse::Send => Ok(Destination { base, url, key: Some((variable, key)), withheld: None }),
-        KeyUse::Withhold => Ok(Destination { base, url, key: None, withheld: Some(variable) }),
+        KeyUse::Withhold => Ok(Destination { base, url, key: None, withheld: Some((variable, key)) }),
         KeyUse::Refuse => {
             let server = KeyHost::of(&url);
             let own =
@@ -239,12 +240,12 @@ pub fn is_local(choice: &Choice, access: Access<'_>) -> bool {
 pub fn withheld_key(table: &Table, name: Name<'_>, access: Access<'_>) -> Result<Option<(String, KeyHost)>, SetupError> {
     let choice = choose(table, name.text, access.keys)?;
     let Destination { url, withheld, .. } = destination(&choice, name.from_file, access)?;
-    Ok(withheld.map(|variable| (variable, KeyHost::of(&url))))
+    Ok(withheld.map(|(variable, _)| (variable, KeyHost::of(&url))))
 }
 
 fn endpoint(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<Endpoint, SetupError> {
     let vendor = &choice.model.vendor;
-    let Destination { base, url, key, withheld: _ } = destination(choice, from_file, access)?;
+    let Destination { base, url, key, withheld } = destination(choice, from_file, access)?;
     let host = url.host_str().unwrap_or_default().to_owned() + &url.port().map_or(String::new(), |port| format!(":{port}"));
     let mut headers = HeaderMap::new();
     for (name, value) in &vendor.headers {
@@ -263,7 +264,7 @@ fn endpoint(choice: &Choice, from_file: bool, access: Access<'_>) -> Result<Endp
         headers.insert(name, value);
     }
     let (wire, reports_cost) = (choice.model.wire, vendor.reports_cost);
-    Ok(Endpoint { host, base, headers, wire, key: key.map(|(_, key)| key), reports_cost })
+    Ok(Endpoint { host, base, headers, wire, key: key.or(withheld).map(|(_, key)| key), reports_cost })
 }
 
 #[cfg(test)]

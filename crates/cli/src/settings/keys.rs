@@ -21,10 +21,6 @@ use super::reading::{Count, Drone, DroneName, Explained, Joined, Number, Parsed,
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
 
-/// Keys that neither a configuration file nor `.env` may set: they decide who receives keys or images, and such a file may
-/// come with somebody else's folder.
-pub(super) const BY_HAND: [&str; 2] = ["fly.live_origin", "vlm.send_key_to"];
-
 settings! {
     /// A flight: `[fly]`.
     fly: Fly {

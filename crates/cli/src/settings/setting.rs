@@ -2,9 +2,12 @@
 
 use std::path::PathBuf;
 
-use super::keys::BY_HAND;
 use super::reading::{Reading, Refusal};
 use crate::error::CliError;
+
+/// Keys that neither a configuration file nor `.env` may set: they decide who receives keys or images, and such a file may
+/// come with somebody else's folder.
+pub(super) const BY_HAND: [&str; 2] = ["fly.live_origin", "vlm.send_key_to"];
 
 /// A key of the configuration, as declared in `keys.rs`.
 pub(crate) struct Key {

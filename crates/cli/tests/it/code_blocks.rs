@@ -287,8 +287,9 @@ fn blocks_of_data_are_whole() {
             match language.as_str() {
                 "toml" => _ = text.parse::<toml::Table>().unwrap_or_else(|error| panic!("{at}: {error}")),
                 "json" => {
-                    for row in text.lines() {
-                        let _: serde_json::Value = serde_json::from_str(row).unwrap_or_else(|error| panic!("{at}: {error}"));
+                    // One value, or several, over any number of lines.
+                    for value in serde_json::Deserializer::from_str(&text).into_iter::<serde_json::Value>() {
+                        value.unwrap_or_else(|error| panic!("{at}: {error}"));
                     }
                 }
                 "" | "sh" | "bibtex" | "yaml" => {}

@@ -28,6 +28,7 @@ pub use stream::{ReplyStream, parse_reply};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use crate::lift::DEPTH_LABELS;
 use crate::lift::exact_label_of_range;
 pub use crate::query::{DepthAs, Look};
 use crate::query::{ImageBox, ImagePoint};
@@ -122,9 +123,6 @@ impl Reply {
         self.range_m.map(exact_label_of_range).or(self.depth.map(f64::from))
     }
 }
-
-/// Number of depth labels, the paper's `L`.
-pub const DEPTH_LABELS: u8 = 10;
 
 #[cfg(test)]
 mod tests;

@@ -124,7 +124,7 @@ fn obstacles_and_resized_images_cross_the_wire() {
     let image = spf_media::jpeg::decode(&Vendor::Chat.image(&questions[0])).unwrap();
     assert_eq!((image.width(), image.height()), (756, 588));
     let schema = &questions[0].json()["response_format"]["json_schema"]["schema"];
-    assert_eq!(schema["required"][6], "boxes");
+    assert!(schema["required"].as_array().unwrap().iter().any(|key| key == "boxes"), "{schema}");
     assert!(questions[0].json().to_string().contains("in pixels of this picture: x runs from 0 at the left edge to 756"));
 }
 
