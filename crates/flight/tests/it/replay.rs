@@ -76,10 +76,11 @@ fn a_flight_is_the_same_again_and_another_method_is_not() {
     assert_eq!(same.differences, []);
     assert!(!same.torn && same.inputs > 1000 && same.outputs > 200, "{} {}", same.inputs, same.outputs);
 
+    let recorded = head(&mut LogReader::open(&log).unwrap()).unwrap().settings;
     // A hundredth more in the exponent changes the step, and therefore the path.
     let with_exponent = |exponent| {
         let step = StepRule::Adaptive { scale: 10.0, labels: 10, min: 0.1, exponent };
-        Changes { settings: Some(PilotSettings { step, ..settings() }), ..Changes::default() }
+        Changes { settings: Some(PilotSettings { step, ..recorded }), ..Changes::default() }
     };
     let other = replayed(&log, &with_exponent(1.01 * 1.8));
     assert!(differs_at(&other, "/decision") && differs_at(&other, "/command"), "{} differences", other.differences.len());

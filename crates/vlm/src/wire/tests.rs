@@ -73,7 +73,7 @@ fn anthropic_requests_have_this_form() {
 #[test]
 fn a_schema_as_open_api_has_it() {
     let schema = schema::open_api(&schema::of(&QueryKind::point(true)).unwrap());
-    assert_eq!((&schema["type"], &schema["propertyOrdering"][0]), (&json!("OBJECT"), &json!("status")));
+    assert_eq!((&schema["type"], &schema["propertyOrdering"][0]), (&json!("OBJECT"), &json!("target")));
     let depth = &schema["properties"]["depth"];
     assert_eq!((&depth["type"], &depth["nullable"], &depth["enum"][9]), (&json!("STRING"), &json!(true), &json!("10")));
     assert_eq!(schema["properties"]["boxes"]["items"]["properties"]["box"]["items"]["type"], "NUMBER");
