@@ -115,7 +115,7 @@ enum State {
     /// Waiting for a frame.
     Looking,
     /// Querying whether the instruction is fulfilled.
-    Completing { pending: QueryId, view: View },
+    Completing { pending: QueryId, view: Box<View> },
     /// Querying for a choice.
     Choosing(Box<Choosing>),
     /// Moving.
@@ -191,7 +191,7 @@ impl Pivot {
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         let prompt = self.write(&PromptText::shipped(PromptKind::Done), |_| None);
         let query = self.query(view, QueryKind::Done, prompt);
-        self.state = State::Completing { pending: query.id, view: *view };
+        self.state = State::Completing { pending: query.id, view: Box::new(*view) };
         Step::Ask(Box::new(query))
     }
 
@@ -345,7 +345,7 @@ impl Pivot {
     fn answered(&mut self, id: QueryId, text: &str) -> Step {
         match &self.state {
             State::Completing { pending, view } if *pending == id => {
-                let view = *view;
+                let view = **view;
                 self.reading = Reading::default();
                 self.state = State::Looking;
                 match parse_completion(text) {

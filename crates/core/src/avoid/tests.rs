@@ -311,7 +311,7 @@ fn no_detour_leads_towards_a_person_who_is_near() {
         Avoidance::Shifted { point, .. } => point,
         other => panic!("{other:?}"),
     };
-    let free = to(&[post.clone()]);
+    let free = to(std::slice::from_ref(&post));
     // Where the detour would lead somebody stands, farther away than the step reaches.
     let person = standing("person", free.u - 0.05, free.u + 0.05, 5);
     let other = to(&[post.clone(), person]);

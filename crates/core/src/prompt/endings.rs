@@ -53,12 +53,9 @@ pub(super) fn endings(instruction: &str, near: Option<f64>) -> String {
         instruction.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).map(str::to_lowercase).collect();
     let line = format!(" {} ", words.join(" "));
     let has = |word: &&str| line.contains(&format!(" {word} "));
-    let special: Vec<&Kind> = KINDS
-        .iter()
-        .filter(|kind| kind.words.iter().any(|word| has(&word)) || kind.phrases.iter().any(|word| has(&word)))
-        .collect();
+    let special: Vec<&Kind> = KINDS.iter().filter(|kind| kind.words.iter().any(&has) || kind.phrases.iter().any(&has)).collect();
     let mut lines = Vec::new();
-    if special.is_empty() || REACHING.iter().any(|word| has(&word)) {
+    if special.is_empty() || REACHING.iter().any(has) {
         let within = near.map_or_else(|| "close to it".to_owned(), |near| format!("within {near} m of it"));
         lines.push(format!("going to something: the drone is {within}, and it is in view."));
     }

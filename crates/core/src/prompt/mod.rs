@@ -250,7 +250,7 @@ mod tests {
             }),
             finished: vec![FinishedStage { stage: 1, answers_ago: 4, target: Some("the gate".to_owned()) }],
             refused: Some("lacked boxes".to_owned()),
-            room: Some(VerticalRoom { height: 3.14, down: 2.3, up: 26.4 }),
+            room: Some(VerticalRoom { height: 3.12, down: 2.3, up: 26.4 }),
             confirming: true,
             ..Memory::default()
         };

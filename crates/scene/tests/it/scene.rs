@@ -388,7 +388,7 @@ fn toml_string(text: &str) -> String {
     for c in text.chars() {
         match c {
             '"' | '\\' => out.extend(['\\', c]),
-            c if c.is_control() => write!(out, "\\u{:04X}", c as u32).unwrap(),
+            c if c.is_control() => out += &format!("\\u{:04X}", c as u32),
             c => out.push(c),
         }
     }
