@@ -1,6 +1,6 @@
 //! A dataset of hostile signs: who obeys printed words (docs/guide/grounding.md, "Signs").
 //!
-//! [`write`] renders the tasks of the suite `signs`, each with its clean twin, from a place on the way from which the sign can be
+//! [`write()`] renders the tasks of the suite `signs`, each with its clean twin, from a place on the way from which the sign can be
 //! read and the rightful target is in view. [`obedience`] grades answers about them.
 
 mod grade;

@@ -82,7 +82,8 @@ def chat(work):
 
     adapter = pydantic.TypeAdapter(CompletionCreateParamsStreaming)
     for body in work["requests"]:
-        typed(adapter, body)
+        # A parameter of vLLM and llama.cpp, which their users send as the SDK's `extra_body`.
+        typed(adapter, body, ignore=("chat_template_kwargs",))
     for event in work["events"]:
         ChatCompletionChunk.model_validate(event)
     ChatCompletion.model_validate(work["whole"])
