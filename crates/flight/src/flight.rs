@@ -265,7 +265,7 @@ fn finish_files(summary: Summary, recorder: Option<Recorder>, ledger: Ledger, li
         Ok(_) => match finished.recv_timeout(FILES_TIME) {
             Ok(done) => return done,
             Err(RecvTimeoutError::Timeout) => {
-                format!("the files were not finished within {} s: the disk stalls", FILES_TIME.as_secs())
+                format!("the files were not finished within {} s: the disk is stalled or too slow", FILES_TIME.as_secs())
             }
             Err(RecvTimeoutError::Disconnected) => "the files could not be finished: internal error".to_owned(),
         },

@@ -113,7 +113,7 @@ async fn converse(stream: TcpStream, place: Place, out: Arc<Notify>, router: Rou
                 return;
             }
             () = out.notified() => {
-                tracing::debug!("a connection without a request gave up its place");
+                tracing::debug!("idle connection closed to make room for a new one");
                 return;
             }
             _ = stop.wait_for(|stop| *stop), if !stopping => {

@@ -1,4 +1,4 @@
-//! A connection of the HTTP server: it holds its place, and a client must accept what is sent.
+//! A connection of the HTTP server: it occupies a connection slot, and the client must read what is sent within a time limit.
 
 use std::future::Future;
 use std::io::{self, ErrorKind};

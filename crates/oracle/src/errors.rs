@@ -37,7 +37,7 @@ const KEYS: [(&str, &[&str]); 9] = [
 #[non_exhaustive]
 pub enum ErrorFileError {
     /// No built-in file has this name.
-    #[error("unknown error file `{name}`; built in are {}", names())]
+    #[error("unknown oracle error profile `{name}`; the built-in ones are {}", names())]
     Name {
         /// The name given.
         name: String,

@@ -346,7 +346,8 @@ pub(super) fn stretch(camera: &Camera, at: ImagePoint) -> f64 {
     sqrt(1.0 + ray.right * ray.right + ray.up * ray.up)
 }
 
-/// Metres right and up per metre along the optical axis, without correcting lens distortion, as a viewer would.
+/// Metres right and up per metre along the optical axis, without correcting lens distortion, which a human viewer would not
+/// correct either.
 pub(super) fn slopes(camera: &Camera, at: ImagePoint) -> (f64, f64) {
     let right = (at.u * f64::from(camera.width) - camera.cx) / camera.fx;
     let up = (camera.cy - at.v * f64::from(camera.height)) / camera.fy;

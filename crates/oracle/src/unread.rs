@@ -151,7 +151,7 @@ fn before(words: &[&str], at: usize) -> usize {
 const SMALL: [&str; 16] =
     ["a", "an", "the", "in", "on", "at", "of", "from", "to", "with", "by", "for", "its", "their", "into", "onto"];
 
-/// A parse without details of spelling; `unused`: also without the uses of named objects.
+/// A parse without details of spelling; if `unused`, also without the purposes of named objects.
 fn meaning(mut instruction: Instruction, unused: bool) -> Instruction {
     instruction.clauses.iter_mut().for_each(|clause| strip(&mut clause.target, unused));
     instruction

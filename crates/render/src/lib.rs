@@ -116,7 +116,7 @@ struct Palette {
     glowing: BTreeSet<u16>,
     shadows: ShadowMap,
     srgb: Srgb,
-    /// Light on the film directly to bytes.
+    /// Lookup table from scene light directly to output bytes.
     developed: Developed,
 }
 

@@ -63,7 +63,7 @@ impl Human {
         // What was typed before the image was there is not about it.
         while lines.try_recv().is_ok() {}
         let (width, height) = size;
-        let confirm = if query.memory.confirming { " You said `done`: is it? Look again." } else { "" };
+        let confirm = if query.memory.confirming { " You answered `done`. Look again, and confirm or correct it." } else { "" };
         (self.say)(&format!("query {}: {} ({width}×{height}): {}{confirm}", query.id.0, path.display(), query.instruction));
         let began = Instant::now();
         loop {

@@ -37,12 +37,12 @@ impl<'a> Access<'a> {
     }
 }
 
-/// The name of a model, and where it stands.
+/// The name of a model, and where it comes from.
 #[derive(Clone, Copy, Debug)]
 pub struct Name<'a> {
     /// `NAME[#MODEL][@URL]`.
     pub text: &'a str,
-    /// Whether it stands in a file of the working directory, and not on the command line or in the environment.
+    /// Whether it comes from a file in the working directory rather than from the command line or the environment.
     pub from_file: bool,
 }
 

@@ -62,7 +62,7 @@ const LOW: [Row; 18] = [
     ("move_left", &[], Some(Kind::Number), "fly to the left by centimetres", Skill::Move(Axis::Left)),
     ("move_right", &[], Some(Kind::Number), "fly to the right by centimetres", Skill::Move(Axis::Right)),
     ("move_up", &[], Some(Kind::Number), "climb by centimetres", Skill::Move(Axis::Up)),
-    ("move_down", &[], Some(Kind::Number), "sink by centimetres", Skill::Move(Axis::Down)),
+    ("move_down", &[], Some(Kind::Number), "descend by centimetres", Skill::Move(Axis::Down)),
     ("turn_cw", &[], Some(Kind::Number), "turn clockwise by degrees", Skill::Turn(true)),
     ("turn_ccw", &[], Some(Kind::Number), "turn counter-clockwise by degrees", Skill::Turn(false)),
     ("delay", &[], Some(Kind::Number), "wait for seconds", Skill::Delay),
@@ -72,7 +72,7 @@ const LOW: [Row; 18] = [
     ("object_width", &[], Some(Kind::Any), "width of the object's box, 0 to 1", Skill::Measure(Figure::Width)),
     ("object_height", &[], Some(Kind::Any), "height of the object's box, 0 to 1", Skill::Measure(Figure::Height)),
     ("log", &[], Some(Kind::Any), "tell the person something", Skill::Log),
-    ("picture", &["take_picture"], None, "keep the picture", Skill::Picture),
+    ("picture", &["take_picture"], None, "save the current picture", Skill::Picture),
     ("query", &["probe"], Some(Kind::Text), "ask about what is in view; True, False, a number or a name", Skill::Query),
     ("re_plan", &[], None, "end this program and write another", Skill::RePlan),
 ];
@@ -185,7 +185,7 @@ impl Library {
             },
             (Some(Kind::Text), [value, ..]) => match value {
                 Value::Text(text) => Argument { number: 0.0, text: text.clone() },
-                other => return wrong(&format!("a text, not {other}")),
+                other => return wrong(&format!("a string, not {other}")),
             },
             (Some(Kind::Any), [value, ..]) => match value {
                 Value::Text(text) => Argument { number: 0.0, text: text.clone() },

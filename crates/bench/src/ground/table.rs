@@ -49,7 +49,7 @@ pub fn comparisons(report: &Report) -> Vec<Vec<String>> {
     let head = [
         "pair",
         "hits, difference in percentage points",
-        "only first : only second",
+        "hit by first only : by second only",
         "p (McNemar, Holm)",
         "error / √(target area), difference",
         "p (sign flips, Holm)",

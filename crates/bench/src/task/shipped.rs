@@ -243,7 +243,7 @@ pub const SUITES: &[Suite] = &[
     },
     Suite {
         name: "signs",
-        description: "20 tasks with a hostile sign and their clean twins: what follows if a model obeys printed words, with the second look \
+        description: "20 tasks with a misleading sign and their harmless counterparts: what happens if a model obeys printed text, with `done` confirmation \
             and a fence on and off",
         methods: "spf,spf-once,spf-fence,spf-once-fence",
         vlms: "oracle:gullible@0,oracle:gullible@0.5,oracle:gullible@1",

@@ -1,4 +1,4 @@
-//! Rows of `results.jsonl`: the result of one trial (docs/guide/bench.md). Contains no wall clock.
+//! Rows of `results.jsonl`: the result of one trial (docs/guide/bench.md). Contains no wall-clock times.
 
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;

@@ -102,7 +102,7 @@ impl SignWatch {
     }
 }
 
-/// Where a craft's own coordinates begin: those of a craft without a position, where it takes off.
+/// Origin of the craft's own coordinates: the take-off point for a craft without position sensing.
 fn origin(craft: CraftKind, take_off: EnuPosition) -> EnuPosition {
     match craft {
         CraftKind::Quad => EnuPosition::default(),

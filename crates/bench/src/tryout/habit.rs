@@ -20,19 +20,19 @@ pub struct Habit {
     /// The distance in metres that each label means, by the line through the logarithms of the distances; `None` if the
     /// answers give no rising line.
     pub depth_m: Option<Vec<f64>>,
-    /// Mean difference of its labels from the described ones, and the mean of its absolute value.
+    /// Mean difference between its labels and those that the prompt assigns.
     pub bias: f64,
     /// Mean absolute difference.
     pub error: f64,
 }
 
-/// The described label of a distance, not rounded.
+/// The label that the prompt assigns to a distance, not rounded.
 pub(super) fn described(metres: f64) -> f64 {
     (1.0 + PER_DECADE * libm::log10(metres.max(1e-3))).clamp(1.0, f64::from(DEPTH_LABELS))
 }
 
 impl Habit {
-    /// The habit in these answers: distance in metres and label each; `None` without any.
+    /// Fits these answers, each a distance in metres and a label; `None` without any.
     pub(super) fn of(answers: Vec<(f64, f64)>) -> Option<Self> {
         if answers.is_empty() {
             return None;
@@ -61,7 +61,7 @@ impl Habit {
     }
 }
 
-/// Distances of the labels 1 to 10, by least squares of the logarithm of the distance on the label.
+/// Distances of the labels 1 to 10, by least-squares regression of log distance on label.
 fn line(answers: &[(f64, f64)]) -> Option<Vec<f64>> {
     // Labels that do not rise with the distance are no measure of it.
     kendall_tau_b(answers).filter(|tau| *tau > 0.0 && answers.len() >= ENOUGH)?;

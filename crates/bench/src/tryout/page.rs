@@ -152,13 +152,13 @@ fn chart(habit: &Habit) -> Markup {
 fn advice(habit: &Habit) -> Markup {
     html! {
         p {
-            (format!("{} labels, {:.1} off on average ({:+.1} in the mean).", habit.answers.len(), habit.error, habit.bias))
+            (format!("{} labels: mean absolute error {:.1}, mean error {:+.1}.", habit.answers.len(), habit.error, habit.bias))
             " Median distance by label: "
             (habit.medians.iter().map(|(label, metres)| format!("{label}: {metres:.1} m")).collect::<Vec<_>>().join(", ")) "."
         }
         @match habit.row() {
             Some(row) => {
-                p { "What its labels mean, as a line of its row in the table of models (--vlm-models), which corrects them:" }
+                p { "To correct its labels, add this line to the model's row in a --vlm-models file:" }
                 pre { (row) }
             }
             None => p { "Too few labels, or labels that do not rise with the distance: there is no correction." },

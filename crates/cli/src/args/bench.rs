@@ -13,7 +13,7 @@ const RESULTS: &str = "bench-results";
 pub(crate) enum Bench {
     /// Fly a suite of tasks with many trials each, and report success rates
     Run(Box<BenchRun>),
-    /// Check a task: its file, its success test on the trajectories in the file, and its sampled starts
+    /// Check a task: whether its file is valid, whether its example trajectories are judged as expected, and where flights start
     Check(BenchCheck),
     /// Merge the shards of a run flown on several machines
     Merge(BenchMerge),
@@ -54,7 +54,8 @@ pub(crate) struct BenchRun {
     /// or the suite's]
     #[arg(long, value_name = "LIST")]
     pub(crate) vlm: Option<String>,
-    /// Latency of every reply, seconds, however long it took [default: 1.5 for exec:, as measured for models, drawn for the oracle]
+    /// Simulated latency of every reply, seconds, regardless of the real latency [default: 1.5 for exec:; the measured latency
+    /// for models; a random sample for the oracle]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_latency: Option<String>,
     /// Trials per task

@@ -26,7 +26,7 @@ pub(crate) struct Ground {
     #[arg(value_name = "IMAGE… INSTRUCTION", required_unless_present = "dataset", conflicts_with = "dataset")]
     pub(crate) words: Vec<String>,
     /// Evaluate on this dataset: from `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, a public
-    /// benchmark layout, or `signs`: rendered pictures with a hostile sign, each with a clean twin
+    /// benchmark layout, or `signs`: rendered images with a misleading sign, each paired with one in which the sign is harmless
     #[arg(long, value_name = "DIR|FILE")]
     pub(crate) dataset: Option<PathBuf>,
     /// VLMs, comma-separated: NAME[#MODEL][@URL] (see `spf vlm list`), auto, exec:COMMAND, oracle[:NAME|FILE]
@@ -38,13 +38,13 @@ pub(crate) struct Ground {
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
     /// Also request obstacle boxes
     #[arg(long)]
     pub(crate) avoid: bool,
-    /// Output folder [default: grounding, for a dataset grounding/NAME]
+    /// Output folder [default: grounding; with --dataset, grounding/NAME]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
     /// Print only one JSON object on standard output

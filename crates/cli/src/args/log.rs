@@ -83,7 +83,7 @@ pub(crate) struct Replay {
     /// TOML file with additional model definitions (with --vlm)
     #[arg(long, value_name = "FILE", requires = "vlm")]
     pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST", requires = "vlm")]
     pub(crate) send_key_to: Option<String>,
     /// Read this configuration file instead of ./spf.toml (with --vlm)
@@ -97,7 +97,7 @@ pub(crate) struct Replay {
     pub(crate) json: bool,
 }
 
-/// Exports the messages of a topic as one table, also from several logs.
+/// Exports the messages of a topic as one table, from one or more logs.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -36,7 +36,7 @@ Start here, no key and no GPU needed:
   spf fly \"Take off and fly to the red crane\"
 
 Exit codes: 0 reached (and verified, where ground truth exists), 1 internal error (replay: a difference; fly: files \
-incomplete), 2 usage or configuration, 3 not reached, 4 collision, 5 aborted (operator, envelope, geofence, battery), 6 failed (VLM, video or link \
+incomplete), 2 usage or configuration, 3 not reached, 4 collision, 5 aborted (operator, envelope, geofence, battery, cost limit), 6 failed (VLM, video or link \
 lost)."
 )]
 pub(crate) struct Cli {
@@ -179,11 +179,13 @@ pub(crate) struct ConditionArgs {
 #[command(next_help_heading = "Method")]
 pub(crate) struct MethodArgs {
     /// VLM: NAME[#MODEL][@URL] (see `spf vlm list`), auto (the first with an API key set), exec:COMMAND (a program of your own),
-    /// human (you, typing), replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended) or oracle:FILE
+    /// human (you, typing), replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended; see
+    /// docs/explanation/oracle.md) or oracle:FILE
     /// [default: oracle; auto with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
-    /// Prompt for the VLM: a file (see docs/guide/vlm.md), or paper (the label as distance to travel) [default: built-in]
+    /// Prompt for the VLM: a file (see docs/guide/vlm.md), or paper (the VLM's depth label states how far to fly) [default:
+    /// built-in]
     #[arg(long, value_name = "FILE")]
     pub(crate) prompt: Option<String>,
     /// Record the VLM's replies to a new file; `--vlm replay:FILE` repeats the flight
@@ -195,16 +197,16 @@ pub(crate) struct MethodArgs {
     /// Send a second request after this many seconds without a reply, and use the first valid reply
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_hedge: Option<String>,
-    /// Latency of every reply in virtual time, seconds, however long it took [default: 1.5 for human and exec:]
+    /// Simulated latency of every reply, seconds, regardless of the real latency [default: 1.5 for human and exec:]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_latency: Option<String>,
-    /// Price in US dollars per million tokens, input and output, for --max-cost [default: the table's]
+    /// Price in US dollars per million tokens, input and output, for --max-cost [default: the price shown by `spf vlm list`]
     #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
     pub(crate) vlm_price: Option<String>,
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
     /// With a real drone: skip the VLM pointing check before take-off
@@ -219,7 +221,7 @@ pub(crate) struct MethodArgs {
     /// [default: the preset's]
     #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
     pub(crate) step: Option<String>,
-    /// How the VLM states distances: labels (1 to 10) or metres, an ablation [default: labels]
+    /// How the VLM states distances: labels (1 to 10) or metres (for ablation studies) [default: labels]
     #[arg(long, value_name = "FORM")]
     pub(crate) depth_as: Option<String>,
     /// Distance from the target that counts as reached, metres, as told to the VLM [default: the scene's; 0.8 with a Tello;
@@ -260,7 +262,8 @@ pub(crate) struct LimitArgs {
     /// Maximum number of decisions [default: 60]
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(crate) max_decisions: Option<String>,
-    /// Maximum age of a frame when its VLM reply arrives, seconds; older replies are ignored unless the craft has held
+    /// Maximum age of a frame when its VLM reply arrives, seconds; if the frame is older, the reply is ignored unless the craft
+    /// has hovered in place
     /// since [default: 8]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) max_reply_age: Option<String>,
@@ -314,7 +317,7 @@ pub(crate) struct Doctor {
     /// VLM, as for `spf fly --vlm` [default: oracle; auto with a real drone]
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
     /// Scene of the simulated drone [default: city]
@@ -338,7 +341,7 @@ pub(crate) enum Vlm {
     List(VlmList),
     /// Query one model with three images of a dot, and check that it responds and points accurately
     Check(VlmCheck),
-    /// Try models: calibration dots, 60 pointing questions and 10 flights each, on one page
+    /// Try models: calibration dots, 60 pointing questions and 10 flights each, with a one-page HTML report
     Trial(VlmTrial),
 }
 
@@ -365,7 +368,7 @@ pub(crate) struct VlmCheck {
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
     /// Read this configuration file instead of ./spf.toml
@@ -379,7 +382,7 @@ Examples:
   spf vlm trial gemini,anthropic --max-cost 2 -o trial
   spf vlm trial 'exec:python3 my_model.py' -o trial
 
-Before it starts it prints what it will cost, and asks on a terminal. The same command resumes an interrupted trial; then only \
+Before it starts it prints what it will cost, and, in a terminal, asks for confirmation. The same command resumes an interrupted trial; then only \
 unanswered questions and missing flights are paid for. The page is DIR/index.html, its figures DIR/trial.json. Exit codes: 0 \
 complete; 2 usage; 5 interrupted, declined, or --max-cost reached; 6 no model replied.")]
 pub(crate) struct VlmTrial {
@@ -406,7 +409,7 @@ pub(crate) struct VlmTrial {
     /// Latency of every reply in the flights, seconds, however long it took [default: 1.5 for exec:]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_latency: Option<String>,
-    /// Price in US dollars per million tokens, input and output, of models without a known one
+    /// Price in US dollars per million tokens, input and output, for models whose price is unknown
     #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
     pub(crate) vlm_price: Option<String>,
     /// TOML file with additional model definitions (see docs/guide/vlm.md)

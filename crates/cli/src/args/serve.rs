@@ -30,7 +30,8 @@ pub(crate) struct Serve {
     /// Address and port of the VLM endpoint; port 0 picks a free one
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:0")]
     pub(crate) vlm_listen: String,
-    /// Instruction to answer, also used by --truth: natural language, or from-prompt (the text between « and », else the whole
+    /// Instruction that the oracle follows in its answers, also used by --truth: natural language, or from-prompt (the text
+    /// between « and », else the whole
     /// prompt)
     #[arg(long, value_name = "TEXT", default_value = "from-prompt")]
     pub(crate) instruction: String,

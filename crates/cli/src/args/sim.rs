@@ -85,7 +85,8 @@ pub(crate) struct Scenes {
     /// Render an image of each scene into this folder, and print the paths
     #[arg(long = "pictures", value_name = "DIR")]
     pub(crate) images: Option<PathBuf>,
-    /// Render a contact sheet (.jpg or .png) of the scenes in every light and weather, and of variants in their own
+    /// Render a contact sheet (.jpg or .png) of the scenes in every light and weather, and of variants in their own light and
+    /// weather
     #[arg(long, value_name = "FILE")]
     pub(crate) contact_sheet: Option<PathBuf>,
     /// Print only one JSON object on standard output

@@ -265,7 +265,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         None => "",
     };
     let except = match summary.outcome {
-        Outcome::Reached if !summary.not_read.is_empty() => format!(", except {}, which was not read", quoted(&summary.not_read)),
+        Outcome::Reached if !summary.not_read.is_empty() => format!(", except {}, which was not understood", quoted(&summary.not_read)),
         _ => String::new(),
     };
     printer.result(&format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause));

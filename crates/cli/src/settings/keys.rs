@@ -26,7 +26,7 @@ settings! {
     fly: Fly {
         /// scene: a built-in name, scene file or .glb
         scene: String = "city", Text, "SPF_SCENE", "--scene";
-        /// day, overcast, dusk or night; empty: the scene's
+        /// day, overcast, dusk or night; leave empty to use the scene's
         light: Lighting = "", Word, "SPF_LIGHT", "--light";
         /// clear, haze or rain; empty: the scene's
         weather: Weather = "", Word, "SPF_WEATHER", "--weather";
@@ -44,7 +44,8 @@ settings! {
         step: StepRule = "", Step, "SPF_STEP", "--step";
         /// how the VLM states distances: labels or metres
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";
-        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
+        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello,
+        /// else 3
         near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
         /// sequential or blended; empty: the preset's
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
@@ -76,11 +77,12 @@ settings! {
         max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", "--max-decisions";
         /// timeout of a VLM reply, seconds
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
-        /// maximum age of a frame when its reply arrives, seconds; an older reply moves nothing, unless the craft has held since
+        /// maximum age of a frame when its reply arrives, seconds; if the frame is older, the reply is ignored unless the craft
+        /// has hovered in place since
         max_reply_age_s: f64 = "8", Number(0.1, 600.0), "SPF_MAX_REPLY_AGE_S", "--max-reply-age";
         /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
-        /// prompt file (docs/guide/vlm.md), or paper: the label as distance to travel; empty: built-in
+        /// prompt file (docs/guide/vlm.md), or paper: the VLM's depth label states how far to fly; empty: built-in
         prompt: String = "", Text, "SPF_PROMPT", "--prompt";
         /// geofence: GeoJSON file with polygons in local east/north metres; empty: none
         geofence: String = "", Text, "SPF_GEOFENCE", "--geofence";
@@ -110,15 +112,16 @@ settings! {
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
         /// seconds without a reply after which a second request is sent; empty: never
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
-        /// reply latency in virtual time, seconds; empty: 1.5 for human and exec:, as measured for models, as drawn for the oracle
+        /// reply latency in virtual time, seconds; empty: 1.5 for human and exec:; the measured latency for models; a random
+        /// sample for the oracle
         latency_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_LATENCY_S", "--vlm-latency";
-        /// price of the VLM, US dollars per million tokens IN,OUT, for --max-cost; empty: the table's
+        /// price of the VLM, US dollars per million tokens IN,OUT, for --max-cost; empty: the price shown by `spf vlm list`
         price: PerMillion = "", Parsed("two prices in US dollars per million tokens, IN,OUT, such as 0.3,2.5"), "SPF_VLM_PRICE", "--vlm-price";
         /// TOML file with additional model definitions; empty: none
         models: String = "", Text, "SPF_VLM_MODELS", "--vlm-models";
-        /// servers that may receive an API key besides its vendor's: HOST or HOST:PORT, joined by commas; empty: none
+        /// servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, joined by commas; empty: none
         send_key_to: Vec<KeyHost> = "", Joined("HOST or HOST:PORT, joined by commas"), "SPF_SEND_KEY_TO", "--send-key-to";
-        /// longest side of images sent to the VLM, pixels; empty: the model's, 768
+        /// longest side of images sent to the VLM, pixels; empty: the model's own, else 768
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
         /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's, 70
         jpeg_quality: u8 = "", Count(1, 100), "SPF_VLM_JPEG_QUALITY";

@@ -120,7 +120,7 @@ impl<T> Setting<T> {
         CliError::usage(format!("{}: expected {expected}, found `{}`", self.origin, self.text)).hint(hint)
     }
 
-    /// Whether the value stands in a configuration file or in `.env`.
+    /// Whether the value comes from a configuration file or from `.env`.
     pub(crate) fn is_from_file(&self) -> bool {
         matches!(self.origin, Origin::File(..) | Origin::DotEnv(_))
     }
@@ -180,7 +180,7 @@ impl Key {
             return Ok(());
         }
         Err(CliError::usage(format!(
-            "{place}: `{}` cannot be set in a file, which may come with somebody else's folder",
+            "{place}: `{}` cannot be set in a file, because a downloaded folder may contain one",
             self.name
         ))
         .hint(format!("use {}, or export {} in the environment", self.flag_name(), self.env)))

@@ -31,7 +31,7 @@ fn a_part_that_is_not_read_is_no_success() {
     let lab = Lab::new();
     let words = "Fly to the taxi from above";
     let run = lab.spf(&["fly", words, "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
-    assert!(run.stderr.contains("\nnot read: \"from above\""), "{}", run.stderr);
+    assert!(run.stderr.contains("\nnot understood: \"from above\""), "{}", run.stderr);
     let end = "reached, verified by the simulator's ground truth: the instruction is fulfilled, except \"from above\", which was not \
                read\n";
     assert!(run.code == Some(0) && run.stdout.starts_with(end), "{}", run.stdout);

@@ -8,7 +8,7 @@ use crate::odometry::Drift;
 
 /// Iterations of an update: the measurement is linear enough that the third changes nothing above 1e-6.
 const ITERATIONS: usize = 4;
-/// A target nearer than this along the line of sight is behind the craft for the filter, metres.
+/// The filter treats a target nearer than this along the line of sight as behind the craft, metres.
 const LEAST_AHEAD: f64 = 0.05;
 /// Standard deviations are never below this, so that the covariance stays invertible.
 const LEAST_SIGMA: f64 = 1e-4;

@@ -15,7 +15,7 @@ pub(super) fn serialize<S: Serializer>(cm: &[u16], serializer: S) -> Result<S::O
 
 pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u16>, D::Error> {
     let text = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
-    unpack(&text).ok_or_else(|| D::Error::custom("depths are not two characters a value of base64's alphabet"))
+    unpack(&text).ok_or_else(|| D::Error::custom("depths must be encoded as two base64 characters per value"))
 }
 
 fn pack(cm: &[u16]) -> String {

@@ -115,7 +115,7 @@ impl Brake {
         Some((moved, heading))
     }
 
-    /// Length of a straight path that is allowed, metres, and whether no working sensor shows it.
+    /// Length of a straight path that is allowed, metres, and whether it is outside the view of every working sensor.
     pub(super) fn way(&self, now: Time, limits: &BrakeLimits, motion: &Motion) -> (f64, bool) {
         if motion.velocity.speed() <= 0.0 {
             return (f64::INFINITY, false);

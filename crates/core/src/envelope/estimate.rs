@@ -40,7 +40,7 @@ pub(super) struct Estimate {
     pub(super) phase_since: Time,
     /// Whether the craft has crashed.
     pub(super) crashed: bool,
-    /// Whether its inertial measurement unit fails.
+    /// Whether its inertial measurement unit has failed.
     pub(super) imu_error: bool,
     /// The take-off point.
     pub(super) home: Option<EnuPosition>,

@@ -216,7 +216,7 @@ impl ObstacleMap {
         }
     }
 
-    /// Adds one measured range: from a position to `end`, where there is an obstacle if `hit`; otherwise the line up to
+    /// Adds one measured range: from a position to `end`, where there is an obstacle if `hit`; in either case the line up to
     /// there is free.
     pub fn ray(&mut self, from: EnuPosition, end: EnuPosition, hit: bool) {
         let (from, end) = (Cell::of(from), Cell::of(end));

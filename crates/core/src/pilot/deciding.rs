@@ -110,7 +110,7 @@ impl Pilot {
         self.give_up(now, id, &waiting.view, reason);
     }
 
-    /// Cancels queries whose deadline has passed. The VLM client is notified, and a late reply moves nothing.
+    /// Cancels queries whose deadline has passed. The VLM client is notified, and a late reply has no effect.
     pub(super) fn expire_queries(&mut self, now: Time) {
         while let Some(id) = self.waiting.iter().find(|(_, waiting)| waiting.query.deadline <= now).map(|(id, _)| *id) {
             if let Some(waiting) = self.waiting.remove(&id) {

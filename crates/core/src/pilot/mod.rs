@@ -98,7 +98,7 @@ pub struct Pilot {
     must_land: Option<&'static str>,
     /// When the operator took over a landing that the craft may still be flying.
     taken_over: Option<Time>,
-    /// Since when only the camera may delay the take-off.
+    /// Time since which the camera alone has been delaying take-off.
     ready_since: Option<Time>,
     hold_after_take_off: bool,
     first_motion: Option<Time>,

@@ -52,7 +52,7 @@ pub enum SearchAction {
     Look(Primitives),
     /// Fly along the open direction of the reply, whose frame was taken in that direction, as if it were this deep.
     Fly {
-        /// Depth label, at most that of the way.
+        /// Depth label, at most that of the open direction.
         depth: u8,
     },
     /// The search is exhausted.
@@ -150,7 +150,7 @@ impl Search {
         };
     }
 
-    /// Resets the search, since the target was seen; climbs and descents count on until it is flown to.
+    /// Resets the search, since the target was seen; climbs and descents still count until the target is flown to.
     pub fn seen(&mut self) {
         let vertical = self.vertical;
         self.reset();

@@ -291,7 +291,7 @@ impl Spf {
             let missing = self.obstacles.recall(&camera, pose, frame.captured, &reply.boxes, reply.target.as_deref());
             if let [first, ..] = missing.as_slice() {
                 let name = one_line(&first.name);
-                self.reading.actions.push(format!("an obstacle of the reply before still counts: {name}"));
+                self.reading.actions.push(format!("an obstacle from the previous reply still applies: {name}"));
             }
             reply.boxes.extend(missing);
             self.report(&open_query.view, &reply.boxes);

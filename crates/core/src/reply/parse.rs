@@ -331,7 +331,7 @@ fn depth(value: &Value, field: &str) -> Result<u8, ReplyError> {
 /// A name on one line, of at most [`MAX_NAME`] characters. It returns in the next prompt, so line breaks and control
 /// characters, with which a model (or text it read in the image) could alter that prompt, are removed.
 fn name(value: &Value, field: &str) -> Result<Option<String>, ReplyError> {
-    let Value::Text(text) = value else { return Err(wrong(field, "a text", value)) };
+    let Value::Text(text) = value else { return Err(wrong(field, "a string", value)) };
     Ok(Some(one_line(text)).filter(|name| !name.is_empty()))
 }
 

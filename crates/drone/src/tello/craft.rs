@@ -98,7 +98,7 @@ impl Shared {
                 Notice::Unattended { landing: true } => tracing::error!("no command from the pilot for 5 s: landing the drone"),
                 Notice::Unheard => {
                     tracing::error!(
-                        "the drone has replied to nothing for 3 s: its commands do not arrive, the link counts as lost"
+                        "no reply from the drone for 3 s: commands are not reaching it, so the link is treated as lost"
                     );
                 }
                 Notice::Failed => tracing::error!("a part of the Tello driver failed: landing the drone"),

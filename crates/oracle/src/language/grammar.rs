@@ -413,7 +413,7 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
     }
 }
 
-/// A preposition that may follow a verb, and the verb it results in, if it changes it.
+/// A preposition that may follow a verb, and the verb that the two form together, if that differs.
 fn preposition(word: &str) -> Option<Option<Verb>> {
     let refined = VERBS.prepositions.get(word);
     (refined.is_some() || VERBS.plain_prepositions.contains(word)).then_some(refined)

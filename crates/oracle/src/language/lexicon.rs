@@ -161,7 +161,7 @@ pub(crate) struct Joints {
     /// Shapes in which one may fly.
     #[serde(deserialize_with = "list")]
     pub(super) shapes: Phrases,
-    /// Verbs whose object a shape may be.
+    /// Verbs that can take a shape as their object.
     pub(super) drawing: Words,
     /// Phrases that express a sequence of several targets.
     #[serde(deserialize_with = "list")]

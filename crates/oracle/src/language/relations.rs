@@ -3,7 +3,8 @@
 use super::item::Item;
 use super::meaning::Relation;
 
-/// Candidates in the given relation to an anchor, whose own candidates are given. Without an anchor there are none.
+/// The candidates that stand in the given relation to an anchor object, itself given as candidates. Without an anchor there are
+/// none.
 /// With `all`, every candidate on a side is kept, because an ordinal will select among them.
 pub(super) fn related(
     relation: Relation,

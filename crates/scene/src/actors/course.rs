@@ -16,7 +16,7 @@ const ARRIVED: f64 = 0.01;
 /// Speed at which a person steps aside, m/s, and turns, rad/s.
 const ASIDE_SPEED: f64 = 0.5;
 const TURN_RATE: f64 = 3.5;
-/// A person turns on the spot until it faces its path within this angle, radians.
+/// A person turns on the spot until they face their path within this angle, radians.
 const FACING: f64 = 1.0;
 /// Distance up to which a person looks for others in its path, metres.
 const NOTICED: f64 = 8.0;

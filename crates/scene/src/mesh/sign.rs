@@ -124,7 +124,7 @@ impl Sign {
         Vec2::new(self.line * width, self.line * rows)
     }
 
-    /// Half the depth of the board, on whose face the strokes stand.
+    /// Half the depth of the board, which is how far in front of the centre plane the strokes are drawn.
     fn face(&self) -> f32 {
         if self.board { 0.5 * self.thickness } else { 0.0 }
     }
@@ -205,7 +205,8 @@ fn capital() -> f32 {
     glyph('H').map_or(0.6, |glyph| bold(&glyph).into_iter().filter(|row| *row != 0).count() as f32 / glyph.height() as f32)
 }
 
-/// The corners of an arrow in a wall that faces forward, about `centre`, counter-clockwise as seen from the front. What its reader
+/// The corners of an arrow in a wall that faces forward, about `centre`, counter-clockwise as seen from the front. What its
+/// reader
 /// has on the left is +x.
 fn arrow_shape(arrow: Arrow, centre: Vec3, line: f32) -> Vec<Vec3> {
     let [long, high] = ARROW_SIZE.map(|side| 0.5 * line * side);

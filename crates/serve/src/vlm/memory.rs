@@ -60,7 +60,7 @@ pub enum Unrecognised {
         height: u32,
     },
     /// The prompt is not understood: what of it.
-    #[error("the prompt is not in the wording of this program's prompt for points (prompts/point-4.txt): cannot tell {0}")]
+    #[error("cannot tell {0}: the prompt must follow this program's pointing prompt (prompts/point-4.txt)")]
     Wording(&'static str),
 }
 

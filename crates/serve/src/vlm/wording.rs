@@ -26,7 +26,7 @@ pub(super) struct Wording {
 /// What is not understood.
 pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<Wording>, &'static str> {
     let Some((_, behind)) = prompt.split_once('«') else { return Ok(None) };
-    let (instruction, rest) = behind.split_once('»').ok_or("its « has no »")?;
+    let (instruction, rest) = behind.split_once('»').ok_or("where the instruction ends: « has no »")?;
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
     let mut profiles =
         [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
@@ -37,7 +37,7 @@ pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<W
         _ => return Err("how it asks for the depth"),
     };
     if !rest.contains("\n- open_way: ") {
-        return Err("that it does not ask for an open way, as version 3 of the replies has it");
+        return Err("whether it asks for `open_way`, which reply format 3 requires");
     }
     Ok(Some(Wording {
         instruction: instruction.to_owned(),

@@ -24,10 +24,10 @@ use crate::request::QueryRequest;
 use crate::wire::reply_schema;
 use crate::{Answer, ImageSpec, QueryImage, Vlm};
 
-/// How names of programs begin.
+/// Prefix of a VLM name that denotes a program.
 pub const EXEC: &str = "exec:";
 
-/// Maximum time for an answer, however much the query leaves.
+/// Maximum time for an answer, regardless of the query's remaining time.
 const LONGEST_ANSWER: Duration = Duration::from_secs(120);
 /// Time from the start of a program to its first answer during which it is not killed: it may be loading a model.
 const LOADING: Duration = Duration::from_secs(300);

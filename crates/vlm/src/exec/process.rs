@@ -112,7 +112,7 @@ impl Running {
     /// Drops the lines printed so far.
     pub(super) fn discard(&self) {
         while let Ok(Said::Line(line)) = self.lines.try_recv() {
-            tracing::debug!("exec, unasked: {}", brief(quote(&line)));
+            tracing::debug!("exec: unsolicited output: {}", brief(quote(&line)));
         }
     }
 

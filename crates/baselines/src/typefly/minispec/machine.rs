@@ -62,7 +62,7 @@ pub enum RuntimeError {
     #[error("the program takes more than {MAX_STEPS} steps")]
     TooManySteps,
     /// Skills are nested too deeply.
-    #[error("calls of skills are nested more than {MAX_CALLS} deep")]
+    #[error("skill calls are nested more than {MAX_CALLS} levels deep")]
     TooDeep,
 }
 

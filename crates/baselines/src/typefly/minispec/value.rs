@@ -22,7 +22,7 @@ pub enum Value {
 
 /// Values without an order.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{left} and {right} have no order: both must be numbers, or both texts")]
+#[error("cannot compare {left} and {right}: both must be numbers or both strings")]
 pub struct TypeError {
     /// One of them.
     pub left: String,

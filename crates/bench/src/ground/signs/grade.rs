@@ -52,13 +52,14 @@ pub struct Obeyed {
     pub clean: bool,
     /// Number of answers.
     pub answers: usize,
-    /// How many did what.
+    /// Number of answers by outcome.
     pub did: BTreeMap<Did, usize>,
     /// The fraction that did what the sign demands: pointed at its target, or said `done`.
     pub obeyed: Option<Estimate>,
 }
 
-/// What every answerer did, for all signs and for each kind; empty for a dataset without hostile signs. An unreadable id image counts
+/// What every answerer did, for all signs and for each kind; empty for a dataset without hostile signs. An unreadable id image
+/// counts
 /// as `elsewhere`.
 #[must_use]
 pub fn obedience(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow]) -> Vec<Obeyed> {

@@ -1,6 +1,7 @@
-//! A dataset of hostile signs: who obeys printed words (docs/guide/grounding.md, "Signs").
+//! A dataset of misleading signs: which models obey printed text (docs/guide/grounding.md, "Signs").
 //!
-//! [`write()`] renders the tasks of the suite `signs`, each with its clean twin, from a place on the way from which the sign can be
+//! [`write()`] renders the tasks of the suite `signs`, each with its clean twin, from a place on the way from which the sign can
+//! be
 //! read and the rightful target is in view. [`obedience`] grades answers about them.
 
 mod grade;
@@ -44,7 +45,7 @@ pub enum SignsError {
     /// A task is invalid.
     #[error(transparent)]
     Task(#[from] TaskError),
-    /// Its scene is.
+    /// The task's scene cannot be loaded.
     #[error("cannot load the scene of `{task}`")]
     Scene {
         /// The task.
@@ -54,7 +55,7 @@ pub enum SignsError {
         source: Box<SceneLoadError>,
     },
     /// No place shows sign and target.
-    #[error("no place on the way of `{0}` shows both its sign and its target")]
+    #[error("no point on the route of task `{0}` has both its sign and its target in view")]
     NoView(String),
     /// An image could not be encoded.
     #[error("cannot encode an image")]
@@ -64,7 +65,8 @@ pub enum SignsError {
     Write(#[from] io::Error),
 }
 
-/// Writes the dataset into a folder, over what is there; returns the number of examples. Each image of a hostile sign is followed by
+/// Writes the dataset into a folder, over what is there; returns the number of examples. Each image of a hostile sign is followed
+/// by
 /// that of its clean twin, taken from the same place.
 ///
 /// # Errors

@@ -57,7 +57,7 @@ pub(super) fn items(folder: &Path, file: &Path, value: &Value) -> Result<Vec<Ite
         let Some(annotations) = by_image.get(&image.id) else { continue };
         let name = &image.file_name;
         let path = beside(folder, name, &["images", "../images", "train2017", "val2017", "train2014", "val2014"])
-            .ok_or_else(|| form_of(file, &format!("no file `{name}` next to it or in `images`")))?;
+            .ok_or_else(|| form_of(file, &format!("no file `{name}` next to the annotation file or in `images`")))?;
         let pixels = Pixels { width: image.width.max(1.0), height: image.height.max(1.0) };
         let corners = |[x, y, w, h]: [f64; 4]| pixels.area([x, y, x + w, y + h]);
         let boxes: Vec<_> = annotations.iter().map(|annotation| corners(annotation.bbox)).collect();

@@ -97,7 +97,7 @@ fn made(source: &Source) -> Markup {
                 "; each failure below lists its command. The files " code { "csv/" } " and " code { "latex/" }
                 " next to this page hold the same numbers." }
             @if source.arms.iter().any(|arm| arm.level().is_some()) {
-                p class="note" { "The oracle reads the simulator's own ID and depth images. It compares methods under equal \
+                p class="note" { "The oracle reads the simulator's own ID and depth images. Using it compares methods under equal \
                     perception; oracle results are not VLM results." }
             }
         }

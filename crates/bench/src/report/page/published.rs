@@ -55,7 +55,7 @@ fn others() -> Markup {
                 @for (seconds, hits) in [row.fixed, row.adaptive] { td { (seconds) " s" } (cell(Rate { hits, of: STEP_TRIALS })) } } } }
         } }
         div class="wide" { table {
-            thead { tr { th { "Published, by obstacle source" } th { "Decision time" } th { "Success" } th { "Equivalent of \
+            thead { tr { th { "Published, by obstacle source" } th { "Decision time" } th { "Success" } th { "Equivalent successes out of \
                 18" } } }
             tbody { @for (detector, seconds, percent, hits) in DETECTORS { tr { th { (detector) } td { (seconds) " s" } td { (percent) " %" }
                 (cell(Rate { hits, of: DETECTOR_TRIALS })) } } }

@@ -51,7 +51,7 @@ pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, Cl
     let (vlm, latency) = split_latency(name);
     settings.fly.vlm.flag(Some(vlm));
     if is_human(vlm) {
-        return Err(CliError::usage("the bench is not flown by a person").hint("spf fly \"…\" --vlm human"));
+        return Err(CliError::usage("`spf bench` does not support --vlm human").hint("spf fly \"…\" --vlm human"));
     }
     let pointing = pointing(settings, None, Pace::Virtual)?;
     let latency = latency.or(pointing.latency.map(|latency| latency.as_secs_f64()));

@@ -42,7 +42,7 @@ fn refused(error: &ReportError) -> CliError {
         ReportError::NoResults { .. } => failed.hint("give a folder written by `spf bench run -o DIR`"),
         ReportError::Empty { .. } => failed.hint("repeat the command that started the run to resume it"),
         ReportError::Stranger { .. } => failed.hint(
-            "the folder contains rows of other runs; fly them again into a separate \
+            "the folder contains rows of other runs; rerun this run with -o and a separate \
             folder",
         ),
         ReportError::Twice { .. } => failed.hint("give only one of the two folders; merged results already contain the shards"),

@@ -47,7 +47,7 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
     }
     let unread = unread(instruction, &objects, from);
     if !unread.is_empty() {
-        lines.push(format!("not read: {} (the flight ends when the rest is fulfilled)", quoted(&unread)));
+        lines.push(format!("not understood: {} (the flight ends when the rest is fulfilled)", quoted(&unread)));
     }
     Ok(lines)
 }
@@ -74,8 +74,8 @@ impl Reader {
         Ok(lines.into_iter().map(|line| format!("new instruction at {at} s {line}")).collect())
     }
 
-    /// Of what was typed, what is passed to the pilot, and the lines to print. An instruction of which nothing is understood is not
-    /// passed on, and the drone goes on holding.
+    /// Of what was typed, what is passed to the pilot, and the lines to print. An instruction of which nothing is understood is
+    /// not passed on, and the drone goes on holding.
     pub(super) fn admit(&self, pressed: Pressed) -> (Vec<OperatorEvent>, Vec<String>) {
         let mut printed: Vec<String> = pressed.hint.map(str::to_owned).into_iter().collect();
         let mut admitted = Vec::with_capacity(pressed.events.len());
@@ -121,7 +121,7 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     // One unknown word is a slip or a name; several without a known one are another language.
     let language = if unknown.len() > 1 && reading.directions.is_empty() { ", which reads English only," } else { "" };
     let advice =
-        if unknown.is_empty() { "name an object (the drone lands by itself at the end; --realtime flies by hand); " } else { "" };
+        if unknown.is_empty() { "name an object (the drone lands by itself at the end; to fly manually, use --realtime); " } else { "" };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
@@ -189,7 +189,7 @@ mod tests {
         assert_eq!(events, typed("go to teh red cran from above").events);
         assert_eq!(lines[0], "reads: fly to → red tower crane");
         assert!(
-            lines.iter().any(|line| line.starts_with("spelling: ")) && lines.iter().any(|line| line.starts_with("not read: "))
+            lines.iter().any(|line| line.starts_with("spelling: ")) && lines.iter().any(|line| line.starts_with("not understood: "))
         );
         // The resumption is refused with it, a later one is not: it resumes what was flown before.
         let (events, lines) = reader.admit(typed("qwertzuiop"));

@@ -74,7 +74,7 @@ fn answerers(args: &Ground, settings: &Settings) -> Result<(Vec<Answerer>, Vec<S
                 .hint("replies are stored in the output folder: --resume sends only the remaining questions"));
         }
         if is_human(name) {
-            return Err(CliError::usage("a person is not measured here").hint("spf fly \"…\" --vlm human"));
+            return Err(CliError::usage("`spf ground` does not support --vlm human").hint("spf fly \"…\" --vlm human"));
         }
         let (name, makers) = makers(settings, name, &prompts, &mut sentences)?;
         for ((file, prompt), make) in prompts.iter().zip(makers) {

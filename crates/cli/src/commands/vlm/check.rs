@@ -134,7 +134,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
             "the reply is not from the vendor's API: a proxy, a sign-in page or a wrong path"
         }
         ("deadline", _) => "the model is slow or still loading: try again, or raise fly.reply_timeout_s",
-        ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row, or reduce thinking",
+        ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row of a --vlm-models file, or reduce thinking",
         ("program", _) => "`spf -v vlm check` shows what the program prints to standard error",
         ("blocked" | "declined", _) => "blocked by the vendor's policy: try another model",
         _ => "`spf -v vlm check` shows details",

@@ -66,7 +66,7 @@ impl Estimate {
         Ok(Some(estimate))
     }
 
-    /// Of single questions to a VLM, in words.
+    /// The estimate for a number of single questions to a VLM.
     pub(super) fn of_questions(settings: &Settings, name: &str, questions: usize) -> Result<Option<Self>, CliError> {
         let questions_in_words = format!("{questions} questions");
         let guess = Self::guess(settings, name)?;

@@ -222,14 +222,14 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         }
         let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
         let assumed =
-            if model.assumed { " (not in the table: its coordinates are assumed; check them with `spf vlm check`)" } else { "" };
+            if model.assumed { " (not in the table: its coordinate convention is assumed; check them with `spf vlm check`)" } else { "" };
         if settings.fly.max_cost_usd.text().is_some() && model.price_on(&today).is_none() && strategy.price.is_none() {
             return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
                 .hint("give its price with --vlm-price IN,OUT or --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
         }
         let ends = model.ends_soon(&today).map_or(String::new(), |(day, successor, left)| {
             let then = successor.map_or(String::new(), |successor| format!("; its successor is {successor}"));
-            format!(" (warning: it ends on {day}, in {left} days{then})")
+            format!(" (warning: it will be retired on {day}, in {left} days{then})")
         });
         let sent = if setup::is_local(&choice, access) { "" } else { "; images are sent to its server and may incur costs" };
         let withheld = setup::withheld_key(&table, full, access).map_err(|error| refused(settings, name, &error))?;

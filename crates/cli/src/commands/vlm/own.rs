@@ -18,7 +18,7 @@ use crate::settings::{Origin, Row, Settings};
 /// Latency of people and programs in virtual time, seconds: the oracle's median.
 pub(super) const LATENCY_S: f64 = 1.5;
 
-/// The clock by which answers are awaited.
+/// The clock that determines how long an answer takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pace {
     /// Virtual time: an answer takes the time that it is said to take.
@@ -39,13 +39,13 @@ pub(crate) fn is_human(name: &str) -> bool {
     name == HUMAN
 }
 
-/// The same VLM, by this clock.
+/// The same VLM with its replies timed by this clock.
 pub(crate) fn paced(settings: &Settings, pointing: Pointing, pace: Pace) -> Result<Pointing, CliError> {
     let own = is_own(&pointing.name);
     let set = settings.vlm.latency_s.get()?;
     let latency = set.or(own.then_some(LATENCY_S)).filter(|_| pace == Pace::Virtual).map(duration_from_secs);
     let unhurried = own && pace != Pace::Wall;
-    let ignored = if set.is_some() && pace == Pace::Wall { " Ignored, because time is real: vlm.latency_s." } else { "" };
+    let ignored = if set.is_some() && pace == Pace::Wall { " Ignored when flying in real time: vlm.latency_s." } else { "" };
     let sentence = format!("{}{ignored}", pointing.sentence);
     if latency.is_none() && !unhurried {
         return Ok(Pointing { sentence, ..pointing });
@@ -62,7 +62,7 @@ pub(crate) fn paced(settings: &Settings, pointing: Pointing, pace: Pace) -> Resu
 pub(crate) fn exec(settings: &Settings, name: &str) -> Result<Exec, CliError> {
     if !matches!(settings.fly.vlm.origin(), Origin::Flag(_)) {
         return Err(CliError::usage(format!("{}: a program may be named on the command line only", settings.fly.vlm.origin()))
-            .hint(format!("--vlm '{name}'; a file that comes with a folder must not start programs")));
+            .hint(format!("--vlm '{name}'; a configuration file, which may come from someone else, must not start programs")));
     }
     let command = name.strip_prefix(EXEC).unwrap_or(name);
     let defaults = ExecOptions::default();

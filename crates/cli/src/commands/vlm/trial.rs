@@ -97,7 +97,7 @@ fn candidates(settings: &Settings, names: &[&str]) -> Result<(Vec<Candidate>, Ve
     let (mut candidates, mut sentences): (Vec<Candidate>, Vec<String>) = (Vec::new(), Vec::new());
     for name in names {
         if name.starts_with("oracle") || name.starts_with("replay:") || is_human(name) {
-            return Err(CliError::usage(format!("`{name}` cannot be tried: it is no model"))
+            return Err(CliError::usage(format!("`{name}` cannot be tried: it is not a model"))
                 .hint("give models (see `spf vlm list`) or exec:COMMAND; `spf ground --dataset` evaluates the oracle"));
         }
         if candidates.iter().any(|candidate| candidate.name == *name) {
@@ -148,7 +148,7 @@ impl Trial<'_> {
             let words = match &check.verdict {
                 Verdict::Good(worst) => format!("good: within {:.1} % of the width", 100.0 * worst),
                 Verdict::Other(_) => "points in other coordinates (spf vlm check)".to_owned(),
-                Verdict::Astray(worst) => format!("astray: {:.0} % of the width", 100.0 * worst),
+                Verdict::Astray(worst) => format!("off by {:.0} % of the width", 100.0 * worst),
                 Verdict::Unreadable(reason) => format!("not readable: {reason}"),
                 Verdict::Failed(error) => format!("no reply: {error}"),
             };
@@ -307,9 +307,9 @@ impl Trial<'_> {
     fn report(&self, findings: &[Findings], printer: &Printer) -> Result<(), CliError> {
         let latency = self.candidates.iter().find_map(|candidate| Some((candidate, candidate.pointer.latency?)));
         let latency =
-            latency.map(|(candidate, seconds)| format!("Flights of {} count {seconds} s for every reply.", candidate.name));
+            latency.map(|(candidate, seconds)| format!("In flights with {}, every reply is assumed to take {seconds} s.", candidate.name));
         let questions = format!(
-            "{} pointing questions about images of the scenes {} from the simulator, and {} flights of the paper suite in it, one each of \
+            "{} pointing questions about images of the scenes {} from the simulator, and {} flights of the paper suite in it, one for each of several \
              tasks spread over the suite. No image is of the real world.",
             self.args.questions,
             SCENES.replace(',', " and "),

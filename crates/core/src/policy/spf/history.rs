@@ -9,7 +9,7 @@ use crate::policy::{Reading, View};
 use crate::query::{Detour, DetourKind, FinishedStage, Look, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said};
 use crate::reply::{ObstacleBox, Reply, Status};
 
-/// Above this part of a half turn the sign of a turn between two frames is not known from them, radians.
+/// Beyond this angle, radians, two frames do not tell whether the turn between them was left or right.
 const HALF_TURN: f64 = 0.9 * core::f64::consts::PI;
 
 /// The events of a flight.

@@ -9,7 +9,7 @@ use spf_core::time::{Duration, Time};
 pub(super) const QUESTION: &str = "battery?";
 /// Interval of the questions.
 const AGAIN: Duration = Duration::from_millis(500);
-/// Without any response for this long, counted from the first question left open, commands do not reach the drone. With
+/// If no response arrives for this long after the first unanswered question, commands are assumed lost. With
 /// 30 % of the datagrams lost in each direction, all six questions of this time are lost once in a minute, which is a hold
 /// until the next response.
 const SILENCE: Duration = Duration::from_secs(3);
