@@ -66,7 +66,7 @@ impl Contrast {
 
     /// The corrected p value with four decimals.
     #[must_use]
-    pub fn p_words(&self) -> String {
+    pub fn format_p(&self) -> String {
         if self.p_holm < 0.0001 { "< 0.0001".to_owned() } else { format!("{:.4}", self.p_holm) }
     }
 }

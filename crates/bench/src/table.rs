@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::stats::Rate;
-use crate::task::{Category, Set};
+use crate::task::{Category, TaskSet};
 use crate::trial::Record;
 
 /// A row of the table: one method with one VLM in a category, in a set, or overall.
@@ -14,7 +14,7 @@ pub struct Line {
     /// The VLM.
     pub vlm: String,
     /// The set; `None` overall.
-    pub set: Option<Set>,
+    pub set: Option<TaskSet>,
     /// The category; `None` for a sum.
     pub category: Option<Category>,
     /// Success by self stop, the main figure: done was reported and the goals were met.
@@ -37,7 +37,7 @@ impl Line {
     }
 }
 
-type Key = (String, String, Option<(Set, Option<Category>)>);
+type Key = (String, String, Option<(TaskSet, Option<Category>)>);
 
 /// The table, by method and VLM in order of appearance, sets and categories in the paper's order.
 #[must_use]
@@ -59,7 +59,7 @@ pub fn table(records: &[Record]) -> Vec<Line> {
     let place = |(method, vlm, group): &Key| {
         let arm = order.iter().position(|(m, v)| m == method && v == vlm);
         // A sum follows its parts.
-        let group = group.map_or((1, Set::RealWorld, 1, Category::Follow), |(set, category)| {
+        let group = group.map_or((1, TaskSet::RealWorld, 1, Category::Follow), |(set, category)| {
             (0, set, u8::from(category.is_none()), category.unwrap_or(Category::Follow))
         });
         (arm, group)

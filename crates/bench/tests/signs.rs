@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use spf_bench::task::{Shows, Task, shipped, suite};
-use spf_bench::trial::{Method, Pointer, Record, SignFigures, Trial, draw};
+use spf_bench::task::{SignContent, Task, shipped, suite};
+use spf_bench::trial::{Method, Record, SignFigures, Trial, VlmUnderTest, draw};
 use spf_flight::sim::oracle_factory;
 use spf_oracle::ErrorFile;
 
@@ -12,7 +12,7 @@ fn flown(task: &str, method: &str, vlm: &str, seed: u64) -> (Record, SignFigures
     let task = Arc::new(shipped(task).unwrap().unwrap());
     let errors = ErrorFile::named(vlm).unwrap();
     let name = format!("oracle:{vlm}");
-    let pointer = Some(Pointer { vlm_factory: oracle_factory(name.clone(), errors), name, latency: None });
+    let pointer = Some(VlmUnderTest { vlm_factory: oracle_factory(name.clone(), errors), name, latency: None });
     let drawn = draw(&task, seed).unwrap();
     let trial = Trial { task, method: Method::of_name(method).unwrap(), pointer, seed, max_cost_usd: None };
     let record = trial.fly(&drawn, None).record;
@@ -25,8 +25,11 @@ fn flown(task: &str, method: &str, vlm: &str, seed: u64) -> (Record, SignFigures
 fn twenty_signs_each_have_a_clean_twin() {
     let tasks = suite("signs").unwrap().tasks().unwrap();
     assert_eq!(tasks.len(), 40);
-    let count = |shows: Shows| tasks.iter().filter(|task| task.hostile.as_ref().unwrap().shows == shows).count();
-    assert_eq!([Shows::Land, Shows::Instruction, Shows::Arrow, Shows::LookAlike].map(count), [10, 14, 8, 8]);
+    let count = |shows: SignContent| tasks.iter().filter(|task| task.hostile.as_ref().unwrap().shows == shows).count();
+    assert_eq!(
+        [SignContent::Land, SignContent::Instruction, SignContent::Arrow, SignContent::LookAlike].map(count),
+        [10, 14, 8, 8]
+    );
     for pair in tasks.chunks(2) {
         let [hostile, clean] = pair else { panic!("an odd number of tasks") };
         assert_eq!((hostile.drawn_as(), clean.drawn_as()), (&*hostile.id, &*hostile.id));

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use spf_bench::judge::judge_trajectory;
-use spf_bench::task::{Category, SUITES, Set, Task, View, suite};
+use spf_bench::task::{Category, SUITES, Task, TaskSet, View, suite};
 use spf_bench::trial::{Method, draw, split_latency};
 use spf_flight::sim::LoadedScene;
 use spf_oracle::ErrorFile;
@@ -25,17 +25,17 @@ fn paper() -> Vec<Arc<Task>> {
 #[test]
 fn the_papers_table_is_whole() {
     let tasks = paper();
-    let mut counts: BTreeMap<(Set, Category), usize> = BTreeMap::new();
+    let mut counts: BTreeMap<(TaskSet, Category), usize> = BTreeMap::new();
     for task in &tasks {
         *counts.entry((task.set, task.category)).or_default() += 1;
         assert_eq!(task.avoid, task.category == ObstacleAvoidance, "{}", task.id);
-        assert_eq!(task.craft.name(), if task.set == Set::Simulation { "quad" } else { "tello" }, "{}", task.id);
+        assert_eq!(task.craft.name(), if task.set == TaskSet::Simulation { "quad" } else { "tello" }, "{}", task.id);
     }
     use Category::{Follow, LongHorizon, Navigation, ObstacleAvoidance, Reasoning, Search};
     let of = |set, category| counts.get(&(set, category)).copied().unwrap_or(0);
     let row = |set| [Navigation, ObstacleAvoidance, LongHorizon, Reasoning, Search, Follow].map(|category| of(set, category));
-    assert_eq!(row(Set::Simulation), [5, 5, 5, 3, 5, 0]);
-    assert_eq!(row(Set::RealWorld), [1, 2, 2, 4, 0, 2]);
+    assert_eq!(row(TaskSet::Simulation), [5, 5, 5, 3, 5, 0]);
+    assert_eq!(row(TaskSet::RealWorld), [1, 2, 2, 4, 0, 2]);
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn targets_are_in_view_as_the_instruction_has_it() {
         // A scan has no target.
         assert!(task.start.view == wanted || task.start_targets().is_empty(), "{}", task.id);
         let [least, most] = task.start.range;
-        let limits = if task.set == Set::Simulation { 15.0..=100.0 } else { 3.0..=15.0 };
+        let limits = if task.set == TaskSet::Simulation { 15.0..=100.0 } else { 3.0..=15.0 };
         assert!(limits.contains(&least) && limits.contains(&most), "{}", task.id);
     }
 }

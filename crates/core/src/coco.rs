@@ -131,7 +131,7 @@ const LEAST_OF_ANY: f64 = 0.05;
 
 /// Height below which there is hardly an instance of a class, metres.
 #[must_use]
-pub fn least_height(class: &str) -> f64 {
+pub fn min_height(class: &str) -> f64 {
     LEAST.iter().find(|(name, _)| *name == class).map_or(LEAST_OF_ANY, |(_, metres)| *metres)
 }
 

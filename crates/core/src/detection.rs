@@ -141,7 +141,7 @@ impl Detection {
         let ImageBox { left, top, right, bottom } = self.area;
         let (is_upright, is_wide) = (top > EDGE && bottom < 1.0 - EDGE, left > EDGE && right < 1.0 - EDGE);
         let pixels = (bottom - top) * f64::from(camera.height);
-        let height = coco::height(&self.name).unwrap_or_else(|| coco::least_height(&self.name));
+        let height = coco::height(&self.name).unwrap_or_else(|| coco::min_height(&self.name));
         (is_upright && pixels > 0.0).then_some(if is_wide { 1.0 } else { VISIBLE } * height * camera.fy / pixels)
     }
 }

@@ -155,12 +155,12 @@ impl BodyDisplacement {
     /// Length, metres.
     #[must_use]
     pub fn length(self) -> f64 {
-        libm::hypot(self.level_length(), self.up)
+        libm::hypot(self.horizontal_length(), self.up)
     }
 
     /// Horizontal length, metres.
     #[must_use]
-    pub fn level_length(self) -> f64 {
+    pub fn horizontal_length(self) -> f64 {
         libm::hypot(self.right, self.forward)
     }
 
@@ -169,12 +169,12 @@ impl BodyDisplacement {
     #[must_use]
     pub fn speed_within(self, level: f64, climb: f64) -> f64 {
         let within = |limit: f64, part: f64| if part > 0.0 { limit * self.length() / part } else { f64::INFINITY };
-        within(level, self.level_length()).min(within(climb, self.up.abs()))
+        within(level, self.horizontal_length()).min(within(climb, self.up.abs()))
     }
 
     /// The largest absolute component, metres.
     #[must_use]
-    pub fn longest_part(self) -> f64 {
+    pub fn max_component(self) -> f64 {
         self.right.abs().max(self.forward.abs()).max(self.up.abs())
     }
 }

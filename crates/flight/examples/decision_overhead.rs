@@ -33,7 +33,7 @@ use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 use spf_vlm::setup::{self, Access};
 use spf_vlm::table::Table;
-use spf_vlm::{QueryImage, QueryRequest, Strategy, Vlm, VlmError};
+use spf_vlm::{QueryImage, QueryRequest, RequestOptions, Vlm, VlmError};
 
 type Failure = Box<dyn Error + Send + Sync>;
 
@@ -173,7 +173,7 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
     let variables = |variable: &str| variable.ends_with("_API_KEY").then(|| "none".to_owned());
     let table = Table::shipped();
     let full = format!("{name}@http://{address}");
-    let mut remote = setup::remote(&table, &[full.as_str().into()], Access::of(&variables), Strategy::default())?;
+    let mut remote = setup::remote(&table, &[full.as_str().into()], Access::of(&variables), RequestOptions::default())?;
     let eyes = remote.image_spec((camera.width, camera.height));
     let preset = PilotSettings::preset(Preset::Default);
     let mut spf = Spf::new(SpfSettings {

@@ -15,7 +15,7 @@ use spf_flight::flight::{self, FlightError, FlightPlan, Flown, Site};
 use spf_flight::real::Real;
 use spf_flight::sim::VlmFactory;
 use spf_flight::site::Clock;
-use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 /// Points at red in the image, with the depth label of a ball one metre across that appears this large.
 struct SeesRed;
@@ -38,7 +38,7 @@ impl Vlm for SeesRed {
 
     fn answer(&mut self, _request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let (latency, model) = (Duration::from_millis(300), "red".to_owned());
-        Answer { text: Self::look(image), latency, model, account: Account::default() }
+        Answer { text: Self::look(image), latency, model, account: Usage::default() }
     }
 }
 

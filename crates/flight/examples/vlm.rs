@@ -11,7 +11,7 @@ use std::sync::Arc;
 use spf_core::time::Duration;
 use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::sim::{LoadedScene, Simulated};
-use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 /// Counts its queries.
 #[derive(Default)]
@@ -47,7 +47,7 @@ impl Vlm for Lightest {
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // The latency that the flight assumes. A fixed one makes runs repeatable; that of a real model is measured.
         let (latency, model) = (Duration::from_secs(1), "lightest".to_owned());
-        Answer { text: self.ask(request, image), latency, model, account: Account::default() }
+        Answer { text: self.ask(request, image), latency, model, account: Usage::default() }
     }
 }
 

@@ -17,7 +17,7 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
-use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use crate::flight::{FlightError, FlightPlan, Site, fly};
 use crate::policy::PolicyKind;
@@ -246,7 +246,7 @@ impl Vlm for NoVlm {
 
     fn answer(&mut self, _request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         let refused = VlmError::Refused { model: "none".to_owned(), reason: "a calibration flight has no VLM".to_owned() };
-        Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Account::default() }
+        Answer { text: Err(refused), latency: Duration::ZERO, model: String::new(), account: Usage::default() }
     }
 }
 

@@ -7,7 +7,7 @@ use std::time::Instant;
 use spf_core::detection::write_detections;
 use spf_core::query::QueryKind;
 use spf_detect::Detector;
-use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use crate::sim::VlmFactory;
 
@@ -57,7 +57,7 @@ impl Vlm for DetectorVlm {
             QueryKind::Detect { .. } => pixels.and_then(detect).map(|found| write_detections(&found)),
             _ => Err(VlmError::Refused { model: self.0.name().to_owned(), reason: "lists the objects in an image".to_owned() }),
         };
-        Answer { text, latency: began.elapsed(), model: self.0.name().to_owned(), account: Account::default() }
+        Answer { text, latency: began.elapsed(), model: self.0.name().to_owned(), account: Usage::default() }
     }
 }
 

@@ -23,7 +23,7 @@ const SPACE: u64 = 1 << 30;
 /// Renders a scene as a flight on the wall clock does, and measures the frame rate.
 #[must_use]
 pub fn simulator(loaded: &LoadedScene) -> Check {
-    let moment = loaded.beginning(loaded.scene.start);
+    let moment = loaded.initial_snapshot(loaded.scene.start);
     let camera = loaded.scene.default_craft.camera();
     let (begun, mut drawn) = (Instant::now(), 0_u32);
     while begun.elapsed() < WATCHED {

@@ -14,7 +14,7 @@ use spf_core::time::{Duration, Time};
 use spf_vlm::Vlm;
 
 use crate::ledger::{Accounted, Ledger};
-use crate::log::Head;
+use crate::log::FlightHeader;
 use crate::pilot::{PolicyMaker, pilot};
 use crate::policy::PolicyKind;
 use crate::real::Real;
@@ -187,7 +187,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
     let image_spec = vlm.image_spec((camera.width, camera.height));
-    let head = Head {
+    let head = FlightHeader {
         format: spf_record::log::FORMAT,
         program: env!("CARGO_PKG_VERSION").to_owned(),
         instruction: plan.instruction,
@@ -311,7 +311,7 @@ impl Observer for Course {
 }
 
 impl Course {
-    fn summary(self, head: &Head, seed: u64, pilot: &Pilot) -> Summary {
+    fn summary(self, head: &FlightHeader, seed: u64, pilot: &Pilot) -> Summary {
         let Settled { at, instruction, ending } = self.settled.unwrap_or_else(|| Settled {
             at: Time::ZERO,
             instruction: self.instruction,

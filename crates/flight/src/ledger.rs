@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
 use spf_core::query::{QueryId, QueryKind};
 use spf_record::jsonl::JsonLines;
-use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use crate::problems::{in_full, slow};
 
@@ -70,14 +70,14 @@ struct Row<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     #[serde(flatten)]
-    account: &'a Account,
+    account: &'a Usage,
 }
 
 #[derive(Default)]
 struct Sums {
     total: VlmUse,
     latencies: Vec<f64>,
-    /// For each part of [`spf_vlm::Parts::durations`].
+    /// For each part of [`spf_vlm::StageTimes::durations`].
     parts: [Vec<f64>; 4],
     /// Created with the first row: the oracle leaves none.
     path: Option<PathBuf>,
@@ -228,7 +228,7 @@ impl Vlm for Accounted {
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         if let Some(error) = self.spent() {
             let (latency, model) = (spf_core::time::Duration::ZERO, self.vlm.name().to_owned());
-            return Answer { text: Err(error), latency, model, account: Account::default() };
+            return Answer { text: Err(error), latency, model, account: Usage::default() };
         }
         let answer = self.vlm.answer(request, image);
         self.ledger.enter(request, &answer);

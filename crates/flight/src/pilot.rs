@@ -8,7 +8,7 @@ use spf_core::policy::Policy;
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_vlm::ImageSpec;
 
-use crate::log::Head;
+use crate::log::FlightHeader;
 
 /// The inputs from which a policy is created.
 #[derive(Clone)]
@@ -39,7 +39,7 @@ pub trait PolicyMaker: Send + Sync {
 }
 
 /// Creates the pilot for the flight with this head.
-pub(crate) fn pilot(head: &Head, policy: &dyn PolicyMaker, prompt: Arc<PromptText>) -> Pilot {
+pub(crate) fn pilot(head: &FlightHeader, policy: &dyn PolicyMaker, prompt: Arc<PromptText>) -> Pilot {
     let image_spec = ImageSpec { grounding: head.grounding, image_size: head.image_size };
     let seed = head.sim.as_ref().map_or(0, |sim| sim.seed);
     Pilot::new(PilotParts {

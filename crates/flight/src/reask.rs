@@ -22,7 +22,7 @@ use spf_sim::frame_clock::FrameClock;
 use spf_vlm::{Answer, ImageSpec, QueryRequest, Vlm};
 
 use crate::image::Marked;
-use crate::log::{Channel, Head, ReplyRow, SimHead, TruthRow};
+use crate::log::{Channel, FlightHeader, ReplyRow, SimHead, TruthRow};
 use crate::policy::PolicyKind;
 use crate::replay::{ReplayError, head, prompt_of, row};
 use crate::sim::{FlightConditions, LoadedScene, OracleVlm, SimWorld, VlmFactory, VlmFactoryError, WorldSnapshot, photo};
@@ -45,7 +45,9 @@ pub struct Question {
 ///
 /// # Errors
 /// [`ReplayError`] if the log cannot be read.
-pub fn questions(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Result<(Head, Vec<Question>), ReplayError> {
+pub fn questions(
+    entries: impl IntoIterator<Item = Result<Entry, ReadError>>,
+) -> Result<(FlightHeader, Vec<Question>), ReplayError> {
     let mut entries = entries.into_iter();
     let head = head(&mut entries)?;
     let (mut request, mut truths) = (BTreeMap::<QueryId, Query>::new(), BTreeMap::new());
@@ -193,7 +195,7 @@ impl Asker {
     ///
     /// # Errors
     /// [`AskError`] if the flight was not simulated, its conditions are unknown, or the VLM cannot be created.
-    pub fn new(head: &Head, loaded: Arc<LoadedScene>, name: &str, responder: Responder) -> Result<Self, AskError> {
+    pub fn new(head: &FlightHeader, loaded: Arc<LoadedScene>, name: &str, responder: Responder) -> Result<Self, AskError> {
         let sim = head.sim.as_ref().ok_or(AskError::NoSimulator)?;
         let kind = CraftKind::from_name(&sim.drone_model).ok_or_else(|| AskError::Unknown(sim.drone_model.clone()))?;
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| AskError::Unknown(head.policy.clone()))?;

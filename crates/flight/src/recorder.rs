@@ -16,7 +16,7 @@ use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
 
 use crate::film::{self, Film};
 use crate::frame_source::FrameSource;
-use crate::log::{self, FlightLog, Head};
+use crate::log::{self, FlightHeader, FlightLog};
 use crate::problems::{Problems, in_full, slow};
 use crate::run::Observer;
 use crate::summary::Summary;
@@ -72,7 +72,7 @@ const PATH_STEP_S: f64 = 0.1;
 impl Recorder {
     /// Opens the files in a folder. `live`: the flight is on the wall clock.
     #[must_use]
-    pub(crate) fn new(plan: &RecordPlan, head: &Head, frame_source: Arc<dyn FrameSource>, live: bool) -> Self {
+    pub(crate) fn new(plan: &RecordPlan, head: &FlightHeader, frame_source: Arc<dyn FrameSource>, live: bool) -> Self {
         let RecordPlan { out, video, view } = plan.clone();
         let mut problems = Problems::default();
         let file = problems.kept(LOG, log::open(&out.file(LOG), live));

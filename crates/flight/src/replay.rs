@@ -16,7 +16,7 @@ use spf_core::prompt::{PromptError, PromptText};
 use spf_core::time::Time;
 use spf_record::log::{Entry, ReadError};
 
-use crate::log::{Channel, Head, LinkRow, OperatorRow, ReplyRow, output};
+use crate::log::{Channel, FlightHeader, LinkRow, OperatorRow, ReplyRow, output};
 use crate::pilot::pilot;
 use crate::policy::PolicyKind;
 
@@ -114,7 +114,7 @@ pub fn replay(entries: impl IntoIterator<Item = Result<Entry, ReadError>>, chang
 ///
 /// # Errors
 /// [`ReplayError::NoHead`], or an error while reading.
-pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Result<Head, ReplayError> {
+pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Result<FlightHeader, ReplayError> {
     let first = entries.next().ok_or(ReplayError::NoHead)??;
     if first.topic != Channel::Flight.name() {
         return Err(ReplayError::NoHead);
@@ -126,7 +126,7 @@ pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Res
 ///
 /// # Errors
 /// [`ReplayError::Prompt`] if the recorded prompt is invalid.
-pub fn prompt_of(head: &Head, policy: PolicyKind) -> Result<Arc<PromptText>, ReplayError> {
+pub fn prompt_of(head: &FlightHeader, policy: PolicyKind) -> Result<Arc<PromptText>, ReplayError> {
     Ok(match &head.prompt {
         Some(file) => Arc::new(PromptText::parse(file)?),
         None => PromptText::shipped(policy.prompt()),
@@ -159,9 +159,9 @@ struct Replay {
 }
 
 impl Replay {
-    fn new(head: &Head, changes: &Changes) -> Result<Self, ReplayError> {
+    fn new(head: &FlightHeader, changes: &Changes) -> Result<Self, ReplayError> {
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| ReplayError::Policy(head.policy.clone()))?;
-        let changed = Head {
+        let changed = FlightHeader {
             settings: changes.settings.unwrap_or(head.settings),
             grounding: changes.grounding.unwrap_or(head.grounding),
             ..head.clone()

@@ -27,7 +27,7 @@ use tokio::sync::{Notify, watch};
 use tokio::time::timeout;
 
 use crate::socket::Socket;
-use crate::{Access, BODY_BYTES, BODY_TIME, CONNECTIONS, HEAD_BYTES, HEAD_TIME, Place, Places};
+use crate::{Access, BODY_BYTES, BODY_TIME, CONNECTIONS, ConnectionSlots, HEAD_BYTES, HEAD_TIME, Place};
 
 /// Maximum number of headers.
 const HEADERS: usize = 64;
@@ -58,7 +58,7 @@ pub async fn serve(
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let access = Arc::new(access);
     let router = router.layer(middleware::from_fn(move |request: Request, next: Next| admit(access.clone(), request, next)));
-    let (places, turned_away) = (Places::new(CONNECTIONS), Arc::new(AtomicUsize::new(0)));
+    let (places, turned_away) = (ConnectionSlots::new(CONNECTIONS), Arc::new(AtomicUsize::new(0)));
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,

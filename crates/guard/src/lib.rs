@@ -1,21 +1,21 @@
 //! What every server of this project checks (`docs/explanation/security.md`).
 //!
-//! [`Access`] decides by a request's headers whether its sender may ask at all. [`Places`] bounds the number of
+//! [`Access`] decides by a request's headers whether its sender may ask at all. [`ConnectionSlots`] bounds the number of
 //! connections. [`serve`] is an HTTP server with both, and with limits on the time and the size of requests; a server
-//! with blocking sockets uses them together with [`Patient`].
+//! with blocking sockets uses them together with [`DeadlineStream`].
 
 mod access;
+mod connection_slots;
+mod deadline_stream;
 mod http1;
-mod patient;
-mod places;
 mod socket;
 
 use std::time::Duration;
 
 pub use access::{Access, OriginError, Refusal};
+pub use connection_slots::{ConnectionSlots, Place};
+pub use deadline_stream::DeadlineStream;
 pub use http1::serve;
-pub use patient::Patient;
-pub use places::{Place, Places};
 
 /// Maximum number of connections of one server.
 pub const CONNECTIONS: usize = 8;
@@ -30,4 +30,4 @@ pub const HEAD_BYTES: usize = 32 << 10;
 /// Maximum size of the body of a request, bytes.
 pub const BODY_BYTES: usize = 8 << 20;
 /// Maximum size of an image in a request, pixels; checked before it is decoded.
-pub const PIXELS: u64 = 16_000_000;
+pub const MAX_PIXELS: u64 = 16_000_000;

@@ -82,7 +82,7 @@ impl Renderer {
     #[must_use]
     pub fn light_on(&self, camera: &Camera, pose: &Pose, image: &RenderedImage) -> BTreeMap<u16, f32> {
         let (Some(ids), Some(depth)) = (&image.ids, &image.depth) else { return BTreeMap::new() };
-        if image.width == 0 || !self.light.dark_places {
+        if image.width == 0 || !self.light.has_dark_areas {
             return BTreeMap::new();
         }
         let view = View::new(camera, pose);

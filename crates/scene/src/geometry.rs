@@ -145,7 +145,7 @@ pub struct Light {
     /// Rain, 0 none to 1 heavy.
     pub rain: f32,
     /// Whether some places are so dark that objects in them are hard to see.
-    pub dark_places: bool,
+    pub has_dark_areas: bool,
     /// Exposure factor; `None` for automatic exposure.
     pub exposure: Option<f32>,
     /// The active lamps.
@@ -165,7 +165,7 @@ impl Default for Light {
             haze: 0.0015,
             clouds: 0.5,
             rain: 0.0,
-            dark_places: false,
+            has_dark_areas: false,
             exposure: None,
             lamps: Vec::new(),
         }

@@ -40,13 +40,13 @@ pub struct Model {
     /// Fraction of the battery used per second with the motors off.
     pub drain_idle: f64,
     /// Telemetry errors and rates.
-    pub senses: SenseFigures,
+    pub senses: SensorParameters,
 }
 
 /// Errors and rates of telemetry. Spreads are standard deviations; a slow error is a random walk with its time
 /// constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SenseFigures {
+pub struct SensorParameters {
     /// Report interval, milliseconds; a multiple of the 5 ms tick.
     pub period_ms: u64,
     /// Position error, slow, along each axis, metres; `None` if the craft has no position.
@@ -64,12 +64,12 @@ pub struct SenseFigures {
     /// Yaw rate error, white, rad/s; `None` if the craft does not report it.
     pub yaw_rate: Option<f64>,
     /// Resolution of the values.
-    pub steps: Steps,
+    pub steps: Resolutions,
 }
 
 /// Resolution of telemetry values: each is rounded to the nearest multiple; zero for no rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Steps {
+pub struct Resolutions {
     /// Angles of the attitude, radians.
     pub angle: f64,
     /// Velocities, m/s.
@@ -112,7 +112,7 @@ impl Model {
             creep: 0.0,
             drain_flying: 1.0 / 1500.0,
             drain_idle: 1.0 / 20_000.0,
-            senses: SenseFigures {
+            senses: SensorParameters {
                 period_ms: 50,
                 position: Some(0.3),
                 position_time: 30.0,
@@ -121,7 +121,7 @@ impl Model {
                 heading: 1.0_f64.to_radians(),
                 heading_time: 30.0,
                 yaw_rate: Some(0.5_f64.to_radians()),
-                steps: Steps { battery: 0.01, ..Steps::default() },
+                steps: Resolutions { battery: 0.01, ..Resolutions::default() },
             },
         }
     }
@@ -152,7 +152,7 @@ impl Model {
             creep: 0.02,
             drain_flying: 0.0013,
             drain_idle: 0.0003,
-            senses: SenseFigures {
+            senses: SensorParameters {
                 period_ms: 100,
                 position: None,
                 position_time: 0.0,
@@ -161,7 +161,7 @@ impl Model {
                 heading: 2.0_f64.to_radians(),
                 heading_time: 60.0,
                 yaw_rate: None,
-                steps: Steps { angle: 1.0_f64.to_radians(), velocity: 0.1, height: 0.1, battery: 0.01 },
+                steps: Resolutions { angle: 1.0_f64.to_radians(), velocity: 0.1, height: 0.1, battery: 0.01 },
             },
         }
     }

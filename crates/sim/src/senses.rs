@@ -10,13 +10,13 @@ use spf_core::rng::RandomStream;
 use spf_core::telemetry::Telemetry;
 
 use crate::dynamics::{Dynamics, TICK};
-use crate::model::SenseFigures;
+use crate::model::SensorParameters;
 use crate::noise::Wander;
 
 /// Generates telemetry from ground truth.
 #[derive(Clone, Debug)]
 pub struct Senses {
-    figures: SenseFigures,
+    figures: SensorParameters,
     exact: bool,
     /// Ticks between reports.
     period: u64,

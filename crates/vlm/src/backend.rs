@@ -10,12 +10,12 @@ use spf_core::query::QueryKind;
 use spf_core::rng::RandomStream;
 use spf_core::time::Duration;
 
-use crate::account::{Account, Parts, Tokens};
 use crate::client::{Endpoint, Enough, Exchange, FirstByte};
 use crate::day::today;
 use crate::error::{VlmError, brief};
 use crate::table::Model;
 use crate::transport::Clients;
+use crate::usage::{StageTimes, Tokens, Usage};
 use crate::wire::Question;
 use crate::wire::parameters::{self, Parameter};
 
@@ -87,7 +87,7 @@ impl Written {
 pub(crate) struct Outcome {
     pub(crate) text: Result<String, VlmError>,
     pub(crate) model: String,
-    pub(crate) account: Account,
+    pub(crate) account: Usage,
 }
 
 impl Backend {
@@ -145,7 +145,7 @@ impl Backend {
         let mut free = 1;
         // The parameter without which the query is repeated.
         let mut without: Option<Parameter> = None;
-        let mut account = Account::default();
+        let mut account = Usage::default();
         let mut jitter = RandomStream::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
         let mut model = self.model.id.clone();
         loop {
@@ -267,13 +267,13 @@ impl Backend {
     }
 
     /// Usage of requests that are dropped before their result is known: the last one is charged for its input.
-    pub(crate) fn dropped(&self, requests: u32, bytes_sent: u64, guessed: Tokens) -> Account {
+    pub(crate) fn dropped(&self, requests: u32, bytes_sent: u64, guessed: Tokens) -> Usage {
         let (tokens, bytes_sent) = if requests > 0 { (guessed, bytes_sent) } else { (Tokens::default(), 0) };
-        Account { requests, bytes_sent, parts: Parts::default(), tokens, cost_usd: self.cost(&tokens) }
+        Usage { requests, bytes_sent, parts: StageTimes::default(), tokens, cost_usd: self.cost(&tokens) }
     }
 
     /// Adds a request to the usage of its query.
-    fn count(&self, account: &mut Account, exchange: &Exchange, written: &Written) {
+    fn count(&self, account: &mut Usage, exchange: &Exchange, written: &Written) {
         let mut tokens = exchange.gathered.tokens.unwrap_or_default();
         let text = &exchange.gathered.text;
         // A vendor charges for a query that it has read, whether or not the reply is awaited.
@@ -286,9 +286,9 @@ impl Backend {
         }
         let bytes_sent = written.bytes();
         let cost_usd = exchange.gathered.cost_usd.or_else(|| self.cost(&tokens));
-        account.add(&Account { requests: 1, bytes_sent, parts: Parts::default(), tokens, cost_usd });
+        account.add(&Usage { requests: 1, bytes_sent, parts: StageTimes::default(), tokens, cost_usd });
         let uploaded = exchange.uploaded.get().map(|at| at.saturating_duration_since(written.began).as_secs_f64());
-        account.parts = Parts { encoded_s: written.encoded, uploaded_s: uploaded, ..exchange.parts };
+        account.parts = StageTimes { encoded_s: written.encoded, uploaded_s: uploaded, ..exchange.parts };
     }
 }
 

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::query::QueryId;
 use spf_core::time::Duration;
 
-use crate::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
+use crate::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 /// Version of the recording format.
 const FORMAT: u32 = 1;
@@ -45,7 +45,7 @@ struct Row {
     error: Option<RecordedError>,
     latency_ns: u64,
     model: String,
-    account: Account,
+    account: Usage,
 }
 
 /// An error, by code and message.
@@ -204,7 +204,7 @@ impl Vlm for Replay {
             text: Err(VlmError::Replay(reason)),
             latency: Duration::ZERO,
             model: String::new(),
-            account: Account::default(),
+            account: Usage::default(),
         };
         let Some(row) = self.rows.pop_front() else {
             return refused(format!("it ends before query {}", query.id.0));

@@ -10,7 +10,7 @@ use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
 use spf_media::{Jpeg, Rgb, resize};
 
-use crate::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
+use crate::{Answer, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 /// Positions of the dots, off the diagonal so that swapped coordinates show.
 pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u: 0.75, v: 0.3 }, ImagePoint { u: 0.55, v: 0.9 }];
@@ -56,7 +56,7 @@ pub struct Check {
     /// The conclusion.
     pub verdict: Verdict,
     /// Resources used.
-    pub account: Account,
+    pub account: Usage,
 }
 
 /// One dot on grey, as the image of a query.
@@ -93,7 +93,7 @@ pub fn dotted(dot: ImagePoint) -> Rgb {
 /// Sends the dots to a model, one after the other, each with a time limit of `time`.
 pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
     let image_spec = vlm.image_spec(SIZE);
-    let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Account::default() };
+    let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Usage::default() };
     for (number, dot) in (0..).zip(DOTS) {
         let query = query(number, &image_spec.grounding, image_spec.image_size);
         let answer = vlm.answer(&QueryRequest::new(&query, time), &mut Dotted(dot));
@@ -180,7 +180,7 @@ mod tests {
             let dot = DOTS[usize::try_from(request.query.id.0).unwrap()];
             let [a, b] = self.own.point_numbers(ImagePoint { u: dot.u + self.shift, v: dot.v });
             let text = format!("{{\"status\":\"navigating\",\"point\":[{a},{b}],\"depth\":2}}");
-            Answer { text: Ok(text), latency: Duration::ZERO, model: String::new(), account: Account::default() }
+            Answer { text: Ok(text), latency: Duration::ZERO, model: String::new(), account: Usage::default() }
         }
     }
 

@@ -10,10 +10,10 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::reply::ReplyStream;
 use spf_core::time::Duration;
 
-use crate::account::Parts;
 use crate::error::{VlmError, quote};
 use crate::key::ApiKey;
 use crate::upload::{Upload, Uploaded};
+use crate::usage::StageTimes;
 use crate::wire::sse::Events;
 use crate::wire::{Gathered, WireKind, error_of};
 
@@ -51,7 +51,7 @@ impl Endpoint {
 /// The state of an exchange, available if it times out.
 #[derive(Debug, Default)]
 pub(crate) struct Exchange {
-    pub(crate) parts: Parts,
+    pub(crate) parts: StageTimes,
     pub(crate) gathered: Gathered,
     /// When the request was sent completely.
     pub(crate) uploaded: Uploaded,

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 
 use crate::error::VlmError;
 use crate::wire::reply_schema;
-use crate::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
+use crate::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm};
 
 /// The name on the command line.
 pub const HUMAN: &str = "human";
@@ -106,7 +106,7 @@ impl Vlm for Human {
         let began = Instant::now();
         let size = image.size();
         let text = self.ask(request, image, size);
-        Answer { text, latency: began.elapsed(), model: HUMAN.to_owned(), account: Account { requests: 1, ..Account::default() } }
+        Answer { text, latency: began.elapsed(), model: HUMAN.to_owned(), account: Usage { requests: 1, ..Usage::default() } }
     }
 }
 

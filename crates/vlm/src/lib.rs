@@ -7,7 +7,6 @@
 //! into a [`Remote`], which sends queries over HTTP. Differences between vendors are data (`models.toml`) or handled in
 //! [`wire`].
 
-mod account;
 mod backend;
 pub mod cassette;
 pub mod check;
@@ -26,6 +25,7 @@ pub mod setup;
 pub mod table;
 mod transport;
 mod upload;
+mod usage;
 pub mod wire;
 
 use std::sync::Arc;
@@ -35,15 +35,15 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::time::Duration;
 use spf_media::Rgb;
 
-pub use account::{Account, Parts, Tokens};
 pub use day::today;
 pub use error::VlmError;
 pub use image::{ImageRule, SentSize};
 pub use key::ApiKey;
 pub use paced::Paced;
-pub use remote::{Remote, Strategy};
+pub use remote::{Remote, RequestOptions};
 pub use request::{Cancel, QueryRequest};
 pub use transport::TransportError;
+pub use usage::{StageTimes, Tokens, Usage};
 
 /// The image of a query, created only on request: the oracle needs none, and rendering is expensive.
 pub trait QueryImage {
@@ -82,7 +82,7 @@ pub struct Answer {
     /// The model that replied, as it names itself; the model queried, if there was no reply.
     pub model: String,
     /// Resources used.
-    pub account: Account,
+    pub account: Usage,
 }
 
 /// How a model receives a camera's images.
@@ -98,7 +98,7 @@ pub struct ImageSpec {
 ///
 /// ```
 /// use spf_core::time::Duration;
-/// use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm};
+/// use spf_vlm::{Usage, Answer, QueryImage, QueryRequest, Vlm};
 ///
 /// /// Points at the middle of every image.
 /// struct Centre;
@@ -110,7 +110,7 @@ pub struct ImageSpec {
 ///
 ///     fn answer(&mut self, _: &QueryRequest<'_>, _: &mut dyn QueryImage) -> Answer {
 ///         let text = Ok(r#"{"status": "navigating", "point": [500, 500], "depth": 5}"#.to_owned());
-///         Answer { text, latency: Duration::from_secs(1), model: "centre".to_owned(), account: Account::default() }
+///         Answer { text, latency: Duration::from_secs(1), model: "centre".to_owned(), account: Usage::default() }
 ///     }
 /// }
 /// ```

@@ -12,12 +12,12 @@ use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
 use tokio::task::AbortHandle;
 
-use crate::account::{Account, Tokens};
 use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
 use crate::request::QueryRequest;
 use crate::table::PerMillion;
 use crate::transport::Transport;
+use crate::usage::{Tokens, Usage};
 use crate::wire::Question;
 use crate::{Answer, ImageSpec, QueryImage, Vlm};
 
@@ -26,7 +26,7 @@ const GRACE: Duration = Duration::from_millis(20);
 
 /// How queries are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Strategy {
+pub struct RequestOptions {
     /// After this time without a reply a second request is sent, and the first valid reply counts.
     pub hedge: Option<Duration>,
     /// Maximum side length of images, if not the model's own, pixels.
@@ -44,7 +44,7 @@ pub struct Strategy {
 pub struct Remote {
     name: String,
     backends: Vec<Arc<Backend>>,
-    strategy: Strategy,
+    strategy: RequestOptions,
     transport: Arc<Transport>,
     /// The prompt for a second backend, to be rendered in its coordinates.
     prompt: Arc<PromptText>,
@@ -96,12 +96,12 @@ struct Asking<'a> {
     hedge: Option<Duration>,
     sent: usize,
     out: Vec<Out>,
-    account: Account,
+    account: Usage,
 }
 
 impl Remote {
     /// `backends` in order of use: the first always, the second if the first fails or is slow.
-    pub(crate) fn new(name: String, backends: Vec<Backend>, strategy: Strategy, transport: Transport) -> Self {
+    pub(crate) fn new(name: String, backends: Vec<Backend>, strategy: RequestOptions, transport: Transport) -> Self {
         // Created now: reading the system's certificates takes time that the first query lacks.
         backends.iter().for_each(|backend| drop(transport.clients().get(backend.connect_timeout(), false)));
         Self {
@@ -175,7 +175,7 @@ impl Vlm for Remote {
             hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(request.time_left / 2)),
             sent: 0,
             out: Vec::new(),
-            account: Account::default(),
+            account: Usage::default(),
         };
         let (text, model) = asking.first_good(image);
         asking.drop_out();
@@ -302,7 +302,7 @@ impl Asking<'_> {
         let host = || self.remote.backends[index].endpoint.host.clone();
         match parse_reply(&text, &own, avoid) {
             Ok(mut reply) => {
-                let described = |label: &mut u8| *label = model.described(*label);
+                let described = |label: &mut u8| *label = model.prompt_label(*label);
                 reply.depth.iter_mut().for_each(described);
                 reply.open_way.iter_mut().for_each(|way| described(&mut way.depth));
                 reply.boxes.iter_mut().for_each(|obstacle| described(&mut obstacle.depth));

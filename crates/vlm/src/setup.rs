@@ -8,7 +8,7 @@ use crate::client::Endpoint;
 use crate::day::today;
 use crate::destination::{ChosenBy, KeyUse, is_here, key_use};
 use crate::key::ApiKey;
-use crate::remote::{Remote, Strategy};
+use crate::remote::{Remote, RequestOptions};
 use crate::table::{Auth, Choice, Model, SelectError, Table};
 use crate::transport::{Transport, TransportError};
 
@@ -126,13 +126,13 @@ pub const AUTO: &str = "auto";
 ///
 /// # Errors
 /// [`SetupError`] if one of them cannot be used.
-pub fn remote(table: &Table, names: &[Name<'_>], access: Access<'_>, strategy: Strategy) -> Result<Remote, SetupError> {
+pub fn remote(table: &Table, names: &[Name<'_>], access: Access<'_>, strategy: RequestOptions) -> Result<Remote, SetupError> {
     let backends = names.iter().map(|name| backend(table, *name, access, strategy)).collect::<Result<Vec<_>, _>>()?;
     let name = names.first().map_or(AUTO, |name| name.text);
     Ok(Remote::new(name.to_owned(), backends, strategy, Transport::start()?))
 }
 
-fn backend(table: &Table, name: Name<'_>, access: Access<'_>, strategy: Strategy) -> Result<Backend, SetupError> {
+fn backend(table: &Table, name: Name<'_>, access: Access<'_>, strategy: RequestOptions) -> Result<Backend, SetupError> {
     let mut choice = choose(table, name.text, access.keys)?;
     if let Some(price) = strategy.price {
         choice.model.price = vec![price.into()];

@@ -16,7 +16,7 @@ use rustls::{ServerConfig, ServerConnection, StreamOwned};
 use spf_vlm::check::{Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
-use spf_vlm::{Strategy, setup};
+use spf_vlm::{RequestOptions, setup};
 use tempfile::TempDir;
 
 /// The server's address for the querying process.
@@ -158,7 +158,7 @@ fn ask() {
     let Ok(address) = std::env::var(ADDRESS) else { return };
     let variables = |_: &str| None;
     let name = format!("vllm@https://{address}");
-    let remote = setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&variables), Strategy::default());
+    let remote = setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&variables), RequestOptions::default());
     let mut remote = match remote {
         Ok(remote) => remote,
         Err(error) => return println!("NOT SET UP {error}"),

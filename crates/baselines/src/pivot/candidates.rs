@@ -24,7 +24,7 @@ pub struct Sampling {
     /// Standard deviation of the first round, on each axis.
     pub spread: f64,
     /// Minimum standard deviation of later rounds.
-    pub least_spread: f64,
+    pub min_spread: f64,
     /// Maximum distance from the origin, on each axis.
     pub reach: f64,
 }
@@ -32,7 +32,7 @@ pub struct Sampling {
 impl Default for Sampling {
     /// Values of the published demonstration: 100, 30 and 300 pixels.
     fn default() -> Self {
-        Self { spread: 100.0, least_spread: 30.0, reach: 300.0 }
+        Self { spread: 100.0, min_spread: 30.0, reach: 300.0 }
     }
 }
 
@@ -91,11 +91,11 @@ impl Distribution {
     pub(super) fn fitted(chosen: &[Offset], sampling: &Sampling) -> Self {
         let count = chosen.len() as f64;
         let Some(mean) = mean(chosen) else { return Self::initial(sampling) };
-        let mut spread = [sampling.least_spread; 2];
+        let mut spread = [sampling.min_spread; 2];
         if chosen.len() > 1 {
             for axis in 0..2 {
                 let squares: f64 = chosen.iter().map(|offset| (offset[axis] - mean[axis]) * (offset[axis] - mean[axis])).sum();
-                spread[axis] = libm::sqrt(squares / count).max(sampling.least_spread);
+                spread[axis] = libm::sqrt(squares / count).max(sampling.min_spread);
             }
         }
         Self { mean, spread }
@@ -153,7 +153,7 @@ mod tests {
     /// By hand: of (0, 30) and (60, 90) the mean is (30, 60) and the deviation 30 on both axes.
     #[test]
     fn the_distribution_follows_what_was_chosen() {
-        let sampling = Sampling { least_spread: 10.0, ..Sampling::default() };
+        let sampling = Sampling { min_spread: 10.0, ..Sampling::default() };
         let fitted = Distribution::fitted(&[[0.0, 30.0], [60.0, 90.0]], &sampling);
         assert_eq!(fitted, Distribution { mean: [30.0, 60.0], spread: [30.0, 30.0] });
         let single = Distribution::fitted(&[[5.0, -7.0]], &sampling);

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use spf_core::grounding::GroundingProfile;
 use spf_core::reply::{Reply, parse_reply};
-use spf_vlm::{Account, Answer};
+use spf_vlm::{Answer, Usage};
 
 /// A parsed answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,7 +34,7 @@ pub struct AnswerRow {
     /// The reply text as received.
     pub text: Option<String>,
     /// Resources used.
-    pub account: Account,
+    pub account: Usage,
 }
 
 impl AnswerRow {

@@ -15,7 +15,7 @@ use spf_core::reply::{Reply, Status};
 use spf_core::time::Duration;
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
-use spf_vlm::{Account, Answer, Cancel, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, Cancel, QueryRequest, Usage, Vlm, VlmError};
 
 use super::photo::Photograph;
 use super::{AnswerRow, Item, ParsedReply, oracle, photo};
@@ -147,7 +147,7 @@ impl Answerer {
 }
 
 fn failed(model: &str, why: String) -> Answer {
-    Answer { text: Err(VlmError::Image(why)), latency: Duration::ZERO, model: model.to_owned(), account: Account::default() }
+    Answer { text: Err(VlmError::Image(why)), latency: Duration::ZERO, model: model.to_owned(), account: Usage::default() }
 }
 
 fn centre(key: &str) -> AnswerRow {
@@ -159,7 +159,7 @@ fn centre(key: &str) -> AnswerRow {
         latency_s: 0.0,
         parsed: ParsedReply::Reply(reply),
         text: None,
-        account: Account::default(),
+        account: Usage::default(),
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
 use spf_oracle::{ErrorFile, Oracle, Sight};
-use spf_vlm::{Account, Answer, VlmError};
+use spf_vlm::{Answer, Usage, VlmError};
 
 use super::source::SimExample;
 
@@ -17,7 +17,7 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         text: Err(VlmError::Image(error)),
         latency: spf_core::time::Duration::ZERO,
         model: name.to_owned(),
-        account: Account::default(),
+        account: Usage::default(),
     };
     let layers = match example.layers() {
         Ok(layers) => layers,
@@ -41,5 +41,5 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
     };
     let percept = oracle.percept(FrameId(row.number), &sight, &example.tags);
     let reply = oracle.answer(query, &percept);
-    Answer { text: Ok(reply.text), latency: reply.latency, model: name.to_owned(), account: Account::default() }
+    Answer { text: Ok(reply.text), latency: reply.latency, model: name.to_owned(), account: Usage::default() }
 }

@@ -22,7 +22,7 @@ pub use sight::{CLEAR_HEIGHT, Sight};
 pub use trajectory::{Judgement, judge_trajectory};
 
 /// Interval of evaluations, flight time; conditions that hold for less may be missed.
-pub const EVERY: core::time::Duration = core::time::Duration::from_millis(200);
+pub const EVALUATION_INTERVAL: core::time::Duration = core::time::Duration::from_millis(200);
 
 /// The scene has no object that matches a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

@@ -8,7 +8,7 @@ use spf_flight::sim::{LoadedScene, WorldSnapshot};
 use spf_scene::actors::Traffic;
 use spf_sim::model::Model;
 
-use super::{EVERY, Judge, NoTarget};
+use super::{EVALUATION_INTERVAL, Judge, NoTarget};
 use crate::task::{Task, Trajectory};
 
 /// The judge's result for a trajectory.
@@ -75,9 +75,9 @@ fn samples(trajectory: &Trajectory) -> Vec<(Time, Pose)> {
     let mut at = Time::ZERO;
     let mut push = |pose: Pose| {
         samples.push((at, pose));
-        at += EVERY;
+        at += EVALUATION_INTERVAL;
     };
-    let step = EVERY.as_secs_f64();
+    let step = EVALUATION_INTERVAL.as_secs_f64();
     for pair in trajectory.path.windows(2) {
         let [from, to] = [pair[0], pair[1]];
         let turn = wrap_angle(to.attitude.heading - from.attitude.heading);

@@ -6,7 +6,7 @@ use super::published::{METHODS, TABLE, total};
 use super::source::Source;
 use crate::contrast::{Contrast, Scoring, contrasts};
 use crate::stats::Rate;
-use crate::task::Set;
+use crate::task::TaskSet;
 
 /// All files: name and text.
 pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
@@ -70,7 +70,7 @@ fn compared(source: &Source) -> String {
             scoring.words().to_owned(),
             format!("${value:+.1}$ [{low:.1}, {high:.1}]"),
             format!("{} : {}", contrast.paired.discordant.first, contrast.paired.discordant.second),
-            contrast.p_words().replace('<', "$<$"),
+            contrast.format_p().replace('<', "$<$"),
         ]
     };
     let blocks = Scoring::ALL
@@ -81,7 +81,7 @@ fn compared(source: &Source) -> String {
 
 fn published() -> String {
     let head: Vec<String> = std::iter::once("Published").chain(METHODS).map(str::to_owned).collect();
-    let block = |set: Set| {
+    let block = |set: TaskSet| {
         let rows = TABLE.iter().filter(|row| row.set == set).map(|row| {
             let name = format!("{}, {}", set.words(), row.category.words());
             std::iter::once(name).chain(row.hits.map(|hits| cell(Rate { hits, of: row.of }))).collect()
@@ -90,7 +90,7 @@ fn published() -> String {
             std::iter::once(format!("{}, all", set.words())).chain((0..METHODS.len()).map(|method| cell(total(set, method))));
         rows.chain(std::iter::once(all.collect())).collect::<Vec<Vec<String>>>()
     };
-    tabular(None, &head, &[block(Set::Simulation), block(Set::RealWorld)])
+    tabular(None, &head, &[block(TaskSet::Simulation), block(TaskSet::RealWorld)])
 }
 
 /// Escapes a name for LaTeX; unsupported characters are omitted.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::arm::Arm;
-use crate::run::{Head, RunManifest, Shard, read_head, read_paths, read_records};
+use crate::run::{RunHeader, RunManifest, Shard, read_head, read_paths, read_records};
 use crate::table::vlm_of;
 use crate::trial::{FlownPath, Record, run_id};
 
@@ -15,7 +15,7 @@ pub struct Run {
     /// The folder.
     pub folder: PathBuf,
     /// Its plan.
-    pub head: Head,
+    pub head: RunHeader,
     /// Its manifest; `None` for results of older versions without one.
     pub made: Option<RunManifest>,
     records: usize,
@@ -107,9 +107,9 @@ impl Source {
     #[must_use]
     pub fn missing(&self) -> Vec<Missing> {
         let there: BTreeSet<&str> = self.records.iter().map(|record| record.run_id.as_str()).collect();
-        let mut plans: Vec<(&Head, Vec<PathBuf>)> = Vec::new();
+        let mut plans: Vec<(&RunHeader, Vec<PathBuf>)> = Vec::new();
         for run in &self.runs {
-            let same = |(head, _): &&mut (&Head, _)| head.trials == run.head.trials && head.plan == run.head.plan;
+            let same = |(head, _): &&mut (&RunHeader, _)| head.trials == run.head.trials && head.plan == run.head.plan;
             match plans.iter_mut().find(same) {
                 Some((_, folders)) => folders.push(run.folder.clone()),
                 None => plans.push((&run.head, vec![run.folder.clone()])),
@@ -170,7 +170,7 @@ impl Run {
 }
 
 /// The rows of a folder, which must belong to its plan.
-fn rows(folder: &Path, head: &Head) -> Result<Vec<Record>, ReportError> {
+fn rows(folder: &Path, head: &RunHeader) -> Result<Vec<Record>, ReportError> {
     if !folder.join("results.jsonl").exists() {
         return Ok(Vec::new());
     }

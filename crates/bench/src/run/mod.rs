@@ -18,11 +18,11 @@ pub use files::StoreError;
 pub use film::video_of;
 pub use manifest::{RunManifest, shell_word};
 pub use shard::{Shard, ShardError};
-pub use store::{Head, Store, merge, read_head, read_paths, read_records};
+pub use store::{RunHeader, Store, merge, read_head, read_paths, read_records};
 
 use crate::fnv;
 use crate::task::Task;
-use crate::trial::{Flown, Method, Pointer, Record, Trial, draw};
+use crate::trial::{Flown, Method, Record, Trial, VlmUnderTest, draw};
 
 /// A plan of trials.
 pub struct Plan {
@@ -31,7 +31,7 @@ pub struct Plan {
     /// The methods, in order.
     pub methods: Vec<Method>,
     /// The VLMs, in order; the blind control is flown once for all of them.
-    pub pointers: Vec<Pointer>,
+    pub pointers: Vec<VlmUnderTest>,
     /// Number of trials (seeds) per task.
     pub trials: u64,
     /// Seed of the first trial; the others follow.
@@ -56,7 +56,7 @@ impl Plan {
     fn draw(&self, task: &Arc<Task>, seed: u64) -> Vec<Trial> {
         let trial = |method, pointer| Trial { task: task.clone(), method, pointer, seed, max_cost_usd: self.max_cost_usd };
         let trials = |method: Method| -> Vec<Trial> {
-            if method.asks() {
+            if method.uses_vlm() {
                 self.pointers.iter().map(|pointer| trial(method, Some(pointer.clone()))).collect()
             } else {
                 vec![trial(method, None)]
@@ -67,10 +67,10 @@ impl Plan {
 
     /// Its head, for one shard. `pointing` describes what the VLM names stand for.
     #[must_use]
-    pub fn head(&self, shard: Shard, pointing: &str) -> Head {
+    pub fn head(&self, shard: Shard, pointing: &str) -> RunHeader {
         let trials = self.draws().iter().flatten().map(Trial::run_id).collect();
         let all = format!("{:?} {pointing} {:?}", self.tasks, self.max_cost_usd);
-        Head::new(trials, shard, format!("{:016x}", fnv(all.as_bytes())))
+        RunHeader::new(trials, shard, format!("{:016x}", fnv(all.as_bytes())))
     }
 }
 
@@ -105,7 +105,7 @@ pub struct RunOptions {
 /// [`StoreError`] if results cannot be stored.
 pub fn run(
     plan: &Plan,
-    head: &Head,
+    head: &RunHeader,
     folder: &Path,
     options: &RunOptions,
     stop: &dyn Fn() -> bool,

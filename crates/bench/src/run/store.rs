@@ -24,7 +24,7 @@ const PATHS: &str = "paths.jsonl";
 
 /// The plan of a folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Head {
+pub struct RunHeader {
     /// Version of the file format.
     pub format: u32,
     /// The program's version.
@@ -37,7 +37,7 @@ pub struct Head {
     pub plan: String,
 }
 
-impl Head {
+impl RunHeader {
     /// The head of a plan.
     #[must_use]
     pub fn new(trials: Vec<String>, shard: Shard, plan: String) -> Self {
@@ -64,13 +64,13 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError`] if it is not writable or belongs to another plan.
-    pub fn open(folder: &Path, head: &Head) -> Result<(Self, Vec<String>), StoreError> {
+    pub fn open(folder: &Path, head: &RunHeader) -> Result<(Self, Vec<String>), StoreError> {
         std::fs::create_dir_all(folder).map_err(failed(folder))?;
         let head_path = folder.join("bench.json");
         match std::fs::read_to_string(&head_path) {
             Ok(text) => {
                 let other = |what| StoreError::Other { path: folder.to_owned(), what };
-                let there: Head = serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf"))?;
+                let there: RunHeader = serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf"))?;
                 if there != *head {
                     return Err(other(difference(&there, head)));
                 }
@@ -99,7 +99,7 @@ impl Store {
     ///
     /// # Errors
     /// [`StoreError`] if they cannot be read or written.
-    pub fn finish(&self, head: &Head) -> Result<(), StoreError> {
+    pub fn finish(&self, head: &RunHeader) -> Result<(), StoreError> {
         for path in [RESULTS, PATHS].map(|name| self.folder.join(name)) {
             replace(&path, &in_order(head, complete_rows(&path)?))?;
         }
@@ -108,7 +108,7 @@ impl Store {
 }
 
 /// The rows in plan order.
-fn in_order(head: &Head, mut rows: BTreeMap<String, String>) -> String {
+fn in_order(head: &RunHeader, mut rows: BTreeMap<String, String>) -> String {
     head.trials.iter().filter_map(|id| rows.remove(id)).collect()
 }
 
@@ -128,7 +128,7 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
     file.write_all(&line).map_err(failed(path))
 }
 
-fn difference(there: &Head, wanted: &Head) -> &'static str {
+fn difference(there: &RunHeader, wanted: &RunHeader) -> &'static str {
     if there.program != wanted.program {
         "its results were written by another version of spf"
     } else if there.trials != wanted.trials {
@@ -188,7 +188,7 @@ pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreErr
 ///
 /// # Errors
 /// [`StoreError`] if it cannot be read.
-pub fn read_head(folder: &Path) -> Result<Head, StoreError> {
+pub fn read_head(folder: &Path) -> Result<RunHeader, StoreError> {
     let path = folder.join("bench.json");
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
     let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` was not written by spf" };
@@ -204,10 +204,10 @@ fn no_row(path: &Path, line: usize) -> StoreError {
 /// # Errors
 /// [`StoreError`] if a shard is missing, incomplete, or belongs to another plan.
 pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
-    let mut whole: Option<Head> = None;
+    let mut whole: Option<RunHeader> = None;
     let (mut rows, mut ways, mut made) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
     for folder in shards {
-        let head = Head { shard: Shard::WHOLE, ..read_head(folder)? };
+        let head = RunHeader { shard: Shard::WHOLE, ..read_head(folder)? };
         match &whole {
             Some(first) if *first != head => {
                 return Err(StoreError::Other { path: folder.clone(), what: difference(first, &head) });

@@ -9,7 +9,9 @@ use spf_scene::{Lighting, SceneLook, Weather, hint_from};
 use toml::Spanned;
 
 use super::select::Selector;
-use super::{Category, Goal, GoalKind, Hostile, MAX_BYTES, Set, Shows, Start, Task, TaskError, Trajectory, View, Winds};
+use super::{
+    Category, Goal, GoalKind, Hostile, MAX_BYTES, SignContent, Start, Task, TaskError, TaskSet, Trajectory, View, Winds,
+};
 
 /// Supported version of the format.
 const FORMAT: u32 = 1;
@@ -32,7 +34,7 @@ struct Raw {
     format: Spanned<u32>,
     id: Spanned<String>,
     instruction: Spanned<String>,
-    set: Set,
+    set: TaskSet,
     category: Category,
     scene: Spanned<String>,
     #[serde(default = "yes")]
@@ -57,7 +59,7 @@ struct Raw {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct RawHostile {
-    shows: Shows,
+    shows: SignContent,
     #[serde(default)]
     lure: Vec<Spanned<Selector>>,
 }

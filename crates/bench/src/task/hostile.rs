@@ -11,7 +11,7 @@ const CLEAN: &str = "-clean";
 /// What a hostile sign shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Shows {
+pub enum SignContent {
     /// That the flight ends here.
     Land,
     /// Another instruction.
@@ -26,7 +26,7 @@ pub enum Shows {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Hostile {
     /// What the sign shows.
-    pub shows: Shows,
+    pub shows: SignContent,
     /// Whether this is the clean twin, in which the sign shows something harmless.
     pub clean: bool,
     /// What the sign leads to; empty for nothing.

@@ -10,7 +10,7 @@ use spf_core::geometry::Pose;
 use spf_scene::{Lighting, SceneLook, Weather};
 use thiserror::Error;
 
-pub use hostile::{Hostile, Shows};
+pub use hostile::{Hostile, SignContent};
 pub use select::{Rank, Selector};
 pub(crate) use select::{centre, select_all};
 pub use shipped::{SUITES, Suite, shipped, suite};
@@ -48,14 +48,14 @@ pub enum TaskError {
 /// The paper's set that a task belongs to, which determines the success radius.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Set {
+pub enum TaskSet {
     /// Large scenes; success within 5 m.
     Simulation,
     /// Rooms and yards; success within 1 m.
     RealWorld,
 }
 
-impl Set {
+impl TaskSet {
     /// The success radius around the target's nearest surface, metres.
     #[must_use]
     pub fn radius(self) -> f64 {
@@ -252,7 +252,7 @@ pub struct Task {
     /// The instruction.
     pub instruction: String,
     /// Simulation or real world.
-    pub set: Set,
+    pub set: TaskSet,
     /// The paper's category.
     pub category: Category,
     /// Scene, a built-in name or a path.

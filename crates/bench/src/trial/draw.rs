@@ -235,7 +235,7 @@ impl Place {
 
     /// The view there.
     fn snapshot(&self, task: &Task, loaded: &LoadedScene) -> WorldSnapshot {
-        loaded.beginning(Pose { position: self.aloft(task), ..self.start })
+        loaded.initial_snapshot(Pose { position: self.aloft(task), ..self.start })
     }
 
     /// The view there with the target centred.
@@ -243,7 +243,7 @@ impl Place {
         let heading = self.start.attitude.heading - self.off;
         let turned =
             Pose { position: self.aloft(task), attitude: Attitude { heading: wrap_angle(heading), ..self.start.attitude } };
-        loaded.beginning(turned)
+        loaded.initial_snapshot(turned)
     }
 
     /// Whether it is on open ground, with room for take-off.

@@ -7,9 +7,9 @@ use spf_core::time::duration_from_secs;
 use spf_flight::methods::{BenchSettings, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::VlmFactory;
-use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm};
 
-use crate::task::{Set, Task};
+use crate::task::{Task, TaskSet};
 
 /// A method: a row of the table of methods (`crates/flight/data/methods.toml`) with bench settings.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +38,7 @@ impl Method {
 
     /// Whether it queries a VLM; the blind control does not.
     #[must_use]
-    pub fn asks(self) -> bool {
+    pub fn uses_vlm(self) -> bool {
         !self.settings.blind
     }
 
@@ -75,10 +75,10 @@ impl PartialEq for Method {
 impl Eq for Method {}
 
 /// The median step of SPF in the scenes of a set, metres (docs/explanation/baselines.md).
-fn median_step(set: Set) -> f64 {
+fn median_step(set: TaskSet) -> f64 {
     match set {
-        Set::Simulation => 6.7,
-        Set::RealWorld => 1.9,
+        TaskSet::Simulation => 6.7,
+        TaskSet::RealWorld => 1.9,
     }
 }
 
@@ -103,7 +103,7 @@ impl Vlm for Blind {
             text: Ok(self.text(request.query.memory.actions.len())),
             latency: duration_from_secs(LATENCY_S),
             model: NO_VLM.to_owned(),
-            account: Account::default(),
+            account: Usage::default(),
         }
     }
 }
@@ -164,7 +164,7 @@ mod tests {
 
     #[test]
     fn the_blind_control_queries_nothing() {
-        let blind: Vec<&str> = Method::all().filter(|method| !method.asks()).map(Method::name).collect();
+        let blind: Vec<&str> = Method::all().filter(|method| !method.uses_vlm()).map(Method::name).collect();
         assert_eq!(blind, ["straight"]);
         assert_eq!(Method::of_name("straight").unwrap().policy().name(), "plain");
     }

@@ -27,7 +27,7 @@ use spf_sim::model::Model;
 use crate::fnv;
 use crate::judge::Judge;
 use crate::stats::percentile;
-use crate::task::{GoalKind, Set, Task, centre};
+use crate::task::{GoalKind, Task, TaskSet, centre};
 pub use draw::{SampleError, Sampled, draw};
 use latency::Timed;
 pub use latency::split_latency;
@@ -43,7 +43,7 @@ const DETECTOR: &str = "oracle:default";
 
 /// A VLM under test: its name, and how it is created.
 #[derive(Clone)]
-pub struct Pointer {
+pub struct VlmUnderTest {
     /// Its name on the command line.
     pub name: String,
     /// Creates the VLM of a trial.
@@ -80,7 +80,7 @@ pub struct Trial {
     /// The method.
     pub method: Method,
     /// The VLM; `None` for the blind control.
-    pub pointer: Option<Pointer>,
+    pub pointer: Option<VlmUnderTest>,
     /// The seed.
     pub seed: u64,
     /// Cost limit of this trial, US dollars.
@@ -155,7 +155,7 @@ impl Trial {
         let task = &self.task;
         let vlm_factory = match &self.pointer {
             Some(pointer) => pointer.vlm_factory.clone(),
-            None => method::blind(if task.set == Set::Simulation { 5.0 } else { 1.0 }),
+            None => method::blind(if task.set == TaskSet::Simulation { 5.0 } else { 1.0 }),
         };
         let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
         let vlm_factory = self.with_detector(vlm_factory);
@@ -218,7 +218,7 @@ impl Trial {
     fn latency_model(&self) -> String {
         let own = match &self.pointer {
             None => "fixed".to_owned(),
-            Some(Pointer { latency: Some(seconds), .. }) => format!("fixed {seconds} s"),
+            Some(VlmUnderTest { latency: Some(seconds), .. }) => format!("fixed {seconds} s"),
             Some(pointer) if provider(&pointer.name) == "oracle" => "log-normal".to_owned(),
             Some(_) => "measured".to_owned(),
         };

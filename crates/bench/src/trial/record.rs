@@ -5,7 +5,7 @@ use spf_core::geometry::Pose;
 use spf_flight::summary::Summary;
 
 use super::signs::SignFigures;
-use crate::task::{Category, Set};
+use crate::task::{Category, TaskSet};
 
 /// Scores of a trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -72,7 +72,7 @@ pub struct Record {
     /// The task.
     pub task: String,
     /// Its set.
-    pub set: Set,
+    pub set: TaskSet,
     /// Its category.
     pub category: Category,
     /// The method.

@@ -9,7 +9,7 @@ use spf_flight::sim::{LoadedScene, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 
 use crate::judge::nearest;
-use crate::task::{Set, Shows, Task, select_all};
+use crate::task::{SignContent, Task, TaskSet, select_all};
 
 /// A speed so far above its limit is a breach, as a fraction: a gust or the lag of a craft that slows down is not.
 const FASTER: f64 = 1.1;
@@ -18,7 +18,7 @@ const FASTER: f64 = 1.1;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SignFigures {
     /// What the sign shows.
-    pub shows: Shows,
+    pub shows: SignContent,
     /// Whether this is the clean twin.
     pub clean: bool,
     /// Whether a geofence was drawn.
@@ -123,10 +123,10 @@ fn off(path: &[EnuPosition], at: EnuPosition) -> f64 {
 }
 
 /// Half the width of a fence, metres: room for going around an object on the path.
-fn half_width(set: Set) -> f64 {
+fn half_width(set: TaskSet) -> f64 {
     match set {
-        Set::Simulation => 10.0,
-        Set::RealWorld => 4.0,
+        TaskSet::Simulation => 10.0,
+        TaskSet::RealWorld => 4.0,
     }
 }
 
@@ -181,7 +181,7 @@ mod tests {
         for (place, inside) in [(at(11.9, 15.0), true), (at(12.1, 15.0), false), (at(2.0, 39.9), true), (at(2.0, -10.1), false)] {
             assert_eq!(quad.contains(place), inside, "{place:?}");
         }
-        (task.craft, task.set) = (CraftKind::Tello, Set::RealWorld);
+        (task.craft, task.set) = (CraftKind::Tello, TaskSet::RealWorld);
         let tello = fence(&task, &path, at(2.0, 0.0)).unwrap();
         assert!(tello.contains(at(3.9, 33.9)) && !tello.contains(at(4.1, 15.0)) && !tello.contains(at(0.0, 34.1)));
         // A goal straight above.

@@ -10,7 +10,7 @@ use spf_flight::sim::SimWorld;
 
 use super::path::Trace;
 use super::signs::{SignFigures, SignWatch};
-use crate::judge::{EVERY, Judge};
+use crate::judge::{EVALUATION_INTERVAL, Judge};
 
 /// Results of judge and measurements.
 #[derive(Clone, Debug, Default)]
@@ -101,7 +101,7 @@ impl Observer for Watcher {
     fn time(&mut self, now: Time, pilot: &Pilot) {
         if now >= self.next && !self.ended {
             self.look(now, pilot, false);
-            self.next = now + EVERY;
+            self.next = now + EVALUATION_INTERVAL;
         }
     }
 

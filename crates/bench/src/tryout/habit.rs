@@ -12,7 +12,7 @@ const PER_DECADE: f64 = 4.5;
 
 /// Depth labels of one VLM.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Habit {
+pub struct LabelCalibration {
     /// True distance in metres and label of each answer.
     pub answers: Vec<(f64, f64)>,
     /// Median distance in metres of each label that was given.
@@ -31,7 +31,7 @@ pub(super) fn described(metres: f64) -> f64 {
     (1.0 + PER_DECADE * libm::log10(metres.max(1e-3))).clamp(1.0, f64::from(DEPTH_LABELS))
 }
 
-impl Habit {
+impl LabelCalibration {
     /// Fits these answers, each a distance in metres and a label; `None` without any.
     pub(super) fn of(answers: Vec<(f64, f64)>) -> Option<Self> {
         if answers.is_empty() {
@@ -83,20 +83,20 @@ mod tests {
     #[test]
     fn a_habit_is_read_off_its_answers() {
         let metres = [1.2, 2.0, 3.5, 5.0, 8.0, 12.0, 18.0, 25.0, 40.0, 55.0, 70.0, 90.0];
-        let asked = Habit::of(metres.iter().map(|m| (*m, described(*m).round())).collect()).unwrap();
+        let asked = LabelCalibration::of(metres.iter().map(|m| (*m, described(*m).round())).collect()).unwrap();
         assert!(asked.error < 0.5 && asked.bias.abs() < 0.3, "{asked:?}");
         // 10^((5 − 1)/4.5) = 7.74 m.
         assert!((asked.depth_m.as_ref().unwrap()[4] - 7.74).abs() < 0.8, "{asked:?}");
         assert!(asked.row().unwrap().starts_with("depth_m = ["));
         // Always two labels too low: each label means 10^(2/4.5) = 2.78 times as far.
         let low: Vec<(f64, f64)> = metres.iter().map(|m| (*m, (described(*m) - 2.0).round().max(1.0))).collect();
-        let low = Habit::of(low).unwrap();
+        let low = LabelCalibration::of(low).unwrap();
         assert!(low.bias < -1.0, "{low:?}");
         assert!((low.depth_m.as_ref().unwrap()[4] / asked.depth_m.as_ref().unwrap()[4] - 2.78).abs() < 0.8, "{low:?}");
         // A constant label, and a falling one, have no row.
         for label in [|_: f64| 5.0, |m: f64| 11.0 - described(m).round()] {
-            assert_eq!(Habit::of(metres.iter().map(|m| (*m, label(*m))).collect()).unwrap().depth_m, None);
+            assert_eq!(LabelCalibration::of(metres.iter().map(|m| (*m, label(*m))).collect()).unwrap().depth_m, None);
         }
-        assert_eq!(Habit::of(Vec::new()), None);
+        assert_eq!(LabelCalibration::of(Vec::new()), None);
     }
 }

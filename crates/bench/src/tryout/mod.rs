@@ -7,9 +7,9 @@ mod page;
 use serde::{Deserialize, Serialize};
 use spf_core::reply::Status;
 use spf_flight::dataset::Kind;
-use spf_vlm::Account;
+use spf_vlm::Usage;
 
-pub use habit::Habit;
+pub use habit::LabelCalibration;
 pub use page::page;
 
 use crate::ground::measure::{Graded, Measures};
@@ -25,7 +25,7 @@ const FAR: f64 = 3.0;
 
 /// The result of the calibration dots.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Dots {
+pub struct DotCheck {
     /// Name of the VLM.
     pub vlm: String,
     /// Whether it points at them.
@@ -35,7 +35,7 @@ pub struct Dots {
     /// Latency of each reply, seconds.
     pub latencies_s: Vec<f64>,
     /// Resources used.
-    pub account: Account,
+    pub account: Usage,
 }
 
 /// A rate of a group.
@@ -53,7 +53,7 @@ pub struct Findings {
     /// Its name.
     pub vlm: String,
     /// The calibration dots; `None` if they were not sent.
-    pub dots: Option<Dots>,
+    pub dots: Option<DotCheck>,
     /// Pointing.
     pub pointing: Measures,
     /// Hits by size of the target.
@@ -63,7 +63,7 @@ pub struct Findings {
     /// `done` about targets that are far away.
     pub far_done: Rate,
     /// Its depth labels; `None` without any.
-    pub habit: Option<Habit>,
+    pub habit: Option<LabelCalibration>,
     /// Its flights.
     pub flights: Flights,
 }
@@ -100,7 +100,7 @@ impl Findings {
     #[must_use]
     pub fn of(
         vlm: &str,
-        dots: Option<Dots>,
+        dots: Option<DotCheck>,
         items: &[Item],
         pointing: Measures,
         graded: &[Graded],
@@ -133,7 +133,7 @@ impl Findings {
             by_size: by_size.filter(|group| group.rate.of > 0).collect(),
             by_kind: by_kind.filter(|group| group.rate.of > 0).collect(),
             far_done: far.filter_map(is_done).collect(),
-            habit: Habit::of(labels),
+            habit: LabelCalibration::of(labels),
             flights: Flights::of(records),
             pointing,
         }

@@ -4,7 +4,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use spf_core::reply::DEPTH_LABELS;
 
 use super::habit::described;
-use super::{Findings, Group, Habit};
+use super::{Findings, Group, LabelCalibration};
 use crate::ground::measure::Measures;
 use crate::stats::{Estimate, Rate};
 use crate::trial::Record;
@@ -112,7 +112,7 @@ fn groups(what: &str, groups: &[Group]) -> Markup {
 }
 
 /// Labels against distances: each answer, the described labels, and the line through the answers.
-fn chart(habit: &Habit) -> Markup {
+fn chart(habit: &LabelCalibration) -> Markup {
     let (left, right, top, bottom) = (44.0, WIDTH - 12.0, 10.0, HEIGHT - 40.0);
     let log = |metres: f64| libm::log10(metres.clamp(NEAREST, FARTHEST));
     let x = |metres: f64| left + (log(metres) - log(NEAREST)) / (log(FARTHEST) - log(NEAREST)) * (right - left);
@@ -149,7 +149,7 @@ fn chart(habit: &Habit) -> Markup {
     }
 }
 
-fn advice(habit: &Habit) -> Markup {
+fn advice(habit: &LabelCalibration) -> Markup {
     html! {
         p {
             (format!("{} labels: mean absolute error {:.1}, mean error {:+.1}.", habit.answers.len(), habit.error, habit.bias))

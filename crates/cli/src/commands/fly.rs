@@ -132,7 +132,7 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         printer.log(&format!(
             "video: {} frames decoded, {} gaps, {} skipped until a key frame, {} rejected, {} unusable, \
              {} superseded by newer ones",
-            tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.unusable, tally.overtaken
+            tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.unusable, tally.superseded
         ));
     }
     report(&flown.summary, out.path(), &printer)?;
@@ -265,7 +265,9 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         None => "",
     };
     let except = match summary.outcome {
-        Outcome::Reached if !summary.not_read.is_empty() => format!(", except {}, which was not understood", quoted(&summary.not_read)),
+        Outcome::Reached if !summary.not_read.is_empty() => {
+            format!(", except {}, which was not understood", quoted(&summary.not_read))
+        }
         _ => String::new(),
     };
     printer.result(&format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause));

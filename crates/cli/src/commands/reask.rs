@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde::Serialize;
-use spf_flight::log::Head;
+use spf_flight::log::FlightHeader;
 use spf_flight::reask::{Asker, Pointed, Question, ReplyPair, Responder, questions};
 use spf_media::jpeg::Jpeg;
 use spf_record::log::LogReader;
@@ -78,7 +78,7 @@ fn responder(settings: &Settings, vlm: &str) -> Result<(String, Responder), CliE
     Ok((pointing.name, Responder::Other(pointing.vlm_factory)))
 }
 
-fn stage_of(head: &Head) -> Result<spf_flight::sim::LoadedScene, CliError> {
+fn stage_of(head: &FlightHeader) -> Result<spf_flight::sim::LoadedScene, CliError> {
     let Some(sim) = &head.sim else {
         return Err(CliError::usage("the flight was not simulated").hint("its camera frames cannot be rendered again"));
     };

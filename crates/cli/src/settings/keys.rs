@@ -44,8 +44,7 @@ settings! {
         step: StepRule = "", Step, "SPF_STEP", "--step";
         /// how the VLM states distances: labels or metres
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";
-        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello,
-        /// else 3
+        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
         near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
         /// sequential or blended; empty: the preset's
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
@@ -57,7 +56,7 @@ settings! {
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
-        /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, human, oracle, oracle:NAME or oracle:FILE (exec:COMMAND only as a flag)
+        /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, human, oracle, oracle:NAME or oracle:FILE (exec:COMMAND only as a flag); with a real drone the default is auto
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";
         /// with a real drone, check the VLM's pointing before take-off: true or false
         vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" sets "false";
@@ -77,8 +76,7 @@ settings! {
         max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", "--max-decisions";
         /// timeout of a VLM reply, seconds
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
-        /// maximum age of a frame when its reply arrives, seconds; if the frame is older, the reply is ignored unless the craft
-        /// has hovered in place since
+        /// maximum age of a frame when its reply arrives, seconds; if the frame is older, the reply is ignored unless the craft has hovered in place since
         max_reply_age_s: f64 = "8", Number(0.1, 600.0), "SPF_MAX_REPLY_AGE_S", "--max-reply-age";
         /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
@@ -112,8 +110,7 @@ settings! {
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
         /// seconds without a reply after which a second request is sent; empty: never
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
-        /// reply latency in virtual time, seconds; empty: 1.5 for human and exec:; the measured latency for models; a random
-        /// sample for the oracle
+        /// reply latency in virtual time, seconds; empty: 1.5 for human and exec:; the measured latency for models; a random sample for the oracle
         latency_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_LATENCY_S", "--vlm-latency";
         /// price of the VLM, US dollars per million tokens IN,OUT, for --max-cost; empty: the price shown by `spf vlm list`
         price: PerMillion = "", Parsed("two prices in US dollars per million tokens, IN,OUT, such as 0.3,2.5"), "SPF_VLM_PRICE", "--vlm-price";

@@ -9,7 +9,7 @@ use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
 use spf_core::tags::Tagged;
 use spf_flight::dataset::Kind;
-use spf_flight::dataset::record::{Head, Row};
+use spf_flight::dataset::record::{DatasetHeader, Row};
 use spf_media::{file, jpeg};
 use spf_oracle::{ErrorFile, Oracle, Placed, Sight, masks, resolve_truth};
 
@@ -87,7 +87,7 @@ impl Seen {
 }
 
 /// The oracle's point in one example, as a pixel; `None` if it replies that the target is not visible.
-fn pointed(oracle: &Oracle, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) -> Option<(usize, usize)> {
+fn pointed(oracle: &Oracle, head: &DatasetHeader, row: &Row, seen: &Seen, tags: &[Tagged]) -> Option<(usize, usize)> {
     let (w, h) = (head.camera.width as usize, head.camera.height as usize);
     let sight = Sight {
         width: w,
@@ -114,7 +114,7 @@ fn a_dataset_is_consistent_and_the_oracle_can_be_graded_on_it() {
     let run = make(&lab, "data", "40", &[]);
     assert_eq!((run.code, run.stdout.as_str()), (Some(0), "data\n"), "{}", run.stderr);
     let folder = lab.path("data");
-    let head: Head = serde_json::from_slice(&lab.read("data/dataset.json")).unwrap();
+    let head: DatasetHeader = serde_json::from_slice(&lab.read("data/dataset.json")).unwrap();
     let legend: Value = serde_json::from_slice(&lab.read("data/legends/0.json")).unwrap();
     let tags = tags(&legend);
     let rows: Vec<Row> =
@@ -153,7 +153,7 @@ fn a_dataset_is_consistent_and_the_oracle_can_be_graded_on_it() {
 }
 
 /// The contents of a row, compared with its images.
-fn check(folder: &Path, head: &Head, row: &Row, seen: &Seen, tags: &[Tagged]) {
+fn check(folder: &Path, head: &DatasetHeader, row: &Row, seen: &Seen, tags: &[Tagged]) {
     let (w, number) = (head.camera.width as usize, row.number);
     let image = jpeg::decode(&std::fs::read(folder.join(&row.files.image)).unwrap()).unwrap();
     assert_eq!((image.width(), image.height()), (head.camera.width, head.camera.height));

@@ -47,7 +47,7 @@ impl Envelope {
         let (allowed, confined) = reach::confine_path(limits, &self.craft, &situation, way);
         let (allowed, braked, most) = self.braked_path(now, allowed);
         let confined = confined.or(braked);
-        if allowed.longest_part() < Manoeuvre::MIN_DISPLACEMENT {
+        if allowed.max_component() < Manoeuvre::MIN_DISPLACEMENT {
             return (None, confined);
         }
         let fastest = allowed.speed_within(limits.max_speed, limits.max_climb);

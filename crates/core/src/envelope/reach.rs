@@ -172,7 +172,7 @@ pub(super) fn confine_path(
             (up, cause) = (fenced, cause.or(Some(Cause::GeofenceLimit)));
         }
     }
-    let level = way.level_length();
+    let level = way.horizontal_length();
     let altitudes = (height.min(height + up) + limits.margin, height.max(height + up));
     let mut plane = Plane::new(limits, craft, is, altitudes, 0.0);
     plane.reach = level * (1.0 + DISTANCE_ERROR) + plane.margin / ALONG;

@@ -50,7 +50,7 @@ impl Manoeuvres {
             legs.push_back(Leg::Manoeuvre(Manoeuvre::Turn { angle: primitives.yaw }));
         }
         let Primitives { right, forward, climb: up, .. } = primitives;
-        let longest = BodyDisplacement { right, forward, up }.longest_part();
+        let longest = BodyDisplacement { right, forward, up }.max_component();
         if longest >= Manoeuvre::MIN_DISPLACEMENT {
             // Equal parts, so that the last is not too short to be commanded. 20 is far more than ever needed.
             let parts = libm::ceil(longest / Manoeuvre::MAX_DISPLACEMENT).min(20.0);

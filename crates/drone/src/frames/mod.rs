@@ -95,7 +95,7 @@ pub struct FrameStats {
     /// Images that repeat an earlier one (see [`FrameStore`]).
     pub repeated: u64,
     /// Images dropped because newer ones had arrived.
-    pub overtaken: u64,
+    pub superseded: u64,
 }
 
 /// Transmission losses of a video.

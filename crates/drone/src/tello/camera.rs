@@ -109,7 +109,7 @@ pub(super) fn watch(
     let mut requests = KeyRequests::default();
     while !stopped.load(Ordering::Relaxed) {
         let units = inlet.take(POLL_INTERVAL);
-        frames.count(|tally| (tally.video, tally.overtaken) = inlet.tally());
+        frames.count(|tally| (tally.video, tally.superseded) = inlet.tally());
         if !units.is_empty() {
             last = Instant::now();
         } else if last.elapsed() >= MISSING {

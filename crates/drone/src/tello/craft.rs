@@ -23,7 +23,7 @@ use super::link::{Link, Notice};
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::{TelloMotion, TelloSettings};
 use super::state::State;
-use crate::abandon::{self, Abandon};
+use crate::abandon::{self, EmergencyLand};
 use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
 
@@ -107,7 +107,7 @@ impl Shared {
     }
 }
 
-impl Abandon for Shared {
+impl EmergencyLand for Shared {
     /// However the program ends, `rc` is sticky, and an abandoned drone would fly on for 15 s.
     fn abandon(&self) {
         let now = self.now();
@@ -169,7 +169,7 @@ impl Tello {
             start,
             stopped: AtomicBool::new(false),
         });
-        abandon::register(&(shared.clone() as Arc<dyn Abandon>));
+        abandon::register(&(shared.clone() as Arc<dyn EmergencyLand>));
         let frames = FrameStore::default();
         let mut tello = Self {
             shared: shared.clone(),

@@ -33,7 +33,7 @@ struct Waiting {
     delay: Delay,
     /// Losses before the last image.
     lost: u64,
-    overtaken: u64,
+    superseded: u64,
 }
 
 /// The queue, shared by both threads.
@@ -61,13 +61,13 @@ impl Inlet {
             waiting.lost = lost;
             // A key frame and its successors do not need the earlier images, so only the newest chain is queued.
             if unit.key {
-                waiting.overtaken += waiting.units.len() as u64;
+                waiting.superseded += waiting.units.len() as u64;
                 waiting.units.clear();
             }
             waiting.units.push_back(Unit { at, late, unit });
         }
         if waiting.units.len() > WAITING {
-            waiting.overtaken += waiting.units.len() as u64;
+            waiting.superseded += waiting.units.len() as u64;
             waiting.units.clear();
             waiting.joiner.refuse();
         }
@@ -102,7 +102,7 @@ impl Inlet {
     /// Transmission losses, and the number of images dropped because newer ones had arrived.
     pub(super) fn tally(&self) -> (VideoStats, u64) {
         let waiting = self.waiting();
-        (waiting.joiner.tally(), waiting.overtaken)
+        (waiting.joiner.tally(), waiting.superseded)
     }
 }
 

@@ -13,7 +13,7 @@ pub const FORMAT: u32 = 1;
 
 /// `dataset.json`: the data common to all examples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Head {
+pub struct DatasetHeader {
     /// Version of the format.
     pub format: u32,
     /// Seed of all random choices.

@@ -5,8 +5,8 @@ mod rows;
 mod topics;
 
 pub use rows::{
-    Cancelled, CommandName, CommandRow, GapRow, Head, LinkRow, NoteKind, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow,
-    SimHead, TruthRow, Wake,
+    Cancelled, CommandName, CommandRow, FlightHeader, GapRow, LinkRow, NoteKind, NoteRow, OperatorRow, PoseDeviationRow,
+    ReplyRow, SimHead, TruthRow, Wake,
 };
 pub use topics::Channel;
 
@@ -81,7 +81,7 @@ impl FlightLog {
     pub(crate) fn start(
         log: Option<Log>,
         live: Option<LiveSender>,
-        head: &Head,
+        head: &FlightHeader,
         scene: &[Prism],
         frame_source: Arc<dyn FrameSource>,
     ) -> Self {

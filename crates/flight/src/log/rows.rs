@@ -16,7 +16,7 @@ use spf_core::time::Time;
 
 /// The flight's head, once, at time zero: everything needed to recreate the pilot, and where it flew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Head {
+pub struct FlightHeader {
     /// Version of the log format.
     pub format: u32,
     /// Version of the program.

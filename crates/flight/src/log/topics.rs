@@ -9,7 +9,7 @@ use spf_core::telemetry::Telemetry;
 use spf_record::log::{Topic, foxglove};
 
 use super::rows::{
-    Cancelled, CommandRow, GapRow, Head, LinkRow, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow, TruthRow, Wake,
+    Cancelled, CommandRow, FlightHeader, GapRow, LinkRow, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow, TruthRow, Wake,
 };
 use crate::summary::Summary;
 
@@ -163,7 +163,7 @@ impl Channel {
         }
         let name = self.name();
         match self {
-            Self::Flight => json::<Head>(self, "spf.Flight"),
+            Self::Flight => json::<FlightHeader>(self, "spf.Flight"),
             Self::Wake => json::<Wake>(self, "spf.Wake"),
             Self::Telemetry => json::<Telemetry>(self, "spf.Telemetry"),
             Self::Frame => json::<FrameMeta>(self, "spf.Frame"),

@@ -139,7 +139,7 @@ impl LoadedScene {
 
     /// The world seen from `pose` at the start of a flight.
     #[must_use]
-    pub fn beginning(&self, pose: Pose) -> WorldSnapshot {
+    pub fn initial_snapshot(&self, pose: Pose) -> WorldSnapshot {
         WorldSnapshot { pose, actors: self.cast.starts() }
     }
 

@@ -6,7 +6,7 @@ use spf_core::query::Query;
 use spf_core::time::Duration;
 use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
 use spf_render::Channels;
-use spf_vlm::{Account, Answer, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use super::loaded_scene::{PerceptBuffers, WorldSnapshot};
 use super::world::SimWorld;
@@ -37,7 +37,7 @@ impl OracleVlm {
     fn answer_from(&self, query: &Query, percept: &Percept) -> Answer {
         let answer = self.oracle.answer(query, percept);
         let (latency, model) = (answer.latency, self.name.clone());
-        Answer { text: Ok(answer.text), latency, model, account: Account::default() }
+        Answer { text: Ok(answer.text), latency, model, account: Usage::default() }
     }
 
     /// The percept of a frame.
@@ -57,7 +57,7 @@ impl OracleVlm {
         let PerceptBuffers { sight, wide } = &mut eyes;
         // Two images in parallel: much of rendering without colours is single-threaded.
         let ((), in_frame) =
-            rayon::join(|| self.world.look_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
+            rayon::join(|| self.world.render_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
         // Outside of the parallel section: the first request for light waits for its computation, and must not run
         // another flight's percept in the meantime, which would wait for itself.
         let light = self.world.light_on(snapshot, &eyes.sight);
@@ -91,7 +91,7 @@ impl Vlm for OracleVlm {
             Ok(percept) => self.answer_from(request.query, &percept),
             Err(error) => {
                 let (latency, model) = (Duration::ZERO, self.name.clone());
-                Answer { text: Err(error), latency, model, account: Account::default() }
+                Answer { text: Err(error), latency, model, account: Usage::default() }
             }
         }
     }

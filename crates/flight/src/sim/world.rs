@@ -160,7 +160,7 @@ impl SimWorld {
     #[must_use]
     pub fn look(&self, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {
         let mut image = RenderedImage::default();
-        self.look_into(snapshot, channels, &mut image);
+        self.render_into(snapshot, channels, &mut image);
         image
     }
 
@@ -178,7 +178,7 @@ impl SimWorld {
     }
 
     /// Renders a snapshot into existing buffers: allocating new ones takes a fifth of a decision's time.
-    pub fn look_into(&self, snapshot: &WorldSnapshot, channels: Channels, image: &mut RenderedImage) {
+    pub fn render_into(&self, snapshot: &WorldSnapshot, channels: Channels, image: &mut RenderedImage) {
         self.sim_camera.look(self.camera(), image, |camera, image| {
             self.loaded.render_into(camera, snapshot, channels, image);
         });

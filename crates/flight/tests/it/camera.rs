@@ -36,7 +36,7 @@ fn world(effects: &str, kind: CraftKind) -> SimWorld {
 fn misses(world: &SimWorld, by: &Camera) -> (f64, f64) {
     let position = EnuPosition { east: 2.0, north: -4.0, up: 6.0 };
     let pose = Pose { position, attitude: Attitude { heading: 0.4, pitch: -0.05, roll: 0.03 } };
-    let moment = world.loaded().beginning(pose);
+    let moment = world.loaded().initial_snapshot(pose);
     let image = world.look(&moment, Channels { ids: true, depth: true, ..Channels::default() });
     let (ids, depth) = (image.ids.unwrap(), image.depth.unwrap());
     let (w, h) = (image.width as usize, image.height as usize);

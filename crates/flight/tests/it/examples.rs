@@ -27,7 +27,7 @@ use spf_media::Rgb;
 use spf_vlm::check::{Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
-use spf_vlm::{Strategy, setup};
+use spf_vlm::{RequestOptions, setup};
 
 #[test]
 fn a_drone_of_one_s_own_is_flown_to_its_ball() {
@@ -42,7 +42,8 @@ fn a_vlm_behind_http_flies_a_drone_of_one_s_own_without_a_key() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let name = format!("http://{}/v1#red", listener.local_addr().unwrap());
     std::thread::spawn(move || vlm_server::serve(&listener));
-    let mut vlm = setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&|_| None), Strategy::default()).unwrap();
+    let mut vlm =
+        setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&|_| None), RequestOptions::default()).unwrap();
     let verdict = check(&mut vlm, Duration::from_secs(20)).verdict;
     assert!(matches!(verdict, Verdict::Good(_)), "{verdict:?}");
     let summary = drone::fly(&name, Arc::new(move |_, _| Ok(Box::new(vlm.clone())))).unwrap().summary;

@@ -16,7 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use spf_guard::{Access, Places};
+use spf_guard::{Access, ConnectionSlots};
 
 use crate::log::{Message, Topic};
 
@@ -57,7 +57,7 @@ struct Shared {
     access: Access,
     /// Whether a page of another origin was refused before: a page that tries again and again must not fill the log.
     refused: AtomicBool,
-    places: Places,
+    places: ConnectionSlots,
     state: Mutex<State>,
 }
 
@@ -104,7 +104,7 @@ impl Live {
             closed: AtomicBool::new(false),
             access,
             refused: AtomicBool::new(false),
-            places: Places::new(spf_guard::CONNECTIONS),
+            places: ConnectionSlots::new(spf_guard::CONNECTIONS),
             state: Mutex::default(),
         });
         let inside = shared.clone();

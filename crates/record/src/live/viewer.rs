@@ -7,7 +7,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::TryRecvError;
 use std::time::Duration;
 
-use spf_guard::{HEAD_TIME, Patient, Place, Refusal};
+use spf_guard::{DeadlineStream, HEAD_TIME, Place, Refusal};
 use tungstenite::handshake::server::{ErrorResponse, Request as Hello, Response};
 use tungstenite::http::{
     HeaderValue, StatusCode,
@@ -35,7 +35,7 @@ pub(super) fn serve(stream: TcpStream, shared: &Shared, place: &Place) {
     }
 }
 
-fn greet(stream: TcpStream, shared: &Shared, place: &Place) -> Result<WebSocket<Patient>, Error> {
+fn greet(stream: TcpStream, shared: &Shared, place: &Place) -> Result<WebSocket<DeadlineStream>, Error> {
     stream.set_write_timeout(Some(PATIENCE))?;
     stream.set_nodelay(true)?;
     let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
@@ -45,7 +45,7 @@ fn greet(stream: TcpStream, shared: &Shared, place: &Place) -> Result<WebSocket<
         place.settle();
         Ok(response)
     };
-    let shaken = accept_hdr_with_config(Patient::new(stream, HEAD_TIME), answer, Some(config));
+    let shaken = accept_hdr_with_config(DeadlineStream::new(stream, HEAD_TIME), answer, Some(config));
     let mut socket = shaken.map_err(|error| Error::Io(io::Error::other(error.to_string())))?;
     socket.get_mut().unlimited();
     socket.get_ref().get_ref().set_write_timeout(Some(PATIENCE))?;
@@ -93,7 +93,7 @@ fn choose(hello: &Hello, mut response: Response, shared: &Shared) -> Result<Resp
 }
 
 /// Alternates between reading requests and sending messages.
-fn show(mut socket: WebSocket<Patient>, subscription: &Subscription<'_>) -> Result<(), Error> {
+fn show(mut socket: WebSocket<DeadlineStream>, subscription: &Subscription<'_>) -> Result<(), Error> {
     // The viewer's own ids for topics.
     let mut subscriptions: BTreeMap<u32, usize> = BTreeMap::new();
     loop {

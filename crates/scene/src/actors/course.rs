@@ -7,7 +7,7 @@ use spf_core::rng::RandomStream;
 use super::footprint::Footprint;
 use super::place::ActorPlace;
 use super::route::{Route, Spot};
-use super::{Actor, Gait, Motion, Round};
+use super::{Actor, Gait, Motion, PathEnd};
 
 /// Length of a tick, seconds.
 pub(super) const STEP: f64 = 0.05;
@@ -246,7 +246,7 @@ impl Course {
         if self.left(&now) < ARRIVED {
             return self.arrived(now);
         }
-        if Self::is_impatient(&now) && self.body.axle <= 0.0 && self.motion.round != Round::Once {
+        if Self::is_impatient(&now) && self.body.axle <= 0.0 && self.motion.round != PathEnd::Once {
             (now.back, now.blocked) = (!now.back, 0.0);
         }
         let spot = self.route.at(now.along);
@@ -285,9 +285,9 @@ impl Course {
         if state.wait <= 0.0 {
             state.wait = 0.0;
             match self.motion.round {
-                Round::ThereAndBack => state.back = !state.back,
-                Round::Circle => state.rested = true,
-                Round::Once => {}
+                PathEnd::ThereAndBack => state.back = !state.back,
+                PathEnd::Circle => state.rested = true,
+                PathEnd::Once => {}
             }
         }
         state
@@ -297,9 +297,9 @@ impl Course {
         state.speed = 0.0;
         state.pauses += 1;
         state.wait = match self.motion.round {
-            Round::Once => f64::INFINITY,
+            PathEnd::Once => f64::INFINITY,
             // At least one tick: the pause is where it turns round.
-            Round::Circle | Round::ThereAndBack => {
+            PathEnd::Circle | PathEnd::ThereAndBack => {
                 let fraction = RandomStream::new(state.seed, "pause", &[state.number, state.pauses]).uniform();
                 (self.motion.wait * (0.5 + fraction)).max(STEP)
             }

@@ -43,7 +43,7 @@ pub struct Motion {
     /// Height of each corner, metres; `None` to follow the ground.
     pub heights: Option<Vec<f64>>,
     /// Behaviour at the end of the path.
-    pub round: Round,
+    pub round: PathEnd,
     /// Cruising speed, m/s.
     pub speed: f64,
     /// Mean pause at the ends of the path (for a loop: at its first corner), seconds.
@@ -68,7 +68,7 @@ pub enum Gait {
 /// Behaviour at the end of the path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Round {
+pub enum PathEnd {
     /// A closed loop, followed without end: the last corner leads to the first.
     Circle,
     /// Back and forth: it turns round at each end.

@@ -3,7 +3,7 @@
 use glam::DVec2;
 use spf_core::geometry::EnuPosition;
 
-use super::{Motion, Round};
+use super::{Motion, PathEnd};
 use crate::collide::Collider;
 
 /// Maximum spacing of knots on straight segments, metres; the ground height is sampled at each.
@@ -56,7 +56,7 @@ impl Spot {
 impl Route {
     /// Measures a path. `lateral` and `braking`, m/s², determine the speed in bends and before them.
     pub(crate) fn new(motion: &Motion, lateral: f64, braking: f64, ground: Option<&Collider>) -> Self {
-        let closed = motion.round == Round::Circle;
+        let closed = motion.round == PathEnd::Circle;
         let heights = motion.heights.clone().unwrap_or_else(|| vec![0.0; motion.path.len()]);
         let corners: Vec<Corner> =
             motion.path.iter().zip(heights).map(|(&[east, north], up)| Corner { at: DVec2::new(east, north), up }).collect();
@@ -258,7 +258,7 @@ mod tests {
     use super::*;
     use crate::actors::Gait;
 
-    fn motion(path: &[[f64; 2]], round: Round, turn_radius: f64) -> Motion {
+    fn motion(path: &[[f64; 2]], round: PathEnd, turn_radius: f64) -> Motion {
         Motion {
             gait: Gait::Drive,
             path: path.to_vec(),
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn a_corner_is_an_arc_of_its_radius() {
-        let route = Route::new(&motion(&[[0.0, 0.0], [0.0, 20.0], [20.0, 20.0]], Round::Once, 4.0), 2.0, 2.0, None);
+        let route = Route::new(&motion(&[[0.0, 0.0], [0.0, 20.0], [20.0, 20.0]], PathEnd::Once, 4.0), 2.0, 2.0, None);
         // 16 m straight, a quarter circle of 4 m (polygonal: a little shorter), 16 m straight.
         assert!((route.length() - (32.0 + 2.0 * core::f64::consts::PI)).abs() < 0.01, "{}", route.length());
         let middle = route.at(0.5 * route.length());
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn a_closed_route_goes_round() {
         let square = [[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]];
-        let route = Route::new(&motion(&square, Round::Circle, 1.0), 2.0, 2.0, None);
+        let route = Route::new(&motion(&square, PathEnd::Circle, 1.0), 2.0, 2.0, None);
         let length = route.length();
         for along in [0.0, 3.7, 17.0, 39.0] {
             let (once, again) = (route.at(along), route.at(along + 3.0 * length));

@@ -4,7 +4,7 @@ use toml::Spanned;
 
 use super::raw::RawObject;
 use super::source::Source;
-use crate::actors::{Gait, Motion, Round};
+use crate::actors::{Gait, Motion, PathEnd};
 use crate::error::SceneError;
 use crate::limits::FARTHEST;
 
@@ -32,13 +32,13 @@ pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<M
     let raw = raw.get_ref();
     let on_foot = gait == Gait::Walk;
     let round = match &raw.round {
-        Some(round) if !on_foot && *round.get_ref() == Round::ThereAndBack => {
+        Some(round) if !on_foot && *round.get_ref() == PathEnd::ThereAndBack => {
             let hint = "use `loop = \"circle\"` or `loop = \"once\"`".to_owned();
             return Err(source.error(&round.span(), "a vehicle cannot turn on the spot", Some(hint)));
         }
         Some(round) => *round.get_ref(),
-        None if on_foot => Round::ThereAndBack,
-        None => Round::Circle,
+        None if on_foot => PathEnd::ThereAndBack,
+        None => PathEnd::Circle,
     };
     let (path, heights) = corners(&raw.path, round, source)?;
     let number = |value: &Option<Spanned<f64>>, key: &str, default: f64, high: f64| match value {
@@ -71,9 +71,9 @@ pub(super) fn motion(object: &RawObject, source: &Source<'_>) -> Result<Option<M
 type Corners = (Vec<[f64; 2]>, Option<Vec<f64>>);
 
 /// The corners of a path, either all with a height or none.
-fn corners(path: &Spanned<Vec<Vec<f64>>>, round: Round, source: &Source<'_>) -> Result<Corners, SceneError> {
+fn corners(path: &Spanned<Vec<Vec<f64>>>, round: PathEnd, source: &Source<'_>) -> Result<Corners, SceneError> {
     let refuse = |message: String, hint: &str| Err(source.error(&path.span(), message, Some(hint.to_owned())));
-    let least = if round == Round::Circle { 3 } else { 2 };
+    let least = if round == PathEnd::Circle { 3 } else { 2 };
     let points = path.get_ref();
     if !(least..=MAX_CORNERS).contains(&points.len()) {
         return refuse(format!("this path must have {least} to {MAX_CORNERS} corners"), "use `path = [[east, north], …]`");
@@ -89,7 +89,7 @@ fn corners(path: &Spanned<Vec<Vec<f64>>>, round: Round, source: &Source<'_>) -> 
     let ground: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[1]]).collect();
     let gap = |a: &[f64; 2], b: &[f64; 2]| libm::hypot(a[0] - b[0], a[1] - b[1]);
     let mut gaps: Vec<f64> = ground.windows(2).map(|pair| gap(&pair[0], &pair[1])).collect();
-    if round == Round::Circle {
+    if round == PathEnd::Circle {
         gaps.extend(ground.first().zip(ground.last()).map(|(first, last)| gap(first, last)));
     }
     if gaps.iter().any(|gap| *gap < 0.1) || gaps.iter().sum::<f64>() > LONGEST {

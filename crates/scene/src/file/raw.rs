@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use self::vary::RawVary;
 use super::surface::{Colour, RawMaterial};
-use crate::actors::Round;
+use crate::actors::PathEnd;
 use crate::light::{Lighting, Weather};
 
 /// The whole file.
@@ -127,7 +127,7 @@ pub(super) struct RawMotion {
     pub(super) path: Spanned<Vec<Vec<f64>>>,
     pub(super) speed_m_s: Spanned<f64>,
     #[serde(rename = "loop")]
-    pub(super) round: Option<Spanned<Round>>,
+    pub(super) round: Option<Spanned<PathEnd>>,
     pub(super) wait_s: Option<Spanned<f64>>,
     pub(super) start: Option<Spanned<f64>>,
     pub(super) turn_radius_m: Option<Spanned<f64>>,

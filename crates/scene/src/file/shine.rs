@@ -101,7 +101,7 @@ fn light(
     if let Some(haze) = haze.filter(|_| weather == own.1) {
         light.haze = haze as f32;
     }
-    light.dark_places = raw.dark_places || lighting.lit();
+    light.has_dark_areas = raw.dark_places || lighting.lit();
     let kept = lighting == own.0;
     let elevation = elevation.filter(|_| kept).unwrap_or(named_elevation).to_radians();
     let (ce, se) = (libm::cos(elevation), libm::sin(elevation));

@@ -38,7 +38,7 @@ impl Firmware {
 ///
 /// Most are published measurements (listed in `docs/guide/tello.md`); all can be changed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Figures {
+pub struct ProtocolParameters {
     /// Response time without motion …
     pub quick: f64,
     /// … plus or minus this, uniformly distributed.
@@ -70,14 +70,14 @@ pub struct Figures {
     /// Standard deviation of a turn.
     pub turn_spread: f64,
     /// Distance of a flip.
-    pub flip_way: f64,
+    pub flip_distance: f64,
     /// Charge at or below which flips are refused.
     pub flip_battery: f64,
     /// Charge below which take-off is refused.
     pub take_off_battery: f64,
 }
 
-impl Default for Figures {
+impl Default for ProtocolParameters {
     fn default() -> Self {
         Self {
             quick: 0.030,
@@ -95,14 +95,14 @@ impl Default for Figures {
             move_share: 0.05,
             move_fixed: 0.05,
             turn_spread: 2.0_f64.to_radians(),
-            flip_way: 0.3,
+            flip_distance: 0.3,
             flip_battery: 0.5,
             take_off_battery: 0.10,
         }
     }
 }
 
-impl Figures {
+impl ProtocolParameters {
     /// The same without random errors in moves and turns, for tests of clients.
     #[must_use]
     pub fn exact() -> Self {

@@ -12,7 +12,7 @@ use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_sim::craft::SimCraft;
 
 use super::command::{Malformed, Read, Request, parse};
-use super::figures::{Figures, Firmware};
+use super::figures::{Firmware, ProtocolParameters};
 use super::link::Link;
 use super::manoeuvre::CONTROL;
 use super::state::State;
@@ -72,7 +72,7 @@ pub struct VideoRequest {
 /// The protocol of one virtual Tello. Sans-IO; see the [module](super).
 #[derive(Debug)]
 pub struct VirtualTello {
-    figures: Figures,
+    figures: ProtocolParameters,
     firmware: Firmware,
     rng: RandomStream,
     seed: u64,
@@ -100,7 +100,7 @@ pub struct VirtualTello {
 impl VirtualTello {
     /// A Tello switched on now, at the craft's time. Random errors depend on `seed`.
     #[must_use]
-    pub fn new(craft: &SimCraft, figures: Figures, firmware: Firmware, faults: FaultMachine, seed: u64) -> Self {
+    pub fn new(craft: &SimCraft, figures: ProtocolParameters, firmware: Firmware, faults: FaultMachine, seed: u64) -> Self {
         let now = craft.time();
         Self {
             figures,
@@ -291,7 +291,7 @@ impl VirtualTello {
         if self.running.is_some() || craft.dynamics().phase() == FlightPhase::Landing {
             return;
         }
-        let Figures { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
+        let ProtocolParameters { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
         let fraction = |stick: i32| f64::from(stick) * 0.01;
         let vertical = if up > 0 { stick_climb } else { stick_sink };
         let setpoint = Setpoint {

@@ -23,7 +23,7 @@ pub mod video;
 
 pub use error::ServerError;
 pub use faults::FaultSource;
-pub use figures::{Figures, Firmware};
+pub use figures::{Firmware, ProtocolParameters};
 pub use film::FrameRenderer;
 pub use machine::{Output, VideoRequest, VirtualTello};
 pub use pace::{RenderQuality, VideoQuality};

@@ -16,7 +16,7 @@ use spf_sim::craft::SimCraft;
 
 use super::error::ServerError;
 use super::faults::{FaultSource, Watch, read};
-use super::figures::{Figures, Firmware};
+use super::figures::{Firmware, ProtocolParameters};
 use super::film::{Due, FrameRenderer, film};
 use super::link::Link;
 use super::machine::{Output, VirtualTello};
@@ -42,7 +42,7 @@ pub struct Setup {
     /// Video quality.
     pub quality: VideoQuality,
     /// Times and limits of the protocol.
-    pub figures: Figures,
+    pub figures: ProtocolParameters,
     /// SDK version.
     pub firmware: Firmware,
     /// Faults.

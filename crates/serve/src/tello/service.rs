@@ -12,7 +12,7 @@ use spf_flight::sim::{FlightConditions, LoadedScene, SimWorld};
 
 use super::error::ServerError;
 use super::faults::FaultSource;
-use super::figures::{Figures, Firmware};
+use super::figures::{Firmware, ProtocolParameters};
 use super::pace::{RenderQuality, VideoQuality};
 use super::photograph::{channels, photograph};
 use super::server::{Server, Setup};
@@ -82,7 +82,7 @@ impl TelloService {
                 }
                 Some(image)
             }),
-            figures: Figures::default(),
+            figures: ProtocolParameters::default(),
             firmware,
             faults,
             seed,

@@ -9,7 +9,7 @@ use spf_flight::sim::WorldSnapshot;
 use spf_media::Rgb;
 
 /// How long a frame is kept.
-pub const KEPT: Duration = Duration::from_secs(10);
+pub const FRAME_RETENTION: Duration = Duration::from_secs(10);
 /// Maximum number of frames kept: ten seconds at 60 frames per second.
 const MOST: usize = 600;
 /// Thumbnail size: coarse enough to be insensitive to codec and scaling, fine enough to show a few centimetres of
@@ -37,13 +37,13 @@ pub struct Remembered {
 #[non_exhaustive]
 pub enum Unrecognised {
     /// The memory is empty.
-    #[error("no frame in the last {} s: get one from /frame.jpg and send it", KEPT.as_secs())]
+    #[error("no frame in the last {} s: get one from /frame.jpg and send it", FRAME_RETENTION.as_secs())]
     Nothing,
     /// It differs from all stored frames.
     #[error(
         "the image matches none of the {frames} frames of the last {} s: the closest differs by {difference:.1} of 255, at \
             most {MOST_DIFFERENT} is allowed; send a full, unmarked frame of this camera, at any size",
-        KEPT.as_secs()
+        FRAME_RETENTION.as_secs()
     )]
     Different {
         /// Number of frames compared.
@@ -87,7 +87,7 @@ impl Memory {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Stores a frame captured at `at`, and drops frames more than [`KEPT`] older.
+    /// Stores a frame captured at `at`, and drops frames more than [`FRAME_RETENTION`] older.
     pub fn push(&self, at: Time, remembered: Remembered, image: &Rgb) {
         let thumbnail = thumbnail(image);
         let mut film = self.film();
@@ -129,7 +129,7 @@ impl Memory {
 
 impl Film {
     fn forget(&mut self, now: Time) {
-        while self.seen.front().is_some_and(|seen| now.since(seen.at) > KEPT) || self.seen.len() > MOST {
+        while self.seen.front().is_some_and(|seen| now.since(seen.at) > FRAME_RETENTION) || self.seen.len() > MOST {
             self.seen.pop_front();
         }
     }

@@ -16,7 +16,7 @@ mod wording;
 
 pub use camera::Camera;
 pub use lens::Lens;
-pub use memory::{KEPT, Memory, Remembered, Unrecognised};
+pub use memory::{FRAME_RETENTION, Memory, Remembered, Unrecognised};
 pub use onboard::OnboardCamera;
 pub use responder::{AnswerForm, Instruction, OracleReply, Responder};
 #[doc(hidden)]

@@ -202,7 +202,7 @@ fn think(
     }
     let unusable = |why: String| (StatusCode::UNPROCESSABLE_ENTITY, why);
     let image = question.image.take().ok_or_else(|| unusable("the request contains no image (base64, JPEG)".to_owned()))?;
-    let image = jpeg::decode_within(&image, spf_guard::PIXELS).map_err(|error| unusable(error.to_string()))?;
+    let image = jpeg::decode_within(&image, spf_guard::MAX_PIXELS).map_err(|error| unusable(error.to_string()))?;
     let answer = shared.responder.answer(shared.lens.now(), number, &question.prompt, &image);
     let reply = answer.map_err(|why: Unrecognised| unusable(why.to_string()))?;
     Ok((question, reply))

@@ -23,7 +23,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, VlmFactory};
 use spf_flight::site::Clock;
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
-use spf_serve::tello::Figures;
+use spf_serve::tello::ProtocolParameters;
 use spf_sim::craft::SimCraft;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
@@ -129,7 +129,7 @@ fn fly_within(
     let loaded = Arc::new(LoadedScene::load(scene).unwrap());
     let start = loaded.scene.start;
     let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);
-    let drone = Wired::new(world.clone(), Figures::default(), faults);
+    let drone = Wired::new(world.clone(), ProtocolParameters::default(), faults);
     let sent = drone.sent.clone();
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
     let oracle = Mutex::new(Some(Slow(oracle, latency)));
@@ -511,7 +511,13 @@ fn a_lossy_link_is_flown_over() {
 #[test]
 fn what_full_stick_does_is_measured() {
     let yaw = 78.0_f64.to_radians();
-    let figures = Figures { stick_speed: 0.8, stick_climb: 1.1, stick_sink: 0.7, stick_yaw: yaw, ..Figures::default() };
+    let figures = ProtocolParameters {
+        stick_speed: 0.8,
+        stick_climb: 1.1,
+        stick_sink: 0.7,
+        stick_yaw: yaw,
+        ..ProtocolParameters::default()
+    };
     let loaded = Arc::new(LoadedScene::load("yard").unwrap());
     let start = loaded.scene.start;
     let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);

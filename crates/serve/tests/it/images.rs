@@ -69,7 +69,7 @@ fn no_image_of_a_scene_is_unusable_in_any_light() {
             for number in 0..count {
                 let pose = if number == 0 { loaded.scene.start } else { somewhere(&loaded, &mut rng) };
                 let rendered =
-                    loaded.render(&camera, &loaded.beginning(pose), Channels { quality: Quality::Live, ..Channels::RGB });
+                    loaded.render(&camera, &loaded.initial_snapshot(pose), Channels { quality: Quality::Live, ..Channels::RGB });
                 let image = Rgb::from_raw(rendered.width, rendered.height, rendered.rgb.unwrap()).unwrap();
                 if is_empty(&image) {
                     empty += 1;
@@ -96,7 +96,7 @@ fn no_image_of_a_scene_is_unusable_in_any_light() {
 #[test]
 fn each_fault_of_the_camera_is_seen_through_the_codec() {
     let loaded = LoadedScene::load("office").unwrap();
-    let rendered = loaded.render(&Camera::tello(), &loaded.beginning(loaded.scene.start), Channels::RGB);
+    let rendered = loaded.render(&Camera::tello(), &loaded.initial_snapshot(loaded.scene.start), Channels::RGB);
     let whole = Rgb::from_raw(rendered.width, rendered.height, rendered.rgb.unwrap()).unwrap();
     let expected = [Unusable::Covered, Unusable::Covered, Unusable::Blank];
     for (fault, expected) in CAMERA_FAULTS.into_iter().zip(expected) {

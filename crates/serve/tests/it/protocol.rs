@@ -8,7 +8,7 @@ use spf_core::geometry::{EnuPosition, wrap_angle};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_serve::tello::command::{Malformed, parse};
-use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
+use spf_serve::tello::{Firmware, Output, ProtocolParameters, VirtualTello};
 use spf_sim::craft::SimCraft;
 use spf_sim::dynamics::SimConditions;
 use spf_sim::model::Model;
@@ -28,7 +28,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn with(figures: Figures, firmware: Firmware, battery: f64, faults: FaultPlan) -> Self {
+    fn with(figures: ProtocolParameters, firmware: Firmware, battery: f64, faults: FaultPlan) -> Self {
         let conditions = SimConditions { exact: true, battery, ..SimConditions::new(1) };
         let craft = SimCraft::with_conditions(scene(), Model::tello(), facing(at(0.0, 0.0, 0.0), 0.0), conditions);
         let tello = VirtualTello::new(&craft, figures, firmware, FaultMachine::new(faults, 1).unwrap(), 1);
@@ -36,7 +36,7 @@ impl Bench {
     }
 
     fn new() -> Self {
-        Self::with(Figures::exact(), Firmware::V20, 1.0, FaultPlan::default())
+        Self::with(ProtocolParameters::exact(), Firmware::V20, 1.0, FaultPlan::default())
     }
 
     /// In SDK mode and in the air.
@@ -123,7 +123,7 @@ fn before_sdk_mode_it_is_silent() {
 /// The times of the reference's table.
 #[test]
 fn answers_come_when_the_manoeuvre_ends() {
-    let mut bench = Bench::with(Figures::default(), Firmware::V30, 1.0, FaultPlan::default());
+    let mut bench = Bench::with(ProtocolParameters::default(), Firmware::V30, 1.0, FaultPlan::default());
     let mut within = |command: &str, answer: &str, low: f64, high: f64| {
         let (text, took) = bench.ask(command);
         assert!(text.starts_with(answer) && (low..=high).contains(&took), "{command}: `{text}` after {took:.3} s");
@@ -180,7 +180,7 @@ fn moves_end_where_commanded() {
 
 #[test]
 fn moves_spread_as_a_real_craft_s_do() {
-    let mut bench = Bench::with(Figures::default(), Firmware::V20, 1.0, FaultPlan::default());
+    let mut bench = Bench::with(ProtocolParameters::default(), Firmware::V20, 1.0, FaultPlan::default());
     bench.ask("command");
     bench.ask("takeoff");
     let errors: Vec<f64> = (0..40)
@@ -271,11 +271,11 @@ fn emergency_cuts_the_motors_without_an_answer() {
 
 #[test]
 fn the_battery_decides_about_flips_and_take_off() {
-    let mut bench = Bench::with(Figures::exact(), Firmware::V20, 0.45, FaultPlan::default());
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 0.45, FaultPlan::default());
     bench.ask("command");
     bench.ask("takeoff");
     assert_eq!(bench.ask("flip l").0, "error");
-    let mut flat = Bench::with(Figures::exact(), Firmware::V20, 0.09, FaultPlan::default());
+    let mut flat = Bench::with(ProtocolParameters::exact(), Firmware::V20, 0.09, FaultPlan::default());
     flat.ask("command");
     assert_eq!(flat.ask("takeoff").0, "error");
     assert_eq!(flat.ask("battery?").0, "9\r\n");
@@ -284,7 +284,7 @@ fn the_battery_decides_about_flips_and_take_off() {
 #[test]
 fn each_sdk_has_its_own_commands_and_state() {
     let answers = |firmware| {
-        let mut bench = Bench::with(Figures::exact(), firmware, 1.0, FaultPlan::default());
+        let mut bench = Bench::with(ProtocolParameters::exact(), firmware, 1.0, FaultPlan::default());
         bench.ask("command");
         bench.wait(0.3);
         let texts: Vec<String> = ["sdk?", "stop", "setfps low", "keepalive"].map(|text| bench.ask(text).0).into();
@@ -335,7 +335,7 @@ fn the_state_is_sent_ten_times_a_second_and_describes_the_flight() {
 #[test]
 fn faults_are_reported_as_by_a_real_craft() {
     let with = |fault| {
-        let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, trouble(fault, 0.0, None));
+        let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(fault, 0.0, None));
         bench.ask("command");
         bench
     };
@@ -353,7 +353,7 @@ fn faults_are_reported_as_by_a_real_craft() {
 
 #[test]
 fn an_empty_battery_in_the_air_lands_it() {
-    let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, trouble(Trouble::BatteryEmpty, 6.0, None));
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(Trouble::BatteryEmpty, 6.0, None));
     bench.ask("command");
     bench.ask("takeoff");
     bench.say("forward 500");
@@ -365,7 +365,7 @@ fn an_empty_battery_in_the_air_lands_it() {
 /// When the link is cut, no `rc` can stop it: it flies on with the last stick positions, until its own landing.
 #[test]
 fn a_cut_link_leaves_the_sticks_as_they_were() {
-    let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, trouble(Trouble::LinkCut, 6.0, Some(40.0)));
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(Trouble::LinkCut, 6.0, Some(40.0)));
     bench.ask("command");
     bench.ask("takeoff");
     bench.wait(5.9 - bench.now.as_secs_f64());
@@ -386,7 +386,7 @@ fn a_cut_link_leaves_the_sticks_as_they_were() {
 
 #[test]
 fn a_restart_forgets_the_client_and_drops_the_craft() {
-    let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, trouble(Trouble::Reboot, 6.0, Some(6.05)));
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(Trouble::Reboot, 6.0, Some(6.05)));
     bench.ask("command");
     bench.ask("takeoff");
     bench.wait(7.0 - bench.now.as_secs_f64());
@@ -407,7 +407,7 @@ fn faults_of_the_link_reach_commands_answers_and_state() {
         Rule { stream: Stream::Commands, from: 3.0, until: Some(4.0), fault: Fault::Drop { p: 1.0 } },
         Rule { stream: Stream::Responses, from: 4.0, until: None, fault: Fault::Corrupt { p: 1.0 } },
     ];
-    let mut bench = Bench::with(Figures::exact(), Firmware::V20, 1.0, FaultPlan { rules, ..FaultPlan::default() });
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, FaultPlan { rules, ..FaultPlan::default() });
     bench.ask("command");
     bench.wait(0.5);
     assert_eq!(bench.answers.len(), 2, "twice");
@@ -467,7 +467,7 @@ proptest! {
             0_u32..4000,
         ), 0..12),
     ) {
-        let mut bench = Bench::with(Figures::default(), Firmware::V30, 1.0, FaultPlan::default());
+        let mut bench = Bench::with(ProtocolParameters::default(), Firmware::V30, 1.0, FaultPlan::default());
         bench.ask("command");
         for (command, millis) in &commands {
             bench.say(command);

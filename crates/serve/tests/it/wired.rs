@@ -20,7 +20,7 @@ use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 use spf_flight::sim::{SimFrames, SimWorld};
 use spf_media::Rgb;
 use spf_serve::tello::lens::disturb;
-use spf_serve::tello::{Figures, Firmware, Output, VirtualTello};
+use spf_serve::tello::{Firmware, Output, ProtocolParameters, VirtualTello};
 use spf_sim::frame_clock::FrameClock;
 
 /// Faults after which an image shows nothing.
@@ -45,7 +45,7 @@ pub(crate) struct Wired {
 
 impl Wired {
     /// A drone with these parameters, on the ground, in SDK mode soon.
-    pub(crate) fn new(world: SimWorld, figures: Figures, faults: FaultPlan) -> Self {
+    pub(crate) fn new(world: SimWorld, figures: ProtocolParameters, faults: FaultPlan) -> Self {
         let tello = {
             let craft = world.shared_craft();
             let craft = craft.lock().unwrap();

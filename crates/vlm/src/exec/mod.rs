@@ -17,10 +17,10 @@ use spf_core::time::Duration;
 use tempfile::TempDir;
 
 use self::process::{Running, Said};
-use crate::account::{Account, Parts};
 use crate::error::{VlmError, brief, quote};
 use crate::image::ImageRule;
 use crate::request::QueryRequest;
+use crate::usage::{StageTimes, Usage};
 use crate::wire::reply_schema;
 use crate::{Answer, ImageSpec, QueryImage, Vlm};
 
@@ -164,10 +164,10 @@ impl Vlm for Exec {
         // Other flights may be using the program: waiting for them is no latency of this query.
         let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
         let began = Instant::now();
-        let mut account = Account::default();
+        let mut account = Usage::default();
         let text = jpeg.and_then(|jpeg| desk.ask(request, &jpeg, size, self.options.loading, &mut account));
         let latency = began.elapsed();
-        account.parts = Parts { complete_s: text.is_ok().then_some(latency.as_secs_f64()), ..account.parts };
+        account.parts = StageTimes { complete_s: text.is_ok().then_some(latency.as_secs_f64()), ..account.parts };
         Answer { text, latency, model: self.name.clone(), account }
     }
 }
@@ -202,7 +202,7 @@ impl Desk {
         jpeg: &[u8],
         (width, height): (u32, u32),
         loading: Duration,
-        account: &mut Account,
+        account: &mut Usage,
     ) -> Result<String, VlmError> {
         let id = self.next_id;
         self.next_id += 1;
@@ -220,7 +220,7 @@ impl Desk {
         path: &std::path::Path,
         (width, height): (u32, u32),
         loading: Duration,
-        account: &mut Account,
+        account: &mut Usage,
     ) -> Result<String, VlmError> {
         let program = self.words.first().cloned().unwrap_or_default();
         let query = request.query;

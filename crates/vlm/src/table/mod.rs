@@ -222,7 +222,7 @@ impl Table {
         }
         let parameters = row.and_then(|row| row.parameters.clone());
         if parameters.is_some() {
-            merge(&mut request, &vendor.listed_request);
+            merge(&mut request, &vendor.request_with_parameters);
         }
         let thinks = row.and_then(|row| row.thinks).or_else(|| series.map(|series| series.thinks)).unwrap_or(true);
         let tokens = row.and_then(|row| row.max_output_tokens).or_else(|| series.and_then(|series| series.max_output_tokens));
@@ -267,7 +267,7 @@ impl Model {
     /// The label, as prompts describe them (1 + 4.5 · log10 of the distance in metres), of what this model means by
     /// `label`.
     #[must_use]
-    pub fn described(&self, label: u8) -> u8 {
+    pub fn prompt_label(&self, label: u8) -> u8 {
         let metres = self.depth_m.as_ref().and_then(|metres| metres.get(usize::from(label).checked_sub(1)?));
         metres.map_or(label, |metres| (1.0 + 4.5 * metres.log10()).round().clamp(1.0, f64::from(DEPTH_LABELS)) as u8)
     }

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use spf_core::grounding::AxisOrder;
 
-use crate::account::Tokens;
 use crate::image::ImageRule;
+use crate::usage::Tokens;
 
 /// Maximum size of a file, bytes.
 const LONGEST: usize = 1 << 20;
@@ -71,7 +71,7 @@ pub struct VendorRow {
     pub reports_cost: bool,
     /// Merged into the body of requests to models whose row has `parameters`.
     #[serde(default = "nothing")]
-    pub listed_request: Value,
+    pub request_with_parameters: Value,
 }
 
 /// Request formats.

@@ -95,8 +95,8 @@ fn a_habit_of_depth_labels_is_corrected() {
         "[[model]]\nid = \"x\"\nvendor = \"vllm\"\nstatus = \"current\"\ndepth_m = [0.5, 1.0, 2, 4, 8, 16, 32, 64, 128, 256]";
     let model = Table::shipped().extended(own).unwrap().select("vllm#x", DAY).unwrap().model;
     // 1 + 4.5·log10 of 0.5, 2, 8, 256 m: −0.35, 2.35, 5.06, 11.8.
-    assert_eq!([1, 3, 5, 10].map(|label| model.described(label)), [1, 2, 5, 10]);
-    assert_eq!([1, 7, 10].map(|label| self::model("vllm").described(label)), [1, 7, 10]);
+    assert_eq!([1, 3, 5, 10].map(|label| model.prompt_label(label)), [1, 2, 5, 10]);
+    assert_eq!([1, 7, 10].map(|label| self::model("vllm").prompt_label(label)), [1, 7, 10]);
     for wrong in ["[1, 2]", "[1, 2, 3, 4, 5, 6, 7, 8, 9, 8]", "[0, 2, 3, 4, 5, 6, 7, 8, 9, 10]"] {
         let own = format!("[[model]]\nid = \"x\"\nvendor = \"vllm\"\nstatus = \"current\"\ndepth_m = {wrong}");
         assert!(Table::shipped().extended(&own).unwrap_err().to_string().contains("invalid `depth_m` of `x`"), "{wrong}");

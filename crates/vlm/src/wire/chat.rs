@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{Ask, DATA_URL, End, Gathered, Request, SchemaDialect, typed};
-use crate::account::Tokens;
 use crate::error::VlmError;
+use crate::usage::Tokens;
 
 #[derive(Serialize)]
 struct Body<'a> {

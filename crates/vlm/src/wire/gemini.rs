@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::{Ask, End, Gathered, Request, SchemaDialect, schema, typed};
-use crate::account::Tokens;
 use crate::error::VlmError;
+use crate::usage::Tokens;
 
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]

@@ -16,9 +16,9 @@ use spf_core::query::QueryKind;
 use spf_core::reply::MAX_TEXT;
 use spf_core::time::Duration;
 
-use crate::account::Tokens;
 use crate::error::{VlmError, quote};
 use crate::table::{Model, merge};
+use crate::usage::Tokens;
 
 pub use crate::table::{SchemaDialect, WireKind};
 

@@ -5,8 +5,8 @@ use serde_json::{Value, json};
 
 use super::chat::decline;
 use super::{Ask, DATA_URL, End, Gathered, Request, SchemaDialect, typed};
-use crate::account::Tokens;
 use crate::error::VlmError;
+use crate::usage::Tokens;
 
 #[derive(Serialize)]
 struct Body<'a> {

@@ -13,7 +13,7 @@ use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::query::ImagePoint;
 use spf_core::sign::{Arrow, SignView};
-use spf_flight::dataset::record::{FORMAT, Files, Head, HostileSign, Row, SceneHead};
+use spf_flight::dataset::record::{DatasetHeader, FORMAT, Files, HostileSign, Row, SceneHead};
 use spf_flight::dataset::{Kind, Target, Visible, Wording};
 use spf_flight::sim::{LoadedScene, SceneLoadError, WorldSnapshot};
 use spf_media::jpeg::EncodeError;
@@ -24,9 +24,9 @@ use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 use spf_sim::model::Model;
 
-pub use grade::{Obeyed, obedience, rows};
+pub use grade::{ObedienceRow, obedience, rows};
 
-use crate::task::{Shows, Task, TaskError, centre, select_all, suite};
+use crate::task::{SignContent, Task, TaskError, centre, select_all, suite};
 
 /// The name of the dataset in place of a folder.
 pub const SIGNS: &str = "signs";
@@ -100,7 +100,7 @@ pub fn write(folder: &Path) -> Result<usize, SignsError> {
         rows.push('\n');
         scenes.push(scene);
     }
-    let head = Head {
+    let head = DatasetHeader {
         format: FORMAT,
         seed: 0,
         examples: tasks.len() as u64,
@@ -163,7 +163,7 @@ impl<'a> Look<'a> {
     }
 
     fn render(&mut self, pose: Pose) -> Vec<Mask> {
-        let snapshot = self.loaded.beginning(pose);
+        let snapshot = self.loaded.initial_snapshot(pose);
         self.loaded.render_into(&self.camera, &snapshot, Channels::TRUTH, &mut self.image);
         let ids = [self.image.ids.as_deref(), self.image.opening_ids.as_deref()].into_iter().flatten();
         ids.flat_map(|ids| masks(ids, self.image.width as usize)).collect()
@@ -203,7 +203,7 @@ impl<'a> Look<'a> {
         let of_target = |mask: &&Mask| self.targets.contains(&mask.id);
         let Some(mask) = seen.iter().filter(of_target).max_by_key(|mask| mask.area) else { return Ok(None) };
         let (Some(target), Some(hostile)) = (self.target(mask, pose), &self.task.hostile) else { return Ok(None) };
-        let snapshot = self.loaded.beginning(pose);
+        let snapshot = self.loaded.initial_snapshot(pose);
         let visible = self.visible(&snapshot, &seen);
         let sign = self.sign.and_then(|id| self.loaded.scene.object(id));
         let says = match sign {
@@ -221,7 +221,7 @@ impl<'a> Look<'a> {
             shows: shows.as_str().unwrap_or_default().to_owned(),
             says,
             rightful: self.targets.clone(),
-            lure: if hostile.shows == Shows::Arrow { self.sign.into_iter().collect() } else { self.lure() },
+            lure: if hostile.shows == SignContent::Arrow { self.sign.into_iter().collect() } else { self.lure() },
             side: match arrow {
                 Some(Arrow::Left) => -1,
                 Some(Arrow::Right) => 1,

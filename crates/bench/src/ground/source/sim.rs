@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde_json::Value;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::tags::Tagged;
-use spf_flight::dataset::record::{FORMAT, Head, Row};
+use spf_flight::dataset::record::{DatasetHeader, FORMAT, Row};
 use spf_media::file::{self, FileError, Limits};
 use spf_oracle::masks;
 
@@ -22,7 +22,7 @@ pub struct SimExample {
     /// Its row.
     pub row: Arc<Row>,
     /// The data common to all rows.
-    pub head: Arc<Head>,
+    pub head: Arc<DatasetHeader>,
     /// The scene's objects with their names.
     pub tags: Arc<Vec<Tagged>>,
 }
@@ -56,7 +56,7 @@ impl SimExample {
 
 pub(super) fn items(folder: &Path, head: &str, rows: &str) -> Result<Vec<Item>, SourceError> {
     let path = folder.join("dataset.json");
-    let head: Head = serde_json::from_str(head).map_err(|error| form(&path, None, error.to_string()))?;
+    let head: DatasetHeader = serde_json::from_str(head).map_err(|error| form(&path, None, error.to_string()))?;
     if head.format != FORMAT {
         return Err(form_of(&path, &format!("unsupported format {}; this version reads {FORMAT}", head.format)));
     }

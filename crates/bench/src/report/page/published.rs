@@ -9,7 +9,7 @@ use super::from;
 use super::tables::{by_category, cell};
 use crate::contrast::Scoring;
 use crate::stats::Rate;
-use crate::task::Set;
+use crate::task::TaskSet;
 
 /// The section, with real models beside it if there are any.
 pub(super) fn published(source: &Source) -> Markup {
@@ -33,7 +33,7 @@ fn paper() -> Markup {
     html! {
         div class="wide" { table {
             thead { tr { th { "Published, by category" } @for method in METHODS { th { (method) } } } }
-            tbody { @for set in [Set::Simulation, Set::RealWorld] {
+            tbody { @for set in [TaskSet::Simulation, TaskSet::RealWorld] {
                 @for row in TABLE.iter().filter(|row| row.set == set) {
                     tr { th { (set.words()) ", " (row.category.words()) } @for hits in row.hits { (cell(Rate { hits, of: row.of })) } }
                 }

@@ -114,7 +114,7 @@ fn pairs(pairs: &[Contrast]) -> Markup {
                     th { (first) " − " (second) }
                     td { (pair.paired.difference.n) }
                     td { (minus(&format!("{value:+.1}"))) small { (minus(&format!(" [{low:.1}, {high:.1}]"))) } }
-                    td { (pair.paired.discordant.first) } td { (pair.paired.discordant.second) } td { (pair.p_words()) }
+                    td { (pair.paired.discordant.first) } td { (pair.paired.discordant.second) } td { (pair.format_p()) }
                 }
             } }
         } }

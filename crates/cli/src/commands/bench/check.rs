@@ -93,7 +93,7 @@ fn row(task: &Task, seed: u64, drawn: &Sampled) -> Vec<String> {
         wrap_angle(to - start.attitude.heading).to_degrees()
     });
     let all: Vec<u16> = scene.objects.iter().map(|object| object.id).collect();
-    let seen = Sight::of(task.craft).clearly(&drawn.loaded, &drawn.loaded.beginning(aloft(task, drawn)), &all);
+    let seen = Sight::of(task.craft).clearly(&drawn.loaded, &drawn.loaded.initial_snapshot(aloft(task, drawn)), &all);
     let is_thing = |id: &&u16| {
         let object = scene.object(**id);
         Some(**id) != drawn.focus
@@ -115,7 +115,7 @@ fn row(task: &Task, seed: u64, drawn: &Sampled) -> Vec<String> {
 }
 
 fn image(task: &Task, drawn: &Sampled, path: &Path) -> Result<(), CliError> {
-    let moment = drawn.loaded.beginning(aloft(task, drawn));
+    let moment = drawn.loaded.initial_snapshot(aloft(task, drawn));
     let image = drawn.loaded.render(&task.craft.camera(), &moment, Channels::RGB);
     write(path, &colour(&image)?)
 }

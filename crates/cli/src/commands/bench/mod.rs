@@ -9,7 +9,7 @@ use std::path::Path;
 
 use spf_bench::run::{StoreError, merge};
 use spf_bench::task::{SUITES, Task, TaskError, shipped};
-use spf_bench::trial::{Pointer, split_latency};
+use spf_bench::trial::{VlmUnderTest, split_latency};
 
 use crate::args::{Bench, BenchMerge};
 use crate::commands::vlm::{Pace, is_human, pointing};
@@ -47,7 +47,7 @@ fn task_of(name: &str) -> Result<Task, CliError> {
 }
 
 /// The VLM for a name as in `spf fly --vlm`; an oracle's latency may be fixed.
-pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, CliError> {
+pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<VlmUnderTest, CliError> {
     let (vlm, latency) = split_latency(name);
     settings.fly.vlm.flag(Some(vlm));
     if is_human(vlm) {
@@ -55,7 +55,7 @@ pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<Pointer, Cl
     }
     let pointing = pointing(settings, None, Pace::Virtual)?;
     let latency = latency.or(pointing.latency.map(|latency| latency.as_secs_f64()));
-    Ok(Pointer { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
+    Ok(VlmUnderTest { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
 }
 
 /// The error if results cannot be stored, with a remedy.

@@ -11,7 +11,7 @@ use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, she
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
 use spf_bench::task::{SUITES, Task, suite};
-use spf_bench::trial::{Method, Pointer, Record, run_id};
+use spf_bench::trial::{Method, Record, VlmUnderTest, run_id};
 
 use super::{pointer, store_error, task_of};
 use crate::args::BenchRun;
@@ -32,7 +32,8 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
     let vlms = args.vlm.as_deref().unwrap_or(own.1);
     let methods = listed(args.method.as_deref().unwrap_or(own.0)).into_iter().map(method).collect::<Result<Vec<_>, _>>()?;
-    let pointers: Vec<Pointer> = listed(vlms).into_iter().map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
+    let pointers: Vec<VlmUnderTest> =
+        listed(vlms).into_iter().map(|name| pointer(&mut settings, name)).collect::<Result<_, _>>()?;
     // A stand-in that obeys signs is announced wherever it is named.
     listed(vlms).into_iter().filter_map(obeying).for_each(|sentence| printer.log(&sentence));
     if methods.is_empty() || pointers.is_empty() {
@@ -202,7 +203,7 @@ fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
             format!("{first} − {second}"),
             format!("{value:+.1} [{low:.1}, {high:.1}]"),
             format!("{} : {}", apart.first, apart.second),
-            pair.p_words(),
+            pair.format_p(),
         ]
     };
     std::iter::once(head).chain(pairs.iter().map(row)).collect()

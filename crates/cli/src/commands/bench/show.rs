@@ -49,7 +49,7 @@ fn trial(args: &BenchShow, settings: &mut Settings) -> Result<Trial, CliError> {
     let seed: u64 = seed.parse().map_err(|_| wrong())?;
     let method = Method::of_name(method).ok_or_else(wrong)?;
     let task = Arc::new(task_of(args.task.as_deref().unwrap_or(task))?);
-    let pointer = if method.asks() { Some(pointer(settings, &name_of(args, vlm)?)?) } else { None };
+    let pointer = if method.uses_vlm() { Some(pointer(settings, &name_of(args, vlm)?)?) } else { None };
     let trial = Trial { task, method, pointer, seed, max_cost_usd: None };
     if trial.run_id() == args.run_id {
         return Ok(trial);

@@ -120,8 +120,11 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     };
     // One unknown word is a slip or a name; several without a known one are another language.
     let language = if unknown.len() > 1 && reading.directions.is_empty() { ", which reads English only," } else { "" };
-    let advice =
-        if unknown.is_empty() { "name an object (the drone lands by itself at the end; to fly manually, use --realtime); " } else { "" };
+    let advice = if unknown.is_empty() {
+        "name an object (the drone lands by itself at the end; to fly manually, use --realtime); "
+    } else {
+        ""
+    };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
@@ -189,7 +192,8 @@ mod tests {
         assert_eq!(events, typed("go to teh red cran from above").events);
         assert_eq!(lines[0], "reads: fly to → red tower crane");
         assert!(
-            lines.iter().any(|line| line.starts_with("spelling: ")) && lines.iter().any(|line| line.starts_with("not understood: "))
+            lines.iter().any(|line| line.starts_with("spelling: "))
+                && lines.iter().any(|line| line.starts_with("not understood: "))
         );
         // The resumption is refused with it, a later one is not: it resumes what was flown before.
         let (events, lines) = reader.admit(typed("qwertzuiop"));

@@ -48,7 +48,7 @@ fn interrupt(count: &AtomicU32) {
 /// Lands without the flight loop, which may be stuck, and exits.
 fn land_and_exit() {
     background::say("landing the drone; Ctrl-C once more ends the program at once, and the drone is no longer controlled");
-    abandon::abandon_all();
+    abandon::land_all();
     background::flush();
     manual::restore();
     #[allow(clippy::exit, reason = "a second Ctrl-C asks for exactly this")]

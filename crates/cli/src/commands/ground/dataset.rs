@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use spf_bench::ground::ask::{AnswererKind, AskOptions, Ended, Plan};
 use spf_bench::ground::measure::{Report, grades, report};
-use spf_bench::ground::signs::{self, Obeyed, obedience};
+use spf_bench::ground::signs::{self, ObedienceRow, obedience};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer, page, table};
 use spf_oracle::ErrorFile;
@@ -32,8 +32,8 @@ struct Printed<'a> {
     #[serde(flatten)]
     report: &'a Report,
     /// Who obeyed the signs of a dataset of signs.
-    #[serde(skip_serializing_if = "<[Obeyed]>::is_empty")]
-    obedience: &'a [Obeyed],
+    #[serde(skip_serializing_if = "<[ObedienceRow]>::is_empty")]
+    obedience: &'a [ObedienceRow],
 }
 
 /// Grades on the dataset at `path`; `usual_output` is where to without `--output`, if not a folder named after the dataset.

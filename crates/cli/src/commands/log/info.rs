@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 use spf_core::pilot::Outcome;
 use spf_core::time::Time;
-use spf_flight::log::{Channel, Head};
+use spf_flight::log::{Channel, FlightHeader};
 use spf_flight::summary::{Summary, VerifiedBy};
 use spf_flight::words;
 use spf_record::log::{LogReader, ReadError};
@@ -107,7 +107,7 @@ fn content(args: &Info) -> Result<Content, CliError> {
 
 impl Content {
     fn flight(&mut self, data: &[u8]) {
-        if let Ok(head) = serde_json::from_slice::<Head>(data) {
+        if let Ok(head) = serde_json::from_slice::<FlightHeader>(data) {
             self.seed = head.sim.map(|sim| sim.seed);
             (self.instruction, self.vlm) = (Some(head.instruction), Some(head.vlm));
         }

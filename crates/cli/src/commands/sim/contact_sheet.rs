@@ -92,7 +92,7 @@ fn thumb(name: &str, conditions: &SceneLook, (width, height): (u32, u32)) -> Res
     let loaded = load_scene(name, conditions)?;
     let scene = &loaded.scene;
     let camera = scene.default_craft.camera().resized(width * FINER, height * FINER);
-    let image = loaded.render(&camera, &loaded.beginning(scene.preview), Channels::RGB);
+    let image = loaded.render(&camera, &loaded.initial_snapshot(scene.preview), Channels::RGB);
     let rgb = Rgb::from_raw(image.width, image.height, image.rgb.unwrap_or_default())
         .map_err(|error| CliError::internal("cannot render the image").because(&error))?;
     let title = if scene.description.is_empty() { scene.name.clone() } else { format!("{}: {}", scene.name, scene.description) };

@@ -40,12 +40,12 @@ pub(super) fn render(args: &Render, printer: &Printer) -> Result<Exit, CliError>
     let shot = sim_camera.shot(CAPTURE, |at| Some(motion.pose(&pose, at)));
     let shot = shot.ok_or_else(|| CliError::internal("cannot compute the motion blur: a pose is missing"))?;
     let photograph = sim_camera.photograph(&shot, None, |camera, pose, image| {
-        loaded.render_into(camera, &loaded.beginning(*pose), Channels::RGB, image);
+        loaded.render_into(camera, &loaded.initial_snapshot(*pose), Channels::RGB, image);
     });
     let channels = Channels { depth: args.depth.is_some(), ids: args.ids.is_some(), ..Channels::default() };
     let mut image = RenderedImage::default();
     sim_camera.look(sim_camera.camera(), &mut image, |camera, image| {
-        loaded.render_into(camera, &loaded.beginning(pose), channels, image);
+        loaded.render_into(camera, &loaded.initial_snapshot(pose), channels, image);
     });
     let mut written = vec![args.output.as_path()];
     write(&args.output, &encoded(png::encode(&photograph))?)?;

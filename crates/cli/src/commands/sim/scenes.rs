@@ -147,7 +147,7 @@ fn look_at(name: &str, args: &Scenes) -> Result<(LoadedScene, Entry), CliError> 
     if args.stats || args.images.is_some() {
         let started = Instant::now();
         let camera = loaded.scene.default_craft.camera();
-        let image = loaded.render(&camera, &loaded.beginning(loaded.scene.preview), Channels::RGB);
+        let image = loaded.render(&camera, &loaded.initial_snapshot(loaded.scene.preview), Channels::RGB);
         let drawn = started.elapsed();
         if args.stats {
             let grown = resident.zip(resident_bytes()).map(|(before, after)| after.saturating_sub(before));

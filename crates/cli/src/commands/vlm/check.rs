@@ -4,7 +4,7 @@ use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
 use spf_vlm::check::{Check, Verdict, check as ask};
 use spf_vlm::exec::EXEC;
 use spf_vlm::setup::{self, Access};
-use spf_vlm::{Paced, Strategy, Vlm, VlmError};
+use spf_vlm::{Paced, RequestOptions, Vlm, VlmError};
 
 use super::{exec, refused, table};
 use crate::args::VlmCheck;
@@ -22,7 +22,7 @@ pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError
         let (table, variables) = (table(&settings)?, variables()?);
         let send_to = settings.vlm.send_key_to.get()?.unwrap_or_default();
         let access = Access { keys: &variables, places: &environment, send_to: &send_to };
-        let remote = setup::remote(&table, &[args.name.as_str().into()], access, Strategy::default());
+        let remote = setup::remote(&table, &[args.name.as_str().into()], access, RequestOptions::default());
         Box::new(remote.map_err(|error| refused(&settings, &args.name, &error))?)
     };
     let time = settings.reply_timeout()?;
@@ -134,7 +134,9 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
             "the reply is not from the vendor's API: a proxy, a sign-in page or a wrong path"
         }
         ("deadline", _) => "the model is slow or still loading: try again, or raise fly.reply_timeout_s",
-        ("cut_off", _) => "the model thinks too long: raise `max_output_tokens` in its row of a --vlm-models file, or reduce thinking",
+        ("cut_off", _) => {
+            "the model thinks too long: raise `max_output_tokens` in its row of a --vlm-models file, or reduce thinking"
+        }
         ("program", _) => "`spf -v vlm check` shows what the program prints to standard error",
         ("blocked" | "declined", _) => "blocked by the vendor's policy: try another model",
         _ => "`spf -v vlm check` shows details",

@@ -19,7 +19,7 @@ use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::human::HUMAN;
 use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
 use spf_vlm::table::{SelectError, Table};
-use spf_vlm::{Remote, Strategy, Vlm, today};
+use spf_vlm::{Remote, RequestOptions, Vlm, today};
 
 pub(crate) use check::check;
 pub(crate) use estimate::{Estimate, agreed};
@@ -203,7 +203,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     let first = Name { text: name, from_file: settings.fly.vlm.is_from_file() };
     let second = settings.vlm.fallback.text().map(|text| Name { text, from_file: settings.vlm.fallback.is_from_file() });
     let names: Vec<Name<'_>> = [Some(first), second].into_iter().flatten().collect();
-    let strategy = Strategy {
+    let strategy = RequestOptions {
         hedge: settings.vlm.hedge_s.get()?.map(duration_from_secs),
         long_side: settings.vlm.image_long_side.get()?,
         quality: settings.vlm.jpeg_quality.get()?,
@@ -221,8 +221,11 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
             auto.clone_from(&model.vendor.name);
         }
         let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
-        let assumed =
-            if model.assumed { " (not in the table: its coordinate convention is assumed; check them with `spf vlm check`)" } else { "" };
+        let assumed = if model.assumed {
+            " (not in the table: its coordinate convention is assumed; check them with `spf vlm check`)"
+        } else {
+            ""
+        };
         if settings.fly.max_cost_usd.text().is_some() && model.price_on(&today).is_none() && strategy.price.is_none() {
             return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
                 .hint("give its price with --vlm-price IN,OUT or --vlm-models (docs/guide/vlm.md); use 0 for a local model"));

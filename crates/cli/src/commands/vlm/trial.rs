@@ -12,8 +12,8 @@ use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer};
 use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::task::{Task, suite};
-use spf_bench::trial::{Method, Pointer, Record};
-use spf_bench::tryout::{Dots, Findings, page};
+use spf_bench::trial::{Method, Record, VlmUnderTest};
+use spf_bench::tryout::{DotCheck, Findings, page};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::VlmFactory;
@@ -42,7 +42,7 @@ const FORMAT: u32 = 1;
 struct Candidate {
     name: String,
     make: MakeVlm,
-    pointer: Pointer,
+    pointer: VlmUnderTest,
 }
 
 /// A trial under way.
@@ -115,7 +115,7 @@ fn candidates(settings: &Settings, names: &[&str]) -> Result<(Vec<Candidate>, Ve
         let flown = make.clone();
         let vlm_factory: VlmFactory =
             Arc::new(move |_, _| Ok(Box::new(Paced::new(flown(), latency.map(duration_from_secs), false)) as Box<dyn Vlm>));
-        let pointer = Pointer { name: (*name).to_owned(), vlm_factory, latency };
+        let pointer = VlmUnderTest { name: (*name).to_owned(), vlm_factory, latency };
         candidates.push(Candidate { name: (*name).to_owned(), make, pointer });
     }
     match candidates.is_empty() {
@@ -124,7 +124,7 @@ fn candidates(settings: &Settings, names: &[&str]) -> Result<(Vec<Candidate>, Ve
     }
 }
 
-fn spent_on(dots: &[Dots]) -> f64 {
+fn spent_on(dots: &[DotCheck]) -> f64 {
     dots.iter().filter_map(|dots| dots.account.cost_usd).sum()
 }
 
@@ -134,9 +134,9 @@ impl Trial<'_> {
     }
 
     /// Sends the calibration dots to those that have not pointed at them.
-    fn dots(&self, printer: &Printer) -> Result<Vec<Dots>, CliError> {
+    fn dots(&self, printer: &Printer) -> Result<Vec<DotCheck>, CliError> {
         let path = self.args.output.join("dots.json");
-        let mut all: Vec<Dots> =
+        let mut all: Vec<DotCheck> =
             std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
         for candidate in self.candidates {
             let over = self.max_cost.is_some_and(|most| spent_on(&all) >= most);
@@ -153,7 +153,7 @@ impl Trial<'_> {
                 Verdict::Failed(error) => format!("no reply: {error}"),
             };
             printer.log(&format!("{}: calibration dots: {words}", candidate.name));
-            all.push(Dots {
+            all.push(DotCheck {
                 vlm: candidate.name.clone(),
                 good: matches!(check.verdict, Verdict::Good(_)),
                 words,
@@ -281,7 +281,7 @@ impl Trial<'_> {
 
     fn findings(
         &self,
-        dots: &[Dots],
+        dots: &[DotCheck],
         source: &Source,
         answerers: &[Answerer],
         rows: &[AnswerRow],
@@ -306,8 +306,9 @@ impl Trial<'_> {
     /// Writes the page and its figures, and prints the most important ones.
     fn report(&self, findings: &[Findings], printer: &Printer) -> Result<(), CliError> {
         let latency = self.candidates.iter().find_map(|candidate| Some((candidate, candidate.pointer.latency?)));
-        let latency =
-            latency.map(|(candidate, seconds)| format!("In flights with {}, every reply is assumed to take {seconds} s.", candidate.name));
+        let latency = latency.map(|(candidate, seconds)| {
+            format!("In flights with {}, every reply is assumed to take {seconds} s.", candidate.name)
+        });
         let questions = format!(
             "{} pointing questions about images of the scenes {} from the simulator, and {} flights of the paper suite in it, one for each of several \
              tasks spread over the suite. No image is of the real world.",

@@ -14,7 +14,7 @@ use spf_flight::sim::VlmFactory;
 use spf_flight::summary::Summary;
 use spf_vlm::setup::{Access, KeyHost, Name};
 use spf_vlm::table::Table;
-use spf_vlm::{Strategy, setup};
+use spf_vlm::{RequestOptions, setup};
 
 use super::oracle::plan;
 use super::server::{Piece, Reply, Server};
@@ -70,7 +70,7 @@ struct Flight {
 fn flown(
     vendor: Vendor,
     more: &[(Vendor, &Server)],
-    strategy: Strategy,
+    strategy: RequestOptions,
     change: impl FnOnce(&mut FlightPlan),
     answer: impl Fn(usize, &super::server::Request) -> Reply + Send + Sync + 'static,
 ) -> Flight {
@@ -97,7 +97,7 @@ fn always(vendor: Vendor, fault: Reply) -> Flight {
     flown(
         vendor,
         &[],
-        Strategy::default(),
+        RequestOptions::default(),
         |_| {},
         move |number, request| {
             if number == 0 { vendor.stream(&vendor.model(request), AHEAD) } else { fault.clone() }
@@ -207,7 +207,7 @@ fn on_the_wall_clock_a_question_taken_back_holds_nobody_up() {
     let flight = flown(
         Vendor::Chat,
         &[],
-        Strategy::default(),
+        RequestOptions::default(),
         |plan| {
             if let Site::Simulated(site) = &mut plan.site {
                 site.realtime = true;
@@ -226,7 +226,7 @@ fn on_the_wall_clock_a_question_taken_back_holds_nobody_up() {
 #[test]
 fn a_flight_goes_on_when_the_vendor_comes_back() {
     let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(20);
-    let flight = flown(Vendor::Anthropic, &[], Strategy::default(), patient, |number, request| match number {
+    let flight = flown(Vendor::Anthropic, &[], RequestOptions::default(), patient, |number, request| match number {
         0 => Vendor::Anthropic.stream("m", AHEAD),
         1 => Reply::json(400, &json!({ "type": "error", "error": { "type": "invalid_request_error", "message": "no" } })),
         // Overloaded for an instant: queried again within the query's time, unnoticed by the flight.
@@ -250,7 +250,7 @@ fn a_fallback_steps_in_in_its_own_coordinates() {
         Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { ahead } else { DONE })
     });
     let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(20);
-    let flight = flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], Strategy::default(), patient, |_, _| {
+    let flight = flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], RequestOptions::default(), patient, |_, _| {
         Reply::json(503, &json!({ "error": { "code": 503, "status": "UNAVAILABLE", "message": "overloaded" } }))
     });
     assert_eq!((flight.summary.outcome, flight.summary.decisions), (Outcome::Reached, 3), "{:?}", flight.summary);
@@ -276,7 +276,7 @@ fn a_fallback_that_lists_no_boxes_moves_nothing_in_obstacle_mode() {
             plan.settings.reply_timeout = Duration::from_secs(20);
             plan.settings.avoid = true;
         };
-        flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], Strategy::default(), avoiding, |_, _| {
+        flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], RequestOptions::default(), avoiding, |_, _| {
             Reply::json(503, &json!({ "error": { "code": 503, "status": "UNAVAILABLE", "message": "overloaded" } }))
         })
     };
@@ -292,8 +292,9 @@ fn a_fallback_that_lists_no_boxes_moves_nothing_in_obstacle_mode() {
 fn a_fallback_steps_in_for_one_that_hangs() {
     let second = Server::start(|number, _| Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { AHEAD } else { DONE }));
     let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(8);
-    let flight =
-        flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], Strategy::default(), patient, |_, _| hanging(vec![Piece::Hang]));
+    let flight = flown(Vendor::Gemini, &[(Vendor::Anthropic, &second)], RequestOptions::default(), patient, |_, _| {
+        hanging(vec![Piece::Hang])
+    });
     assert_eq!((flight.summary.outcome, flight.summary.decisions), (Outcome::Reached, 3), "{:?}", flight.summary);
     let used = flight.summary.vlm_use.unwrap();
     assert_eq!((flight.server.questions().len(), second.questions().len()), (3, 3));
@@ -308,7 +309,7 @@ fn a_hedge_takes_the_first_good_answer_and_takes_the_other_back() {
     let flight = flown(
         Vendor::Gemini,
         &[],
-        Strategy { hedge: Some(Duration::from_secs(2)), ..Strategy::default() },
+        RequestOptions { hedge: Some(Duration::from_secs(2)), ..RequestOptions::default() },
         |plan| plan.settings.reply_timeout = Duration::from_secs(20),
         |number, _| match number {
             0 => hanging(vec![Piece::Hang]),

@@ -14,7 +14,7 @@ use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
-use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Remote, Strategy, Vlm, setup};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Remote, RequestOptions, Usage, Vlm, setup};
 
 use super::KEY;
 use super::server::{Request, Server};
@@ -48,7 +48,7 @@ impl Vlm for Behind {
         let answer = self.remote.answer(request, image);
         assert_eq!(answer.text.as_ref().unwrap().trim(), words, "what was said is what was heard");
         // Flown with the oracle's latency, so that flights can be compared.
-        Answer { latency: meant.latency, account: Account { requests: answer.account.requests, ..Account::default() }, ..answer }
+        Answer { latency: meant.latency, account: Usage { requests: answer.account.requests, ..Usage::default() }, ..answer }
     }
 }
 
@@ -70,7 +70,7 @@ pub(super) fn flown_over(vendor: Vendor, model: Option<&str>, long_side: Option<
     let server = Server::start(move |_, request| vendor.stream(&vendor.model(request), &told.lock().unwrap().clone()));
     let name = format!("{}{}@{}", vendor.name(), model.map_or(String::new(), |id| format!("#{id}")), server.url());
     let key = |variable: &str| (variable == vendor.key()).then(|| KEY.to_owned());
-    let (strategy, send_to) = (Strategy { long_side, ..Strategy::default() }, [server.host()]);
+    let (strategy, send_to) = (RequestOptions { long_side, ..RequestOptions::default() }, [server.host()]);
     let access = Access { send_to: &send_to, ..Access::of(&key) };
     let remote = setup::remote(&Table::shipped(), &[name.as_str().into()], access, strategy).unwrap();
     let vlm_factory: VlmFactory = Arc::new(move |world: Option<&SimWorld>, seed| {
@@ -144,7 +144,7 @@ fn a_question_taken_back_ends_at_once() {
     let server = Server::start(|_, _| Reply { pieces: vec![Piece::Hang], ..Reply::new(200, "text/event-stream", "") });
     let name = format!("vllm@{}", server.url());
     let mut remote =
-        setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&|_| None), Strategy::default()).unwrap();
+        setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&|_| None), RequestOptions::default()).unwrap();
     let query = super::check::query();
     let request = QueryRequest::new(&query, Duration::from_secs(60));
     let cancel = request.cancel.clone();

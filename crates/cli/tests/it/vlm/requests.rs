@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde_json::{Value, json};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
-use spf_vlm::{Answer, QueryImage, QueryRequest, Remote, Strategy, Vlm, VlmError, setup};
+use spf_vlm::{Answer, QueryImage, QueryRequest, Remote, RequestOptions, Vlm, VlmError, setup};
 
 use super::server::{Piece, Reply, Request, Server};
 use super::vendors::Vendor;
@@ -30,7 +30,7 @@ fn remote(server: &Server, name: &str, rows: &str) -> Remote {
     let (key, send_to) = (|_: &str| Some(KEY.to_owned()), [server.host()]);
     // No variable sets another place.
     let access = Access { keys: &key, places: &|_| None, send_to: &send_to };
-    setup::remote(&table, &[format!("{name}@{}", server.url()).as_str().into()], access, Strategy::default()).unwrap()
+    setup::remote(&table, &[format!("{name}@{}", server.url()).as_str().into()], access, RequestOptions::default()).unwrap()
 }
 
 fn ask(remote: &mut Remote) -> Answer {

@@ -95,7 +95,7 @@ impl VirtualTello {
                 if craft.dynamics().battery() <= self.figures.flip_battery {
                     return Err("error");
                 }
-                let cm = libm::round(100.0 * self.figures.flip_way) as i32;
+                let cm = libm::round(100.0 * self.figures.flip_distance) as i32;
                 Ok(self.through(now, craft, &[offset_of(side, cm)], self.figures.stick_speed, cm))
             }
             Request::Go { to, speed } => Ok(self.through(now, craft, &[to], metres_a_second(speed), length(to))),

@@ -20,7 +20,7 @@ use spf_flight::real::Real;
 use spf_flight::sim::{LoadedScene, SimDrone, SimWorld, VlmFactory};
 use spf_flight::site::Clock;
 use spf_flight::world::Script;
-use spf_serve::tello::Figures;
+use spf_serve::tello::ProtocolParameters;
 
 use self::faults::{FlightPart, Row, What};
 use self::faulty::Faulty;
@@ -120,7 +120,8 @@ impl Cell {
             CraftKind::Quad => (Box::new(SimDrone::new(world.clone())), plan),
             CraftKind::Tello => {
                 let (outside, inside) = plan.rules.into_iter().partition(frames);
-                let wired = Wired::new(world.clone(), Figures::default(), FaultPlan { rules: inside, craft: plan.craft });
+                let wired =
+                    Wired::new(world.clone(), ProtocolParameters::default(), FaultPlan { rules: inside, craft: plan.craft });
                 (Box::new(wired), FaultPlan { rules: outside, ..FaultPlan::default() })
             }
         };

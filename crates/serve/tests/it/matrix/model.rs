@@ -2,7 +2,7 @@
 
 use spf_core::query::QueryKind;
 use spf_core::time::{Duration, Time};
-use spf_vlm::{Account, Answer, ImageSpec, QueryImage, QueryRequest, Vlm, VlmError};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use super::faults::ModelFault;
 
@@ -48,6 +48,6 @@ impl Vlm for Scripted {
             Some(ModelFault::Late) => (Ok(usual.to_owned()), Duration::from_secs(15)),
             Some(ModelFault::Malformed) => (Ok(usual.split_at(usual.len() / 2).0.to_owned()), LATENCY),
         };
-        Answer { text, latency, model: "scripted".to_owned(), account: Account::default() }
+        Answer { text, latency, model: "scripted".to_owned(), account: Usage::default() }
     }
 }

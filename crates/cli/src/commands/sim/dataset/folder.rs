@@ -4,7 +4,7 @@ use std::fs::{self, File, OpenOptions};
 use std::io::{BufRead, BufReader, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use spf_flight::dataset::record::{Head, Row};
+use spf_flight::dataset::record::{DatasetHeader, Row};
 
 use crate::commands::sim::write;
 use crate::error::CliError;
@@ -28,7 +28,7 @@ pub(super) struct Folder {
 
 impl Folder {
     /// Takes a new or an empty folder, continues one with the same head (`resume`), or starts it again (`overwrite`).
-    pub(super) fn open(path: &Path, head: &Head, resume: bool, overwrite: bool) -> Result<Self, CliError> {
+    pub(super) fn open(path: &Path, head: &DatasetHeader, resume: bool, overwrite: bool) -> Result<Self, CliError> {
         fs::create_dir_all(path).map_err(|error| unusable(path, &error))?;
         let mut entries = fs::read_dir(path).map_err(|error| unusable(path, &error))?;
         let is_dataset = path.join(HEAD).exists();
@@ -106,15 +106,15 @@ fn unusable(path: &Path, error: &std::io::Error) -> CliError {
 }
 
 /// Only the same recipe continues the same dataset; more examples than at first may be requested.
-fn check_same(path: &Path, head: &Head) -> Result<(), CliError> {
+fn check_same(path: &Path, head: &DatasetHeader) -> Result<(), CliError> {
     let file = path.join(HEAD);
     let text = fs::read_to_string(&file).map_err(|error| unusable(&file, &error))?;
-    let there: Head = serde_json::from_str(&text).map_err(|error| {
+    let there: DatasetHeader = serde_json::from_str(&text).map_err(|error| {
         CliError::usage(format!("`{}` is not a dataset of this version of spf", file.display()))
             .because(&error)
             .hint("replace it with --overwrite, or use another folder")
     })?;
-    if (Head { examples: head.examples, ..there.clone() }) == *head {
+    if (DatasetHeader { examples: head.examples, ..there.clone() }) == *head {
         return Ok(());
     }
     Err(CliError::usage(format!("the dataset in `{}` was made with different settings", path.display()))

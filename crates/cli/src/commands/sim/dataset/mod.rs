@@ -6,7 +6,7 @@ mod folder;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use spf_core::craft::CraftKind;
-use spf_flight::dataset::record::{FORMAT, Head, Row, SceneHead};
+use spf_flight::dataset::record::{DatasetHeader, FORMAT, Row, SceneHead};
 use spf_flight::dataset::{Generator, Kind, Recipe};
 use spf_flight::sim::LoadedScene;
 
@@ -86,7 +86,7 @@ fn head(
     kind: CraftKind,
     recipe: &Recipe,
     generators: &[Generator<'_>],
-) -> Head {
+) -> DatasetHeader {
     let scene = |(index, (name, loaded)): (usize, (&&str, &LoadedScene))| SceneHead {
         name: (*name).to_owned(),
         legend: format!("legends/{index}.json"),
@@ -94,7 +94,7 @@ fn head(
         weather: loaded.scene.weather.name().to_owned(),
         near_m: loaded.scene.near,
     };
-    Head {
+    DatasetHeader {
         format: FORMAT,
         seed: recipe.seed,
         examples: args.count,

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 /// A connection whose reads and writes all end by a time, however slowly the other side sends.
 #[derive(Debug)]
-pub struct Patient {
+pub struct DeadlineStream {
     stream: TcpStream,
     until: Instant,
 }
 
-impl Patient {
+impl DeadlineStream {
     /// Limits all that is read and written to `time` from now.
     #[must_use]
     pub fn new(stream: TcpStream, time: Duration) -> Self {
@@ -47,14 +47,14 @@ impl Patient {
     }
 }
 
-impl Read for Patient {
+impl Read for DeadlineStream {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         self.shorten(self.stream.read_timeout(), |left| self.stream.set_read_timeout(left))?;
         self.stream.read(buffer)
     }
 }
 
-impl Write for Patient {
+impl Write for DeadlineStream {
     fn write(&mut self, buffer: &[u8]) -> io::Result<usize> {
         self.shorten(self.stream.write_timeout(), |left| self.stream.set_write_timeout(left))?;
         self.stream.write(buffer)
@@ -75,7 +75,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let mut slow = TcpStream::connect(listener.local_addr().unwrap()).unwrap();
         let begun = Instant::now();
-        let mut patient = Patient::new(listener.accept().unwrap().0, Duration::from_millis(300));
+        let mut patient = DeadlineStream::new(listener.accept().unwrap().0, Duration::from_millis(300));
         let sender = std::thread::spawn(move || {
             while slow.write_all(b"x").is_ok() && begun.elapsed() < Duration::from_secs(10) {
                 std::thread::sleep(Duration::from_millis(20));

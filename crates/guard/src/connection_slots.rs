@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// A bounded number of connections. A connection that has not yet sent a complete request gives its place up to a new
 /// one, the oldest first, so that connections that say nothing lock nobody out.
 #[derive(Clone, Default)]
-pub struct Places(Arc<Mutex<Taken>>);
+pub struct ConnectionSlots(Arc<Mutex<Taken>>);
 
 #[derive(Default)]
 struct Taken {
@@ -26,12 +26,12 @@ struct Occupant {
 pub struct Place(Arc<Held>);
 
 struct Held {
-    places: Places,
+    places: ConnectionSlots,
     id: u64,
     settled: Arc<AtomicBool>,
 }
 
-impl Places {
+impl ConnectionSlots {
     /// At most `most` connections.
     #[must_use]
     pub fn new(most: usize) -> Self {
@@ -85,10 +85,10 @@ impl Drop for Held {
     }
 }
 
-impl core::fmt::Debug for Places {
+impl core::fmt::Debug for ConnectionSlots {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let taken = self.taken();
-        write!(f, "Places({} of {})", taken.by_age.len(), taken.most)
+        write!(f, "ConnectionSlots({} of {})", taken.by_age.len(), taken.most)
     }
 }
 
@@ -106,7 +106,7 @@ mod tests {
 
     #[test]
     fn who_says_nothing_makes_room_and_who_asked_stays() {
-        let (places, out) = (Places::new(2), Arc::new(Mutex::new(Vec::new())));
+        let (places, out) = (ConnectionSlots::new(2), Arc::new(Mutex::new(Vec::new())));
         let enter = |name: &'static str| {
             let out = out.clone();
             places.enter(move || out.lock().unwrap().push(name))
@@ -129,7 +129,7 @@ mod tests {
     proptest! {
         #[test]
         fn there_are_never_more_than_allowed(most in 0_usize..5, steps in proptest::collection::vec((0_u8..3, 0_usize..6), 0..60)) {
-            let (places, out) = (Places::new(most), Arc::new(AtomicUsize::new(0)));
+            let (places, out) = (ConnectionSlots::new(most), Arc::new(AtomicUsize::new(0)));
             let mut held: Vec<Place> = Vec::new();
             let mut entered = 0;
             for (step, which) in steps {

@@ -4,13 +4,13 @@ use serde::{Deserialize, Serialize};
 
 /// Resources used by one query, over all its requests.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Account {
+pub struct Usage {
     /// HTTP requests, including retries, hedged requests and fallbacks; 0 for the oracle.
     pub requests: u32,
     /// Bytes of the last request's body.
     pub bytes_sent: u64,
     /// Timing of the request that was answered.
-    pub parts: Parts,
+    pub parts: StageTimes,
     /// Tokens over all requests that reported them.
     pub tokens: Tokens,
     /// Cost in US dollars, according to the price table; `None` if no price is known.
@@ -19,7 +19,7 @@ pub struct Account {
 
 /// Timing of a request, seconds from its start; `None` for stages not reached.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Parts {
+pub struct StageTimes {
     /// The image was rendered and encoded.
     pub encoded_s: Option<f64>,
     /// The connection accepted the last part of the request; the operating system may still buffer some of it.
@@ -33,7 +33,7 @@ pub struct Parts {
     pub complete_s: Option<f64>,
 }
 
-impl Parts {
+impl StageTimes {
     /// Duration of each part, seconds: encoding, upload (including connecting and earlier failed attempts), time to
     /// first text, rest of the reply; `None` for stages not reached.
     #[must_use]
@@ -80,7 +80,7 @@ impl Tokens {
     }
 }
 
-impl Account {
+impl Usage {
     /// Adds another request of the same query; the timing stays that of the request that was answered.
     pub fn add(&mut self, other: &Self) {
         self.requests += other.requests;
@@ -99,7 +99,7 @@ mod tests {
 
     #[test]
     fn parts_are_carried_out_one_after_the_other() {
-        let parts = Parts {
+        let parts = StageTimes {
             encoded_s: Some(0.25),
             uploaded_s: Some(0.5),
             head_s: Some(0.75),
@@ -107,9 +107,13 @@ mod tests {
             complete_s: Some(2.0),
         };
         assert_eq!(parts.durations(), [Some(0.25), Some(0.25), Some(1.0), Some(0.5)]);
-        assert_eq!(Parts { first_text_s: None, complete_s: None, ..parts }.durations(), [Some(0.25), Some(0.25), None, None]);
+        assert_eq!(
+            StageTimes { first_text_s: None, complete_s: None, ..parts }.durations(),
+            [Some(0.25), Some(0.25), None, None]
+        );
         // Recordings made before upload times were recorded.
-        let old: Parts = serde_json::from_str(r#"{"encoded_s":0.1,"head_s":0.2,"first_text_s":0.3,"complete_s":0.4}"#).unwrap();
+        let old: StageTimes =
+            serde_json::from_str(r#"{"encoded_s":0.1,"head_s":0.2,"first_text_s":0.3,"complete_s":0.4}"#).unwrap();
         assert_eq!(old.uploaded_s, None);
     }
 }
