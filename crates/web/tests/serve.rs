@@ -343,6 +343,37 @@ fn a_ninth_page_is_refused_until_another_leaves() {
     assert!(let_in);
 }
 
+/// A siege of 30 minutes once filled 12 GB with the threads of pages that had gone.
+#[test]
+#[cfg(target_os = "linux")]
+fn pages_that_come_and_go_leave_no_threads_behind() {
+    let served = Served::start();
+    let renderers = || {
+        let tasks = std::fs::read_dir("/proc/self/task").unwrap();
+        let names = tasks.filter_map(|task| std::fs::read_to_string(task.unwrap().path().join("comm")).ok());
+        names.filter(|name| name.trim_end() == "view").count()
+    };
+    let mut most = 0;
+    for _ in 0..150 {
+        let request = format!("ws://{}/socket", served.address).into_client_request().unwrap();
+        let stream = TcpStream::connect(served.address).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        // Refused where eight pages are still open; the next one takes the place of those that have gone.
+        if let Ok((mut socket, _)) = tungstenite::client(request, stream) {
+            drop(socket.send(Message::text(json!({"type": "detail", "detail": "full"}).to_string())));
+        }
+        most = most.max(renderers());
+    }
+    // The other tests of this process have pages too.
+    assert!(most < 60, "{most} rendering threads");
+    let began = Instant::now();
+    let is_served = || served.http("GET / HTTP/1.1\r\nhost: ADDRESS\r\nconnection: close\r\n\r\n").starts_with("HTTP/1.1 200");
+    while !is_served() {
+        assert!(began.elapsed() < PATIENCE, "the places of pages that have gone stay taken");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+}
+
 #[test]
 fn the_end_is_reported_to_pages() {
     let mut served = Served::start();

@@ -139,6 +139,10 @@ impl ViewRenderer {
         self.send_scene()?;
         let mut before = Instant::now();
         loop {
+            // An image takes long; the page of a queued message may be gone by now.
+            if self.out.is_closed() {
+                return Err(PageClosed);
+            }
             match inbox.recv_timeout(self.wait(Instant::now())) {
                 Ok(message) => self.follow(message)?,
                 Err(RecvTimeoutError::Timeout) => {}

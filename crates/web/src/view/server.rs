@@ -13,7 +13,7 @@ use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
 use spf_guard::Access;
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 use super::message::LONGEST;
 use super::{InitialView, Library, session};
@@ -64,6 +64,8 @@ pub struct Viewer {
 
 struct Shared {
     library: Arc<Library>,
+    /// Permits of rendering threads.
+    renderers: Arc<Semaphore>,
     beginning: InitialView,
     stop: watch::Receiver<bool>,
 }
@@ -97,7 +99,12 @@ impl Viewer {
     /// # Errors
     /// [`ViewError::Server`] if the system's sockets or threads fail.
     pub fn serve(self, library: Library, beginning: InitialView) -> Result<(), ViewError> {
-        let shared = Arc::new(Shared { library: Arc::new(library), beginning, stop: self.stop.0.subscribe() });
+        let shared = Arc::new(Shared {
+            library: Arc::new(library),
+            renderers: Arc::new(Semaphore::new(spf_guard::CONNECTIONS)),
+            beginning,
+            stop: self.stop.0.subscribe(),
+        });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Server)?;
         let (access, stop) = (Access::at(self.address), self.stop.0.subscribe());
         // Pages are closed in their own tasks.
@@ -140,7 +147,7 @@ async fn headed(request: Request, next: Next) -> Response {
 
 async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
     upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).on_upgrade(async move |socket| {
-        let Shared { library, beginning, stop } = &*shared;
-        session::converse(socket, library.clone(), beginning.clone(), stop.clone()).await;
+        let Shared { library, renderers, beginning, stop } = &*shared;
+        session::converse(socket, library.clone(), renderers.clone(), beginning.clone(), stop.clone()).await;
     })
 }

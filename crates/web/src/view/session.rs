@@ -5,7 +5,7 @@ use std::sync::mpsc::{TrySendError, sync_channel};
 use std::time::Duration;
 
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
-use tokio::sync::{mpsc, watch};
+use tokio::sync::{Semaphore, mpsc, watch};
 use tokio::time::{Instant, interval_at, timeout};
 
 use super::message::{FromPage, ToPage};
@@ -22,16 +22,27 @@ const PING: Duration = Duration::from_secs(15);
 /// Time limit without messages; browsers answer pings automatically.
 const SILENCE: Duration = Duration::from_secs(50);
 
+/// Time limit for a rendering thread to become free. A thread outlives its page by the image that it is rendering.
+const RENDERER_WAIT: Duration = Duration::from_secs(5);
+
 /// Time limit for the closing handshake.
 pub(super) const SHUTDOWN_GRACE: Duration = Duration::from_secs(1);
 
-/// Serves a page, starting with `beginning`, until it disconnects or the server shuts down.
+/// Serves a page, starting with `beginning`, until it disconnects or the server shuts down. Each permit of `renderers`
+/// allows one rendering thread: pages that come and go faster than an image is rendered would otherwise fill the memory
+/// with threads.
 pub(super) async fn converse(
     mut socket: WebSocket,
     library: Arc<Library>,
+    renderers: Arc<Semaphore>,
     beginning: InitialView,
     mut stop: watch::Receiver<bool>,
 ) {
+    let Ok(Ok(permit)) = timeout(RENDERER_WAIT, renderers.acquire_owned()).await else {
+        let reason = "too many pages are open".to_owned();
+        drop(timeout(SEND_TIMEOUT, socket.send(Message::text(text(&ToPage::Refused { reason })))).await);
+        return;
+    };
     let (to_renderer, inbox) = sync_channel(INBOX);
     let (out, mut outbox) = mpsc::channel(OUTBOX);
     // The scene is loaded and rendered in its own thread, which ends when either channel does.
@@ -41,6 +52,7 @@ pub(super) async fn converse(
             Ok(renderer) => drop(renderer.run(&inbox)),
             Err(reason) => drop(out.blocking_send(refused(reason))),
         }
+        drop(permit);
     });
     if let Err(error) = spawned {
         tracing::error!("cannot start a thread for the page: {error}");
