@@ -25,6 +25,7 @@ pub mod frame;
 pub mod geofence;
 pub mod geometry;
 pub mod grounding;
+pub mod guidance;
 pub mod lift;
 pub mod obstacle_map;
 pub mod odometry;

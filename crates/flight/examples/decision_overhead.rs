@@ -25,7 +25,7 @@ use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::pilot::{PilotSettings, Preset};
 use spf_core::policy::spf::{Spf, SpfSettings};
-use spf_core::policy::{Policy, PolicyEvent, Step, View};
+use spf_core::policy::{Expected, Policy, PolicyEvent, Step, View};
 use spf_core::query::VerticalRoom;
 use spf_core::time::{Duration, Time};
 use spf_media::{Jpeg, Rgb, Scaler};
@@ -144,7 +144,14 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
         height: frame.0.height(),
         unusable: None,
     };
-    let view = View { frame: meta, camera: *camera, pose: Pose::default(), at_rest: true, room: VerticalRoom::default() };
+    let view = View {
+        frame: meta,
+        camera: *camera,
+        pose: Pose::default(),
+        at_rest: true,
+        room: VerticalRoom::default(),
+        expected: Expected::Unknown,
+    };
     let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)) else { return Err("the policy did not ask".into()) };
     let text = vlm.answer(&QueryRequest::new(&query, Duration::from_secs(10)), &mut frame).text?;
     let Step::Move(motion) = spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) else {

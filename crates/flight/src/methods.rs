@@ -6,6 +6,7 @@ use std::sync::LazyLock;
 use serde::Deserialize;
 use spf_core::actions::ActForm;
 use spf_core::executor::{Ending, Motion};
+use spf_core::guidance::Guidance;
 use spf_core::lift::Lifting;
 use spf_core::pilot::{PilotSettings, Preset, Think};
 use spf_core::step::StepRule;
@@ -116,6 +117,14 @@ pub struct BenchSettings {
     pub confirm_done: Option<bool>,
     /// Whether obstacle mode is on in every task, not only in those that require it.
     pub avoid: bool,
+    /// Whether the target's place is kept between two answers.
+    pub anchor: bool,
+    /// Whether obstacles are kept in a map, around which the planner leads.
+    pub map: bool,
+    /// Whether the envelope brakes before known obstacles.
+    pub brake: bool,
+    /// Whether the craft has a depth sensor.
+    pub depth_sensor: bool,
     /// Whether a geofence is drawn around the straight path from the start to the goals.
     pub fence: bool,
     /// Whether it flies straight on without frames or queries.
@@ -155,6 +164,7 @@ impl BenchSettings {
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
+            guidance: Guidance { anchor: self.anchor, map: self.map },
             ..preset
         }
     }

@@ -128,6 +128,7 @@ impl PolicyMaker for PolicyKind {
         let image_size = image_spec.image_size;
         match self.0.policy {
             Family::Spf { detector } => {
+                let guidance = settings.guidance;
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,
@@ -143,7 +144,7 @@ impl PolicyMaker for PolicyKind {
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
-                let spf = Spf::new(settings).with_prompt(prompt);
+                let spf = Spf::new(settings).with_prompt(prompt).with_guidance(guidance);
                 Box::new(if detector { spf.with_detector() } else { spf })
             }
             Family::Plain { form } => {

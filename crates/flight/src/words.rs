@@ -1,7 +1,7 @@
 //! Display text for outcomes, phases and decisions, in one place.
 
 use spf_core::avoid::Avoidance;
-use spf_core::pilot::{Decision, OperatorEvent, Outcome, Phase};
+use spf_core::pilot::{Around, Decision, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
 
 use crate::ledger::VlmUse;
@@ -45,6 +45,18 @@ pub fn operator(event: &OperatorEvent) -> String {
         OperatorEvent::Land => "land".to_owned(),
         OperatorEvent::CutMotors => "cut the motors".to_owned(),
     }
+}
+
+/// Display text of a detour.
+#[must_use]
+pub fn around(around: &Around) -> String {
+    let side = match around.side {
+        Passage::Left => "around the left of",
+        Passage::Right => "around the right of",
+        Passage::Over => "over",
+        Passage::Under => "under",
+    };
+    format!("{side}: {}", around.name.as_deref().unwrap_or("an obstacle"))
 }
 
 /// Display text of a direction in which to look.

@@ -42,6 +42,16 @@ pub struct DepthSensor {
     pub fault: Option<DepthFault>,
 }
 
+impl fmt::Display for DepthSensor {
+    /// `on`, or the name of the fault.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.fault {
+            None => f.write_str("on"),
+            Some(fault) => fault.fmt(f),
+        }
+    }
+}
+
 /// A fault of the depth sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DepthFault {

@@ -2,6 +2,7 @@ use super::*;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, Pose};
+use spf_core::policy::Expected;
 use spf_core::query::{Mark, VerticalRoom};
 use spf_core::time::Time;
 
@@ -26,6 +27,7 @@ fn view_towards(frame: u64, heading: f64) -> View {
         camera: Camera::quad(),
         pose: Pose { attitude: Attitude { heading, ..Attitude::default() }, ..Pose::default() },
         at_rest: true,
+        expected: Expected::Unknown,
         room: VerticalRoom::default(),
     }
 }

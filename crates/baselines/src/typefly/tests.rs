@@ -2,7 +2,7 @@ use super::*;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::Pose;
-use spf_core::policy::Move;
+use spf_core::policy::{Expected, Move};
 use spf_core::primitives::Primitives;
 use spf_core::query::VerticalRoom;
 
@@ -39,6 +39,7 @@ impl Instructed {
             camera: Camera::tello(),
             pose: Pose::default(),
             at_rest: true,
+            expected: Expected::Unknown,
             room: VerticalRoom::default(),
         }))
     }

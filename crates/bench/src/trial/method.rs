@@ -47,6 +47,11 @@ impl Method {
         self.settings.fence
     }
 
+    /// Whether the envelope brakes before obstacles, and whether the craft has a depth sensor.
+    pub(super) fn brake_and_depth(self) -> (bool, bool) {
+        (self.settings.brake, self.settings.depth_sensor)
+    }
+
     pub(super) fn policy(self) -> PolicyKind {
         PolicyKind::of_row(self.row)
     }

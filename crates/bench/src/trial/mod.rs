@@ -11,7 +11,7 @@ mod watch;
 
 use std::sync::{Arc, OnceLock};
 
-use spf_core::envelope::Limits;
+use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::Outcome;
 use spf_core::prompt::PromptText;
@@ -22,6 +22,7 @@ use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_
 use spf_flight::summary::{Summary, VerifiedBy};
 use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
+use spf_sim::depth_sensor::DepthSensor;
 use spf_sim::model::Model;
 
 use crate::fnv;
@@ -174,18 +175,33 @@ impl Trial {
         let site = Simulated {
             start: Some(drawn.start),
             kind: task.craft,
-            flight_conditions: FlightConditions { wind: drawn.wind, ..FlightConditions::default() },
+            flight_conditions: FlightConditions {
+                wind: drawn.wind,
+                depth_sensor: self.method.brake_and_depth().1.then(DepthSensor::default),
+                ..FlightConditions::default()
+            },
             seed: self.seed,
             ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
         };
+        let site = Site::Simulated(site);
         FlightPlan {
+            limits: Limits { brake: self.brake(), ..site.limits() },
             policy: Arc::new(self.method.policy()),
             preset: self.method.preset(),
             settings: self.method.settings(task),
             detector: self.detector(),
             max_cost_usd: self.max_cost_usd,
             record,
-            ..FlightPlan::new(Site::Simulated(site), &task.instruction, self.vlm(), seen)
+            ..FlightPlan::new(site, &task.instruction, self.vlm(), seen)
+        }
+    }
+
+    /// The method's brake.
+    fn brake(&self) -> Option<BrakeLimits> {
+        match self.method.brake_and_depth() {
+            (false, _) => None,
+            (true, false) => Some(BrakeLimits::without_sensor()),
+            (true, true) => Some(BrakeLimits::with_sensor()),
         }
     }
 
@@ -210,7 +226,11 @@ impl Trial {
         let prompt = PromptText::shipped(policy.prompt());
         let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
         let fence = if self.method.is_fenced() { " fence" } else { "" };
-        let all = format!("{} {:?} {limits:?} {}{fence}", policy.name(), self.method.settings(&self.task), prompt.source());
+        let settings = format!("{:?}", self.method.settings(&self.task));
+        // What is off is left out: a trial without it is the one that it was before it could be switched on.
+        let settings = settings.replace(", guidance: Guidance { anchor: false, map: false }", "");
+        let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
+        let all = format!("{} {settings} {limits:?} {}{fence}{extra}", policy.name(), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))
     }
 

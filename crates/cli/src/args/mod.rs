@@ -151,6 +151,10 @@ pub(crate) struct WorldArgs {
     /// Wind: M_S[,from=DEG][,gust=M_S][,gust_time=S], from the north by default [default: still air]
     #[arg(long, value_name = "WIND", allow_hyphen_values = true)]
     pub(crate) wind: Option<String>,
+    /// Give the simulated craft a depth sensor: on or off; or its fault from 10 s on: frozen, half (black) or scale (10 % too
+    /// far) [default: off]
+    #[arg(long, value_name = "SENSOR")]
+    pub(crate) depth_sensor: Option<String>,
     /// Battery charge at the start, 0 to 1 [default: 1]
     #[arg(long, value_name = "CHARGE", allow_negative_numbers = true)]
     pub(crate) battery: Option<String>,
@@ -240,6 +244,15 @@ pub(crate) struct MethodArgs {
     /// Obstacle mode: request obstacle boxes and keep clear of them
     #[arg(long)]
     pub(crate) avoid: bool,
+    /// Keep the target's place between two answers, fused from all of them: on or off [default: off]
+    #[arg(long, value_name = "SWITCH")]
+    pub(crate) anchor: Option<String>,
+    /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on or off [default: off]
+    #[arg(long, value_name = "SWITCH")]
+    pub(crate) map: Option<String>,
+    /// Brake before obstacles that the depth sensor shows or the map knows, whatever the VLM says: on or off [default: off]
+    #[arg(long, value_name = "SWITCH")]
+    pub(crate) brake: Option<String>,
     /// Obstacle mode with boxes from a detector instead of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or,
     /// in the simulator, oracle or oracle:NAME (simulates a detector of the COCO classes)
     #[arg(long, value_name = "DETECTOR")]

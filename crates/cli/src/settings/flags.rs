@@ -42,6 +42,7 @@ impl WorldArgs {
             drone_model,
             seed,
             wind,
+            depth_sensor,
             battery,
             camera_effects,
             events: _,
@@ -56,6 +57,7 @@ impl WorldArgs {
         fly.drone_model.flag(drone_model.as_deref());
         fly.seed.flag(seed.as_deref());
         fly.wind.flag(wind.as_deref());
+        fly.depth_sensor.flag(depth_sensor.as_deref());
         fly.battery.flag(battery.as_deref());
         camera.effects.flag(camera_effects.as_deref());
         fly.realtime.switch(*realtime);
@@ -84,6 +86,9 @@ impl MethodArgs {
             think,
             rate,
             avoid,
+            anchor,
+            map,
+            brake,
             detector,
         } = self;
         fly.vlm.flag(vlm.as_deref());
@@ -105,6 +110,9 @@ impl MethodArgs {
         fly.think.flag(think.as_deref());
         fly.rate_hz.flag(rate.as_deref());
         fly.avoid.switch(*avoid);
+        fly.anchor.flag(anchor.as_deref());
+        fly.map.flag(map.as_deref());
+        fly.brake.flag(brake.as_deref());
         fly.detector.flag(detector.as_deref());
     }
 }

@@ -17,7 +17,7 @@ use spf_sim::wind::Wind;
 use spf_vlm::setup::KeyHost;
 use spf_vlm::table::PerMillion;
 
-use super::reading::{Count, Drone, DroneName, Explained, Joined, Number, Parsed, Start, Step, Text, Word};
+use super::reading::{Count, DepthSense, Drone, DroneName, Explained, Joined, Number, OnOff, Parsed, Start, Step, Text, Word};
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
 
@@ -54,6 +54,14 @@ settings! {
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
+        /// keep the target's place between two answers: on or off
+        anchor: OnOff = "off", Word, "SPF_ANCHOR", "--anchor";
+        /// keep a map of obstacles, and plan around them: on or off
+        map: OnOff = "off", Word, "SPF_MAP", "--map";
+        /// brake before known obstacles: on or off
+        brake: OnOff = "off", Word, "SPF_BRAKE", "--brake";
+        /// give the simulated craft a depth sensor: on or off, or its fault from 10 s on: frozen, half or scale
+        depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
         /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, human, oracle, oracle:NAME or oracle:FILE (exec:COMMAND only as a flag); with a real drone the default is auto

@@ -16,6 +16,7 @@ use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
 use spf_flight::pose::parse_pose;
 use spf_scene::{Lighting, Weather};
+use spf_sim::depth_sensor::{DepthFault, DepthSensor};
 
 use crate::error::nearest;
 
@@ -143,6 +144,28 @@ pub(crate) trait Words: Copy {
 impl Words for bool {
     fn words() -> Vec<(&'static str, Self)> {
         vec![("true", true), ("false", false)]
+    }
+}
+
+/// A part that is on or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct OnOff(pub(crate) bool);
+
+impl Words for OnOff {
+    fn words() -> Vec<(&'static str, Self)> {
+        vec![("on", Self(true)), ("off", Self(false))]
+    }
+}
+
+/// The simulated depth sensor, if there is one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct DepthSense(pub(crate) Option<DepthSensor>);
+
+impl Words for DepthSense {
+    fn words() -> Vec<(&'static str, Self)> {
+        let with = |fault| Self(Some(DepthSensor { fault }));
+        let [frozen, half, scale] = [DepthFault::Frozen, DepthFault::HalfBlack, DepthFault::Scale].map(|fault| with(Some(fault)));
+        vec![("off", Self(None)), ("on", with(None)), ("frozen", frozen), ("half", half), ("scale", scale)]
     }
 }
 

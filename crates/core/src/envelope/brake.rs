@@ -19,6 +19,8 @@ const BESIDE: f64 = 0.1;
 const FROZEN: u32 = 3;
 /// A grid in which a smaller fraction of pixels has a value comes from a dead or covered sensor.
 const LEAST_VALID: f64 = 0.02;
+/// A return of the ground is due up to this depth, metres: within the range of common sensors.
+const DUE: f64 = 8.0;
 /// A grid is reduced to the nearest point of each block of this many pixels a side.
 const BLOCK: usize = 4;
 /// Points farther than this from the craft do not matter, metres: no craft of ours needs as much to stop.
@@ -32,6 +34,8 @@ pub(super) struct Brake {
     depth: Option<Seen>,
     /// Values of the newest grid, and the number of consecutive grids with these values.
     repeated: (Vec<u16>, u32),
+    /// Whether the sensor gave values when it was last due to.
+    proved: bool,
     remembered: Vec<EnuPosition>,
     /// Position and heading according to the motion estimate that depth and map are based on.
     motion: Option<(Time, EnuPosition, f64)>,
@@ -59,8 +63,11 @@ pub(super) struct Motion {
 }
 
 impl Brake {
-    /// Adds a depth grid, measured at `pose`.
-    pub(super) fn depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
+    /// Adds a depth grid, measured at `pose`, `height` metres above the ground.
+    ///
+    /// A grid without values comes from the open sky if the ground is too far below to be in range, and from a dead sensor if it is
+    /// not: a sensor that worked when it could show so is trusted above that height.
+    pub(super) fn depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose, height: f64) {
         if grid.check().is_err() || self.depth.as_ref().is_some_and(|seen| grid.captured <= seen.captured) {
             return;
         }
@@ -74,10 +81,15 @@ impl Brake {
             values.clone_from(&grid.cm);
             *times = 1;
         }
-        if *times >= FROZEN || grid.valid_fraction() < LEAST_VALID {
-            self.depth = None;
+        let (empty, nothing) = (grid.valid_fraction() < LEAST_VALID, grid.cm.iter().all(|&cm| cm == 0));
+        let open_sky = empty && self.proved && !is_due(grid, pose, height);
+        // Nothing is always the same.
+        let frozen = *times >= FROZEN && !(nothing && open_sky);
+        if frozen || (empty && !open_sky) {
+            (self.depth, self.proved) = (None, false);
             return;
         }
+        self.proved |= !empty;
         let axes = CameraAxes::new(&grid.camera, pose);
         let across = (grid.camera.width as usize).div_ceil(BLOCK);
         let down = (grid.camera.height as usize).div_ceil(BLOCK);
@@ -150,6 +162,17 @@ impl Brake {
         }
         (most / speed).clamp(0.0, 1.0)
     }
+}
+
+/// Whether level ground `height` metres below would be in range somewhere in the image.
+fn is_due(grid: &DepthGrid, pose: Pose, height: f64) -> bool {
+    let axes = CameraAxes::new(&grid.camera, Pose { position: EnuPosition::default(), ..pose });
+    let corners = [(0.05, 0.05), (0.95, 0.05), (0.05, 0.95), (0.5, 0.95), (0.95, 0.95)];
+    corners.into_iter().any(|(u, v)| {
+        let ray = grid.camera.ray(crate::query::ImagePoint { u, v });
+        let down = -axes.place(ray.right, 1.0, ray.up).up;
+        down > 0.0 && height <= DUE * down
+    })
 }
 
 /// Unit vector of a velocity, turned clockwise.

@@ -184,7 +184,8 @@ impl Envelope {
     pub fn observe_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
         let now = self.advance(now);
         if self.limits.brake.is_some() {
-            self.brake.depth(now, grid, pose);
+            let height = self.estimate.clearance.unwrap_or(self.estimate.height);
+            self.brake.depth(now, grid, pose, height);
         }
     }
 
@@ -281,6 +282,13 @@ impl Envelope {
     pub fn vertical_room(&self) -> (f64, f64) {
         let low = self.estimate.clearance.map_or(self.estimate.height, |clearance| clearance.min(self.estimate.height));
         (low - self.limits.min_altitude - LOOK_MARGIN, self.limits.max_altitude - LOOK_MARGIN - self.estimate.height)
+    }
+
+    /// How far the craft may sink and climb within its altitude limits, metres; negative outside them.
+    #[must_use]
+    pub fn altitude_room(&self) -> (f64, f64) {
+        let (down, up) = self.vertical_room();
+        (down + LOOK_MARGIN, up + LOOK_MARGIN)
     }
 
     /// Whether the craft measures its distance to the ground.

@@ -123,6 +123,8 @@ const REST_SPEED: f64 = 0.1;
 /// Maximum yaw rate that counts as rest, rad/s: 3 °/s.
 const REST_YAW_RATE: f64 = 3.0 * core::f64::consts::PI / 180.0;
 
+/// Minimum speed of a motion to a goal, m/s.
+const LEAST_SPEED: f64 = 0.05;
 /// A craft that has held for this long, s, or for its braking time from cruise speed, counts as at rest: in wind it
 /// keeps drifting.
 const REST_WAIT: f64 = 1.5;
@@ -217,6 +219,11 @@ impl Executor {
     /// Starts a motion to a goal in the world, replacing any other as [`start`](Self::start) does. Always blended,
     /// whatever the executor's motion; takes the shorter turn. A non-finite goal results in a hold.
     pub fn start_goal(&mut self, now: Time, known: Known, goal: Goal) {
+        self.start_goal_at(now, known, goal, self.craft.cruise_speed);
+    }
+
+    /// The same at no more than this horizontal speed, m/s; the climb is slowed down with it.
+    pub fn start_goal_at(&mut self, now: Time, known: Known, goal: Goal, speed: f64) {
         let from = self.begin(now, known);
         let finite = [goal.position.east, goal.position.north, goal.position.up, goal.heading].iter().all(|x| x.is_finite());
         if !finite || !known.is_finite() {
@@ -224,7 +231,11 @@ impl Executor {
             return;
         }
         let yaw = wrap_angle(goal.heading - from.heading);
-        self.plan = Some(Plan::Blend(Blend::new(from, goal.position, from.heading + yaw, self.rules())));
+        let cruise_speed = self.craft.cruise_speed.min(speed.max(LEAST_SPEED));
+        let slower = cruise_speed < self.craft.cruise_speed;
+        let climb_speed = if slower { self.craft.climb_speed.min(cruise_speed) } else { self.craft.climb_speed };
+        let rules = Rules { craft: Craft { cruise_speed, climb_speed, ..self.craft }, ..self.rules() };
+        self.plan = Some(Plan::Blend(Blend::new(from, goal.position, from.heading + yaw, rules)));
         let forward = from.position.horizontal_distance(goal.position);
         self.limit(now, Primitives { yaw, forward, right: 0.0, climb: goal.position.up - from.position.up });
     }

@@ -89,6 +89,18 @@ impl ObstacleMap {
             || self.seen.iter().any(|view| view.captured + SEEN >= now && view.pose.position.distance(at) <= BODY)
     }
 
+    /// Whether no obstacle is known on the line between two places.
+    #[must_use]
+    pub fn is_clear(&self, from: EnuPosition, to: EnuPosition) -> bool {
+        self.first_obstacle(from, to).is_none()
+    }
+
+    /// The first occupied cell on the line from one place to another.
+    #[must_use]
+    pub fn first_obstacle(&self, from: EnuPosition, to: EnuPosition) -> Option<Cell> {
+        Line::new(Cell::of(from), Cell::of(to)).find(|cell| self.is_occupied(*cell))
+    }
+
     /// Whether no obstacle is known on the line between two places, except in the last cell.
     fn is_line_free(&self, from: EnuPosition, to: EnuPosition) -> bool {
         let end = Cell::of(to);

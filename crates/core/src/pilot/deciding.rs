@@ -4,7 +4,7 @@ use super::{Action, Decision, Note, Outcome, Phase, Pilot, Think, Waiting};
 use crate::envelope::{Cause, Reaction};
 use crate::frame::FrameMeta;
 use crate::geometry::wrap_angle;
-use crate::policy::{FailReason, PolicyEvent, Step, View};
+use crate::policy::{Expected, FailReason, PolicyEvent, Step, View};
 use crate::query::{Query, QueryId, QueryKind, VerticalRoom};
 use crate::time::{Duration, Time};
 
@@ -29,8 +29,9 @@ impl Pilot {
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
         if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
             self.seen.frame(frame.captured, known);
-            let room = VerticalRoom::default();
-            self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false, room });
+            self.map_frame(now, frame.captured, known);
+            let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
+            self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false, room, expected });
         }
     }
 
@@ -47,6 +48,7 @@ impl Pilot {
         // Checked now and not when the frame arrived: the craft may have moved since.
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
         view.room = self.envelope.room();
+        view.expected = self.expected(now, view.pose);
         let from_rest = self.needs_rest || self.settings.think == Think::Stop;
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;
@@ -79,6 +81,7 @@ impl Pilot {
         if decides(&step, &waiting.query) && !waiting.decided {
             self.decisions += 1;
         }
+        self.learn(now, &waiting, &step);
         let (goal, passed) = self.planned(now, &step);
         let decision = self.decision(now, &waiting, text, &step, goal, passed);
         self.note(Note::Decision(Box::new(decision)));
@@ -183,6 +186,8 @@ impl Pilot {
             match step {
                 Step::Ask(query) => self.ask(now, query, *view),
                 Step::Move(motion) => self.begin_move(now, motion),
+                Step::Goto(goto) => self.begin_goto(now, &goto),
+                Step::Keep => self.keep_on(now, view),
                 Step::Look => {
                     self.stop_motion(now);
                     self.needs_rest = true;
@@ -226,6 +231,8 @@ impl Pilot {
         let step = match step {
             Step::Ask(_) => "ask",
             Step::Move(_) => "move",
+            Step::Goto(_) => "goto",
+            Step::Keep => "keep",
             Step::Look => "look",
             Step::Wait => "wait",
             Step::Done => "done",
@@ -248,6 +255,7 @@ impl Pilot {
             pose_at_reply: self.known_pose(now),
             goal,
             passed,
+            anchor: self.anchor_report(now, waiting.view.pose),
         }
     }
 

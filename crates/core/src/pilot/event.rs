@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::guiding::AnchorReport;
 use crate::command::{Command, Setpoint};
 use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
@@ -128,6 +129,8 @@ pub enum Note {
     Decision(Box<Decision>),
     /// The envelope changed a command, or stopped the craft.
     Envelope(Cause),
+    /// The path to the target leads around something now.
+    Around(Around),
     /// A move of the policy was shortened or refused, with the reason.
     Limited(&'static str),
     /// A reply to a cancelled query arrived; it is ignored.
@@ -143,6 +146,30 @@ pub enum Note {
     Operator(OperatorEvent),
     /// The operator's input has no effect in this phase, with the reason.
     OperatorIgnored(OperatorEvent, &'static str),
+}
+
+/// A detour on the path to the target.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct Around {
+    /// The side of the obstacle on which the path leads.
+    pub side: Passage,
+    /// The obstacle's name, if a box has given one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+}
+
+/// A side of an obstacle, as seen from the craft.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Passage {
+    /// Around its left.
+    Left,
+    /// Around its right.
+    Right,
+    /// Over it.
+    Over,
+    /// Under it.
+    Under,
 }
 
 /// The phase of the flight.
@@ -179,7 +206,8 @@ pub struct Decision {
     pub reply: String,
     /// The policy's interpretation of it.
     pub reading: Reading,
-    /// The policy's next step: `move`, `look`, `done`, `reject`, `fail` or `ask`.
+    /// The policy's next step: `move`, `goto`, `keep`, `look`, `done`, `reject`, `fail`
+    /// or `ask`.
     pub step: String,
     /// The frame the decision is based on.
     pub frame: FrameId,
@@ -203,4 +231,7 @@ pub struct Decision {
     pub goal: Option<Pose>,
     /// True if the end of the plan was already passed, so that the craft turns at most and does not fly there.
     pub passed: bool,
+    /// Where the target is, if its place is kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub anchor: Option<AnchorReport>,
 }

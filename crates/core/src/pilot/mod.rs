@@ -14,6 +14,7 @@
 mod deciding;
 mod ending;
 mod event;
+mod guiding;
 mod moving;
 mod operator;
 mod reactions;
@@ -21,7 +22,8 @@ mod settings;
 mod take_over;
 mod unseen;
 
-pub use event::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase};
+pub use event::{Action, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
+pub use guiding::AnchorReport;
 pub use settings::{AtEnd, PilotSettings, Preset, Think};
 
 use std::collections::{BTreeMap, VecDeque};
@@ -78,6 +80,7 @@ pub struct Pilot {
     decisions: u32,
     late_replies: u32,
 
+    guiding: guiding::Guiding,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -160,6 +163,7 @@ impl Pilot {
             used: None,
             decisions: 0,
             late_replies: 0,
+            guiding: guiding::Guiding::new(settings.guidance.map),
             executing: false,
             pending: None,
             needs_rest: true,
@@ -305,6 +309,7 @@ impl Pilot {
         }
         self.last_telemetry = Some(telemetry.time);
         self.estimator.observe(&telemetry);
+        self.map_telemetry(now, &telemetry);
         self.envelope.observe_drift(self.estimator.drift());
         self.envelope.observe_telemetry(now, &telemetry);
         self.executor.observe(telemetry.time, telemetry.phase);
@@ -312,10 +317,11 @@ impl Pilot {
         self.follow_craft(now, before, telemetry.crashed);
     }
 
-    /// Passes a depth grid to the brake, with the pose at its capture. A grid of unknown pose says nothing.
+    /// Passes a depth grid to brake and map, with the pose at its capture. A grid of unknown pose says nothing.
     fn depth(&mut self, now: Time, grid: &DepthGrid) {
         if let Some(pose) = self.estimator.pose_at(grid.captured.min(now)) {
             self.envelope.observe_depth(now, grid, pose);
+            self.map_depth(now, grid, pose);
         }
     }
 

@@ -1,5 +1,6 @@
 //! Converts plans to setpoints, tick by tick, through the executor and the envelope.
 
+use super::guiding::Lead;
 use super::{Action, Phase, Pilot, Think};
 use crate::command::{Command, Manoeuvre, Setpoint};
 use crate::envelope::Clearance;
@@ -29,7 +30,16 @@ const FLY_BACK: f64 = 0.1;
 impl Pilot {
     /// The world pose at which a move from a frame ends, and whether the craft is already past it.
     pub(super) fn planned(&self, now: Time, step: &Step) -> (Option<Pose>, bool) {
-        let Step::Move(motion) = step else { return (None, false) };
+        let motion = match step {
+            Step::Move(motion) => motion,
+            Step::Goto(goto) => match self.lead(now, goto) {
+                Lead::Step(_) => &goto.motion,
+                Lead::Turn(_) => return (None, true),
+                Lead::Fly { goal, .. } => return (Some(pose_of(goal)), false),
+                Lead::Stay => return (None, false),
+            },
+            _ => return (None, false),
+        };
         let Some(from) = motion.anchor else {
             // An unanchored move starts at the craft's current pose.
             let from = self.known_pose(now);
@@ -45,7 +55,7 @@ impl Pilot {
     }
 
     /// Whether the craft is past a goal, or too fast to stop before it; either way it would have to fly back.
-    fn is_passed(&self, now: Time, goal: Goal, anchor: EnuPosition) -> bool {
+    pub(super) fn is_passed(&self, now: Time, goal: Goal, anchor: EnuPosition) -> bool {
         let known = self.known(now);
         let length = anchor.horizontal_distance(goal.position);
         if length < TURN_ONLY || goal.is_passed(anchor, known.position) {
@@ -64,12 +74,21 @@ impl Pilot {
     }
 
     pub(super) fn begin_move(&mut self, now: Time, motion: Move) {
+        self.guiding.end();
         if self.link_lost {
             return self.refuse_move(now);
         }
         let Some(motion) = self.admissible(now, motion) else { return self.refuse_move(now) };
         let known = self.known(now);
         let relative = |yaw: f64| Primitives { yaw, ..motion.primitives };
+        if self.is_mapped() && motion.primitives.forward > TURN_ONLY {
+            let from = motion.anchor.unwrap_or(known.pose());
+            let goal = Goal::of_primitives(from, motion.primitives);
+            if self.is_passed(now, goal, from.position) {
+                return self.turn_alone(now, goal.heading);
+            }
+            return self.fly_planned(now, from.position, goal, motion.then_rest);
+        }
         match motion.anchor {
             Some(from) if self.settings.think == Think::Continuous && !motion.then_rest => {
                 if self.waits_for_queue() {
@@ -94,16 +113,21 @@ impl Pilot {
             }
             _ => self.executor.start(now, known, motion.primitives),
         }
+        self.start_moving(now, motion.then_rest);
+    }
+
+    /// Records that the executor has a motion; `then_rest`: the next frame must be taken at rest after it.
+    pub(super) fn start_moving(&mut self, now: Time, then_rest: bool) {
         self.executing = true;
-        self.needs_rest = motion.then_rest;
-        self.hold_since = None;
-        self.settled = None;
+        self.needs_rest = then_rest;
+        (self.hold_since, self.settled) = (None, None);
         self.next_tick = now;
     }
 
     /// Turns to the heading of a passed plan where the craft comes to rest: otherwise its target, such as a person
     /// walking by, would leave the frame.
-    fn turn_alone(&mut self, now: Time, heading: f64) {
+    pub(super) fn turn_alone(&mut self, now: Time, heading: f64) {
+        self.guiding.end();
         let known = self.known(now);
         let yaw = wrap_angle(heading - known.attitude.heading);
         if yaw.abs() < WORTH_TURNING {
@@ -115,14 +139,11 @@ impl Pilot {
         } else {
             self.executor.start(now, known, Primitives { yaw, ..Primitives::default() });
         }
-        self.executing = true;
-        self.needs_rest = false;
-        (self.hold_since, self.settled) = (None, None);
-        self.next_tick = now;
+        self.start_moving(now, false);
     }
 
     /// Refuses a move; the policy is notified as if it had been cut short.
-    fn refuse_move(&mut self, now: Time) {
+    pub(super) fn refuse_move(&mut self, now: Time) {
         if self.executing {
             self.stop_motion(now);
         } else {
@@ -134,6 +155,7 @@ impl Pilot {
     /// cut short. The policy's answer is not carried out; it gets a frame once it may continue.
     pub(super) fn stop_motion(&mut self, now: Time) {
         self.pending = None;
+        self.guiding.end();
         if self.executing {
             self.executing = false;
             self.executor.stop(now);
@@ -179,6 +201,9 @@ impl Pilot {
             None => {
                 let mut setpoint = Setpoint::HOLD;
                 if self.executing {
+                    self.follow_course(now, &known);
+                }
+                if self.executing {
                     let tick = self.executor.tick(now, known);
                     match tick.manoeuvre {
                         // Nothing is sent meanwhile: a hold would end the manoeuvre, and `stop_motion` sends one when
@@ -198,7 +223,7 @@ impl Pilot {
             self.executor.stop(now);
         }
         self.send(now, clearance);
-        if finished {
+        if finished && !self.guiding.is_under_way() {
             self.move_ended(now);
         }
     }
@@ -229,7 +254,7 @@ impl Pilot {
         }
     }
 
-    fn move_ended(&mut self, now: Time) {
+    pub(super) fn move_ended(&mut self, now: Time) {
         self.executing = false;
         let step = match self.pending.take() {
             Some(motion) => Step::Move(motion),

@@ -92,6 +92,7 @@ impl Pilot {
         self.cancel_queries();
         self.stop_motion(now);
         self.needs_rest = true;
+        self.guiding.forget_target();
         // A fresh start: the policy forgets the previous instruction.
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::executor::{Ending as MotionEnding, Motion};
+use crate::guidance::Guidance;
 use crate::lift::Lifting;
 use crate::query::DepthAs;
 use crate::step::StepRule;
@@ -57,6 +58,9 @@ pub struct PilotSettings {
     pub confirm_done: bool,
     /// Whether obstacle mode is on.
     pub avoid: bool,
+    /// What guides the craft between two answers.
+    #[serde(default, skip_serializing_if = "Guidance::is_off")]
+    pub guidance: Guidance,
     /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
     /// Action after a fulfilled or failed instruction.
@@ -99,6 +103,7 @@ impl PilotSettings {
             think: if paper { Think::Stop } else { Think::Continuous },
             confirm_done: !paper,
             avoid: false,
+            guidance: Guidance::default(),
             at_end: AtEnd::Land,
             rate_hz: 10.0,
             max_time: Duration::from_secs(180),

@@ -52,6 +52,7 @@ impl Pilot {
         if self.ending.take().is_none() {
             return;
         }
+        self.guiding.forget_target();
         let text = self.instruction.clone();
         self.policy.handle(PolicyEvent::Instruction(&text));
         (self.counted_from, self.counted_to) = (now, now);

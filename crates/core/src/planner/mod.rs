@@ -132,7 +132,7 @@ pub struct Guide {
     pub turn_first: bool,
     /// What the path leads to.
     pub reach: Reach,
-    /// Cost of the path to the goal, including blocked cells, as metres of free space.
+    /// Cost of the path to the goal, including blocked cells, as metres of free space; beyond the grid, of the straight line.
     pub remaining: f64,
     /// The cells of the path, from the craft on.
     pub path: Vec<Cell>,
@@ -207,7 +207,10 @@ impl Planner {
         // flies around an obstacle.
         let careful = body.speed_within(room(shown).min(CAREFUL));
         let speed = if turn_first || way == 0.0 { 0.0 } else { body.speed_within(room(free)).max(careful) };
-        let remaining = f64::from(cost) * CELL / f64::from(10 * OPEN);
+        // Of a goal outside, the straight rest counts too: the grid moves with the craft, and the path to its edge does not
+        // get shorter.
+        let beyond = if outside { place.distance(goal.position) } else { 0.0 };
+        let remaining = f64::from(cost) * CELL / f64::from(10 * OPEN) + beyond;
         Some(Guide { waypoint, heading, speed, turn_first, reach, remaining, path })
     }
 

@@ -36,6 +36,20 @@ pub struct View {
     pub at_rest: bool,
     /// Height, and how far the craft may climb and sink, when the frame is handed over.
     pub room: VerticalRoom,
+    /// Whether the frame should show the target, as far as its place is known.
+    pub expected: Expected,
+}
+
+/// Whether a frame should show the target.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Expected {
+    /// The target's place is not known.
+    #[default]
+    Unknown,
+    /// Its place is in view, and no known obstacle hides it.
+    InView,
+    /// Its place is outside the image, or a known obstacle hides it.
+    Aside,
 }
 
 /// Input of a policy.
@@ -84,6 +98,10 @@ pub enum Step {
     Ask(Box<Query>),
     /// Move, replacing the current motion.
     Move(Move),
+    /// Fly to a target seen in the frame, whose place the pilot keeps ([`crate::anchor`]).
+    Goto(Goto),
+    /// The frame does not show the target, but its place is known: fly on to it.
+    Keep,
     /// Hold, come to rest and wait for a new frame.
     Look,
     /// Do nothing now.
@@ -116,6 +134,24 @@ pub struct Move {
     /// True if the next frame must be taken at rest after the whole motion (a search turn: a frame taken halfway is of
     /// no use).
     pub then_rest: bool,
+}
+
+/// A sighting of the target, and the motion that follows from this sighting alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Goto {
+    /// The query that was answered; orders sightings of the same frame.
+    pub id: QueryId,
+    /// Image point on the target.
+    pub point: ImagePoint,
+    /// Depth label of its range, which need not be whole.
+    pub label: f64,
+    /// Stage of the instruction; a later stage has another target.
+    pub stage: u32,
+    /// The motion of the step rule. The pilot flies it where it keeps no targets, where the target's range is not known,
+    /// and where it is a detour.
+    pub motion: Move,
+    /// Whether the motion leads around an obstacle and not to the target.
+    pub is_detour: bool,
 }
 
 /// A policy's interpretation of its last reply, for progress display, recording and overlays.

@@ -8,9 +8,10 @@ use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
 use crate::geometry::{EnuPosition, Pose};
 use crate::grounding::GroundingProfile;
+use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
 use crate::policy::search::{OpenDirection, Search, SearchAction};
-use crate::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
+use crate::policy::{Expected, FailReason, Goto, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
 use crate::query::{DepthAs, ImagePoint, Memory, Query, QueryId, QueryKind};
@@ -34,6 +35,10 @@ const BLOCKED_LOOKS: u32 = 3;
 const BLOCKED_CLIMB: f64 = 1.0;
 /// How far the craft backs off from what the VLM says is in its way, metres.
 const BACK_OFF: f64 = 1.0;
+/// Number of replies in a row that do not show a target whose place is known, before it is searched for: in view, where it
+/// may be hidden; and aside.
+const MISSES_IN_VIEW: u32 = 2;
+const MISSES_ASIDE: u32 = 5;
 /// Depth label up to which a person counts as standing in front: 4.6 m.
 const PERSON_IN_FRONT: u8 = 4;
 
@@ -168,9 +173,19 @@ pub struct Spf {
     detections: Vec<Detection>,
     history: History,
     detour: DetourSide,
+    guidance: Guidance,
+    /// Replies in a row that did not show a target whose place is known.
+    misses: u32,
 }
 
 impl Spf {
+    /// Sets what guides the craft between two answers: with an anchor, targets are reported to the pilot
+    /// ([`Step::Goto`]); with a map, the planner keeps clear of the obstacle boxes instead of the policy.
+    #[must_use]
+    pub fn with_guidance(self, guidance: Guidance) -> Self {
+        Self { guidance, ..self }
+    }
+
     /// Replaces the shipped prompt.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
@@ -205,6 +220,8 @@ impl Spf {
             detections: Vec::new(),
             history: History::default(),
             detour: DetourSide::default(),
+            guidance: Guidance::default(),
+            misses: 0,
         }
     }
 
@@ -286,7 +303,10 @@ impl Spf {
         if self.lists() {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
-        if self.settings.avoid && reply.status != Status::Done {
+        if self.settings.avoid && self.guidance.map {
+            // The map remembers them, in the world.
+            self.report(&open_query.view, &reply.boxes);
+        } else if self.settings.avoid && reply.status != Status::Done {
             let View { camera, pose, frame, .. } = open_query.view;
             let missing = self.obstacles.recall(&camera, pose, frame.captured, &reply.boxes, reply.target.as_deref());
             if let [first, ..] = missing.as_slice() {
@@ -332,6 +352,16 @@ impl Spf {
         self.confirming = false;
         // Any other step is not the one for which it turned.
         self.turned_first = None;
+        let patience = match open_query.view.expected {
+            Expected::Unknown => 0,
+            Expected::InView => MISSES_IN_VIEW,
+            Expected::Aside => MISSES_ASIDE,
+        };
+        if self.misses < patience {
+            self.misses += 1;
+            self.reading.actions.push("flies on: the place of the target is known".to_owned());
+            return Step::Keep;
+        }
         let View { camera, pose, .. } = open_query.view;
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
@@ -375,6 +405,7 @@ impl Spf {
         if let Some(search) = &mut self.search {
             search.seen();
         }
+        self.misses = 0;
         self.remember(reply, point);
         self.fly_to(open_query, reply, point, label)
     }
@@ -410,7 +441,7 @@ impl Spf {
         let mut step = self.settings.step.length_of(label);
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
-        if self.settings.avoid {
+        if self.settings.avoid && !self.guidance.map {
             let plan = PlannedStep {
                 camera: &view.camera,
                 attitude: view.pose.attitude,
@@ -473,7 +504,13 @@ impl Spf {
         }
         self.reading.primitives = Some(primitives);
         // An open direction is flown to its end.
-        Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible })
+        let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
+        if !self.guidance.anchor || reply.status != Status::Navigating {
+            return Step::Move(motion);
+        }
+        let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
+        let stage = reply.stage.unwrap_or(self.memory.stage);
+        Step::Goto(Goto { id: open_query.id, point, label, stage, motion, is_detour })
     }
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
@@ -530,10 +567,11 @@ impl Policy for Spf {
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
-                let (next_id, prompt, detector) = (self.next_id, self.prompt.clone(), self.detector);
+                let (next_id, prompt, detector, guidance) = (self.next_id, self.prompt.clone(), self.detector, self.guidance);
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
                 let obstacles = core::mem::take(&mut self.obstacles);
-                *self = Self { instruction, next_id, prompt, detector, reported, obstacles, ..Self::new(self.settings) };
+                *self =
+                    Self { instruction, next_id, prompt, detector, guidance, reported, obstacles, ..Self::new(self.settings) };
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => self.decide(view),

@@ -213,6 +213,7 @@ impl FlightLog {
                 (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
+            Note::Around(around) => (Level::Info, words::around(around)),
             Note::Limited(why) => (Level::Warning, (*why).to_owned()),
             Note::LateReply(id) => (Level::Warning, format!("the reply to query {} came too late and is ignored", id.0)),
             Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),

@@ -10,7 +10,7 @@ use spf_core::estimator::Senses;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Note, OperatorEvent, Phase, PilotSettings, Preset};
+use spf_core::pilot::{Around, Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
 
@@ -81,6 +81,9 @@ pub struct SimHead {
     /// Camera effects, in the syntax of `--camera-effects`; absent if none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
+    /// The depth sensor, `on` or its fault, in the syntax of `--depth-sensor`; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_sensor: Option<String>,
 }
 
 /// The pilot was woken without an event.
@@ -198,6 +201,8 @@ pub enum NoteKind {
     Phase,
     /// The envelope changed a command, or stopped the craft.
     Envelope,
+    /// The path leads around something.
+    Around,
     /// A move of the policy was shortened or refused.
     Limited,
     /// A reply to a cancelled query arrived.
@@ -227,6 +232,9 @@ pub struct NoteRow {
     /// The operator's input.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub event: Option<OperatorEvent>,
+    /// The detour.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub around: Option<Around>,
     /// The reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
@@ -235,7 +243,7 @@ pub struct NoteRow {
 impl NoteRow {
     /// The row for a note; `None` for a decision, which has its own topic.
     pub(super) fn of(note: &Note) -> Option<Self> {
-        let row = |note| Self { note, phase: None, cause: None, query: None, event: None, reason: None };
+        let row = |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, reason: None };
         Some(match note {
             Note::Phase(phase) => Self { phase: Some(*phase), ..row(NoteKind::Phase) },
             Note::Envelope(cause) => Self { cause: Some(*cause), ..row(NoteKind::Envelope) },
@@ -247,6 +255,7 @@ impl NoteRow {
             Note::OperatorIgnored(event, why) => {
                 Self { event: Some(event.clone()), reason: Some((*why).to_owned()), ..row(NoteKind::OperatorIgnored) }
             }
+            Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
             Note::Decision(_) => return None,
         })

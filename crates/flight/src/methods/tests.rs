@@ -161,18 +161,24 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(Think::Stop), Just(Think::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 2]>()).prop_map(
-        |(preset, step, lifting, motion, ending, think, confirm_done, [avoid, fence])| BenchSettings {
-            preset,
-            step,
-            lifting,
-            motion,
-            ending,
-            think,
-            confirm_done,
-            avoid,
-            fence,
-            blind: false,
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 6]>()).prop_map(
+        |(preset, step, lifting, motion, ending, think, confirm_done, [avoid, fence, anchor, map, brake, depth_sensor])| {
+            BenchSettings {
+                preset,
+                step,
+                lifting,
+                motion,
+                ending,
+                think,
+                confirm_done,
+                avoid,
+                anchor,
+                map,
+                brake,
+                depth_sensor,
+                fence,
+                blind: false,
+            }
         },
     )
 }

@@ -112,6 +112,7 @@ impl Simulated {
             wind: self.wind(),
             battery: self.flight_conditions.battery,
             camera_effects: self.effects(),
+            depth_sensor: self.flight_conditions.depth_sensor.map(|sensor| sensor.to_string()),
         }
     }
 

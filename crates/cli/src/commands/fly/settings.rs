@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use spf_core::envelope::Limits;
+use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
+use spf_core::guidance::Guidance;
 use spf_core::pilot::{PilotSettings, Preset, Think};
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
@@ -68,6 +69,7 @@ pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions,
     if let Some(charge) = settings.fly.battery.get()? {
         flight_conditions.battery = charge;
     }
+    flight_conditions.depth_sensor = settings.fly.depth_sensor.or_default()?.0;
     if let Some(effects) = settings.camera.effects.get()? {
         flight_conditions.effects = effects;
     }
@@ -92,6 +94,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         method.think = think;
     }
     method.avoid = fly.avoid.is_on()?;
+    method.guidance = Guidance { anchor: fly.anchor.or_default()?.0, map: fly.map.or_default()?.0 };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
@@ -113,6 +116,10 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
+    }
+    if !method.guidance.is_off() && (method.think != Think::Continuous || method.motion != Motion::Blended) {
+        return Err(CliError::usage("--anchor and --map need --think continuous and --motion blended")
+            .hint("leave them off with the preset paper"));
     }
     if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {
         // The drone holds while a person thinks, for as long as the battery allows.
@@ -144,6 +151,10 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
     set(&mut limits.low_battery, &envelope.low_battery)?;
     if let Some(replies) = envelope.max_failed_replies.get()? {
         limits.max_failed_replies = replies;
+    }
+    if settings.fly.brake.or_default()?.0 {
+        let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
+        limits.brake = Some(if sensor { BrakeLimits::with_sensor() } else { BrakeLimits::without_sensor() });
     }
     if let Some(path) = settings.fly.geofence.text() {
         let text = read(Path::new(path), "geofence")?;

@@ -10,6 +10,7 @@ mod arbitrary;
 mod asking;
 mod endings;
 mod failings;
+mod guided;
 mod manoeuvres;
 mod motion;
 mod operator;
@@ -112,18 +113,21 @@ impl Setup {
         let camera = Camera::quad();
         let settings = self.settings;
         let policy = self.policy.unwrap_or_else(|| {
-            Box::new(Spf::new(SpfSettings {
-                step: settings.step,
-                lifting: settings.lifting,
-                shape: if settings.motion == Motion::Sequential { PathShape::LevelThenClimb } else { PathShape::Straight },
-                avoid: settings.avoid,
-                confirm_done: settings.confirm_done,
-                grounding: GroundingProfile::default(),
-                image_size: None,
-                craft: self.craft,
-                depth: settings.depth,
-                near_m: settings.near_m,
-            }))
+            Box::new(
+                Spf::new(SpfSettings {
+                    step: settings.step,
+                    lifting: settings.lifting,
+                    shape: if settings.motion == Motion::Sequential { PathShape::LevelThenClimb } else { PathShape::Straight },
+                    avoid: settings.avoid,
+                    confirm_done: settings.confirm_done,
+                    grounding: GroundingProfile::default(),
+                    image_size: None,
+                    craft: self.craft,
+                    depth: settings.depth,
+                    near_m: settings.near_m,
+                })
+                .with_guidance(settings.guidance),
+            )
         });
         let pilot = Pilot::new(PilotParts {
             settings,

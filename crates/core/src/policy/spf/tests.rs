@@ -55,7 +55,14 @@ fn view(id: u64) -> View {
         height: 720,
         unusable: None,
     };
-    View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true, room: VerticalRoom::default() }
+    View {
+        frame,
+        camera: Camera::quad(),
+        pose: Pose::default(),
+        at_rest: true,
+        room: VerticalRoom::default(),
+        expected: Expected::Unknown,
+    }
 }
 
 fn sent_query(step: Step) -> Query {

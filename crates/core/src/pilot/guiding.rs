@@ -1,0 +1,549 @@
+//! Guides the craft between two answers: keeps the target's place and the obstacles, and leads around them
+//! (`docs/explanation/between-answers.md`).
+//!
+//! Everything here follows from what drivers and VLM deliver: frames' poses by the motion estimate, telemetry, depth
+//! grids, replies.
+
+use super::{Around, Note, Passage, Pilot, Think, Waiting};
+use crate::anchor::{Anchor, Anchors, Gate, Sight, Sighting, Trust};
+use crate::avoid::is_person;
+use crate::depth::DepthGrid;
+use crate::estimator::Known;
+use crate::executor::{Goal, Motion};
+use crate::geometry::{EnuPosition, Pose, wrap_angle};
+use crate::lift::range_of_label;
+use crate::obstacle_map::{CELL, Cell, Mobility, ObstacleMap};
+use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach, escape};
+use crate::policy::{Expected, Goto, Move, Step, View};
+use crate::query::QueryKind;
+use crate::reply::{Reply, Status};
+use crate::telemetry::Telemetry;
+use crate::time::{Duration, Time};
+
+/// Minimum interval of plans: 5 Hz.
+const PLAN_PERIOD: Duration = Duration::from_millis(200);
+/// The position's drift within this time counts as its error relative to the map.
+const DRIFTING: Duration = Duration::from_secs(3);
+/// Deceleration that plans count on, as a fraction of the craft's limit.
+const BRAKING: f64 = 0.5;
+/// A craft whose heading differs by less than this has turned to it, radians: 5°.
+const FACING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
+/// At the end of a course, a target farther off the heading than this is turned to, radians: 15°.
+const LOOK_BACK: f64 = 15.0 / 180.0 * core::f64::consts::PI;
+/// A rest of a course below this is not flown, metres.
+const FLOWN: f64 = 0.1;
+/// A leg whose end moves by less than this, metres, and whose speed by less than this fraction, goes on.
+const SAME_PLACE: f64 = 0.05;
+const SAME_SPEED: f64 = 0.05;
+/// Distance at which a place that is no target counts as reached, metres.
+const AT_PLACE: f64 = 0.3;
+/// Maximum time for getting out of where the craft is stuck.
+const ESCAPE_TIME: Duration = Duration::from_secs(4);
+/// Occupied cells within this distance of the craft are passed to the brake, metres.
+const BRAKE_SIGHT: f64 = 5.0;
+/// Distance from a target's place at which a known obstacle in between counts as the target, metres.
+const OWN_SURFACE: f64 = 1.5;
+
+/// Place of a target, and what is known about obstacles.
+#[derive(Debug, Default)]
+pub(super) struct Guiding {
+    anchors: Anchors,
+    trust: Trust,
+    /// Outcome of the last sighting.
+    gate: Option<Gate>,
+    /// The map; `None` if it is off.
+    map: Option<ObstacleMap>,
+    planner: Planner,
+    progress: Progress,
+    course: Option<Course>,
+    /// When the motion estimate last lost track, as far as it has been taken into account.
+    lost: Option<Time>,
+    /// When the brake last received the obstacles.
+    remembered: Option<Time>,
+}
+
+/// What a craft under way flies to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Aim {
+    /// The anchor.
+    Target,
+    /// A place.
+    Place(EnuPosition),
+}
+
+/// A flight along plans that are renewed until its end.
+#[derive(Clone, Debug)]
+struct Course {
+    aim: Aim,
+    /// It ends this far from here, metres: what one answer permits.
+    from: EnuPosition,
+    reach: f64,
+    planned: Option<Time>,
+    /// The leg being flown, and its speed.
+    leg: Option<(Goal, f64)>,
+    /// Where the craft flies to become free, and until when.
+    escape: Option<(EnuPosition, Time)>,
+    guide: Option<Guide>,
+    around: Option<Around>,
+}
+
+impl Course {
+    fn new(aim: Aim, from: EnuPosition, reach: f64) -> Self {
+        Self { aim, from, reach, planned: None, leg: None, escape: None, guide: None, around: None }
+    }
+}
+
+/// The consequence of a sighting.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Lead {
+    /// Fly the step of the reply alone.
+    Step(Move),
+    /// Turn to this heading only: nothing is left to fly, or the target was passed.
+    Turn(f64),
+    /// Fly up to `reach` metres from `from` towards `goal`.
+    Fly { from: EnuPosition, reach: f64, goal: Goal },
+    /// Go on as before: the sighting contradicts those before it.
+    Stay,
+}
+
+/// The target's place at a decision.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+pub struct AnchorReport {
+    /// As seen from where the frame was captured.
+    #[serde(flatten)]
+    pub sight: Sight,
+    /// Outcome of the decision's own sighting; absent if it was none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<Gate>,
+    /// Number of sightings fused.
+    pub hits: u32,
+    /// Number of hypotheses, 1 if nothing contradicts the anchor.
+    pub hypotheses: u32,
+}
+
+impl Guiding {
+    pub(super) fn new(map: bool) -> Self {
+        Self { map: map.then(ObstacleMap::new), ..Self::default() }
+    }
+
+    /// Ends the course, keeping what is known.
+    pub(super) fn end(&mut self) {
+        self.course = None;
+    }
+
+    pub(super) fn is_under_way(&self) -> bool {
+        self.course.is_some()
+    }
+
+    /// A new instruction: another target.
+    pub(super) fn forget_target(&mut self) {
+        self.anchors.reset();
+        self.gate = None;
+    }
+}
+
+impl Pilot {
+    /// Whether the target's place guides the craft.
+    pub(super) fn is_anchored(&self) -> bool {
+        self.settings.guidance.anchor && self.is_guided()
+    }
+
+    /// Whether the map does.
+    pub(super) fn is_mapped(&self) -> bool {
+        self.guiding.map.is_some() && self.is_guided()
+    }
+
+    fn is_guided(&self) -> bool {
+        self.settings.think == Think::Continuous && self.settings.motion == Motion::Blended
+    }
+
+    /// The obstacle map, if it is on. For recording.
+    #[must_use]
+    pub fn obstacle_map(&self) -> Option<&ObstacleMap> {
+        self.guiding.map.as_ref()
+    }
+
+    /// The target's place, if it is known. For recording.
+    #[must_use]
+    pub fn anchor(&self) -> Option<&Anchor> {
+        self.guiding.anchors.anchor().filter(|_| self.settings.guidance.anchor)
+    }
+
+    /// The plan being flown, if there is one. For recording.
+    #[must_use]
+    pub fn guide(&self) -> Option<&Guide> {
+        self.guiding.course.as_ref()?.guide.as_ref()
+    }
+
+    /// Takes telemetry into account that the motion estimate has taken.
+    pub(super) fn map_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
+        let lost = self.estimator.lost_track();
+        if lost != self.guiding.lost {
+            self.guiding.lost = lost;
+            self.guiding.anchors.lose_track(lost.unwrap_or(now));
+            if let Some(map) = &mut self.guiding.map {
+                map.clear();
+            }
+        }
+        let (Some(map), Some(below)) = (&mut self.guiding.map, telemetry.ground_clearance) else { return };
+        if let Some(pose) = self.estimator.pose_at(telemetry.time).filter(|_| below.is_finite() && telemetry.phase.is_flying()) {
+            map.advance(now, pose.position);
+            let end = EnuPosition { up: pose.position.up - below, ..pose.position };
+            map.ray(pose.position, end, true);
+        }
+    }
+
+    pub(super) fn map_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.depth(grid, pose);
+        }
+    }
+
+    pub(super) fn map_frame(&mut self, now: Time, captured: Time, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.frame(captured, &self.camera, pose);
+        }
+    }
+
+    /// Whether a frame taken at `pose` should show the target.
+    pub(super) fn expected(&self, now: Time, pose: Pose) -> Expected {
+        let Some(anchor) = self.guiding.anchors.anchor().filter(|_| self.is_anchored()) else { return Expected::Unknown };
+        let sight = anchor.seen_from(pose.position, self.estimator.odometry_at(now));
+        // The direction to a target that is almost reached is not known.
+        if sight.lateral_sd > 0.5 * sight.range {
+            return Expected::Unknown;
+        }
+        let in_view = anchor.is_in_view(&self.camera, pose, self.settings.lifting);
+        let hidden = self.guiding.map.as_ref().is_some_and(|map| {
+            let until = (1.0 - OWN_SURFACE / sight.range.max(OWN_SURFACE)).max(0.0);
+            !map.is_clear(pose.position, pose.position.towards(sight.position, until))
+        });
+        if in_view && !hidden { Expected::InView } else { Expected::Aside }
+    }
+
+    /// Takes what a reply says about target and obstacles, at its frame's time and pose.
+    pub(super) fn learn(&mut self, now: Time, waiting: &Waiting, step: &Step) {
+        let view = &waiting.view;
+        self.guiding.gate = None;
+        if self.is_anchored()
+            && let Step::Goto(goto) = step
+        {
+            self.guiding.gate = self.sighting(view, goto).map(|sighting| self.guiding.anchors.observe(sighting));
+            let open = self.waiting.values().map(|waiting| waiting.view.frame.captured).min();
+            self.guiding.anchors.settle(now, open);
+        }
+        let Some(reply) = self.policy.reading().reply else { return };
+        // A search has begun: the target is not where it was thought to be.
+        if reply.status == Status::NotVisible && !matches!(step, Step::Keep) {
+            self.guiding.forget_target();
+        }
+        if matches!(waiting.query.kind, QueryKind::Point { .. }) {
+            self.map_reply(now, view, &reply);
+        }
+    }
+
+    fn sighting(&self, view: &View, goto: &Goto) -> Option<Sighting> {
+        let captured = view.frame.captured;
+        let odometry = self.estimator.odometry_at(captured);
+        let label = libm::round(goto.label).clamp(1.0, 10.0) as u8;
+        let (camera, trust) = (&view.camera, &self.guiding.trust);
+        let lifting = self.settings.lifting;
+        Sighting::of_label(captured, goto.id.0, goto.stage, view.pose, odometry, camera, lifting, goto.point, Some(label), trust)
+            .ok()
+    }
+
+    /// Adds a reply's boxes to the map, and the free space that it implies.
+    fn map_reply(&mut self, now: Time, view: &View, reply: &Reply) {
+        let at = self.known(now).position;
+        let Some(map) = &mut self.guiding.map else { return };
+        map.advance(now, at);
+        let obstacles = || reply.boxes.iter().filter(|obstacle| reply.target.as_deref() != Some(obstacle.name.as_str()));
+        for obstacle in obstacles() {
+            let mobility = if is_person(&obstacle.name) { Mobility::Moving } else { Mobility::Fixed };
+            map.solid(now, &view.camera, view.pose, obstacle, mobility);
+        }
+        let boxes: Vec<_> = obstacles().cloned().collect();
+        let half_way = || reply.label().map(|label| 0.5 * range_of_label(label));
+        if let Some(range) = ObstacleMap::free_up_to(&boxes).or_else(half_way) {
+            map.implied_free(now, &view.camera, view.pose, range);
+        }
+    }
+
+    /// The anchor as it is recorded with a decision on a frame taken at `pose`.
+    pub(super) fn anchor_report(&self, now: Time, pose: Pose) -> Option<AnchorReport> {
+        let anchors = &self.guiding.anchors;
+        let anchor = anchors.anchor().filter(|_| self.is_anchored())?;
+        Some(AnchorReport {
+            sight: anchor.seen_from(pose.position, self.estimator.odometry_at(now)),
+            gate: self.guiding.gate,
+            hits: anchor.hits,
+            hypotheses: anchors.hypotheses().len() as u32,
+        })
+    }
+
+    /// Distance from a target's surface at which the craft stops, metres: well within what counts as reached, and clear of
+    /// it.
+    fn stop_distance(&self) -> f64 {
+        let clear = self.craft.radius + 0.3;
+        self.settings.near_m.map_or(clear, |near| clear.max(0.5 * near))
+    }
+
+    /// The consequence of a sighting that has been taken.
+    pub(super) fn lead(&self, now: Time, goto: &Goto) -> Lead {
+        let anchor = self.guiding.anchors.anchor().filter(|_| self.is_anchored() && !goto.is_detour);
+        let (Some(anchor), Some(from)) = (anchor, goto.motion.anchor) else { return Lead::Step(goto.motion) };
+        match self.guiding.gate {
+            Some(Gate::Opened | Gate::Fused { .. }) => {}
+            Some(Gate::Doubted { .. } | Gate::TooLate) => return Lead::Stay,
+            Some(Gate::EarlierStage | Gate::Invalid) | None => return Lead::Step(goto.motion),
+        }
+        let own = libm::hypot(goto.motion.primitives.forward, goto.motion.primitives.climb);
+        self.lead_from(now, anchor, from.position, own)
+    }
+
+    /// How far to fly from `from` to the anchor; `unsure` metres if its range is not known.
+    fn lead_from(&self, now: Time, anchor: &Anchor, from: EnuPosition, unsure: f64) -> Lead {
+        let odometry = self.estimator.odometry_at(now);
+        let sight = anchor.seen_from(from, odometry);
+        let heading = bearing(from, sight.position);
+        let at = self.known(now).position;
+        let step = if sight.is_sure() { sight.step_limit() } else { unsure };
+        let reach = step.min(sight.range - self.stop_distance()).max(0.0);
+        let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
+        if reach < FLOWN || anchor.is_passed(at, odometry) || self.is_passed(now, goal, from) {
+            return Lead::Turn(bearing(at, sight.position));
+        }
+        Lead::Fly { from, reach, goal }
+    }
+
+    /// Carries out a sighting.
+    pub(super) fn begin_goto(&mut self, now: Time, goto: &Goto) {
+        let lead = self.lead(now, goto);
+        self.follow(now, lead);
+    }
+
+    /// Goes on to a target that the last frame did not show.
+    pub(super) fn keep_on(&mut self, now: Time, view: &View) {
+        let Some(anchor) = self.guiding.anchors.anchor().copied().filter(|_| self.is_anchored()) else { return };
+        let sight = anchor.seen_from(view.pose.position, self.estimator.odometry_at(now));
+        if self.is_mapped() && sight.may_approach_unseen(self.stop_distance()) {
+            let lead = self.lead_from(now, &anchor, view.pose.position, 0.0);
+            return self.follow(now, lead);
+        }
+        if view.expected == Expected::Aside {
+            self.turn_alone(now, bearing(self.known(now).position, sight.position));
+        }
+    }
+
+    fn follow(&mut self, now: Time, lead: Lead) {
+        if self.link_lost {
+            return self.refuse_move(now);
+        }
+        match lead {
+            Lead::Step(motion) => self.begin_move(now, motion),
+            Lead::Turn(heading) => self.turn_alone(now, heading),
+            Lead::Stay => {}
+            Lead::Fly { from, reach, .. } if self.is_mapped() => self.set_course(now, Aim::Target, from, reach, false),
+            Lead::Fly { goal, .. } => {
+                self.guiding.end();
+                let known = self.known(now);
+                self.executor.start_goal(now, known, goal);
+                self.start_moving(now, false);
+            }
+        }
+    }
+
+    /// Flies a motion to a place along plans.
+    pub(super) fn fly_planned(&mut self, now: Time, from: EnuPosition, goal: Goal, then_rest: bool) {
+        self.set_course(now, Aim::Place(goal.position), from, from.distance(goal.position) + AT_PLACE, then_rest);
+    }
+
+    fn set_course(&mut self, now: Time, aim: Aim, from: EnuPosition, reach: f64, then_rest: bool) {
+        let next = Course::new(aim, from, reach);
+        // A course to the same target goes on without a stop.
+        let goes_on = self.guiding.course.take().filter(|last| last.aim == aim);
+        if goes_on.is_none() {
+            self.guiding.progress.reset();
+        }
+        let next = match goes_on {
+            Some(Course { leg, escape, around, .. }) => Course { leg, escape, around, ..next },
+            None => next,
+        };
+        self.guiding.course = Some(next);
+        self.start_moving(now, then_rest);
+    }
+
+    /// Renews the plan of the course, if it is time.
+    pub(super) fn follow_course(&mut self, now: Time, known: &Known) {
+        self.remember_obstacles(now, known.position);
+        let Some(course) = &self.guiding.course else { return };
+        if course.planned.is_some_and(|planned| now.since(planned) < PLAN_PERIOD) {
+            return;
+        }
+        let (at, heading) = (known.position, known.attitude.heading);
+        let left = course.reach - course.from.distance(at);
+        if course.escape.is_none() && left < FLOWN {
+            return self.end_course(now);
+        }
+        let Some(goal) = self.destination(now, at) else { return self.end_course(now) };
+        let body = self.body(now, at);
+        let Guiding { map: Some(map), planner, .. } = &mut self.guiding else { return self.end_course(now) };
+        map.advance(now, at);
+        let Some(guide) = planner.plan(map, now, at, heading, &body, &goal) else { return self.end_course(now) };
+        let out_of_time = |(_, until): (EnuPosition, Time)| until <= now;
+        let Some(course) = &mut self.guiding.course else { return };
+        course.planned = Some(now);
+        let arrived = guide.reach == Reach::Arrived;
+        if course.escape.is_some() && (arrived || course.escape.is_some_and(out_of_time)) {
+            course.escape = None;
+            course.planned = None;
+            self.guiding.progress.reset();
+            return;
+        }
+        if arrived {
+            return self.end_course(now);
+        }
+        let (escaping, way) = (course.escape.is_some(), at.distance(guide.waypoint));
+        let turned = wrap_angle(guide.heading - heading).abs() < FACING;
+        let waits = guide.turn_first && turned;
+        let leg = if guide.turn_first || guide.speed <= 0.0 {
+            (Goal { position: self.executor.rest_position(now, *known), heading: guide.heading }, self.craft.cruise_speed)
+        } else {
+            let part = if escaping || way <= left { 1.0 } else { left / way };
+            (Goal { position: at.towards(guide.waypoint, part), heading: guide.heading }, guide.speed)
+        };
+        let moves = !guide.turn_first || waits;
+        let stuck = !escaping && self.guiding.progress.is_stuck(now, moves, guide.remaining);
+        let holds = guide.turn_first || guide.speed <= 0.0;
+        let Guiding { map: Some(map), course: Some(course), .. } = &mut self.guiding else { return };
+        let goes_on = course.leg.is_some_and(|last| !holds && is_same(last, leg)) && self.executor.is_active();
+        let around = around(map, at, &guide, goal.position);
+        let news = around.is_some() && around != course.around;
+        course.around.clone_from(&around);
+        course.guide = Some(guide);
+        let rests = waits && !self.executor.is_active();
+        if !(goes_on || rests) {
+            course.leg = Some(leg);
+            self.executor.start_goal_at(now, *known, leg.0, leg.1);
+        }
+        if let Some(around) = around.filter(|_| news) {
+            self.note(Note::Around(around));
+        }
+        if stuck {
+            self.free(now, at, &body, goal.position);
+        }
+    }
+
+    /// Tries something else where the plan makes no progress.
+    fn free(&mut self, now: Time, at: EnuPosition, body: &Body, goal: EnuPosition) {
+        let Some(map) = &self.guiding.map else { return };
+        let way_out = escape(map, now, at, bearing(at, goal), body);
+        match way_out {
+            Escape::Side(place) | Escape::Up(place) => {
+                if let Some(course) = &mut self.guiding.course {
+                    course.escape = Some((place, now + ESCAPE_TIME));
+                    course.planned = None;
+                }
+            }
+            Escape::Ask => {
+                self.note(Note::Limited("no progress around what is in the way: holds and asks again"));
+                self.end_course(now);
+                self.needs_rest = true;
+            }
+        }
+    }
+
+    /// Where the course leads to now.
+    fn destination(&self, now: Time, at: EnuPosition) -> Option<Destination> {
+        let course = self.guiding.course.as_ref()?;
+        if let Some((position, _)) = course.escape {
+            return Some(Destination { position, stop: AT_PLACE, sigma: 0.0 });
+        }
+        match course.aim {
+            Aim::Place(position) => Some(Destination { position, stop: AT_PLACE, sigma: 0.0 }),
+            Aim::Target => {
+                let anchor = self.guiding.anchors.anchor()?;
+                let odometry = self.estimator.odometry_at(now);
+                // Never back to what was passed.
+                if anchor.is_passed(at, odometry) {
+                    return None;
+                }
+                let sight = anchor.seen_from(at, odometry);
+                let sigma = libm::hypot(sight.range_sd, sight.lateral_sd);
+                Some(Destination { position: sight.position, stop: self.stop_distance(), sigma })
+            }
+        }
+    }
+
+    fn body(&self, now: Time, at: EnuPosition) -> Body {
+        let drift = self.estimator.odometry_at(now - DRIFTING).drift_to(self.estimator.odometry_at(now));
+        let (down, up) = self.envelope.altitude_room();
+        Body {
+            radius: self.craft.radius,
+            position_sigma: drift.horizontal.sqrt(),
+            braking: BRAKING * self.craft.acceleration,
+            delay: self.craft.dead_time + self.craft.lag + PLAN_PERIOD.as_secs_f64(),
+            cruise_speed: self.craft.cruise_speed,
+            altitudes: (at.up - down.max(0.0), at.up + up.max(0.0)),
+        }
+    }
+
+    /// Passes the obstacles near the craft to the brake.
+    fn remember_obstacles(&mut self, now: Time, at: EnuPosition) {
+        let recent = |at: &Time| now.since(*at) < PLAN_PERIOD;
+        if self.envelope.limits().brake.is_none() || self.guiding.remembered.as_ref().is_some_and(recent) {
+            return;
+        }
+        let Some(map) = &self.guiding.map else { return };
+        self.guiding.remembered = Some(now);
+        let near = map.occupied().map(Cell::middle).filter(|place| place.distance(at) <= BRAKE_SIGHT);
+        self.envelope.observe_obstacles(near);
+    }
+
+    /// Ends the course; a craft that has flown around something turns to its target, so that the next frame shows it.
+    fn end_course(&mut self, now: Time) {
+        let Some(course) = self.guiding.course.take() else { return };
+        self.guiding.progress.reset();
+        let known = self.known(now);
+        let target = self.guiding.anchors.anchor().filter(|_| course.aim == Aim::Target).map(Anchor::position);
+        if let Some(target) = target.filter(|target| target.horizontal_distance(known.position) > AT_PLACE) {
+            let heading = bearing(known.position, target);
+            if wrap_angle(heading - known.attitude.heading).abs() > LOOK_BACK {
+                let position = self.executor.rest_position(now, known);
+                return self.executor.start_goal(now, known, Goal { position, heading });
+            }
+        }
+        self.executor.stop(now);
+        self.move_ended(now);
+    }
+}
+
+/// The detour that a plan to `goal` makes around an obstacle on the straight line.
+fn around(map: &ObstacleMap, at: EnuPosition, guide: &Guide, goal: EnuPosition) -> Option<Around> {
+    let range = at.distance(goal);
+    let until = (1.0 - OWN_SURFACE / range.max(OWN_SURFACE)).max(0.0);
+    let obstacle = map.first_obstacle(at, at.towards(goal, until))?;
+    let turn = wrap_angle(bearing(at, guide.waypoint) - bearing(at, goal));
+    let level = at.up + (goal.up - at.up) * at.distance(guide.waypoint) / range.max(0.1);
+    let side = match (turn, guide.waypoint.up - level) {
+        (turn, _) if turn < -FACING => Passage::Left,
+        (turn, _) if turn > FACING => Passage::Right,
+        (_, above) if above > CELL => Passage::Over,
+        (_, above) if above < -CELL => Passage::Under,
+        _ => return None,
+    };
+    Some(Around { side, name: map.name_at(obstacle.middle()).map(ToOwned::to_owned) })
+}
+
+/// Whether two legs are the same for the executor.
+fn is_same((a, v): (Goal, f64), (b, w): (Goal, f64)) -> bool {
+    a.position.distance(b.position) < SAME_PLACE
+        && wrap_angle(a.heading - b.heading).abs() < FACING
+        && (v - w).abs() <= SAME_SPEED * v.max(w)
+}
+
+fn bearing(from: EnuPosition, to: EnuPosition) -> f64 {
+    libm::atan2(to.east - from.east, to.north - from.north)
+}

@@ -1,0 +1,108 @@
+//! Flights guided between two answers by anchor, map and planner.
+
+use super::*;
+use crate::guidance::Guidance;
+use crate::lift::label_of_range;
+use crate::query::ImageBox;
+use crate::reply::ObstacleBox;
+
+fn guided(anchor: bool, map: bool) -> Setup {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.guidance = Guidance { anchor, map };
+    setup.settings.avoid = map;
+    setup
+}
+
+/// Radius of the ball that stands in the way, metres.
+const BALL: f64 = 0.8;
+
+/// As [`perfect`], with the box of a ball in the way, which hides nothing.
+fn with_ball(goal: EnuPosition, ball: EnuPosition, latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
+    move |_, seen| {
+        let mut reply = crate::reply::parse_reply(&points_at(goal, seen), &GroundingProfile::default(), false).unwrap();
+        let away = seen.pose.position.displacement_to(ball, seen.pose.attitude.heading);
+        let range = seen.pose.position.distance(ball) - BALL;
+        if let Some(at) = project_displacement(away, &Camera::quad(), seen.pose.attitude, Lifting::Levelled)
+            && range > 0.0
+            && reply.status != Status::Done
+        {
+            let half = BALL / (range + BALL);
+            let (wide, high) = (half * 0.5, half * 0.67);
+            let area = ImageBox {
+                left: (at.u - wide).clamp(0.0, 1.0),
+                right: (at.u + wide).clamp(0.0, 1.0),
+                top: (at.v - high).clamp(0.0, 1.0),
+                bottom: (at.v + high).clamp(0.0, 1.0),
+            };
+            if area.left < area.right && area.top < area.bottom {
+                reply.boxes.push(ObstacleBox { area, depth: label_of_range(range), name: "ball".to_owned() });
+            }
+        }
+        Answer::After(secs(latency), reply.to_json(&GroundingProfile::default(), true))
+    }
+}
+
+/// Least distance of the craft's middle from a place during a flight, metres.
+fn least_distance(flight: &Flight, from: EnuPosition) -> f64 {
+    flight.frames.iter().map(|seen| seen.pose.position.distance(from)).fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn an_anchored_flight_reaches_its_target_and_reports_where_it_is() {
+    let goal = target(3.0, 40.0, 4.0);
+    let mut flight = guided(true, false).fly(perfect(goal, 1.5));
+    assert_eq!(flight.end(), Outcome::Reached);
+    let reports: Vec<_> = flight.decisions().filter_map(|decision| decision.anchor).collect();
+    let last = reports.last().unwrap();
+    assert!(last.hits > 5 && last.sight.position.distance(goal) < 3.0 * last.sight.range_sd.max(0.5), "{last:?}");
+    // Without the parts the row has no such column.
+    let mut flight = Setup::preset(Preset::Default).fly(perfect(goal, 1.5));
+    assert_eq!(flight.end(), Outcome::Reached);
+    assert!(flight.decisions().all(|decision| decision.anchor.is_none()));
+}
+
+#[test]
+fn a_mapped_flight_goes_around_what_an_answer_has_named_and_never_touches_it() {
+    let (goal, ball) = (target(0.0, 26.0, 3.0), target(0.2, 11.0, 3.0));
+    // Straight on it would hit the ball.
+    let mut straight = guided(true, false).fly(perfect(goal, 1.5));
+    straight.end();
+    assert!(least_distance(&straight, ball) < BALL + 0.3, "{}", least_distance(&straight, ball));
+
+    let mut flight = guided(true, true).fly(with_ball(goal, ball, 1.5));
+    assert_eq!(flight.end(), Outcome::Reached);
+    assert!(least_distance(&flight, ball) > BALL + 0.3, "{}", least_distance(&flight, ball));
+}
+
+/// The VLM is gone in mid-flight: what the last answer permits is flown to its end, and no further.
+#[test]
+fn without_answers_a_guided_craft_flies_no_farther_than_its_last_answer_permits() {
+    let goal = target(0.0, 60.0, 3.0);
+    let mut setup = guided(true, true);
+    setup.settings.reply_timeout = Duration::from_secs(40);
+    let mut answer = with_ball(goal, target(50.0, 0.0, 3.0), 1.0);
+    let mut asked = 0;
+    let mut flight = setup.fly(move |query, seen| {
+        asked += 1;
+        if asked > 4 { Answer::Never } else { answer(query, seen) }
+    });
+    flight.until_asked(5);
+    flight.pass(15.0);
+    let permitted = flight.decisions().last().unwrap().goal.unwrap().position;
+    assert!(flight.model.position.distance(permitted) < 1.5, "{:?} {permitted:?}", flight.model.position);
+    assert!(flight.model.velocity.speed() < 0.1 && flight.setpoint().is_hold());
+    let held = flight.model.position;
+    flight.pass(15.0);
+    assert!(flight.model.position.distance(held) < 0.2);
+}
+
+/// A target that was passed is not flown back to.
+#[test]
+fn nothing_flies_back_to_a_place_that_was_passed() {
+    let goal = target(0.0, 30.0, 3.0);
+    let mut flight = guided(true, true).fly(with_ball(goal, target(50.0, 0.0, 3.0), 3.0));
+    assert_eq!(flight.end(), Outcome::Reached);
+    let north: Vec<f64> = flight.frames.iter().map(|seen| seen.pose.position.north).collect();
+    let back = north.windows(2).map(|pair| pair[0] - pair[1]).fold(0.0, f64::max);
+    assert!(back < 0.05, "{back}");
+}
