@@ -30,7 +30,7 @@ use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 
 /// Before the history in a prompt, and what follows it.
-const HEADING: &str = "\nWhat has happened so far, from the drone's own record:\n";
+const HEADING: &str = "\nSo far, from the drone's own record (\"then\": until the next answer listed, or until this image):\n";
 
 /// A usable answer, as the test remembers it.
 struct Past {
@@ -47,8 +47,9 @@ struct Reader {
     /// Telemetry when a query was sent.
     asked: BTreeMap<QueryId, Option<Telemetry>>,
     past: Vec<Past>,
-    /// Since when the present instruction counts.
     refused: bool,
+    /// Whether the instruction had ended: one that is taken up again begins afresh.
+    ended: bool,
     sentences: usize,
     wrong: Vec<String>,
 }
@@ -60,7 +61,12 @@ impl Observer for Reader {
         }
     }
 
-    fn action(&mut self, _: Time, action: &Action, _: &Pilot) {
+    fn action(&mut self, _: Time, action: &Action, pilot: &Pilot) {
+        let ended = pilot.ending().is_some();
+        if core::mem::replace(&mut self.ended, ended) && !ended {
+            self.past.clear();
+            self.refused = false;
+        }
         match action {
             Action::Ask(query) if matches!(query.kind, QueryKind::Point { .. }) => {
                 self.asked.insert(query.id, self.telemetry);
@@ -123,7 +129,7 @@ impl Reader {
 
     /// The kind of a sentence if it is true.
     fn check(&self, line: &str, decision: &Decision) -> Result<&'static str, String> {
-        if let Some(stage) = between(line, "Stage ", " of the instruction is being worked on.") {
+        if let Some(stage) = between(line, "Stage ", " is being worked on.") {
             let mut stages = self.past.iter().filter_map(|past| past.reply.stage);
             return same("stage", stage, &stages.next_back().unwrap_or(1).to_string());
         }
@@ -182,8 +188,7 @@ impl Reader {
         let at = self.back(ago)?;
         let past = &self.past[at];
         let next = self.past.get(at + 1).map_or(decision.pose, |next| next.pose);
-        let to = if ago == 1 { "this one" } else { "the next one in this list" };
-        let (said, flown) = text.split_once(&format!("; from that picture to {to}: ")).ok_or("no motion is told")?;
+        let (said, flown) = text.rsplit_once("; then ").ok_or("no motion is told")?;
         let mut parts = said.split("; ");
         let claim = parts.next().unwrap_or_default();
         let reply = &past.reply;
@@ -218,7 +223,8 @@ impl Reader {
                 return Err("what avoidance did is not told".to_owned());
             };
         }
-        motion(flown.strip_suffix('.').ok_or("no end")?, past.pose, next).map(|()| "answer")
+        let none = if ago == 1 { "no motion yet" } else { "no motion" };
+        motion(flown.strip_suffix('.').ok_or("no end")?, none, past.pose, next).map(|()| "answer")
     }
 
     /// The last pointing, if a later answer did not see the target: its number and that of the first such answer.
@@ -246,15 +252,15 @@ impl Reader {
         let (camera, bearing) = (self.camera.ok_or("no camera")?, self.bearing(pointed).ok_or("no point")?);
         let half = camera.half_fov().0;
         let left_by = wrap_angle(bearing - self.past[unseen].pose.attitude.heading);
-        if let Some(behind) = rest.strip_prefix(" It then left the picture on the ") {
+        if let Some(behind) = rest.strip_prefix(" It then left the image on the ") {
             let (side, behind) = behind.split_once('.').ok_or("no side")?;
             if left_by.abs() <= half {
-                return Err(format!("it was {:.0}° off, within the picture", left_by.to_degrees()));
+                return Err(format!("it was {:.0}° off, within the image", left_by.to_degrees()));
             }
             same("side", side, if left_by < 0.0 { "left" } else { "right" })?;
             rest = behind;
         } else if left_by.abs() > half {
-            return Err("it left the picture".to_owned());
+            return Err("it left the image".to_owned());
         }
         if let Some(behind) = rest.strip_prefix(" Since then the drone has turned ") {
             let (turn, behind) = behind.split_once('.').ok_or("no turn")?;
@@ -264,7 +270,7 @@ impl Reader {
         let now = wrap_angle(bearing - decision.pose.attitude.heading);
         let text = between(rest, " The direction you pointed in is now ", ".").ok_or("unknown end")?;
         let (direction, shown) = text.rsplit_once(", ").ok_or("unknown end")?;
-        same("width", shown, if now.abs() <= half { "in this picture's width" } else { "outside this picture" })?;
+        same("width", shown, if now.abs() <= half { "in this image's width" } else { "outside this image" })?;
         if direction == "straight ahead" {
             return if now.to_degrees().abs() < 2.0 { Ok("lost") } else { Err(format!("{:.1}° off", now.to_degrees())) };
         }
@@ -274,12 +280,14 @@ impl Reader {
     }
 
     fn height(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
-        let (height, rest) = text.split_once(" m above where it took off. It can go ").ok_or("unknown sentence")?;
+        let (height, rest) = text.split_once(" where it took off. It can go ").ok_or("unknown sentence")?;
+        let (height, side) = height.split_once(" m ").ok_or("unknown sentence")?;
         let (down, rest) = rest.split_once(" m lower and ").ok_or("unknown sentence")?;
         let up = rest.strip_suffix(" m higher.").ok_or("unknown sentence")?;
         let Some(Some(telemetry)) = self.asked.get(&decision.query.id) else { return Err("no telemetry".to_owned()) };
         let Some(known) = telemetry.height else { return Ok("height") };
-        metres_are(height, known)?;
+        same("side", side, if known <= -0.05 { "below" } else { "above" })?;
+        metres_are(height, known.abs())?;
         let low = telemetry.ground_clearance.map_or(known, |clearance| clearance.min(known));
         metres_are(down, (low - self.limits.min_altitude - 0.5).max(0.0))?;
         metres_are(up, (self.limits.max_altitude - 0.5 - known).max(0.0)).map(|()| "height")
@@ -317,12 +325,12 @@ fn detour(part: &str, past: &Past) -> Result<(), String> {
 }
 
 /// Checks what was flown between two frames.
-fn motion(text: &str, from: Pose, to: Pose) -> Result<(), String> {
+fn motion(text: &str, none: &str, from: Pose, to: Pose) -> Result<(), String> {
     let moved = from.position.distance(to.position);
     let climbed = to.position.up - from.position.up;
     let turned = wrap_angle(to.attitude.heading - from.attitude.heading).to_degrees();
     let (mut told_move, mut told_turn) = (false, false);
-    for part in text.split(" and ").filter(|part| *part != "no motion") {
+    for part in text.split(", ").filter(|part| *part != none) {
         if let Some((metres, rest)) = part.split_once(" m flown") {
             told_move = true;
             metres_are(metres, moved)?;
@@ -430,6 +438,7 @@ fn flown(task: &Task, number: u64) -> (usize, usize, Vec<String>) {
         asked: BTreeMap::new(),
         past: Vec::new(),
         refused: false,
+        ended: false,
         sentences: 0,
         wrong: Vec::new(),
     };

@@ -225,7 +225,7 @@ pub fn avoid_guessed(
 pub fn side_of(plan: &PlannedStep<'_>, point: ImagePoint) -> Option<Side> {
     let (from, to) = (plan.camera.ray(plan.point), plan.camera.ray(point));
     let (across, up) = (to.right - from.right, to.up - from.up);
-    // Less than a quarter of the way across is a way over or under.
+    // Less than a quarter of it across is a path over or under.
     (across.abs() > 0.25 * up.abs()).then_some(if across < 0.0 { Side::Left } else { Side::Right })
 }
 
@@ -243,7 +243,7 @@ pub fn leads_along_edge(plan: &PlannedStep<'_>, point: ImagePoint, step: f64, cl
     step * (edge - ray.right).abs() / libm::sqrt(1.0 + edge * edge) < clearance
 }
 
-/// Whether the straight way between two points, relative to where a view was taken with this attitude, stays `clearance` metres
+/// Whether the straight path between two points, relative to where a view was taken with this attitude, stays `clearance` metres
 /// away from the view's boxes.
 #[must_use]
 pub fn is_free(camera: &Camera, attitude: Attitude, boxes: &[ObstacleBox], way: [BodyDisplacement; 2], clearance: f64) -> bool {

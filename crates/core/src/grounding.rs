@@ -213,10 +213,10 @@ impl GroundingProfile {
     pub fn describe(&self) -> String {
         let limits = self.limits();
         let unit = match self.scale {
-            Scale::Thousand => "in thousandths of the picture's side",
-            Scale::Hundred => "in percent of the picture's side",
-            Scale::Unit => "as shares of the picture's side, with decimals",
-            Scale::Pixels { .. } => "in pixels of this picture",
+            Scale::Thousand => "in thousandths of the image",
+            Scale::Hundred => "in percent of the image",
+            Scale::Unit => "as decimal fractions of the image",
+            Scale::Pixels { .. } => "in pixels of this image",
         };
         let (point, area) = match self.order {
             AxisOrder::Yx => ("[y, x]", "[ymin, xmin, ymax, xmax]"),
@@ -226,7 +226,7 @@ impl GroundingProfile {
         // Writing to a string cannot fail.
         let _ = write!(
             text,
-            "A point is {point} and a box is {area}, {unit}: x runs from 0 at the left edge to {} at the right edge, y from 0 at the top to {} at the bottom.",
+            "Points are {point} and boxes {area}, {unit}: x from 0 (left) to {} (right), y from 0 (top) to {} (bottom).",
             limits.x, limits.y
         );
         text

@@ -218,7 +218,7 @@ pub struct Query {
     pub deadline: Time,
     /// Size at which the image is sent, if not that of the frame.
     pub image_size: Option<(u32, u32)>,
-    /// Distance from the target at which the instruction counts as fulfilled, metres, as it is told to the model.
+    /// Distance from the target at which the instruction counts as fulfilled, metres, as stated in the prompt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_m: Option<f64>,
 }

@@ -221,7 +221,7 @@ pub(crate) struct MethodArgs {
     /// Preset: default (recommended settings) or paper (the paper's constants and behaviour) [default: default]
     #[arg(long, value_name = "PRESET")]
     pub(crate) preset: Option<String>,
-    /// Step length: adaptive (paper §3.2), adaptive:s=METRES,p=EXPONENT,min=METRES with other constants, or fixed:METRES
+    /// Step length: adaptive (paper §3.2), adaptive:s=METRES,L=LABELS,p=EXPONENT,min=METRES with other constants, or fixed:METRES
     /// [default: the preset's]
     #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
     pub(crate) step: Option<String>,

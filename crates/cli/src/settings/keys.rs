@@ -40,7 +40,7 @@ settings! {
         policy: PolicyKind = "spf", Word, "SPF_POLICY", "--policy";
         /// preset: default or paper
         preset: Preset = "default", Word, "SPF_PRESET", "--preset";
-        /// step length: adaptive[:s=METRES,p=EXPONENT,min=METRES] or fixed:METRES; empty: the preset's
+        /// step length: adaptive[:s=METRES,L=LABELS,p=EXPONENT,min=METRES] or fixed:METRES; empty: the preset's
         step: StepRule = "", Step, "SPF_STEP", "--step";
         /// how the VLM states distances: labels or metres
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";

@@ -269,8 +269,8 @@ impl Reading<StepRule> for Step {
     fn read(&self, text: &str) -> Result<StepRule, Refusal> {
         let refused = || {
             Refusal::of(
-                "adaptive, adaptive:s=METRES,p=EXPONENT,min=METRES (each optional; s 0.1 to 50, p 0 to 5, min 0.01 to s) or \
-                 fixed:METRES (0.05 to 50)",
+                "adaptive, adaptive:s=METRES,L=LABELS,p=EXPONENT,min=METRES (each optional; s 0.1 to 50, L 1 to 100, p 0 to 5, min \
+                 0.01 to s) or fixed:METRES (0.05 to 50)",
             )
         };
         match text.split_once(':') {
@@ -282,14 +282,15 @@ impl Reading<StepRule> for Step {
     }
 }
 
-/// The adaptive rule with the constants in `s=…,p=…,min=…`; those that are not given are the paper's.
+/// The adaptive rule with the constants in `s=…,L=…,p=…,min=…`; those that are not given are the paper's.
 fn adaptive(constants: &str) -> Option<StepRule> {
-    let StepRule::Adaptive { mut scale, labels, mut min, mut exponent } = StepRule::PAPER else { return None };
+    let StepRule::Adaptive { mut scale, mut labels, mut min, mut exponent } = StepRule::PAPER else { return None };
     let mut given = Vec::new();
     for constant in constants.split(',') {
         let (name, value) = constant.split_once('=')?;
         match name {
             "s" => scale = within(value, &0.1, &50.0)?,
+            "L" => labels = within(value, &1, &100)?,
             "p" => exponent = within(value, &0.0, &5.0)?,
             "min" => min = within(value, &0.01, &50.0)?,
             _ => return None,

@@ -40,7 +40,7 @@ fn failing_9_a_box_on_the_path_changes_the_flight() {
     // A step of 1.5 m ends 0.65 m before it, one of 1.7 m would end 0.45 m before it.
     assert_eq!(avoid(&plan(&camera, 1.5), CLEARANCE, &pole, None, None), Avoidance::Clear);
     assert_ne!(avoid(&plan(&camera, 1.7), CLEARANCE, &pole, None, None), Avoidance::Clear);
-    // Where there is no way round: stop before it, 2.154 − 0.55 = 1.604 m; 16 of 40 parts of 4 m.
+    // Where there is no path round: stop before it, 2.154 − 0.55 = 1.604 m; 16 of 40 parts of 4 m.
     let wall = [boxed(0.0, 0.0, 1.0, 1.0, 3, "wall")];
     assert_eq!(avoid(&plan(&camera, 4.0), CLEARANCE, &wall, None, None), Avoidance::Shortened { step: 1.6, by: 0 });
     // Nowhere to go at all: label 2 begins at 1.292 m, of which 0.092 m may be flown, which is no step.

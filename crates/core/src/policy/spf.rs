@@ -63,7 +63,7 @@ pub struct SpfSettings {
     pub craft: Craft,
     /// How distances are requested.
     pub depth: DepthAs,
-    /// Distance from the target that counts as reached, metres, as told to the VLM.
+    /// Distance from the target that counts as reached, metres, as stated in the prompt.
     pub near_m: Option<f64>,
 }
 
@@ -84,14 +84,14 @@ struct TurnedFirst {
     turns: u32,
 }
 
-/// Number of clear ways in a row after which a detour is over.
+/// Number of clear paths in a row after which a detour is over.
 const DETOUR_OVER: u32 = 2;
 
 /// A detour under way.
 #[derive(Clone, Copy, Debug, Default)]
 struct DetourSide {
     keep: Option<Keep>,
-    /// Clear ways in a row.
+    /// Clear paths in a row.
     clear: u32,
 }
 
@@ -103,7 +103,7 @@ impl DetourSide {
         }
     }
 
-    /// A way around has been found on this side; `None` if it leads over or under.
+    /// A path around has been found on this side; `None` if it leads over or under.
     fn shifted(&mut self, side: Option<avoid::Side>) {
         self.clear = 0;
         let Some(side) = side else { return };
@@ -131,7 +131,7 @@ impl Report {
         let from_there = climb + pose.position.up - seen.position.up;
         let end = EnuPosition { up: pose.position.up + climb, ..pose.position };
         let way = [pose.position, end].map(|point| seen.position.displacement_to(point, seen.attitude.heading));
-        // What a view from elsewhere shows of the way down must not be an obstacle.
+        // What a view from elsewhere shows of the path down must not be an obstacle.
         let is_seen_free = climb > 0.0 || avoid::is_free(&camera, seen.attitude, &self.boxes, way, clearance);
         let is_clear =
             from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance);
@@ -255,7 +255,7 @@ impl Spf {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         let id = self.asking(view, QuerySubject::Point { confirming: self.confirming });
-        self.history.tell(view, &mut self.memory);
+        self.history.fill(view, &mut self.memory);
         let kind = QueryKind::Point { avoid: self.settings.avoid && !self.detector, depth: self.settings.depth };
         let mut query = Query {
             instruction: self.instruction.clone(),
@@ -291,7 +291,7 @@ impl Spf {
 
     fn answered(&mut self, open_query: OpenQuery, confirming: bool, text: &str) -> Step {
         self.reading = Reading::default();
-        // Told until it has been answered.
+        // Stated until it has been answered.
         self.memory.refused = None;
         let mut reply = match parse_reply(text, &self.settings.grounding, self.settings.avoid && !self.detector) {
             Ok(reply) => reply,
@@ -327,7 +327,7 @@ impl Spf {
             Status::Navigating | Status::Following => self.navigate(open_query, &reply),
             Status::Blocked => self.held_up(open_query, &reply),
         };
-        self.history.planned(&self.reading, &reply.boxes);
+        self.history.planned(&open_query.view.camera, &self.reading, &reply.boxes);
         step
     }
 
@@ -520,7 +520,7 @@ impl Spf {
             return Step::Look;
         }
         self.blocked = 0;
-        // Whatever side it was, that way is closed.
+        // Whatever side it was, that path is closed.
         self.detour = DetourSide::default();
         let View { camera, pose, .. } = open_query.view;
         let craft = self.settings.craft;

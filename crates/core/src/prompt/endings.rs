@@ -31,7 +31,7 @@ const KINDS: [Kind; 6] = [
     Kind {
         words: &["follow", "following", "track", "tracking", "chase", "pursue", "accompany", "escort"],
         phrases: &["stay with", "stay behind", "keep up", "keep with"],
-        ending: "following: never, until you are told to stop.",
+        ending: "following: never; only a new instruction ends it.",
     },
 ];
 
@@ -79,7 +79,7 @@ mod tests {
         );
         assert!(endings("go to the door", Some(0.8)).contains("within 0.8 m of it"));
         assert!(endings("I am thirsty", None).starts_with("- going to something: the drone is close to it"));
-        assert_eq!(endings("Follow the walking man", None), "- following: never, until you are told to stop.");
+        assert_eq!(endings("Follow the walking man", None), "- following: never; only a new instruction ends it.");
         assert!(endings("Look around.", None).contains("full circle"));
         assert_eq!(lines("fly through the tunnel, then to the church"), 3);
         assert_eq!(lines("fly over the bridge"), 1);

@@ -6,15 +6,15 @@ use crate::lift::range_of_label;
 use crate::query::{DetourKind, Look, LostTarget, Memory, PastAnswer, Said};
 use crate::reply::one_line;
 
-/// Motions below this are not told, metres and degrees.
+/// Motions below this are not mentioned, metres and degrees.
 const WORTH_TELLING_M: f64 = 0.1;
 const WORTH_TELLING_DEG: f64 = 2.0;
-/// A climb below this is not told apart from the motion, metres.
+/// A climb below this is not distinguished from the motion, metres.
 const WORTH_TELLING_CLIMB_M: f64 = 0.3;
 
 /// The history, one event a line, with points in the coordinates of `profile`.
 pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String {
-    let mut lines = vec![format!("Stage {} of the instruction is being worked on.", memory.stage.max(1))];
+    let mut lines = vec![format!("Stage {} is being worked on.", memory.stage.max(1))];
     for finished in &memory.finished {
         let target = finished.target.as_deref().map_or(String::new(), |target| format!(", target {}", quoted(target)));
         lines.push(format!("Stage {} ended with your answer {}{target}.", finished.stage, ago(finished.answers_ago)));
@@ -30,8 +30,9 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
         ));
     }
     if let Some(room) = memory.room {
-        let (height, down, up) = (metres(room.height), metres(room.down), metres(room.up));
-        lines.push(format!("The drone is {height} m above where it took off. It can go {down} m lower and {up} m higher."));
+        let (height, down, up) = (metres(room.height.abs()), metres(room.down), metres(room.up));
+        let side = if room.height < 0.0 && height > 0.0 { "below" } else { "above" };
+        lines.push(format!("The drone is {height} m {side} where it took off. It can go {down} m lower and {up} m higher."));
     }
     if let Some(wrong) = &memory.refused {
         lines.push(format!("Your last answer could not be used: it {}.", one_line(wrong)));
@@ -76,13 +77,11 @@ fn answer(number: u32, past: &PastAnswer, profile: &GroundingProfile) -> String 
         };
         format!("; {how}{because}")
     });
-    // Answers that could not be used are not in the list.
-    let to = if number == 1 { "this one" } else { "the next one in this list" };
-    format!("{}: {said}{planned}{detour}; from that picture to {to}: {}.", ago(number), flown(past))
+    format!("{}: {said}{planned}{detour}; then {}.", ago(number), flown(past, number == 1))
 }
 
-/// What was flown between two frames.
-fn flown(past: &PastAnswer) -> String {
+/// What was flown between two frames; `last`: the second one is the present frame, and the motion may only have begun.
+fn flown(past: &PastAnswer, last: bool) -> String {
     let mut parts = Vec::new();
     if past.moved_m >= WORTH_TELLING_M {
         let climbed = past.climbed_m;
@@ -96,14 +95,18 @@ fn flown(past: &PastAnswer) -> String {
     if past.turned_deg.abs() >= WORTH_TELLING_DEG {
         parts.push(format!("{} turned {}", degrees(past.turned_deg), side(past.turned_deg)));
     }
-    if parts.is_empty() { "no motion".to_owned() } else { parts.join(" and ") }
+    match (parts.is_empty(), last) {
+        (false, _) => parts.join(", "),
+        (true, true) => "no motion yet".to_owned(),
+        (true, false) => "no motion".to_owned(),
+    }
 }
 
 fn lost(lost: &LostTarget) -> String {
     let mut text = format!("You last pointed at the target {}.", ago(lost.answers_ago));
     match lost.left_on {
-        Some(Look::Left) => text.push_str(" It then left the picture on the left."),
-        Some(Look::Right) => text.push_str(" It then left the picture on the right."),
+        Some(Look::Left) => text.push_str(" It then left the image on the left."),
+        Some(Look::Right) => text.push_str(" It then left the image on the right."),
         _ => {}
     }
     if lost.turned_deg.abs() >= WORTH_TELLING_DEG {
@@ -114,7 +117,7 @@ fn lost(lost: &LostTarget) -> String {
     } else {
         format!("{} to the {} of straight ahead", degrees(lost.bearing_deg), side(lost.bearing_deg))
     };
-    let shown = if lost.in_frame { "in this picture's width" } else { "outside this picture" };
+    let shown = if lost.in_frame { "in this image's width" } else { "outside this image" };
     text.push_str(&format!(" The direction you pointed in is now {where_now}, {shown}."));
     text
 }

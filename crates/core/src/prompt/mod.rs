@@ -48,17 +48,17 @@ impl<'a> PromptInput<'a> {
 }
 
 /// The built-in prompts.
-static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-4.txt")));
-static PAPER: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/paper-1.txt")));
-static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-2.txt")));
+static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-5.txt")));
+static PAPER: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/paper-2.txt")));
+static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-3.txt")));
 
-static NUMERIC: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/numeric-2.txt")));
-static DISCRETE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/discrete-2.txt")));
-static CHOOSE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/choose-2.txt")));
-static DONE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/done-2.txt")));
-static PROGRAM: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/program-1.txt")));
-static QUESTION: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/question-1.txt")));
-static DETECT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/detect-1.txt")));
+static NUMERIC: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/numeric-3.txt")));
+static DISCRETE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/discrete-3.txt")));
+static CHOOSE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/choose-3.txt")));
+static DONE: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/done-3.txt")));
+static PROGRAM: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/program-2.txt")));
+static QUESTION: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/question-2.txt")));
+static DETECT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/detect-2.txt")));
 
 fn shipped(file: &str) -> Arc<PromptText> {
     Arc::new(PromptText::parse(file).expect("the embedded prompts are valid"))
@@ -161,7 +161,7 @@ fn instruction(words: &str) -> String {
     line.chars().take(MAX_INSTRUCTION).collect()
 }
 
-/// `1 = 1 m, 2 = 1.7 m, …, 10 = 100 m or more`.
+/// `1: 1 m, 2: 1.7 m, …, 10: 100 m or more`.
 fn scale() -> String {
     let mut text = String::new();
     for label in 1..=DEPTH_LABELS {
@@ -169,7 +169,7 @@ fn scale() -> String {
         // Models handle about two significant figures.
         let shown = if range < 9.95 { libm::round(range * 10.0) / 10.0 } else { libm::round(range) };
         let or_more = if label == DEPTH_LABELS { " or more" } else { ", " };
-        let _ = write!(text, "{label} = {shown} m{or_more}");
+        let _ = write!(text, "{label}: {shown} m{or_more}");
     }
     text
 }
@@ -257,17 +257,17 @@ mod tests {
         let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width: 640, height: 480 } };
         let text = point_prompt(&input("go", &memory, &profile, true));
         let told = r#"
-Stage 2 of the instruction is being worked on.
+Stage 2 is being worked on.
 Stage 1 ended with your answer 4 answers ago, target "the gate".
-2 answers ago: you pointed at "the 'red' crane" at [160, 240], depth 6; 4 m planned; dodged to the right because of "person", about 1.7 m away; from that picture to the next one in this list: 2.1 m flown (0.4 m down) and 12° turned right.
-1 answer ago: you did not see the target; from that picture to this one: 72° turned left.
-You last pointed at the target 2 answers ago. It then left the picture on the left. Since then the drone has turned 60° left. The direction you pointed in is now 64° to the right of straight ahead, outside this picture.
+2 answers ago: you pointed at "the 'red' crane" at [160, 240], depth 6; 4 m planned; dodged to the right because of "person", about 1.7 m away; then 2.1 m flown (0.4 m down), 12° turned right.
+1 answer ago: you did not see the target; then 72° turned left.
+You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. The direction you pointed in is now 64° to the right of straight ahead, outside this image.
 The drone is 3.1 m above where it took off. It can go 2.3 m lower and 26 m higher.
 Your last answer could not be used: it lacked boxes.
 "#;
         assert!(text.contains(told), "{text}");
         assert!(text.contains("\nYou have answered \"done\". The drone has stopped for a second look"), "{text}");
-        assert!(text.contains("A point is [x, y] and a box is [xmin, ymin, xmax, ymax], in pixels of this picture: x runs from 0 at the left edge to 640"), "{text}");
+        assert!(text.contains("Points are [x, y] and boxes [xmin, ymin, xmax, ymax], in pixels of this image: x from 0 (left) to 640 (right), y from 0 (top) to 480 (bottom)."), "{text}");
         assert!(text.contains("- boxes: the nearest solid things"), "{text}");
     }
 
@@ -283,9 +283,9 @@ Your last answer could not be used: it lacked boxes.
     fn the_paper_reads_the_label_as_travel() {
         let (memory, profile) = (Memory::default(), GroundingProfile::default());
         let paper = PromptText::named("paper").unwrap();
-        assert_eq!((paper.kind(), paper.name().as_str()), (PromptKind::Point, "point-paper-1"));
+        assert_eq!((paper.kind(), paper.name().as_str()), (PromptKind::Point, "point-paper-2"));
         let text = paper.write(&input("go", &memory, &profile, false));
-        assert!(text.contains("how far the drone should fly") && !text.contains("1 = 1 m"), "{text}");
+        assert!(text.contains("how far the drone should fly") && !text.contains("1: 1 m"), "{text}");
         assert_eq!(PromptText::named("mine"), None);
     }
 
@@ -299,7 +299,7 @@ Your last answer could not be used: it lacked boxes.
         };
         let prompt = PromptText::shipped(PromptKind::Point);
         let text = prompt.write_point(&query(&["car_1 x:0.5 y:0.5 width:0.5 height:0.5 score:0.875"]), &profile);
-        assert!(text.contains("A detector found these things in the picture, one a line: name, box, how sure it is (0 to 1).\ncar, [160, 120, 480, 360], 0.88\n"), "{text}");
+        assert!(text.contains("A detector found these things in the image, one a line: name, box, how sure it is (0 to 1).\ncar, [160, 120, 480, 360], 0.88\n"), "{text}");
         assert!(prompt.write_point(&query(&["none"]), &profile).contains("(0 to 1).\nnone\n"));
         // Without a detector the prompt is unchanged.
         let memory = Memory::default();

@@ -34,7 +34,7 @@ pub struct Memory {
     /// Earlier stages, oldest first, at most [`REMEMBERED_ANSWERS`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub finished: Vec<FinishedStage>,
-    /// What was wrong with the answer before, if it could not be used: told once, in words after "your last answer".
+    /// What was wrong with the answer before, if it could not be used: stated once, in words after "your last answer".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// The free height.
@@ -57,7 +57,7 @@ pub enum Said {
     NotSeen,
     /// The instruction is fulfilled.
     Done,
-    /// The way is blocked.
+    /// The path is blocked.
     Blocked,
 }
 

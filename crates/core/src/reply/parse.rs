@@ -115,7 +115,7 @@ impl ReplyError {
         }
     }
 
-    /// What is told to the model in the next query, in words after "your last answer". It repeats nothing that the model
+    /// What the next query states, in words after "your last answer". It repeats nothing that the model
     /// wrote, since that may be text that it read in the image.
     #[must_use]
     pub fn for_the_model(&self) -> String {
@@ -127,7 +127,7 @@ impl ReplyError {
             Self::Missing { field } => format!("lacked {field}"),
             Self::MissingPoint => "lacked point".to_owned(),
             Self::MissingDepth => "lacked depth".to_owned(),
-            Self::PointOutside { field, .. } => format!("had a {field} that is not in the picture in the coordinates asked for"),
+            Self::PointOutside { field, .. } => format!("had a {field} that is not in the image, in the coordinates asked for"),
             Self::DepthOutside { field, .. } => format!("had a {field} off the scale"),
             Self::StageOutside { .. } => format!("had a stage that was not 1 to {MAX_STAGE}"),
             Self::TurnOutside { .. } => "had a turn_deg that was not -180 to 180".to_owned(),

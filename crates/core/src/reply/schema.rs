@@ -11,12 +11,12 @@ use crate::query::{ImageBox, ImagePoint};
 
 // The order of the fields is the order in which a model is to think: what it looks for, whether it sees it, where it is.
 // The comments on the fields reach the model, as descriptions in the schema.
-/// What the picture shows, and where the drone is to go next.
+/// What the image shows, and where the drone is to go next.
 #[derive(Serialize, JsonSchema)]
 struct WireReply<'a> {
     /// What you go to or look for now, in at most six words.
     target: Option<&'a str>,
-    /// Whether the target is seen, not seen, reached, followed, or the way to it blocked.
+    /// Whether the target is seen, not seen, reached, followed, or the path to it blocked.
     #[schemars(schema_with = "status")]
     status: Status,
     /// Number of the stage being worked on, from 1.
@@ -41,18 +41,18 @@ struct WireReply<'a> {
     /// Which way to look, with status not_visible; else null.
     #[schemars(schema_with = "nullable_look")]
     look: Option<Look>,
-    /// The most open way, with status not_visible; else null.
+    /// The most open direction, with status not_visible; else null.
     #[schemars(schema_with = "nullable_way")]
     open_way: Option<WireWay>,
-    /// The nearest solid things in the picture that are nearer than the target, at most eight.
+    /// The nearest solid things in the image that are nearer than the target, at most eight.
     #[serde(skip_serializing_if = "Option::is_none")]
     boxes: Option<Vec<WireBox<'a>>>,
 }
 
-/// An open way as it is written.
+/// An open direction as it is written.
 #[derive(Serialize, JsonSchema)]
 struct WireWay {
-    /// Where it leads in the picture.
+    /// Where it leads in the image.
     #[schemars(schema_with = "numbers")]
     point: [Number; 2],
     /// Depth label of its end.
@@ -68,7 +68,7 @@ struct WireWay {
 /// One obstacle as it is written.
 #[derive(Serialize, JsonSchema)]
 struct WireBox<'a> {
-    /// Its box in the picture.
+    /// Its box in the image.
     #[serde(rename = "box")]
     #[schemars(schema_with = "numbers")]
     area: [Number; 4],

@@ -60,7 +60,7 @@ pub enum Unrecognised {
         height: u32,
     },
     /// The prompt is not understood: what of it.
-    #[error("cannot tell {0}: the prompt must follow this program's pointing prompt (prompts/point-4.txt)")]
+    #[error("cannot tell {0}: the prompt must follow this program's pointing prompt (prompts/point-5.txt)")]
     Wording(&'static str),
 }
 

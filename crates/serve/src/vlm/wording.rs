@@ -1,4 +1,4 @@
-//! Reads the project's own prompt for points (`prompts/point-4.txt`), as far as the oracle needs it: instruction, stage, what was
+//! Reads the project's own prompt for points (`prompts/point-5.txt`), as far as the oracle needs it: instruction, stage, what was
 //! pointed at, how far the craft has turned, coordinates, and what is to be answered. A prompt in an unknown wording is an error:
 //! an oracle that took it for a first query would answer the first stage for ever.
 
@@ -51,8 +51,7 @@ pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<W
 /// The history after the instruction. Names given by a model are on one line and in quotation marks, so that none can pass for a
 /// line of its own.
 fn memory(rest: &str) -> Result<Memory, &'static str> {
-    let stages: Vec<u32> =
-        rest.lines().filter_map(|line| number(line, "Stage ", " of the instruction is being worked on.")).collect();
+    let stages: Vec<u32> = rest.lines().filter_map(|line| number(line, "Stage ", " is being worked on.")).collect();
     let [stage] = stages[..] else { return Err("which stage is being worked on") };
     let targets = rest.lines().filter_map(|line| {
         let (_, behind) =
@@ -139,8 +138,8 @@ mod tests {
         let memory = remembered();
         let prompt = point_prompt(&PromptInput::new("go", &memory, &GroundingProfile::default()));
         for (was, is) in [
-            ("Stage 3 of the instruction is being worked on.", "Stage 3 was reached."),
-            ("Stage 3 of the instruction is being worked on.", "Stage two of the instruction is being worked on."),
+            ("Stage 3 is being worked on.", "Stage 3 was reached."),
+            ("Stage 3 is being worked on.", "Stage two is being worked on."),
             ("- depth: ", "- d: "),
             ("- open_way: ", "- way: "),
             ("in thousandths", "in shares"),

@@ -4,6 +4,7 @@
 use std::collections::VecDeque;
 
 use crate::avoid::Avoidance;
+use crate::camera::Camera;
 use crate::geometry::{Pose, wrap_angle};
 use crate::policy::{Reading, View};
 use crate::query::{Detour, DetourKind, FinishedStage, Look, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said};
@@ -104,14 +105,14 @@ impl History {
     }
 
     /// Notes what follows from the last answer.
-    pub(super) fn planned(&mut self, reading: &Reading, boxes: &[ObstacleBox]) {
+    pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading, boxes: &[ObstacleBox]) {
         let Some((past, _)) = self.answers.back_mut() else { return };
         if let Some(primitives) = reading.primitives {
             let metres = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
             past.planned_m = Some(metres).filter(|metres| *metres > 0.0);
             self.yaw = primitives.yaw;
         }
-        past.detour = reading.avoidance.and_then(|avoidance| detour(avoidance, reading, boxes));
+        past.detour = reading.avoidance.and_then(|avoidance| detour(camera, avoidance, reading, boxes));
     }
 
     /// Measures the last answer's motion to where the craft is now.
@@ -132,7 +133,7 @@ impl History {
     }
 
     /// Fills the memory of a query about `view`.
-    pub(super) fn tell(&mut self, view: &View, memory: &mut Memory) {
+    pub(super) fn fill(&mut self, view: &View, memory: &mut Memory) {
         self.moved_to(view.pose);
         memory.answers = self.answers.iter().map(|(past, _)| past.clone()).collect();
         let ago = |answer: u32| self.count + 1 - answer;
@@ -158,12 +159,14 @@ impl History {
 }
 
 /// What obstacle mode did, in words of the memory; `None` if it left the plan as it was.
-fn detour(avoidance: Avoidance, reading: &Reading, boxes: &[ObstacleBox]) -> Option<Detour> {
+fn detour(camera: &Camera, avoidance: Avoidance, reading: &Reading, boxes: &[ObstacleBox]) -> Option<Detour> {
     let (how, by) = match avoidance {
         Avoidance::Clear => return None,
         Avoidance::Shifted { point, by } => {
             let planned = reading.reply.as_ref().and_then(|reply| reply.point.or(reply.open_way.map(|way| way.point)))?;
-            let (across, up) = (point.u - planned.u, planned.v - point.v);
+            // In pixels: a fraction of the width is more than the same fraction of the height.
+            let across = (point.u - planned.u) * f64::from(camera.width);
+            let up = (planned.v - point.v) * f64::from(camera.height);
             let how = match (across.abs() >= up.abs(), across < 0.0, up < 0.0) {
                 (true, true, _) => DetourKind::Left,
                 (true, false, _) => DetourKind::Right,
