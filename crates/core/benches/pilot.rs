@@ -83,6 +83,7 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         craft,
         depth: settings.depth,
         near_m: settings.near_m,
+        close_up: false,
     });
     let mut pilot = Pilot::new(PilotParts {
         settings,

@@ -221,6 +221,9 @@ pub struct Query {
     /// Distance from the target at which the instruction counts as fulfilled, metres, as stated in the prompt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_m: Option<f64>,
+    /// Region of the image that goes along as a second, enlarged image.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub close_up: Option<ImageBox>,
 }
 
 impl Query {
@@ -239,6 +242,7 @@ impl Query {
             deadline: Time::MAX,
             image_size: None,
             near_m: None,
+            close_up: None,
         }
     }
 }

@@ -138,6 +138,7 @@ impl PolicyMaker for PolicyKind {
                     image_size,
                     craft,
                     depth: settings.depth,
+                    close_up: settings.close_up,
                     near_m: settings.near_m,
                     shape: match settings.motion {
                         Motion::Sequential => PathShape::LevelThenClimb,

@@ -26,7 +26,7 @@ pub mod resize;
 
 pub use frame::{FrameError, Rgb};
 pub use jpeg::{EncodeError, Jpeg};
-pub use resize::{Scaler, resize};
+pub use resize::{Scaler, enlarged, resize};
 
 /// The examples of the README, run as tests.
 #[cfg(doctest)]

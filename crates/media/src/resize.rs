@@ -57,9 +57,42 @@ pub fn resize(image: &Rgb, width: u32, height: u32) -> Rgb {
     Scaler::default().scale(image, width, height)
 }
 
+/// The part `[left, top, right, bottom]` of an image, in fractions of its sides, scaled to `size`. It is at least one pixel
+/// wide and high, and lies within the image.
+#[must_use]
+pub fn enlarged(image: &Rgb, [left, top, right, bottom]: [f64; 4], size: (u32, u32)) -> Rgb {
+    let span = |from: f64, to: f64, side: u32| {
+        let at = |fraction: f64| (fraction.clamp(0.0, 1.0) * f64::from(side)).round() as u32;
+        let start = at(from).min(side.saturating_sub(1));
+        (start as usize, at(to).clamp(start + 1, side.max(start + 1)) as usize)
+    };
+    if image.data().is_empty() {
+        return Rgb::new(size.0, size.1);
+    }
+    let (columns, rows) = (span(left, right, image.width()), span(top, bottom, image.height()));
+    let line = image.width() as usize * 3;
+    let cut: Vec<u8> =
+        (rows.0..rows.1).flat_map(|row| &image.data()[row * line + columns.0 * 3..row * line + columns.1 * 3]).copied().collect();
+    let cut = Rgb::from_raw((columns.1 - columns.0) as u32, (rows.1 - rows.0) as u32, cut);
+    cut.map_or_else(|_| Rgb::new(size.0, size.1), |cut| resize(&cut, size.0, size.1))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_part_is_cut_out_and_enlarged() {
+        let mut image = Rgb::filled(10, 10, [0; 3]);
+        for (x, y) in [(4, 6), (5, 6), (4, 7), (5, 7)] {
+            image.set_pixel(x, y, [200, 100, 50]);
+        }
+        assert_eq!(enlarged(&image, [0.4, 0.6, 0.6, 0.8], (8, 8)), Rgb::filled(8, 8, [200, 100, 50]));
+        // Never empty, never outside.
+        assert_eq!(enlarged(&image, [1.0, 1.0, 1.0, 1.0], (3, 2)), Rgb::filled(3, 2, [0; 3]));
+        assert_eq!(enlarged(&image, [-1.0, f64::NAN, 2.0, 0.1], (2, 2)), Rgb::filled(2, 2, [0; 3]));
+        assert_eq!(enlarged(&Rgb::new(0, 0), [0.0, 0.0, 1.0, 1.0], (2, 1)), Rgb::new(2, 1));
+    }
 
     #[test]
     fn a_flat_image_stays_flat() {

@@ -36,7 +36,7 @@ fn frame_to_request(bencher: Bencher<'_, '_>, name: &str) {
         let scaled = scaler.scale(black_box(&frame), width, height);
         let jpeg = Jpeg::encode(&scaled, 70).expect("it has a size");
         scaler.reuse(scaled);
-        let question = Question { prompt: "Where?", jpeg: jpeg.bytes(), kind: &kind };
+        let question = Question { prompt: "Where?", jpeg: jpeg.bytes(), close_up: None, kind: &kind };
         serde_json::to_vec(&model.wire.request(&model, &question).body)
     });
 }

@@ -55,6 +55,8 @@ pub(crate) struct Written {
     path: String,
     body: Bytes,
     prompt_length: usize,
+    /// Number of images.
+    images: u64,
     /// For a point: the coordinates of its reply, and whether it must list obstacles.
     enough: Option<(GroundingProfile, bool)>,
     encoded: Option<f64>,
@@ -64,7 +66,7 @@ pub(crate) struct Written {
 impl Written {
     /// Estimated input tokens of the query.
     pub(crate) fn guessed(&self) -> Tokens {
-        let input = GUESSED_IMAGE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
+        let input = self.images * GUESSED_IMAGE + self.prompt_length as u64 / CHARACTERS_A_TOKEN;
         Tokens { input, estimated: true, ..Tokens::default() }
     }
 
@@ -113,7 +115,9 @@ impl Backend {
             parameters::remove(&mut request.body, parameter);
         }
         // Allocated at once, so that it is never moved while it grows.
-        let mut body = Vec::with_capacity(question.jpeg.len() / 3 * 4 + 2 * question.prompt.len() + ROOM);
+        let mut body = Vec::with_capacity(
+            (question.jpeg.len() + question.close_up.map_or(0, <[u8]>::len)) / 3 * 4 + 2 * question.prompt.len() + ROOM,
+        );
         serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
         let enough = match question.kind {
@@ -124,6 +128,7 @@ impl Backend {
             path: request.path,
             body: body.into(),
             prompt_length: question.prompt.len(),
+            images: 1 + u64::from(question.close_up.is_some()),
             enough,
             encoded: Some(began.elapsed().as_secs_f64()),
             began,

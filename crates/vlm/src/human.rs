@@ -59,12 +59,26 @@ impl Human {
         let path = self.folder.path().join(format!("{}.jpg", query.frame.0));
         let written = std::fs::write(&path, image.jpeg(size, QUALITY)?);
         written.map_err(|error| VlmError::Image(format!("cannot write the image: {error}")))?;
+        let close_up = query.close_up.map(|area| image.close_up(area, size, QUALITY)).transpose()?;
+        let enlarged = match close_up {
+            Some(jpeg) => {
+                let path = self.folder.path().join(format!("{}-close-up.jpg", query.frame.0));
+                std::fs::write(&path, jpeg).map_err(|error| VlmError::Image(format!("cannot write the image: {error}")))?;
+                format!(", enlarged where the target was: {}", path.display())
+            }
+            None => String::new(),
+        };
         let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         // What was typed before the image was there is not about it.
         while lines.try_recv().is_ok() {}
         let (width, height) = size;
         let confirm = if query.memory.confirming { " You answered `done`. Look again, and confirm or correct it." } else { "" };
-        (self.say)(&format!("query {}: {} ({width}×{height}): {}{confirm}", query.id.0, path.display(), query.instruction));
+        (self.say)(&format!(
+            "query {}: {} ({width}×{height}){enlarged}: {}{confirm}",
+            query.id.0,
+            path.display(),
+            query.instruction
+        ));
         let began = Instant::now();
         loop {
             if request.cancel.is_cancelled() {

@@ -32,6 +32,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use spf_core::grounding::GroundingProfile;
+use spf_core::query::ImageBox;
 use spf_core::time::Duration;
 use spf_media::Rgb;
 
@@ -62,6 +63,16 @@ pub trait QueryImage {
     fn pixels(&mut self) -> Result<Rgb, VlmError> {
         let jpeg = self.jpeg(self.size(), 95)?;
         spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))
+    }
+
+    /// A part of the frame, cut out of its own pixels and enlarged to `size`, as JPEG.
+    ///
+    /// # Errors
+    /// [`VlmError::Image`] if the frame is not available or cannot be encoded.
+    fn close_up(&mut self, area: ImageBox, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
+        let enlarged = spf_media::enlarged(&self.pixels()?, [area.left, area.top, area.right, area.bottom], size);
+        let jpeg = spf_media::Jpeg::encode(&enlarged, quality);
+        Ok(jpeg.map_err(|error| VlmError::Image(error.to_string()))?.shared())
     }
 
     /// The frame as JPEG at a size and quality (1..=100), with the query's marks overlaid; encoded once, even if

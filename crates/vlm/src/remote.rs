@@ -246,10 +246,17 @@ impl Asking<'_> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
         let (grounding, size) = remote.sight(index, self.camera);
-        let jpeg = image.jpeg(size, remote.strategy.quality.unwrap_or(backend.model.image.quality).clamp(1, 100))?;
+        let quality = remote.strategy.quality.unwrap_or(backend.model.image.quality).clamp(1, 100);
+        let jpeg = image.jpeg(size, quality)?;
         let query = self.request.query;
+        let close_up = query.close_up.map(|area| image.close_up(area, size, quality)).transpose()?;
         let own = (index > 0).then(|| remote.prompt_for(query, &grounding)).flatten();
-        let question = Question { prompt: own.as_deref().unwrap_or(&query.prompt), jpeg: &jpeg, kind: &query.kind };
+        let question = Question {
+            prompt: own.as_deref().unwrap_or(&query.prompt),
+            jpeg: &jpeg,
+            close_up: close_up.as_deref(),
+            kind: &query.kind,
+        };
         let written = backend.write(&question, grounding, self.began)?;
         // With a fallback available, that is faster than a retry.
         let retry = index + 1 == remote.backends.len();

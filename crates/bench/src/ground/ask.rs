@@ -9,8 +9,9 @@ use std::time::Instant;
 
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
+use spf_core::policy::spf::{is_small, region};
 use spf_core::prompt::{PromptInput, PromptText};
-use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
+use spf_core::query::{ImageBox, ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
 use spf_core::time::Duration;
 use spf_media::Rgb;
@@ -69,6 +70,8 @@ pub struct Answerer {
 pub struct AskOptions {
     /// Whether obstacle boxes are requested as well.
     pub avoid: bool,
+    /// Whether a model that finds a small target is asked again with the target's region as a second, enlarged image.
+    pub close_up: bool,
     /// Reply timeout.
     pub time: Duration,
 }
@@ -136,13 +139,29 @@ impl Answerer {
         options: AskOptions,
         cancel: &Cancel,
     ) -> AnswerRow {
-        let image_spec = vlm.image_spec((image.width(), image.height()));
+        let camera = (image.width(), image.height());
+        let image_spec = vlm.image_spec(camera);
         let (profile, memory) = (image_spec.grounding, Memory::default());
-        let text = prompt.write(&PromptInput { avoid: options.avoid, ..PromptInput::new(instruction, &memory, &profile) });
-        let query = query(number, instruction, text, options, image_spec.image_size);
-        let request = QueryRequest { query: &query, time_left: options.time, cancel: cancel.clone() };
-        let answer = vlm.answer(&request, &mut Photograph::new(image.clone()));
-        AnswerRow::of(&self.name, key, answer, &profile)
+        let mut ask = |close_up: Option<ImageBox>| {
+            let new = PromptInput::new(instruction, &memory, &profile);
+            let text = prompt.write(&PromptInput { avoid: options.avoid, close_up, ..new });
+            let query = Query { close_up, ..query(number, instruction, text, options, image_spec.image_size) };
+            let request = QueryRequest { query: &query, time_left: options.time, cancel: cancel.clone() };
+            AnswerRow::of(&self.name, key, vlm.answer(&request, &mut Photograph::new(image.clone())), &profile)
+        };
+        let first = ask(None);
+        let small = match &first.parsed {
+            ParsedReply::Reply(reply) if options.close_up => {
+                reply.target_box.filter(|area| is_small(area, image_spec.image_size.unwrap_or(camera)))
+            }
+            _ => None,
+        };
+        let middle = |area: ImageBox| ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) };
+        let Some(close_up) = small.and_then(|area| region(middle(area))) else { return first };
+        let mut second = ask(Some(close_up));
+        second.latency_s += first.latency_s;
+        second.account.add(&first.account);
+        second
     }
 }
 

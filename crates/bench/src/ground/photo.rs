@@ -271,6 +271,10 @@ impl QueryImage for Photograph {
         (self.image.width(), self.image.height())
     }
 
+    fn pixels(&mut self) -> Result<Rgb, VlmError> {
+        Ok(self.image.as_ref().clone())
+    }
+
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
         if let Some((.., bytes)) = self.encoded.as_ref().filter(|(of, at, _)| (*of, *at) == (size, quality)) {
             return Ok(bytes.clone());

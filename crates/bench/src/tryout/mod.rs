@@ -30,6 +30,9 @@ pub struct DotCheck {
     pub vlm: String,
     /// Whether it points at them.
     pub good: bool,
+    /// Whether no reply came.
+    #[serde(default)]
+    pub silent: bool,
     /// The result in words.
     pub words: String,
     /// Latency of each reply, seconds.

@@ -44,6 +44,9 @@ pub(crate) struct Ground {
     /// Also request obstacle boxes
     #[arg(long)]
     pub(crate) avoid: bool,
+    /// Ask again about a target whose box is under 24 pixels, with its region enlarged as a second image
+    #[arg(long)]
+    pub(crate) close_up: bool,
     /// Output folder [default: grounding; with --dataset, grounding/NAME]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,

@@ -228,6 +228,9 @@ pub(crate) struct MethodArgs {
     /// How the VLM states distances: labels (1 to 10) or metres (for ablation studies) [default: labels]
     #[arg(long, value_name = "FORM")]
     pub(crate) depth_as: Option<String>,
+    /// Send a small target's region enlarged as a second image: if its last box was under 24 pixels
+    #[arg(long)]
+    pub(crate) close_up: bool,
     /// Distance from the target that counts as reached, metres, as told to the VLM [default: the scene's; 0.8 with a Tello;
     /// else 3]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]

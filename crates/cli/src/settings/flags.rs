@@ -81,6 +81,7 @@ impl MethodArgs {
             preset,
             step,
             depth_as,
+            close_up,
             near,
             motion,
             think,
@@ -105,6 +106,7 @@ impl MethodArgs {
         fly.preset.flag(preset.as_deref());
         fly.step.flag(step.as_deref());
         fly.depth_as.flag(depth_as.as_deref());
+        fly.close_up.switch(*close_up);
         fly.near_m.flag(near.as_deref());
         fly.motion.flag(motion.as_deref());
         fly.think.flag(think.as_deref());

@@ -44,6 +44,8 @@ settings! {
         step: StepRule = "", Step, "SPF_STEP", "--step";
         /// how the VLM states distances: labels or metres
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";
+        /// send the region of a small target enlarged as a second image: true or false
+        close_up: bool = "false", Word, "SPF_CLOSE_UP", "--close-up" sets "true";
         /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
         near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
         /// sequential or blended; empty: the preset's

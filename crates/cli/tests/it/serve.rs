@@ -52,6 +52,19 @@ impl Serving {
     }
 }
 
+/// The endpoint knows its own camera only: after the dots nothing more is sent, and the reason is given.
+#[test]
+fn a_trial_of_the_endpoint_ends_with_the_dots() {
+    let lab = Lab::new();
+    let serving = Serving::start(&lab, &[]);
+    serving.frame();
+    let vlm = format!("{}/v1#any", serving.url);
+    let run = lab.spf(&["vlm", "trial", &vlm, "-o", "tried", "--questions", "2", "--flights", "1"]);
+    assert_eq!(run.code, Some(6), "{}", run.stderr);
+    assert!(run.stderr.contains("answers only about frames of its own camera"), "{}", run.stderr);
+    assert!(lab.path("tried/dots.json").exists() && !lab.path("tried/data").exists());
+}
+
 impl Drop for Serving {
     fn drop(&mut self) {
         drop(self.child.kill());

@@ -80,10 +80,13 @@ pub struct PilotSettings {
     /// How the VLM is asked for distances.
     #[serde(default, skip_serializing_if = "DepthAs::is_default")]
     pub depth: DepthAs,
-    /// Distance from its target at which an instruction counts as fulfilled, metres, as told to the VLM; `None` leaves it
+    /// Distance from its target at which an instruction counts as fulfilled, metres, as stated in the prompt; `None` leaves it
     /// to the site: the scene's, or the craft's.
     #[serde(default)]
     pub near_m: Option<f64>,
+    /// Whether a small target's region goes along as a second, enlarged image.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub close_up: bool,
 }
 
 fn unlimited() -> Duration {
@@ -112,6 +115,7 @@ impl PilotSettings {
             max_reply_age: Duration::from_secs(8),
             depth: DepthAs::Labels,
             near_m: None,
+            close_up: false,
         }
     }
 }

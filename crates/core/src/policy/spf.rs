@@ -14,13 +14,17 @@ use crate::policy::search::{OpenDirection, Search, SearchAction};
 use crate::policy::{Expected, FailReason, Goto, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
-use crate::query::{DepthAs, ImagePoint, Memory, Query, QueryId, QueryKind};
+use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse_reply};
 use crate::step::StepRule;
 use crate::time::Duration;
 
+mod close_up;
 mod history;
 
+pub use close_up::{SMALL_TARGET, is_small, region};
+
+use close_up::LastBox;
 use history::History;
 
 /// Number of earlier targets in the memory.
@@ -65,6 +69,8 @@ pub struct SpfSettings {
     pub depth: DepthAs,
     /// Distance from the target that counts as reached, metres, as stated in the prompt.
     pub near_m: Option<f64>,
+    /// Whether a small target's region goes along as a second, enlarged image.
+    pub close_up: bool,
 }
 
 /// The open query and the view it refers to.
@@ -176,6 +182,8 @@ pub struct Spf {
     guidance: Guidance,
     /// Replies in a row that did not show a target whose place is known.
     misses: u32,
+    /// Box of the target of the last answer, if it pointed at one.
+    last_box: Option<LastBox>,
 }
 
 impl Spf {
@@ -222,6 +230,7 @@ impl Spf {
             detour: DetourSide::default(),
             guidance: Guidance::default(),
             misses: 0,
+            last_box: None,
         }
     }
 
@@ -263,10 +272,18 @@ impl Spf {
             near_m: self.settings.near_m,
             detections: if self.lists() { detection::lines(&self.detections) } else { Vec::new() },
             image_size: self.settings.image_size,
+            close_up: self.close_up(view),
             ..Query::new(id, view.frame.id, kind)
         };
         query.prompt = self.prompt.write_point(&query, &self.settings.grounding);
         Step::Ask(Box::new(query))
+    }
+
+    /// The region of a small target that the last answer pointed at.
+    fn close_up(&self, view: &View) -> Option<ImageBox> {
+        let last = self.last_box.filter(|_| self.settings.close_up)?;
+        let size = self.settings.image_size.unwrap_or((view.frame.width, view.frame.height));
+        last.close_up(&view.camera, view.pose, size)
     }
 
     /// Handles the detector's list: the VLM is queried about the same frame.
@@ -318,6 +335,8 @@ impl Spf {
         }
         self.reading.reply = Some(reply.clone());
         self.history.answered(&open_query.view, &reply, self.memory.stage);
+        let seen = reply.target_box.filter(|_| reply.status.leads_to_a_point());
+        self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
         if let Some(stage) = reply.stage {
             self.memory.stage = stage;
         }

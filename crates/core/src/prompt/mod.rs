@@ -37,13 +37,15 @@ pub struct PromptInput<'a> {
     pub depth: DepthAs,
     /// Distance from the target at which the instruction counts as fulfilled, metres; `None` if it is not set.
     pub near_m: Option<f64>,
+    /// The part of the image that goes along enlarged.
+    pub close_up: Option<ImageBox>,
 }
 
 impl<'a> PromptInput<'a> {
     /// The inputs of a prompt without obstacle boxes, with depth labels.
     #[must_use]
     pub fn new(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile) -> Self {
-        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m: None }
+        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m: None, close_up: None }
     }
 }
 
@@ -103,7 +105,7 @@ impl PromptText {
             _ => (false, DepthAs::Labels),
         };
         let new = PromptInput::new(&query.instruction, &query.memory, profile);
-        let input = PromptInput { avoid, depth, near_m: query.near_m, ..new };
+        let input = PromptInput { avoid, depth, near_m: query.near_m, close_up: query.close_up, ..new };
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
@@ -129,6 +131,9 @@ impl PromptText {
                 "endings" => endings::endings(input.instruction, input.near_m),
                 "avoid" => yes_if(input.avoid),
                 "memory" => memory::remembered(input.memory, input.profile),
+                "close_up" => input.close_up.map_or(String::new(), |area| {
+                    format!("[{}]", input.profile.area_numbers(area).map(|number| number.to_string()).join(", "))
+                }),
                 "confirming" => yes_if(input.memory.confirming),
                 "example" => example(input),
                 "metres" => range(MOVE_METRES),
@@ -277,6 +282,16 @@ Your last answer could not be used: it lacked boxes.
         let text = point_prompt(&PromptInput { depth: DepthAs::Metres, ..input("go", &memory, &profile, true) });
         assert!(text.contains("- depth_m: ") && !text.contains("- depth: ") && !text.contains("\"depth\""), "{text}");
         assert!(text.contains("\"depth_m\":12.9") && !text.contains("as a label"), "{text}");
+    }
+
+    #[test]
+    fn a_close_up_is_mentioned_when_it_goes_along() {
+        let (memory, profile) = (Memory::default(), GroundingProfile::default());
+        let without = input("go", &memory, &profile, false);
+        assert!(!point_prompt(&without).contains("second image"));
+        let close_up = Some(ImageBox { left: 0.4, top: 0.3, right: 0.6, bottom: 0.5 });
+        let text = point_prompt(&PromptInput { close_up, ..without });
+        assert!(text.contains("\nThe second image enlarges the part [300, 400, 500, 600] of the first,"), "{text}");
     }
 
     #[test]

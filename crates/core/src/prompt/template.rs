@@ -76,6 +76,7 @@ impl PromptKind {
                 "endings",
                 "avoid",
                 "detected",
+                "close_up",
                 "memory",
                 "confirming",
                 "example",

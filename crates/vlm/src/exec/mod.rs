@@ -105,6 +105,12 @@ struct Line<'a> {
     width: u32,
     /// Its height, pixels.
     height: u32,
+    /// Path of the enlarged part of it, a JPEG of the same size.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    close_up: Option<&'a std::path::Path>,
+    /// That part, `[left, top, right, bottom]` in fractions of the image.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    close_up_area: Option<[f64; 4]>,
     /// Order of coordinates in the reply, as in the table of models.
     order: &'static str,
     /// Unit of coordinates in the reply, as in the table of models.
@@ -161,11 +167,14 @@ impl Vlm for Exec {
         let size = self.size(image.size());
         image.prepare(size);
         let jpeg = image.jpeg(size, self.options.quality);
+        let close_up = request.query.close_up.map(|area| image.close_up(area, size, self.options.quality)).transpose();
+        let images = jpeg.and_then(|jpeg| Ok((jpeg, close_up?)));
         // Other flights may be using the program: waiting for them is no latency of this query.
         let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
         let began = Instant::now();
         let mut account = Usage::default();
-        let text = jpeg.and_then(|jpeg| desk.ask(request, &jpeg, size, self.options.loading, &mut account));
+        let text = images
+            .and_then(|(jpeg, close_up)| desk.ask(request, &jpeg, close_up.as_deref(), size, self.options.loading, &mut account));
         let latency = began.elapsed();
         account.parts = StageTimes { complete_s: text.is_ok().then_some(latency.as_secs_f64()), ..account.parts };
         Answer { text, latency, model: self.name.clone(), account }
@@ -190,8 +199,8 @@ impl Desk {
         }
     }
 
-    fn image(&self, id: u64, jpeg: &[u8]) -> Result<PathBuf, VlmError> {
-        let path = self.folder.path().join(format!("{id}.jpg"));
+    fn image(&self, name: &str, jpeg: &[u8]) -> Result<PathBuf, VlmError> {
+        let path = self.folder.path().join(name);
         let written = std::fs::write(&path, jpeg);
         written.map(|()| path).map_err(|error| VlmError::Image(format!("cannot write the image: {error}")))
     }
@@ -200,16 +209,19 @@ impl Desk {
         &mut self,
         request: &QueryRequest<'_>,
         jpeg: &[u8],
-        (width, height): (u32, u32),
+        close_up: Option<&[u8]>,
+        size: (u32, u32),
         loading: Duration,
         account: &mut Usage,
     ) -> Result<String, VlmError> {
         let id = self.next_id;
         self.next_id += 1;
-        let path = self.image(id, jpeg)?;
-        let asked = self.exchange(request, id, &path, (width, height), loading, account);
-        // A program that is still busy with it keeps it open, or has no more use for it.
+        let path = self.image(&format!("{id}.jpg"), jpeg)?;
+        let close_up = close_up.map(|jpeg| self.image(&format!("{id}-close-up.jpg"), jpeg)).transpose()?;
+        let asked = self.exchange(request, id, (&path, close_up.as_deref()), size, loading, account);
+        // A program that is still busy with them keeps them open, or has no more use for them.
         drop(std::fs::remove_file(path));
+        close_up.into_iter().for_each(|path| drop(std::fs::remove_file(path)));
         asked
     }
 
@@ -217,7 +229,7 @@ impl Desk {
         &mut self,
         request: &QueryRequest<'_>,
         id: u64,
-        path: &std::path::Path,
+        (image, close_up): (&std::path::Path, Option<&std::path::Path>),
         (width, height): (u32, u32),
         loading: Duration,
         account: &mut Usage,
@@ -232,9 +244,11 @@ impl Desk {
         let (began, time) = (Instant::now(), request.time_left.min(least));
         let line = Line {
             id,
-            image: path,
+            image,
             width,
             height,
+            close_up,
+            close_up_area: query.close_up.map(|area| [area.left, area.top, area.right, area.bottom]),
             order: "xy",
             scale: "pixels",
             kind: &query.kind,

@@ -19,7 +19,7 @@ struct Body<'a> {
 #[derive(Serialize)]
 struct Message<'a> {
     role: &'static str,
-    content: [Part<'a>; 2],
+    content: Vec<Part<'a>>,
 }
 
 #[derive(Serialize)]
@@ -38,17 +38,13 @@ enum Source {
 pub(super) fn request(ask: &Ask<'_>) -> Request {
     let model = ask.model;
     let schema = ask.schema.as_ref().filter(|_| model.schema == SchemaDialect::JsonSchema);
+    let image = |data| Part::Image { source: Source::Base64 { media_type: "image/jpeg", data } };
+    let content = ask.images("").map(image).chain([Part::Text { text: ask.prompt }]).collect();
     let body = Body {
         model: &model.id,
         max_tokens: model.max_output_tokens,
         stream: model.stream,
-        messages: [Message {
-            role: "user",
-            content: [
-                Part::Image { source: Source::Base64 { media_type: "image/jpeg", data: ask.image("") } },
-                Part::Text { text: ask.prompt },
-            ],
-        }],
+        messages: [Message { role: "user", content }],
         output_config: schema.map(|schema| json!({ "format": { "type": "json_schema", "schema": schema } })),
     };
     Request { path: "/messages".to_owned(), body: json!(body) }

@@ -20,7 +20,7 @@ struct Body<'a> {
 #[derive(Serialize)]
 struct Message<'a> {
     role: &'static str,
-    content: [Part<'a>; 2],
+    content: Vec<Part<'a>>,
 }
 
 #[derive(Serialize)]
@@ -43,11 +43,12 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         SchemaDialect::JsonObject => json!({ "type": "json_object" }),
         _ => json!({ "type": "json_schema", "json_schema": { "name": "spf_reply", "strict": true, "schema": schema } }),
     });
-    let image_url = ImageUrl { url: ask.image(DATA_URL), detail: model.detail.as_deref() };
+    let image = |url| Part::ImageUrl { image_url: ImageUrl { url, detail: model.detail.as_deref() } };
+    let content = ask.images(DATA_URL).map(image).chain([Part::Text { text: ask.prompt }]).collect();
     let body = Body {
         model: &model.id,
         stream: model.stream,
-        messages: [Message { role: "user", content: [Part::ImageUrl { image_url }, Part::Text { text: ask.prompt }] }],
+        messages: [Message { role: "user", content }],
         max_completion_tokens: model.max_output_tokens,
         response_format: format,
     };

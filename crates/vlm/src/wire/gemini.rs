@@ -17,7 +17,7 @@ struct Body<'a> {
 #[derive(Serialize)]
 struct Content<'a> {
     role: &'static str,
-    parts: [Part<'a>; 2],
+    parts: Vec<Part<'a>>,
 }
 
 #[derive(Serialize)]
@@ -49,11 +49,10 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
     let method = if model.stream { "streamGenerateContent?alt=sse" } else { "generateContent" };
     let json_schema = ask.schema.clone().filter(|_| model.schema == SchemaDialect::JsonSchema);
     let open_api = ask.schema.as_ref().filter(|_| model.schema == SchemaDialect::OpenApi).map(schema::open_api);
+    let images = ask.images("").map(|data| Part::InlineData { mime_type: "image/jpeg", data });
+    let parts = images.chain([Part::Text { text: ask.prompt }]).collect();
     let body = Body {
-        contents: [Content {
-            role: "user",
-            parts: [Part::InlineData { mime_type: "image/jpeg", data: ask.image("") }, Part::Text { text: ask.prompt }],
-        }],
+        contents: [Content { role: "user", parts }],
         generation_config: GenerationConfig {
             max_output_tokens: model.max_output_tokens,
             response_mime_type: ask.schema.is_some().then_some("application/json"),

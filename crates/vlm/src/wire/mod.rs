@@ -41,6 +41,8 @@ pub struct Question<'a> {
     pub prompt: &'a str,
     /// The image, a JPEG.
     pub jpeg: &'a [u8],
+    /// An enlarged part of it, which goes along as a second image.
+    pub close_up: Option<&'a [u8]>,
     /// The kind of answer requested.
     pub kind: &'a QueryKind,
 }
@@ -86,7 +88,8 @@ impl WireKind {
     #[must_use]
     pub fn request(self, model: &Model, question: &Question<'_>) -> Request {
         let schema = schema::of(question.kind).filter(|_| model.schema != SchemaDialect::None);
-        let ask = Ask { model, prompt: question.prompt, jpeg: question.jpeg, schema };
+        let images = core::iter::once(question.jpeg).chain(question.close_up).collect();
+        let ask = Ask { model, prompt: question.prompt, images, schema };
         let mut request = match self {
             Self::Gemini => gemini::request(&ask),
             Self::OpenaiChat => chat::request(&ask),
@@ -160,17 +163,20 @@ impl Gathered {
 struct Ask<'a> {
     model: &'a Model,
     prompt: &'a str,
-    jpeg: &'a [u8],
+    /// The image, and the enlarged part of it, if any.
+    images: Vec<&'a [u8]>,
     schema: Option<Value>,
 }
 
 impl Ask<'_> {
-    /// The image in base64, with a prefix.
-    fn image(&self, prefix: &str) -> String {
-        let mut text = String::with_capacity(prefix.len() + self.jpeg.len().div_ceil(3) * 4);
-        text.push_str(prefix);
-        STANDARD.encode_string(self.jpeg, &mut text);
-        text
+    /// The images in base64, each with a prefix.
+    fn images(&self, prefix: &str) -> impl Iterator<Item = String> {
+        self.images.iter().map(move |jpeg| {
+            let mut text = String::with_capacity(prefix.len() + jpeg.len().div_ceil(3) * 4);
+            text.push_str(prefix);
+            STANDARD.encode_string(jpeg, &mut text);
+            text
+        })
     }
 }
 

@@ -163,7 +163,7 @@ mod tests {
     fn body(name: &str) -> Value {
         let model = Table::shipped().select(name, "2026-11-21").unwrap().model;
         let kind = QueryKind::point(true);
-        model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", kind: &kind }).body
+        model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", close_up: None, kind: &kind }).body
     }
 
     #[test]

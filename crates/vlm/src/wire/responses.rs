@@ -21,7 +21,7 @@ struct Body<'a> {
 #[derive(Serialize)]
 struct Message<'a> {
     role: &'static str,
-    content: [Part<'a>; 2],
+    content: Vec<Part<'a>>,
 }
 
 #[derive(Serialize)]
@@ -37,11 +37,12 @@ pub(super) fn request(ask: &Ask<'_>) -> Request {
         SchemaDialect::JsonObject => json!({ "format": { "type": "json_object" } }),
         _ => json!({ "format": { "type": "json_schema", "name": "spf_reply", "strict": true, "schema": schema } }),
     });
-    let image = Part::InputImage { image_url: ask.image(DATA_URL), detail: model.detail.as_deref().unwrap_or("auto") };
+    let image = |image_url| Part::InputImage { image_url, detail: model.detail.as_deref().unwrap_or("auto") };
+    let content = ask.images(DATA_URL).map(image).chain([Part::InputText { text: ask.prompt }]).collect();
     let body = Body {
         model: &model.id,
         stream: model.stream,
-        input: [Message { role: "user", content: [image, Part::InputText { text: ask.prompt }] }],
+        input: [Message { role: "user", content }],
         max_output_tokens: model.max_output_tokens,
         text: format,
     };

@@ -9,7 +9,32 @@ fn model(name: &str) -> Model {
 fn request(name: &str) -> Request {
     let model = model(name);
     let kind = QueryKind::point(false);
-    model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", kind: &kind })
+    model.wire.request(&model, &Question { prompt: "Where?", jpeg: b"\xff\xd8", close_up: None, kind: &kind })
+}
+
+/// An enlarged part follows the image, in every format.
+#[test]
+fn a_close_up_follows_the_image() {
+    let kind = QueryKind::point(false);
+    for (name, parts) in [
+        ("gemini", "/contents/0/parts"),
+        ("anthropic", "/messages/0/content"),
+        ("openai", "/input/0/content"),
+        ("openrouter#a/b", "/messages/0/content"),
+    ] {
+        let model = model(name);
+        let question = |close_up| Question { prompt: "Where?", jpeg: b"\xff\xd8", close_up, kind: &kind };
+        let parts_of = |close_up| {
+            let body = model.wire.request(&model, &question(close_up)).body;
+            body.pointer(parts).and_then(|parts| parts.as_array()).unwrap().clone()
+        };
+        let (without, with) = (parts_of(None), parts_of(Some(b"\xff\xd9".as_slice())));
+        assert_eq!((without.len(), with.len()), (2, 3), "{name}");
+        assert_eq!((&with[0], &with[2]), (&without[0], &without[1]), "{name}");
+        // The second byte differs: /9g= and /9k=.
+        assert_eq!(with[1].to_string(), without[0].to_string().replace("/9g=", "/9k="), "{name}");
+        assert_ne!(with[1], with[0], "{name}");
+    }
 }
 
 /// The schema is tested in the core.

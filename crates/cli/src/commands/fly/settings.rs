@@ -98,6 +98,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
+    method.close_up = fly.close_up.is_on()?;
     method.near_m = fly.near_m.get()?;
     if let Some(rate) = fly.rate_hz.get()? {
         method.rate_hz = rate;

@@ -63,6 +63,7 @@ pub(super) fn grade(
         format: FORMAT,
         dataset: path.to_owned(),
         avoid: args.avoid,
+        close_up: args.close_up,
         seed: args.seed,
         questions: format!("{:016x}", source.digest),
         digests: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.digest())).collect(),

@@ -24,6 +24,9 @@ pub(crate) struct Head {
     pub(crate) format: u32,
     pub(crate) dataset: PathBuf,
     pub(crate) avoid: bool,
+    /// Whether small targets are asked about a second time, with a close-up.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub(crate) close_up: bool,
     pub(crate) seed: u64,
     /// A digest of the dataset's files.
     pub(crate) questions: String,

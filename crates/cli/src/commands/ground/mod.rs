@@ -28,7 +28,7 @@ pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliEr
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
         return Err(CliError::usage("--rate must be a number of queries per minute above 0").hint("--rate 60"));
     }
-    let options = AskOptions { avoid: args.avoid, time: settings.reply_timeout()? };
+    let options = AskOptions { avoid: args.avoid, close_up: args.close_up, time: settings.reply_timeout()? };
     match &args.dataset {
         Some(path) if path == Path::new(SIGNS) && !path.exists() => {
             let pictures = signs(args, printer)?;

@@ -35,10 +35,13 @@ use crate::settings::Settings;
 
 /// Scenes of the questions: one of each set.
 const SCENES: &str = "city,office";
+/// In the endpoint's refusals of images that are not its own camera's.
+const ENDPOINT: [&str; 3] = ["frame in the last", "frames of the last", "camera's aspect ratio"];
 /// Version of the folder's files.
 const FORMAT: u32 = 1;
 
 /// A VLM on trial.
+#[derive(Clone)]
 struct Candidate {
     name: String,
     make: MakeVlm,
@@ -74,6 +77,8 @@ pub(crate) fn trial(args: &VlmTrial, printer: &mut Printer) -> Result<Exit, CliE
     let stop = interrupts()?;
     let trial = Trial { args, settings: &settings, candidates: &candidates, max_cost, stop: &stop };
     let dots = trial.dots(printer)?;
+    let answering = answering(&candidates, &dots)?;
+    let trial = Trial { candidates: &answering, ..trial };
     let (source, answerers, rows) = trial.questions(spent_on(&dots), printer)?;
     let spent = spent_on(&dots) + rows.iter().filter_map(|row| row.account.cost_usd).sum::<f64>();
     let records = trial.flights(spent, printer)?;
@@ -124,6 +129,21 @@ fn candidates(settings: &Settings, names: &[&str]) -> Result<(Vec<Candidate>, Ve
     }
 }
 
+/// Those that replied to the dots: whoever did not is asked nothing more.
+fn answering(candidates: &[Candidate], dots: &[DotCheck]) -> Result<Vec<Candidate>, CliError> {
+    let silent = |name: &str| dots.iter().find(|dots| dots.vlm == name && dots.silent);
+    let answering: Vec<Candidate> = candidates.iter().filter(|candidate| silent(&candidate.name).is_none()).cloned().collect();
+    let Some(dots) = candidates.first().and_then(|first| silent(&first.name)).filter(|_| answering.is_empty()) else {
+        return Ok(answering);
+    };
+    let error = CliError::failed(format!("{}: {}", dots.vlm, dots.words));
+    Err(if ENDPOINT.iter().any(|refusal| dots.words.contains(refusal)) {
+        error.hint("`spf sim serve --vlm` answers only about frames of its own camera; try a model, or exec:COMMAND")
+    } else {
+        error.hint("`spf vlm check` explains a wrong key, model or server; nothing more was sent")
+    })
+}
+
 fn spent_on(dots: &[DotCheck]) -> f64 {
     dots.iter().filter_map(|dots| dots.account.cost_usd).sum()
 }
@@ -156,6 +176,7 @@ impl Trial<'_> {
             all.push(DotCheck {
                 vlm: candidate.name.clone(),
                 good: matches!(check.verdict, Verdict::Good(_)),
+                silent: matches!(check.verdict, Verdict::Failed(_)),
                 words,
                 latencies_s: check.pointed.iter().map(|pointed| pointed.answer.latency.as_secs_f64()).collect(),
                 account: check.account,
@@ -181,6 +202,7 @@ impl Trial<'_> {
             format: FORMAT,
             dataset: "data".into(),
             avoid: false,
+            close_up: false,
             seed: self.args.seed,
             questions: format!("{:016x}", source.digest),
             digests: answerers.iter().map(|answerer| (answerer.name.clone(), answerer.kind.digest())).collect(),
@@ -195,7 +217,7 @@ impl Trial<'_> {
         let plan = Questions {
             items: &source.items,
             answerers: &answerers,
-            options: AskOptions { avoid: false, time: self.settings.reply_timeout()? },
+            options: AskOptions { avoid: false, close_up: false, time: self.settings.reply_timeout()? },
             parallel: usize::from(self.args.parallel),
             per_minute: None,
             max_cost: self.max_cost,

@@ -135,7 +135,7 @@ fn a_person_flies_by_typing() {
     let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
     assert_eq!((run.code, &summary["outcome"]), (Some(3), &"reached".into()), "{summary}");
     assert!(run.stderr.contains("VLM: you.") && run.stderr.contains("(960×720): fly to the red crane"), "{}", run.stderr);
-    assert!(run.stderr.contains("You said `done`") && run.stderr.contains("not understood"), "{}", run.stderr);
+    assert!(run.stderr.contains("You answered `done`") && run.stderr.contains("not understood"), "{}", run.stderr);
     let rows = rows(&lab.path("done/vlm.jsonl"));
     assert_eq!(rows.iter().map(|row| row["latency_s"].as_f64().unwrap()).collect::<Vec<_>>(), [1.5; 5], "{rows:?}");
     // Orders are carried out in the middle of a query.
@@ -175,6 +175,29 @@ fn costs_are_told_before_they_arise() {
     let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
     assert!(summary["vlm_use"]["cost_usd"].as_f64() > Some(0.002), "{summary}");
     assert_eq!(server.questions().len(), before + 2);
+}
+
+/// At a terminal the costs are confirmed: anything but yes flies nothing.
+#[test]
+#[ignore = "needs Python: .ci/interop runs it"]
+fn costs_are_confirmed_at_a_terminal() {
+    let Some(python) = python::with(&["pillow"]) else { return };
+    let lab = Lab::new();
+    let server = Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), DONE));
+    lab.write("asked.py", include_str!("asked.py"));
+    let vlm = format!("gemini@{}", server.url());
+    for (answer, code, flown) in [("n", "5", false), ("", "5", false), ("y", "0", true)] {
+        let folder = lab.path(&format!("answered-{answer}"));
+        let bench = ["bench", "run", "--task", "sim-nav-red-crane", "--trials", "1", "--max-cost", "1", "--vlm", &vlm, "-o"];
+        let mut asked = std::process::Command::new(&python);
+        let command = lab.command(&bench);
+        asked.arg(lab.path("asked.py")).arg(answer).arg(command.get_program()).args(command.get_args()).arg(&folder);
+        asked.current_dir(lab.path(".")).env("GEMINI_API_KEY", KEY);
+        let before = server.questions().len();
+        let shown = String::from_utf8(asked.output().unwrap().stdout).unwrap();
+        assert!(shown.contains("about $") && shown.contains("Continue? [y/N] "), "{shown}");
+        assert_eq!((shown.lines().next(), server.questions().len() > before), (Some(code), flown), "{shown}");
+    }
 }
 
 /// A model that ends within a month, whenever that is.

@@ -125,6 +125,7 @@ impl Setup {
                     craft: self.craft,
                     depth: settings.depth,
                     near_m: settings.near_m,
+                    close_up: false,
                 })
                 .with_guidance(settings.guidance),
             )

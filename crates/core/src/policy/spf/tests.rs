@@ -35,6 +35,7 @@ fn settings(avoid: bool) -> SpfSettings {
         craft: Craft::quad(),
         depth: DepthAs::Labels,
         near_m: Some(3.0),
+        close_up: false,
     }
 }
 
@@ -277,4 +278,23 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
     }
     told(&mut spf, 14, &post(520));
     assert!(spf.reading().waypoint.unwrap().u < 0.5);
+}
+
+/// The last box was 9.6 px wide, so its region goes along; after an answer without one nothing does.
+#[test]
+fn a_small_target_goes_along_enlarged_if_wanted() {
+    let small = r#"{"status":"navigating","target_box":[495,495,505,505],"point":[500,500],"depth":9,"target":"crane"}"#;
+    let mut spf = Spf::new(SpfSettings { close_up: true, ..settings(false) });
+    spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+    let (first, _) = told(&mut spf, 0, small);
+    assert_eq!(first.close_up, None);
+    let (second, _) = told(&mut spf, 1, r#"{"status":"not_visible"}"#);
+    let region = second.close_up.unwrap();
+    assert!((region.left - 0.4).abs() < 1e-9 && (region.bottom - 0.6).abs() < 1e-9, "{region:?}");
+    assert!(second.prompt.contains("The second image enlarges the part [400, 400, 600, 600]"), "{}", second.prompt);
+    let (third, _) = told(&mut spf, 2, small);
+    assert_eq!(third.close_up, None);
+    let mut spf = policy_by_reply(false);
+    told(&mut spf, 0, small);
+    assert_eq!(told(&mut spf, 1, small).0.close_up, None);
 }

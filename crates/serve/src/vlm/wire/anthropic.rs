@@ -10,6 +10,7 @@ pub(super) fn read(body: &Value, question: &mut Question) {
         question.say(part["text"].as_str());
     }
     for message in body["messages"].as_array().into_iter().flatten() {
+        question.message();
         question.say(message["content"].as_str());
         for part in message["content"].as_array().into_iter().flatten() {
             question.say(part["text"].as_str());

@@ -6,6 +6,7 @@ use super::{Answered, Question};
 
 pub(super) fn read(body: &Value, question: &mut Question) {
     for message in body["messages"].as_array().into_iter().flatten() {
+        question.message();
         question.say(message["content"].as_str());
         for part in message["content"].as_array().into_iter().flatten() {
             question.say(part["text"].as_str());

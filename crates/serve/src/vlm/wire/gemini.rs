@@ -12,6 +12,7 @@ fn either<'a>(value: &'a Value, camel: &str, snake: &str) -> &'a Value {
 pub(super) fn read(body: &Value, question: &mut Question) {
     let system = either(body, "systemInstruction", "system_instruction");
     for content in std::iter::once(system).chain(body["contents"].as_array().into_iter().flatten()) {
+        question.message();
         for part in content["parts"].as_array().into_iter().flatten() {
             question.say(part["text"].as_str());
             question.show(either(part, "inlineData", "inline_data")["data"].as_str());

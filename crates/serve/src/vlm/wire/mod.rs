@@ -33,8 +33,10 @@ pub(super) struct Question {
     pub(super) model: String,
     /// The complete text.
     pub(super) prompt: String,
-    /// The last image.
+    /// The first image of the last message with one: what follows it is an enlarged part of it.
     pub(super) image: Option<Vec<u8>>,
+    /// Whether the present message has shown its image.
+    shown: bool,
     /// Whether the answer should be streamed.
     pub(super) stream: bool,
 }
@@ -115,8 +117,16 @@ impl Question {
         self.prompt += text;
     }
 
+    /// Begins a message.
+    fn message(&mut self) {
+        self.shown = false;
+    }
+
     fn show(&mut self, data: Option<&str>) {
         let Some(data) = data else { return };
+        if core::mem::replace(&mut self.shown, true) {
+            return;
+        }
         let base64 = data.split_once("base64,").map_or(data, |(_, behind)| behind);
         self.image = decode(base64);
     }
@@ -178,9 +188,18 @@ mod tests {
             ),
         ];
         for (wire, body) in questions {
-            let expected = Question { model: "m".into(), prompt: "a\nb".into(), image: Some(vec![0, 1, 2]), stream: true };
+            let expected =
+                Question { model: "m".into(), prompt: "a\nb".into(), image: Some(vec![0, 1, 2]), shown: true, stream: true };
             assert_eq!(wire.question(&body), expected, "{wire:?}");
         }
+    }
+
+    #[test]
+    fn the_first_image_of_the_last_message_counts() {
+        let part = |data: &str| json!({"type": "image", "source": {"type": "base64", "data": data}});
+        let body = json!({"messages": [{"role": "user", "content": [part("AAEC")]}, {"role": "user", "content": "a"},
+            {"role": "user", "content": [part("AwQF"), part("BgcI"), {"type": "text", "text": "b"}]}]});
+        assert_eq!(Wire::Anthropic.question(&body).image, Some(vec![3, 4, 5]));
     }
 
     proptest! {

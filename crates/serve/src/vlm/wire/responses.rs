@@ -8,6 +8,7 @@ pub(super) fn read(body: &Value, question: &mut Question) {
     question.say(body["instructions"].as_str());
     question.say(body["input"].as_str());
     for item in body["input"].as_array().into_iter().flatten() {
+        question.message();
         question.say(item["content"].as_str());
         for part in item["content"].as_array().into_iter().flatten() {
             question.say(part["text"].as_str());
