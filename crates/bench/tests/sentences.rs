@@ -1,8 +1,8 @@
 //! No false sentence: reads every prompt of whole flights of all suites and checks each sentence of the history against what the
 //! pilot knew and did: who, when, where, which side, which stage, how far.
 //!
-//! `cargo test -p spf-bench --test sentences hundred -- --ignored` flies 100 flights, `thousand` a thousand. The first found 5
-//! false sentences of 8515, all in one flight: a height of -0.1 m written as 0 m, and answers missing after it hardly moved.
+//! Ten flights are read by default; `cargo test -p spf-bench --test sentences hundred -- --ignored` flies 100, `thousand` a
+//! thousand.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the counts are for people")]
 
 use std::collections::BTreeMap;
@@ -482,7 +482,12 @@ fn read(flights: u64) {
 }
 
 #[test]
-#[ignore = "finds 5 false sentences of 8515 in one flight, not mended yet"]
+fn no_sentence_of_ten_flights_is_false() {
+    read(10);
+}
+
+#[test]
+#[ignore = "takes minutes"]
 fn no_sentence_of_a_hundred_flights_is_false() {
     read(100);
 }
