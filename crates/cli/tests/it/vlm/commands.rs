@@ -98,7 +98,7 @@ fn prompts_are_files() {
     let (_, summary) = fly(&lab, &server, Vendor::OpenAi, "mine", &["--prompt", "mine.txt"]);
     assert_eq!(summary["prompt"], "point-mine-3");
     let told = server.questions()[0].json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
-    assert!(told.starts_with("Go: fly to the red crane. A point is [x, y]") && told.contains("in pixels"), "{told}");
+    assert!(told.starts_with("Go: fly to the red crane. Points are [x, y]") && told.contains("in pixels"), "{told}");
     let again = lab.spf(&["replay", "mine/flight.mcap"]);
     assert!(again.code == Some(0) && again.stdout.starts_with("no difference"), "{}{}", again.stdout, again.stderr);
     lab.write("wrong.txt", "spf-prompt point 1\n{{instruction}} {{colour}}\n");
@@ -133,7 +133,7 @@ fn a_model_is_queried_about_the_frames_of_a_flight() {
         assert_eq!(opinion["failed"].is_null(), index != 1, "{opinion}");
         assert!(index == 1 || (opinion["now"]["point"] == middle && opinion["cost_usd"].as_f64().unwrap() > 0.0), "{opinion}");
         let words = request.json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
-        assert!(words.contains("fly to the red crane") && words.contains("from 0 at the left edge to 768"), "{words}");
+        assert!(words.contains("fly to the red crane") && words.contains("x from 0 (left) to 768"), "{words}");
         let image = spf_media::jpeg::decode(&Vendor::OpenAi.image(request)).unwrap();
         assert_eq!((image.width(), image.height()), (768, 576));
     }

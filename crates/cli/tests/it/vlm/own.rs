@@ -217,7 +217,7 @@ fn a_model_that_ends_soon_is_announced() {
     let vlm = format!("gemini#old@{}", server.url());
     let args = ["fly", "fly to the red crane", "--vlm", &vlm, "--vlm-models", "models.toml", "--no-video"];
     let run = Run::of(&lab.command(&args).env("GEMINI_API_KEY", KEY).output().unwrap());
-    let told = format!("warning: it ends on {day}, in ");
+    let told = format!("warning: it will be retired on {day}, in ");
     assert!(run.stderr.contains(&told) && run.stderr.contains("its successor is new"), "{}", run.stderr);
 }
 
