@@ -2,6 +2,7 @@
 //! pager) never delays the caller: on the wall clock that is the loop that flies the drone.
 
 use std::backtrace::{Backtrace, BacktraceStatus};
+use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -11,7 +12,7 @@ use std::time::Duration;
 
 use tracing_subscriber::fmt::MakeWriter;
 
-use crate::printer::Printer;
+use crate::printer::{Printer, turns_direction};
 
 /// Maximum number of waiting lines; further ones are lost, and counted.
 const WAITING: usize = 1024;
@@ -72,21 +73,31 @@ pub(crate) fn flush() {
     }
 }
 
+/// A log line without characters that change the direction of writing: it may quote a drone, a model or a file. The log's own
+/// colour codes stay; control codes within messages are escaped by `tracing_subscriber`.
+fn in_order(line: &[u8]) -> Cow<'_, [u8]> {
+    match core::str::from_utf8(line) {
+        Ok(text) if text.contains(turns_direction) => text.replace(turns_direction, "\u{fffd}").into_bytes().into(),
+        _ => line.into(),
+    }
+}
+
 /// Writes log lines through the thread.
 #[derive(Clone, Copy)]
 pub(crate) struct LogWriter;
 
 impl Write for LogWriter {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let line = in_order(bytes);
         match LOG.get() {
             Some(log) => {
-                if log.try_send(Log::Lines(bytes.to_vec())).is_err() {
+                if log.try_send(Log::Lines(line.into_owned())).is_err() {
                     LOST.fetch_add(1, Ordering::Relaxed);
                 }
-                Ok(bytes.len())
             }
-            None => io::stderr().write(bytes),
+            None => io::stderr().write_all(&line)?,
         }
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -171,5 +182,19 @@ impl PrintThread {
     pub(crate) fn finish(self) -> Printer {
         let printer = if self.paced { self.back.recv_timeout(PATIENCE).ok() } else { self.back.recv().ok() };
         printer.unwrap_or_else(|| Printer::new(self.json))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_log_line_changes_the_direction_of_writing() {
+        let line = "WARN the drone answered `\u{202e}ok\u{2066}\u{200f}`\n".as_bytes();
+        assert_eq!(in_order(line), "WARN the drone answered `\u{fffd}ok\u{fffd}\u{fffd}`\n".as_bytes());
+        for line in [b"\x1b[33mWARN\x1b[0m ok\n".as_slice(), "naïve – שלום\n".as_bytes(), b"\xff\n"] {
+            assert_eq!(in_order(line), line);
+        }
     }
 }

@@ -134,7 +134,7 @@ fn harmless(text: &str) -> String {
 }
 
 /// Characters that make a terminal show text in another order than it has (Unicode Bidirectional Algorithm, explicit formatting).
-fn turns_direction(letter: char) -> bool {
+pub(crate) fn turns_direction(letter: char) -> bool {
     matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' | '\u{061c}')
 }
 

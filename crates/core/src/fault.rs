@@ -82,6 +82,13 @@ pub enum Fault {
         /// Delay, s.
         by: f64,
     },
+    /// Every `every` seconds messages are held back for `lasts` seconds, and then arrive all at once.
+    Burst {
+        /// Interval, s, from the beginning of the rule.
+        every: f64,
+        /// Time without arrivals at the beginning of each interval, s.
+        lasts: f64,
+    },
     /// The source is frozen: the last content from before the rule began arrives, with its capture counter.
     Freeze,
     /// Bits of the message are flipped.
@@ -125,6 +132,10 @@ pub enum Trouble {
     ImuInvalid,
     /// Like [`ImuInvalid`](Self::ImuInvalid), but its telemetry also reports no attitude.
     ImuLost,
+    /// The reported height, distance to the ground and vertical speed stay as they were when the rule began.
+    HeightStuck,
+    /// The reported horizontal speeds are zero.
+    SpeedZero,
     /// The lens is covered: dark images with the sensor's noise.
     LensCovered,
     /// The camera shows black.
@@ -274,7 +285,7 @@ impl FaultMachine {
         for (number, rule) in self.plan.rules.iter().enumerate() {
             if rule.stream == stream && rule.applies(now) {
                 let mut rng = RandomStream::new(self.seed, stream.purpose(), &[index, number as u64]);
-                rule.apply(&mut rng, &mut deliveries);
+                rule.apply(now, &mut rng, &mut deliveries);
             }
         }
         deliveries.sort();
@@ -287,7 +298,7 @@ impl Rule {
         within(now, self.from, self.until)
     }
 
-    fn apply(&self, rng: &mut RandomStream, deliveries: &mut Vec<Delivery>) {
+    fn apply(&self, now: Time, rng: &mut RandomStream, deliveries: &mut Vec<Delivery>) {
         let later = |d: &Delivery, by: Duration| Delivery { at: d.at + by, ..*d };
         match self.fault {
             Fault::Drop { p } => deliveries.retain(|_| !rng.chance(p)),
@@ -306,6 +317,15 @@ impl Rule {
                 for d in deliveries {
                     if rng.chance(p) {
                         *d = later(d, duration_from_secs(by));
+                    }
+                }
+            }
+            Fault::Burst { every, lasts } => {
+                let begun = now.since(Time::from_secs_f64(self.from)).as_secs_f64();
+                let within = if every > 0.0 { begun % every } else { begun };
+                if within < lasts {
+                    for d in deliveries {
+                        *d = later(d, duration_from_secs(lasts - within));
                     }
                 }
             }
@@ -359,6 +379,7 @@ fn check(rule: usize, r: &Rule) -> Result<(), FaultError> {
         Fault::Delay { mean, jitter } => time("mean", mean).and(time("jitter", jitter)),
         Fault::Duplicate { p, after } => probability(p).and(time("after", after)),
         Fault::Reorder { p, by } => probability(p).and(time("by", by)),
+        Fault::Burst { every, lasts } => time("every", every).and(time("lasts", lasts)),
         Fault::Freeze => Ok(()),
     }
 }
@@ -406,6 +427,15 @@ mod tests {
         assert!((mean - 0.2).abs() < 0.002, "{mean}");
         let wild = machine(&[(0.0, 1.0, Fault::Delay { mean: 0.0, jitter: 9.0 })]);
         assert!((0..100).all(|i| wild.pass(secs(0.5), Stream::Frames, i)[0].at >= secs(0.5)));
+    }
+
+    #[test]
+    fn a_burst_arrives_at_the_end_of_its_pause() {
+        let m = machine(&[(1.0, 9.0, Fault::Burst { every: 3.0, lasts: 1.5 })]);
+        let arrives = |at: f64| m.pass(secs(at), Stream::Frames, 3)[0].at;
+        for (sent, arrival) in [(0.5, 0.5), (1.0, 2.5), (2.25, 2.5), (2.5, 2.5), (3.75, 3.75), (4.0, 5.5), (5.25, 5.5)] {
+            assert_eq!(arrives(sent), secs(arrival), "{sent}");
+        }
     }
 
     #[test]

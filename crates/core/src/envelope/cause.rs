@@ -47,6 +47,8 @@ pub enum Cause {
     GeofenceBreach,
     /// The position of the craft is too uncertain for the distance limit or the geofence.
     UncertainPosition,
+    /// The reported height does not follow commands to climb or sink, so that ceiling and floor cannot be kept.
+    HeightStuck,
     /// The battery is nearly empty.
     LowBattery,
     /// No telemetry for too long, or none with a heading.
@@ -89,6 +91,7 @@ impl fmt::Display for Cause {
             Self::DistanceBreach => "beyond the distance limit",
             Self::GeofenceBreach => "outside the geofence",
             Self::UncertainPosition => "the position is too uncertain for the distance limit or the geofence",
+            Self::HeightStuck => "the reported height does not follow the commands",
             Self::LowBattery => "the battery is low",
             Self::NoTelemetry => "no telemetry from the craft",
             Self::LinkLost => "the link to the craft is lost",

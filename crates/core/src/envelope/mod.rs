@@ -13,6 +13,7 @@ mod brake;
 mod brake_limits;
 mod cause;
 mod estimate;
+mod height;
 mod limits;
 mod manoeuvre;
 mod reach;
@@ -24,8 +25,9 @@ pub use limits::{Limits, LimitsError};
 
 use self::brake::{Brake, Motion};
 use self::estimate::Estimate;
+use self::height::HeightCheck;
 use self::reach::{Braking, Situation};
-use self::watch::{Control, Watch};
+use self::watch::{Control, Found, Watch};
 use crate::command::{Command, Setpoint};
 use crate::craft::Craft;
 use crate::depth::DepthGrid;
@@ -103,6 +105,7 @@ pub struct Envelope {
     estimate: Estimate,
     watch: Watch,
     brake: Brake,
+    height_check: HeightCheck,
     /// Latest time passed in.
     now: Time,
     /// World velocity of the last cleared setpoint, and its expiry.
@@ -126,6 +129,7 @@ impl Envelope {
             estimate: Estimate::default(),
             watch: Watch::default(),
             brake: Brake::default(),
+            height_check: HeightCheck::default(),
             now: Time::ZERO,
             commanded: None,
             spread: Spread::default(),
@@ -154,8 +158,25 @@ impl Envelope {
         let reckoned = self.commanded.filter(|&(_, until)| since < until).map_or(EnuVelocity::default(), |(v, _)| v);
         let fresh = duration_from_secs(self.limits.max_telemetry_age);
         if self.estimate.observe(now, telemetry, reckoned, fresh) {
-            let breached = self.breached();
-            self.watch.estimate(now, &self.estimate, &self.limits, breached, self.spread.horizontal > self.room);
+            self.check_height(since, reckoned.up);
+            let found = Found {
+                breached: self.breached(),
+                uncertain: self.spread.horizontal > self.room,
+                height_stuck: self.height_check.has_failed(),
+            };
+            self.watch.estimate(now, &self.estimate, &self.limits, found);
+        }
+    }
+
+    /// Compares the height of the newest report with the commanded climb since the one before, measured at `since`.
+    fn check_height(&mut self, since: Time, up: f64) {
+        match self.estimate.phase {
+            FlightPhase::Flying => {
+                let elapsed = self.estimate.measured.map_or(0.0, |measured| measured.since(since).as_secs_f64());
+                self.height_check.observe(&self.craft, elapsed, up, self.estimate.height);
+            }
+            FlightPhase::OnGround => self.height_check.reset(),
+            _ => self.height_check.pause(),
         }
     }
 
@@ -433,12 +454,13 @@ impl Envelope {
         };
         let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
         let (setpoint, confined) = reach::confine(limits, &self.craft, &situation, setpoint);
+        let (setpoint, unknown) = self.without_climb_at_unknown_height(setpoint);
         let (setpoint, low) = self.above_ground(setpoint);
         // The operator flies by sight.
         let braked = if control == Control::Pilot { self.braked(now, setpoint) } else { 1.0 };
         let Setpoint { right, forward, up, yaw_rate } = setpoint;
         let setpoint = Setpoint { right: right * braked, forward: forward * braked, up: up * braked, yaw_rate };
-        (setpoint, confined.or(low).or((braked < 1.0).then_some(Cause::Obstacle)).or(cause))
+        (setpoint, confined.or(unknown).or(low).or((braked < 1.0).then_some(Cause::Obstacle)).or(cause))
     }
 
     /// The fraction of a setpoint that the brake allows.
@@ -481,6 +503,15 @@ impl Envelope {
             return (setpoint, None);
         }
         (Setpoint { up: -slowest, ..setpoint }, Some(Cause::FloorLimit))
+    }
+
+    /// A setpoint that does not climb if the reported height does not follow the commands: the ceiling could not be kept.
+    fn without_climb_at_unknown_height(&self, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
+        if self.height_check.has_failed() && setpoint.up > 0.0 {
+            (Setpoint { up: 0.0, ..setpoint }, Some(Cause::HeightStuck))
+        } else {
+            (setpoint, None)
+        }
     }
 
     /// Predicted position at the time a setpoint cleared now takes effect; `up` is the height above the take-off point.

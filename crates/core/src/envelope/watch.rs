@@ -52,6 +52,19 @@ pub(super) struct Watch {
     breaches: [Option<Time>; 3],
     /// Since when the position is too uncertain for the limits.
     uncertain: Option<Time>,
+    /// Since when the reported height has not followed the commands.
+    height_stuck: Option<Time>,
+}
+
+/// What the envelope finds in a telemetry report, given its limits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Found {
+    /// The limits that are breached: altitude, distance, geofence.
+    pub(super) breached: [bool; 3],
+    /// Whether the position is too uncertain for the limits.
+    pub(super) uncertain: bool,
+    /// Whether the reported height has not followed the commands.
+    pub(super) height_stuck: bool,
 }
 
 /// The causes of [`Watch::breaches`], in its order.
@@ -112,15 +125,15 @@ impl Watch {
         self.link_lost.is_some()
     }
 
-    /// Updates from the estimate after new telemetry. `breached`: altitude, distance, geofence. `uncertain`: whether the
-    /// position is too uncertain for the limits.
-    pub(super) fn estimate(&mut self, now: Time, estimate: &Estimate, limits: &Limits, breached: [bool; 3], uncertain: bool) {
+    /// Updates from the estimate after new telemetry.
+    pub(super) fn estimate(&mut self, now: Time, estimate: &Estimate, limits: &Limits, found: Found) {
         let low = limits.low_battery + if self.battery_low.is_some() { BATTERY_HYSTERESIS } else { 0.0 };
         set(&mut self.battery_low, estimate.battery.is_some_and(|charge| charge < low), now);
         set(&mut self.crashed, estimate.crashed, now);
         set(&mut self.imu_error, estimate.imu_error, now);
-        set(&mut self.uncertain, uncertain, now);
-        for (since, breached) in self.breaches.iter_mut().zip(breached) {
+        set(&mut self.uncertain, found.uncertain, now);
+        set(&mut self.height_stuck, found.height_stuck, now);
+        for (since, breached) in self.breaches.iter_mut().zip(found.breached) {
             set(since, breached, now);
         }
         if estimate.phase == FlightPhase::OnGround {
@@ -167,12 +180,16 @@ impl Watch {
                 ..condition(BREACHES[i], since, 0.0)
             })
         };
-        let uncertain = self.uncertain.filter(|_| airborne).map(|since| Condition {
-            may_move: operator,
-            // The operator sees where the craft is.
-            land_at: if operator { Time::MAX } else { since + duration_from_secs(limits.breach_land_after) },
-            ..condition(Cause::UncertainPosition, since, 0.0)
-        });
+        let unknown = |since: Option<Time>, cause: Cause| {
+            since.filter(|_| airborne).map(|since| Condition {
+                may_move: operator,
+                // The operator sees where the craft is.
+                land_at: if operator { Time::MAX } else { since + duration_from_secs(limits.breach_land_after) },
+                ..condition(cause, since, 0.0)
+            })
+        };
+        let uncertain = unknown(self.uncertain, Cause::UncertainPosition);
+        let stuck = unknown(self.height_stuck, Cause::HeightStuck);
         let stale_at = self.captured.map_or(Time::ZERO, |captured| at(captured, limits.max_frame_age)).max(estimate.phase_since);
         let stale = piloted.then(|| {
             let cause = if self.unusable > 0 { Cause::UnusableFrame } else { Cause::StaleFrame };
@@ -188,7 +205,7 @@ impl Watch {
             land_at: if self.failed_replies >= limits.max_failed_replies { self.last_failure } else { Time::MAX },
             may_move: false,
         });
-        [crashed, imu, link, telemetry, battery, uncertain, breach(2), breach(1), breach(0), frozen, stale, failed]
+        [crashed, imu, link, telemetry, battery, stuck, uncertain, breach(2), breach(1), breach(0), frozen, stale, failed]
             .into_iter()
             .flatten()
     }

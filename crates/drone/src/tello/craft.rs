@@ -19,7 +19,7 @@ use super::camera::{FrameDecoder, Lack, gather, watch};
 use super::conversation::Order;
 use super::inlet::Inlet;
 use super::intake;
-use super::link::{Link, Notice};
+use super::link::{Link, MotionFault, Notice};
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::{TelloMotion, TelloSettings};
 use super::state::State;
@@ -100,6 +100,12 @@ impl Shared {
                     tracing::error!(
                         "no reply from the drone for 3 s: commands are not reaching it, so the link is treated as lost"
                     );
+                }
+                Notice::Motion(MotionFault::Unseen) => {
+                    tracing::error!("the drone was told to fly 2 m and reports no speed: its position is unknown");
+                }
+                Notice::Motion(MotionFault::Adrift) => {
+                    tracing::error!("the drone was told to stand and reports that it flies on");
                 }
                 Notice::Failed => tracing::error!("a part of the Tello driver failed: landing the drone"),
             }

@@ -20,7 +20,8 @@ const USUAL: SocketAddr = SocketAddr::new(IpAddr::V4(std::net::Ipv4Addr::new(192
 
 /// Warning before take-off with `rc` motion.
 const WARNING: &str = "If the link is lost, the Tello holds its last velocity and cannot be stopped until it lands \
-automatically, 15 s after the last command. Ctrl-C lands; a second Ctrl-C lands without finishing the files.";
+automatically, 15 s after the last command; where that matters, fly with --tello-motion go. Ctrl-C lands; a second Ctrl-C \
+lands without finishing the files.";
 
 /// Warning before take-off with `go` motion.
 const OWN_WARNING: &str = "If the link is lost, the Tello completes the current step (at most 5 m), hovers, and lands 15 s \

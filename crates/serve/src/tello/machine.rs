@@ -95,6 +95,8 @@ pub struct VirtualTello {
     next_state: Time,
     next_control: Time,
     booted: Time,
+    /// The state when the reported height became stuck.
+    stuck: Option<State>,
 }
 
 impl VirtualTello {
@@ -123,6 +125,7 @@ impl VirtualTello {
             next_state: now,
             next_control: now,
             booted: now,
+            stuck: None,
         }
     }
 
@@ -330,6 +333,11 @@ impl VirtualTello {
         if flying {
             self.motor_time += seconds;
         }
+        if !self.faults().troubled(now, Trouble::HeightStuck) {
+            self.stuck = None;
+        } else if self.stuck.is_none() {
+            self.stuck = Some(self.state(craft));
+        }
         if self.faults().troubled(now, Trouble::Reboot) && now >= self.booted {
             self.restart(now, craft);
         }
@@ -347,11 +355,16 @@ impl VirtualTello {
         }
     }
 
+    /// The state as reported, with the faults of the sensors.
     fn state(&self, craft: &SimCraft) -> State {
         let state = State::of(craft, self.datum, self.pads, self.temperature, self.motor_time);
-        let empty = self.faults().troubled(craft.time(), Trouble::BatteryEmpty);
-        let attitude = state.attitude.filter(|_| !self.faults().troubled(craft.time(), Trouble::ImuLost));
-        State { battery: if empty { state.battery.min(4) } else { state.battery }, attitude, ..state }
+        let has = |fault| self.faults().troubled(craft.time(), fault);
+        let battery = if has(Trouble::BatteryEmpty) { state.battery.min(4) } else { state.battery };
+        let attitude = state.attitude.filter(|_| !has(Trouble::ImuLost));
+        let [_, _, down] = state.speed;
+        let speed = if has(Trouble::SpeedZero) { [0, 0, down] } else { state.speed };
+        let state = State { battery, attitude, speed, ..state };
+        self.stuck.map_or(state, |stuck| state.with_height_of(&stuck))
     }
 
     fn send_state(&mut self, now: Time, craft: &SimCraft) {

@@ -67,6 +67,13 @@ impl State {
         }
     }
 
+    /// The same with the height, its change, and the distance to the ground of `other`.
+    pub(super) fn with_height_of(self, other: &Self) -> Self {
+        let ([x, y, _], [_, _, down]) = (self.speed, other.speed);
+        let Self { height, tof, barometer, .. } = *other;
+        Self { speed: [x, y, down], height, tof, barometer, ..self }
+    }
+
     /// The attitude's fields, empty if it is unknown.
     pub(super) fn attitude_text(&self) -> String {
         match self.attitude {

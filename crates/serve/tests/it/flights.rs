@@ -45,6 +45,24 @@ impl Vlm for Slow {
     }
 }
 
+/// A model that always answers the same.
+struct Says(&'static str);
+
+impl Vlm for Says {
+    fn name(&self) -> &str {
+        "says"
+    }
+
+    fn image_spec(&self, _: (u32, u32)) -> ImageSpec {
+        ImageSpec::default()
+    }
+
+    fn answer(&mut self, _: &QueryRequest<'_>, _: &mut dyn QueryImage) -> Answer {
+        let account = spf_vlm::Account::default();
+        Answer { text: Ok(self.0.to_owned()), latency: Duration::from_secs(1), model: "says".to_owned(), account }
+    }
+}
+
 /// The record of a flight.
 #[derive(Default)]
 struct Seen {
@@ -126,14 +144,30 @@ fn fly_within(
     settings: PilotSettings,
     events: &str,
 ) -> Flight {
+    let oracle = move |world: &SimWorld| -> Box<dyn Vlm> {
+        let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
+        Box::new(Slow(oracle, latency))
+    };
+    fly_by(limits, scene, instruction, faults, settings, events, oracle)
+}
+
+/// With any model.
+fn fly_by(
+    limits: Limits,
+    scene: &str,
+    instruction: &str,
+    faults: FaultPlan,
+    settings: PilotSettings,
+    events: &str,
+    model: impl FnOnce(&SimWorld) -> Box<dyn Vlm>,
+) -> Flight {
     let loaded = Arc::new(LoadedScene::load(scene).unwrap());
     let start = loaded.scene.start;
     let world = SimWorld::new(loaded, CraftKind::Tello, start, 5);
     let drone = Wired::new(world.clone(), ProtocolParameters::default(), faults);
     let sent = drone.sent.clone();
-    let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
-    let oracle = Mutex::new(Some(Slow(oracle, latency)));
-    let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(oracle.lock().unwrap().take().unwrap())));
+    let model = Mutex::new(Some(model(&world)));
+    let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(model.lock().unwrap().take().unwrap()));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
     let script = Script::from_toml(events).unwrap();
     let plan = FlightPlan { settings, script, limits, ..FlightPlan::new(site, instruction, "oracle", vlm_factory) };
@@ -306,6 +340,47 @@ fn state_that_ends_holds_then_lands() {
 fn an_imu_error_that_only_answers_show_is_unknown_to_a_flight_by_rc() {
     let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, settings());
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
+}
+
+/// A height that stays at 80 cm would let the drone climb through the ceiling.
+#[test]
+fn a_stuck_height_is_noticed_before_the_ceiling_is_passed() {
+    let cause = "the reported height does not follow the commands";
+    let up = r#"{"status":"navigating","target":"tower","point":[150,500],"depth":4,"boxes":[]}"#;
+    let by_hand = "[[event]]\nat_s = 8.0\ndo = \"setpoint\"\nup_m_s = 0.5\nfor_s = 20\n\
+        [[event]]\nat_s = 30.0\ndo = \"resume\"";
+    // The pilot climbs, or the operator does, who resumes after some time.
+    for events in ["", by_hand] {
+        let (limits, stuck) = (Limits::for_craft(&Craft::tello()), trouble(Trouble::HeightStuck, 5.5, None));
+        let flight = fly_by(limits, "city", "fly to the tower", stuck, settings(), events, |_| Box::new(Says(up)));
+        let noticed = flight.seen.envelope.iter().find(|(_, said)| said == cause);
+        let (noticed, _) = noticed.unwrap_or_else(|| panic!("{:?} {:?}", flight.seen.outcome, flight.seen.envelope));
+        let climbs: Vec<_> = flight.sticks().into_iter().filter(|(_, sticks)| sticks[2] > 0).collect();
+        let (_, last) = (climbs[0].0, climbs.last().unwrap().0);
+        assert!(last <= *noticed + Duration::from_millis(200), "it climbs until {last}, noticed at {noticed}");
+        let start = flight.seen.path[0].1.up;
+        let highest = flight.seen.path.iter().map(|(_, at)| at.up - start).fold(0.0, f64::max);
+        println!("noticed at {noticed}, {highest:.1} m high, {:?}", flight.seen.outcome);
+        assert!((2.0..3.3).contains(&highest), "{highest} m");
+        let (_, outcome, why) = flight.seen.outcome.clone().unwrap();
+        assert_eq!((outcome, why.as_str()), (Outcome::Failed, cause));
+        assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
+    }
+}
+
+/// Speeds that stay zero would keep the reckoned position at its place, so that neither fence nor distance limit held.
+#[test]
+fn a_speed_that_stays_zero_lands_the_drone() {
+    let ahead = r#"{"status":"navigating","target":"tower","point":[450,500],"depth":6,"boxes":[]}"#;
+    let limits = Limits { max_speed: 0.6, ..Limits::for_craft(&Craft::tello()) };
+    let zero = trouble(Trouble::SpeedZero, 5.0, None);
+    let flight = fly_by(limits, "city", "fly to the tower", zero, settings(), "", |_| Box::new(Says(ahead)));
+    let (at, outcome, why) = flight.seen.outcome.clone().unwrap();
+    assert_eq!((outcome, why.as_str()), (Outcome::Failed, "the craft reports an IMU error"), "{at}");
+    let flown = flight.seen.path[0].1.horizontal_distance(flight.place(Time::MAX));
+    println!("landed at {at} after {flown:.1} m");
+    assert!((2.0..4.5).contains(&flown), "{flown} m");
+    assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
 }
 
 /// Whatever reports the error: the refusal of a move, or state lines without attitude.

@@ -39,6 +39,8 @@ pub(crate) struct Wired {
     /// An image of the scene, to which the faults of the camera are applied.
     image: Option<Rgb>,
     events: VecDeque<(Time, DroneEvent)>,
+    /// When one of the driver's threads dies.
+    pub(crate) thread_dies_at: Option<Time>,
     /// Every command to the drone, with its time.
     pub(crate) sent: Arc<Mutex<Vec<(Time, String)>>>,
 }
@@ -56,7 +58,18 @@ impl Wired {
         link.order(Order::quick("command"));
         link.order(Order::quick("streamon"));
         let (now, frame, events) = (Time::ZERO, FrameId(0), VecDeque::new());
-        Self { world, tello, link, now, clock: FrameClock::default(), frame, image: None, events, sent: Arc::default() }
+        Self {
+            world,
+            tello,
+            link,
+            now,
+            clock: FrameClock::default(),
+            frame,
+            image: None,
+            events,
+            thread_dies_at: None,
+            sent: Arc::default(),
+        }
     }
 
     fn client() -> SocketAddr {
@@ -79,6 +92,9 @@ impl Wired {
     }
 
     fn step(&mut self) {
+        if self.thread_dies_at.take_if(|at| *at <= self.now).is_some() {
+            self.link.fail(self.now);
+        }
         while let Some(text) = self.link.poll(self.now) {
             self.sent.lock().unwrap().push((self.now, text.clone()));
             self.tello.handle(self.now, Self::client(), text.as_bytes());

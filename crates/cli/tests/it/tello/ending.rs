@@ -174,6 +174,28 @@ fn without_a_terminal_a_real_drone_takes_off_only_unattended() {
     assert_eq!(lab.names("."), Vec::<String>::new(), "nothing is left behind");
 }
 
+/// With a terminal the keys work, and at the end of the instruction the drone hovers for a new one.
+#[test]
+fn with_a_terminal_the_keys_land_a_real_drone_and_it_hovers_at_the_end_by_default() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.82", &["--truth", "truth.jsonl", "--instruction", "fly to the door"]);
+    let server = model(50);
+    let (drone, vlm) = ("tello@127.0.0.82", format!("gemini@{}", server.url()));
+    let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/tello/terminal.py");
+    let mut command = Command::new("timeout");
+    command.args(["-k", "5", "60", "python3"]).arg(script).arg(env!("CARGO_BIN_EXE_spf"));
+    command.args(["fly", "fly to the door", "--drone", drone, "--vlm", &vlm, "--no-vlm-check", "--no-video", "--out", "mine"]);
+    command.current_dir(lab.path("")).env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", "127.0.0.83");
+    let Ok(output) = command.output() else { return crate::harness::skip("python3") };
+    let run = Run::of(&output);
+    assert_eq!(run.code, Some(5), "{}", run.stdout);
+    for words in ["the drone hovers for up to 60 s and accepts a new instruction", "Keys:"] {
+        assert!(run.stdout.contains(words), "{words}: {}", run.stdout);
+    }
+    assert_eq!(rows(&lab.path("truth.jsonl"))[0]["ended_by"], "landing");
+    served.end();
+}
+
 #[test]
 fn a_terminal_that_is_not_read_stops_neither_flight_nor_ctrl_c() {
     let flight = Flight::start("127.0.0.70", "127.0.0.71");

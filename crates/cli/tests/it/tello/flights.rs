@@ -73,6 +73,10 @@ fn a_flight_over_real_sockets_sees_flies_and_lands() {
     assert!(
         run.stderr.contains("SDK 20, serial number 0TQSIM00000001, battery 100 %")
             && run.stderr.contains("holds its last velocity")
+            && run.stderr.contains("15 s after the last command; where that matters, fly with --tello-motion go")
+            && run.stderr.contains("Unattended: no keyboard control.")
+            // To a pipe.
+            && !run.stderr.contains('\u{1b}')
             && run.stderr.contains("Limits: 5 m above and 20 m from the take-off point, 0.6 m/s"),
         "{}",
         run.stderr

@@ -266,6 +266,55 @@ fn a_position_too_uncertain_for_the_limits_holds_then_lands() {
 }
 
 #[test]
+fn a_height_that_does_not_follow_the_commands_holds_then_lands() {
+    let climb = Setpoint { up: 0.5, ..Setpoint::HOLD };
+    let step = |rig: &mut Rig, now, stuck: bool| {
+        rig.see(now);
+        if !stuck {
+            let height = rig.telemetry.height.unwrap() + 0.05;
+            rig.place(0.0, 0.0, height);
+        }
+        rig.ask(now, climb);
+    };
+    let mut rig = Rig::flying(Limits::default());
+    fly(&mut rig, ms(20_000), |rig, now| step(rig, now, false));
+    assert_eq!(rig.envelope.reaction(ms(20_000)), Continue, "a height that follows");
+
+    let mut rig = Rig::flying(Limits::default());
+    let mut held = None;
+    fly(&mut rig, ms(11_000), |rig, now| {
+        if held.is_none() && rig.envelope.reaction(now) == Hold(Cause::HeightStuck) {
+            held = Some(now);
+        }
+        match held {
+            None => step(rig, now, true),
+            Some(held) => {
+                let landing = now.since(held) >= Duration::from_secs(5);
+                let expected = if landing { Land(Cause::HeightStuck) } else { Hold(Cause::HeightStuck) };
+                rig.see(now);
+                assert_eq!(rig.envelope.reaction(now), expected, "{now}");
+            }
+        }
+    });
+    // 1.5 m at 0.5 m/s, and the response of the craft.
+    let held = held.unwrap();
+    assert!((3.0..3.8).contains(&held.since(ms(1100)).as_secs_f64()), "{held}");
+    rig.see(ms(11_000));
+    moves_not(&mut rig, ms(11_000), Cause::HeightStuck);
+    assert_eq!(rig.envelope.reaction(ms(11_000)), Land(Cause::HeightStuck));
+    // The operator flies by sight, but does not climb.
+    assert_eq!(rig.envelope.manual_reaction(ms(11_000)), Hold(Cause::HeightStuck));
+    let by_hand = rig.envelope.clear_manual(ms(11_000), Setpoint { forward: 0.3, ..climb });
+    assert_eq!((by_hand.setpoint(), by_hand.changed), (Some(forward(0.3)), Some(Cause::HeightStuck)));
+    // A new flight begins with an unsuspicious height.
+    rig.telemetry.phase = FlightPhase::OnGround;
+    rig.tell(ms(11_100));
+    rig.telemetry.phase = FlightPhase::Flying;
+    rig.fresh(ms(11_200));
+    assert_eq!(rig.envelope.reaction(ms(11_200)), Continue);
+}
+
+#[test]
 fn an_imu_error_lands_at_once() {
     let reports: [fn(&mut Telemetry); 3] =
         [|t| t.imu_error = true, |t| t.attitude.pitch = f64::NAN, |t| t.attitude.roll = f64::INFINITY];

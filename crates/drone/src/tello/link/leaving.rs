@@ -1,6 +1,7 @@
 //! Landing by the driver itself: when the program ends, when nobody calls it any more, when a take-off fails, and when the
 //! drone seems to have stopped. Everything here slows or lands the craft; nothing here moves it.
 
+use spf_core::command::Setpoint;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 
@@ -78,13 +79,14 @@ impl Link {
         }
         // Stick positions hold until replaced, even if `land` gets lost.
         self.sticks.zero(now);
+        self.tell(now, Setpoint::HOLD, now);
         self.conversation.clear();
         if self.phase != FlightPhase::OnGround {
             self.phase = FlightPhase::Landing;
         }
         // Earlier evidence does not apply to this landing.
         self.ground.forget();
-        self.land_again = Some(now + ZEROS_FIRST);
+        (self.land_again, self.land_sent) = (Some(now + ZEROS_FIRST), false);
     }
 
     /// Reacts to a pilot that does not call any more.
@@ -98,7 +100,10 @@ impl Link {
             self.notices.push_back(Notice::Unattended { landing: false });
             match self.phase {
                 FlightPhase::Manoeuvring => self.end_manoeuvre(now),
-                FlightPhase::Flying => self.sticks.zero(now),
+                FlightPhase::Flying => {
+                    self.sticks.zero(now);
+                    self.tell(now, Setpoint::HOLD, now);
+                }
                 _ => {}
             }
         }

@@ -13,10 +13,12 @@ mod report;
 
 use self::leaving::TakeOff;
 use self::reach::Reach;
+use self::report::Told;
 use super::answer::{Answer, explain};
 use super::conversation::{Conversation, Order, OrderOutcome};
 use super::ground::{Ground, Repeats};
 use super::imu::Imu;
+pub use super::imu::MotionFault;
 use super::manoeuvre::{self, Move, Stage};
 use super::state::State;
 use super::sticks::{Calibration, Sticks};
@@ -74,6 +76,8 @@ pub enum Notice {
     },
     /// One of the driver's threads failed; a landing is commanded.
     Failed,
+    /// Its reported speed contradicts the commands to it; this counts as an error of its inertial measurement.
+    Motion(MotionFault),
     /// The state arrives, but the drone responds to no command any more: the link counts as lost.
     Unheard,
 }
@@ -95,6 +99,8 @@ pub struct Link {
     reach: Reach,
     called: Time,
     land_again: Option<Time>,
+    /// Whether `land` was sent since the landing began.
+    land_sent: bool,
     /// The pilot began the landing, so a hold of the pilot ends it.
     interruptible: bool,
     emergencies: VecDeque<Time>,
@@ -109,8 +115,8 @@ pub struct Link {
     held_silent: bool,
     /// Since when the drone is at take-off height.
     high_since: Option<Time>,
-    /// Setpoints sent, with their times, for the direction of speeds.
-    sent: VecDeque<(Time, Setpoint)>,
+    /// Velocities commanded, oldest first, for the direction of speeds.
+    told: VecDeque<Told>,
     modelled: [f64; 3],
     rc_sent: u64,
     /// The manoeuvre being flown.
@@ -139,6 +145,7 @@ impl Link {
             reach: Reach::default(),
             called: Time::ZERO,
             land_again: None,
+            land_sent: false,
             interruptible: false,
             emergencies: VecDeque::new(),
             ground: Ground::default(),
@@ -148,7 +155,7 @@ impl Link {
             beat: None,
             held_silent: false,
             high_since: None,
-            sent: VecDeque::new(),
+            told: VecDeque::new(),
             modelled: [0.0; 3],
             rc_sent: 0,
             manoeuvre: None,
@@ -237,7 +244,7 @@ impl Link {
                     self.interrupt_landing(now, command.valid_until());
                 } else if self.phase == FlightPhase::Flying {
                     self.sticks.set(self.calibration.sticks(setpoint), command.valid_until());
-                    self.sent.push_back((now, setpoint));
+                    self.tell(now, setpoint, command.valid_until());
                 }
             }
             Command::Manoeuvre(manoeuvre) if self.phase == FlightPhase::Flying => {
@@ -272,6 +279,7 @@ impl Link {
         if let Answer::Refused(text) = Answer::read(datagram)
             && text.to_ascii_lowercase().starts_with("error motor stop")
             && self.phase == FlightPhase::Landing
+            && self.land_sent
             && !self.may_still_rise(now)
             // An answer alone ends no flight: it may be late, or belong to an earlier command.
             && self.ground.looks_low()
@@ -337,7 +345,7 @@ impl Link {
                 self.conversation.interrupt(now, manoeuvre::stop());
                 // Sent in addition, for a drone on which stick input also ends a manoeuvre.
                 self.sticks.set([0; 4], now);
-                self.sent.push_back((now, Setpoint::HOLD));
+                self.tell(now, Setpoint::HOLD, now);
             }
             Stage::Stopping => {}
         }
@@ -355,7 +363,7 @@ impl Link {
     fn hover(&mut self, now: Time) {
         self.manoeuvre = None;
         self.sticks.set([0; 4], now);
-        self.sent.push_back((now, Setpoint::HOLD));
+        self.tell(now, Setpoint::HOLD, now);
         if self.phase == FlightPhase::Manoeuvring {
             self.phase = FlightPhase::Flying;
             self.reach.begin(now);
@@ -388,7 +396,7 @@ impl Link {
         self.manoeuvre = None;
         self.land_again = None;
         self.sticks.release();
-        self.sent.clear();
+        self.told.clear();
         self.modelled = [0.0; 3];
     }
 
@@ -415,8 +423,9 @@ impl Link {
         self.judge_phase(now);
         self.model(now, before.unwrap_or(now));
         let [east, north, _] = self.modelled;
-        let told = if self.flies_by_sticks() && !self.held_silent { libm::hypot(east, north) } else { 0.0 };
+        let told = self.flies_by_sticks().then(|| libm::hypot(east, north));
         self.imu.observe(&self.state, before.map_or(Duration::ZERO, |before| now.since(before)), told);
+        self.notices.extend(self.imu.take_found().map(Notice::Motion));
         self.report_phase(now);
     }
 
@@ -450,7 +459,7 @@ impl Link {
             }
             FlightPhase::Stopped if motors_off => self.emergencies.clear(),
             // Counted from the first `land` on.
-            FlightPhase::Landing if motors_off => self.on_ground(),
+            FlightPhase::Landing if motors_off && self.land_sent => self.on_ground(),
             // Even if this is certain, it costs nothing to send `land` to a drone on the ground.
             FlightPhase::Flying | FlightPhase::Manoeuvring if motors_off => {
                 self.notices.push_back(Notice::MotorsOff);
@@ -470,6 +479,7 @@ impl Link {
         }
         if self.land_again.is_some_and(|at| at <= now) {
             self.land_again = Some(now + LAND_AGAIN);
+            self.land_sent = true;
             self.sticks.release();
             self.conversation.sent_outside(now);
             return Some("land".to_owned());
@@ -507,8 +517,9 @@ impl Link {
         {
             take_off.sent = Some(now);
         }
-        if let Some(flown) = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == sent.as_ref()) {
-            self.sent.push_back((now, flown.velocity));
+        let begun = self.manoeuvre.as_ref().filter(|flown| Some(&flown.text) == sent.as_ref());
+        if let Some((velocity, until)) = begun.map(|flown| (flown.velocity, flown.valid_until)) {
+            self.tell(now, velocity, until);
         }
         self.settle(now);
         sent

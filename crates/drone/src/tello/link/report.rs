@@ -13,14 +13,29 @@ const LAG: f64 = 0.3;
 /// Below this modelled speed the direction is unknown, m/s.
 const SIGN: f64 = 0.03;
 
+/// A velocity that the craft was told to fly.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told {
+    at: Time,
+    velocity: Setpoint,
+    /// It is zero from then on.
+    until: Time,
+}
+
 impl Link {
+    /// Records that the craft is told to fly with this velocity until the next one, and at most until `until`.
+    pub(super) fn tell(&mut self, at: Time, velocity: Setpoint, until: Time) {
+        self.told.push_back(Told { at, velocity, until });
+    }
+
     /// Models the direction of flight from the commands: the sign of the reported speeds is unreliable.
     pub(super) fn model(&mut self, now: Time, before: Time) {
         let effective = now - duration_from_secs(DEAD_TIME);
-        while self.sent.get(1).is_some_and(|(at, _)| *at <= effective) {
-            self.sent.pop_front();
+        while self.told.get(1).is_some_and(|told| told.at <= effective) {
+            self.told.pop_front();
         }
-        let setpoint = self.sent.front().filter(|(at, _)| *at <= effective).map_or(Setpoint::HOLD, |(_, setpoint)| *setpoint);
+        let flown = self.told.front().filter(|told| told.at <= effective && effective < told.until);
+        let setpoint = flown.map_or(Setpoint::HOLD, |told| told.velocity);
         let heading = self.heading();
         let (sin, cos) = (libm::sin(heading), libm::cos(heading));
         let wanted = [setpoint.right * cos + setpoint.forward * sin, setpoint.forward * cos - setpoint.right * sin, setpoint.up];

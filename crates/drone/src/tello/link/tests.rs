@@ -18,6 +18,8 @@ struct Bench {
     held_back: Vec<Vec<u8>>,
     motors_since: Option<u64>,
     height: i32,
+    /// The first reported speed, dm/s.
+    speed: i32,
     with_motor_time: bool,
     /// Whether commands reach the drone.
     hears: bool,
@@ -34,6 +36,7 @@ impl Bench {
             held_back: Vec::new(),
             motors_since: None,
             height: 0,
+            speed: 0,
             with_motor_time: true,
             hears: true,
             serial: 0,
@@ -56,8 +59,8 @@ impl Bench {
         self.serial += 1;
         let seconds = self.motors_since.map_or(3, |since| 4 + self.now.saturating_sub(since) / 1000);
         let time = if self.with_motor_time { format!("time:{seconds};") } else { String::new() };
-        let (tof, height, noise) = (10 + self.height, self.height, self.serial);
-        format!("pitch:0;roll:0;yaw:0;vgx:0;vgy:0;vgz:0;tof:{tof};h:{height};bat:80;{time}agz:-1000.{noise};").into_bytes()
+        let (tof, height, speed, noise) = (10 + self.height, self.height, self.speed, self.serial);
+        format!("pitch:0;roll:0;yaw:0;vgx:{speed};vgy:0;vgz:0;tof:{tof};h:{height};bat:80;{time}agz:-1000.{noise};").into_bytes()
     }
 
     /// Runs for some time, with or without calls of the pilot.
@@ -394,16 +397,74 @@ fn an_answer_that_the_motors_are_off_ends_no_flight_while_the_state_shows_height
 fn a_drone_that_reports_no_speed_while_it_is_told_to_fly_is_an_imu_error() {
     let mut bench = Bench::flying();
     let is_error = |bench: &Bench| bench.link.telemetry(bench.time()).imu_error;
-    bench.link.sent.push_back((bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }));
-    for second in 1..6 {
+    bench.link.tell(bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }, Time::MAX);
+    for second in 1..7 {
         bench.run(1000, true);
-        assert_eq!(is_error(&bench), second > 3, "{second} s");
+        // 2 m at 0.5 m/s, and the response of the drone.
+        assert_eq!(is_error(&bench), second > 4, "{second} s");
     }
     // Landing is no flight by commanded speeds.
     let mut bench = Bench::flying();
-    bench.link.sent.push_back((bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }));
+    bench.link.tell(bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }, Time::MAX);
     bench.run(1000, true);
     bench.apply(Command::Land);
-    bench.run(5000, true);
+    bench.run(8000, true);
     assert!(!is_error(&bench));
+}
+
+/// Between the zeros and `land` such an answer belongs to something else.
+#[test]
+fn an_answer_that_the_motors_are_off_ends_no_flight_before_land_was_sent() {
+    let mut bench = Bench::flying();
+    bench.height = 0;
+    bench.run(200, true);
+    bench.apply(Command::Land);
+    bench.link.handle_answer(bench.time(), b"error Motor stop");
+    assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::Landing, 0));
+    bench.run(200, true);
+    assert_eq!(bench.count("land"), 1);
+    bench.link.handle_answer(bench.time(), b"error Motor stop");
+    assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+#[test]
+fn a_drone_that_flies_on_while_it_is_told_to_stand_is_an_imu_error() {
+    let mut bench = Bench::flying();
+    let is_error = |bench: &Bench| bench.link.telemetry(bench.time()).imu_error;
+    bench.link.tell(bench.time(), Setpoint { forward: 0.5, ..Setpoint::HOLD }, Time::MAX);
+    bench.speed = 4;
+    bench.run(20_000, true);
+    assert!(!is_error(&bench), "told to");
+    bench.apply(Command::Setpoint(Setpoint::HOLD));
+    bench.run(2500, true);
+    assert!(!is_error(&bench), "it comes to rest");
+    bench.run(2500, true);
+    assert!(is_error(&bench) && bench.notices() == [Notice::Motion(MotionFault::Adrift)]);
+    // The pilot holds no longer, and nothing is said to keep it in the air.
+    bench.apply(Command::Land);
+    let asked = bench.count(reach::QUESTION);
+    bench.run(3000, true);
+    assert_eq!(bench.count(reach::QUESTION), asked);
+}
+
+/// The direction of the reported speed follows from the commands, and must not be that of a setpoint that has ended.
+#[test]
+fn whatever_ends_a_setpoint_the_reported_velocity_loses_its_direction() {
+    let expires = |_: &mut Bench| {};
+    let lands = |bench: &mut Bench| bench.apply(Command::Land);
+    let fails = |bench: &mut Bench| bench.link.fail(bench.time());
+    for (name, end) in [("expiry", expires as fn(&mut Bench)), ("landing", lands), ("failure", fails)] {
+        let mut bench = Bench::flying();
+        bench.speed = 3;
+        // Valid for 2 s, unless something ends it sooner.
+        let valid = if name == "expiry" { 2000 } else { 60_000 };
+        bench.link.tell(bench.time(), Setpoint { forward: 0.4, ..Setpoint::HOLD }, bench.time() + Duration::from_millis(valid));
+        bench.run(2000, true);
+        let velocity = |bench: &Bench| bench.link.telemetry(bench.time()).velocity.unwrap();
+        assert!((velocity(&bench).north - 0.3).abs() < 0.01, "{name}: {:?}", velocity(&bench));
+        end(&mut bench);
+        // Its dead time, and three times its lag.
+        bench.run(1500, true);
+        assert!(velocity(&bench).north.abs() < 1e-9, "{name}: {:?}", velocity(&bench));
+    }
 }

@@ -67,6 +67,10 @@ pub(crate) enum What {
     Model(ModelFault),
     /// The craft reports this battery charge.
     Charge(f64),
+    /// The command to take off is lost.
+    TakeOffLost,
+    /// A thread of the driver dies.
+    Thread,
 }
 
 /// A row of the matrix.
@@ -105,7 +109,11 @@ impl Row {
                 let until = (*fault == Trouble::Reboot).then_some(from + 0.1);
                 plan.craft = vec![TroubleRule { fault: *fault, from, until }];
             }
-            What::Model(_) | What::Charge(_) => {}
+            What::TakeOffLost => {
+                let fault = Fault::Drop { p: 1.0 };
+                plan.rules = vec![Rule { stream: Stream::Commands, from, until: Some(from + 0.4), fault }];
+            }
+            What::Model(_) | What::Charge(_) | What::Thread => {}
         }
         plan
     }
@@ -122,6 +130,7 @@ pub(crate) fn rows() -> Vec<Row> {
         Row::messages("every message twice", &all(Fault::Duplicate { p: 1.0, after: 0.2 })),
         Row::messages("messages reordered", &all(Fault::Reorder { p: 0.3, by: 0.3 })),
         Row::messages("messages 1.5 s late", &all(Fault::Delay { mean: 1.5, jitter: 0.0 })),
+        Row::messages("messages held back for 1.5 s every 4 s, then a burst", &all(Fault::Burst { every: 4.0, lasts: 1.5 })),
         Row::messages("no video", &[(Frames, lost)]),
         Row::messages("video frozen", &[(Frames, Fault::Freeze)]),
         Row::messages("video black", &[(Frames, Fault::Blank { p: 1.0 })]),
@@ -133,9 +142,12 @@ pub(crate) fn rows() -> Vec<Row> {
         Row { commands_arrive: false, ..Row::messages("commands lost", &[(Commands, lost), (Responses, lost)]) },
         Row::of("battery low", What::Charge(0.1)),
         Row::of("battery empty", What::Craft(Trouble::BatteryEmpty)),
-        Row::of("IMU error", What::Craft(Trouble::ImuInvalid)),
+        Row::of("IMU error, shown by the state", What::Craft(Trouble::ImuLost)),
+        Row::of("IMU error, shown by answers only", What::Craft(Trouble::ImuInvalid)),
         Row::of("reboot", What::Craft(Trouble::Reboot)),
         Row::of("take-off refused", What::Craft(Trouble::TakeOffRefused)),
+        Row::of("take-off lost", What::TakeOffLost),
+        Row::of("a thread of the driver dies", What::Thread),
         Row::model("model silent", ModelFault::Silent),
         Row::model("model HTTP 429", ModelFault::RateLimit),
         Row::model("model HTTP 503", ModelFault::Unavailable),

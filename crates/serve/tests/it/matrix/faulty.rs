@@ -17,7 +17,9 @@ pub(crate) struct Faulty {
     drone: Box<dyn Drone>,
     faults: FaultMachine,
     /// The reported charge from a time on.
-    charge: Option<(Time, f64)>,
+    pub(crate) charge: Option<(Time, f64)>,
+    /// From when on it reports an error of its inertial measurement.
+    pub(crate) imu_error_from: Option<Time>,
     counts: [u64; 3],
     /// The last frame and telemetry from before a freeze.
     last: (Option<FrameMeta>, Option<Telemetry>),
@@ -26,8 +28,9 @@ pub(crate) struct Faulty {
 }
 
 impl Faulty {
-    pub(crate) fn new(drone: Box<dyn Drone>, faults: FaultMachine, charge: Option<(Time, f64)>) -> Self {
-        Self { drone, faults, charge, counts: [0; 3], last: (None, None), queue: BTreeMap::new(), serial: 0 }
+    pub(crate) fn new(drone: Box<dyn Drone>, faults: FaultMachine) -> Self {
+        let (charge, imu_error_from) = (None, None);
+        Self { drone, faults, charge, imu_error_from, counts: [0; 3], last: (None, None), queue: BTreeMap::new(), serial: 0 }
     }
 
     fn frame(&mut self, frame: FrameMeta, content: Content) -> FrameMeta {
@@ -50,6 +53,8 @@ impl Faulty {
             Some((from, charge)) if telemetry.time >= from => Telemetry { battery: Some(charge), ..telemetry },
             _ => telemetry,
         };
+        let imu_error = telemetry.imu_error || self.imu_error_from.is_some_and(|from| telemetry.time >= from);
+        let telemetry = Telemetry { imu_error, ..telemetry };
         match content {
             Content::FrozenSince(_) => self.last.1.unwrap_or(telemetry),
             _ => {

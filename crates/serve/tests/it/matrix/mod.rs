@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex};
 
 use spf_core::craft::CraftKind;
 use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
-use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::pilot::{OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
@@ -78,9 +78,14 @@ impl Cell {
 
     /// Why there is nothing to fly, if so.
     pub(crate) fn left_out(&self) -> Option<&'static str> {
+        let is_quad = self.craft == CraftKind::Quad;
         match self.row.what {
-            What::Craft(_) if self.craft == CraftKind::Quad => Some("the simulated quadrotor has no such fault"),
-            What::Craft(Trouble::TakeOffRefused) if self.part != FlightPart::TakeOff => Some("the take-off is over"),
+            What::Craft(Trouble::ImuLost) => None,
+            What::Craft(_) if is_quad => Some("the simulated quadrotor has no such fault"),
+            What::Thread if is_quad => Some("the simulated quadrotor is flown in the loop's own thread"),
+            What::Craft(Trouble::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
+                Some("the take-off is over")
+            }
             _ => None,
         }
     }
@@ -91,6 +96,8 @@ impl Cell {
         // Before the fault begins, both flights are the same.
         let onset = match self.row.what {
             What::Craft(Trouble::TakeOffRefused) => Time::ZERO,
+            // Shortly before the command.
+            What::TakeOffLost => fair.entered(Phase::TakeOff).unwrap() - Duration::from_millis(100),
             _ => fair.begin_of(self.part).unwrap_or_else(|| panic!("{}: never", self.name())),
         };
         let (watch, world) = self.fly_from(scene, Some(onset));
@@ -120,16 +127,19 @@ impl Cell {
             CraftKind::Quad => (Box::new(SimDrone::new(world.clone())), plan),
             CraftKind::Tello => {
                 let (outside, inside) = plan.rules.into_iter().partition(frames);
-                let wired =
-                    Wired::new(world.clone(), ProtocolParameters::default(), FaultPlan { rules: inside, craft: plan.craft });
+                let faults = FaultPlan { rules: inside, craft: plan.craft };
+                let mut wired = Wired::new(world.clone(), ProtocolParameters::default(), faults);
+                wired.thread_dies_at = onset.filter(|_| matches!(self.row.what, What::Thread));
                 (Box::new(wired), FaultPlan { rules: outside, ..FaultPlan::default() })
             }
         };
-        let charge = match self.row.what {
-            What::Charge(charge) => onset.map(|onset| (onset, charge)),
-            _ => None,
-        };
-        let drone = Faulty::new(drone, FaultMachine::new(outside, 7).unwrap(), charge);
+        let mut drone = Faulty::new(drone, FaultMachine::new(outside, 7).unwrap());
+        match self.row.what {
+            What::Charge(charge) => drone.charge = onset.map(|onset| (onset, charge)),
+            // The virtual Tello reports its own.
+            What::Craft(Trouble::ImuLost) if self.craft == CraftKind::Quad => drone.imu_error_from = onset,
+            _ => {}
+        }
         let fault = match self.row.what {
             What::Model(fault) => onset.map(|onset| (onset, fault)),
             _ => None,

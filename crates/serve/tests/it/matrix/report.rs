@@ -51,6 +51,13 @@ pub(crate) fn tables(cells: &[Cell], flown: &[Option<Flown>]) -> String {
             };
             writeln!(text, "| {} | {} |", row.name, FlightPart::ALL.map(of).join(" | ")).unwrap();
         }
+        text.push_str("\nNot flown (–):\n\n");
+        for row in rows() {
+            let cells = cells.iter().filter(|cell| cell.craft == craft && cell.row.name == row.name);
+            if let Some(why) = cells.filter_map(Cell::left_out).next() {
+                writeln!(text, "- {}: {why}", row.name).unwrap();
+            }
+        }
         text.push('\n');
     }
     text

@@ -54,9 +54,14 @@ impl Watch {
         }
     }
 
+    /// When the pilot first entered a phase.
+    pub(crate) fn entered(&self, phase: Phase) -> Option<Time> {
+        self.phases.iter().find(|(_, entered)| *entered == phase).map(|(at, _)| *at)
+    }
+
     /// Time at which a phase of the flight was well in progress.
     pub(crate) fn begin_of(&self, part: FlightPart) -> Option<Time> {
-        let entered = |phase: Phase| self.phases.iter().find(|(_, entered)| *entered == phase).map(|(at, _)| *at);
+        let entered = |phase| self.entered(phase);
         let (at, after) = match part {
             FlightPart::TakeOff => (entered(Phase::TakeOff), 1000),
             FlightPart::Deciding => (self.asked, 300),
