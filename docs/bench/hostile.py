@@ -10,8 +10,9 @@ The drone's own state lines, read before any change, say whether it is in the ai
 
 - a motion is told to the drone more than 0.5 s after SIGINT, or after the attack's own bound (where the attack ends by itself:
   between that bound and its end);
-- the program still runs 45 s after SIGINT, or ends while the drone is in the air, unless `land` cannot reach it;
-- the drone is still in the air 30 s after the program has ended.
+- the program still runs 45 s after SIGINT, or ends more than 4 s before the drone is down, unless `land` cannot reach it;
+- the drone is still in the air 30 s after the program has ended, or flies faster than 0.2 m/s more than 2.5 s after SIGINT,
+  unless commands cannot reach it.
 """
 import argparse
 import os
@@ -26,306 +27,18 @@ import tempfile
 import threading
 import time
 
+from attacks import ATTACKS, FAULTS, fields
+
 ATTACK_AFTER, SIGINT_AFTER, SECOND_SIGINT, NOTICED, ENDS_WITHIN, LANDS_WITHIN = 1.0, 8.0, 15.0, 0.5, 45.0, 30.0
+# A drone that is landing may still be in the air for this long after the program ended, s.
+LANDING = 4.0
+# Speed that counts as flying on, dm/s, and until when a drone that gets its commands has come to rest.
+FLIES_ON, RESTS_WITHIN = 2.0, 2.5
 EVENTS = """[[event]]\nat_s = 9.0\ndo = "setpoint"\n{axis} = {speed}\nfor_s = 30.0\n"""
 
 
 def moves(text):
     return text.startswith(("rc ", "go ", "up ", "forward ")) and text != "rc 0 0 0 0"
-
-
-def fields(line):
-    return dict(part.split(":", 1) for part in line.decode(errors="replace").strip().strip(";").split(";") if ":" in part)
-
-
-def changed(line, **new):
-    """A state line with some values replaced; `None` leaves the value out."""
-    text = line.decode()
-    for key, value in new.items():
-        text = re.sub(rf"(^|;){key}:[^;]*;", lambda m: m[1] + (f"{key}:{value};" if value is not None else ""), text)
-    return text.encode()
-
-
-class Attack:
-    """Passes everything. `kind` is command, answer, state or video; returns (delay, bytes) of what goes on."""
-
-    # Whether `land` reaches the drone while the attack lasts; the time after its start from which no motion may be told.
-    lands, bound, until = True, None, None
-
-    def __init__(self, rng):
-        self.rng, self.memory = rng, {}
-
-    def change(self, kind, data, age):
-        return [(0.0, data)]
-
-    def extra(self, age):
-        """Datagrams to the client: (kind, bytes), each 50 ms."""
-        return []
-
-
-def attack(lands=True, bound=None, until=None):
-    def make(change):
-        name = change.__name__
-        ATTACKS[name] = type(name, (Attack,), {"change": change, "lands": lands, "bound": bound, "until": until, "__doc__": change.__doc__})
-        return change
-    return make
-
-
-ATTACKS = {"none": Attack}
-PASS = lambda data: [(0.0, data)]
-
-
-@attack()
-def answers_say_motor_stop(self, kind, data, age):
-    return PASS(b"error Motor stop" if kind == "answer" else data)
-
-
-@attack()
-def answers_say_error(self, kind, data, age):
-    return PASS(b"error" if kind == "answer" else data)
-
-
-@attack(bound=4.0)
-def answers_lost(self, kind, data, age):
-    return [] if kind == "answer" else PASS(data)
-
-
-@attack()
-def answers_are_bytes(self, kind, data, age):
-    return PASS(self.rng.randbytes(self.rng.randrange(0, 1400)) if kind == "answer" else data)
-
-
-@attack(lands=False)
-def land_lost_and_answered(self, kind, data, age):
-    return [] if kind == "command" and data == b"land" else PASS(b"error Motor stop" if kind == "answer" else data)
-
-
-@attack(lands=False)
-def land_and_zeros_lost(self, kind, data, age):
-    """The drone keeps its velocity, and the questions for its battery keep it in the air."""
-    return [] if kind == "command" and data in (b"land", b"stop", b"rc 0 0 0 0") else PASS(data)
-
-
-@attack(lands=False)
-def land_lost_and_ground_shown(self, kind, data, age):
-    if kind == "command" and data == b"land":
-        self.memory["land"] = age
-        return []
-    if kind == "state" and "land" in self.memory:
-        data = changed(data, h=0, tof=10, time=20, vgx=0, vgy=0, vgz=0)
-    return PASS(data)
-
-
-@attack(lands=False, bound=4.6)
-def commands_lost(self, kind, data, age):
-    return [] if kind == "command" else PASS(data)
-
-
-@attack(lands=False)
-def commands_lost_and_answered(self, kind, data, age):
-    return [] if kind == "command" else PASS(data)
-
-
-def forged(self, age):
-    return [("answer", b"80\r\n")] if int(age * 20) % 10 == 0 else []
-
-
-ATTACKS["commands_lost_and_answered"].extra = forged
-
-
-@attack(lands=False, bound=2.0)
-def everything_lost(self, kind, data, age):
-    return []
-
-
-@attack(bound=1.6, until=3.0)
-def everything_lost_for_3_s(self, kind, data, age):
-    return [] if age < 3.0 else PASS(data)
-
-
-@attack(bound=1.6, until=3.0)
-def everything_held_back_for_3_s(self, kind, data, age):
-    return [(max(0.0, 3.0 - age), data)] if kind != "command" else PASS(data)
-
-
-@attack()
-def everything_five_times(self, kind, data, age):
-    return [(0.03 * n, data) for n in range(5)] if kind != "video" else PASS(data)
-
-
-@attack()
-def everything_reordered(self, kind, data, age):
-    return [(self.rng.random() * 0.6, data)] if kind != "video" else PASS(data)
-
-
-@attack()
-def a_third_lost(self, kind, data, age):
-    return [] if self.rng.random() < 0.3 else PASS(data)
-
-
-@attack()
-def state_on_the_ground(self, kind, data, age):
-    return PASS(changed(data, h=0, tof=10, time=5) if kind == "state" else data)
-
-
-@attack()
-def state_motors_stopped_in_the_air(self, kind, data, age):
-    return PASS(changed(data, time=5) if kind == "state" else data)
-
-
-@attack()
-def state_never_on_the_ground(self, kind, data, age):
-    return PASS(changed(data, h=80, tof=90, time=int(20 + age)) if kind == "state" else data)
-
-
-@attack()
-def state_height_stuck(self, kind, data, age):
-    if kind == "state":
-        seen = self.memory.setdefault("first", fields(data))
-        data = changed(data, **{key: seen[key] for key in ("h", "tof", "baro", "vgz")})
-    return PASS(data)
-
-
-@attack()
-def state_speed_zero(self, kind, data, age):
-    return PASS(changed(data, vgx=0, vgy=0) if kind == "state" else data)
-
-
-@attack()
-def state_speed_20_m_s(self, kind, data, age):
-    return PASS(changed(data, vgx=200, vgy=-200, vgz=200) if kind == "state" else data)
-
-
-@attack(bound=1.6)
-def state_without_numbers(self, kind, data, age):
-    return PASS(re.sub(rb":[^;]*;", b":nan;", data) if kind == "state" else data)
-
-
-@attack(bound=1.6)
-def state_without_yaw(self, kind, data, age):
-    return PASS(changed(data, yaw=None) if kind == "state" else data)
-
-
-@attack()
-def state_yaw_random(self, kind, data, age):
-    return PASS(changed(data, yaw=self.rng.randrange(-180, 180)) if kind == "state" else data)
-
-
-@attack(bound=2.4)
-def state_repeated(self, kind, data, age):
-    return PASS(self.memory.setdefault("line", data) if kind == "state" else data)
-
-
-@attack()
-def state_fields_twice(self, kind, data, age):
-    return PASS(data.replace(b"\r\n", b"") * 5 if kind == "state" else data)
-
-
-@attack()
-def state_late(self, kind, data, age):
-    return [(1.5, data)] if kind == "state" else PASS(data)
-
-
-@attack(bound=5.6)
-def battery_zero(self, kind, data, age):
-    if kind == "answer" and data.strip().isdigit():
-        data = b"0\r\n"
-    return PASS(changed(data, bat=0) if kind == "state" else data)
-
-
-@attack()
-def state_flood(self, kind, data, age):
-    return PASS(data)
-
-
-def flood(self, age):
-    line = "pitch:%d;roll:%d;yaw:%d;vgx:%d;vgy:%d;vgz:%d;templ:60;temph:62;tof:%d;h:%d;bat:%d;baro:1.00;time:%d;agx:%d;agy:0;agz:-1000;\r\n"
-    draw = lambda low, high: self.rng.randrange(low, high)
-    return [("state", (line % (draw(-90, 90), draw(-90, 90), draw(-180, 180), draw(-20, 20), draw(-20, 20), draw(-9, 9),
-                               draw(0, 900), draw(0, 900), draw(0, 100), draw(0, 99), draw(0, 999))).encode()) for _ in range(25)]
-
-
-ATTACKS["state_flood"].extra = flood
-
-
-@attack()
-def answers_flood(self, kind, data, age):
-    return PASS(data)
-
-
-ATTACKS["answers_flood"].extra = lambda self, age: [
-    ("answer", self.rng.choice([b"ok", b"error", b"80", b"forced stop", b"error Motor stop", b"error No valid imu", b"\xcc\x01", b""]))
-    for _ in range(25)]
-
-
-@attack()
-def answers_say_imu(self, kind, data, age):
-    return PASS(b"error No valid imu" if kind == "answer" else data)
-
-
-@attack()
-def strangers(self, kind, data, age):
-    """The same floods from another address: nothing of it counts."""
-    return PASS(data)
-
-
-ATTACKS["strangers"].extra = lambda self, age: [("stranger " + kind, data) for kind, data in flood(self, age)[:10]] + [
-    ("stranger answer", b"error Motor stop"), ("stranger video", self.rng.randbytes(1460))]
-
-
-@attack(bound=1.8)
-def video_lost(self, kind, data, age):
-    return [] if kind == "video" else PASS(data)
-
-
-@attack(bound=1.8)
-def video_random(self, kind, data, age):
-    return PASS(self.rng.randbytes(len(data)) if kind == "video" else data)
-
-
-@attack(bound=1.8)
-def video_without_key_frames(self, kind, data, age):
-    """After a loss no key frame begins, so that nothing can be decoded correctly."""
-    if kind == "video" and (age < 0.3 or (data[:4] == b"\x00\x00\x00\x01" and data[4] & 0x1F == 5)):
-        return []
-    return PASS(data)
-
-
-@attack()
-def video_replay(self, kind, data, age):
-    """Two seconds of video again and again, with a key frame at the start. Not detected: the images differ."""
-    if kind != "video":
-        return PASS(data)
-    stored = self.memory.setdefault("stored", [])
-    if age < 2.2:
-        if stored or b"\x00\x00\x01\x67" in data:
-            stored.append(data)
-        return PASS(data)
-    if not stored:
-        return []
-    self.memory["next"] = (self.memory.get("next", -1) + 1) % len(stored)
-    return PASS(stored[self.memory["next"]])
-
-
-@attack()
-def datagrams_of_any_size(self, kind, data, age):
-    if kind in ("state", "answer") and self.rng.random() < 0.5:
-        return [(0.0, self.rng.randbytes(self.rng.choice([0, 1, 1024, 1025, 1461, 9000]))), (0.0, data)]
-    return PASS(data)
-
-
-@attack(lands=False, bound=2.6)
-def reboots(self, kind, data, age):
-    """The drone restarts in the air, by the server's own fault: its motors stop."""
-    return PASS(data)
-
-
-@attack(lands=False, bound=2.6)
-def reboots_twice(self, kind, data, age):
-    return PASS(data)
-
-
-FAULTS = {"reboots": [(0.0, 0.2)], "reboots_twice": [(0.0, 0.2), (9.0, 9.2)]}
 
 
 class Middle:
@@ -340,7 +53,7 @@ class Middle:
         self.attack = attack
         self.client, self.began, self.ended, self.first = None, None, False, None
         # The drone's own state, and what it was told, with times.
-        self.truth, self.told, self.tried = (None, {}), [], []
+        self.truth, self.told, self.tried, self.speeds = (None, {}), [], [], []
         self.later, self.lock = [], threading.Lock()
         self.on_attack = None
         self.threads = [threading.Thread(target=run, daemon=True) for run in (self.relay, self.delay)]
@@ -389,6 +102,8 @@ class Middle:
                     self.on_attack()
         elif kind == "state":
             self.truth = (now, fields(data))
+            speed = [int(self.truth[1].get(key, 0)) for key in ("vgx", "vgy")]
+            self.speeds.append((now, (speed[0] ** 2 + speed[1] ** 2) ** 0.5))
         age = self.age()
         if age is None:
             return self.send(kind, data)
@@ -499,10 +214,11 @@ def fly(spf, name, by_hand, rng, folder, addresses):
     exit_code, ended = client.wait(), time.monotonic()
     attacked = 0.0 if middle.began is None else ended - middle.began
     # After the program has ended, nobody commands the drone; the attack has ended as well.
-    air_at_end, air = middle.in_the_air(), middle.in_the_air()
+    air = middle.in_the_air()
     while air and time.monotonic() - ended < LANDS_WITHIN:
         time.sleep(0.2)
         air = middle.in_the_air()
+    air_for = time.monotonic() - ended if middle.began else 0.0
     served.send_signal(signal.SIGINT)
     served.wait()
     middle.close()
@@ -524,16 +240,20 @@ def fly(spf, name, by_hand, rng, folder, addresses):
             problems.append(f"motion {late[-1]:.1f} s after the attack began, bound {attack.bound} s")
     if stopped is not None and ended - stopped > ENDS_WITHIN:
         problems.append("the program does not end")
-    if air_at_end and attack.lands and not FAULTS.get(name):
-        problems.append("the program ended with the drone in the air")
+    on = [at for at, speed in middle.speeds if speed > FLIES_ON]
+    flies_on = max(0.0, on[-1] - stopped) if on and stopped else 0.0
+    if flies_on > RESTS_WITHIN and attack.lands and not FAULTS.get(name):
+        problems.append(f"the drone flies on for {flies_on:.1f} s after SIGINT")
+    if air_for > LANDING and attack.lands and not FAULTS.get(name):
+        problems.append(f"the drone was in the air for {air_for:.1f} s after the program ended")
     if air and not FAULTS.get(name):
         problems.append("the drone stays in the air")
     if not any(text == "land" for _, text in middle.tried):
         problems.append("no `land` was sent")
     reason = next((line.strip() for line in reversed(printed) if re.search(r"abort|fail|land|reach|timeout|found", line)), "")
     reason = re.sub(r"\x1b\[[0-9;]*m", "", reason)
-    row = dict(attack=name, by="hand" if by_hand else "pilot", attacked=attacked, last_motion=after_attack, after_sigint=after_stop,
-               sigint=stopped is not None, exit=exit_code, highest=highest, air_at_end=bool(air_at_end), air_later=bool(air),
+    row = dict(attack=name, by="hand" if by_hand else "pilot", attacked=attacked, last_motion=after_attack, after_sigint=after_stop, flies_on=flies_on,
+               sigint=stopped is not None, exit=exit_code, highest=highest, air_for=air_for, air_later=bool(air),
                problems="; ".join(problems), reason=reason)
     if problems:
         log = os.path.join(tempfile.gettempdir(), f"hostile-{name}-{row['by']}.log")
@@ -568,6 +288,7 @@ def main():
                 rows.append(row)
                 motion = "-" if row["last_motion"] is None else f"{row['last_motion']:.1f}"
                 print(f"{attacked / 60:5.1f} min  {name}, {row['by']}: last motion {motion} s, {row['after_sigint']:.2f} s after SIGINT,"
+                      f" flies {row['flies_on']:.1f} s after it,"
                       f" exit {row['exit']}, {row['highest']} cm; {row['problems'] or 'ok'} [{row['reason']}]", flush=True)
                 if given.tsv:
                     with open(given.tsv, "a") as file:

@@ -58,7 +58,7 @@ impl Vlm for Says {
     }
 
     fn answer(&mut self, _: &QueryRequest<'_>, _: &mut dyn QueryImage) -> Answer {
-        let account = spf_vlm::Account::default();
+        let account = spf_vlm::Usage::default();
         Answer { text: Ok(self.0.to_owned()), latency: Duration::from_secs(1), model: "says".to_owned(), account }
     }
 }
