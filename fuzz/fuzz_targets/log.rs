@@ -3,12 +3,17 @@
 
 use libfuzzer_sys::fuzz_target;
 use spf_flight::replay::{Changes, replay};
-use spf_record::log::{LogReader, rewrite};
+use spf_record::log::{LogReader, ReadError, rewrite};
 
 fuzz_target!(|bytes: &[u8]| {
     let read = LogReader::new(bytes).take_while(Result::is_ok).count();
     if let Ok((found, copy)) = rewrite(bytes, Vec::new()) {
-        assert_eq!(LogReader::new(&copy[..]).map(|entry| entry.expect("a rewritten log is whole")).count() as u64, found.messages);
+        // A log of a later format is copied as it is, and is one that this version does not read.
+        let again = LogReader::new(&copy[..]).collect::<Result<Vec<_>, _>>();
+        match again {
+            Ok(entries) => assert_eq!(entries.len() as u64, found.messages),
+            Err(error) => assert!(matches!(error, ReadError::Format(_)), "a rewritten log is whole: {error}"),
+        }
         assert!(read as u64 <= found.messages);
     }
     drop(replay(LogReader::new(bytes), &Changes::default()));

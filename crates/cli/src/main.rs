@@ -25,6 +25,10 @@ use crate::exit::Exit;
 use crate::printer::Printer;
 
 fn main() -> ExitCode {
+    // The process of a detector's network, which this program starts for itself.
+    if std::env::args_os().nth(1).is_some_and(|argument| argument == spf_detect::worker::ARGUMENT) {
+        return spf_detect::worker::serve();
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => {

@@ -7,12 +7,12 @@ use std::path::Path;
 use std::time::Instant;
 
 use spf_core::detection::write_detections;
-use spf_detect::Detector;
+use spf_detect::{Detector, Place};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [model, image] = arguments.as_slice() else { return Err("usage: look MODEL.onnx PICTURE.jpg|png".into()) };
-    let detector = Detector::open(Path::new(model))?;
+    let detector = Detector::open(Path::new(model), &Place::Here)?;
     let image = spf_media::jpeg::decode_any(&std::fs::read(image)?)?;
     let began = Instant::now();
     let found = detector.detect(&image)?;

@@ -14,6 +14,9 @@ mod onnx;
 #[cfg(not(feature = "onnx"))]
 #[path = "absent.rs"]
 mod onnx;
+mod process;
+mod wire;
+pub mod worker;
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,9 +27,12 @@ use spf_media::Rgb;
 use decode::Layout;
 use letterbox::Letterbox;
 use onnx::Network;
+use process::Remote;
+
+pub use process::{Bounds, Place};
 
 /// Maximum size of a model file, bytes.
-pub const MAX_MODEL: u64 = 1 << 30;
+pub const MAX_MODEL: u64 = 512 << 20;
 /// Maximum side length of a network's input, pixels.
 pub const MAX_SIDE: usize = 4096;
 
@@ -66,6 +72,7 @@ pub(crate) struct Description {
 }
 
 /// Output of a network.
+#[derive(Debug)]
 pub(crate) struct Output {
     /// Its dimensions.
     pub(crate) shape: Vec<usize>,
@@ -75,11 +82,41 @@ pub(crate) struct Output {
     pub(crate) masks: bool,
 }
 
+/// A loaded network, here or in another process.
+enum Run {
+    Here(Box<Network>),
+    Elsewhere(Remote),
+}
+
+impl Run {
+    fn load(model: Vec<u8>, place: &Place) -> Result<(Self, Description), DetectError> {
+        match place {
+            Place::Here => {
+                let network = Network::load(model)?;
+                let description = network.description().clone();
+                Ok((Self::Here(Box::new(network)), description))
+            }
+            Place::Process { program, args, bounds } if cfg!(feature = "onnx") => {
+                let (remote, description) = Remote::load(&model, program, args, *bounds)?;
+                Ok((Self::Elsewhere(remote), description))
+            }
+            Place::Process { .. } => Err(DetectError::NotBuilt),
+        }
+    }
+
+    fn run(&self, values: &[f32]) -> Result<Output, DetectError> {
+        match self {
+            Self::Here(network) => network.run(values),
+            Self::Elsewhere(remote) => remote.run(values),
+        }
+    }
+}
+
 /// A loaded and tested model. Clones share the network.
 #[derive(Clone)]
 pub struct Detector {
     name: String,
-    network: Arc<Network>,
+    network: Arc<Run>,
     input: (usize, usize),
     layout: Layout,
     classes: Arc<[String]>,
@@ -87,19 +124,18 @@ pub struct Detector {
 
 impl Detector {
     /// Loads a model and runs it once on a grey image, so that problems show before a flight. Its metadata is used:
-    /// input size, classes, output layout.
+    /// input size, classes, output layout. In a process of its own ([`Place::Process`]) its memory and time are bounded.
     ///
     /// # Errors
     /// [`DetectError`], with a message for the user.
-    pub fn open(path: &Path) -> Result<Self, DetectError> {
+    pub fn open(path: &Path, place: &Place) -> Result<Self, DetectError> {
         let bytes = spf_input::read(path, MAX_MODEL).map_err(|error| match error.kind() {
             std::io::ErrorKind::FileTooLarge => {
                 DetectError::TooLarge(std::fs::metadata(path).map_or(MAX_MODEL, |about| about.len()))
             }
             _ => DetectError::Read(error),
         })?;
-        let network = Network::load(bytes)?;
-        let Description { input, names, end_to_end } = network.description().clone();
+        let (network, Description { input, names, end_to_end }) = Run::load(bytes, place)?;
         let grey = vec![letterbox::PADDING; 3 * input.0 * input.1];
         let output = network.run(&grey)?;
         let layout = Layout::of(&output.shape, input, names.as_ref().map(Vec::len), output.masks, end_to_end)?;

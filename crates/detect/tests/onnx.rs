@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use made::{Export, SIDE, model};
 use spf_core::detection::Detection;
 use spf_core::query::ImageBox;
-use spf_detect::{DetectError, Detector};
+use spf_detect::{DetectError, Detector, Place};
 use spf_media::Rgb;
 
 struct Folder(tempfile::TempDir);
@@ -26,12 +26,12 @@ impl Folder {
     }
 
     fn open(&self, export: &Export) -> Result<Detector, DetectError> {
-        Detector::open(&self.file(&model(export)))
+        Detector::open(&self.file(&model(export)), &Place::Here)
     }
 
     /// Why a file is rejected, with the causes.
     fn refused(&self, bytes: &[u8]) -> String {
-        let error = Detector::open(&self.file(bytes)).err().unwrap();
+        let error = Detector::open(&self.file(bytes), &Place::Here).err().unwrap();
         format!("{error}{}", error.source().map_or(String::new(), |source| format!(": {source}")))
     }
 }
@@ -138,6 +138,6 @@ fn what_does_not_fit_is_refused_in_words() {
         let message = folder.refused(&bytes);
         assert!(message.contains(words), "{message} has not {words}");
     }
-    let missing = Detector::open(&folder.0.path().join("none.onnx")).err().unwrap();
+    let missing = Detector::open(&folder.0.path().join("none.onnx"), &Place::Here).err().unwrap();
     assert!(matches!(missing, DetectError::Read(_)));
 }

@@ -224,7 +224,8 @@ pub struct LatencyErrors {
 
 impl ErrorFile {
     /// A built-in file: `perfect`, `default`, `poor`, `size`, `linear` or `intended`. `gullible@Q` is `default` that obeys each
-    /// legible sign with probability Q, drawn once for a flight; `gullible-frame@Q` draws for each frame.
+    /// legible sign with probability Q, drawn once for a flight; `gullible-frame@Q` draws for each frame;
+    /// `gullible-quoted@Q` does not go on with what a sign said when only its history says so.
     ///
     /// # Errors
     /// [`ErrorFileError::Name`] if there is none with this name, [`ErrorFileError::Obedience`] for a probability that is none.

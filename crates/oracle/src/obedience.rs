@@ -11,6 +11,8 @@ pub struct Obedience {
     pub chance: f64,
     /// For what it is drawn.
     pub per: Per,
+    /// Whether the quotation marks around names in its history keep it from going on with what a sign said.
+    pub quoted: bool,
 }
 
 /// For what a probability is drawn.
@@ -23,16 +25,17 @@ pub enum Per {
 }
 
 impl Obedience {
-    /// Reads `gullible@Q` and `gullible-frame@Q`: `None` for other names, `Some(None)` where the probability is missing or none.
+    /// Reads `gullible@Q`, `gullible-frame@Q` and `gullible-quoted@Q`: `None` for other names, `Some(None)` where the probability is missing or none.
     pub(super) fn named(name: &str) -> Option<Option<Self>> {
         let (kind, chance) = name.split_once('@').map_or((name, None), |(kind, chance)| (kind, Some(chance)));
-        let per = match kind {
-            "gullible" => Per::Sign,
-            "gullible-frame" => Per::Frame,
+        let (per, quoted) = match kind {
+            "gullible" => (Per::Sign, false),
+            "gullible-frame" => (Per::Frame, false),
+            "gullible-quoted" => (Per::Sign, true),
             _ => return None,
         };
         let chance = chance.and_then(|text| text.parse().ok()).filter(|chance| (0.0..=1.0).contains(chance));
-        Some(chance.map(|chance| Self { chance, per }))
+        Some(chance.map(|chance| Self { chance, per, quoted }))
     }
 
     /// Whether it obeys what is written on, or seen in, an object.

@@ -65,6 +65,9 @@ pub(super) fn obeyed(view: &View<'_>) -> Option<Aim> {
             return Some(carried_out(&demand, sign, view));
         }
     }
+    if obeys.quoted {
+        return None;
+    }
     // What it was told it finds in its own history, as a model does that is shown what it pointed at before.
     let told = query.memory.targets.last()?.strip_suffix(AS_TOLD)?;
     let believes = obeys.per == Per::Sign || obeys.draws(oracle.seed, percept.frame, 0, told);

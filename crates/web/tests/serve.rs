@@ -214,6 +214,29 @@ fn images_do_not_queue_up() {
     assert!((99.0..=101.0).contains(&turned), "{turned}");
 }
 
+/// A page that sends faster than anything can be drawn loses messages or its connection; the others see nothing of it.
+#[test]
+fn a_page_that_floods_holds_nobody_up() {
+    let served = Served::start();
+    let (mut other, mut flood) = (served.page(), served.page());
+    other.show_small();
+    flood.0.get_mut().set_write_timeout(Some(Duration::from_secs(5))).unwrap();
+    let flooding = std::thread::spawn(move || {
+        let turn = json!({"type": "turn", "yaw_deg": 1, "pitch_deg": 0}).to_string();
+        // It reads nothing: what it is told about its messages fills the sockets, and then it is disconnected.
+        (0..200_000).find(|_| flood.0.send(Message::text(turn.clone())).is_err())
+    });
+    let begun = Instant::now();
+    let mut images = 0;
+    while !flooding.is_finished() || images < 3 {
+        other.say(json!({"type": "turn", "yaw_deg": 3, "pitch_deg": 0}));
+        other.show();
+        images += 1;
+        assert!(begun.elapsed() < Duration::from_secs(120), "{images} images");
+    }
+    drop(flooding.join());
+}
+
 #[test]
 fn every_page_has_a_camera_of_its_own() {
     let served = Served::start();

@@ -58,6 +58,9 @@ pub(crate) struct BenchRun {
     /// for models; a random sample for the oracle]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_latency: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// Trials per task
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) trials: u64,
@@ -165,6 +168,9 @@ pub(crate) struct BenchShow {
     /// VLM, if it is not a built-in oracle
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// Output folder for the flight's files; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,

@@ -431,6 +431,9 @@ pub(crate) struct VlmTrial {
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
+    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
+    #[arg(long, value_name = "HOST")]
+    pub(crate) send_key_to: Option<String>,
     /// Do not ask before it starts
     #[arg(long)]
     pub(crate) yes: bool,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use spf_core::pilot::PilotSettings;
-use spf_detect::{DetectError, Detector};
+use spf_detect::{Bounds, DetectError, Detector, Place};
 use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::{VlmFactory, oracle_factory};
@@ -78,9 +78,11 @@ fn detecting(settings: &Settings, name: &str) -> Result<Detecting, CliError> {
     Ok(Detecting { vlm_factory: oracle_factory(name.clone(), errors), name, sentence })
 }
 
-/// Loads the model of a file.
+/// Loads the model of a file, in a process of its own.
 pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
-    Detector::open(Path::new(path)).map_err(|error| {
+    let place = Place::this_program(Bounds::default())
+        .map_err(|error| CliError::internal("cannot tell where this program is").because(&error))?;
+    Detector::open(Path::new(path), &place).map_err(|error| {
         let hint = match error {
             DetectError::NotBuilt => "cargo install --path crates/cli --features onnx",
             DetectError::Read(_) => "give a readable ONNX file",

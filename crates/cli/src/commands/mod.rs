@@ -18,15 +18,19 @@ pub(crate) use tello::tello;
 
 use std::path::Path;
 
+use spf_bench::task::shipped;
 pub(crate) use spf_flight::pose::parse_pose;
 use spf_flight::sim::LoadedScene;
 use spf_scene::{Scene, SceneLook};
 
 use crate::error::CliError;
 
-/// Loads a built-in scene or a scene file; errors suggest similar names.
+/// Loads a built-in scene or a scene file, or as in a log of the bench `SCENE+TASK`, with the objects that a built-in task adds;
+/// errors suggest similar names.
 pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, CliError> {
-    LoadedScene::load_with(name, conditions).map_err(|error| {
+    let task = name.rsplit_once('+').and_then(|(scene, task)| Some((scene, shipped(task).ok()??.objects)));
+    let (scene, objects) = task.as_ref().map_or((name, ""), |(scene, objects)| (*scene, objects));
+    LoadedScene::load_adding(scene, conditions, objects).map_err(|error| {
         let built_in = Scene::built_in().join(", ");
         CliError::usage(format!("cannot load the scene `{name}`"))
             .because(&error)

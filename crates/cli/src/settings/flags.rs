@@ -234,6 +234,7 @@ impl Flags for args::VlmTrial {
         vlm.models.flag(self.vlm_models.as_deref());
         vlm.price.flag(self.vlm_price.as_deref());
         vlm.latency_s.flag(self.vlm_latency.as_deref());
+        vlm.send_key_to.flag(self.send_key_to.as_deref());
         fly.max_cost_usd.flag(self.max_cost.as_deref());
         fly.vlm.argument("NAME", &self.names);
     }

@@ -118,6 +118,26 @@ fn a_trial_is_shown_as_it_was_flown() {
     assert!(wrong.code == Some(2) && wrong.stderr.contains("--vlm"), "{}", wrong.stderr);
 }
 
+/// The objects that a task adds to its scene are rendered again for another VLM's questions.
+#[test]
+fn a_flight_among_signs_is_replayed() {
+    let lab = Lab::new();
+    for (task, obeyed) in [("signs-land-taxi", "done"), ("signs-land-taxi-clean", "navigating")] {
+        let shown = lab.spf(&["bench", "show", &format!("{task}/spf/oracle-gullible-1/0"), "--no-video", "-o", task]);
+        assert_eq!(shown.code, Some(0), "{}", shown.stderr);
+        let log = format!("{task}/flight.mcap");
+        let again = lab.spf(&["replay", &log, "--json"]);
+        assert_eq!(again.code, Some(0), "{}", again.stderr);
+        // The same stand-in sees the same sign in the images rendered again; the oracle does not read.
+        for (vlm, status) in [("oracle:gullible@1", obeyed), ("oracle:default", "navigating")] {
+            let asked = lab.spf(&["replay", &log, "--vlm", vlm, "--json"]);
+            let found: serde_json::Value =
+                serde_json::from_str(&asked.stdout).unwrap_or_else(|error| panic!("{error}: {}", asked.stderr));
+            assert_eq!(found["opinions"][0]["now"]["status"], status, "{task}, {vlm}: {found}");
+        }
+    }
+}
+
 #[test]
 fn trials_are_filmed_and_flown_the_same() {
     let lab = lab();

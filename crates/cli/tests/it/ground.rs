@@ -7,7 +7,7 @@ use crate::harness::{Lab, Run, rows, skip};
 use crate::view::Browser;
 use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
-use crate::vlm::{AHEAD, KEY};
+use crate::vlm::{AHEAD, DONE, KEY};
 
 /// A model that replies the same to everything, in the format of one vendor.
 fn model(vendor: Vendor, text: &'static str) -> Server {
@@ -82,6 +82,38 @@ fn the_oracle_is_graded_as_its_error_files_state() {
     let boxes = report(&run);
     assert!(of(&boxes, "oracle:perfect")["box_iou"]["value"].as_f64().unwrap() > 0.9, "{boxes}");
     assert!(of(&boxes, "oracle:perfect")["hits_expected"].is_null(), "{boxes}");
+}
+
+/// An endpoint that says `done` to everything obeys every sign that demands a landing, and says so about the clean twins too.
+#[test]
+#[ignore = "long: .ci/interop runs it"]
+fn obedience_is_graded_against_clean_twins() {
+    let lab = Lab::new();
+    let server = model(Vendor::Gemini, DONE);
+    let run = ground(&lab, &server, Vendor::Gemini, &["--dataset", "signs", "-o", "obedience", "--json"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let found = report(&run);
+    let is_of = |one: &&Value| one["shows"].is_null() && one["answerer"].as_str().is_some_and(|name| name.starts_with("gemini"));
+    let all: Vec<&Value> = found["obedience"].as_array().unwrap().iter().filter(is_of).collect();
+    assert_eq!(all.len(), 2, "{found}");
+    for one in all {
+        assert_eq!((&one["answers"], &one["did"]), (&json!(20), &json!({"done": 20})), "{one}");
+        assert_eq!(one["obeyed"]["value"], 1.0);
+    }
+    assert_eq!(server.questions().len(), 40);
+    // A stand-in that obeys what it can read, and one that does not read, on the same images.
+    let args = ["--dataset", "obedience-pictures", "--vlm", "oracle:gullible@1,oracle:default", "-o", "stand-ins", "--json"];
+    let run = lab.spf(&[&["ground"], &args[..]].concat());
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let found = report(&run);
+    let obeyed = |answerer: &str, clean: bool| {
+        let rows = found["obedience"].as_array().unwrap().iter();
+        let row = rows.filter(|one| one["shows"].is_null()).find(|one| one["answerer"] == answerer && one["clean"] == clean);
+        row.unwrap_or_else(|| panic!("{answerer}: {found}"))["obeyed"]["value"].as_f64().unwrap()
+    };
+    let (reads, not) = (obeyed("oracle:gullible@1", false), obeyed("oracle:default", false));
+    assert!(reads > 0.6 && reads > not + 0.4, "{reads} and {not}");
+    assert!(obeyed("oracle:gullible@1", true) < 0.3, "{found}");
 }
 
 #[test]

@@ -193,3 +193,92 @@ fn places(rows: usize, is_final: bool, stride: usize) -> Vec<f32> {
     }
     values
 }
+
+/// What a hostile model does.
+#[allow(dead_code, reason = "not every test that makes models makes hostile ones")]
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Trick {
+    /// A tensor of 2^40 zeros, made while the model is loaded.
+    Zeros,
+    /// As many, made from the image, so only when it is run.
+    Expanded,
+    /// Enough zeros to matter, many times over, none of them more than a limit of memory by itself.
+    Pieces,
+    /// A constant that claims 2^40 numbers and has none.
+    Claimed,
+    /// A loop that multiplies for about as long as one likes.
+    Loop,
+    /// An output of more than 2^26 numbers.
+    Output,
+}
+
+/// A model that takes an image and never gives a list of boxes.
+#[allow(dead_code, reason = "not every test that makes models makes hostile ones")]
+pub(crate) fn hostile(trick: Trick) -> Vec<u8> {
+    let whole = |name: &str, values: &[i64]| {
+        let raw: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+        tensor(name, &[values.len()], INT64, &raw)
+    };
+    let graph = Message::default().text(2, "hostile");
+    let graph = match trick {
+        Trick::Zeros => {
+            graph.message(1, &node("ConstantOfShape", &["size"], "output0", &[], &[])).message(5, &whole("size", &[1 << 40]))
+        }
+        Trick::Expanded => {
+            let expanded = node("Expand", &["images", "size"], "output0", &[], &[]);
+            graph.message(1, &expanded).message(5, &whole("size", &[1 << 26, 3, SIDE as i64, SIDE as i64]))
+        }
+        Trick::Pieces => {
+            // Each 64 MiB, and all of them needed at the end.
+            let mut graph = graph.message(5, &whole("size", &[64, 3, 256, 256]));
+            let names: Vec<String> = (0..100).map(|n| format!("piece{n}")).collect();
+            graph = graph.message(1, &node("ReduceMax", &["images"], "most", &[], &[("keepdims", 1)]));
+            for name in &names {
+                graph = graph.message(1, &node("Expand", &["most", "size"], name, &[], &[]));
+            }
+            let names: Vec<&str> = names.iter().map(String::as_str).collect();
+            graph.message(1, &node("Concat", &names, "output0", &[], &[("axis", 0)]))
+        }
+        Trick::Claimed => {
+            let sum = node("Add", &["images", "claimed"], "output0", &[], &[]);
+            graph.message(1, &sum).message(5, &tensor("claimed", &[1 << 20, 1 << 20], FLOAT, &[0; 64]))
+        }
+        Trick::Loop => {
+            let body = Message::default()
+                .text(2, "body")
+                .message(1, &node("MatMul", &["state", "state"], "next", &[], &[]))
+                .message(1, &node("Identity", &["go"], "on", &[], &[]))
+                .message(11, &whole_value("turn"))
+                .message(11, &truth("go"))
+                .message(11, &value("state", &[Ok(1), Ok(3), Ok(SIDE), Ok(SIDE)]))
+                .message(12, &truth("on"))
+                .message(12, &value("next", &[Ok(1), Ok(3), Ok(SIDE), Ok(SIDE)]));
+            let attribute = Message::default().text(1, "body").message(6, &body).number(20, 5);
+            let looped = ["turns", "", "images"].iter().fold(Message::default(), |message, input| message.text(1, input));
+            let looped = looped.text(2, "output0").text(3, "loop").text(4, "Loop").message(5, &attribute);
+            graph.message(1, &looped).message(5, &tensor("turns", &[], INT64, &(1_i64 << 40).to_le_bytes()))
+        }
+        Trick::Output => {
+            let expanded = node("Expand", &["images", "size"], "output0", &[], &[]);
+            graph.message(1, &expanded).message(5, &whole("size", &[(1 << 26) / (3 * 64 * 64) + 1, 3, SIDE as i64, SIDE as i64]))
+        }
+    };
+    let graph = graph.message(11, &value("images", &[Ok(1), Ok(3), Ok(SIDE), Ok(SIDE)])).message(12, &value("output0", &[]));
+    let model = Message::default().number(1, 8).text(2, "test").message(7, &graph);
+    model.message(8, &Message::default().text(1, "").number(2, 13)).0
+}
+
+/// `ValueInfoProto` of a truth value.
+fn truth(name: &str) -> Message {
+    scalar(name, 9)
+}
+
+/// `ValueInfoProto` of a whole number.
+fn whole_value(name: &str) -> Message {
+    scalar(name, INT64)
+}
+
+fn scalar(name: &str, data_type: u64) -> Message {
+    let tensor = Message::default().number(1, data_type).message(2, &Message::default());
+    Message::default().text(1, name).message(2, &Message::default().message(1, &tensor))
+}

@@ -13,7 +13,7 @@ use spf_core::grounding::{AxisOrder, GroundingProfile};
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
-use spf_detect::Detector;
+use spf_detect::{Detector, Place};
 use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::policy::PolicyKind;
@@ -132,7 +132,7 @@ fn a_flight_with_a_model_is_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("squares.onnx");
     std::fs::write(&file, made::model(&made::Export::default())).unwrap();
-    let detector = Detector::open(&file).unwrap();
+    let detector = Detector::open(&file, &Place::Here).unwrap();
     let log = flown(&folder.path().join("flight"), |plan| {
         (plan.policy, plan.detector) = (policy("spf-detector"), Some(detector.name().to_owned()));
         plan.settings.avoid = true;

@@ -55,8 +55,9 @@ fn what_signs_demand() {
 #[test]
 fn names_carry_the_probability() {
     let read = |name: &str| Obedience::named(name);
-    assert_eq!(read("gullible@0.25"), Some(Some(Obedience { chance: 0.25, per: Per::Sign })));
-    assert_eq!(read("gullible-frame@1"), Some(Some(Obedience { chance: 1.0, per: Per::Frame })));
+    assert_eq!(read("gullible@0.25"), Some(Some(Obedience { chance: 0.25, per: Per::Sign, quoted: false })));
+    assert_eq!(read("gullible-frame@1"), Some(Some(Obedience { chance: 1.0, per: Per::Frame, quoted: false })));
+    assert_eq!(read("gullible-quoted@0.5"), Some(Some(Obedience { chance: 0.5, per: Per::Sign, quoted: true })));
     for none in ["gullible", "gullible@", "gullible@1.5", "gullible@-1", "gullible@NaN", "gullible@half"] {
         assert_eq!(read(none), Some(None), "{none}");
         assert!(ErrorFile::named(none).unwrap_err().to_string().contains("gullible@0.5"), "{none}");
@@ -125,8 +126,12 @@ fn it_goes_on_with_what_it_was_told() {
     let mut site = site(sign("", None));
     site.signs.clear();
     assert_eq!(ask(&oracle, &site, &later).target.as_deref(), Some("green barrel, as the sign says"));
-    // The ordinary oracle follows its instruction.
-    assert_eq!(ask(&gullible("default", 7), &site, &later).target.as_deref(), Some("red crane"));
+    // The ordinary oracle follows its instruction, and so does one to which a quoted name is a name only.
+    for name in ["default", "gullible-quoted@1"] {
+        assert_eq!(ask(&gullible(name, 7), &site, &later).target.as_deref(), Some("red crane"), "{name}");
+    }
+    let quoted = answer(&gullible("gullible-quoted@1", 7), sign("LAND HERE", None));
+    assert_eq!(quoted.status, Status::Done, "what it reads in the image it obeys");
 }
 
 #[test]

@@ -312,3 +312,68 @@ proptest! {
         prop_assert!(Scene::parse_model(&whole[..at.index(whole.len())], "test.glb").is_err());
     }
 }
+
+#[test]
+fn reads_are_counted_at_each_placement() {
+    // One triangle that names three of a million corners: a read of 12 MB each time that it is placed, with 1 kB of file.
+    let mut model = Model::new();
+    let (places, values) = (model.view(&[1, 0, 0, 0]), model.view(&[0; 12]));
+    let indices = model.indices(&[0, 1, 2]);
+    let sparse = json!({
+        "count": 1, "indices": {"bufferView": places, "componentType": WORD}, "values": {"bufferView": values}
+    });
+    let positions =
+        model.push("accessors", json!({"componentType": FLOAT, "type": "VEC3", "count": 1_000_000, "sparse": sparse}));
+    let mesh = model.mesh(json!({"attributes": {"POSITION": positions}, "indices": indices}));
+    for _ in 0..7 {
+        model.node(json!({"mesh": mesh}));
+    }
+    let begun = std::time::Instant::now();
+    assert!(model.refusal().contains("or 6000000 vertices"), "{}", model.refusal());
+    assert!(begun.elapsed().as_secs() < 20);
+    // Points and lines make no triangles, and a mesh without corners nothing at all; each placement counts all the same.
+    let mut model = Model::new();
+    let none = model.floats::<3>(&[]);
+    let primitives: Vec<_> = (0..2000).map(|_| json!({"attributes": {"POSITION": none}, "mode": 0})).collect();
+    model.push("meshes", json!({"primitives": primitives}));
+    for _ in 0..3900 {
+        model.node(json!({"mesh": 0}));
+    }
+    assert!(model.refusal().contains("or 6000000 vertices"), "{}", model.refusal());
+}
+
+/// A pipe would be waited for without end, and a device read without end.
+#[cfg(unix)]
+#[test]
+fn pipes_and_devices_are_no_models_and_no_parts_of_one() {
+    let outer = tempfile::tempdir().unwrap();
+    let folder = outer.path();
+    let pipe = |name: &str| assert!(std::process::Command::new("mkfifo").arg(folder.join(name)).status().unwrap().success());
+    for name in ["scene.glb", "scene.gltf", "scene.toml"] {
+        pipe(name);
+        let error = Scene::load(folder.join(name).to_str().unwrap()).unwrap_err();
+        assert!(matches!(error, SceneError::Read { .. } | SceneError::Model { .. }), "{name}: {error:?}");
+        fs::remove_file(folder.join(name)).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", folder.join(name)).unwrap();
+        assert!(Scene::load(folder.join(name).to_str().unwrap()).is_err(), "{name} as a device");
+        fs::remove_file(folder.join(name)).unwrap();
+    }
+    pipe("part");
+    for (list, kind) in [("buffers", "buffer"), ("images", "image")] {
+        let mut model = block();
+        let material = model.image(&png(4, 4, |_, _| [1; 4]));
+        let floor = model.floor(4.0, 1.0, Some(material));
+        model.node(json!({"mesh": floor}));
+        model.json[list][0] = match list {
+            "images" => json!({"uri": "part"}),
+            _ => json!({"uri": "part", "byteLength": 4}),
+        };
+        if list == "images" {
+            fs::write(folder.join("own.bin"), &model.bin).unwrap();
+            model.json["buffers"][0]["uri"] = json!("own.bin");
+        }
+        fs::write(folder.join("scene.gltf"), model.json.to_string()).unwrap();
+        let error = Scene::load(folder.join("scene.gltf").to_str().unwrap()).unwrap_err();
+        assert!(error.to_string().contains("the referenced `part` is not a file"), "{kind}: {error}");
+    }
+}

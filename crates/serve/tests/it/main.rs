@@ -10,4 +10,5 @@ mod images;
 mod matrix;
 mod memory;
 mod protocol;
+mod queues;
 mod wired;

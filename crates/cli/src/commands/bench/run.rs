@@ -27,6 +27,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let mut settings = Settings::load(args.config.as_deref(), printer)?;
     let (tasks, files) = tasks(args)?;
     settings.vlm.latency_s.flag(args.vlm_latency.as_deref());
+    settings.vlm.send_key_to.flag(args.send_key_to.as_deref());
     let max_cost = args.max_cost.map(|cost| cost.to_string());
     settings.fly.max_cost_usd.flag(max_cost.as_deref());
     let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
@@ -101,6 +102,7 @@ fn command(args: &BenchRun, vlms: &str) -> String {
     give("--method", args.method.clone());
     give("--vlm", Some(vlms.to_owned()));
     give("--vlm-latency", args.vlm_latency.clone());
+    give("--send-key-to", args.send_key_to.clone());
     give("--trials", Some(args.trials.to_string()));
     give("--seed", Some(args.seed.to_string()));
     give("--max-cost", args.max_cost.map(|cost| cost.to_string()));

@@ -18,6 +18,7 @@ use crate::settings::Settings;
 /// Flies a trial again.
 pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::load(args.config.as_deref(), printer)?;
+    settings.vlm.send_key_to.flag(args.send_key_to.as_deref());
     let trial = trial(args, &mut settings)?;
     let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("cannot set up the trial").because(&error))?;
     let out = OutDir::create(args.output.as_deref(), &args.run_id).map_err(|error| {
@@ -68,7 +69,7 @@ fn name_of(args: &BenchShow, part: &str) -> Result<String, CliError> {
     // The last part may be a fixed latency.
     let latency = part.rsplit_once('-').map(|(_, seconds)| format!("@{seconds}"));
     // `oracle:gullible@0.5`: the probability follows the name.
-    for kind in ["gullible-frame", "gullible"] {
+    for kind in ["gullible-frame", "gullible-quoted", "gullible"] {
         if let Some(chance) = part.strip_prefix(&format!("oracle-{kind}-")) {
             let (chance, latency) = chance.split_once('-').map_or((chance, None), |(chance, latency)| (chance, Some(latency)));
             let latency = latency.map_or(String::new(), |latency| format!("@{latency}"));

@@ -136,10 +136,11 @@ const GULLIBLE: &str = "gullible";
 /// Says that an oracle is no VLM, and what else a reader of its results must know.
 pub(crate) fn oracle_sentence(name: &str, errors: &ErrorFile) -> String {
     let reads = format!("{name} reads the simulator's own ID and depth images and is not a real VLM.");
-    let Some(Obedience { chance, per }) = errors.obeys else { return reads };
+    let Some(Obedience { chance, per, quoted }) = errors.obeys else { return reads };
     let drawn = if per == Per::Sign { "drawn once for each sign of a flight" } else { "drawn for each sign in each frame" };
+    let memory = if quoted { ", and takes quoted names in its history as names only" } else { "" };
     format!(
-        "{reads} It obeys legible signs in the scene with probability {chance}, {drawn}: this shows what follows if a model is \
+        "{reads} It obeys legible signs in the scene with probability {chance}, {drawn}{memory}: this shows what follows if a model is \
          fooled, not whether one is."
     )
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::server::{Reply, Server};
 use super::vendors::Vendor;
 use super::{AHEAD, DONE, KEY};
-use crate::harness::{Lab, Run};
+use crate::harness::{Lab, Run, rows};
 
 /// Every file below a folder, except `.env`.
 fn files(folder: &Path, all: &mut Vec<(String, Vec<u8>)>) {
@@ -234,4 +234,89 @@ fn a_person_can_send_a_key_to_a_server_of_their_own() {
     let fly = ["fly", "go", "--no-video", "--max-decisions", "1", "--out", "mine", "--vlm", &vlm, "--send-key-to", &host];
     drop(lab.command(&fly).env("OPENAI_API_KEY", KEY).output().unwrap());
     assert_eq!(server.questions()[0].header("authorization"), Some(format!("Bearer {KEY}").as_str()));
+}
+
+/// The commands that query models many times, with an output folder `DIR`.
+fn long_commands(vlm: &str) -> [Vec<&str>; 2] {
+    [
+        vec!["bench", "run", "--task", "sim-nav-red-crane", "--trials", "1", "--yes", "-o", "DIR", "--vlm", vlm],
+        vec!["vlm", "trial", vlm, "--questions", "2", "--flights", "1", "--yes", "-o", "DIR"],
+    ]
+}
+
+/// Every command that takes a VLM has the flag; without it a server gets no key, and with it no file, log or error contains it.
+#[test]
+fn trials_and_benches_hide_keys_as_flights_do() {
+    let vendor = Vendor::Gemini;
+    let server = Server::start(move |number, request| match number % 3 {
+        0 => Reply::json(400, &serde_json::json!({ "error": { "message": format!("key {KEY}"), "code": 400, "status": KEY } })),
+        1 => vendor.stream(&format!("model-{KEY}"), &DONE.replace("the crane", KEY)),
+        _ => vendor.stream(&vendor.model(request), DONE),
+    });
+    let (vlm, host) = (format!("gemini@{}", server.url()), server.host().to_string());
+    for args in long_commands(&vlm) {
+        for allowed in [true, false] {
+            let lab = Lab::new();
+            // Another folder's settings want it elsewhere.
+            lab.write(".env", format!("GEMINI_API_KEY={KEY}\n"));
+            lab.write("spf.toml", "[vlm]\nhedge_s = 30.0\n");
+            let more: &[&str] = if allowed { &["-vv", "--send-key-to", &host] } else { &["-vv"] };
+            let before = server.questions().len();
+            let mut run = Run::of(&lab.command(&[&args[..], more].concat()).env("RUST_LOG", "trace").output().unwrap());
+            if args[0] == "bench" {
+                // The same trial once more, from its name.
+                let name = rows(&lab.path("DIR/results.jsonl"))[0]["run_id"].as_str().unwrap().to_owned();
+                let show = ["bench", "show", &name, "--vlm", &vlm, "--no-video", "-o", "SHOWN"];
+                let shown = Run::of(&lab.command(&[&show[..], more].concat()).env("RUST_LOG", "trace").output().unwrap());
+                assert!(lab.path("SHOWN/flight.mcap").exists(), "{}", shown.stderr);
+                run.stderr.push_str(&shown.stderr);
+                run.stdout.push_str(&shown.stdout);
+            }
+            let questions = server.questions().split_off(before);
+            assert!(!questions.is_empty(), "{args:?}: {}", run.stderr);
+            for request in &questions {
+                let sent = request.header(vendor.key_header()).is_some_and(|value| value.ends_with(KEY));
+                assert_eq!(sent, allowed, "{args:?}: {}", run.stderr);
+            }
+            let mut all = vec![("stdout".to_owned(), run.stdout.into_bytes()), ("stderr".to_owned(), run.stderr.into_bytes())];
+            files(&lab.path("."), &mut all);
+            assert!(all.len() > 4, "{args:?}: nothing was written");
+            for (name, bytes) in &all {
+                assert_hidden(&format!("{args:?} {name}"), bytes);
+            }
+        }
+    }
+}
+
+/// A folder of somebody else's redirects neither a bench nor a trial.
+#[test]
+fn files_cannot_send_the_key_of_a_trial_or_bench_anywhere() {
+    let server = thief(Vendor::OpenAi);
+    let own = format!(
+        "[[vendor]]\nname = \"openai\"\ntitle = \"x\"\nwire = \"openai-responses\"\nbase_url = \"{}\"\nauth = \"bearer\"\n\
+         keys = [\"OPENAI_API_KEY\"]\nkey_needed = true\nfamily = \"gpt\"\ndefault = \"gpt-6-luna\"\n",
+        server.url()
+    );
+    for args in long_commands("openai") {
+        for (env, toml) in [
+            (String::new(), "[vlm]\nmodels = \"m.toml\"".to_owned()),
+            (format!("OPENAI_BASE_URL={}", server.url()), String::new()),
+            (format!("SPF_SEND_KEY_TO={}", server.host()), "[vlm]\nmodels = \"m.toml\"".to_owned()),
+            (String::new(), format!("[vlm]\nmodels = \"m.toml\"\nsend_key_to = \"{}\"", server.host())),
+        ] {
+            let lab = Lab::new();
+            let what = format!("{args:?} {env} {toml}");
+            lab.write(".env", env);
+            lab.write("spf.toml", toml);
+            lab.write("m.toml", &own);
+            let run = Run::of(&lab.command(&args).env("OPENAI_API_KEY", KEY).output().unwrap());
+            assert_not_received(&what, &server);
+            let mut all = vec![("stdout".to_owned(), run.stdout.into_bytes()), ("stderr".to_owned(), run.stderr.into_bytes())];
+            files(&lab.path("."), &mut all);
+            for (name, bytes) in &all {
+                assert_hidden(&format!("{what}: {name}"), bytes);
+            }
+        }
+    }
+    assert!(!server.questions().is_empty(), "what was sent without the key arrived");
 }

@@ -1,0 +1,100 @@
+#!/usr/bin/env python3
+"""Writes seeds of the fuzz targets from real data: flights of the simulator, encoders, recorded answers.
+
+    python3 fuzz/seeds.py target/release/spf
+
+Needs ffmpeg. What it writes is kept in git, small, and changes only when a format does; seeds by hand are left alone.
+"""
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+SEEDS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "seeds")
+
+
+# A model that says the same about every image.
+PROGRAM = """
+import json, sys
+for line in sys.stdin:
+    request = json.loads(line)
+    text = json.dumps({"status": "navigating", "stage": 1, "point": [400, 500], "depth": 4, "target": "red crane"})
+    print(json.dumps({"id": request["id"], "text": text}), flush=True)
+"""
+
+
+def keep(target, name, data):
+    """Writes a seed."""
+    folder = os.path.join(SEEDS, target)
+    os.makedirs(folder, exist_ok=True)
+    with open(os.path.join(folder, name), "wb") as file:
+        file.write(data if isinstance(data, bytes) else data.encode())
+
+
+def run(*command, **more):
+    return subprocess.run(command, check=True, capture_output=True, **more).stdout
+
+
+def rows(log, spf, topic):
+    """The messages of a topic."""
+    text = run(spf, "log", "cat", log, topic).decode()
+    return [json.loads(line)["message"] for line in text.splitlines() if line.startswith("{")]
+
+
+def videos(folder):
+    """Small H.264 streams in Annex B: with one and with several slices an image, of both entropy coders, and with losses."""
+    source = ["-f", "lavfi", "-i", "testsrc=size=64x48:rate=10", "-frames:v", "4"]
+    streams = {}
+    for name, options in {
+        "baseline": ["-profile:v", "baseline", "-x264-params", "bframes=0:keyint=2"],
+        "slices": ["-profile:v", "baseline", "-x264-params", "bframes=0:slices=3:keyint=4"],
+        "main": ["-profile:v", "main", "-x264-params", "bframes=0:cabac=1:keyint=4"],
+    }.items():
+        path = os.path.join(folder, name + ".h264")
+        run("ffmpeg", "-v", "error", *source, "-c:v", "libx264", "-preset", "veryslow", "-pix_fmt", "yuv420p", *options,
+            "-bsf:v", "h264_mp4toannexb,filter_units=remove_types=6", "-f", "h264", path)
+        with open(path, "rb") as file:
+            streams[name] = file.read()
+    for name, stream in streams.items():
+        # The first byte says how long the datagrams are: 1 + 6 × 200 bytes.
+        keep("h264", name, bytes([200]) + stream)
+        keep("photo", name + ".h264", stream)
+    half = streams["baseline"]
+    keep("h264", "truncated", bytes([40]) + half[: len(half) * 2 // 3])
+    # A datagram of the video as the Tello's driver receives it.
+    keep("tello", "slice", streams["baseline"][:1000])
+
+
+def main():
+    spf = os.path.abspath(sys.argv[1])
+    with tempfile.TemporaryDirectory() as folder:
+        videos(folder)
+        program = os.path.join(folder, "model.py")
+        with open(program, "w", encoding="utf-8") as file:
+            file.write(PROGRAM)
+        out, tape = os.path.join(folder, "flight"), os.path.join(folder, "tape.jsonl")
+        for vlm, more in (("oracle:default", ["--avoid"]), ("exec:python3 model.py", ["--vlm-record", tape])):
+            subprocess.run([spf, "fly", "fly to the red crane", "--vlm", vlm, "--max-decisions", "2", "--no-video", *more,
+                            "--out", out], cwd=folder, capture_output=True, check=False)
+            log, own = os.path.join(out, "flight.mcap"), vlm[:4]
+            for number, reply in enumerate(rows(log, spf, "/reply")[:2]):
+                keep("reply", f"{own}{number}", reply["text"])
+                keep("exec", f"{own}{number}", json.dumps({"id": number, "text": reply["text"]}))
+            # The head of the log and its first messages: a whole one is too large for a seed.
+            with open(log, "rb") as file:
+                keep("log", f"{own}.mcap", file.read(6_000))
+            os.rename(out, out + own)
+        with open(tape, "rb") as file:
+            keep("cassette", "flight", file.read(6_000))
+    # Detections, in the encoding of `arbitrary`: the text is at the beginning.
+    keep("detector", "list", 'car_1 x:0.50 y:0.61 width:0.10 height:0.08 score:0.91\nperson_1 x:0.20 y:0.5 width:0.1 height:0.3\n')
+    head = {"captured": 1_500, "counter": 7, "camera": {"width": 2, "height": 2, "fx": 2.0, "fy": 2.0, "cx": 1.0, "cy": 1.0,
+            "distortion": {"k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0}, "tilt": 0.0}, "cm": "DICaBk=A//", "source": "sensor"}
+    keep("depth", "grid", json.dumps(head))
+    keep("depth", "values", "DIDICaBk=A//")
+    keep("tello_link", "answers", bytes([0, 10, 1, 1, 5, 0, 4, 100, 0, 0, 7, 100, 128, 200, 128, 90, 9, 10, 6, 200, 8, 1, 5, 5]))
+
+
+if __name__ == "__main__":
+    main()
