@@ -157,12 +157,14 @@ fn measured(depths: &[f32], seed: u64, number: u64, fault: Option<DepthFault>) -
             if let Some(other) = edge(&at, x, y).filter(|_| smeared && depth > 0.0) {
                 depth += part * (other - depth);
             }
+            // What is far away must not come near by its noise, which grows with the square of the depth.
+            let in_range = (NEAREST..=FARTHEST).contains(&depth);
             depth += (NOISE * depth * depth).max(LEAST_NOISE) * noise;
             if fault == Some(DepthFault::Scale) {
                 depth *= OFF_SCALE;
             }
             let black = fault == Some(DepthFault::HalfBlack) && x < width / 2;
-            let seen = at(x, y) > 0.0 && (NEAREST..=FARTHEST).contains(&depth) && !hole && !black;
+            let seen = at(x, y) > 0.0 && in_range && (NEAREST..=FARTHEST).contains(&depth) && !hole && !black;
             cm.push(if seen { libm::round(100.0 * depth) as u16 } else { 0 });
         }
     }
@@ -220,7 +222,7 @@ mod tests {
 
     #[test]
     fn nothing_is_measured_of_the_sky_or_out_of_range() {
-        for depth in [0.0, 0.2, 15.0] {
+        for depth in [0.0, 0.2, 15.0, 40.0, 100.0] {
             assert_eq!(grid(0, None, depth).valid_fraction(), 0.0, "{depth}");
         }
         assert_eq!(at(0, None).take(&[]).unwrap().valid_fraction(), 0.0);

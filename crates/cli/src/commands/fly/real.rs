@@ -44,6 +44,9 @@ pub(super) fn ready(
         // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
         (method.motion, method.think) = (Motion::Manoeuvres, Think::Stop);
     }
+    if settings.fly.depth_sensor.or_default()?.0.is_some() {
+        return Err(CliError::usage("--depth-sensor is for the simulated craft").hint("no driver reads a depth sensor yet"));
+    }
     let limits = limits(settings, target.limits())?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
