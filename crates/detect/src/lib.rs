@@ -6,6 +6,7 @@
 
 #![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "pre- and postprocessing are only used with a network"))]
 
+mod bounds;
 pub mod decode;
 pub mod letterbox;
 mod names;
@@ -29,7 +30,8 @@ use letterbox::Letterbox;
 use onnx::Network;
 use process::Remote;
 
-pub use process::{Bounds, Place};
+pub use bounds::Bounds;
+pub use process::Place;
 
 /// Maximum size of a model file, bytes.
 pub const MAX_MODEL: u64 = 512 << 20;

@@ -8,27 +8,10 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use crate::bounds::Bounds;
 use crate::wire::{self, Reply};
 use crate::worker::ARGUMENT;
 use crate::{Description, DetectError, Output};
-
-/// What a network may use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bounds {
-    /// Memory, bytes. The limit is one of Linux; on other systems the time alone is bounded.
-    pub memory: u64,
-    /// Time to load it and to run it for the first time, each.
-    pub load: Duration,
-    /// Time of every later run.
-    pub run: Duration,
-}
-
-impl Default for Bounds {
-    fn default() -> Self {
-        // YOLOv8x, the largest of its family (68 million weights), needs 0.9 GiB.
-        Self { memory: 4 << 30, load: Duration::from_secs(60), run: Duration::from_secs(10) }
-    }
-}
 
 /// Where a network is run.
 #[derive(Clone, Debug)]

@@ -7,9 +7,10 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::mpsc;
 
+use crate::DetectError;
+use crate::bounds::Bounds;
 use crate::onnx::Network;
 use crate::wire::{self, Reply};
-use crate::{Bounds, DetectError};
 
 /// The argument with which a program runs [`serve`] in place of anything else.
 pub const ARGUMENT: &str = "detector-process";

@@ -83,7 +83,7 @@ fn three_rounds_on_one_frame_close_in_on_the_target() {
         counts.push(numbers(&query).len());
         assert_eq!((query.kind.clone(), query.frame), (QueryKind::Choose, FrameId(1)));
         let most = if round == 2 { "the numbers of the best 1," } else { "the numbers of the best 3," };
-        assert!(query.prompt.contains(most) && query.prompt.contains("fly 2 m that way"), "{}", query.prompt);
+        assert!(query.prompt.contains(most) && query.prompt.contains("fly 2 m in its direction"), "{}", query.prompt);
         let number = nearest(&query, u, v);
         match answer(&mut pivot, &query, &[number]) {
             Step::Ask(next) => query = *next,

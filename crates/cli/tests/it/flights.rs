@@ -33,7 +33,7 @@ fn a_part_that_is_not_read_is_no_success() {
     let run = lab.spf(&["fly", words, "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
     assert!(run.stderr.contains("\nnot understood: \"from above\""), "{}", run.stderr);
     let end = "reached, verified by the simulator's ground truth: the instruction is fulfilled, except \"from above\", which was not \
-               read\n";
+               understood\n";
     assert!(run.code == Some(0) && run.stdout.starts_with(end), "{}", run.stdout);
     let summary = std::fs::read_to_string(lab.path("mine/summary.json")).unwrap();
     assert!(summary.replace(char::is_whitespace, "").contains(r#""not_read":["fromabove"]"#), "{summary}");

@@ -21,9 +21,13 @@ impl ObstacleMap {
         let high = [0, 1, 2].map(|i| low[i] + SIZE[i] as f64 * CELL - 2e-6);
         for (_, at) in grid.points() {
             let end = axes.place(at.right, at.forward, at.up);
-            let (end, whole) = clip(axes.origin, end, low, high);
-            let Some(index) = self.index(Cell::of(end)) else { continue };
-            let mark = ENDED | if whole { STRUCK } else { 0 };
+            let (index, mark) = match self.index(Cell::of(end)) {
+                Some(index) => (index, ENDED | STRUCK),
+                None => match self.index(Cell::of(clip(axes.origin, end, low, high))) {
+                    Some(index) => (index, ENDED),
+                    None => continue,
+                },
+            };
             if self.marks[index] & ENDED == 0 {
                 self.touched.push(index as u32);
             }
@@ -53,8 +57,8 @@ impl ObstacleMap {
     }
 }
 
-/// The part of a ray inside a box that contains its start, and whether that is the whole ray.
-fn clip(from: EnuPosition, to: EnuPosition, low: [f64; 3], high: [f64; 3]) -> (EnuPosition, bool) {
+/// Where a ray that starts inside a box leaves it.
+fn clip(from: EnuPosition, to: EnuPosition, low: [f64; 3], high: [f64; 3]) -> EnuPosition {
     let (a, b) = ([from.east, from.north, from.up], [to.east, to.north, to.up]);
     let mut fraction = 1.0_f64;
     for i in 0..3 {
@@ -67,5 +71,5 @@ fn clip(from: EnuPosition, to: EnuPosition, low: [f64; 3], high: [f64; 3]) -> (E
         };
         fraction = fraction.min(((bound - a[i]) / (b[i] - a[i])).max(0.0));
     }
-    if fraction < 1.0 { (from.towards(to, fraction), false) } else { (to, true) }
+    from.towards(to, fraction)
 }

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::camera::Camera;
-use crate::depth::{DepthGrid, DepthSource};
+use crate::depth::{CameraAxes, DepthGrid, DepthSource};
 use crate::geometry::{Attitude, Pose};
 use crate::query::ImageBox;
 use crate::reply::ObstacleBox;
@@ -204,10 +204,26 @@ proptest! {
         for _ in 0..3 {
             map.depth(&grid, pose);
         }
-        let axes = crate::depth::CameraAxes::new(&grid.camera, pose);
+        let axes = CameraAxes::new(&grid.camera, pose);
         for (_, p) in grid.points() {
             let end = Cell::of(axes.place(p.right, p.forward, p.up));
             prop_assert!(map.index(end).is_none() || map.is_occupied(end));
         }
     }
+}
+
+/// A return within a micrometre of the grid's upper end once counted as one beyond it, and cleared its own cell.
+#[test]
+fn a_return_at_the_very_end_of_the_grid_is_an_obstacle() {
+    let mut map = map();
+    let top = map.corner().unwrap().up + SIZE[2] as i32;
+    let end = f64::from(top) * CELL - 5e-7;
+    let level = grid(|x, y| if (x, y) == (80, 0) { 300 } else { 0 });
+    let ray = CameraAxes::new(&level.camera, pose(0.1, 0.1, 0.0));
+    let (_, p) = level.points().next().unwrap();
+    let up = end - ray.place(p.right, p.forward, p.up).up;
+    let from = pose(0.1, 0.1, up);
+    map.depth(&level, from);
+    let at = CameraAxes::new(&level.camera, from).place(p.right, p.forward, p.up);
+    assert!((at.up - end).abs() < 1e-7 && map.is_occupied(Cell::of(at)), "{at:?}");
 }

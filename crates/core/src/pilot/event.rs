@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::guiding::AnchorReport;
+use crate::anchor::{Gate, Sight};
 use crate::command::{Command, Setpoint};
 use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
@@ -234,4 +234,19 @@ pub struct Decision {
     /// Where the target is, if its place is kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub anchor: Option<AnchorReport>,
+}
+
+/// The target's place at a decision.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct AnchorReport {
+    /// As seen from where the frame was captured.
+    #[serde(flatten)]
+    pub sight: Sight,
+    /// Outcome of the decision's own sighting; absent if it was none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gate: Option<Gate>,
+    /// Number of sightings fused.
+    pub hits: u32,
+    /// Number of hypotheses, 1 if nothing contradicts the anchor.
+    pub hypotheses: u32,
 }

@@ -4,8 +4,8 @@
 //! Everything here follows from what drivers and VLM deliver: frames' poses by the motion estimate, telemetry, depth
 //! grids, replies.
 
-use super::{Around, Note, Passage, Pilot, Think, Waiting};
-use crate::anchor::{Anchor, Anchors, Gate, Sight, Sighting, Trust};
+use super::{AnchorReport, Around, Note, Passage, Pilot, Think, Waiting};
+use crate::anchor::{Anchor, Anchors, Gate, Sighting, Trust};
 use crate::avoid::is_person;
 use crate::depth::DepthGrid;
 use crate::estimator::Known;
@@ -104,21 +104,6 @@ pub(super) enum Lead {
     Fly { from: EnuPosition, reach: f64, goal: Goal },
     /// Go on as before: the sighting contradicts those before it.
     Stay,
-}
-
-/// The target's place at a decision.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-pub struct AnchorReport {
-    /// As seen from where the frame was captured.
-    #[serde(flatten)]
-    pub sight: Sight,
-    /// Outcome of the decision's own sighting; absent if it was none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gate: Option<Gate>,
-    /// Number of sightings fused.
-    pub hits: u32,
-    /// Number of hypotheses, 1 if nothing contradicts the anchor.
-    pub hypotheses: u32,
 }
 
 impl Guiding {

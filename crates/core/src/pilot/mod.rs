@@ -22,8 +22,7 @@ mod settings;
 mod take_over;
 mod unseen;
 
-pub use event::{Action, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
-pub use guiding::AnchorReport;
+pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
 pub use settings::{AtEnd, PilotSettings, Preset, Think};
 
 use std::collections::{BTreeMap, VecDeque};

@@ -280,7 +280,8 @@ fn trials_and_benches_hide_keys_as_flights_do() {
             }
             let mut all = vec![("stdout".to_owned(), run.stdout.into_bytes()), ("stderr".to_owned(), run.stderr.into_bytes())];
             files(&lab.path("."), &mut all);
-            assert!(all.len() > 4, "{args:?}: nothing was written");
+            // A trial in which no dot was answered as asked ends with its first file.
+            assert!(all.len() > 3, "{args:?}: {:?}", all.iter().map(|(name, _)| name).collect::<Vec<_>>());
             for (name, bytes) in &all {
                 assert_hidden(&format!("{args:?} {name}"), bytes);
             }
