@@ -225,7 +225,7 @@ fn rows() -> Vec<Row> {
             "s",
             Some((0.52, 0.67)),
             reached(&speed, 0.9) - reached(&speed, 0.1),
-            "0.8 m/s over the two accelerations above",
+            "0.8 m/s (10 to 90 % of 1 m/s) divided by each of the two accelerations in the row above",
         ),
         row(
             "dead time, command to motion",
@@ -257,7 +257,7 @@ fn rows() -> Vec<Row> {
             "m/s",
             Some((0.48, 0.5)),
             climb_rate,
-            "0.5 in a Gazebo plugin; 0.48 is the mean rate of the landing below, from 0.8 m",
+            "0.5 in a Gazebo plugin; 0.48 assumes the climb is as fast as the descent in the logged landing (0.8 m in 1.66 s, rows below)",
         ),
         row(
             "take-off, command to hover",
@@ -280,7 +280,13 @@ fn rows() -> Vec<Row> {
             landing(0.5),
             "1.66 in the same log, from a height between 0.5 and 0.8 m: an upper bound here",
         ),
-        row("landing from 0.8 m", "s", Some((1.66, 2.2)), landing(0.8), "the same 1.66: a lower bound here"),
+        row(
+            "landing from 0.8 m",
+            "s",
+            Some((1.66, 2.2)),
+            landing(0.8),
+            "the same 1.66 s, a lower bound for this row because that landing began at 0.8 m or lower",
+        ),
         row("drift of the hover along an axis in 5 s", "m", Some((0.05, 0.1)), drift(), "0.05 to 0.1 over a lit textured floor"),
         row(
             "flight time, full battery to automatic landing",
