@@ -366,7 +366,7 @@ fn a_ninth_page_is_refused_until_another_leaves() {
     assert!(let_in);
 }
 
-/// A siege of 30 minutes once filled 12 GB with the threads of pages that had gone.
+/// A rendering thread outlives its page by an image: unbounded, pages that come and go quickly would fill the memory.
 #[test]
 #[cfg(target_os = "linux")]
 fn pages_that_come_and_go_leave_no_threads_behind() {

@@ -212,7 +212,7 @@ proptest! {
     }
 }
 
-/// A return within a micrometre of the grid's upper end once counted as one beyond it, and cleared its own cell.
+/// The grid's box is shrunk by a micrometre for clipping: a return in that margin must not count as one beyond the grid.
 #[test]
 fn a_return_at_the_very_end_of_the_grid_is_an_obstacle() {
     let mut map = map();
