@@ -2,7 +2,7 @@
 
 use divan::{Bencher, black_box};
 use spf_core::craft::Craft;
-use spf_core::estimator::{Known, MotionEstimator, Senses};
+use spf_core::estimator::{MotionEstimate, MotionEstimator, TelemetryAccuracy};
 use spf_core::executor::{Ending, Executor, Goal, Motion};
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose};
 use spf_core::primitives::Primitives;
@@ -21,8 +21,8 @@ const CASES: [(Motion, Ending); 4] = [
 ];
 
 /// A craft in motion, at 2.2 m/s and turning, with some error left on every axis.
-fn on_the_way() -> Known {
-    Known {
+fn on_the_way() -> MotionEstimate {
+    MotionEstimate {
         position: EnuPosition { east: 0.2, north: 1.0, up: 0.1 },
         velocity: EnuVelocity { east: 0.3, north: 2.2, up: 0.4 },
         attitude: Attitude { heading: 0.1, ..Attitude::default() },
@@ -38,7 +38,7 @@ fn twenty_ticks(bencher: Bencher<'_, '_>, (motion, ending): (Motion, Ending)) {
     bencher
         .with_inputs(|| {
             let mut executor = Executor::new(craft, motion, ending);
-            executor.start(Time::from_millis(1000), Known::default(), primitives);
+            executor.start(Time::from_millis(1000), MotionEstimate::default(), primitives);
             executor
         })
         .bench_local_values(|mut executor| {
@@ -54,7 +54,7 @@ fn twenty_ticks(bencher: Bencher<'_, '_>, (motion, ending): (Motion, Ending)) {
 /// Twenty ticks in each of which the matching fraction of a setpoint has to be found: 5 cm are left.
 #[divan::bench(args = [Motion::Sequential, Motion::Blended])]
 fn twenty_last_ticks(bencher: Bencher<'_, '_>, motion: Motion) {
-    let known = Known { velocity: EnuVelocity { north: 0.3, ..EnuVelocity::default() }, ..Known::default() };
+    let known = MotionEstimate { velocity: EnuVelocity { north: 0.3, ..EnuVelocity::default() }, ..MotionEstimate::default() };
     bencher
         .with_inputs(|| {
             let mut executor = Executor::new(Craft::quad(), motion, Ending::Measured);
@@ -75,7 +75,7 @@ fn twenty_last_ticks(bencher: Bencher<'_, '_>, motion: Motion) {
 /// One report of a Tello and one query for the current motion.
 #[divan::bench]
 fn observe_and_ask(bencher: Bencher<'_, '_>) {
-    let mut estimator = MotionEstimator::new(&Craft::tello(), Senses::tello());
+    let mut estimator = MotionEstimator::new(&Craft::tello(), TelemetryAccuracy::tello());
     let mut now = Time::ZERO;
     bencher.bench_local(|| {
         now += Duration::from_millis(100);

@@ -6,7 +6,7 @@ use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{EnuPosition, EnuVelocity};
 use spf_core::grounding::GroundingProfile;
@@ -88,7 +88,7 @@ fn flying(preset: Preset) -> (Pilot, Time) {
     let mut pilot = Pilot::new(PilotParts {
         settings,
         craft,
-        senses: Senses::quad(),
+        senses: TelemetryAccuracy::quad(),
         camera: Camera::quad(),
         limits: Limits::for_craft(&craft),
         policy: Box::new(policy),

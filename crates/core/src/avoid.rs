@@ -88,7 +88,7 @@ pub enum Side {
 
 /// The side on which an obstacle is being passed, so that one answer does not undo what the last one began.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Keep {
+pub struct PassingSide {
     /// The side.
     pub side: Side,
     /// Whether no other side may be tried: it has been changed once already.
@@ -146,7 +146,7 @@ pub enum Avoidance {
 /// target.
 ///
 /// Alternatives are tried by growing angle from the planned direction in steps of one degree; at equal angles sideways
-/// comes before up, up before down, and right before left. With `keep` those on its side come first, whatever their angle,
+/// comes before up, up before down, and right before left. With `passing` those on its side come first, whatever their angle,
 /// so that a detour goes on where it began. None leads towards a person who is near. Those that keep
 /// [`DETOUR_CLEARANCE`] come first, and those lower than both the planned direction and the horizon last. The result
 /// depends only on the arguments.
@@ -156,22 +156,22 @@ pub fn avoid(
     clearance: f64,
     boxes: &[ObstacleBox],
     target: Option<&str>,
-    keep: Option<Keep>,
+    passing: Option<PassingSide>,
 ) -> Avoidance {
-    avoid_guessed(plan, clearance, boxes, &[], target, keep)
+    avoid_with_guessed_ranges(plan, clearance, boxes, &[], target, passing)
 }
 
 /// The same for boxes of which some have no range: their label, the nearest, is a guess (`guessed`, by the index of the box;
 /// a missing entry is false). What they block is shortened or held and never led around: a guess that is wrong would lead
 /// far aside, and to where a detector that knows a few classes of objects sees no wall.
 #[must_use]
-pub fn avoid_guessed(
+pub fn avoid_with_guessed_ranges(
     plan: &PlannedStep<'_>,
     clearance: f64,
     boxes: &[ObstacleBox],
     guessed: &[bool],
     target: Option<&str>,
-    keep: Option<Keep>,
+    passing: Option<PassingSide>,
 ) -> Avoidance {
     let Some(path) = plan.path(plan.point, plan.step) else { return Avoidance::Hold { by: None } };
     let solids_within = |clearance: f64| -> Vec<Solid> {
@@ -202,10 +202,10 @@ pub fn avoid_guessed(
             .or_else(|| nearest_free(plan, side, level))
             .or_else(|| nearest_free(plan, side, fits))
     };
-    let shifted = || match keep {
+    let shifted = || match passing {
         None => try_side(None),
-        Some(Keep { side, strict: true }) => try_side(Some(side)),
-        Some(Keep { side, strict: false }) => try_side(Some(side)).or_else(|| try_side(None)),
+        Some(PassingSide { side, strict: true }) => try_side(Some(side)),
+        Some(PassingSide { side, strict: false }) => try_side(Some(side)).or_else(|| try_side(None)),
     };
     let is_guess = |solid: &Solid| guessed.get(solid.index) == Some(&true) && solid.blocks(&path);
     if !solids.iter().any(is_guess)

@@ -21,7 +21,7 @@ use crate::time::{Duration, Time};
 
 /// Estimated motion of the craft at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Known {
+pub struct MotionEstimate {
     /// World position, metres. For a craft without position: dead-reckoned from the first report, with `up` from its
     /// height.
     pub position: EnuPosition,
@@ -33,7 +33,7 @@ pub struct Known {
     pub yaw_rate: f64,
 }
 
-impl Known {
+impl MotionEstimate {
     /// Position and attitude.
     #[must_use]
     pub fn pose(&self) -> Pose {
@@ -51,7 +51,7 @@ impl Known {
 
 /// Accuracy of a craft's telemetry. Zero means exact.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Senses {
+pub struct TelemetryAccuracy {
     /// Slowly varying error of the position, metres.
     pub position_noise: f64,
     /// Error of a single velocity report, m/s.
@@ -66,7 +66,7 @@ pub struct Senses {
     pub height_resolution: f64,
 }
 
-impl Senses {
+impl TelemetryAccuracy {
     /// Exact telemetry.
     pub const EXACT: Self = Self {
         position_noise: 0.0,
@@ -111,24 +111,24 @@ const OFF: f64 = 0.5;
 /// Maximum number of poses: [`MEMORY`] at 50 Hz, with room.
 const POSES: usize = 1024;
 
-/// Estimates the craft's motion from telemetry and setpoints: [`Known`] for now, and poses of the past.
+/// Estimates the craft's motion from telemetry and setpoints: [`MotionEstimate`] for now, and poses of the past.
 #[derive(Clone, Debug)]
 pub struct MotionEstimator {
     response: Response,
-    senses: Senses,
+    senses: TelemetryAccuracy,
     log: CommandLog,
     newest: Option<(Telemetry, State)>,
     drift: Drift,
     odometry: Odometry,
     /// Time up to which poses are unknown relative to later ones.
     lost: Option<Time>,
-    past: VecDeque<(Time, Known, Odometry)>,
+    past: VecDeque<(Time, MotionEstimate, Odometry)>,
 }
 
 impl MotionEstimator {
     /// An estimator without data. `craft` gives the response to setpoints, `senses` the accuracy of the telemetry.
     #[must_use]
-    pub fn new(craft: &Craft, senses: Senses) -> Self {
+    pub fn new(craft: &Craft, senses: TelemetryAccuracy) -> Self {
         Self {
             response: Response::of(craft),
             senses,
@@ -197,7 +197,7 @@ impl MotionEstimator {
 
     /// Motion at `now`, predicted from the newest report by at most half a second. `None` before the first report.
     #[must_use]
-    pub fn at(&self, now: Time) -> Option<Known> {
+    pub fn at(&self, now: Time) -> Option<MotionEstimate> {
         let (telemetry, state) = self.newest.as_ref()?;
         let until = now.min(telemetry.time + HORIZON);
         let state = if until > telemetry.time { self.predict(telemetry, *state, until) } else { *state };
@@ -281,7 +281,7 @@ impl MotionEstimator {
     /// Motion at `now`, predicted from the newest report however old it is: where the craft is if it does what it is
     /// commanded.
     #[must_use]
-    pub fn reckoned(&self, now: Time) -> Option<Known> {
+    pub fn reckoned(&self, now: Time) -> Option<MotionEstimate> {
         let (telemetry, state) = self.newest.as_ref()?;
         let state = if now > telemetry.time { self.predict(telemetry, *state, now) } else { *state };
         Some(known(state, telemetry))
@@ -360,7 +360,7 @@ struct Drift {
 
 impl Drift {
     /// Adds `elapsed` seconds at a velocity.
-    fn grow(&mut self, senses: &Senses, velocity: EnuVelocity, elapsed: f64) {
+    fn grow(&mut self, senses: &TelemetryAccuracy, velocity: EnuVelocity, elapsed: f64) {
         // Rounding to a unit has a variance of a twelfth of its square.
         let report =
             senses.velocity_noise * senses.velocity_noise + senses.velocity_resolution * senses.velocity_resolution / 12.0;
@@ -380,7 +380,13 @@ impl Drift {
 }
 
 /// Odometry after `elapsed` seconds at a velocity, up to a report.
-fn lose(mut odometry: Odometry, senses: &Senses, telemetry: &Telemetry, velocity: EnuVelocity, elapsed: f64) -> Odometry {
+fn lose(
+    mut odometry: Odometry,
+    senses: &TelemetryAccuracy,
+    telemetry: &Telemetry,
+    velocity: EnuVelocity,
+    elapsed: f64,
+) -> Odometry {
     if telemetry.phase == FlightPhase::OnGround {
         return odometry;
     }
@@ -415,8 +421,8 @@ fn first(telemetry: &Telemetry) -> State {
     }
 }
 
-fn known(state: State, telemetry: &Telemetry) -> Known {
-    Known {
+fn known(state: State, telemetry: &Telemetry) -> MotionEstimate {
+    MotionEstimate {
         position: state.position,
         velocity: state.velocity,
         attitude: Attitude { heading: wrap_angle(state.heading), ..telemetry.attitude },

@@ -123,7 +123,7 @@ pub struct Rule {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
-pub enum Trouble {
+pub enum CraftFault {
     /// No messages pass in either direction.
     LinkCut,
     /// The battery is nearly empty: the craft reports it, does not take off, and lands by itself.
@@ -151,9 +151,9 @@ pub enum Trouble {
 /// One fault of the craft during an interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct TroubleRule {
+pub struct CraftFaultRule {
     /// The fault.
-    pub fault: Trouble,
+    pub fault: CraftFault,
     /// From this flight time, s, inclusive.
     #[serde(default)]
     pub from: f64,
@@ -171,7 +171,7 @@ pub struct FaultPlan {
     pub rules: Vec<Rule>,
     /// Craft faults.
     #[serde(default)]
-    pub craft: Vec<TroubleRule>,
+    pub craft: Vec<CraftFaultRule>,
 }
 
 /// An invalid rule.
@@ -267,7 +267,7 @@ impl FaultMachine {
 
     /// Whether the craft has `fault` at `now`.
     #[must_use]
-    pub fn troubled(&self, now: Time, fault: Trouble) -> bool {
+    pub fn has_fault(&self, now: Time, fault: CraftFault) -> bool {
         self.plan.craft.iter().any(|rule| rule.fault == fault && within(now, rule.from, rule.until))
     }
 
@@ -449,9 +449,9 @@ mod tests {
     fn troubles_of_the_craft_hold_for_their_time() {
         let text = r#"{"craft": [{"fault": "link_cut", "from": 2, "until": 4}, {"fault": "imu_invalid"}]}"#;
         let m = FaultMachine::new(serde_json::from_str(text).unwrap(), 0).unwrap();
-        let cut: Vec<bool> = [1.9, 2.0, 3.9, 4.0].iter().map(|at| m.troubled(secs(*at), Trouble::LinkCut)).collect();
+        let cut: Vec<bool> = [1.9, 2.0, 3.9, 4.0].iter().map(|at| m.has_fault(secs(*at), CraftFault::LinkCut)).collect();
         assert_eq!(cut, [false, true, true, false]);
-        assert!(m.troubled(secs(0.0), Trouble::ImuInvalid) && !m.troubled(secs(0.0), Trouble::BatteryEmpty));
+        assert!(m.has_fault(secs(0.0), CraftFault::ImuInvalid) && !m.has_fault(secs(0.0), CraftFault::BatteryEmpty));
         let backwards = r#"{"craft": [{"fault": "reboot", "from": 2, "until": 2}]}"#;
         assert!(FaultMachine::new(serde_json::from_str(backwards).unwrap(), 0).is_err());
     }

@@ -19,7 +19,7 @@ use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::depth::DepthGrid;
 use spf_core::envelope::Cleared;
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameMeta;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
@@ -35,7 +35,7 @@ pub struct Capabilities {
     /// Its camera.
     pub camera: Camera,
     /// Accuracy of its telemetry.
-    pub senses: Senses,
+    pub senses: TelemetryAccuracy,
     /// Whether it reports its position; if not, it is dead-reckoned.
     pub position: bool,
     /// Whether it can fly a [`Command::Manoeuvre`] to its end by itself.
@@ -53,7 +53,7 @@ pub struct Capabilities {
 impl Capabilities {
     /// A craft with a fixed camera and no optional equipment.
     #[must_use]
-    pub fn of(craft: Craft, camera: Camera, senses: Senses) -> Self {
+    pub fn of(craft: Craft, camera: Camera, senses: TelemetryAccuracy) -> Self {
         let (position, manoeuvres) = (false, false);
         Self { craft, camera, senses, position, manoeuvres, depth: None, rangefinder: None, gimbal: None, zoom: None }
     }

@@ -19,7 +19,7 @@ use serde_json::json;
 use spf_core::avoid::PathShape;
 use spf_core::camera::Camera;
 use spf_core::craft::Craft;
-use spf_core::estimator::Known;
+use spf_core::estimator::MotionEstimate;
 use spf_core::executor::{Ending, Executor, Motion};
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
@@ -158,7 +158,7 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
         return Err(format!("no motion came of {text}").into());
     };
     let mut executor = Executor::new(Craft::tello(), Motion::Blended, Ending::Measured);
-    let known = Known::default();
+    let known = MotionEstimate::default();
     executor.start(now, known, motion.primitives);
     if executor.tick(now, known).setpoint.is_hold() {
         return Err("the first setpoint holds".into());

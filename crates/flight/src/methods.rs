@@ -8,7 +8,7 @@ use spf_core::actions::ActForm;
 use spf_core::executor::{Ending, Motion};
 use spf_core::guidance::Guidance;
 use spf_core::lift::Lifting;
-use spf_core::pilot::{PilotSettings, Preset, Think};
+use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::step::StepRule;
 use thiserror::Error;
 
@@ -112,7 +112,7 @@ pub struct BenchSettings {
     /// Whether time or the measured distance ends a primitive.
     pub ending: Option<Ending>,
     /// Whether the craft holds while the VLM thinks.
-    pub think: Option<Think>,
+    pub think: Option<QueryTiming>,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: Option<bool>,
     /// Whether obstacle mode is on in every task, not only in those that require it.

@@ -7,7 +7,7 @@ use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::tags::Tagged;
-use spf_oracle::{ErrorFile, Oracle, Sight};
+use spf_oracle::{ErrorFile, GroundTruthView, Oracle};
 
 fn main() {
     divan::main();
@@ -52,7 +52,7 @@ fn query(instruction: &str) -> Query {
 fn percept_960x720(bencher: Bencher<'_, '_>) {
     let (ids, depth, tags) = image();
     let (camera, none) = (Camera::quad(), BTreeMap::new());
-    let sight = Sight {
+    let sight = GroundTruthView {
         width: W,
         height: H,
         ids: &ids,
@@ -72,7 +72,7 @@ fn percept_960x720(bencher: Bencher<'_, '_>) {
 fn answer(bencher: Bencher<'_, '_>, instruction: &str) {
     let (ids, depth, tags) = image();
     let (camera, none) = (Camera::quad(), BTreeMap::new());
-    let sight = Sight {
+    let sight = GroundTruthView {
         width: W,
         height: H,
         ids: &ids,

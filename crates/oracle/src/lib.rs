@@ -42,7 +42,7 @@ pub use errors::{
 };
 pub use masks::{Mask, masks};
 pub use obedience::{Obedience, Per};
-pub use percept::{LETTER_PX, PerceivedObject, PerceivedSign, Percept, SIZE_SENT, Sight};
+pub use percept::{GroundTruthView, LETTER_PX, PerceivedObject, PerceivedSign, Percept, SIZE_SENT};
 pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
 pub use truth::{TruthTarget, resolve_truth};
@@ -60,14 +60,14 @@ const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 /// use spf_core::frame::FrameId;
 /// use spf_core::query::{Query, QueryId, QueryKind};
 /// use spf_core::tags::Tagged;
-/// use spf_oracle::{ErrorFile, Oracle, Sight};
+/// use spf_oracle::{ErrorFile, Oracle, GroundTruthView};
 ///
 /// // An image of 96×72 pixels whose right half shows object 1 at 10 m.
 /// let (width, height, camera) = (96, 72, Camera::quad().resized(96, 72));
 /// let ids: Vec<u16> = (0..width * height).map(|pixel| u16::from(pixel % width >= width / 2)).collect();
 /// let depth: Vec<f32> = ids.iter().map(|id| 10.0 * f32::from(*id)).collect();
 /// let (in_frame, light) = (BTreeMap::new(), BTreeMap::new());
-/// let sight = Sight {
+/// let sight = GroundTruthView {
 ///     width, height, ids: &ids, depth: &depth, opening_ids: &[], opening_depth: &[], camera: &camera,
 ///     in_frame: &in_frame, light: &light, signs: &[],
 /// };
@@ -114,7 +114,7 @@ impl Oracle {
     /// The percept of a frame; random values depend on the frame number. `tags` are those of the scene's objects; those
     /// without a visible pixel are ignored.
     #[must_use]
-    pub fn percept(&self, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Percept {
+    pub fn percept(&self, frame: FrameId, sight: &GroundTruthView<'_>, tags: &[Tagged]) -> Percept {
         Percept::draw(&self.errors, self.seed, frame, sight, tags)
     }
 

@@ -22,7 +22,7 @@ pub const SIZE_SENT: (u32, u32) = (960, 720);
 
 /// The images of one frame, and two properties that they do not contain.
 #[derive(Clone, Copy, Debug)]
-pub struct Sight<'a> {
+pub struct GroundTruthView<'a> {
     /// Width, pixels.
     pub width: usize,
     /// Height, pixels.
@@ -99,7 +99,7 @@ pub struct Percept {
 impl Percept {
     /// Samples the percept of a frame. Independent parts run in parallel; the result does not depend on the number of
     /// threads.
-    pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &Sight<'_>, tags: &[Tagged]) -> Self {
+    pub(super) fn draw(errors: &ErrorFile, seed: u64, frame: FrameId, sight: &GroundTruthView<'_>, tags: &[Tagged]) -> Self {
         let things = |opening| things((errors, seed, frame), sight, tags, opening);
         let ((mut things, openings), (level, walls)) = rayon::join(
             || (things(false), things(true)),
@@ -149,7 +149,7 @@ pub(super) fn logistic(x: f64, width: f64) -> f64 {
 }
 
 /// The tagged objects of the ordinary image, or of the image of openings, in ascending order of id.
-fn things(of: (&ErrorFile, u64, FrameId), sight: &Sight<'_>, tags: &[Tagged], opening: bool) -> Vec<PerceivedObject> {
+fn things(of: (&ErrorFile, u64, FrameId), sight: &GroundTruthView<'_>, tags: &[Tagged], opening: bool) -> Vec<PerceivedObject> {
     let (errors, seed, frame) = of;
     let (w, h) = (sight.width, sight.height);
     let (ids, depth) = if opening { (sight.opening_ids, sight.opening_depth) } else { (sight.ids, sight.depth) };
@@ -176,7 +176,7 @@ fn thing(
     errors: &ErrorFile,
     seed: u64,
     frame: FrameId,
-    sight: &Sight<'_>,
+    sight: &GroundTruthView<'_>,
     (depth, nearest): (&[f32], f64),
     mask: &Mask,
     tags: &Tagged,
@@ -224,7 +224,7 @@ fn thing(
 }
 
 /// Straight-line distance to the nearest visible surface of each object in an id image, metres, by id up to `most`.
-fn nearest(sight: &Sight<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64> {
+fn nearest(sight: &GroundTruthView<'_>, most: u16, ids: &[u16], depth: &[f32]) -> Vec<f64> {
     let (w, h) = (sight.width, sight.height);
     // Squared, with terms that depend only on the row or only on the column kept separate.
     let mut least = vec![f64::INFINITY; usize::from(most) + 1];
@@ -270,7 +270,7 @@ const ROOM_STEP: usize = 4;
 
 /// The image row of level flight: the row in which the ground ends in half of the columns that show it, since a hill
 /// may reach higher in some; not below the horizon of a camera at rest.
-fn level(sight: &Sight<'_>, tags: &[Tagged]) -> f64 {
+fn level(sight: &GroundTruthView<'_>, tags: &[Tagged]) -> f64 {
     let camera = sight.camera;
     let rest = (camera.cy - camera.fy * libm::tan(camera.tilt)) / f64::from(camera.height);
     let ground: Vec<u16> = tags.iter().filter(|tags| tags.is_surface() && !tags.opening).map(|tags| tags.id).collect();
@@ -299,7 +299,7 @@ struct Walls<'a> {
 }
 
 impl<'a> Walls<'a> {
-    fn of(sight: &Sight<'a>, level: f64) -> Self {
+    fn of(sight: &GroundTruthView<'a>, level: f64) -> Self {
         let camera = sight.camera;
         let middle = (level * f64::from(camera.height)) as usize;
         let mut nearest: Vec<(usize, f64)> = (0..sight.width).step_by(ROOM_STEP).map(|column| (column, f64::INFINITY)).collect();
@@ -392,7 +392,7 @@ impl PerceivedSign {
 }
 
 /// The signs among the objects in the image, by ascending id of their objects. Nothing random is drawn for them.
-fn perceived(sight: &Sight<'_>, things: &[PerceivedObject]) -> Vec<PerceivedSign> {
+fn perceived(sight: &GroundTruthView<'_>, things: &[PerceivedObject]) -> Vec<PerceivedSign> {
     let of = |thing: &PerceivedObject| {
         let sign = sight.signs.iter().find(|sign| sign.id == thing.tags.id && !thing.tags.opening)?;
         let (x, y) = (thing.deepest.u * sight.width as f64, thing.deepest.v * sight.height as f64);

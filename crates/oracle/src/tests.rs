@@ -67,7 +67,7 @@ impl Painting {
     }
 
     pub(super) fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
-        let sight = Sight {
+        let sight = GroundTruthView {
             width: W,
             height: H,
             ids: &self.ids,

@@ -184,11 +184,11 @@ impl Ambient {
 #[derive(Debug)]
 pub(crate) struct Spots {
     survey: Option<Survey>,
-    known: Mutex<Known>,
+    known: Mutex<RequestedCells>,
 }
 
 #[derive(Debug)]
-struct Known {
+struct RequestedCells {
     /// With the corners of the requested cells.
     ambient: Ambient,
     /// The requested cells.
@@ -199,13 +199,13 @@ impl Spots {
     pub(crate) fn new(soup: &Soup) -> Self {
         let (ambient, survey) = Ambient::survey(soup);
         let corners = vec![[0; 2]; survey.as_ref().map_or(0, Survey::len)];
-        Self { survey, known: Mutex::new(Known { ambient: Ambient { corners, ..ambient }, cells: BTreeSet::new() }) }
+        Self { survey, known: Mutex::new(RequestedCells { ambient: Ambient { corners, ..ambient }, cells: BTreeSet::new() }) }
     }
 
     /// As [`Ambient::open`].
     pub(crate) fn open(&self, p: Vec3) -> f32 {
         let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let Known { ambient, cells } = &mut *known;
+        let RequestedCells { ambient, cells } = &mut *known;
         if let Some((survey, cell)) = self.survey.as_ref().zip(ambient.cell(p))
             && cells.insert(cell)
         {

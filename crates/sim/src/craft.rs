@@ -13,7 +13,7 @@ use spf_scene::geometry::ObjectId;
 
 use crate::dynamics::{Dynamics, SimConditions, TICK};
 use crate::model::Model;
-use crate::senses::{Senses, exact};
+use crate::senses::{TelemetrySensors, exact};
 
 /// How far back [`SimCraft::true_pose_at`] can look.
 pub const HISTORY: Duration = Duration::from_secs(10);
@@ -47,7 +47,7 @@ pub struct Truth {
 pub struct SimCraft {
     collider: Arc<Collider>,
     dynamics: Dynamics,
-    senses: Senses,
+    senses: TelemetrySensors,
     telemetry: Telemetry,
     /// Poses of the last ticks; the latest last.
     history: VecDeque<Pose>,
@@ -80,7 +80,7 @@ impl SimCraft {
     #[must_use]
     pub fn with_traffic(cast: Arc<Cast>, collider: Arc<Collider>, model: Model, start: Pose, conditions: SimConditions) -> Self {
         let dynamics = Dynamics::new(&collider, model, start, conditions);
-        let mut senses = Senses::new(&dynamics, conditions.seed, conditions.exact);
+        let mut senses = TelemetrySensors::new(&dynamics, conditions.seed, conditions.exact);
         let telemetry = senses.report(&dynamics);
         let history = VecDeque::from([dynamics.pose()]);
         let traffic = Traffic::new(cast, conditions.seed);

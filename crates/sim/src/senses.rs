@@ -15,7 +15,7 @@ use crate::noise::Wander;
 
 /// Generates telemetry from ground truth.
 #[derive(Clone, Debug)]
-pub struct Senses {
+pub struct TelemetrySensors {
     figures: SensorParameters,
     exact: bool,
     /// Ticks between reports.
@@ -30,7 +30,7 @@ pub struct Senses {
     white: RandomStream,
 }
 
-impl Senses {
+impl TelemetrySensors {
     /// Telemetry of the craft of `dynamics`, switched on now. With `exact`, reports have the same rate but are complete
     /// and without error or rounding.
     #[must_use]

@@ -9,7 +9,7 @@ use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use spf_core::lift::{Lifting, project_displacement};
@@ -152,7 +152,7 @@ impl Flight {
         let pilot = Pilot::new(PilotParts {
             settings: PilotSettings::preset(preset),
             craft,
-            senses: Senses::EXACT,
+            senses: TelemetryAccuracy::EXACT,
             camera: Camera::quad(),
             limits: Limits::for_craft(&craft),
             policy: Box::new(policy),

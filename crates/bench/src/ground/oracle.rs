@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
-use spf_oracle::{ErrorFile, Oracle, Sight};
+use spf_oracle::{ErrorFile, GroundTruthView, Oracle};
 use spf_vlm::{Answer, Usage, VlmError};
 
 use super::source::SimExample;
@@ -27,7 +27,7 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         row.visible.iter().map(|thing| (thing.id, value(thing))).collect()
     };
     let (in_frame, light) = (of(|thing| thing.in_frame), of(|thing| thing.light));
-    let sight = Sight {
+    let sight = GroundTruthView {
         width: camera.width as usize,
         height: camera.height as usize,
         ids: &layers.ids,

@@ -10,7 +10,7 @@ use spf_scene::Aabb;
 use spf_scene::geometry::ObjectId;
 
 use super::geometry::{crossing, inside, vector};
-use super::sight::Sight;
+use super::sight::JudgeCamera;
 use super::{JudgeInput, nearest};
 use crate::task::{GoalKind, centre};
 
@@ -70,7 +70,7 @@ impl Watch {
     }
 
     /// Whether it is met now.
-    pub(super) fn look(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight) -> bool {
+    pub(super) fn look(&mut self, shown: &JudgeInput<'_>, sight: &mut JudgeCamera) -> bool {
         match self.kind {
             GoalKind::Reach { other, up_share } => self.reach(shown, sight, other, up_share),
             GoalKind::Visit { count } => {
@@ -91,7 +91,7 @@ impl Watch {
     fn clear_within(
         &self,
         shown: &JudgeInput<'_>,
-        sight: &mut Sight,
+        sight: &mut JudgeCamera,
         within: f64,
         counts: impl Fn(ObjectId) -> bool,
     ) -> Vec<ObjectId> {
@@ -106,7 +106,7 @@ impl Watch {
         near.into_iter().filter(|id| clear.contains(id)).collect()
     }
 
-    fn reach(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, other: bool, up_share: f64) -> bool {
+    fn reach(&mut self, shown: &JudgeInput<'_>, sight: &mut JudgeCamera, other: bool, up_share: f64) -> bool {
         let is_high = |id| {
             let least = bounds(shown, id).map_or(f64::MIN, |b| b.min.up + up_share * (b.max.up - b.min.up));
             up_share == 0.0 || shown.snapshot.pose.position.up >= least
@@ -188,7 +188,7 @@ impl Watch {
         self.turned[2] - self.turned[1] + shown.field >= angle
     }
 
-    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut Sight, within: f64, fraction: f64, window: f64) -> bool {
+    fn follow(&mut self, shown: &JudgeInput<'_>, sight: &mut JudgeCamera, within: f64, fraction: f64, window: f64) -> bool {
         let kept = !self.clear_within(shown, sight, within, |_| true).is_empty();
         self.kept.push_back((shown.at, kept));
         let gone = |at: Time| shown.at.since(at).as_secs_f64();

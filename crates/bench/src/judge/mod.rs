@@ -18,7 +18,7 @@ use thiserror::Error;
 
 use crate::task::{Task, select_all};
 use goal::Watch;
-pub use sight::{CLEAR_HEIGHT, Sight};
+pub use sight::{CLEAR_HEIGHT, JudgeCamera};
 pub use trajectory::{Judgement, judge_trajectory};
 
 /// Interval of evaluations, flight time; conditions that hold for less may be missed.
@@ -52,7 +52,7 @@ pub struct Judge {
     loaded: Arc<LoadedScene>,
     start: Pose,
     radius: f64,
-    sight: Sight,
+    sight: JudgeCamera,
     goals: Vec<Watch>,
     /// Index of the current goal; all are met if there is none.
     current: usize,
@@ -74,7 +74,7 @@ impl Judge {
             }
             goals.push(Watch::new(goal.kind, targets));
         }
-        let sight = Sight::of(task.craft);
+        let sight = JudgeCamera::of(task.craft);
         Ok(Self { loaded, start, radius: task.set.radius(), sight, goals, current: 0, last: None, holds: false })
     }
 

@@ -12,14 +12,14 @@ use spf_scene::geometry::ObjectId;
 pub const CLEAR_HEIGHT: f64 = 0.015;
 
 /// Renders a craft's camera view without camera effects.
-pub struct Sight {
+pub struct JudgeCamera {
     camera: Camera,
     surroundings: Surroundings,
     image: RenderedImage,
     around: RenderedImage,
 }
 
-impl Sight {
+impl JudgeCamera {
     /// The view of a craft.
     #[must_use]
     pub fn of(craft: CraftKind) -> Self {

@@ -11,7 +11,7 @@ use spf_sim::wind::Wind;
 use thiserror::Error;
 
 use crate::fnv;
-use crate::judge::{Sight, nearest};
+use crate::judge::{JudgeCamera, nearest};
 use crate::task::{Selector, Task, View, centre, select_all};
 
 /// Maximum number of variants tried per trial.
@@ -137,7 +137,7 @@ fn own_start(task: &Task, loaded: &Arc<LoadedScene>) -> Option<Sampled> {
 
 /// A start in a scene; `None` if none is found.
 fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw: RandomStream) -> Option<Sampled> {
-    let mut sight = Sight::of(task.craft);
+    let mut sight = JudgeCamera::of(task.craft);
     let mut looks = 0;
     let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, loaded, EnuPosition::default()).is_empty();
     if !(task.goals.iter().all(|goal| has(&goal.targets)) && has(&task.start.of)) {

@@ -135,7 +135,7 @@ pub(super) fn blind(metres: f64) -> VlmFactory {
 mod tests {
     use spf_core::actions::parse_actions;
     use spf_core::executor::{Ending, Motion};
-    use spf_core::pilot::Think;
+    use spf_core::pilot::QueryTiming;
     use spf_core::step::StepRule;
 
     use super::*;
@@ -156,7 +156,7 @@ mod tests {
         assert_eq!(settings("spf-step-1m"), PilotSettings { step: StepRule::Fixed(1.0), ..spf });
         assert_eq!(settings("spf-sequential"), PilotSettings { motion: Motion::Sequential, ..spf });
         assert_eq!(settings("spf-timed"), PilotSettings { ending: Ending::Timed, ..spf });
-        assert_eq!(stop, PilotSettings { think: Think::Stop, ..spf });
+        assert_eq!(stop, PilotSettings { think: QueryTiming::Stop, ..spf });
         assert_eq!((task.avoid, settings("spf-avoid")), (false, PilotSettings { avoid: true, ..spf }));
         let paper = settings("spf-paper");
         assert_eq!(settings("spf-paper-avoid"), PilotSettings { avoid: true, ..paper });

@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr};
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{AtEnd, Preset, Think};
+use spf_core::pilot::{AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
@@ -26,7 +26,7 @@ settings! {
     fly: Fly {
         /// scene: a built-in name, scene file or .glb
         scene: String = "city", Text, "SPF_SCENE", "--scene";
-        /// day, overcast, dusk or night; leave empty to use the scene's
+        /// day, overcast, dusk or night; empty: the scene's
         light: Lighting = "", Word, "SPF_LIGHT", "--light";
         /// clear, haze or rain; empty: the scene's
         weather: Weather = "", Word, "SPF_WEATHER", "--weather";
@@ -51,7 +51,7 @@ settings! {
         /// sequential or blended; empty: the preset's
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
         /// stop or continuous; empty: the preset's
-        think: Think = "", Word, "SPF_THINK", "--think";
+        think: QueryTiming = "", Word, "SPF_THINK", "--think";
         /// setpoint rate, 5 to 100 Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
@@ -62,7 +62,7 @@ settings! {
         map: OnOff = "off", Word, "SPF_MAP", "--map";
         /// brake before known obstacles: on or off
         brake: OnOff = "off", Word, "SPF_BRAKE", "--brake";
-        /// give the simulated craft a depth sensor: on or off, or its fault from 10 s on: frozen, half or scale
+        /// give the simulated craft a depth sensor: on, off, or a fault that begins 10 s into the flight (frozen, half or scale)
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
@@ -130,7 +130,7 @@ settings! {
         send_key_to: Vec<KeyHost> = "", Joined("HOST or HOST:PORT, joined by commas"), "SPF_SEND_KEY_TO", "--send-key-to";
         /// longest side of images sent to the VLM, pixels; empty: the model's own, else 768
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
-        /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's, 70
+        /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's own, else 70
         jpeg_quality: u8 = "", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
     }
 

@@ -11,7 +11,7 @@ use spf_core::tags::Tagged;
 use spf_flight::dataset::Kind;
 use spf_flight::dataset::record::{DatasetHeader, Row};
 use spf_media::{file, jpeg};
-use spf_oracle::{ErrorFile, Oracle, Placed, Sight, masks, resolve_truth};
+use spf_oracle::{ErrorFile, GroundTruthView, Oracle, Placed, masks, resolve_truth};
 
 use crate::harness::{Lab, rows};
 
@@ -89,7 +89,7 @@ impl Seen {
 /// The oracle's point in one example, as a pixel; `None` if it replies that the target is not visible.
 fn pointed(oracle: &Oracle, head: &DatasetHeader, row: &Row, seen: &Seen, tags: &[Tagged]) -> Option<(usize, usize)> {
     let (w, h) = (head.camera.width as usize, head.camera.height as usize);
-    let sight = Sight {
+    let sight = GroundTruthView {
         width: w,
         height: h,
         ids: &seen.ids,

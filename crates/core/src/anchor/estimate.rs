@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{AnchorSettings, RangeReading, Sight, Sighting};
+use super::{AnchorSettings, AnchorView, RangeReading, Sighting};
 use crate::geometry::{EnuDirection, EnuPosition};
 use crate::odometry::Drift;
 
@@ -72,14 +72,14 @@ impl Estimate {
         Self { covariance: self.covariance + back * noise * back.transpose(), ..*self }
     }
 
-    pub(super) fn seen_from(&self, at: EnuPosition) -> Sight {
+    pub(super) fn seen_from(&self, at: EnuPosition) -> AnchorView {
         let ahead = self.place() - vector(at);
         let range = ahead.length();
         let covariance = self.place_covariance();
         let along = if range > 1e-9 { ahead / range } else { self.direction };
         let (right, up) = across(along);
         let deviation = |axis: DVec3| libm::sqrt(axis.dot(covariance * axis).max(0.0));
-        Sight {
+        AnchorView {
             position: self.position(),
             direction: EnuDirection { east: along.x, north: along.y, up: along.z },
             range,

@@ -99,7 +99,7 @@ pub struct Anchor {
 
 /// An anchor as seen from a position.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Sight {
+pub struct AnchorView {
     /// The mean.
     pub position: EnuPosition,
     /// Unit vector towards it.
@@ -112,7 +112,7 @@ pub struct Sight {
     pub lateral_sd: f64,
 }
 
-impl Sight {
+impl AnchorView {
     /// Maximum step towards the target, metres: where the range is known to better than half of itself, half of what
     /// remains after subtracting one standard deviation and 0.3 m; else 3 m.
     #[must_use]
@@ -143,7 +143,7 @@ impl Anchor {
 
     /// The anchor as seen from `at`; the uncertainty includes the odometry's drift since the last sighting.
     #[must_use]
-    pub fn seen_from(&self, at: EnuPosition, odometry: Odometry) -> Sight {
+    pub fn seen_from(&self, at: EnuPosition, odometry: Odometry) -> AnchorView {
         self.estimate.drifted(self.odometry.drift_to(odometry)).seen_from(at)
     }
 

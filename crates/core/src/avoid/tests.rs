@@ -109,8 +109,9 @@ fn a_box_that_an_edge_cuts_off_extends_beyond_it() {
 #[test]
 fn a_box_of_unknown_range_shortens_or_holds_and_never_leads_aside() {
     let camera = square();
-    let avoided =
-        |boxes: &[ObstacleBox], guessed: &[bool]| avoid_guessed(&plan(&camera, 4.0), CLEARANCE, boxes, guessed, None, None);
+    let avoided = |boxes: &[ObstacleBox], guessed: &[bool]| {
+        avoid_with_guessed_ranges(&plan(&camera, 4.0), CLEARANCE, boxes, guessed, None, None)
+    };
     // Ahead: into it leads nothing, however short.
     let ahead = [boxed(0.45, 0.5, 0.55, 1.0, 1, "boat")];
     assert!(matches!(avoided(&ahead, &[false]), Avoidance::Shifted { .. }));
@@ -327,12 +328,12 @@ fn the_side_to_keep_comes_first_and_alone_if_it_is_strict() {
         Avoidance::Shifted { point, .. } => point.u - 0.5,
         other => panic!("{other:?}"),
     };
-    let keep = |side| Some(Keep { side, strict: true });
+    let keep = |side| Some(PassingSide { side, strict: true });
     assert!(to(None) > 0.0 && to(keep(Side::Left)) < 0.0 && to(keep(Side::Right)) > 0.0);
     // A wall to the left, up and down.
     let wall =
         [ObstacleBox { area: ImageBox { left: 0.0, top: 0.0, right: 0.55, bottom: 1.0 }, depth: 3, name: "wall".to_owned() }];
     let kept = |keep| avoid(&plan(&camera, 4.0), CLEARANCE, &wall, None, keep);
     assert!(matches!(kept(keep(Side::Left)), Avoidance::Shortened { .. }), "{:?}", kept(keep(Side::Left)));
-    assert!(matches!(kept(Some(Keep { side: Side::Left, strict: false })), Avoidance::Shifted { .. }));
+    assert!(matches!(kept(Some(PassingSide { side: Side::Left, strict: false })), Avoidance::Shifted { .. }));
 }

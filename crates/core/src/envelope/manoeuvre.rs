@@ -2,7 +2,7 @@
 
 use super::reach::{self, Situation};
 use super::watch::Control;
-use super::{Cause, Clearance, Cleared, Envelope, Reaction};
+use super::{Cause, Cleared, ClearedCommand, Envelope, Reaction};
 use crate::command::{Command, Manoeuvre, Setpoint};
 use crate::geometry::BodyDisplacement;
 use crate::time::{Time, duration_from_secs};
@@ -14,7 +14,7 @@ impl Envelope {
     /// Clears a manoeuvre of the pilot, shortened so that its path and end stay within all limits; a hold if nothing of
     /// it is left, or if a setpoint would not be allowed to move the craft now. No manoeuvre starts from outside a limit. The
     /// clearance is valid until the manoeuvre must have ended.
-    pub fn clear_manoeuvre(&mut self, now: Time, requested: Manoeuvre) -> Clearance {
+    pub fn clear_manoeuvre(&mut self, now: Time, requested: Manoeuvre) -> ClearedCommand {
         let now = self.advance(now);
         let velocity = requested.velocity(self.craft.yaw_rate);
         // A manoeuvre must not be used to fly back inside a limit, as a setpoint may: it would not be supervised.
@@ -28,12 +28,12 @@ impl Envelope {
             Some(cause) => (None, Some(cause)),
             None => self.confined(now, requested),
         };
-        let Some(manoeuvre) = allowed else { return Clearance { changed, ..self.hold(now) } };
+        let Some(manoeuvre) = allowed else { return ClearedCommand { changed, ..self.hold(now) } };
         let turn_rate = self.craft.yaw_rate.max(0.1);
         let valid_until = now + duration_from_secs(PATIENCE.0 * manoeuvre.duration(turn_rate) + PATIENCE.1);
         let heading = self.estimate.heading.unwrap_or(0.0);
         self.commanded = Some((reach::world_velocity(manoeuvre.velocity(0.0), heading), valid_until));
-        Clearance { cleared: Cleared { what: Command::Manoeuvre(manoeuvre), valid_until }, changed }
+        ClearedCommand { cleared: Cleared { what: Command::Manoeuvre(manoeuvre), valid_until }, changed }
     }
 
     /// The part of a finite manoeuvre that stays within the limits.

@@ -31,7 +31,7 @@ use self::watch::{Control, Found, Watch};
 use crate::command::{Command, Setpoint};
 use crate::craft::Craft;
 use crate::depth::DepthGrid;
-use crate::estimator::Known;
+use crate::estimator::MotionEstimate;
 use crate::frame::FrameMeta;
 use crate::geometry::{EnuPosition, EnuVelocity, Pose, Spread};
 use crate::query::VerticalRoom;
@@ -63,14 +63,14 @@ impl<T> Cleared<T> {
 
 /// A cleared command, and why it differs from the requested one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clearance {
+pub struct ClearedCommand {
     /// For the driver.
     pub cleared: Cleared<Command>,
     /// Why it differs from the request; `None` if unchanged.
     pub changed: Option<Cause>,
 }
 
-impl Clearance {
+impl ClearedCommand {
     /// The cleared setpoint; `None` for other commands.
     #[must_use]
     pub fn setpoint(&self) -> Option<Setpoint> {
@@ -219,7 +219,7 @@ impl Envelope {
 
     /// Takes the motion estimate on which depth grids and obstacles are based. If none arrives for half a second, the
     /// brake uses the envelope's own.
-    pub fn observe_motion(&mut self, now: Time, known: &Known) {
+    pub fn observe_motion(&mut self, now: Time, known: &MotionEstimate) {
         let now = self.advance(now);
         if self.limits.brake.is_some() {
             self.brake.motion(now, known.position, known.attitude.heading);
@@ -268,7 +268,7 @@ impl Envelope {
     ///
     /// # Errors
     /// A [`Refusal`] of a take-off; no other command is ever refused.
-    pub fn clear(&mut self, now: Time, command: Command) -> Result<Clearance, Refusal> {
+    pub fn clear(&mut self, now: Time, command: Command) -> Result<ClearedCommand, Refusal> {
         match command {
             Command::Setpoint(setpoint) => Ok(self.clear_setpoint(now, setpoint)),
             Command::Manoeuvre(manoeuvre) => Ok(self.clear_manoeuvre(now, manoeuvre)),
@@ -282,18 +282,18 @@ impl Envelope {
     }
 
     /// Clears a setpoint of the pilot.
-    pub fn clear_setpoint(&mut self, now: Time, setpoint: Setpoint) -> Clearance {
+    pub fn clear_setpoint(&mut self, now: Time, setpoint: Setpoint) -> ClearedCommand {
         self.clear_under(now, setpoint, Control::Pilot)
     }
 
     /// Clears a setpoint of the operator: the same limits apply, but camera and VLM failures do not stop it, and a low
     /// battery only stops it once the craft is about to land.
-    pub fn clear_manual(&mut self, now: Time, setpoint: Setpoint) -> Clearance {
+    pub fn clear_manual(&mut self, now: Time, setpoint: Setpoint) -> ClearedCommand {
         self.clear_under(now, setpoint, Control::Operator)
     }
 
     /// Clears a hold: zero velocity, valid as long as any setpoint.
-    pub fn hold(&mut self, now: Time) -> Clearance {
+    pub fn hold(&mut self, now: Time) -> ClearedCommand {
         self.clear_under(now, Setpoint::HOLD, Control::Pilot)
     }
 
@@ -357,7 +357,7 @@ impl Envelope {
         [high, far, out]
     }
 
-    fn take_off(&mut self, now: Time) -> Result<Clearance, Refusal> {
+    fn take_off(&mut self, now: Time) -> Result<ClearedCommand, Refusal> {
         let now = self.advance(now);
         let fresh = duration_from_secs(self.limits.max_telemetry_age);
         if self.watch.is_link_lost() {
@@ -402,7 +402,7 @@ impl Envelope {
         Ok(passed(Command::TakeOff))
     }
 
-    fn clear_under(&mut self, now: Time, setpoint: Setpoint, control: Control) -> Clearance {
+    fn clear_under(&mut self, now: Time, setpoint: Setpoint, control: Control) -> ClearedCommand {
         let now = self.advance(now);
         let (allowed, changed) = match self.stopped_by(now, setpoint, control) {
             Some(cause) => (Setpoint::HOLD, Some(cause).filter(|_| !setpoint.is_hold())),
@@ -411,7 +411,7 @@ impl Envelope {
         let valid_until = now + duration_from_secs(self.limits.setpoint_validity);
         let heading = self.estimate.heading.unwrap_or(0.0);
         self.commanded = Some((reach::world_velocity(allowed, heading), valid_until));
-        Clearance { cleared: Cleared { what: Command::Setpoint(allowed), valid_until }, changed }
+        ClearedCommand { cleared: Cleared { what: Command::Setpoint(allowed), valid_until }, changed }
     }
 
     /// Why no motion is allowed now; `None` if it is.
@@ -525,8 +525,8 @@ impl Envelope {
 }
 
 /// Clears a non-setpoint command unchanged.
-fn passed(command: Command) -> Clearance {
-    Clearance { cleared: Cleared { what: command, valid_until: Time::MAX }, changed: None }
+fn passed(command: Command) -> ClearedCommand {
+    ClearedCommand { cleared: Cleared { what: command, valid_until: Time::MAX }, changed: None }
 }
 
 #[cfg(test)]

@@ -52,7 +52,7 @@ fn fly(
 
 #[test]
 fn exact_telemetry_is_known_between_reports() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::EXACT);
     fly(&mut estimator, 15, 100, exact, |estimator, model| {
         let known = estimator.at(model.now).unwrap();
         assert!(known.position.distance(model.position) < 0.005, "{known:?} at {}", model.now);
@@ -64,7 +64,7 @@ fn exact_telemetry_is_known_between_reports() {
 /// The pose of a frame that was captured between two reports, while flying and turning, seconds ago.
 #[test]
 fn pose_at_capture_is_interpolated() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::EXACT);
     let mut truth = Vec::new();
     let end = fly(&mut estimator, 12, 100, exact, |_, model| truth.push((model.now, model.pose())));
     for (time, pose) in truth {
@@ -79,7 +79,7 @@ fn pose_at_capture_is_interpolated() {
 /// A Tello reports no position: it is dead-reckoned from velocities in dm/s, heading in whole degrees, height in 10 cm.
 #[test]
 fn tello_is_dead_reckoned() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::tello());
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::tello());
     let mut start = None;
     fly(&mut estimator, 20, 100, CraftModel::tello_telemetry, |estimator, model| {
         let known = estimator.at(model.now).unwrap();
@@ -97,7 +97,7 @@ fn tello_is_dead_reckoned() {
 #[test]
 fn drift_grows_with_time_and_distance_and_is_zero_with_a_position() {
     let fly = |speed: f64, position: bool, height: bool| {
-        let mut estimator = MotionEstimator::new(&Craft::tello(), Senses::tello());
+        let mut estimator = MotionEstimator::new(&Craft::tello(), TelemetryAccuracy::tello());
         for n in 0..=1000 {
             let time = Time::from_millis(100 * n);
             let velocity = Some(EnuVelocity { north: speed, up: 0.5 * speed, ..EnuVelocity::default() });
@@ -125,7 +125,7 @@ fn drift_grows_with_time_and_distance_and_is_zero_with_a_position() {
 #[test]
 fn reports_win_over_a_wrong_response() {
     let wrong = Craft { lag: 0.6, dead_time: 0.0, ..Craft::quad() };
-    let mut estimator = MotionEstimator::new(&wrong, Senses::tello());
+    let mut estimator = MotionEstimator::new(&wrong, TelemetryAccuracy::tello());
     let mut start = None;
     fly(&mut estimator, 10, 100, CraftModel::tello_telemetry, |estimator, model| {
         let known = estimator.at(model.now).unwrap();
@@ -139,7 +139,7 @@ fn reports_win_over_a_wrong_response() {
 /// No velocity and no position: only the commands are known.
 #[test]
 fn commands_alone_are_reckoned() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::EXACT);
     let report = |model: &CraftModel| Telemetry {
         time: model.now,
         attitude: model.known().attitude,
@@ -173,7 +173,7 @@ fn slow_wander_hardly_moves_the_estimate() {
 
 #[test]
 fn silence_is_extrapolated_for_half_a_second() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::EXACT);
     assert_eq!(estimator.at(Time::ZERO), None);
     assert_eq!(estimator.pose_at(Time::ZERO), None);
     let velocity = EnuVelocity { north: 2.0, ..EnuVelocity::default() };
@@ -186,7 +186,7 @@ fn silence_is_extrapolated_for_half_a_second() {
 
 #[test]
 fn old_and_broken_reports_are_passed_over() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::EXACT);
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::EXACT);
     let at = |ms, east| Telemetry {
         time: Time::from_millis(ms),
         position: Some(EnuPosition { east, ..EnuPosition::default() }),
@@ -207,7 +207,7 @@ fn old_and_broken_reports_are_passed_over() {
 /// The heading passes ±180° without a jump.
 #[test]
 fn heading_wraps() {
-    let mut estimator = MotionEstimator::new(&Craft::quad(), Senses::tello());
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::tello());
     for i in 0..40u32 {
         let heading = wrap_angle((170.0 + f64::from(i)).to_radians());
         let attitude = Attitude { heading, ..Attitude::default() };

@@ -4,7 +4,7 @@
 
 use crate::command::Setpoint;
 use crate::craft::Craft;
-use crate::estimator::{Known, MotionEstimator, Senses};
+use crate::estimator::{MotionEstimate, MotionEstimator, TelemetryAccuracy};
 use crate::executor::Executor;
 use crate::geometry::{Attitude, BodyDisplacement, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use crate::rng::RandomStream;
@@ -90,8 +90,8 @@ impl CraftModel {
     }
 
     /// The exact state.
-    pub(crate) fn known(&self) -> Known {
-        Known {
+    pub(crate) fn known(&self) -> MotionEstimate {
+        MotionEstimate {
             position: self.position,
             velocity: self.velocity,
             attitude: Attitude { heading: wrap_angle(self.heading), pitch: 0.0, roll: 0.0 },
@@ -123,7 +123,7 @@ pub(crate) trait Sense {
     /// Called every 10 ms of flight.
     fn look(&mut self, craft: &mut CraftModel);
     /// The current estimate.
-    fn known(&mut self, craft: &CraftModel) -> Known;
+    fn known(&mut self, craft: &CraftModel) -> MotionEstimate;
 }
 
 /// Exact knowledge.
@@ -131,7 +131,7 @@ pub(crate) struct Exact;
 
 impl Sense for Exact {
     fn look(&mut self, _: &mut CraftModel) {}
-    fn known(&mut self, craft: &CraftModel) -> Known {
+    fn known(&mut self, craft: &CraftModel) -> MotionEstimate {
         craft.known()
     }
 }
@@ -172,12 +172,12 @@ impl Coarse {
     /// Velocity to 0.03 m/s, then rounded to dm/s; heading drifts by 2° over 60 s, height by 5 cm over 20 s; the craft
     /// creeps at 2 cm/s, in another direction every 5 s.
     pub(crate) fn tello(craft: &Craft, seed: u64) -> Self {
-        Self::new(MotionEstimator::new(craft, Senses::tello()), false, seed)
+        Self::new(MotionEstimator::new(craft, TelemetryAccuracy::tello()), false, seed)
     }
 
     /// Position drifts by 0.3 m and heading by 1° over 30 s; velocity to 0.05 m/s, yaw rate to 0.5 °/s.
     pub(crate) fn quad(craft: &Craft, seed: u64) -> Self {
-        Self::new(MotionEstimator::new(craft, Senses::quad()), true, seed)
+        Self::new(MotionEstimator::new(craft, TelemetryAccuracy::quad()), true, seed)
     }
 
     fn new(estimator: MotionEstimator, quad: bool, seed: u64) -> Self {
@@ -244,7 +244,7 @@ impl Sense for Coarse {
         }
     }
 
-    fn known(&mut self, craft: &CraftModel) -> Known {
+    fn known(&mut self, craft: &CraftModel) -> MotionEstimate {
         self.estimator.at(craft.now).unwrap_or_else(|| craft.known())
     }
 }

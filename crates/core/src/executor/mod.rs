@@ -26,7 +26,7 @@ use self::response::{CommandLog, Response, State};
 use self::sequential::Queue;
 use crate::command::{Manoeuvre, Setpoint};
 use crate::craft::Craft;
-use crate::estimator::Known;
+use crate::estimator::MotionEstimate;
 use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use crate::primitives::{PrimitiveKind, Primitives};
 use crate::telemetry::FlightPhase;
@@ -192,7 +192,7 @@ impl Executor {
 
     /// Starts a motion from the current pose, replacing any other, even one in progress: earlier commands are accounted
     /// for, and blended motion continues without a stop. Non-finite primitives result in a hold.
-    pub fn start(&mut self, now: Time, known: Known, primitives: Primitives) {
+    pub fn start(&mut self, now: Time, known: MotionEstimate, primitives: Primitives) {
         let from = self.begin(now, known);
         if !primitives.is_finite() || !known.is_finite() {
             self.plan = None;
@@ -218,12 +218,12 @@ impl Executor {
 
     /// Starts a motion to a goal in the world, replacing any other as [`start`](Self::start) does. Always blended,
     /// whatever the executor's motion; takes the shorter turn. A non-finite goal results in a hold.
-    pub fn start_goal(&mut self, now: Time, known: Known, goal: Goal) {
+    pub fn start_goal(&mut self, now: Time, known: MotionEstimate, goal: Goal) {
         self.start_goal_at(now, known, goal, self.craft.cruise_speed);
     }
 
     /// The same at no more than this horizontal speed, m/s; the climb is slowed down with it.
-    pub fn start_goal_at(&mut self, now: Time, known: Known, goal: Goal, speed: f64) {
+    pub fn start_goal_at(&mut self, now: Time, known: MotionEstimate, goal: Goal, speed: f64) {
         let from = self.begin(now, known);
         let finite = [goal.position.east, goal.position.north, goal.position.up, goal.heading].iter().all(|x| x.is_finite());
         if !finite || !known.is_finite() {
@@ -257,7 +257,7 @@ impl Executor {
     /// Horizontal rest position if the craft is commanded to hold `now`: pending commands are flown for the dead time,
     /// then it brakes. The height is that at the end of the dead time.
     #[must_use]
-    pub fn rest_position(&self, now: Time, known: Known) -> EnuPosition {
+    pub fn rest_position(&self, now: Time, known: MotionEstimate) -> EnuPosition {
         let present = state_of(known, known.attitude.heading);
         let State { position, velocity, .. } = self.log.follow(&self.real, present, now, now + self.real.dead_time);
         let [east, north] = self.real.horizontal.stop_2d([velocity.east, velocity.north]);
@@ -265,7 +265,7 @@ impl Executor {
     }
 
     /// The setpoint to hold from `now` until the next tick.
-    pub fn tick(&mut self, now: Time, known: Known) -> Tick {
+    pub fn tick(&mut self, now: Time, known: MotionEstimate) -> Tick {
         self.advance_ideal(now);
         self.clock.tick(now);
         let Some(plan) = &mut self.plan else {
@@ -334,7 +334,7 @@ impl Executor {
         if self.plan.is_some() { self.deadline.since(now) } else { Duration::ZERO }
     }
 
-    fn begin(&mut self, now: Time, known: Known) -> State {
+    fn begin(&mut self, now: Time, known: MotionEstimate) -> State {
         self.heading = known.attitude.heading;
         self.timed_out = false;
         let from = state_of(known, self.heading);
@@ -383,7 +383,7 @@ impl Executor {
     }
 }
 
-fn state_of(known: Known, heading: f64) -> State {
+fn state_of(known: MotionEstimate, heading: f64) -> State {
     State { position: known.position, velocity: known.velocity, heading, yaw_rate: known.yaw_rate }
 }
 

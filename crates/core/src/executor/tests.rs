@@ -108,7 +108,7 @@ fn irregular_ticks_cost_nothing() {
 fn commanded_integral(motion: Motion, period: Duration, primitives: Primitives) -> (BodyDisplacement, f64, Vec<Setpoint>) {
     let craft = Craft { lag: 0.0, dead_time: 0.0, ..Craft::quad() };
     let mut executor = Executor::new(craft, motion, Ending::Timed);
-    let (mut now, mut known) = (Time::from_millis(700), Known::default());
+    let (mut now, mut known) = (Time::from_millis(700), MotionEstimate::default());
     let mut heading = 0.0;
     executor.start(now, known, primitives);
     let mut setpoints = Vec::new();
@@ -328,11 +328,11 @@ fn time_limit_ends_what_cannot_be_flown() {
     for ending in [Ending::Timed, Ending::Measured] {
         let mut executor = Executor::new(Craft::quad(), Motion::Sequential, ending);
         let mut now = Time::from_millis(300);
-        executor.start(now, Known::default(), Primitives { forward: 2.0, climb: 1.0, ..Primitives::default() });
+        executor.start(now, MotionEstimate::default(), Primitives { forward: 2.0, climb: 1.0, ..Primitives::default() });
         let bound = executor.remaining(now);
         assert!(bound > Duration::from_secs(3) && bound < Duration::from_secs(20), "{bound:?}");
         let limit = now + bound;
-        while !executor.tick(now, Known::default()).finished {
+        while !executor.tick(now, MotionEstimate::default()).finished {
             now += Duration::from_millis(100);
         }
         assert!(now <= limit + Duration::from_millis(100));
@@ -343,13 +343,13 @@ fn time_limit_ends_what_cannot_be_flown() {
 #[test]
 fn what_is_not_finite_is_held() {
     let mut executor = Executor::new(Craft::quad(), Motion::Blended, Ending::Measured);
-    let known = Known::default();
+    let known = MotionEstimate::default();
     executor.start(Time::ZERO, known, Primitives { forward: f64::NAN, ..Primitives::default() });
     assert!(executor.tick(Time::ZERO, known).finished);
     executor.start_goal(Time::ZERO, known, Goal { heading: f64::INFINITY, ..Goal::default() });
     assert!(executor.tick(Time::ZERO, known).finished);
     executor.start(Time::ZERO, known, Primitives { forward: 5.0, ..Primitives::default() });
-    let lost = Known { position: EnuPosition { east: f64::NAN, ..EnuPosition::default() }, ..known };
+    let lost = MotionEstimate { position: EnuPosition { east: f64::NAN, ..EnuPosition::default() }, ..known };
     assert_eq!(executor.tick(Time::from_millis(100), lost), Tick { setpoint: Setpoint::HOLD, manoeuvre: None, finished: false });
     assert!(executor.tick(Time::from_millis(200), known).setpoint.forward > 0.0);
 }
@@ -458,11 +458,11 @@ proptest! {
         let ending = if timed { Ending::Timed } else { Ending::Measured };
         let mut executor = Executor::new(craft, motion, ending);
         let mut now = Time::from_millis(10);
-        executor.start(now, Known::default(), Primitives { yaw, forward, right, climb });
+        executor.start(now, MotionEstimate::default(), Primitives { yaw, forward, right, climb });
         let limit = now + executor.remaining(now);
         let mut finished = false;
         for (place, speed, heading, millis) in jumps {
-            let known = Known {
+            let known = MotionEstimate {
                 position: EnuPosition { east: place, north: -place, up: 0.2 * place },
                 velocity: EnuVelocity { east: speed, north: 0.0, up: 0.3 * speed },
                 attitude: Attitude { heading, ..Attitude::default() },
@@ -478,6 +478,6 @@ proptest! {
             prop_assert!(finished || now < limit);
             now += Duration::from_millis(millis);
         }
-        prop_assert!(finished || executor.tick(limit, Known::default()).finished);
+        prop_assert!(finished || executor.tick(limit, MotionEstimate::default()).finished);
     }
 }

@@ -74,7 +74,7 @@ impl Cell {
 
 /// What is known about a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Known {
+pub enum CellState {
     /// It is occupied.
     Occupied,
     /// A ray has passed through.
@@ -160,18 +160,18 @@ impl ObstacleMap {
 
     /// What is known about a cell; unknown outside the grid.
     #[must_use]
-    pub fn known(&self, cell: Cell) -> Known {
+    pub fn known(&self, cell: Cell) -> CellState {
         match self.index(cell).map(|index| self.odds[index]) {
-            Some(odds) if odds >= OCCUPIED => Known::Occupied,
-            Some(odds) if odds <= CLEAR => Known::Free,
-            _ => Known::Unknown,
+            Some(odds) if odds >= OCCUPIED => CellState::Occupied,
+            Some(odds) if odds <= CLEAR => CellState::Free,
+            _ => CellState::Unknown,
         }
     }
 
     /// Whether a cell is known to be occupied.
     #[must_use]
     pub fn is_occupied(&self, cell: Cell) -> bool {
-        self.known(cell) == Known::Occupied
+        self.known(cell) == CellState::Occupied
     }
 
     /// All occupied cells, starting at the lowest, southernmost, westernmost one.

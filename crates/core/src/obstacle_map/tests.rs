@@ -44,11 +44,11 @@ fn a_wall_ahead_is_occupied_the_way_to_it_free_and_what_lies_behind_unknown() {
     map.depth(&grid(|_, _| 510), pose(0.1, 0.1, 3.1));
     assert_eq!(cell(0.1, 5.2, 3.1).north, 20);
     for east in [-4.0, 0.1, 4.0] {
-        assert_eq!(map.known(cell(east, 5.2, 3.1)), Known::Occupied, "{east}");
-        assert_eq!(map.known(cell(east, 5.6, 3.1)), Known::Unknown, "{east}");
+        assert_eq!(map.known(cell(east, 5.2, 3.1)), CellState::Occupied, "{east}");
+        assert_eq!(map.known(cell(east, 5.6, 3.1)), CellState::Unknown, "{east}");
     }
-    assert_eq!(map.known(cell(0.1, 2.5, 3.1)), Known::Free);
-    assert_eq!(map.known(cell(4.0, 0.5, 3.1)), Known::Unknown, "outside the field");
+    assert_eq!(map.known(cell(0.1, 2.5, 3.1)), CellState::Free);
+    assert_eq!(map.known(cell(4.0, 0.5, 3.1)), CellState::Unknown, "outside the field");
     assert!(map.occupied().all(|cell| cell.north == 20));
 }
 
@@ -56,16 +56,16 @@ fn a_wall_ahead_is_occupied_the_way_to_it_free_and_what_lies_behind_unknown() {
 fn a_hole_says_nothing_and_one_pixel_marks_a_wire_that_the_next_grids_clear() {
     let mut map = map();
     map.depth(&grid(|_, _| 0), pose(0.1, 0.1, 3.1));
-    assert_eq!(map.known(cell(0.1, 2.0, 3.1)), Known::Unknown);
+    assert_eq!(map.known(cell(0.1, 2.0, 3.1)), CellState::Unknown);
     // Free so far, then one pixel of an obstacle: it is occupied at once.
     for _ in 0..5 {
         map.depth(&grid(|_, _| 800), pose(0.1, 0.1, 3.1));
     }
-    assert_eq!(map.known(cell(0.1, 3.1, 3.1)), Known::Free);
+    assert_eq!(map.known(cell(0.1, 3.1, 3.1)), CellState::Free);
     map.depth(&grid(|x, y| if (x, y) == (80, 60) { 300 } else { 800 }), pose(0.1, 0.1, 3.1));
-    assert_eq!(map.known(cell(0.1, 3.1, 3.1)), Known::Occupied);
+    assert_eq!(map.known(cell(0.1, 3.1, 3.1)), CellState::Occupied);
     map.depth(&grid(|_, _| 800), pose(0.1, 0.1, 3.1));
-    assert_ne!(map.known(cell(0.1, 3.1, 3.1)), Known::Occupied);
+    assert_ne!(map.known(cell(0.1, 3.1, 3.1)), CellState::Occupied);
 }
 
 /// 35 tenths fade by one every half second, to less than 9 after 13.5 s; −4 by one a second, to unknown after 1 s.
@@ -78,12 +78,12 @@ fn what_nothing_confirms_fades() {
         map.advance(Time::from_secs_f64(secs), at(0.1, 0.1, 3.1));
         (map.known(cell(2.0, 2.0, 3.0)), map.known(cell(-2.0, 0.1, 3.1)))
     };
-    assert_eq!(after(&mut map, 0.9), (Known::Occupied, Known::Free));
-    assert_eq!(after(&mut map, 1.1), (Known::Occupied, Known::Unknown));
-    assert_eq!(after(&mut map, 12.9), (Known::Occupied, Known::Unknown));
-    assert_eq!(after(&mut map, 13.6), (Known::Unknown, Known::Unknown));
+    assert_eq!(after(&mut map, 0.9), (CellState::Occupied, CellState::Free));
+    assert_eq!(after(&mut map, 1.1), (CellState::Occupied, CellState::Unknown));
+    assert_eq!(after(&mut map, 12.9), (CellState::Occupied, CellState::Unknown));
+    assert_eq!(after(&mut map, 13.6), (CellState::Unknown, CellState::Unknown));
     // A silence of an hour does not take an hour.
-    assert_eq!(after(&mut map, 3600.0), (Known::Unknown, Known::Unknown));
+    assert_eq!(after(&mut map, 3600.0), (CellState::Unknown, CellState::Unknown));
 }
 
 /// Label 4 begins at 10^(2.5/4.5) = 3.59 m; the box is 0.2 of 2 m/m wide: 1.44 m, and as deep.
@@ -93,7 +93,9 @@ fn a_box_is_a_solid_as_deep_as_wide_and_has_a_name() {
     let area = ImageBox { left: 0.4, top: 0.3, right: 0.6, bottom: 0.7 };
     let tree = ObstacleBox { area, depth: 4, name: "tree".to_owned() };
     map.solid(Time::ZERO, &camera(), pose(0.1, 0.1, 3.1), &tree, Mobility::Fixed);
-    for (north, known) in [(3.4, Known::Unknown), (3.8, Known::Occupied), (5.0, Known::Occupied), (5.6, Known::Unknown)] {
+    for (north, known) in
+        [(3.4, CellState::Unknown), (3.8, CellState::Occupied), (5.0, CellState::Occupied), (5.6, CellState::Unknown)]
+    {
         assert_eq!(map.known(cell(0.1, north, 3.1)), known, "{north}");
     }
     assert!(map.is_occupied(cell(0.6, 3.8, 3.1)) && !map.is_occupied(cell(1.6, 3.8, 3.1)));

@@ -77,9 +77,9 @@ impl ObstacleMap {
     #[must_use]
     pub fn is_free(&self, now: Time, at: EnuPosition) -> bool {
         match self.known(Cell::of(at)) {
-            super::Known::Occupied => return false,
-            super::Known::Free => return true,
-            super::Known::Unknown => {}
+            super::CellState::Occupied => return false,
+            super::CellState::Free => return true,
+            super::CellState::Unknown => {}
         }
         let implied = |view: &FreeView| {
             let distance = view.axes.origin.distance(at);

@@ -1,6 +1,6 @@
 //! Frames, queries, replies and the steps that follow.
 
-use super::{Action, Decision, Note, Outcome, Phase, Pilot, Think, Waiting};
+use super::{Action, Decision, Note, Outcome, Phase, Pilot, QueryTiming, Waiting};
 use crate::envelope::{Cause, Reaction};
 use crate::frame::FrameMeta;
 use crate::geometry::wrap_angle;
@@ -49,7 +49,7 @@ impl Pilot {
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
         view.room = self.envelope.room();
         view.expected = self.expected(now, view.pose);
-        let from_rest = self.needs_rest || self.settings.think == Think::Stop;
+        let from_rest = self.needs_rest || self.settings.think == QueryTiming::Stop;
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;
         }

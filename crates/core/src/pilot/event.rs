@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::anchor::{Gate, Sight};
+use crate::anchor::{AnchorView, Gate};
 use crate::command::{Command, Setpoint};
 use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
@@ -241,7 +241,7 @@ pub struct Decision {
 pub struct AnchorReport {
     /// As seen from where the frame was captured.
     #[serde(flatten)]
-    pub sight: Sight,
+    pub sight: AnchorView,
     /// Outcome of the decision's own sighting; absent if it was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gate: Option<Gate>,

@@ -4,11 +4,11 @@
 //! Everything here follows from what drivers and VLM deliver: frames' poses by the motion estimate, telemetry, depth
 //! grids, replies.
 
-use super::{AnchorReport, Around, Note, Passage, Pilot, Think, Waiting};
+use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, Anchors, Gate, Sighting, Trust};
 use crate::avoid::is_person;
 use crate::depth::DepthGrid;
-use crate::estimator::Known;
+use crate::estimator::MotionEstimate;
 use crate::executor::{Goal, Motion};
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::lift::range_of_label;
@@ -139,7 +139,7 @@ impl Pilot {
     }
 
     fn is_guided(&self) -> bool {
-        self.settings.think == Think::Continuous && self.settings.motion == Motion::Blended
+        self.settings.think == QueryTiming::Continuous && self.settings.motion == Motion::Blended
     }
 
     /// The obstacle map, if it is on. For recording.
@@ -361,7 +361,7 @@ impl Pilot {
     }
 
     /// Renews the plan of the course, if it is time.
-    pub(super) fn follow_course(&mut self, now: Time, known: &Known) {
+    pub(super) fn follow_course(&mut self, now: Time, known: &MotionEstimate) {
         self.remember_obstacles(now, known.position);
         let Some(course) = &self.guiding.course else { return };
         if course.planned.is_some_and(|planned| now.since(planned) < PLAN_PERIOD) {

@@ -23,7 +23,7 @@ mod take_over;
 mod unseen;
 
 pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
-pub use settings::{AtEnd, PilotSettings, Preset, Think};
+pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -32,7 +32,7 @@ use crate::command::Setpoint;
 use crate::craft::Craft;
 use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Envelope, Limits};
-use crate::estimator::{Known, MotionEstimator, Senses};
+use crate::estimator::{MotionEstimate, MotionEstimator, TelemetryAccuracy};
 use crate::executor::Executor;
 use crate::frame::FrameId;
 use crate::policy::{Move, Policy, PolicyEvent, View};
@@ -123,7 +123,7 @@ pub struct PilotParts {
     /// The craft model.
     pub craft: Craft,
     /// Accuracy of its telemetry.
-    pub senses: Senses,
+    pub senses: TelemetryAccuracy,
     /// The craft's camera.
     pub camera: Camera,
     /// The safety envelope's limits.
@@ -295,7 +295,7 @@ impl Pilot {
     }
 
     /// Estimated motion of the craft. Nothing flies before the first telemetry, so no decision is based on the default.
-    fn known(&self, now: Time) -> Known {
+    fn known(&self, now: Time) -> MotionEstimate {
         self.estimator.at(now).unwrap_or_default()
     }
 

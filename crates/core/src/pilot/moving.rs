@@ -1,9 +1,9 @@
 //! Converts plans to setpoints, tick by tick, through the executor and the envelope.
 
 use super::guiding::Lead;
-use super::{Action, Phase, Pilot, Think};
+use super::{Action, Phase, Pilot, QueryTiming};
 use crate::command::{Command, Manoeuvre, Setpoint};
-use crate::envelope::Clearance;
+use crate::envelope::ClearedCommand;
 use crate::executor::{Goal, Motion, OwnFlight};
 use crate::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use crate::policy::{Move, PolicyEvent, Step};
@@ -47,7 +47,7 @@ impl Pilot {
             return (Some(pose_of(goal)), false);
         };
         let goal = Goal::of_primitives(from, motion.primitives);
-        let passed = self.settings.think == Think::Continuous
+        let passed = self.settings.think == QueryTiming::Continuous
             && !motion.then_rest
             && !self.waits_for_queue()
             && self.is_passed(now, goal, from.position);
@@ -90,7 +90,7 @@ impl Pilot {
             return self.fly_planned(now, from.position, goal, motion.then_rest);
         }
         match motion.anchor {
-            Some(from) if self.settings.think == Think::Continuous && !motion.then_rest => {
+            Some(from) if self.settings.think == QueryTiming::Continuous && !motion.then_rest => {
                 if self.waits_for_queue() {
                     self.pending = Some(motion);
                     return;
@@ -230,7 +230,7 @@ impl Pilot {
 
     /// Whether a limit has blocked a move for so long that it will not reach its end, such as downwards at the floor or
     /// outwards at the fence. Without this check, only its time limit would end it.
-    fn is_kept_still(&mut self, now: Time, clearance: &Clearance) -> bool {
+    fn is_kept_still(&mut self, now: Time, clearance: &ClearedCommand) -> bool {
         let wanted = self.wanted;
         let nothing_left = |cleared: Setpoint| {
             cleared.speed() <= KEPT_FRACTION * wanted.speed() && cleared.yaw_rate.abs() <= KEPT_FRACTION * wanted.yaw_rate.abs()
@@ -265,7 +265,7 @@ impl Pilot {
         }
     }
 
-    fn send(&mut self, now: Time, clearance: Clearance) {
+    fn send(&mut self, now: Time, clearance: ClearedCommand) {
         if let Command::Setpoint(setpoint) = clearance.cleared.get() {
             self.estimator.commanded(now, *setpoint);
             self.executor.commanded(now, *setpoint);

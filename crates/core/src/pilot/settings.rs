@@ -13,7 +13,7 @@ use crate::time::Duration;
 /// When the next query is sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Think {
+pub enum QueryTiming {
     /// Hold while the VLM thinks, and use only frames taken at rest.
     Stop,
     /// Keep flying the last plan while the next query is open.
@@ -53,7 +53,7 @@ pub struct PilotSettings {
     /// Whether time or the measured distance ends a primitive.
     pub ending: MotionEnding,
     /// Whether the craft holds while the VLM thinks.
-    pub think: Think,
+    pub think: QueryTiming,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
     /// Whether obstacle mode is on.
@@ -103,7 +103,7 @@ impl PilotSettings {
             lifting: if paper { Lifting::Paper } else { Lifting::Levelled },
             motion: if paper { Motion::Sequential } else { Motion::Blended },
             ending: if paper { MotionEnding::Timed } else { MotionEnding::Measured },
-            think: if paper { Think::Stop } else { Think::Continuous },
+            think: if paper { QueryTiming::Stop } else { QueryTiming::Continuous },
             confirm_done: !paper,
             avoid: false,
             guidance: Guidance::default(),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::avoid::{self, Avoidance, BODY_MARGIN, Keep, ObstacleMemory, PathShape, PlannedStep};
+use crate::avoid::{self, Avoidance, BODY_MARGIN, ObstacleMemory, PassingSide, PathShape, PlannedStep};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
@@ -96,7 +96,7 @@ const DETOUR_OVER: u32 = 2;
 /// A detour under way.
 #[derive(Clone, Copy, Debug, Default)]
 struct DetourSide {
-    keep: Option<Keep>,
+    keep: Option<PassingSide>,
     /// Clear paths in a row.
     clear: u32,
 }
@@ -116,8 +116,8 @@ impl DetourSide {
         self.keep = match self.keep {
             Some(keep) if keep.side == side => Some(keep),
             // It changes sides once; a craft that did so at every answer would get nowhere.
-            Some(_) => Some(Keep { side, strict: true }),
-            None => Some(Keep { side, strict: false }),
+            Some(_) => Some(PassingSide { side, strict: true }),
+            None => Some(PassingSide { side, strict: false }),
         };
     }
 }
@@ -471,8 +471,14 @@ impl Spf {
             };
             let clearance = self.settings.craft.radius + BODY_MARGIN;
             let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
-            let outcome =
-                avoid::avoid_guessed(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), self.detour.keep);
+            let outcome = avoid::avoid_with_guessed_ranges(
+                &plan,
+                clearance,
+                &reply.boxes,
+                &unranged,
+                reply.target.as_deref(),
+                self.detour.keep,
+            );
             self.reading.avoidance = Some(outcome);
             match outcome {
                 Avoidance::Clear => {

@@ -11,7 +11,7 @@ use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::time::{Duration, Time};
 use spf_media::h264::Decoder;
 
@@ -254,7 +254,7 @@ impl Drone for Tello {
     fn capabilities(&self) -> Capabilities {
         // Only SDK 2.0 and later have a command that ends a move.
         let manoeuvres = self.firmware.sdk.is_some();
-        Capabilities { manoeuvres, ..Capabilities::of(Craft::tello(), Camera::tello(), Senses::tello()) }
+        Capabilities { manoeuvres, ..Capabilities::of(Craft::tello(), Camera::tello(), TelemetryAccuracy::tello()) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {

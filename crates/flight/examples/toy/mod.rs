@@ -9,7 +9,7 @@ use std::sync::Arc;
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
 use spf_core::envelope::Cleared;
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::geometry::{BodyDisplacement, EnuVelocity, Pose};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
@@ -38,7 +38,7 @@ impl Drone for Toy {
 
     fn capabilities(&self) -> Capabilities {
         let camera = Camera::tello().resized(320, 240);
-        Capabilities { position: true, ..Capabilities::of(craft::figures(), camera, Senses::EXACT) }
+        Capabilities { position: true, ..Capabilities::of(craft::figures(), camera, TelemetryAccuracy::EXACT) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {

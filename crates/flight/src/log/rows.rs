@@ -6,7 +6,7 @@ use spf_core::camera::Camera;
 use spf_core::command::{Manoeuvre, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::envelope::{Cause, Limits};
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
@@ -32,7 +32,7 @@ pub struct FlightHeader {
     /// Craft parameters.
     pub craft: Craft,
     /// Accuracy of its telemetry.
-    pub senses: Senses,
+    pub senses: TelemetryAccuracy,
     /// Its camera.
     pub camera: Camera,
     /// The envelope's limits.

@@ -82,7 +82,7 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
         ("lifting = \"paper\"", PilotSettings { lifting: Lifting::Paper, ..preset }),
         ("motion = \"sequential\"", PilotSettings { motion: Motion::Sequential, ..preset }),
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
-        ("think = \"stop\"", PilotSettings { think: Think::Stop, ..preset }),
+        ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
         assert_eq!(settings(words).settings(6.7), wanted, "{words}");
@@ -160,7 +160,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let lifting = prop_oneof![Just(Lifting::Paper), Just(Lifting::Levelled)];
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
-    let think = prop_oneof![Just(Think::Stop), Just(Think::Continuous)];
+    let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
     (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 6]>()).prop_map(
         |(preset, step, lifting, motion, ending, think, confirm_done, [avoid, fence, anchor, map, brake, depth_sensor])| {
             BenchSettings {

@@ -6,7 +6,7 @@ use spf_core::command::Command;
 use spf_core::craft::CraftKind;
 use spf_core::depth::DepthGrid;
 use spf_core::envelope::Cleared;
-use spf_core::estimator::Senses;
+use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameId;
 use spf_core::time::Time;
 use spf_drone::frames::Frames;
@@ -62,8 +62,8 @@ impl Drone for SimDrone {
     fn capabilities(&self) -> Capabilities {
         let Model { kind, craft, .. } = *self.world.craft().dynamics().model();
         let senses = match kind {
-            CraftKind::Quad => Senses::quad(),
-            CraftKind::Tello => Senses::tello(),
+            CraftKind::Quad => TelemetryAccuracy::quad(),
+            CraftKind::Tello => TelemetryAccuracy::tello(),
         };
         Capabilities { position: kind == CraftKind::Quad, ..Capabilities::of(craft, *self.world.camera(), senses) }
     }

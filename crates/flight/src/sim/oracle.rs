@@ -4,7 +4,7 @@
 use spf_core::frame::FrameId;
 use spf_core::query::Query;
 use spf_core::time::Duration;
-use spf_oracle::{ErrorFile, Oracle, Percept, Sight};
+use spf_oracle::{ErrorFile, GroundTruthView, Oracle, Percept};
 use spf_render::Channels;
 use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
@@ -63,7 +63,7 @@ impl OracleVlm {
         let light = self.world.light_on(snapshot, &eyes.sight);
         let signs = self.world.loaded().scene.signs_from(snapshot.pose.position);
         let image = &eyes.sight;
-        let sight = Sight {
+        let sight = GroundTruthView {
             width: image.width as usize,
             height: image.height as usize,
             ids: image.ids.as_deref().unwrap_or_default(),

@@ -1,6 +1,6 @@
 //! Faults of the camera: images that show nothing.
 
-use spf_core::fault::{FaultMachine, Trouble};
+use spf_core::fault::{CraftFault, FaultMachine};
 use spf_core::rng::RandomStream;
 use spf_core::time::Time;
 use spf_media::Rgb;
@@ -15,13 +15,13 @@ const UNIFORM: [u8; 3] = [128, 118, 108];
 
 /// Applies the camera's faults at `at` to an image captured then.
 pub fn disturb(image: &mut Rgb, faults: &FaultMachine, at: Time) {
-    if faults.troubled(at, Trouble::VideoUniform) {
+    if faults.has_fault(at, CraftFault::VideoUniform) {
         image.data_mut().as_chunks_mut::<3>().0.fill(UNIFORM);
     }
-    if faults.troubled(at, Trouble::VideoBlack) {
+    if faults.has_fault(at, CraftFault::VideoBlack) {
         image.data_mut().fill(0);
     }
-    if faults.troubled(at, Trouble::LensCovered) {
+    if faults.has_fault(at, CraftFault::LensCovered) {
         let mut rng = RandomStream::new(0, "covered lens", &[at.as_nanos()]);
         let noise: Vec<u8> = (0..NOISE).map(|_| (COVERED.0 + COVERED.1 * rng.normal()).clamp(0.0, 255.0) as u8).collect();
         for (index, pixel) in image.data_mut().as_chunks_mut::<3>().0.iter_mut().enumerate() {

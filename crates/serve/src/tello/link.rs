@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use spf_core::fault::{Content, FaultMachine, Stream, Trouble};
+use spf_core::fault::{Content, CraftFault, FaultMachine, Stream};
 use spf_core::time::Time;
 
 /// Maximum number of datagrams in transit; more are lost, as on a radio link.
@@ -45,7 +45,7 @@ impl Link {
     /// Sends a datagram at `at`.
     pub(super) fn send(&mut self, at: Time, stream: Stream, peer: SocketAddr, bytes: &[u8]) {
         self.count += 1;
-        if self.faults.troubled(at, Trouble::LinkCut) {
+        if self.faults.has_fault(at, CraftFault::LinkCut) {
             return;
         }
         if self.under_way.len() >= MOST {
@@ -72,7 +72,7 @@ impl Link {
         let index = self.under_way.iter().position(|packet| packet.at == at && wanted(packet.stream))?;
         let packet = self.under_way.remove(index);
         // The link was cut while it was in transit.
-        if self.faults.troubled(packet.at, Trouble::LinkCut) { self.take(now, wanted) } else { Some(packet) }
+        if self.faults.has_fault(packet.at, CraftFault::LinkCut) { self.take(now, wanted) } else { Some(packet) }
     }
 
     /// When the next datagram arrives.

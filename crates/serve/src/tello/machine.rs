@@ -5,7 +5,7 @@ mod tasks;
 use std::net::{IpAddr, SocketAddr};
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::fault::{FaultMachine, Stream, Trouble};
+use spf_core::fault::{CraftFault, FaultMachine, Stream};
 use spf_core::rng::RandomStream;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
@@ -333,12 +333,12 @@ impl VirtualTello {
         if flying {
             self.motor_time += seconds;
         }
-        if !self.faults().troubled(now, Trouble::HeightStuck) {
+        if !self.faults().has_fault(now, CraftFault::HeightStuck) {
             self.stuck = None;
         } else if self.stuck.is_none() {
             self.stuck = Some(self.state(craft));
         }
-        if self.faults().troubled(now, Trouble::Reboot) && now >= self.booted {
+        if self.faults().has_fault(now, CraftFault::Reboot) && now >= self.booted {
             self.restart(now, craft);
         }
         self.go_on(now, craft);
@@ -346,7 +346,7 @@ impl VirtualTello {
             self.last_command = now;
         }
         let idle = now.since(self.last_command) >= duration_from_secs(self.figures.idle_landing);
-        let empty = self.faults().troubled(now, Trouble::BatteryEmpty);
+        let empty = self.faults().has_fault(now, CraftFault::BatteryEmpty);
         if craft.dynamics().phase() == FlightPhase::Flying && (empty || (idle && self.running.is_none())) {
             if let Some(Running { to, .. }) = self.running.take() {
                 self.refuse(now, to, "error Auto land");
@@ -358,11 +358,11 @@ impl VirtualTello {
     /// The state as reported, with the faults of the sensors.
     fn state(&self, craft: &SimCraft) -> State {
         let state = State::of(craft, self.datum, self.pads, self.temperature, self.motor_time);
-        let has = |fault| self.faults().troubled(craft.time(), fault);
-        let battery = if has(Trouble::BatteryEmpty) { state.battery.min(4) } else { state.battery };
-        let attitude = state.attitude.filter(|_| !has(Trouble::ImuLost));
+        let has = |fault| self.faults().has_fault(craft.time(), fault);
+        let battery = if has(CraftFault::BatteryEmpty) { state.battery.min(4) } else { state.battery };
+        let attitude = state.attitude.filter(|_| !has(CraftFault::ImuLost));
         let [_, _, down] = state.speed;
-        let speed = if has(Trouble::SpeedZero) { [0, 0, down] } else { state.speed };
+        let speed = if has(CraftFault::SpeedZero) { [0, 0, down] } else { state.speed };
         let state = State { battery, attitude, speed, ..state };
         self.stuck.map_or(state, |stuck| state.with_height_of(&stuck))
     }

@@ -10,7 +10,7 @@ use spf_core::time::{Duration, Time};
 use spf_flight::sim::SimWorld;
 use spf_media::Rgb;
 
-use super::lens::Lens;
+use super::lens::FrameProvider;
 use super::memory::{Memory, Remembered};
 
 /// The scene's actors move for this long and then restart: simulating hours would take minutes.
@@ -64,7 +64,7 @@ impl Camera {
     }
 }
 
-impl Lens for Camera {
+impl FrameProvider for Camera {
     fn newest(&self) -> Option<(FrameId, Rgb)> {
         self.take()
     }

@@ -6,7 +6,7 @@ use spf_core::time::Time;
 use spf_media::Rgb;
 
 /// A source of frames for an endpoint.
-pub trait Lens: Send + Sync {
+pub trait FrameProvider: Send + Sync {
     /// The newest frame; `None` before the first.
     fn newest(&self) -> Option<(FrameId, Rgb)>;
 

@@ -15,7 +15,7 @@ mod wire;
 mod wording;
 
 pub use camera::Camera;
-pub use lens::Lens;
+pub use lens::FrameProvider;
 pub use memory::{FRAME_RETENTION, Memory, Remembered, Unrecognised};
 pub use onboard::OnboardCamera;
 pub use responder::{AnswerForm, Instruction, OracleReply, Responder};

@@ -10,7 +10,7 @@ use spf_core::time::Time;
 use spf_flight::sim::WorldSnapshot;
 use spf_media::Rgb;
 
-use super::lens::Lens;
+use super::lens::FrameProvider;
 use super::memory::{Memory, Remembered};
 
 /// Recent frames of a drone's camera, for an endpoint.
@@ -42,7 +42,7 @@ impl OnboardCamera {
     }
 }
 
-impl Lens for OnboardCamera {
+impl FrameProvider for OnboardCamera {
     fn newest(&self) -> Option<(FrameId, Rgb)> {
         self.newest.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

@@ -18,7 +18,7 @@ use spf_guard::Access;
 use spf_media::{Jpeg, jpeg};
 use tokio::sync::{Semaphore, watch};
 
-use super::lens::Lens;
+use super::lens::FrameProvider;
 use super::memory::Unrecognised;
 use super::responder::{OracleReply, Responder};
 use super::wire::{Answered, Question, Wire};
@@ -60,7 +60,7 @@ pub struct Serving {
 }
 
 struct Shared {
-    lens: Arc<dyn Lens>,
+    lens: Arc<dyn FrameProvider>,
     responder: Responder,
     questions: AtomicU64,
     work: Arc<Semaphore>,
@@ -88,7 +88,7 @@ impl Endpoint {
     ///
     /// # Errors
     /// [`EndpointError::Thread`] if it cannot be started.
-    pub fn serve(self, lens: Arc<dyn Lens>, responder: Responder) -> Result<Serving, EndpointError> {
+    pub fn serve(self, lens: Arc<dyn FrameProvider>, responder: Responder) -> Result<Serving, EndpointError> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(EndpointError::Thread)?;
         let shared = Arc::new(Shared { lens, responder, questions: AtomicU64::new(0), work: Arc::new(Semaphore::new(AT_ONCE)) });
         let (stop, stopped) = watch::channel(false);

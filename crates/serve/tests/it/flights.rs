@@ -9,9 +9,9 @@ use spf_core::camera::Camera;
 use spf_core::craft::{Craft, CraftKind};
 use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
-use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
+use spf_core::fault::{CraftFault, CraftFaultRule, Fault, FaultPlan, Rule, Stream};
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset, Think};
+use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset, QueryTiming};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::tello::sticks::Calibration;
@@ -181,8 +181,8 @@ fn settings() -> PilotSettings {
     PilotSettings { max_time: Duration::from_secs(90), ..PilotSettings::preset(Preset::Default) }
 }
 
-fn trouble(fault: Trouble, from: f64, until: Option<f64>) -> FaultPlan {
-    FaultPlan { craft: vec![TroubleRule { fault, from, until }], ..FaultPlan::default() }
+fn trouble(fault: CraftFault, from: f64, until: Option<f64>) -> FaultPlan {
+    FaultPlan { craft: vec![CraftFaultRule { fault, from, until }], ..FaultPlan::default() }
 }
 
 fn rule(stream: Stream, from: f64, until: Option<f64>, fault: Fault) -> FaultPlan {
@@ -281,7 +281,7 @@ fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors
 
 #[test]
 fn a_cut_link_stops_commands_and_the_drone_lands_by_itself() {
-    let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, None), None, settings());
+    let flight = fly(GOAL, trouble(CraftFault::LinkCut, 6.0, None), None, settings());
     assert_eq!(flight.outcome(), Outcome::Failed, "{:?}", flight.seen.outcome);
     assert_stopped(&flight, 6.0 + PATIENCE + ZERO);
     assert!(flight.sent.iter().any(|(at, text)| text == "land" && *at > Time::from_millis(6000)), "it is tried all the same");
@@ -289,14 +289,14 @@ fn a_cut_link_stops_commands_and_the_drone_lands_by_itself() {
 
 #[test]
 fn a_link_that_comes_back_within_two_seconds_goes_on() {
-    let flight = fly(GOAL, trouble(Trouble::LinkCut, 6.0, Some(7.5)), None, settings());
+    let flight = fly(GOAL, trouble(CraftFault::LinkCut, 6.0, Some(7.5)), None, settings());
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
     assert_eq!(flight.sent.iter().filter(|(_, text)| text == "takeoff").count(), 1);
 }
 
 #[test]
 fn a_refused_take_off_ends_the_flight_on_the_ground() {
-    let flight = fly(GOAL, trouble(Trouble::TakeOffRefused, 0.0, None), None, settings());
+    let flight = fly(GOAL, trouble(CraftFault::TakeOffRefused, 0.0, None), None, settings());
     let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
     assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "the craft refused to take off"));
     assert!(at < Time::from_millis(6000), "{at}");
@@ -307,7 +307,7 @@ fn a_refused_take_off_ends_the_flight_on_the_ground() {
 
 #[test]
 fn an_empty_battery_is_landed_with() {
-    let flight = fly(GOAL, trouble(Trouble::BatteryEmpty, 7.0, None), None, settings());
+    let flight = fly(GOAL, trouble(CraftFault::BatteryEmpty, 7.0, None), None, settings());
     assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
     assert_stopped(&flight, 7.0 + STATE + ZERO);
     assert_eq!(flight.craft(|craft| craft.dynamics().phase()), FlightPhase::OnGround);
@@ -315,7 +315,7 @@ fn an_empty_battery_is_landed_with() {
 
 #[test]
 fn a_restart_in_flight_ends_it_and_moves_nothing_after() {
-    let flight = fly(GOAL, trouble(Trouble::Reboot, 7.0, Some(7.05)), None, settings());
+    let flight = fly(GOAL, trouble(CraftFault::Reboot, 7.0, Some(7.05)), None, settings());
     assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
     assert_stopped(&flight, 7.0 + PATIENCE + ZERO);
 }
@@ -338,7 +338,7 @@ fn state_that_ends_holds_then_lands() {
 /// A drone that does not know its own motion refuses moves. `rc` has no answer, so that nothing shows the error.
 #[test]
 fn an_imu_error_that_only_answers_show_is_unknown_to_a_flight_by_rc() {
-    let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, settings());
+    let flight = fly(GOAL, trouble(CraftFault::ImuInvalid, 6.0, None), None, settings());
     assert_eq!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
 }
 
@@ -351,7 +351,7 @@ fn a_stuck_height_is_noticed_before_the_ceiling_is_passed() {
         [[event]]\nat_s = 30.0\ndo = \"resume\"";
     // The pilot climbs, or the operator does, who resumes after some time.
     for events in ["", by_hand] {
-        let (limits, stuck) = (Limits::for_craft(&Craft::tello()), trouble(Trouble::HeightStuck, 5.5, None));
+        let (limits, stuck) = (Limits::for_craft(&Craft::tello()), trouble(CraftFault::HeightStuck, 5.5, None));
         let flight = fly_by(limits, "city", "fly to the tower", stuck, settings(), events, |_| Box::new(Says(up)));
         let noticed = flight.seen.envelope.iter().find(|(_, said)| said == cause);
         let (noticed, _) = noticed.unwrap_or_else(|| panic!("{:?} {:?}", flight.seen.outcome, flight.seen.envelope));
@@ -373,7 +373,7 @@ fn a_stuck_height_is_noticed_before_the_ceiling_is_passed() {
 fn a_speed_that_stays_zero_lands_the_drone() {
     let ahead = r#"{"status":"navigating","target":"tower","point":[450,500],"depth":6,"boxes":[]}"#;
     let limits = Limits { max_speed: 0.6, ..Limits::for_craft(&Craft::tello()) };
-    let zero = trouble(Trouble::SpeedZero, 5.0, None);
+    let zero = trouble(CraftFault::SpeedZero, 5.0, None);
     let flight = fly_by(limits, "city", "fly to the tower", zero, settings(), "", |_| Box::new(Says(ahead)));
     let (at, outcome, why) = flight.seen.outcome.clone().unwrap();
     assert_eq!((outcome, why.as_str()), (Outcome::Failed, "the craft reports an IMU error"), "{at}");
@@ -389,8 +389,8 @@ fn an_imu_error_lands_the_drone_at_once() {
     let undisturbed = fly(GOAL, FaultPlan::default(), None, by_go());
     let (second, _) = undisturbed.words("go")[1].clone();
     let faulty = second.as_secs_f64() - 0.3;
-    let refused = fly(GOAL, trouble(Trouble::ImuInvalid, faulty, None), None, by_go());
-    let unleveled = fly(GOAL, trouble(Trouble::ImuLost, 8.0, None), None, settings());
+    let refused = fly(GOAL, trouble(CraftFault::ImuInvalid, faulty, None), None, by_go());
+    let unleveled = fly(GOAL, trouble(CraftFault::ImuLost, 8.0, None), None, settings());
     // The refusal follows within 0.1 s of the move; three lines without attitude within 0.4 s of the fault.
     for (flight, from) in [(refused, second.as_secs_f64() + 0.1), (unleveled, 8.0 + 4.0 * STATE)] {
         let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
@@ -405,7 +405,7 @@ fn an_imu_error_lands_the_drone_at_once() {
 /// The reason for the warning in docs/guide/tello.md: stick positions stay in force when the link is cut.
 #[test]
 fn a_cut_link_lets_a_tello_fly_on_for_15_s() {
-    let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, 14.0, None), None, settings(), "");
+    let flight = fly_in("city", "fly to the red crane", trouble(CraftFault::LinkCut, 14.0, None), None, settings(), "");
     let cut = Time::from_millis(14_000);
     let (_, told) = flight.sticks().into_iter().rfind(|(at, _)| *at < cut).unwrap();
     let speed = 0.01 * f64::hypot(f64::from(told[0]), f64::from(told[1]));
@@ -466,7 +466,7 @@ fn a_tello_lands_when_its_position_is_too_uncertain_for_the_limits() {
 }
 
 fn by_go() -> PilotSettings {
-    PilotSettings { motion: Motion::Manoeuvres, think: Think::Stop, ..settings() }
+    PilotSettings { motion: Motion::Manoeuvres, think: QueryTiming::Stop, ..settings() }
 }
 
 impl Flight {
@@ -506,7 +506,7 @@ fn by_go_a_cut_link_lets_it_fly_the_rest_of_its_step() {
     let undisturbed = fly_in("city", "fly to the red crane", FaultPlan::default(), None, by_go(), "");
     let (began, text) = undisturbed.words("go")[2].clone();
     let cut = began + Duration::from_millis(1200);
-    let flight = fly_in("city", "fly to the red crane", trouble(Trouble::LinkCut, cut.as_secs_f64(), None), None, by_go(), "");
+    let flight = fly_in("city", "fly to the red crane", trouble(CraftFault::LinkCut, cut.as_secs_f64(), None), None, by_go(), "");
     let cm: Vec<f64> = text.split(' ').skip(1).map(|n| n.parse().unwrap()).collect();
     let length = 0.01 * f64::hypot(cm[0], cm[1]);
     let (from, at, to) = (flight.place(began), flight.place(cut), flight.place(Time::MAX));
@@ -564,7 +564,7 @@ fn by_go_a_landing_in_a_step_stops_it_once() {
 
 #[test]
 fn by_go_moves_that_the_drone_refuses_are_not_flown_otherwise() {
-    let flight = fly(GOAL, trouble(Trouble::ImuInvalid, 6.0, None), None, PilotSettings { max_decisions: 6, ..by_go() });
+    let flight = fly(GOAL, trouble(CraftFault::ImuInvalid, 6.0, None), None, PilotSettings { max_decisions: 6, ..by_go() });
     assert_ne!(flight.outcome(), Outcome::Reached, "{:?}", flight.seen.outcome);
     let flown = flight.place(Time::from_millis(6000)).distance(flight.place(Time::MAX));
     assert!(flown < 1.5, "{flown} m, the landing among them");

@@ -3,7 +3,7 @@
 
 use crate::wired::CAMERA_FAULTS;
 use spf_core::camera::Camera;
-use spf_core::fault::{FaultMachine, FaultPlan, TroubleRule};
+use spf_core::fault::{CraftFaultRule, FaultMachine, FaultPlan};
 use spf_core::frame::Unusable;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::rng::RandomStream;
@@ -100,7 +100,7 @@ fn each_fault_of_the_camera_is_seen_through_the_codec() {
     let whole = Rgb::from_raw(rendered.width, rendered.height, rendered.rgb.unwrap()).unwrap();
     let expected = [Unusable::Covered, Unusable::Covered, Unusable::Blank];
     for (fault, expected) in CAMERA_FAULTS.into_iter().zip(expected) {
-        let plan = FaultPlan { craft: vec![TroubleRule { fault, from: 0.0, until: None }], ..FaultPlan::default() };
+        let plan = FaultPlan { craft: vec![CraftFaultRule { fault, from: 0.0, until: None }], ..FaultPlan::default() };
         let mut image = whole.clone();
         disturb(&mut image, &FaultMachine::new(plan, 0).unwrap(), Time::from_millis(500));
         for image in [through_the_codec(&image), image] {

@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 
 use proptest::prelude::*;
-use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream, Trouble, TroubleRule};
+use spf_core::fault::{CraftFault, CraftFaultRule, Fault, FaultMachine, FaultPlan, Rule, Stream};
 use spf_core::geometry::{EnuPosition, wrap_angle};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
@@ -106,8 +106,8 @@ impl Bench {
     }
 }
 
-fn trouble(fault: Trouble, from: f64, until: Option<f64>) -> FaultPlan {
-    FaultPlan { craft: vec![TroubleRule { fault, from, until }], ..FaultPlan::default() }
+fn trouble(fault: CraftFault, from: f64, until: Option<f64>) -> FaultPlan {
+    FaultPlan { craft: vec![CraftFaultRule { fault, from, until }], ..FaultPlan::default() }
 }
 
 #[test]
@@ -339,11 +339,11 @@ fn faults_are_reported_as_by_a_real_craft() {
         bench.ask("command");
         bench
     };
-    assert_eq!(with(Trouble::TakeOffRefused).ask("takeoff").0, "error");
-    let mut empty = with(Trouble::BatteryEmpty);
+    assert_eq!(with(CraftFault::TakeOffRefused).ask("takeoff").0, "error");
+    let mut empty = with(CraftFault::BatteryEmpty);
     assert_eq!(empty.ask("takeoff").0, "error");
     assert_eq!(empty.ask("battery?").0, "4\r\n");
-    let mut blind = with(Trouble::ImuInvalid);
+    let mut blind = with(CraftFault::ImuInvalid);
     assert_eq!(blind.ask("takeoff").0, "ok");
     assert_eq!(blind.ask("forward 50").0, "error No valid imu");
     blind.say("rc 0 50 0 0");
@@ -353,7 +353,7 @@ fn faults_are_reported_as_by_a_real_craft() {
 
 #[test]
 fn an_empty_battery_in_the_air_lands_it() {
-    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(Trouble::BatteryEmpty, 6.0, None));
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(CraftFault::BatteryEmpty, 6.0, None));
     bench.ask("command");
     bench.ask("takeoff");
     bench.say("forward 500");
@@ -365,7 +365,7 @@ fn an_empty_battery_in_the_air_lands_it() {
 /// When the link is cut, no `rc` can stop it: it flies on with the last stick positions, until its own landing.
 #[test]
 fn a_cut_link_leaves_the_sticks_as_they_were() {
-    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(Trouble::LinkCut, 6.0, Some(40.0)));
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(CraftFault::LinkCut, 6.0, Some(40.0)));
     bench.ask("command");
     bench.ask("takeoff");
     bench.wait(5.9 - bench.now.as_secs_f64());
@@ -386,7 +386,7 @@ fn a_cut_link_leaves_the_sticks_as_they_were() {
 
 #[test]
 fn a_restart_forgets_the_client_and_drops_the_craft() {
-    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(Trouble::Reboot, 6.0, Some(6.05)));
+    let mut bench = Bench::with(ProtocolParameters::exact(), Firmware::V20, 1.0, trouble(CraftFault::Reboot, 6.0, Some(6.05)));
     bench.ask("command");
     bench.ask("takeoff");
     bench.wait(7.0 - bench.now.as_secs_f64());

@@ -13,7 +13,7 @@ use spf_core::time::Time;
 use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld};
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
-use spf_serve::vlm::{AnswerForm, Endpoint, Instruction, Lens, Memory, Responder};
+use spf_serve::vlm::{AnswerForm, Endpoint, FrameProvider, Instruction, Memory, Responder};
 
 /// A camera that takes its time, and counts how many images it is taking.
 #[derive(Default)]
@@ -23,7 +23,7 @@ struct Slow {
     taken: AtomicUsize,
 }
 
-impl Lens for Slow {
+impl FrameProvider for Slow {
     fn newest(&self) -> Option<(FrameId, Rgb)> {
         let taking = self.taking.fetch_add(1, Ordering::SeqCst) + 1;
         self.most.fetch_max(taking, Ordering::SeqCst);

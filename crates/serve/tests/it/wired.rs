@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex};
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
-use spf_core::estimator::Senses;
-use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
+use spf_core::estimator::TelemetryAccuracy;
+use spf_core::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
 use spf_core::frame::{FrameId, FrameMeta, Unusable};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
@@ -24,7 +24,7 @@ use spf_serve::tello::{Firmware, Output, ProtocolParameters, VirtualTello};
 use spf_sim::frame_clock::FrameClock;
 
 /// Faults after which an image shows nothing.
-pub(crate) const CAMERA_FAULTS: [Trouble; 3] = [Trouble::LensCovered, Trouble::VideoBlack, Trouble::VideoUniform];
+pub(crate) const CAMERA_FAULTS: [CraftFault; 3] = [CraftFault::LensCovered, CraftFault::VideoBlack, CraftFault::VideoUniform];
 
 const STEP: Duration = Duration::from_millis(5);
 
@@ -79,7 +79,7 @@ impl Wired {
     /// Why this frame is unusable, if the camera has a fault.
     fn show(&mut self, meta: FrameMeta) -> Option<Unusable> {
         let faults = self.tello.faults();
-        if !CAMERA_FAULTS.iter().any(|&fault| faults.troubled(meta.captured, fault)) {
+        if !CAMERA_FAULTS.iter().any(|&fault| faults.has_fault(meta.captured, fault)) {
             return None;
         }
         let mut image = match &self.image {
@@ -116,7 +116,8 @@ impl Wired {
         if meta.received <= self.now {
             self.frame = FrameId(self.frame.0 + 1);
             let faults = self.tello.faults();
-            let lost = faults.troubled(self.now, Trouble::LinkCut) || faults.pass(self.now, Stream::Frames, meta.id.0).is_empty();
+            let lost =
+                faults.has_fault(self.now, CraftFault::LinkCut) || faults.pass(self.now, Stream::Frames, meta.id.0).is_empty();
             let frozen = faults.freezes(self.now, Stream::Frames);
             let unusable = self.show(meta);
             let capture_counter = if frozen { 0 } else { meta.capture_counter };
@@ -142,7 +143,7 @@ impl Drone for Wired {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { manoeuvres: true, ..Capabilities::of(Craft::tello(), *self.world.camera(), Senses::tello()) }
+        Capabilities { manoeuvres: true, ..Capabilities::of(Craft::tello(), *self.world.camera(), TelemetryAccuracy::tello()) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use spf_bench::judge::{Judgement, Sight, judge_trajectory};
+use spf_bench::judge::{JudgeCamera, Judgement, judge_trajectory};
 use spf_bench::task::Task;
 use spf_bench::trial::{Sampled, draw};
 use spf_core::geometry::{Pose, wrap_angle};
@@ -93,7 +93,7 @@ fn row(task: &Task, seed: u64, drawn: &Sampled) -> Vec<String> {
         wrap_angle(to - start.attitude.heading).to_degrees()
     });
     let all: Vec<u16> = scene.objects.iter().map(|object| object.id).collect();
-    let seen = Sight::of(task.craft).clearly(&drawn.loaded, &drawn.loaded.initial_snapshot(aloft(task, drawn)), &all);
+    let seen = JudgeCamera::of(task.craft).clearly(&drawn.loaded, &drawn.loaded.initial_snapshot(aloft(task, drawn)), &all);
     let is_thing = |id: &&u16| {
         let object = scene.object(**id);
         Some(**id) != drawn.focus

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use spf_core::executor::Motion;
-use spf_core::pilot::{AtEnd, Think};
+use spf_core::pilot::{AtEnd, QueryTiming};
 use spf_drone::driver::{ConnectError, Connected, Target};
 use spf_drone::options::Options;
 use spf_flight::flight::{FlightPlan, Site};
@@ -42,7 +42,7 @@ pub(super) fn ready(
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
     if own {
         // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
-        (method.motion, method.think) = (Motion::Manoeuvres, Think::Stop);
+        (method.motion, method.think) = (Motion::Manoeuvres, QueryTiming::Stop);
     }
     if settings.fly.depth_sensor.or_default()?.0.is_some() {
         return Err(CliError::usage("--depth-sensor is for the simulated craft").hint("no driver reads a depth sensor yet"));

@@ -7,7 +7,7 @@ use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
 use spf_core::guidance::Guidance;
-use spf_core::pilot::{PilotSettings, Preset, Think};
+use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
@@ -118,14 +118,14 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
     }
-    if !method.guidance.is_off() && (method.think != Think::Continuous || method.motion != Motion::Blended) {
+    if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
         return Err(CliError::usage("--anchor and --map need --think continuous and --motion blended")
             .hint("leave them off with the preset paper"));
     }
     if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {
         // The drone holds while a person thinks, for as long as the battery allows.
         if !fly.think.is_given() {
-            method.think = Think::Stop;
+            method.think = QueryTiming::Stop;
         }
         if !fly.reply_timeout_s.is_given() {
             method.reply_timeout = LEISURE;

@@ -193,7 +193,7 @@ impl Chaos {
     fn new(preset: Preset, legs: bool, own: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
         if own {
-            (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, Think::Stop);
+            (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
         setup.settings.max_time = secs(max_time);
         setup.settings.reply_timeout = secs(4.0);

@@ -95,7 +95,7 @@ fn failing_05_the_late_reply_of_a_timed_out_call_moves_nothing() {
 fn failing_06_the_next_frame_is_one_at_rest_and_rest_is_not_waited_for_twice() {
     for preset in PRESETS {
         let mut setup = Setup::preset(preset);
-        setup.settings.think = Think::Stop;
+        setup.settings.think = QueryTiming::Stop;
         let mut flight = setup.fly(perfect(target(-10.0, 30.0, 8.0), 1.0));
         assert_eq!(flight.end(), Outcome::Reached);
         for pair in flight.queries.windows(2) {

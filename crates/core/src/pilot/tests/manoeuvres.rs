@@ -5,7 +5,7 @@ use crate::command::Manoeuvre;
 
 fn own() -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, Think::Stop);
+    (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
     setup
 }
 

@@ -133,7 +133,7 @@ impl Setup {
         let pilot = Pilot::new(PilotParts {
             settings,
             craft: self.craft,
-            senses: Senses::EXACT,
+            senses: TelemetryAccuracy::EXACT,
             camera,
             limits: self.limits,
             policy,

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::fault::Trouble;
+use spf_core::fault::CraftFault;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_sim::craft::SimCraft;
@@ -78,7 +78,7 @@ impl VirtualTello {
         if request == Request::Land {
             return Ok(Task::Land);
         }
-        if [Trouble::ImuInvalid, Trouble::ImuLost].iter().any(|&fault| self.faults().troubled(now, fault)) {
+        if [CraftFault::ImuInvalid, CraftFault::ImuLost].iter().any(|&fault| self.faults().has_fault(now, fault)) {
             return Err("error No valid imu");
         }
         let metres_a_second = |cm: i32| f64::from(cm) * 0.01;
@@ -110,7 +110,7 @@ impl VirtualTello {
 
     fn take_off(&mut self, now: Time, craft: &SimCraft) -> Result<Task, &'static str> {
         let faults = self.faults();
-        let refused = faults.troubled(now, Trouble::TakeOffRefused) || faults.troubled(now, Trouble::BatteryEmpty);
+        let refused = faults.has_fault(now, CraftFault::TakeOffRefused) || faults.has_fault(now, CraftFault::BatteryEmpty);
         let charged = craft.dynamics().battery() >= self.figures.take_off_battery;
         match craft.dynamics().phase() {
             FlightPhase::OnGround if self.running.is_none() && charged && !refused => Ok(Task::TakeOff),

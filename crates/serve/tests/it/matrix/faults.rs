@@ -1,6 +1,6 @@
 //! The faults of the matrix, and the phases of a flight in which each begins.
 
-use spf_core::fault::{Fault, FaultPlan, Rule, Stream, Trouble, TroubleRule};
+use spf_core::fault::{CraftFault, CraftFaultRule, Fault, FaultPlan, Rule, Stream};
 
 /// When a fault begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -62,7 +62,7 @@ pub(crate) enum What {
     /// Messages between craft and pilot.
     Messages(Vec<(Stream, Fault)>),
     /// The craft itself.
-    Craft(Trouble),
+    Craft(CraftFault),
     /// The model.
     Model(ModelFault),
     /// The craft reports this battery charge.
@@ -106,8 +106,8 @@ impl Row {
                     faults.iter().map(|(stream, fault)| Rule { stream: *stream, from, until: None, fault: *fault }).collect();
             }
             What::Craft(fault) => {
-                let until = (*fault == Trouble::Reboot).then_some(from + 0.1);
-                plan.craft = vec![TroubleRule { fault: *fault, from, until }];
+                let until = (*fault == CraftFault::Reboot).then_some(from + 0.1);
+                plan.craft = vec![CraftFaultRule { fault: *fault, from, until }];
             }
             What::TakeOffLost => {
                 let fault = Fault::Drop { p: 1.0 };
@@ -141,11 +141,11 @@ pub(crate) fn rows() -> Vec<Row> {
         Row::messages("telemetry 1.5 s late", &[(Telemetry, Fault::Delay { mean: 1.5, jitter: 0.0 })]),
         Row { commands_arrive: false, ..Row::messages("commands lost", &[(Commands, lost), (Responses, lost)]) },
         Row::of("battery low", What::Charge(0.1)),
-        Row::of("battery empty", What::Craft(Trouble::BatteryEmpty)),
-        Row::of("IMU error, shown by the state", What::Craft(Trouble::ImuLost)),
-        Row::of("IMU error, shown by answers only", What::Craft(Trouble::ImuInvalid)),
-        Row::of("reboot", What::Craft(Trouble::Reboot)),
-        Row::of("take-off refused", What::Craft(Trouble::TakeOffRefused)),
+        Row::of("battery empty", What::Craft(CraftFault::BatteryEmpty)),
+        Row::of("IMU error, shown by the state", What::Craft(CraftFault::ImuLost)),
+        Row::of("IMU error, shown by answers only", What::Craft(CraftFault::ImuInvalid)),
+        Row::of("reboot", What::Craft(CraftFault::Reboot)),
+        Row::of("take-off refused", What::Craft(CraftFault::TakeOffRefused)),
         Row::of("take-off lost", What::TakeOffLost),
         Row::of("a thread of the driver dies", What::Thread),
         Row::model("model silent", ModelFault::Silent),

@@ -10,7 +10,7 @@ mod watch;
 use std::sync::{Arc, Mutex};
 
 use spf_core::craft::CraftKind;
-use spf_core::fault::{FaultMachine, FaultPlan, Stream, Trouble};
+use spf_core::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
 use spf_core::pilot::{OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
@@ -80,10 +80,10 @@ impl Cell {
     pub(crate) fn left_out(&self) -> Option<&'static str> {
         let is_quad = self.craft == CraftKind::Quad;
         match self.row.what {
-            What::Craft(Trouble::ImuLost) => None,
+            What::Craft(CraftFault::ImuLost) => None,
             What::Craft(_) if is_quad => Some("the simulated quadrotor has no such fault"),
             What::Thread if is_quad => Some("the simulated quadrotor is flown in the loop's own thread"),
-            What::Craft(Trouble::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
+            What::Craft(CraftFault::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
                 Some("the take-off is over")
             }
             _ => None,
@@ -95,7 +95,7 @@ impl Cell {
         let (fair, _) = self.fly_from(scene, None);
         // Before the fault begins, both flights are the same.
         let onset = match self.row.what {
-            What::Craft(Trouble::TakeOffRefused) => Time::ZERO,
+            What::Craft(CraftFault::TakeOffRefused) => Time::ZERO,
             // Shortly before the command.
             What::TakeOffLost => fair.entered(Phase::TakeOff).unwrap() - Duration::from_millis(100),
             _ => fair.begin_of(self.part).unwrap_or_else(|| panic!("{}: never", self.name())),
@@ -137,7 +137,7 @@ impl Cell {
         match self.row.what {
             What::Charge(charge) => drone.charge = onset.map(|onset| (onset, charge)),
             // The virtual Tello reports its own.
-            What::Craft(Trouble::ImuLost) if self.craft == CraftKind::Quad => drone.imu_error_from = onset,
+            What::Craft(CraftFault::ImuLost) if self.craft == CraftKind::Quad => drone.imu_error_from = onset,
             _ => {}
         }
         let fault = match self.row.what {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use spf_flight::sim::{FlightConditions, OracleVlm, SimWorld};
 use spf_serve::truth::SharedInstruction;
-use spf_serve::vlm::{AnswerForm, Camera, Endpoint, Instruction, Lens, Memory, OnboardCamera, Responder, Serving};
+use spf_serve::vlm::{AnswerForm, Camera, Endpoint, FrameProvider, Instruction, Memory, OnboardCamera, Responder, Serving};
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
@@ -65,7 +65,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let responder = |world: &SimWorld, memory: Arc<Memory>| {
         Responder::new(OracleVlm::new(name.clone(), world.clone(), errors, args.seed), memory, instruction, form)
     };
-    let (scene, lens, responder): (String, Arc<dyn Lens>, Responder) = match flown {
+    let (scene, lens, responder): (String, Arc<dyn FrameProvider>, Responder) = match flown {
         Some(Flown { world, onboard, shared_instruction }) => {
             let responder = responder(&world, onboard.memory().clone()).sharing_instruction(shared_instruction);
             (world.loaded().scene.name.clone(), onboard, responder)
