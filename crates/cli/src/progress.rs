@@ -27,7 +27,7 @@ impl Progress {
     fn note(&mut self, now: Time, note: &Note) {
         let line = match note {
             Note::Phase(Phase::Hovering) => {
-                "hovering for up to 60 s: Enter opens a prompt for a new instruction, L lands, the arrows fly".to_owned()
+                "hovering for up to 60 s: Enter opens a prompt for a new instruction, L lands, the arrow keys fly".to_owned()
             }
             Note::Phase(phase) => words::phase(*phase).to_owned(),
             Note::Decision(decision) => {

@@ -187,7 +187,7 @@ pub enum FaultError {
         p: f64,
     },
     /// A time that is negative or not finite.
-    #[error("fault rule `{rule}`: `{field}` is `{value}` s, must be 0 to 86400 s")]
+    #[error("fault rule `{rule}`: `{field}` is `{value}` s, but must be 0 to 86400 s")]
     Time {
         /// Index of the rule.
         rule: usize,
@@ -482,7 +482,7 @@ mod tests {
         assert_eq!(refused(Fault::Drop { p: 1.5 }, 0.0, None), "fault rule `0`: probability `1.5` must be 0 to 1");
         assert_eq!(
             refused(Fault::Delay { mean: f64::NAN, jitter: 0.0 }, 0.0, None),
-            "fault rule `0`: `mean` is `NaN` s, must be 0 to 86400 s"
+            "fault rule `0`: `mean` is `NaN` s, but must be 0 to 86400 s"
         );
         assert_eq!(refused(Fault::Freeze, 2.0, Some(1.0)), "fault rule `0`: it ends at `1` s, before it begins at `2` s");
     }

@@ -117,7 +117,7 @@ impl Observation {
             Finding::Good
         };
         let ((width, height), first) = (image.size(), self.first.as_secs_f64());
-        let text = format!("{width}×{height}, {:.1} frames a second, {} gaps, first after {first:.1} s", self.shown, self.gaps);
+        let text = format!("{width}×{height}, {:.1} frames/s, {} gaps, first frame after {first:.1} s", self.shown, self.gaps);
         Check::new("video", finding, text, Some(advice))
     }
 }

@@ -234,7 +234,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         if failure.observer == 0 {
             std::panic::resume_unwind(failure.panic);
         }
-        recording_problems.push("an observer of the flight failed: internal error".to_owned());
+        recording_problems.push("internal error: a part that records or displays the flight failed".to_owned());
     }
     let summary =
         Summary { prompt: prompt.map(|prompt| prompt.name()), vlm_use: ledger.total(), ..course.summary(&head, seed, &pilot) };

@@ -81,7 +81,7 @@ pub fn keys_of(bytes: &[u8]) -> Vec<Key> {
 const LONGEST: usize = 2000;
 
 /// Help text for the keys.
-pub const HELP: &str = "Keys: arrows fly, W/S climb and descend, A/D yaw, Space holds (also during a landing), T resumes, \
+pub const HELP: &str = "Keys: arrow keys fly, W/S climb and descend, A/D yaw, Space holds (also during a landing), T resumes, \
 L lands, Enter opens a prompt for a new instruction, Ctrl-X twice within 1 s cuts the motors.";
 
 /// How long letters are ignored after a letter that is not a key.

@@ -69,7 +69,7 @@ impl SceneError {
     }
 
     pub(crate) fn no_objects(file: &str) -> Self {
-        let hint = "name the model as an object of a scene file (docs/reference/scene-format.md)".to_owned();
+        let hint = "refer to the model from an object in a scene file (docs/reference/scene-format.md)".to_owned();
         let message = "objects cannot be added to a glTF model".to_owned();
         Self::Invalid { file: file.to_owned(), line: 1, message, hint: Some(hint) }
     }

@@ -75,7 +75,7 @@ impl fmt::Display for DepthFault {
 
 /// An unknown fault.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown fault of the depth sensor `{0}`; known are frozen, half, scale")]
+#[error("unknown depth sensor fault `{0}`: use frozen, half or scale")]
 pub struct UnknownFault(pub String);
 
 impl FromStr for DepthFault {

@@ -53,7 +53,7 @@ impl Human {
     fn ask(&self, request: &QueryRequest<'_>, image: &mut dyn QueryImage, size: (u32, u32)) -> Result<String, VlmError> {
         let query = request.query;
         let Some(schema) = reply_schema(&query.kind).filter(|_| matches!(query.kind, QueryKind::Point { .. })) else {
-            let reason = "a person answers where to fly; use --policy spf".to_owned();
+            let reason = "`human` answers only where to fly: use --policy spf".to_owned();
             return Err(VlmError::Refused { model: HUMAN.to_owned(), reason });
         };
         let path = self.folder.path().join(format!("{}.jpg", query.frame.0));

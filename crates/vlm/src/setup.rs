@@ -100,7 +100,7 @@ pub enum SetupError {
         server: KeyHost,
     },
     /// A URL variable that stands in a file of the working directory.
-    #[error("`.env` sets {variable}, but a file of the working directory cannot set where an API key is sent")]
+    #[error("`.env` sets {variable}, but a file in the working directory cannot set where an API key is sent")]
     UrlFromFile {
         /// The variable.
         variable: String,

@@ -320,7 +320,7 @@ impl Pivot {
             action = search.next(Look::Right, heading, None);
             self.reading
                 .actions
-                .push("no climb: in obstacle mode it needs obstacle boxes, which this policy does not request".to_owned());
+                .push("no climb: in obstacle mode a climb needs obstacle boxes, which this policy does not request".to_owned());
         }
         match action {
             SearchAction::Look(primitives) => self.fly(view, primitives),

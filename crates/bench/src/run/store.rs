@@ -221,7 +221,7 @@ pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
     let head = whole.ok_or_else(|| StoreError::Shards("no folders given".to_owned()))?;
     let missing: Vec<&String> = head.trials.iter().filter(|id| !rows.contains_key(*id)).collect();
     if let Some(first) = missing.first() {
-        return Err(StoreError::Shards(format!("{} trials are missing, first {first}", missing.len())));
+        return Err(StoreError::Shards(format!("{} trials are missing; the first is {first}", missing.len())));
     }
     let (store, _) = Store::open(into, &head)?;
     replace(&store.folder.join(RESULTS), &in_order(&head, rows))?;

@@ -61,7 +61,7 @@ fn figures(findings: &[Findings]) -> Markup {
         ("flights: false done", |f| rate(f.flights.false_done)),
         ("flights: collided", |f| rate(f.flights.collided)),
         ("flights: queries without a usable reply", |f| format!("{} of {}", f.flights.unusable, f.flights.queries)),
-        ("“done” about a far target (pointing)", |f| rate(f.far_done)),
+        ("“done” although the target is far (pointing)", |f| rate(f.far_done)),
         ("latency p50, p95 (pointing)", |f| latency(&f.pointing)),
         ("tokens in, out per question", tokens),
         ("cost: total", |f| f.cost_usd().map_or("no price known".to_owned(), |cost| format!("${cost:.4}"))),
@@ -88,7 +88,7 @@ fn one(found: &Findings) -> Markup {
         (groups("kind of question", &found.by_kind))
         h3 { "Depth labels" }
         @match &found.habit {
-            None => p { "It gave none." },
+            None => p { "The model gave none." },
             Some(habit) => { (chart(habit)) (advice(habit)) },
         }
         h3 { "Flights" }

@@ -38,7 +38,7 @@ Examples:
   spf bench run --suite paper --shard 0/4 -o part0
 
 The same command in the same folder resumes an interrupted run. In the table, SELF STOP counts the trials in which the method \
-reported done at the goal, JUDGE STOP those in which the goal was reached at some instant. results.jsonl has one row per trial \
+reported success at the goal, JUDGE STOP those in which the goal was reached at any time. results.jsonl has one row per trial \
 and no wall-clock times; docs/guide/bench.md describes it. Exit code 0 when all trials were flown, whatever their outcome; 5 \
 when interrupted.")]
 pub(crate) struct BenchRun {

@@ -5,7 +5,7 @@ use spf_drone::registry::{DRIVERS, alternatives, forms};
 /// Help of `spf fly --drone`: the forms of names, with descriptions.
 pub(super) fn drones() -> String {
     let real: String = DRIVERS.iter().map(|driver| format!("; {} ({})", driver.form, driver.about)).collect();
-    format!("The drone: sim (the simulator's){real} [default: sim]")
+    format!("The drone: sim (simulated){real} [default: sim]")
 }
 
 /// The same without explanations.

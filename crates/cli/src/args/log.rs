@@ -73,11 +73,11 @@ Parsing, projection, policy, executor and envelope run on the recorded frames, t
 nothing is rendered. Exit code 1 if anything differs.
 
 With --vlm, another VLM is queried about the same frames, rendered again from the log's scene and the true pose, and both \
-replies are shown; the pilot's outputs are not compared.")]
+replies are shown; the decisions that follow from them are not compared.")]
 pub(crate) struct Replay {
     /// The flight log
     pub(crate) file: PathBuf,
-    /// Query this VLM about the same frames, as in `spf fly --vlm`: oracle:NAME, gemini, ollama#qwen2.5vl:7b, a URL…
+    /// Query this VLM about the same frames, as for `spf fly --vlm`: oracle:NAME, gemini, ollama#qwen2.5vl:7b, a URL…
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
     /// TOML file with additional model definitions (with --vlm)

@@ -16,5 +16,5 @@ pub(super) fn policies() -> String {
 /// Help of the bench's `--method`: the names.
 pub(super) fn methods() -> String {
     let names: Vec<&str> = Method::all().map(Method::name).collect();
-    format!("Methods, comma-separated: {} [default: spf, or the suite's]", names.join(", "))
+    format!("Methods (see docs/guide/bench.md), comma-separated: {} [default: spf, or the suite's]", names.join(", "))
 }

@@ -63,7 +63,7 @@ pub(crate) enum Command {
     /// Flight logs (flight.mcap): inspect, export, make videos, repair
     #[command(subcommand)]
     Log(Log),
-    /// Replay a flight log and report where the pilot now decides differently
+    /// Replay a flight log and report where spf's decisions now differ
     Replay(Replay),
     /// Query VLMs about images and measure pointing accuracy
     Ground(Box<Ground>),
@@ -151,8 +151,8 @@ pub(crate) struct WorldArgs {
     /// Wind: M_S[,from=DEG][,gust=M_S][,gust_time=S], from the north by default [default: still air]
     #[arg(long, value_name = "WIND", allow_hyphen_values = true)]
     pub(crate) wind: Option<String>,
-    /// Give the simulated craft a depth sensor: on or off; or its fault from 10 s on: frozen, half (black) or scale (10 % too
-    /// far) [default: off]
+    /// Depth sensor of the simulated craft: on, off, or failing after 10 s: frozen, half (left half black) or scale (10 %
+    /// too far) [default: off]
     #[arg(long, value_name = "SENSOR")]
     pub(crate) depth_sensor: Option<String>,
     /// Battery charge at the start, 0 to 1 [default: 1]
@@ -218,7 +218,7 @@ pub(crate) struct MethodArgs {
     pub(crate) no_vlm_check: bool,
     #[arg(long, value_name = "POLICY", help = methods::policies())]
     pub(crate) policy: Option<String>,
-    /// Preset: default (recommended settings) or paper (the paper's constants and behaviour) [default: default]
+    /// Preset: default (recommended settings) or paper (constants and behaviour of the SPF paper) [default: default]
     #[arg(long, value_name = "PRESET")]
     pub(crate) preset: Option<String>,
     /// Step length: adaptive (paper §3.2), adaptive:s=METRES,L=LABELS,p=EXPONENT,min=METRES with other constants, or fixed:METRES
@@ -228,7 +228,7 @@ pub(crate) struct MethodArgs {
     /// How the VLM states distances: labels (1 to 10) or metres (for ablation studies) [default: labels]
     #[arg(long, value_name = "FORM")]
     pub(crate) depth_as: Option<String>,
-    /// Send a small target's region enlarged as a second image: if its last box was under 24 pixels
+    /// Send an enlarged crop of a small target (last box under 24 pixels) as a second image
     #[arg(long)]
     pub(crate) close_up: bool,
     /// Distance from the target that counts as reached, metres, as told to the VLM [default: the scene's; 0.8 with a Tello;
@@ -247,13 +247,13 @@ pub(crate) struct MethodArgs {
     /// Obstacle mode: request obstacle boxes and keep clear of them
     #[arg(long)]
     pub(crate) avoid: bool,
-    /// Keep the target's place between two answers, fused from all of them: on or off [default: off]
+    /// Keep an estimate of the target's position between replies, fused from all of them: on or off [default: off]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) anchor: Option<String>,
     /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on or off [default: off]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) map: Option<String>,
-    /// Brake before obstacles that the depth sensor shows or the map knows, whatever the VLM says: on or off [default: off]
+    /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says: on or off [default: off]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) brake: Option<String>,
     /// Obstacle mode with boxes from a detector instead of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or,
@@ -312,7 +312,7 @@ pub(crate) struct OutputArgs {
     /// Stream the flight live to Foxglove, at ws://127.0.0.1:8765 or the given address; flies in real time
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8765")]
     pub(crate) live: Option<String>,
-    /// Allow pages of this origin to connect to the live view, besides Foxglove's
+    /// Allow pages from this origin to connect to the live view, besides Foxglove's
     #[arg(long, value_name = "URL")]
     pub(crate) live_origin: Option<String>,
     /// Print only the summary, as one JSON object, on standard output
@@ -398,7 +398,7 @@ Examples:
   spf vlm trial gemini,anthropic --max-cost 2 -o trial
   spf vlm trial 'exec:python3 my_model.py' -o trial
 
-Before it starts it prints what it will cost, and, in a terminal, asks for confirmation. The same command resumes an interrupted trial; then only \
+The cost is estimated first and, in a terminal, must be confirmed. The same command resumes an interrupted trial; then only \
 unanswered questions and missing flights are paid for. The page is DIR/index.html, its figures DIR/trial.json. Exit codes: 0 \
 complete; 2 usage; 5 interrupted, declined, or --max-cost reached; 6 no model replied.")]
 pub(crate) struct VlmTrial {
@@ -413,7 +413,7 @@ pub(crate) struct VlmTrial {
     /// Number of pointing questions to each model
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub(crate) questions: u64,
-    /// Number of flights with each model, spread over the paper suite
+    /// Number of flights with each model, spread over the tasks of the suite `paper`
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(0..=34))]
     pub(crate) flights: u64,
     /// Random seed of questions and flights
@@ -434,7 +434,7 @@ pub(crate) struct VlmTrial {
     /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
-    /// Do not ask before it starts
+    /// Start without asking for confirmation
     #[arg(long)]
     pub(crate) yes: bool,
     /// Read this configuration file instead of ./spf.toml

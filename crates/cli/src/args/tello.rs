@@ -25,9 +25,9 @@ Examples:
   spf tello land
   spf tello land --drone tello@127.0.0.1
 
-`land` repeats the command until the telemetry shows the motors off, for at most 25 s, and exits with code 6 if they still \
-run. All three commands work while the program that flew the drone still runs or hangs; its own commands then compete with \
-these.")]
+`land` repeats the command until the telemetry shows the motors off, for at most 25 s, and exits with code 6 if they are \
+still running. All three commands work even while the program that flew the drone is running or hangs; its commands compete \
+with them.")]
 pub(crate) struct TelloAddress {
     /// Drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]
@@ -45,9 +45,9 @@ Examples:
   spf tello calibrate --drone tello@127.0.0.1
 
 The drone takes off, yaws by about 240 degrees, climbs and descends by about 1 m, and flies forward and back by about 1.3 m, \
-each at half stick: keep 3 m ahead and 2 m above clear. The speeds printed are those at full stick, calculated from the motion \
-that the drone reports. They are limited by the telemetry's resolution (10 cm in height, 10 cm/s in speed); \
-docs/guide/tello.md gives the accuracy. Ctrl-C lands.")]
+each at half stick: leave 3 m of free space ahead and 2 m above. The speeds printed are those at full stick, calculated from the \
+motion that the drone reports. Their accuracy is limited by the telemetry's resolution (10 cm in height, 10 cm/s in speed); \
+docs/guide/tello.md gives figures. Ctrl-C lands.")]
 pub(crate) struct Calibrate {
     /// Drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]

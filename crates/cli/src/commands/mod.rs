@@ -43,6 +43,6 @@ pub(crate) fn read(path: &Path, what: &str) -> Result<String, CliError> {
     spf_input::read_text(path).map_err(|error| {
         CliError::usage(format!("cannot read the {what} file `{}`", path.display()))
             .because(&error)
-            .hint("relative paths start at the working directory")
+            .hint("relative paths are resolved from the working directory")
     })
 }

@@ -42,7 +42,7 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
     let Connected { drone, warning, .. } = real::connect(target.as_ref(), &options, start, printer)?;
-    printer.log("Measuring for about 45 s: keep 3 m ahead and 2 m above clear.");
+    printer.log("Measuring for about 45 s: leave 3 m of free space ahead and 2 m above.");
     printer.log(warning);
     match calibrate(drone, options.tello.calibration, start, interrupts) {
         Ok(measured) => {

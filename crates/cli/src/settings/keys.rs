@@ -44,7 +44,7 @@ settings! {
         step: StepRule = "", Step, "SPF_STEP", "--step";
         /// how the VLM states distances: labels or metres
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";
-        /// send the region of a small target enlarged as a second image: true or false
+        /// send an enlarged crop of a small target as a second image: true or false
         close_up: bool = "false", Word, "SPF_CLOSE_UP", "--close-up" sets "true";
         /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
         near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
@@ -56,11 +56,11 @@ settings! {
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
-        /// keep the target's place between two answers: on or off
+        /// keep an estimate of the target's position between replies: on or off
         anchor: OnOff = "off", Word, "SPF_ANCHOR", "--anchor";
         /// keep a map of obstacles, and plan around them: on or off
         map: OnOff = "off", Word, "SPF_MAP", "--map";
-        /// brake before known obstacles: on or off
+        /// brake for known obstacles: on or off
         brake: OnOff = "off", Word, "SPF_BRAKE", "--brake";
         /// give the simulated craft a depth sensor: on, off, or a fault that begins 10 s into the flight (frozen, half or scale)
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";

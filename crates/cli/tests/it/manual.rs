@@ -30,7 +30,7 @@ fn typing_flies_nothing_and_a_held_key_moves_until_it_is_let_go() {
     let Ok(output) = output else { return skip("python3") };
     let run = Run::of(&output);
     assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);
-    assert!(run.stdout.contains("Keys: arrows fly"), "{}", run.stdout);
+    assert!(run.stdout.contains("Keys: arrow keys fly"), "{}", run.stdout);
     let operator = lines(&lab, "/operator");
     let kinds: Vec<&str> = operator.iter().map(kind).collect();
     let other: Vec<_> = kinds.iter().filter(|kind| **kind != "setpoint").collect();

@@ -80,7 +80,7 @@ impl fmt::Display for Cause {
             Self::FloorLimit => "limited by the minimum height",
             Self::DistanceLimit => "limited by the distance limit",
             Self::GeofenceLimit => "limited by the geofence",
-            Self::Obstacle => "limited by an obstacle, or because no sensor covers the path",
+            Self::Obstacle => "limited by an obstacle, or by a path that no sensor covers",
             Self::NotFinite => "the setpoint was not a number",
             Self::NotFlying => "the craft is not flying",
             Self::FailedReplies => "the VLM's replies failed",

@@ -74,7 +74,7 @@ pub struct Limits {
 #[non_exhaustive]
 pub enum LimitsError {
     /// A value is negative or NaN.
-    #[error("limit `{field}` is `{value}`: must be a non-negative number")]
+    #[error("limit `{field}` is `{value}`, but must be a non-negative number")]
     Negative {
         /// Field name.
         field: &'static str,

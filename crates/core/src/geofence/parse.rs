@@ -102,7 +102,7 @@ pub enum GeofenceError {
         max: f64,
     },
     /// A property whose name resembles an altitude property and would be ignored.
-    #[error("`{at}` has an unknown property `{name}`; allowed are `min_altitude_m` and `max_altitude_m`")]
+    #[error("`{at}` has an unknown property `{name}`; only `min_altitude_m` and `max_altitude_m` are allowed")]
     Property {
         /// The properties.
         at: String,

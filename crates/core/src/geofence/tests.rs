@@ -115,7 +115,7 @@ fn errors_state_problem_place_and_remedy() {
     };
     assert_eq!(
         shown(feature(r#"{"max_altitude":9}"#)),
-        "`properties` has an unknown property `max_altitude`; allowed are `min_altitude_m` and `max_altitude_m`"
+        "`properties` has an unknown property `max_altitude`; only `min_altitude_m` and `max_altitude_m` are allowed"
     );
     assert_eq!(
         shown(feature(r#"{"min_altitude_m":9,"max_altitude_m":9}"#)),

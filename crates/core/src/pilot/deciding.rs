@@ -142,7 +142,7 @@ impl Pilot {
         let at = self.estimator.reckoned(now)?.pose();
         let moved = at.position.distance(view.pose.position);
         let turned = wrap_angle(at.attitude.heading - view.pose.attitude.heading).abs();
-        let unknown = "since its frame, as estimated from commands only: its pose is unknown";
+        let unknown = "since the frame, estimated from commands alone, as its pose is unknown";
         if moved > MOVED {
             Some(format!("the craft has moved {moved:.1} m {unknown}"))
         } else if turned > TURNED {

@@ -79,7 +79,7 @@ impl Pilot {
     /// The end of the message of a timeout: the boundary that held the craft back, if any.
     pub(super) fn held_back(&self, now: Time) -> String {
         let recent = self.held_back.filter(|(at, _)| now.since(*at) <= HELD_BACK);
-        recent.map_or(String::new(), |(_, cause)| format!("; in its last {} s it was {cause}", HELD_BACK.as_secs()))
+        recent.map_or(String::new(), |(_, cause)| format!("; in the last {} s, the craft was {cause}", HELD_BACK.as_secs()))
     }
 
     fn take_off(&mut self, now: Time) {

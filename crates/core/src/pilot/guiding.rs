@@ -433,7 +433,7 @@ impl Pilot {
                 }
             }
             Escape::Ask => {
-                self.note(Note::Limited("no progress around what is in the way: holds and asks again"));
+                self.note(Note::Limited("no progress around the obstacle: holds and queries the VLM again"));
                 self.end_course(now);
                 self.needs_rest = true;
             }

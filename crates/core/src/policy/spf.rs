@@ -378,7 +378,7 @@ impl Spf {
         };
         if self.misses < patience {
             self.misses += 1;
-            self.reading.actions.push("flies on: the place of the target is known".to_owned());
+            self.reading.actions.push("flies on: the target's position is known".to_owned());
             return Step::Keep;
         }
         let View { camera, pose, .. } = open_query.view;

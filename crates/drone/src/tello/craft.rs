@@ -94,8 +94,8 @@ impl Shared {
                 }
                 Notice::MotorsOff => tracing::warn!("the drone seems to have stopped its motors; landing it"),
                 Notice::NoTakeOff => tracing::warn!("no reply to `takeoff`, and the motors do not turn: take-off abandoned"),
-                Notice::Unattended { landing: false } => tracing::error!("no command from the pilot for 2 s: the drone holds"),
-                Notice::Unattended { landing: true } => tracing::error!("no command from the pilot for 5 s: landing the drone"),
+                Notice::Unattended { landing: false } => tracing::error!("the flight loop was silent for 2 s: the drone hovers"),
+                Notice::Unattended { landing: true } => tracing::error!("the flight loop was silent for 5 s: landing the drone"),
                 Notice::Unheard => {
                     tracing::error!(
                         "no reply from the drone for 3 s: commands are not reaching it, so the link is treated as lost"
@@ -105,7 +105,7 @@ impl Shared {
                     tracing::error!("the drone was told to fly 2 m and reports no speed: its position is unknown");
                 }
                 Notice::Motion(MotionFault::Adrift) => {
-                    tracing::error!("the drone was told to stand and reports that it flies on");
+                    tracing::error!("the drone was told to hover, but reports that it is still moving");
                 }
                 Notice::Failed => tracing::error!("a part of the Tello driver failed: landing the drone"),
             }

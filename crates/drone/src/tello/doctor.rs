@@ -48,7 +48,7 @@ pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Chec
         checks.push(Check::new("video", Finding::Bad, found, Some(&todo)));
         return checks;
     };
-    checks.push(watched.video(image, "move closer to the drone; each lost datagram can lose up to a second of video"));
+    checks.push(watched.video(image, "move closer to the drone; each lost datagram can cost up to a second of video"));
     checks.push(light(image, "switch on a light: in the dark the drone drifts and returns `error No valid imu`"));
     checks
 }

@@ -31,7 +31,7 @@ after the last command. Steps of up to 20 cm use rc. Ctrl-C lands; a second Ctrl
 pub const DRIVER: Driver = Driver {
     scheme: "tello",
     form: "tello[@ADDRESS]",
-    about: "a DJI Tello, at 192.168.10.1 without an address; see docs/guide/tello.md",
+    about: "a DJI Tello, at 192.168.10.1 unless ADDRESS is given; see docs/guide/tello.md",
     target: |rest| {
         let name = format!("{}{rest}", DRIVER.scheme);
         command_port(&name).map(|drone| Box::new(NamedTello(drone)) as Box<dyn Target>)

@@ -36,7 +36,7 @@ fn an_observer_that_panics_ends_no_flight() {
     let mut observer = Panicking::default();
     let with = flown(&mut [&mut observer]);
     assert_eq!(observer.notes, 4, "it is not called again");
-    assert_eq!(with.recording_problems, ["an observer of the flight failed: internal error"]);
+    assert_eq!(with.recording_problems, ["internal error: a part that records or displays the flight failed"]);
     let without = flown(&mut []);
     assert_eq!(with.summary.outcome, Outcome::Reached);
     assert_eq!(serde_json::to_string(&with.summary).unwrap(), serde_json::to_string(&without.summary).unwrap());

@@ -332,7 +332,7 @@ impl Actors {
 pub(super) fn checked_name(written: &Spanned<String>, source: &Source<'_>) -> Result<String, SceneError> {
     let name = written.get_ref();
     if name.is_empty() || name.chars().count() > 60 || name.chars().any(char::is_control) {
-        return Err(source.error(&written.span(), "a scene's name has 1 to 60 characters", None));
+        return Err(source.error(&written.span(), "a scene's name must have 1 to 60 characters", None));
     }
     Ok(name.clone())
 }
@@ -341,7 +341,7 @@ pub(super) fn checked_name(written: &Spanned<String>, source: &Source<'_>) -> Re
 pub(super) fn description(written: Option<&Spanned<String>>, source: &Source<'_>) -> Result<String, SceneError> {
     let Some(text) = written else { return Ok(String::new()) };
     if text.get_ref().chars().count() > 120 || text.get_ref().chars().any(char::is_control) {
-        return Err(source.error(&text.span(), "a scene's description is one line of at most 120 characters", None));
+        return Err(source.error(&text.span(), "a scene's description must be one line of at most 120 characters", None));
     }
     Ok(text.get_ref().clone())
 }

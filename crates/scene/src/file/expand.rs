@@ -273,7 +273,7 @@ fn places(object: &RawObject, span: &Range<usize>, source: &Source<'_>) -> Resul
     let heading = object.heading_deg.as_ref().map_or(0.0, |h| *h.get_ref());
     let checked = |position: [f64; 3], heading: f64, at: &Range<usize>| {
         let fits = position.iter().all(|v| v.abs() <= FARTHEST) && heading.abs() <= 360.0;
-        let message = format!("a place must be within {FARTHEST} m and its heading within 360 degrees");
+        let message = format!("a place must be within {FARTHEST} m of the origin, and its heading from -360 to 360 degrees");
         if fits { Ok((position, heading)) } else { Err(source.error(at, message, None)) }
     };
     if let Some(places) = &object.places {

@@ -79,7 +79,7 @@ fn corners(path: &Spanned<Vec<Vec<f64>>>, round: PathEnd, source: &Source<'_>) -
         return refuse(format!("this path must have {least} to {MAX_CORNERS} corners"), "use `path = [[east, north], …]`");
     }
     if !points.iter().flatten().all(|v| v.abs() <= FARTHEST) {
-        return refuse(format!("a path must stay within {FARTHEST} m"), "metres from the scene's origin");
+        return refuse(format!("a path must stay within {FARTHEST} m of the scene's origin"), "coordinates are in metres");
     }
     let level = points.iter().all(|p| p.len() == 2);
     if !level && !points.iter().all(|p| p.len() == 3) {

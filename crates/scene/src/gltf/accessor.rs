@@ -62,7 +62,7 @@ impl<'a> Accessors<'a> {
         let accessor = self.accessor(index)?;
         usize::try_from(accessor.count.0).ok().filter(|count| *count <= MAX_ELEMENTS).ok_or_else(|| {
             let message =
-                format!("accessor {} has {} elements, at most {MAX_ELEMENTS} are supported", index.value(), accessor.count.0);
+                format!("accessor {} has {} elements; at most {MAX_ELEMENTS} are supported", index.value(), accessor.count.0);
             Problem::new(message).hint("simplify or split the meshes")
         })
     }

@@ -105,7 +105,7 @@ fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Su
     }
     let size = ImageFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
     if size.0.max(size.1) > MAX_SIDE {
-        let message = format!("image {image} has {} × {} pixels, at most {MAX_SIDE} per side are supported", size.0, size.1);
+        let message = format!("image {image} has {} × {} pixels; at most {MAX_SIDE} per side are supported", size.0, size.1);
         return Err(Problem::new(message).hint("reduce the texture"));
     }
     Ok(Encoded { image, bytes, size })

@@ -154,7 +154,7 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
         }
         if p.abs().max_element() > FARTHEST {
             let message =
-                format!("{of} extends {:.0} m from the origin, at most {FARTHEST} m is supported", p.abs().max_element());
+                format!("{of} extends {:.0} m from the origin; at most {FARTHEST} m is supported", p.abs().max_element());
             let hint =
                 "move the model to the origin, or scale it down: `spf_scale` of its scene, or `scale` of a scene file's [gltf]";
             return Err(Problem::new(message).hint(hint));

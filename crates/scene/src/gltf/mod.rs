@@ -98,7 +98,7 @@ fn open(path: &Path) -> Result<std::io::Result<Vec<u8>>, Problem> {
     match spf_input::read(path, container::MAX_BYTES) {
         Err(error) if error.kind() == ErrorKind::FileTooLarge => {
             let length = std::fs::metadata(path).map_or(0, |about| about.len() >> 20);
-            let message = format!("the file has {length} MiB, at most {} MiB is supported", container::MAX_BYTES >> 20);
+            let message = format!("the file has {length} MiB; at most {} MiB is supported", container::MAX_BYTES >> 20);
             Err(Problem::new(message).hint("reduce the textures and simplify the meshes"))
         }
         read => Ok(read),

@@ -86,7 +86,7 @@ impl Assembly {
             ids.push(drawn.then_some(next as ObjectId));
         }
         if next >= MAX_OBJECTS {
-            let message = format!("it has {next} objects, at most {} are supported", MAX_OBJECTS - 1);
+            let message = format!("it has {next} objects; at most {} are supported", MAX_OBJECTS - 1);
             return Err(Problem::new(message).hint("join meshes that belong together, or group them under one tagged node"));
         }
         let (solids, mut keys) = (Solids::new(owners, &ids), BTreeSet::new());

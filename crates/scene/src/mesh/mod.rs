@@ -96,7 +96,7 @@ impl<'de> Deserialize<'de> for Offset {
         if value.abs() <= 2000.0 {
             Ok(Self(value as f32))
         } else {
-            Err(serde::de::Error::custom(format!("a coordinate must be within 2000 metres, not `{value}`")))
+            Err(serde::de::Error::custom(format!("a coordinate must be from -2000 to 2000 metres, not `{value}`")))
         }
     }
 }

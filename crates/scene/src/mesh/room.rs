@@ -68,8 +68,8 @@ impl TryFrom<RawWall> for Wall {
         };
         if holes.len() > MAX_HOLES || !holes.iter().all(inside) || holes.windows(2).any(|pair| pair[0].high.x > pair[1].low.x) {
             return Err(format!(
-                "`holes` must be at most {MAX_HOLES} entries `[middle, width, sill, lintel]` inside the wall, no two above \
-                    each other"
+                "`holes` must be at most {MAX_HOLES} entries `[middle, width, sill, lintel]` inside the wall, none above \
+                    another"
             ));
         }
         Ok(Self { length, height, thickness: raw.thickness.0, skirting: raw.skirting, holes })

@@ -97,7 +97,7 @@ impl TryFrom<Raw> for Sign {
             return Err("a sign needs `text`, `arrow` or both");
         }
         if !raw.board && (raw.double || raw.posts.is_some() || raw.thickness.is_some()) {
-            return Err("a sign without a board has neither `double` nor `posts` nor `thickness`");
+            return Err("a sign without a board cannot have `double`, `posts` or `thickness`");
         }
         Ok(Self {
             lines: raw.text.map_or_else(Vec::new, |text| text.0),

@@ -153,7 +153,7 @@ fn small_files_do_not_become_large_ones() {
             m.node(json!({"mesh": 0}));
         }
     });
-    assert!(error.contains("4001 objects, at most 3999"), "{error}");
+    assert!(error.contains("4001 objects; at most 3999"), "{error}");
 }
 
 /// A PNG that claims these sides, with almost no content.

@@ -222,7 +222,7 @@ fn a_scene_states_what_it_shows_and_from_where() {
     let (east, pitch) = (scene.preview.position.east, scene.preview.attitude.pitch);
     assert_eq!((scene.description.as_str(), east, pitch), ("A tree", -5.0, (-10.0f64).to_radians()));
     assert!(refused(&say("preview = \"-51,4,3,60\"")).starts_with("test.toml:8: the preview is outside `bounds`"));
-    assert!(refused(&say("description = \"two\\nlines\"")).starts_with("test.toml:8: a scene's description is one line"));
+    assert!(refused(&say("description = \"two\\nlines\"")).starts_with("test.toml:8: a scene's description must be one line"));
     assert!(refused(&say(&format!("description = \"{}\"", "long".repeat(31)))).contains("at most 120 characters"));
 }
 

@@ -41,7 +41,7 @@ pub enum Unrecognised {
     Nothing,
     /// It differs from all stored frames.
     #[error(
-        "the image matches none of the {frames} frames of the last {} s: the closest differs by {difference:.1} of 255, at \
+        "the image matches none of the {frames} frames of the last {} s: the closest differs by {difference:.1} of 255; at \
             most {MOST_DIFFERENT} is allowed; send a full, unmarked frame of this camera, at any size",
         FRAME_RETENTION.as_secs()
     )]
@@ -60,7 +60,7 @@ pub enum Unrecognised {
         height: u32,
     },
     /// The prompt is not understood: what of it.
-    #[error("cannot tell {0}: the prompt must follow this program's pointing prompt (prompts/point-5.txt)")]
+    #[error("the prompt does not show {0}: it must follow this program's pointing prompt (prompts/point-5.txt)")]
     Wording(&'static str),
 }
 

@@ -26,18 +26,18 @@ pub(super) struct Wording {
 /// What is not understood.
 pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<Wording>, &'static str> {
     let Some((_, behind)) = prompt.split_once('«') else { return Ok(None) };
-    let (instruction, rest) = behind.split_once('»').ok_or("where the instruction ends: « has no »")?;
+    let (instruction, rest) = behind.split_once('»').ok_or("where the instruction ends (« without »)")?;
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
     let mut profiles =
         [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
-    let profile = profiles.find(|profile| rest.contains(&profile.describe())).ok_or("its coordinates")?;
+    let profile = profiles.find(|profile| rest.contains(&profile.describe())).ok_or("which coordinates it asks for")?;
     let depth = match (rest.contains("\n- depth: "), rest.contains("\n- depth_m: ")) {
         (true, false) => DepthAs::Labels,
         (false, true) => DepthAs::Metres,
         _ => return Err("how it asks for the depth"),
     };
     if !rest.contains("\n- open_way: ") {
-        return Err("whether it asks for `open_way`, which reply format 3 requires");
+        return Err("a request for `open_way`, which reply format 3 requires");
     }
     Ok(Some(Wording {
         instruction: instruction.to_owned(),

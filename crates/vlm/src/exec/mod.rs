@@ -323,7 +323,7 @@ pub fn read_reply(program: &str, id: u64, line: &str) -> Option<Result<String, V
             tracing::debug!(program, of, id, "dropped the reply to another request");
             return None;
         }
-        None => return Some(Err(malformed("its reply has no `id` of a request".to_owned()))),
+        None => return Some(Err(malformed("its reply lacks the `id` of the request".to_owned()))),
     }
     if let Some(Value::String(reason)) = object.get("error") {
         return Some(Err(VlmError::Program { program: program.to_owned(), reason: brief(quote(reason)) }));

@@ -73,7 +73,7 @@ fn unfinished(source: &Source) -> Markup {
         @for plan in source.missing() {
             @let folders = plan.folders.iter().map(|folder| folder.display().to_string()).collect::<Vec<_>>().join(", ");
             p class="warn" {
-                (plan.trials.len()) " of " (plan.of) " trials of the plan in " code { (folders) } " are missing, the first is "
+                (plan.trials.len()) " of " (plan.of) " trials of the plan in " code { (folders) } " are missing; the first is "
                 @if let Some(first) = plan.trials.first() { code { (first) } }
                 ". Rerun the original command to complete it, or add the folders of the other shards."
             }
@@ -97,7 +97,7 @@ fn made(source: &Source) -> Markup {
                 "; each failure below lists its command. The files " code { "csv/" } " and " code { "latex/" }
                 " next to this page hold the same numbers." }
             @if source.arms.iter().any(|arm| arm.level().is_some()) {
-                p class="note" { "The oracle reads the simulator's own ID and depth images. Using it compares methods under equal \
+                p class="note" { "The oracle reads the simulator's own ID and depth images. With it, all methods have equal \
                     perception; oracle results are not VLM results." }
             }
         }
@@ -114,7 +114,7 @@ fn levels(source: &Source) -> Markup {
                         (chart::legend(source, false)) (chart::levels(&levels))
                         figcaption class="note" { "Self-stop success with 95 % Wilson intervals. Lines connect increasing \
                             error levels; error files with another depth model are shown as separate points. The dashed line \
-                            is the blind control." }
+                            is the blind control, which flies straight ahead." }
                     }
                     (from(source))
                 }

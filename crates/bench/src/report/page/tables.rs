@@ -29,9 +29,9 @@ pub(super) fn success(source: &Source) -> Markup {
     html! {
         section id="success" {
             h2 { "Success" }
-            p class="note" { b { "Self stop" } ": the method reported done and had reached the goal, without a collision. " b { "Judge stop" }
+            p class="note" { b { "Self stop" } ": the method reported success, goals met, no collision. " b { "Judge stop" }
                 ": the goal was reached at some instant, as scored by the paper's human judge. " b { "False stop" }
-                ": the method reported done, but the judge disagreed. " b { "SPL" } ": success weighted by path length. \
+                ": the method reported success, but the judge disagreed.  " b { "SPL" } ": success weighted by path length. \
                     95 % Wilson intervals; trials of one task are not independent, so the intervals are slightly too narrow." }
             figure { (chart::overview(source))
                 figcaption class="note" { "All tasks. Filled: self stop; hollow: judge stop." } }
@@ -83,8 +83,8 @@ pub(super) fn compared(source: &Source) -> Markup {
             h2 { "Pairwise comparisons" }
             @if source.arms.len() < 2 { p { "The trials have only one method and VLM." } } @else {
                 p class="note" { "On the trials flown by both: the difference in percentage points with Newcombe's paired \
-                    interval, how many only one of the two succeeded in, and McNemar's exact test with Holm correction over \
-                    all pairs of a scoring." }
+                    interval, trials in which only one of the two succeeded, and McNemar's exact test with Holm correction over \
+                    all pairs under the same scoring." }
                 @for scoring in Scoring::ALL {
                     h3 { (scoring.words()) }
                     @let found = contrasts(&source.records, scoring);

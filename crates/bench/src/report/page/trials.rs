@@ -162,7 +162,7 @@ fn happened(record: &Record) -> Markup {
         @if let Some(error) = &record.error { p { b { "could not be flown" } ": " (error) } }
         @if let Some(flight) = &record.flight {
             p { b { (spf_flight::words::outcome(flight.outcome)) } ": " (flight.cause)
-                @if scores.false_stop { "; reported done, but the goals were not met" } }
+                @if scores.false_stop { "; reported success, but the goals were not met" } }
             @if !flight.touched.is_empty() {
                 p { "Touched " @for (touch, number) in flight.touched.iter().zip(0..) {
                     @if number > 0 { ", " } @if let Some(surface) = &touch.surface { "the " (surface) " " } code { (touch.object) } (format!(" at {:.1} s", touch.at_s)) } "." }

@@ -88,7 +88,7 @@ impl Reader {
                     Ok(lines) => printed.extend(lines),
                     Err(error) => {
                         printed.push(format!(
-                            "{error}\nThe drone holds: T resumes the last instruction, Enter opens the prompt again."
+                            "{error}\nThe drone holds position: T resumes the last instruction, Enter opens the prompt again."
                         ));
                         refused = true;
                         continue;

@@ -47,7 +47,7 @@ fn interrupt(count: &AtomicU32) {
 
 /// Lands without the flight loop, which may be stuck, and exits.
 fn land_and_exit() {
-    background::say("landing the drone; Ctrl-C once more ends the program at once, and the drone is no longer controlled");
+    background::say("landing the drone; pressing Ctrl-C again ends the program at once and leaves the drone uncontrolled");
     abandon::land_all();
     background::flush();
     manual::restore();

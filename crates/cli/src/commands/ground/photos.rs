@@ -149,7 +149,7 @@ fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
     let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(picture).collect();
     files.sort();
     if files.is_empty() {
-        return Err(CliError::usage(format!("no images in the folder `{image}`")).hint("supported are PNG and JPEG files"));
+        return Err(CliError::usage(format!("no images in the folder `{image}`")).hint("PNG and JPEG files are supported"));
     }
     files.iter().map(|path| file(path, args)).collect::<Result<Vec<_>, _>>().map(|found| found.into_iter().flatten().collect())
 }
@@ -188,6 +188,6 @@ fn decoded(name: &str, bytes: &[u8], args: &Ground) -> Result<Vec<ImageInput>, C
             |frame: photo::VideoFrame| ImageInput { name: format!("{name}-{:.2}s", frame.at), image: Arc::new(frame.image) };
         return Ok(frames.into_iter().map(shown).collect());
     }
-    let image = photo::decode(bytes).map_err(|error| wrong(&error).hint("supported are PNG and JPEG images and H.264 videos"))?;
+    let image = photo::decode(bytes).map_err(|error| wrong(&error).hint("PNG and JPEG images and H.264 videos are supported"))?;
     Ok(vec![ImageInput { name: name.to_owned(), image: Arc::new(image) }])
 }

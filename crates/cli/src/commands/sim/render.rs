@@ -83,7 +83,7 @@ fn distinct(args: &Render, legend: Option<&PathBuf>) -> Result<(), CliError> {
     match paths.iter().enumerate().find(|(index, path)| paths[..*index].contains(path)) {
         None => Ok(()),
         Some((_, path)) => Err(CliError::usage(format!("`{}` is given for two outputs", path.display()))
-            .hint("use a different file for the image, depth and IDs; the legend of the IDs has their name with `.json`")),
+            .hint("use a different file for the image, depth and IDs; the ID legend is written next to the IDs, as `.json`")),
     }
 }
 

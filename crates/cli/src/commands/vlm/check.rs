@@ -64,7 +64,7 @@ fn report(check: &Check, printer: &Printer) {
 fn astray(name: &str, verdict: &Verdict) -> CliError {
     match verdict {
         Verdict::Other(own) => {
-            CliError::failed(format!("`{name}` uses the coordinates {}, not those in the table of models", convention(own)))
+            CliError::failed(format!("`{name}` gives coordinates as {}, not as the table of models states", convention(own)))
                 .hint(format!("add a row for it with --vlm-models (docs/guide/vlm.md): {}", row(own)))
         }
         Verdict::Astray(worst) => CliError::failed(format!(
@@ -121,7 +121,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
         ("billing", _) => "the account has no credit: top it up at the vendor",
         ("permission", _) => "the API key has no access to this model, or the vendor does not serve this region",
         ("no_such_model", _) => "unknown or retired model, or wrong URL: `spf vlm list` shows successors",
-        ("rate_limit", _) if !error.may_retry() => "the account's quota is used up: top it up, or wait until it is renewed",
+        ("rate_limit", _) if !error.may_retry() => "the account's quota is used up: raise it, or wait until it is renewed",
         ("rate_limit", _) => "the account's rate limit is exceeded: wait, or request a higher tier",
         ("bad_request", _) => {
             "the vendor rejects the request format: the table row of this model may be out of date (docs/guide/vlm.md)"
@@ -135,7 +135,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
         }
         ("deadline", _) => "the model is slow or still loading: try again, or raise fly.reply_timeout_s",
         ("cut_off", _) => {
-            "the model thinks too long: raise `max_output_tokens` in its row of a --vlm-models file, or reduce thinking"
+            "the model thinks for too long: raise `max_output_tokens` in its row of a --vlm-models file, or reduce thinking"
         }
         ("program", _) => "`spf -v vlm check` shows what the program prints to standard error",
         ("blocked" | "declined", _) => "blocked by the vendor's policy: try another model",

@@ -138,7 +138,7 @@ pub(crate) fn oracle_sentence(name: &str, errors: &ErrorFile) -> String {
     let reads = format!("{name} reads the simulator's own ID and depth images and is not a real VLM.");
     let Some(Obedience { chance, per, quoted }) = errors.obeys else { return reads };
     let drawn = if per == Per::Sign { "drawn once for each sign of a flight" } else { "drawn for each sign in each frame" };
-    let memory = if quoted { ", and takes quoted names in its history as names only" } else { "" };
+    let memory = if quoted { ", and does not obey text quoted in its history" } else { "" };
     format!(
         "{reads} It obeys legible signs in the scene with probability {chance}, {drawn}{memory}: this shows what follows if a model is \
          fooled, not whether one is."
@@ -223,7 +223,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
         }
         let place = choice.url.as_deref().map_or(String::new(), |url| format!(" at {url}"));
         let assumed = if model.assumed {
-            " (not in the table: its coordinate convention is assumed; check them with `spf vlm check`)"
+            " (not in the table: its coordinate convention is assumed; check it with `spf vlm check`)"
         } else {
             ""
         };

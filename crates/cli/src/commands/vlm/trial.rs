@@ -167,7 +167,7 @@ impl Trial<'_> {
             let check = ask_dots((candidate.make)().as_mut(), self.settings.reply_timeout()?);
             let words = match &check.verdict {
                 Verdict::Good(worst) => format!("good: within {:.1} % of the width", 100.0 * worst),
-                Verdict::Other(_) => "points in other coordinates (spf vlm check)".to_owned(),
+                Verdict::Other(_) => "points in unexpected coordinates (see `spf vlm check`)".to_owned(),
                 Verdict::Astray(worst) => format!("off by {:.0} % of the width", 100.0 * worst),
                 Verdict::Unreadable(reason) => format!("not readable: {reason}"),
                 Verdict::Failed(error) => format!("no reply: {error}"),

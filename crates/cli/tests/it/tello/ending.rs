@@ -108,7 +108,7 @@ fn a_signal_lands_the_drone_and_a_second_one_waits_for_it() {
                 assert_eq!((ended_by, code), ("landing".into(), Some(5)), "{signals:?}: {printed}");
                 // From 0.8 m: not the drone's own landing, 15 s after the last command.
                 assert!(took < Duration::from_secs(10), "{signals:?}: {took:?}");
-                assert_eq!(printed.contains("landing the drone; Ctrl-C once more"), signals.len() == 2, "{printed}");
+                assert_eq!(printed.contains("landing the drone; pressing Ctrl-C again"), signals.len() == 2, "{printed}");
             });
         }
     });

@@ -75,7 +75,7 @@ fn swapped_axes_and_other_scales_are_explained() {
     let run = check(&pointing(Vendor::Gemini, profile(AxisOrder::Xy, Scale::Thousand)), Vendor::Gemini);
     assert_eq!(run.code, Some(6), "{}", run.stderr);
     assert!(
-        run.stderr.contains("uses the coordinates [x, y] in thousandths, not those in the table of models"),
+        run.stderr.contains("gives coordinates as [x, y] in thousandths, not as the table of models states"),
         "{}",
         run.stderr
     );

@@ -184,7 +184,7 @@ fn a_fence_on_the_path_keeps_the_flight_inside() {
         assert!(flight.frames.iter().all(|seen| seen.pose.position.north < 20.0));
         assert!(flight.frames.iter().any(|seen| seen.pose.position.north > 17.0));
         let cause = &flight.finished[0].1.cause;
-        assert!(cause.ends_with("; in its last 10 s it was limited by the geofence"), "{cause}");
+        assert!(cause.ends_with("; in the last 10 s, the craft was limited by the geofence"), "{cause}");
     }
 }
 

@@ -35,7 +35,7 @@ pub(crate) fn generate(args: &Dataset, interrupts: &AtomicU32, printer: &mut Pri
     let (absent, look_alikes) = (fraction("--absent", args.absent)?, fraction("--look-alikes", args.look_alikes)?);
     if absent + look_alikes > 1.0 {
         return Err(CliError::usage("--absent and --look-alikes add up to more than 1")
-            .hint("they are fractions of the examples; the rest shows the target without a deliberate look-alike"));
+            .hint("they are fractions of the examples; the rest show the target without a deliberate look-alike"));
     }
     let conditions = conditions(&args.conditions)?;
     let names: Vec<&str> = args.scene.split(',').map(str::trim).collect();

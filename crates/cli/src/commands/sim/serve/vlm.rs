@@ -86,7 +86,7 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
         endpoint.serve(lens, responder).map_err(|error| CliError::internal("cannot start the endpoint").because(&error))?;
     printer.result(&format!("http://{address}"));
     printer.log(&format!(
-        "Serving {name} as OpenAI (http://{address}/v1), Gemini and Anthropic (http://{address}) for images of {scene} \
+        "Serving {name} over the OpenAI (http://{address}/v1), Gemini and Anthropic APIs (http://{address}) for {scene} \
             (http://{address}/frame.jpg); it is not a VLM. Stop with Ctrl-C.",
     ));
     if !address.ip().is_loopback() {
