@@ -22,6 +22,7 @@ fn sighting(number: u64, gap_ms: u64) -> Sighting {
         odometry: Odometry { way: from.north, ..Odometry::default() },
         direction: EnuDirection::towards(ahead),
         bearing_sigma: 0.02,
+        elevation_sigma: 0.02,
         range: Some(RangeReading { ln_range: libm::log(ahead.distance(EnuPosition::default())), sigma: 0.25 }),
     }
 }

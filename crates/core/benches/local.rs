@@ -91,7 +91,15 @@ fn walled(kind: &str) -> ObstacleMap {
 fn plan(bencher: Bencher<'_, '_>, kind: &str) {
     let map = walled(kind);
     let mut planner = Planner::default();
-    let body = Body { radius: 0.3, position_sigma: 0.1, braking: 2.0, delay: 0.5, cruise_speed: 3.0, altitudes: (0.3, 20.0) };
-    let goal = Destination { position: EnuPosition { east: 1.0, north: 9.0, up: 2.0 }, stop: 0.3, sigma: 0.3 };
+    let body = Body {
+        radius: 0.3,
+        position_sigma: 0.1,
+        braking: 2.0,
+        delay: 0.5,
+        cruise_speed: 3.0,
+        altitudes: (0.3, 20.0),
+        half_view: 0.785,
+    };
+    let goal = Destination::target(EnuPosition { east: 1.0, north: 9.0, up: 2.0 }, 0.3, 0.3);
     bencher.bench_local(|| planner.plan(black_box(&map), Time::ZERO, pose().position, 0.4, &body, black_box(&goal)));
 }

@@ -11,12 +11,15 @@ pub struct Guidance {
     pub anchor: bool,
     /// Whether obstacles are kept in a map, around which the planner leads ([`crate::obstacle_map`], [`crate::planner`]).
     pub map: bool,
+    /// Whether a depth sensor fills the map. Without one, the boxes of each reply are also checked against its own step
+    /// ([`crate::avoid`]): a box says where something begins in the image, and little about its shape in the world.
+    pub sensor: bool,
 }
 
 impl Guidance {
     /// Whether every part is off, which serialisation omits.
     #[must_use]
     pub fn is_off(&self) -> bool {
-        *self == Self::default()
+        !self.anchor && !self.map
     }
 }

@@ -160,6 +160,12 @@ pub struct ImageBox {
 }
 
 impl ImageBox {
+    /// Whether a point lies in it or on its edge.
+    #[must_use]
+    pub fn contains(&self, point: ImagePoint) -> bool {
+        (self.left..=self.right).contains(&point.u) && (self.top..=self.bottom).contains(&point.v)
+    }
+
     /// Intersection over union with another box: 0 if disjoint, 1 if equal; 0 for two empty boxes.
     #[must_use]
     pub fn iou(&self, other: &Self) -> f64 {

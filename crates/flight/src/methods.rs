@@ -164,7 +164,7 @@ impl BenchSettings {
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
-            guidance: Guidance { anchor: self.anchor, map: self.map },
+            guidance: Guidance { anchor: self.anchor, map: self.map, sensor: self.depth_sensor },
             ..preset
         }
     }

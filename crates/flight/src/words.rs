@@ -83,6 +83,7 @@ pub fn decision(decision: &Decision) -> String {
         Some(reply) => match reply.status {
             Status::Done if decision.step == "look" => "done reported: holding to confirm".to_owned(),
             Status::Done => "done".to_owned(),
+            Status::NotVisible if decision.step == "keep" => "not visible, goes on to its estimated position".to_owned(),
             Status::NotVisible => match reply.look {
                 Some(way) => format!("not visible, search {}", look(way)),
                 None => "not visible".to_owned(),
@@ -111,6 +112,9 @@ pub fn decision(decision: &Decision) -> String {
     }
     if decision.passed {
         line.push_str(" → already passed, yaw only");
+    } else if let Some(anchor) = decision.anchor.as_ref().filter(|_| decision.step == "goto") {
+        // What is flown follows from all replies so far, not from the step of this one.
+        line.push_str(&format!(" → target estimated {:.1} ± {:.1} m away", anchor.sight.range, anchor.sight.range_sd));
     } else if let Some(p) = &reading.primitives {
         let mut parts = Vec::new();
         if p.yaw.abs() > 0.005 {

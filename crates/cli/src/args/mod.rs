@@ -247,13 +247,16 @@ pub(crate) struct MethodArgs {
     /// Obstacle mode: request obstacle boxes and keep clear of them
     #[arg(long)]
     pub(crate) avoid: bool,
-    /// Keep an estimate of the target's position between replies, fused from all of them: on or off [default: off]
+    /// Keep an estimate of the target's position between replies, fused from all of them: on, off, or auto (on
+    /// with a depth sensor) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) anchor: Option<String>,
-    /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on or off [default: off]
+    /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on, off, or
+    /// auto (on with a depth sensor) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) map: Option<String>,
-    /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says: on or off [default: off]
+    /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says: on, off,
+    /// or auto (on with a depth sensor) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) brake: Option<String>,
     /// Obstacle mode with boxes from a detector instead of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or,

@@ -288,6 +288,11 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         printer.result(&words::vlm_use(used));
     }
     printer.result(&format!("files: {}", out_dir.display()));
+    if summary.collisions > 0 && !summary.scene.is_empty() && !summary.settings.guidance.sensor {
+        printer.log(
+            "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)",
+        );
+    }
     // A real flight has neither scene nor ground truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
         printer.log(

@@ -17,7 +17,7 @@ use spf_sim::wind::Wind;
 use spf_vlm::setup::KeyHost;
 use spf_vlm::table::PerMillion;
 
-use super::reading::{Count, DepthSense, Drone, DroneName, Explained, Joined, Number, OnOff, Parsed, Start, Step, Text, Word};
+use super::reading::{Count, DepthSense, Drone, DroneName, Explained, Joined, Number, Parsed, Start, Step, Switch, Text, Word};
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
 
@@ -56,12 +56,12 @@ settings! {
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: true or false
         avoid: bool = "false", Word, "SPF_AVOID", "--avoid" sets "true";
-        /// keep an estimate of the target's position between replies: on or off
-        anchor: OnOff = "off", Word, "SPF_ANCHOR", "--anchor";
-        /// keep a map of obstacles, and plan around them: on or off
-        map: OnOff = "off", Word, "SPF_MAP", "--map";
-        /// brake for known obstacles: on or off
-        brake: OnOff = "off", Word, "SPF_BRAKE", "--brake";
+        /// keep an estimate of the target's position between replies: on, off, or auto (on with a depth sensor)
+        anchor: Switch = "auto", Word, "SPF_ANCHOR", "--anchor";
+        /// keep a map of obstacles, and plan around them: on, off, or auto (on with a depth sensor)
+        map: Switch = "auto", Word, "SPF_MAP", "--map";
+        /// brake for known obstacles: on, off, or auto (on with a depth sensor)
+        brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
         /// give the simulated craft a depth sensor: on, off, or a fault that begins 10 s into the flight (frozen, half or scale)
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes

@@ -147,13 +147,20 @@ impl Words for bool {
     }
 }
 
-/// A part that is on or off.
+/// A part that is on, off, or on where its sensor is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct OnOff(pub(crate) bool);
+pub(crate) struct Switch(Option<bool>);
 
-impl Words for OnOff {
+impl Switch {
+    /// Whether the part is on; `auto` is what it is if nobody says.
+    pub(crate) fn or(self, auto: bool) -> bool {
+        self.0.unwrap_or(auto)
+    }
+}
+
+impl Words for Switch {
     fn words() -> Vec<(&'static str, Self)> {
-        vec![("on", Self(true)), ("off", Self(false))]
+        vec![("auto", Self(None)), ("on", Self(Some(true))), ("off", Self(Some(false)))]
     }
 }
 

@@ -32,12 +32,12 @@ impl Estimate {
     pub(super) fn first(sighting: &Sighting, settings: &AnchorSettings) -> Self {
         let prior = RangeReading { ln_range: libm::log(settings.prior_range), sigma: settings.prior_sigma };
         let RangeReading { ln_range, sigma } = sighting.range.unwrap_or(prior);
-        let (bearing, range) = variances(sighting.bearing_sigma, sigma, settings.extent, libm::exp(ln_range));
+        let variance = variances(sighting, sigma, settings.extent, libm::exp(ln_range));
         Self {
             origin: vector(sighting.from),
             direction: direction(sighting.direction),
             ln_range,
-            covariance: DMat3::from_diagonal(DVec3::new(bearing, bearing, range)),
+            covariance: DMat3::from_diagonal(variance),
         }
     }
 
@@ -211,21 +211,22 @@ impl Measured {
         // Gnomonic projection about the measured direction: f·w / m·w.
         let rows = [row((right - u * seen) / along), row((up - v * seen) / along), row(ahead / squared)];
         let (ln_range, sigma) = sighting.range.map_or((0.0, 1.0), |range| (range.ln_range, range.sigma));
-        let (bearing, range) = variances(sighting.bearing_sigma, sigma, settings.extent, libm::sqrt(squared));
+        let variance = variances(sighting, sigma, settings.extent, libm::sqrt(squared));
         Some(Self {
             residual: DVec3::new(-u, -v, ln_range - 0.5 * libm::log(squared)),
             rows: DMat3::from_cols(rows[0], rows[1], rows[2]).transpose(),
-            variance: DVec3::new(bearing, bearing, range),
+            variance,
         })
     }
 }
 
-/// Variances of a bearing and of a log range of a target of some extent at a range.
-fn variances(bearing: f64, ln_range: f64, extent: f64, range: f64) -> (f64, f64) {
+/// Variances of a sighting to the right, upwards and in log range (`ln_range` is its standard deviation), of a target of some
+/// extent at a range.
+fn variances(sighting: &Sighting, ln_range: f64, extent: f64, range: f64) -> DVec3 {
     // Nearer than its extent, the target surrounds the craft.
     let angle = extent / range.max(extent).max(1e-3);
     let square = |sigma: f64| (sigma * sigma + angle * angle).max(LEAST_SIGMA * LEAST_SIGMA);
-    (square(bearing), square(ln_range))
+    DVec3::new(square(sighting.bearing_sigma), square(sighting.elevation_sigma), square(ln_range))
 }
 
 /// Unit vectors to the right of a direction and up from it. Straight up or down, right is east.

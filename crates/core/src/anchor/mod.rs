@@ -24,6 +24,7 @@ use crate::camera::Camera;
 use crate::geometry::{EnuDirection, EnuPosition, Pose};
 use crate::lift::{Lifting, project_displacement};
 use crate::odometry::Odometry;
+use crate::query::ImagePoint;
 use crate::time::{Duration, Time};
 
 /// Squared Mahalanobis distance above which a sighting does not fit: the 99 % quantile of χ² with 3 degrees of freedom.
@@ -34,6 +35,9 @@ const GATE_BEARING: f64 = 9.210;
 const HYPOTHESES: usize = 3;
 /// Maximum number of sightings that can be applied again; beyond it the oldest are final.
 const SIGHTINGS: usize = 512;
+/// A craft that has moved less than this fraction of the range sees the target from the same place: the rounding of a
+/// depth label, and a model's habit with this view, are the same again.
+const SAME_VIEW: f64 = 0.1;
 /// How long a sighting may be late without a query of its frame being open.
 pub const MEMORY: Duration = Duration::from_secs(10);
 
@@ -95,6 +99,8 @@ pub struct Anchor {
     pub last_from: EnuPosition,
     /// The craft's odometry at that time.
     odometry: Odometry,
+    /// Where the last range came from, and how many were fused from there: their errors are those of one label.
+    ranged: (EnuPosition, u32),
 }
 
 /// An anchor as seen from a position.
@@ -159,12 +165,12 @@ impl Anchor {
         dot < 0.0 || sight.range <= libm::hypot(sight.range_sd, sight.lateral_sd)
     }
 
-    /// Whether the mean lies inside the image of a camera at `pose`.
+    /// Where the mean lies in the image of a camera at `pose`; `None` if it is outside.
     #[must_use]
-    pub fn is_in_view(&self, camera: &Camera, pose: Pose, lifting: Lifting) -> bool {
+    pub fn image_point(&self, camera: &Camera, pose: Pose, lifting: Lifting) -> Option<ImagePoint> {
         let ahead = pose.position.displacement_to(self.position(), pose.attitude.heading);
         project_displacement(ahead, camera, pose.attitude, lifting)
-            .is_some_and(|at| (0.0..=1.0).contains(&at.u) && (0.0..=1.0).contains(&at.v))
+            .filter(|at| (0.0..=1.0).contains(&at.u) && (0.0..=1.0).contains(&at.v))
     }
 
     /// Covariance of bearing (to the right and up, radians) and natural logarithm of the range as seen from the position of the
@@ -189,6 +195,7 @@ impl Anchor {
             last_seen: sighting.captured,
             last_from: sighting.from,
             odometry: sighting.odometry,
+            ranged: (sighting.from, 1),
         }
     }
 
@@ -198,13 +205,20 @@ impl Anchor {
     }
 
     fn fuse(&mut self, predicted: &Estimate, sighting: &Sighting, settings: &AnchorSettings) {
+        let (from, count) = self.ranged;
+        let moved = from.distance(sighting.from) > SAME_VIEW * predicted.seen_from(sighting.from).range;
+        let ranged = if moved { (sighting.from, 1) } else { (from, count.saturating_add(1)) };
+        // The n-th range from the same place counts as one of n.
+        let spread = libm::sqrt(f64::from(ranged.1));
+        let range = sighting.range.map(|range| RangeReading { sigma: spread * range.sigma, ..range });
         *self = Self {
-            estimate: predicted.updated(sighting, settings),
+            estimate: predicted.updated(&Sighting { range, ..*sighting }, settings),
             stage: self.stage,
             hits: self.hits + 1,
             last_seen: sighting.captured,
             last_from: sighting.from,
             odometry: sighting.odometry,
+            ranged,
         };
     }
 }

@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::geometry::{EnuDirection, EnuPosition, Pose};
 use crate::lift::{Lifting, UnprojectError, lift, range_of_label, unproject};
 use crate::odometry::Odometry;
-use crate::query::ImagePoint;
+use crate::query::{ImageBox, ImagePoint};
 use crate::reply::DEPTH_LABELS;
 use crate::time::Time;
 
@@ -35,8 +35,11 @@ pub struct Sighting {
     pub odometry: Odometry,
     /// Unit vector towards the target.
     pub direction: EnuDirection,
-    /// Standard deviation of the direction on each axis, radians.
+    /// Standard deviation of the direction to the right, radians.
     pub bearing_sigma: f64,
+    /// Standard deviation of the direction upwards, radians. It is larger, because a tall target of which other parts are
+    /// hidden in other frames is pointed at in different heights.
+    pub elevation_sigma: f64,
     /// Range along the direction, if known.
     pub range: Option<RangeReading>,
 }
@@ -58,6 +61,13 @@ impl Default for Trust {
         Self { point: 0.015, ln_range: 0.2, heading: 1.0_f64.to_radians() }
     }
 }
+
+/// Standard deviation of the height of the point on the target that is meant, radians: the visible part of a tall target
+/// changes from frame to frame, and its box shows the visible part only.
+const HEIGHT_SIGMA: f64 = 0.08;
+/// A box of width w holds the point that is meant with this standard deviation, as a fraction of w: that of a uniform
+/// distribution.
+const WITHIN_BOX: f64 = 0.289;
 
 /// Difference of the natural logarithm of the range that corresponds to one depth label: ln 10 / 4.5.
 const LABEL: f64 = core::f64::consts::LN_10 / 4.5;
@@ -105,8 +115,22 @@ impl Sighting {
             odometry,
             direction: EnuDirection::towards(ahead),
             bearing_sigma: libm::hypot(point_sigma, trust.heading),
+            elevation_sigma: libm::hypot(point_sigma, HEIGHT_SIGMA),
             range,
         })
+    }
+
+    /// The sighting of a target that fills `area` of the image: the next one may mean another of its points.
+    #[must_use]
+    pub fn of_box(self, area: ImageBox, camera: &Camera) -> Self {
+        let ImageBox { left, top, right, bottom } = area;
+        let across = WITHIN_BOX * (right - left).max(0.0) * f64::from(camera.width) / camera.fx;
+        let upright = WITHIN_BOX * (bottom - top).max(0.0) * f64::from(camera.height) / camera.fy;
+        Self {
+            bearing_sigma: libm::hypot(self.bearing_sigma, across),
+            elevation_sigma: libm::hypot(self.elevation_sigma, upright),
+            ..self
+        }
     }
 
     /// Order of application: by capture, then by number.
@@ -122,6 +146,8 @@ impl Sighting {
             && (length - 1.0).abs() < 1e-6
             && self.bearing_sigma.is_finite()
             && self.bearing_sigma > 0.0
+            && self.elevation_sigma.is_finite()
+            && self.elevation_sigma > 0.0
             && self.odometry.is_finite()
             && self.range.is_none_or(|range| range.ln_range.is_finite() && range.sigma.is_finite() && range.sigma > 0.0)
     }

@@ -95,6 +95,18 @@ impl ObstacleMap {
         self.first_obstacle(from, to).is_none()
     }
 
+    /// Whether no obstacle is known within `radius` metres horizontally of the column from `at` over `climb` metres (negative:
+    /// downwards). A forward camera does not see straight up or down; what it has seen beside the column may reach into it.
+    #[must_use]
+    pub fn is_column_clear(&self, at: EnuPosition, climb: f64, radius: f64) -> bool {
+        let (low, high) = (at.up + climb.min(0.0), at.up + climb.max(0.0));
+        let near = |cell: &Cell| {
+            let middle = cell.middle();
+            (low..=high).contains(&middle.up) && middle.horizontal_distance(at) <= radius
+        };
+        !self.occupied().any(|cell| near(&cell))
+    }
+
     /// The first occupied cell on the line from one place to another.
     #[must_use]
     pub fn first_obstacle(&self, from: EnuPosition, to: EnuPosition) -> Option<Cell> {

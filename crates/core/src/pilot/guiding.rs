@@ -30,6 +30,10 @@ const BRAKING: f64 = 0.5;
 const FACING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// At the end of a course, a target farther off the heading than this is turned to, radians: 15°.
 const LOOK_BACK: f64 = 15.0 / 180.0 * core::f64::consts::PI;
+/// A target that was lost within this distance may reach over or under the craft, metres.
+const BESIDE_TARGET: f64 = 1.5;
+/// A depth sensor whose last grid is at most this old measures what boxes would only bound.
+const SENSED: Duration = Duration::from_secs(1);
 /// A rest of a course below this is not flown, metres.
 const FLOWN: f64 = 0.1;
 /// A leg whose end moves by less than this, metres, and whose speed by less than this fraction, goes on.
@@ -39,6 +43,8 @@ const SAME_SPEED: f64 = 0.05;
 const AT_PLACE: f64 = 0.3;
 /// Maximum time for getting out of where the craft is stuck.
 const ESCAPE_TIME: Duration = Duration::from_secs(4);
+/// Maximum time for which a turn is finished although the plan leads to the other side by now.
+const TURN_TIME: Duration = Duration::from_secs(3);
 /// Occupied cells within this distance of the craft are passed to the brake, metres.
 const BRAKE_SIGHT: f64 = 5.0;
 /// Distance from a target's place at which a known obstacle in between counts as the target, metres.
@@ -58,6 +64,10 @@ pub(super) struct Guiding {
     course: Option<Course>,
     /// When the motion estimate last lost track, as far as it has been taken into account.
     lost: Option<Time>,
+    /// Where the last target was when it was given up.
+    left: Option<EnuPosition>,
+    /// When the last depth grid arrived.
+    depth_at: Option<Time>,
     /// When the brake last received the obstacles.
     remembered: Option<Time>,
 }
@@ -85,11 +95,29 @@ struct Course {
     escape: Option<(EnuPosition, Time)>,
     guide: Option<Guide>,
     around: Option<Around>,
+    /// The turn on the spot that has begun: its heading, and when.
+    turning: Option<(f64, Time)>,
 }
 
 impl Course {
     fn new(aim: Aim, from: EnuPosition, reach: f64) -> Self {
-        Self { aim, from, reach, planned: None, leg: None, escape: None, guide: None, around: None }
+        Self { aim, from, reach, planned: None, leg: None, escape: None, guide: None, around: None, turning: None }
+    }
+
+    /// The heading to turn to: that of a turn to the other side that has begun, until it has ended.
+    fn committed(&mut self, now: Time, heading: f64, wanted: f64) -> f64 {
+        if let Some((begun, since)) = self.turning {
+            let (left, other) = (wrap_angle(begun - heading), wrap_angle(wanted - heading));
+            if left.abs() >= FACING && left * other < 0.0 && now.since(since) < TURN_TIME {
+                return begun;
+            }
+            if left * other > 0.0 {
+                self.turning = Some((wanted, since));
+                return wanted;
+            }
+        }
+        self.turning = Some((wanted, now));
+        wanted
     }
 }
 
@@ -122,6 +150,9 @@ impl Guiding {
 
     /// A new instruction: another target.
     pub(super) fn forget_target(&mut self) {
+        if let Some(anchor) = self.anchors.anchor() {
+            self.left = Some(anchor.position());
+        }
         self.anchors.reset();
         self.gate = None;
     }
@@ -136,6 +167,11 @@ impl Pilot {
     /// Whether the map does.
     pub(super) fn is_mapped(&self) -> bool {
         self.guiding.map.is_some() && self.is_guided()
+    }
+
+    /// Whether the target that was given up last may be right above, below or beside `at`.
+    pub(super) fn is_beside_target(&self, at: EnuPosition) -> bool {
+        self.guiding.left.is_some_and(|left| left.horizontal_distance(at) < BESIDE_TARGET)
     }
 
     fn is_guided(&self) -> bool {
@@ -182,6 +218,7 @@ impl Pilot {
         if let Some(map) = &mut self.guiding.map {
             map.advance(now, pose.position);
             map.depth(grid, pose);
+            self.guiding.depth_at = Some(now);
         }
     }
 
@@ -200,12 +237,15 @@ impl Pilot {
         if sight.lateral_sd > 0.5 * sight.range {
             return Expected::Unknown;
         }
-        let in_view = anchor.is_in_view(&self.camera, pose, self.settings.lifting);
+        let in_view = anchor.image_point(&self.camera, pose, self.settings.lifting);
         let hidden = self.guiding.map.as_ref().is_some_and(|map| {
             let until = (1.0 - OWN_SURFACE / sight.range.max(OWN_SURFACE)).max(0.0);
             !map.is_clear(pose.position, pose.position.towards(sight.position, until))
         });
-        if in_view && !hidden { Expected::InView } else { Expected::Aside }
+        match in_view {
+            Some(at) if !hidden => Expected::InView { at, range: sight.range },
+            _ => Expected::Aside,
+        }
     }
 
     /// Takes what a reply says about target and obstacles, at its frame's time and pose.
@@ -235,8 +275,23 @@ impl Pilot {
         let label = libm::round(goto.label).clamp(1.0, 10.0) as u8;
         let (camera, trust) = (&view.camera, &self.guiding.trust);
         let lifting = self.settings.lifting;
-        Sighting::of_label(captured, goto.id.0, goto.stage, view.pose, odometry, camera, lifting, goto.point, Some(label), trust)
-            .ok()
+        let sighting = Sighting::of_label(
+            captured,
+            goto.id.0,
+            goto.stage,
+            view.pose,
+            odometry,
+            camera,
+            lifting,
+            goto.point,
+            Some(label),
+            trust,
+        )
+        .ok()?;
+        Some(match goto.area {
+            Some(area) => sighting.of_box(area, camera),
+            None => sighting,
+        })
     }
 
     /// Adds a reply's boxes to the map, and the free space that it implies.
@@ -245,7 +300,12 @@ impl Pilot {
         let Some(map) = &mut self.guiding.map else { return };
         map.advance(now, at);
         let obstacles = || reply.boxes.iter().filter(|obstacle| reply.target.as_deref() != Some(obstacle.name.as_str()));
+        let is_sensed = self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED);
         for obstacle in obstacles() {
+            // A box is a rough solid: where a sensor measures depth, it would block free space.
+            if is_sensed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
+                continue;
+            }
             let mobility = if is_person(&obstacle.name) { Mobility::Moving } else { Mobility::Fixed };
             map.solid(now, &view.camera, view.pose, obstacle, mobility);
         }
@@ -285,17 +345,19 @@ impl Pilot {
             Some(Gate::EarlierStage | Gate::Invalid) | None => return Lead::Step(goto.motion),
         }
         let own = libm::hypot(goto.motion.primitives.forward, goto.motion.primitives.climb);
-        self.lead_from(now, anchor, from.position, own)
+        // The reply's boxes were checked along its own step only.
+        let most = if self.settings.avoid && !self.settings.guidance.sensor { own } else { f64::INFINITY };
+        self.lead_from(now, anchor, from.position, own, most)
     }
 
-    /// How far to fly from `from` to the anchor; `unsure` metres if its range is not known.
-    fn lead_from(&self, now: Time, anchor: &Anchor, from: EnuPosition, unsure: f64) -> Lead {
+    /// How far to fly from `from` to the anchor, at most `most` metres; `unsure` metres if its range is not known.
+    fn lead_from(&self, now: Time, anchor: &Anchor, from: EnuPosition, unsure: f64, most: f64) -> Lead {
         let odometry = self.estimator.odometry_at(now);
         let sight = anchor.seen_from(from, odometry);
         let heading = bearing(from, sight.position);
         let at = self.known(now).position;
         let step = if sight.is_sure() { sight.step_limit() } else { unsure };
-        let reach = step.min(sight.range - self.stop_distance()).max(0.0);
+        let reach = step.min(most).min(sight.range - self.stop_distance()).max(0.0);
         let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
         if reach < FLOWN || anchor.is_passed(at, odometry) || self.is_passed(now, goal, from) {
             return Lead::Turn(bearing(at, sight.position));
@@ -314,7 +376,7 @@ impl Pilot {
         let Some(anchor) = self.guiding.anchors.anchor().copied().filter(|_| self.is_anchored()) else { return };
         let sight = anchor.seen_from(view.pose.position, self.estimator.odometry_at(now));
         if self.is_mapped() && sight.may_approach_unseen(self.stop_distance()) {
-            let lead = self.lead_from(now, &anchor, view.pose.position, 0.0);
+            let lead = self.lead_from(now, &anchor, view.pose.position, 0.0, f64::INFINITY);
             return self.follow(now, lead);
         }
         if view.expected == Expected::Aside {
@@ -353,7 +415,7 @@ impl Pilot {
             self.guiding.progress.reset();
         }
         let next = match goes_on {
-            Some(Course { leg, escape, around, .. }) => Course { leg, escape, around, ..next },
+            Some(Course { leg, escape, around, turning, .. }) => Course { leg, escape, around, turning, ..next },
             None => next,
         };
         self.guiding.course = Some(next);
@@ -376,7 +438,7 @@ impl Pilot {
         let body = self.body(now, at);
         let Guiding { map: Some(map), planner, .. } = &mut self.guiding else { return self.end_course(now) };
         map.advance(now, at);
-        let Some(guide) = planner.plan(map, now, at, heading, &body, &goal) else { return self.end_course(now) };
+        let Some(mut guide) = planner.plan(map, now, at, heading, &body, &goal) else { return self.end_course(now) };
         let out_of_time = |(_, until): (EnuPosition, Time)| until <= now;
         let Some(course) = &mut self.guiding.course else { return };
         course.planned = Some(now);
@@ -389,6 +451,11 @@ impl Pilot {
         }
         if arrived {
             return self.end_course(now);
+        }
+        if guide.turn_first {
+            guide.heading = course.committed(now, heading, guide.heading);
+        } else {
+            course.turning = None;
         }
         let (escaping, way) = (course.escape.is_some(), at.distance(guide.waypoint));
         let turned = wrap_angle(guide.heading - heading).abs() < FACING;
@@ -444,10 +511,10 @@ impl Pilot {
     fn destination(&self, now: Time, at: EnuPosition) -> Option<Destination> {
         let course = self.guiding.course.as_ref()?;
         if let Some((position, _)) = course.escape {
-            return Some(Destination { position, stop: AT_PLACE, sigma: 0.0 });
+            return Some(Destination::place(position, AT_PLACE));
         }
         match course.aim {
-            Aim::Place(position) => Some(Destination { position, stop: AT_PLACE, sigma: 0.0 }),
+            Aim::Place(position) => Some(Destination::place(position, AT_PLACE)),
             Aim::Target => {
                 let anchor = self.guiding.anchors.anchor()?;
                 let odometry = self.estimator.odometry_at(now);
@@ -457,7 +524,7 @@ impl Pilot {
                 }
                 let sight = anchor.seen_from(at, odometry);
                 let sigma = libm::hypot(sight.range_sd, sight.lateral_sd);
-                Some(Destination { position: sight.position, stop: self.stop_distance(), sigma })
+                Some(Destination::target(sight.position, self.stop_distance(), sigma))
             }
         }
     }
@@ -472,6 +539,7 @@ impl Pilot {
             delay: self.craft.dead_time + self.craft.lag + PLAN_PERIOD.as_secs_f64(),
             cruise_speed: self.craft.cruise_speed,
             altitudes: (at.up - down.max(0.0), at.up + up.max(0.0)),
+            half_view: self.camera.half_fov().0,
         }
     }
 
@@ -503,6 +571,12 @@ impl Pilot {
         self.executor.stop(now);
         self.move_ended(now);
     }
+}
+
+/// Whether a depth sensor may see nothing of an object with this name: it is transparent or thin.
+fn is_unseen_by_sensors(name: &str) -> bool {
+    const WORDS: [&str; 10] = ["glass", "window", "mirror", "wire", "cable", "rope", "line", "net", "antenna", "pole"];
+    name.split(|c: char| !c.is_alphanumeric()).any(|word| WORDS.iter().any(|w| word.eq_ignore_ascii_case(w)))
 }
 
 /// The detour that a plan to `goal` makes around an obstacle on the straight line.

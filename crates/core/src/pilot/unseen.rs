@@ -24,6 +24,8 @@ const SIGHT: f64 = 10.0;
 const OWN_PATH: f64 = 0.3;
 /// A motion back by less than this is a correction, metres.
 const BACK: f64 = 0.05;
+/// An obstacle of the map this near to the path of a vertical search move, metres beyond the body, forbids it.
+const BESIDE_COLUMN: f64 = 0.5;
 /// A vertical search move shorter than this shows nothing new, metres.
 const WORTH_LOOKING: f64 = 0.05;
 
@@ -86,6 +88,21 @@ impl Pilot {
                 primitives.climb = 0.0;
                 self.note(Note::Limited("no descent: no frame of the last 3 s shows what is below, and nothing measures it"));
             }
+        }
+        if looks
+            && let Some(map) = self.obstacle_map()
+            && !map.is_column_clear(
+                self.known_pose(now).position,
+                primitives.climb + (self.craft.radius + 0.3).copysign(primitives.climb),
+                self.craft.radius + BESIDE_COLUMN,
+            )
+        {
+            primitives.climb = 0.0;
+            self.note(Note::Limited("no vertical search move: the map has an obstacle above or below, or beside the way there"));
+        }
+        if looks && self.is_beside_target(self.known_pose(now).position) {
+            primitives.climb = 0.0;
+            self.note(Note::Limited("no vertical search move: the target was last seen less than 1.5 m away"));
         }
         if looks && primitives.climb != 0.0 {
             let (down, up) = self.envelope.vertical_room();

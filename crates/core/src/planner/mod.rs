@@ -4,8 +4,9 @@
 //! The path is the cheapest in the map's grid: cells near obstacles cost more, vertical moves cost half as much again,
 //! and cells in which the body would touch something cost twenty times as much, so that an unreachable goal is
 //! approached along the path that leads nearest to it and not along the straight line. Unknown cells count as free for
-//! the path and as blocked for the speed. The craft faces its direction of flight, and never flies into space that no
-//! frame has shown within 3 s: it turns first.
+//! the path and as blocked for the speed. The craft faces its target as long as its camera shows the path as well, else it
+//! turns towards the path as far as it must, and it never flies into space that no frame has shown within 3 s: it turns
+//! first. Of paths of nearly equal cost it keeps the one of the last plan.
 //!
 //! Search and costs are integers, so that a plan is the same on every machine.
 
@@ -16,8 +17,8 @@ mod stuck;
 use self::clearance::Clearance;
 use self::search::Search;
 pub use self::stuck::{Escape, Progress, escape};
-use crate::geometry::EnuPosition;
-use crate::obstacle_map::{CELL, Cell, Line, ObstacleMap, SIZE};
+use crate::geometry::{EnuPosition, wrap_angle};
+use crate::obstacle_map::{CELL, CELLS, Cell, Line, ObstacleMap, SIZE};
 use crate::time::Time;
 
 /// Cost factors in quarters of that of free space.
@@ -38,6 +39,31 @@ const OUTSIDE: f64 = 2.0;
 const SPEED_SIGHT: f64 = 8.0;
 /// Where only frames have shown that space is free, the craft must be able to stop within this distance, metres.
 const CAREFUL: f64 = 0.7;
+/// Cells this near to the craft cost more the farther they lie off its heading: a turn takes time, and of two paths of
+/// nearly equal cost the one that it has begun to turn to is kept. Metres.
+const TURNING: f64 = 2.0;
+/// Added to the cost factor of such cells beyond 45°, 90° and 135° off the heading.
+const TURNED: [u16; 3] = [2, 5, 8];
+/// Added to the cost factor of cells that are not near the path of the last plan, whose goal was no farther away than
+/// this, metres: obstacles that come and go must not make the craft change sides.
+const OTHER: u16 = 1;
+const SAME_GOAL: f64 = 2.0;
+/// A cell and those beside it.
+const NEIGHBOURS: [(i32, i32, i32); 11] = [
+    (0, 0, 0),
+    (1, 0, 0),
+    (-1, 0, 0),
+    (0, 1, 0),
+    (0, -1, 0),
+    (1, 1, 0),
+    (1, -1, 0),
+    (-1, 1, 0),
+    (-1, -1, 0),
+    (0, 0, 1),
+    (0, 0, -1),
+];
+/// The next part of a path stays this far inside the camera's field of view, radians: 10°.
+const VIEW_EDGE: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 /// Length of the next part of a path that a frame must have shown before it is flown, metres.
 const SHOWN: f64 = 1.0;
 
@@ -75,6 +101,8 @@ pub struct Body {
     pub cruise_speed: f64,
     /// Lowest and highest world altitude to plan at, metres.
     pub altitudes: (f64, f64),
+    /// Half of the camera's horizontal field of view, radians.
+    pub half_view: f64,
 }
 
 impl Body {
@@ -97,8 +125,22 @@ pub struct Destination {
     pub position: EnuPosition,
     /// Distance from it at which the craft has arrived, metres.
     pub stop: f64,
-    /// Standard deviation of the place, metres.
-    pub sigma: f64,
+    /// Obstacles this near to it are the target itself, metres; 0 for a place in free space.
+    pub target: f64,
+}
+
+impl Destination {
+    /// A target whose place is known with a standard deviation of `sigma` metres.
+    #[must_use]
+    pub fn target(position: EnuPosition, stop: f64, sigma: f64) -> Self {
+        Self { position, stop, target: (TARGET + sigma).min(TARGET_MOST) }
+    }
+
+    /// A place in free space, to be reached to within `stop` metres.
+    #[must_use]
+    pub fn place(position: EnuPosition, stop: f64) -> Self {
+        Self { position, stop, target: 0.0 }
+    }
 }
 
 /// What a plan leads to.
@@ -146,6 +188,10 @@ pub struct Planner {
     clearance: Clearance,
     factors: Vec<u16>,
     search: Search,
+    /// The path of the last plan, and its goal.
+    last: Option<(EnuPosition, Vec<Cell>)>,
+    /// Cells near that path.
+    kept: Vec<bool>,
 }
 
 impl Planner {
@@ -169,6 +215,8 @@ impl Planner {
         let start = map.index(here)?;
         let corner = map.corner()?;
         self.weigh(map, body, goal);
+        self.weigh_turns(map, at, heading);
+        self.weigh_other_paths(map, goal.position);
 
         let (place, stop) = within_grid(corner, at, goal);
         let outside = place != goal.position;
@@ -176,6 +224,7 @@ impl Planner {
         let end = Cell::of(place);
         let local = [end.east - corner.east, end.north - corner.north, end.up - corner.up];
         let (indices, cost) = self.search.path(&self.factors, start, local, libm::floor(stop / CELL) as i32)?;
+        let cost = cost - self.cost_of_others(&indices);
         if !outside && (indices.len() == 1 || at.distance(goal.position) <= goal.stop) {
             let (waypoint, reach, path) = (at, Reach::Arrived, vec![here]);
             return Some(Guide { waypoint, heading: towards, speed: 0.0, turn_first: false, reach, remaining: 0.0, path });
@@ -198,7 +247,10 @@ impl Planner {
         let ahead = self.look_ahead(map, here, &path, out);
         let waypoint = if ahead == here { at } else { ahead.middle() };
         let way = at.distance(waypoint);
-        let heading = if horizontal(at, waypoint) > CELL { bearing(at, waypoint) } else { towards };
+        let heading = match horizontal(at, waypoint) > CELL {
+            true => facing(bearing(at, waypoint), towards, body.half_view),
+            false => towards,
+        };
         let (shown, free) = if way > 0.0 { self.open_way(map, now, at, waypoint) } else { (0.0, 0.0) };
         let turn_first = way > 0.0 && shown < way.min(SHOWN);
         let room = |length: f64| length - body.radius - self.settings.margin;
@@ -211,6 +263,7 @@ impl Planner {
         // get shorter.
         let beyond = if outside { place.distance(goal.position) } else { 0.0 };
         let remaining = f64::from(cost) * CELL / f64::from(10 * OPEN) + beyond;
+        self.last = Some((goal.position, path.clone()));
         Some(Guide { waypoint, heading, speed, turn_first, reach, remaining, path })
     }
 
@@ -221,8 +274,9 @@ impl Planner {
         self.factors.clear();
         self.factors.extend(self.flags.iter().map(|&solid| if solid { SOLID } else { OPEN }));
         // The target itself needs no clearance.
-        let target = (TARGET + goal.sigma).min(TARGET_MOST);
-        self.each_around(map, goal.position, target, |flags, index| flags[index] = false);
+        if goal.target > 0.0 {
+            self.each_around(map, goal.position, goal.target, |flags, index| flags[index] = false);
+        }
         let around = body.radius + settings.margin + 2.0 * body.position_sigma;
         let above = body.radius + settings.vertical_margin + 2.0 * body.position_sigma;
         self.clearance.measure(&self.flags, clearance::weight(around, above));
@@ -236,6 +290,65 @@ impl Planner {
             let middle = Cell { up: corner.up + z as i32, ..corner }.middle().up;
             if middle < low || middle > high {
                 layer.iter_mut().for_each(|factor| *factor = (*factor).max(BLOCKED));
+            }
+        }
+    }
+
+    /// Adds a little to the cost of all cells that are not near the path of the last plan to the same goal.
+    fn weigh_other_paths(&mut self, map: &ObstacleMap, goal: EnuPosition) {
+        self.kept.clear();
+        let Some((_, path)) = self.last.as_ref().filter(|(last, path)| last.distance(goal) <= SAME_GOAL && path.len() > 1) else {
+            return;
+        };
+        self.kept.resize(CELLS, false);
+        for cell in path {
+            for (east, north, up) in NEIGHBOURS {
+                let near = Cell { east: cell.east + east, north: cell.north + north, up: cell.up + up };
+                if let Some(index) = map.index(near) {
+                    self.kept[index] = true;
+                }
+            }
+        }
+        for (factor, kept) in self.factors.iter_mut().zip(&self.kept) {
+            *factor += if *kept || *factor >= BLOCKED - OTHER { 0 } else { OTHER };
+        }
+    }
+
+    /// What a path has cost because it is not the last one.
+    fn cost_of_others(&self, path: &[u32]) -> u32 {
+        if self.kept.is_empty() {
+            return 0;
+        }
+        let other = |index: u32| !self.kept[index as usize] && self.factors[index as usize] < BLOCKED;
+        path.windows(2).filter(|pair| other(pair[1])).map(|pair| u32::from(OTHER) * Search::length(pair[0], pair[1])).sum()
+    }
+
+    /// Adds the cost of turning to the cells near the craft.
+    fn weigh_turns(&mut self, map: &ObstacleMap, at: EnuPosition, heading: f64) {
+        let reach = libm::ceil(TURNING / CELL) as i32;
+        let here = Cell::of(at);
+        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
+        for north in -reach..=reach {
+            for east in -reach..=reach {
+                let squared = f64::from(north * north + east * east);
+                if squared == 0.0 || CELL * CELL * squared > TURNING * TURNING {
+                    continue;
+                }
+                // The cosine of the angle off the heading, times the distance.
+                let ahead = f64::from(east) * sin + f64::from(north) * cos;
+                let part = ahead / libm::sqrt(squared);
+                let turned = [0.707, 0.0, -0.707].iter().filter(|&&limit| part < limit).count();
+                let Some(&add) = turned.checked_sub(1).and_then(|turned| TURNED.get(turned)) else { continue };
+                for up in 0..SIZE[2] as i32 {
+                    let Some(corner) = map.corner() else { return };
+                    let cell = Cell { east: here.east + east, north: here.north + north, up: corner.up + up };
+                    if let Some(index) = map.index(cell) {
+                        let factor = &mut self.factors[index];
+                        if *factor < BLOCKED {
+                            *factor = (*factor + add).min(BLOCKED - 1);
+                        }
+                    }
+                }
             }
         }
     }
@@ -331,6 +444,13 @@ fn within_grid(corner: Cell, at: EnuPosition, goal: &Destination) -> (EnuPositio
         }
     }
     if fraction < 1.0 { (at.towards(goal.position, fraction), OUTSIDE) } else { (goal.position, goal.stop) }
+}
+
+/// The heading nearest to `target` that keeps a path in the direction `path` in view.
+fn facing(path: f64, target: f64, half_view: f64) -> f64 {
+    let most = (half_view - VIEW_EDGE).max(0.0);
+    let off = wrap_angle(target - path);
+    wrap_angle(path + off.clamp(-most, most))
 }
 
 fn horizontal(a: EnuPosition, b: EnuPosition) -> f64 {

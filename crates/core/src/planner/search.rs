@@ -103,6 +103,16 @@ impl Search {
         None
     }
 
+    /// Cost of the move between neighbouring cells, per unit of the cost factor.
+    pub(super) fn length(from: u32, to: u32) -> u32 {
+        let (a, b) = (coordinates(from as usize), coordinates(to as usize));
+        match (a.2 != b.2, a.0 != b.0 && a.1 != b.1) {
+            (true, _) => VERTICAL,
+            (false, true) => DIAGONAL,
+            (false, false) => STRAIGHT,
+        }
+    }
+
     /// The path that led to a cell.
     fn back(&self, mut index: usize) -> Vec<u32> {
         let mut path = vec![index as u32];

@@ -13,11 +13,19 @@ fn at(east: f64, north: f64, up: f64) -> EnuPosition {
 }
 
 fn body() -> Body {
-    Body { radius: 0.3, position_sigma: 0.0, braking: 2.0, delay: 0.5, cruise_speed: 3.0, altitudes: (0.3, 20.0) }
+    Body {
+        radius: 0.3,
+        position_sigma: 0.0,
+        braking: 2.0,
+        delay: 0.5,
+        cruise_speed: 3.0,
+        altitudes: (0.3, 20.0),
+        half_view: 0.785,
+    }
 }
 
 fn to(east: f64, north: f64, up: f64) -> Destination {
-    Destination { position: at(east, north, up), stop: 1.0, sigma: 0.3 }
+    Destination::target(at(east, north, up), 1.0, 0.3)
 }
 
 /// A coarse depth camera, 90° wide.
@@ -291,7 +299,7 @@ fn a_pocket_is_left() {
     world.0.push(([-3.0, 6.0, 0.0], [3.0, 6.4, 9.0]));
     world.0.push(([-3.4, 2.0, 0.0], [-3.0, 6.4, 9.0]));
     world.0.push(([3.0, 2.0, 0.0], [3.4, 6.4, 9.0]));
-    let flown = fly(&world, &Destination { position: at(0.0, 9.0, 1.6), stop: 0.8, sigma: 0.1 }, 60.0);
+    let flown = fly(&world, &Destination::target(at(0.0, 9.0, 1.6), 0.8, 0.1), 60.0);
     assert!(flown.arrived && flown.clearance > 0.3, "{flown:?}");
 }
 
@@ -311,7 +319,7 @@ proptest! {
     /// Among pillars the craft touches nothing, wherever they stand.
     #[test]
     fn a_flight_among_pillars_touches_nothing(world in pillars()) {
-        let goal = Destination { position: at(0.0, 14.5, 1.6), stop: 1.0, sigma: 0.1 };
+        let goal = Destination::target(at(0.0, 14.5, 1.6), 1.0, 0.1);
         let flown = fly(&world, &goal, 25.0);
         prop_assert!(flown.clearance > 0.3, "{flown:?}");
     }
@@ -350,4 +358,40 @@ fn a_craft_too_near_to_something_leaves_it_first() {
     let guide = plan(&map, from, 0.0, &to(0.1, 7.0, 3.1));
     assert_eq!(guide.reach, Reach::Goal);
     assert!(guide.waypoint.distance(at(-0.4, 0.1, 3.1)) > 0.5, "{guide:?}");
+}
+
+/// By hand, for a camera of ±45°: the path may be 35° off the heading.
+#[test]
+fn the_craft_faces_its_target_while_the_path_stays_in_view() {
+    let half = core::f64::consts::FRAC_PI_4;
+    let deg = |path: f64, target: f64| facing(path.to_radians(), target.to_radians(), half).to_degrees();
+    assert!((deg(30.0, 0.0) - 0.0).abs() < 1e-9);
+    assert!((deg(50.0, 0.0) - 15.0).abs() < 1e-9);
+    assert!((deg(-50.0, 0.0) + 15.0).abs() < 1e-9);
+    assert!((deg(170.0, -170.0) + 170.0).abs() < 1e-9);
+    assert!((deg(0.0, 179.0) - 35.0).abs() < 1e-9);
+}
+
+/// Two gaps in a wall, equally far to the left and right. The side of the first plan is kept although the craft then
+/// stands a cell nearer to the other.
+#[test]
+fn of_two_equal_sides_the_first_one_is_kept() {
+    let from = at(0.125, 0.125, 3.1);
+    let mut open = ObstacleMap::new();
+    open.advance(Time::ZERO, from);
+    for east in (-45..45_i32).filter(|east| !(14..20).contains(east) && !(-20..-14).contains(east)) {
+        for up in -20..40 {
+            open.mark(Cell { east, north: 16, up });
+        }
+    }
+    let goal = to(0.125, 8.0, 3.1);
+    let side = |planner: &mut Planner, from: EnuPosition| {
+        let guide = planner.plan(&open, Time::ZERO, from, 0.0, &body(), &goal).unwrap();
+        guide.path.iter().find(|cell| cell.north == 16).map(|cell| cell.east > 0)
+    };
+    let mut planner = Planner::default();
+    let first = side(&mut planner, from).unwrap();
+    let nearer_to_the_other = at(if first { -0.4 } else { 0.4 }, 0.125, 3.1);
+    assert_eq!(side(&mut Planner::default(), nearer_to_the_other), Some(!first));
+    assert_eq!(side(&mut planner, nearer_to_the_other), Some(first));
 }

@@ -20,7 +20,7 @@ use crate::camera::Camera;
 use crate::frame::FrameMeta;
 use crate::geometry::{BodyDisplacement, Pose};
 use crate::primitives::Primitives;
-use crate::query::{ImagePoint, Query, QueryId, VerticalRoom};
+use crate::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
 use crate::reply::Reply;
 
 /// A frame with the pilot's estimates for its capture time.
@@ -41,13 +41,18 @@ pub struct View {
 }
 
 /// Whether a frame should show the target.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Expected {
     /// The target's place is not known.
     #[default]
     Unknown,
-    /// Its place is in view, and no known obstacle hides it.
-    InView,
+    /// Its place is in view, and no obstacle of the map hides it.
+    InView {
+        /// Where.
+        at: ImagePoint,
+        /// Its distance, metres.
+        range: f64,
+    },
     /// Its place is outside the image, or a known obstacle hides it.
     Aside,
 }
@@ -143,6 +148,8 @@ pub struct Goto {
     pub id: QueryId,
     /// Image point on the target.
     pub point: ImagePoint,
+    /// The target's box in the image, if the reply has one.
+    pub area: Option<ImageBox>,
     /// Depth label of its range, which need not be whole.
     pub label: f64,
     /// Stage of the instruction; a later stage has another target.

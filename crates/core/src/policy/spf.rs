@@ -188,7 +188,7 @@ pub struct Spf {
 
 impl Spf {
     /// Sets what guides the craft between two answers: with an anchor, targets are reported to the pilot
-    /// ([`Step::Goto`]); with a map, the planner keeps clear of the obstacle boxes instead of the policy.
+    /// ([`Step::Goto`]); with a map that a depth sensor fills, the planner alone keeps clear of obstacles.
     #[must_use]
     pub fn with_guidance(self, guidance: Guidance) -> Self {
         Self { guidance, ..self }
@@ -320,7 +320,7 @@ impl Spf {
         if self.lists() {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
-        if self.settings.avoid && self.guidance.map {
+        if self.settings.avoid && self.is_mapped_by_sensor() {
             // The map remembers them, in the world.
             self.report(&open_query.view, &reply.boxes);
         } else if self.settings.avoid && reply.status != Status::Done {
@@ -337,8 +337,10 @@ impl Spf {
         self.history.answered(&open_query.view, &reply, self.memory.stage);
         let seen = reply.target_box.filter(|_| reply.status.leads_to_a_point());
         self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
-        if let Some(stage) = reply.stage {
+        if let Some(stage) = reply.stage.filter(|&stage| stage != self.memory.stage) {
             self.memory.stage = stage;
+            // The place that is known is that of the stage before.
+            self.misses = MISSES_ASIDE;
         }
         let step = match reply.status {
             Status::Done => self.done(confirming),
@@ -348,6 +350,11 @@ impl Spf {
         };
         self.history.planned(&open_query.view.camera, &self.reading, &reply.boxes);
         step
+    }
+
+    /// Whether the planner alone keeps clear of obstacles.
+    fn is_mapped_by_sensor(&self) -> bool {
+        self.guidance.map && self.guidance.sensor
     }
 
     /// Remembers the obstacles of a view, besides those of the 3 s before it.
@@ -373,8 +380,8 @@ impl Spf {
         self.turned_first = None;
         let patience = match open_query.view.expected {
             Expected::Unknown => 0,
-            Expected::InView => MISSES_IN_VIEW,
-            Expected::Aside => MISSES_ASIDE,
+            Expected::InView { at, range } if !is_hidden(at, range, &reply.boxes) => MISSES_IN_VIEW,
+            Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
         if self.misses < patience {
             self.misses += 1;
@@ -460,7 +467,7 @@ impl Spf {
         let mut step = self.settings.step.length_of(label);
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
-        if self.settings.avoid && !self.guidance.map {
+        if self.settings.avoid && !self.is_mapped_by_sensor() {
             let plan = PlannedStep {
                 camera: &view.camera,
                 attitude: view.pose.attitude,
@@ -530,12 +537,14 @@ impl Spf {
         self.reading.primitives = Some(primitives);
         // An open direction is flown to its end.
         let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
-        if !self.guidance.anchor || reply.status != Status::Navigating {
+        // A point beside, above or behind a target, or straight on, is no place of the target.
+        let is_on_target = reply.target_box.is_some_and(|area| area.contains(point));
+        if !self.guidance.anchor || reply.status != Status::Navigating || !is_on_target {
             return Step::Move(motion);
         }
         let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
         let stage = reply.stage.unwrap_or(self.memory.stage);
-        Step::Goto(Goto { id: open_query.id, point, label, stage, motion, is_detour })
+        Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour })
     }
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
@@ -578,6 +587,11 @@ impl Spf {
         }
         self.memory.last_seen = Some(if point.u < 0.5 { Look::Left } else { Look::Right });
     }
+}
+
+/// Whether a box stands in front of a place in the image that is `range` metres away.
+fn is_hidden(at: ImagePoint, range: f64, boxes: &[ObstacleBox]) -> bool {
+    boxes.iter().any(|obstacle| lift::range_of_label(f64::from(obstacle.depth) + 0.5) < range && obstacle.area.contains(at))
 }
 
 fn search_with(camera: &Camera, craft: &Craft) -> Search {

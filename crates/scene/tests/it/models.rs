@@ -158,7 +158,7 @@ fn models_that_are_broken_or_too_large_are_refused() {
     fs::File::create(folder.path().join("models/crate.glb")).unwrap().set_len(257 << 20).unwrap();
     let large = load(folder.path()).unwrap_err().to_string();
     assert!(
-        large.contains("the file has 257 MiB, at most 256 MiB is supported") && large.contains("hint: reduce the textures"),
+        large.contains("the file has 257 MiB; at most 256 MiB is supported") && large.contains("hint: reduce the textures"),
         "{large}"
     );
 }

@@ -347,7 +347,8 @@ mod tests {
         assert_eq!(of(r#"{"text":"{\"a\":1}","id":3}"#), Some(Ok(r#"{"a":1}"#.to_owned())));
         assert_eq!(of(r#"{"id":2,"status":"done"}"#), None);
         assert_eq!(of(r#"{"id":3,"error":"no GPU"}"#).unwrap().unwrap_err().to_string(), "`p` failed: no GPU");
-        for (line, why) in [("Loading…", "not a JSON object"), (r#"{"status":"done"}"#, "no `id`"), (r#"{"id":-3}"#, "no `id`")]
+        for (line, why) in
+            [("Loading…", "not a JSON object"), (r#"{"status":"done"}"#, "lacks the `id`"), (r#"{"id":-3}"#, "lacks the `id`")]
         {
             let error = of(line).unwrap().unwrap_err();
             assert_eq!(error.code(), "malformed");

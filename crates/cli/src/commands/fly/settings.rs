@@ -94,7 +94,10 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         method.think = think;
     }
     method.avoid = fly.avoid.is_on()?;
-    method.guidance = Guidance { anchor: fly.anchor.or_default()?.0, map: fly.map.or_default()?.0 };
+    let sensor = fly.depth_sensor.or_default()?.0.is_some();
+    // What guides between two answers is on by itself where it can work.
+    let guides = sensor && method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
+    method.guidance = Guidance { anchor: fly.anchor.or_default()?.or(guides), map: fly.map.or_default()?.or(guides), sensor };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
@@ -153,8 +156,8 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
     if let Some(replies) = envelope.max_failed_replies.get()? {
         limits.max_failed_replies = replies;
     }
-    if settings.fly.brake.or_default()?.0 {
-        let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
+    let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
+    if settings.fly.brake.or_default()?.or(sensor) {
         limits.brake = Some(if sensor { BrakeLimits::with_sensor() } else { BrakeLimits::without_sensor() });
     }
     if let Some(path) = settings.fly.geofence.text() {

@@ -3,12 +3,11 @@
 use super::*;
 use crate::guidance::Guidance;
 use crate::lift::label_of_range;
-use crate::query::ImageBox;
 use crate::reply::ObstacleBox;
 
 fn guided(anchor: bool, map: bool) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { anchor, map };
+    setup.settings.guidance = Guidance { anchor, map, sensor: map };
     setup.settings.avoid = map;
     setup
 }

@@ -34,7 +34,7 @@ use crate::grounding::GroundingProfile;
 use crate::lift::{Lifting, project_displacement};
 use crate::policy::Step;
 use crate::policy::spf::{Spf, SpfSettings};
-use crate::query::{ImagePoint, Query};
+use crate::query::{ImageBox, ImagePoint, Query};
 use crate::reply::{Look, OpenWay, Reply, Status};
 
 /// Interval of frames and telemetry.
@@ -567,7 +567,15 @@ fn points_at(target: EnuPosition, seen: &Seen) -> String {
     let away = seen.pose.position.displacement_to(target, seen.pose.attitude.heading);
     let point = project_displacement(away, &Camera::quad(), seen.pose.attitude, Lifting::Levelled);
     match point.filter(|p| (0.0..=1.0).contains(&p.u) && (0.0..=1.0).contains(&p.v)) {
-        Some(point) => navigate(point.u, point.v, (1.0 + 4.5 * range.log10()).round().clamp(1.0, 10.0) as u8),
+        Some(point) => {
+            let text = navigate(point.u, point.v, (1.0 + 4.5 * range.log10()).round().clamp(1.0, 10.0) as u8);
+            let mut reply = crate::reply::parse_reply(&text, &GroundingProfile::default(), false).unwrap();
+            let edge = |x: f64, by: f64| (x + by).clamp(0.0, 1.0);
+            let (u, v) = (point.u, point.v);
+            reply.target_box =
+                Some(ImageBox { left: edge(u, -0.02), top: edge(v, -0.02), right: edge(u, 0.02), bottom: edge(v, 0.02) });
+            reply.to_json(&GroundingProfile::default(), false)
+        }
         None => not_visible(if away.right < 0.0 { Look::Left } else { Look::Right }),
     }
 }
