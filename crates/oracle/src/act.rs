@@ -26,11 +26,13 @@ const STEEP: f64 = 0.3;
 
 /// The answer in the given form: bearing rounded, distance estimated.
 pub(super) fn act(oracle: &Oracle, query: &Query, percept: &Percept, aim: &Aim, form: ActForm) -> String {
-    // The plain-text forms cannot express "not visible": the craft turns, climbs or backs off.
+    // The plain-text forms cannot express "not visible" or "blocked": the craft turns, climbs or backs off.
     let motion = if aim.done {
         Motion::default()
     } else if let Some(place) = aim.place {
         towards(oracle, query, percept, place)
+    } else if aim.too_near {
+        Motion { forward: -1.0, ..Motion::default() }
     } else {
         match aim.look.unwrap_or(Look::Right) {
             Look::Left => Motion { turn: -60.0, ..Motion::default() },

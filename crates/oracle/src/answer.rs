@@ -56,9 +56,13 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
             return Reply { status: Status::Done, ..reply };
         }
         let (point, room) = percept.open;
-        reply.status = Status::NotVisible;
-        reply.look = Some(aim.look.unwrap_or(Look::Right));
-        reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
+        if aim.too_near {
+            reply.status = Status::Blocked;
+        } else {
+            reply.status = Status::NotVisible;
+            reply.look = Some(aim.look.unwrap_or(Look::Right));
+            reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
+        }
         if avoid {
             let way = Way { range: room, target: None, opening: None };
             reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));

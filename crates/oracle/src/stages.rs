@@ -54,6 +54,8 @@ pub(super) struct Aim {
     pub(super) target: Option<String>,
     /// Whether the stage is to stay with it.
     pub(super) follows: bool,
+    /// Whether the craft is closer to what it follows than it should be.
+    pub(super) too_near: bool,
 }
 
 /// The action of a stage.
@@ -115,6 +117,8 @@ enum Met {
     Go(Place),
     /// Look there.
     Look(Look),
+    /// Keep away from it.
+    TooNear,
 }
 
 /// Determines the stage from the query's history, advances it by at most one, and aims.
@@ -170,6 +174,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     match outcome {
         Met::Go(place) => aim.place = Some(place),
         Met::Look(look) => aim.look = Some(look),
+        Met::TooNear => aim.too_near = true,
         Met::Yes(place) if at + 1 == plan.len() => {
             aim.done = true;
             aim.place = place;
@@ -186,6 +191,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
             match outcome {
                 Met::Go(place) | Met::Yes(Some(place)) => aim.place = Some(place),
                 Met::Look(look) => aim.look = Some(look),
+                Met::TooNear => aim.too_near = true,
                 Met::Yes(None) => aim.place = Some(ahead(view)),
             }
         }
@@ -224,7 +230,7 @@ fn words(stage: Stage<'_>, thing: Option<&PerceivedObject>) -> String {
 
 /// A followed person is approached as if this many times `near` nearer, with at least the minimum step …
 const KEEP: f64 = TOO_NEAR;
-/// … and the craft backs off within this many.
+/// … and within this many the answer is that the way is blocked.
 const TOO_NEAR: f64 = 1.5;
 
 /// Prefix of a target's name if it differs from the previous one, so that the history distinguishes them.
@@ -293,8 +299,7 @@ fn in_view(step: Step, thing: &PerceivedObject, view: &View<'_>) -> Met {
             }
         }
         Step::Across => Met::Go(over(thing)),
-        // Too close: back off.
-        Step::Keep if thing.nearest < TOO_NEAR * view.near() => Met::Look(Look::Down),
+        Step::Keep if thing.nearest < TOO_NEAR * view.near() => Met::TooNear,
         // Keep a distance to a walking person: the range is reduced, so that close to them only the minimum step is
         // flown.
         Step::Keep => Met::Go(Place { range: (here.range - KEEP * view.near()).max(1.0), ..here }),

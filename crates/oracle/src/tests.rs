@@ -432,10 +432,10 @@ fn a_scan_ends_after_a_full_turn_and_follow_never() {
     let close = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 5.0);
     let reply = ask(&oracle, &close, &query(0, POINT, "follow the person"));
     assert_eq!((reply.status, reply.depth), (Status::Following, Some(1)));
-    // Nearer than that one backs off.
+    // Nearer than that one keeps away: a person in front blocks the way.
     let closer = Painting::new().with(tagged(1, "person", "person", ""), 430..530, 310..610, 1.0);
     let reply = ask(&oracle, &closer, &query(0, POINT, "follow the person"));
-    assert_eq!((reply.status, reply.look), (Status::NotVisible, Some(Look::Down)));
+    assert_eq!((reply.status, reply.look, reply.point), (Status::Blocked, None, None));
 }
 
 /// Tasks of a bench share their seeds; the cost of an answer's errors can only be measured over many samples if the
