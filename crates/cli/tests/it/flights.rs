@@ -188,3 +188,18 @@ fn the_configuration_reaches_the_pilot() {
     assert_eq!(summary["finished_at_s"], 4.0);
     assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 }
+
+/// What guides between two answers is on with a depth sensor, unless it is switched off or the preset cannot use it.
+#[test]
+fn a_depth_sensor_turns_on_what_it_is_for() {
+    let guidance = |flags: &[&str]| {
+        let args = [&["fly to the red crane", "--max-decisions", "1", "--no-video"][..], flags].concat();
+        Lab::new().fly("mine", &args).1["settings"]["guidance"].clone()
+    };
+    assert!(guidance(&[]).is_null());
+    let all = serde_json::json!({ "anchor": true, "map": true, "sensor": true });
+    assert_eq!(guidance(&["--depth-sensor", "on"]), all);
+    assert_eq!(guidance(&["--depth-sensor", "on", "--map", "off"])["map"], false);
+    assert!(guidance(&["--depth-sensor", "on", "--preset", "paper"]).is_null());
+    assert_eq!(guidance(&["--anchor", "on"])["anchor"], true);
+}

@@ -137,6 +137,18 @@ fn a_reply_makes_its_view_free_for_5_s_up_to_a_range() {
     map.implied_free(now, &camera(), pose(0.0, 0.0, 3.0), f64::NAN);
 }
 
+/// A beam 1.5 m above the craft and 0.6 m ahead.
+#[test]
+fn a_column_is_clear_only_without_anything_beside_it() {
+    let mut map = map();
+    map.mark(cell(0.1, 0.7, 4.5));
+    let from = at(0.1, 0.1, 3.0);
+    assert!(!map.is_column_clear(from, 2.0, 0.8), "on its way up");
+    assert!(map.is_column_clear(from, 1.0, 0.8), "it ends below the beam");
+    assert!(map.is_column_clear(from, 2.0, 0.4), "it passes beside the beam");
+    assert!(map.is_column_clear(from, -2.0, 0.8), "the beam is above");
+}
+
 #[test]
 fn an_invalid_grid_changes_nothing() {
     let mut map = map();

@@ -43,8 +43,6 @@ const SAME_SPEED: f64 = 0.05;
 const AT_PLACE: f64 = 0.3;
 /// Maximum time for getting out of where the craft is stuck.
 const ESCAPE_TIME: Duration = Duration::from_secs(4);
-/// Maximum time for which a turn is finished although the plan leads to the other side by now.
-const TURN_TIME: Duration = Duration::from_secs(3);
 /// Occupied cells within this distance of the craft are passed to the brake, metres.
 const BRAKE_SIGHT: f64 = 5.0;
 /// Distance from a target's place at which a known obstacle in between counts as the target, metres.
@@ -64,8 +62,8 @@ pub(super) struct Guiding {
     course: Option<Course>,
     /// When the motion estimate last lost track, as far as it has been taken into account.
     lost: Option<Time>,
-    /// Where the last target was when it was given up.
-    left: Option<EnuPosition>,
+    /// Position of the last target that was given up.
+    given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
     depth_at: Option<Time>,
     /// When the brake last received the obstacles.
@@ -95,29 +93,11 @@ struct Course {
     escape: Option<(EnuPosition, Time)>,
     guide: Option<Guide>,
     around: Option<Around>,
-    /// The turn on the spot that has begun: its heading, and when.
-    turning: Option<(f64, Time)>,
 }
 
 impl Course {
     fn new(aim: Aim, from: EnuPosition, reach: f64) -> Self {
-        Self { aim, from, reach, planned: None, leg: None, escape: None, guide: None, around: None, turning: None }
-    }
-
-    /// The heading to turn to: that of a turn to the other side that has begun, until it has ended.
-    fn committed(&mut self, now: Time, heading: f64, wanted: f64) -> f64 {
-        if let Some((begun, since)) = self.turning {
-            let (left, other) = (wrap_angle(begun - heading), wrap_angle(wanted - heading));
-            if left.abs() >= FACING && left * other < 0.0 && now.since(since) < TURN_TIME {
-                return begun;
-            }
-            if left * other > 0.0 {
-                self.turning = Some((wanted, since));
-                return wanted;
-            }
-        }
-        self.turning = Some((wanted, now));
-        wanted
+        Self { aim, from, reach, planned: None, leg: None, escape: None, guide: None, around: None }
     }
 }
 
@@ -151,7 +131,7 @@ impl Guiding {
     /// A new instruction: another target.
     pub(super) fn forget_target(&mut self) {
         if let Some(anchor) = self.anchors.anchor() {
-            self.left = Some(anchor.position());
+            self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
         self.gate = None;
@@ -170,8 +150,8 @@ impl Pilot {
     }
 
     /// Whether the target that was given up last may be right above, below or beside `at`.
-    pub(super) fn is_beside_target(&self, at: EnuPosition) -> bool {
-        self.guiding.left.is_some_and(|left| left.horizontal_distance(at) < BESIDE_TARGET)
+    pub(super) fn is_beside_lost_target(&self, at: EnuPosition) -> bool {
+        self.guiding.given_up.is_some_and(|target| target.horizontal_distance(at) < BESIDE_TARGET)
     }
 
     fn is_guided(&self) -> bool {
@@ -415,7 +395,7 @@ impl Pilot {
             self.guiding.progress.reset();
         }
         let next = match goes_on {
-            Some(Course { leg, escape, around, turning, .. }) => Course { leg, escape, around, turning, ..next },
+            Some(Course { leg, escape, around, .. }) => Course { leg, escape, around, ..next },
             None => next,
         };
         self.guiding.course = Some(next);
@@ -438,7 +418,7 @@ impl Pilot {
         let body = self.body(now, at);
         let Guiding { map: Some(map), planner, .. } = &mut self.guiding else { return self.end_course(now) };
         map.advance(now, at);
-        let Some(mut guide) = planner.plan(map, now, at, heading, &body, &goal) else { return self.end_course(now) };
+        let Some(guide) = planner.plan(map, now, at, heading, &body, &goal) else { return self.end_course(now) };
         let out_of_time = |(_, until): (EnuPosition, Time)| until <= now;
         let Some(course) = &mut self.guiding.course else { return };
         course.planned = Some(now);
@@ -451,11 +431,6 @@ impl Pilot {
         }
         if arrived {
             return self.end_course(now);
-        }
-        if guide.turn_first {
-            guide.heading = course.committed(now, heading, guide.heading);
-        } else {
-            course.turning = None;
         }
         let (escaping, way) = (course.escape.is_some(), at.distance(guide.waypoint));
         let turned = wrap_angle(guide.heading - heading).abs() < FACING;

@@ -24,8 +24,9 @@ const SIGHT: f64 = 10.0;
 const OWN_PATH: f64 = 0.3;
 /// A motion back by less than this is a correction, metres.
 const BACK: f64 = 0.05;
-/// An obstacle of the map this near to the path of a vertical search move, metres beyond the body, forbids it.
-const BESIDE_COLUMN: f64 = 0.5;
+/// An obstacle of the map forbids a vertical search move if it is this near to its path or its end, metres beyond the body.
+const BESIDE: f64 = 0.5;
+const ABOVE: f64 = 0.3;
 /// A vertical search move shorter than this shows nothing new, metres.
 const WORTH_LOOKING: f64 = 0.05;
 
@@ -67,6 +68,16 @@ fn in_view(camera: &Camera, pose: &Pose, point: EnuPosition) -> bool {
 }
 
 impl Pilot {
+    /// Why what is remembered forbids a vertical search move; `None` if nothing does. The camera sees neither up nor down.
+    fn barred(&self, now: Time, climb: f64) -> Option<&'static str> {
+        let at = self.known_pose(now).position;
+        let (above, beside) = (self.craft.radius + ABOVE, self.craft.radius + BESIDE);
+        if self.obstacle_map().is_some_and(|map| !map.is_column_clear(at, climb + above.copysign(climb), beside)) {
+            return Some("no vertical search move: the map has an obstacle above or below, or beside the way there");
+        }
+        self.is_beside_lost_target(at).then_some("no vertical search move: the target was last seen less than 1.5 m away")
+    }
+
     /// The part of a move that may be flown; `None` if nothing is left of it.
     pub(super) fn admissible(&mut self, now: Time, motion: Move) -> Option<Move> {
         let mut primitives = motion.primitives;
@@ -89,20 +100,9 @@ impl Pilot {
                 self.note(Note::Limited("no descent: no frame of the last 3 s shows what is below, and nothing measures it"));
             }
         }
-        if looks
-            && let Some(map) = self.obstacle_map()
-            && !map.is_column_clear(
-                self.known_pose(now).position,
-                primitives.climb + (self.craft.radius + 0.3).copysign(primitives.climb),
-                self.craft.radius + BESIDE_COLUMN,
-            )
-        {
+        if let Some(why) = self.barred(now, primitives.climb).filter(|_| looks) {
             primitives.climb = 0.0;
-            self.note(Note::Limited("no vertical search move: the map has an obstacle above or below, or beside the way there"));
-        }
-        if looks && self.is_beside_target(self.known_pose(now).position) {
-            primitives.climb = 0.0;
-            self.note(Note::Limited("no vertical search move: the target was last seen less than 1.5 m away"));
+            self.note(Note::Limited(why));
         }
         if looks && primitives.climb != 0.0 {
             let (down, up) = self.envelope.vertical_room();

@@ -39,11 +39,6 @@ const OUTSIDE: f64 = 2.0;
 const SPEED_SIGHT: f64 = 8.0;
 /// Where only frames have shown that space is free, the craft must be able to stop within this distance, metres.
 const CAREFUL: f64 = 0.7;
-/// Cells this near to the craft cost more the farther they lie off its heading: a turn takes time, and of two paths of
-/// nearly equal cost the one that it has begun to turn to is kept. Metres.
-const TURNING: f64 = 2.0;
-/// Added to the cost factor of such cells beyond 45°, 90° and 135° off the heading.
-const TURNED: [u16; 3] = [2, 5, 8];
 /// Added to the cost factor of cells that are not near the path of the last plan, whose goal was no farther away than
 /// this, metres: obstacles that come and go must not make the craft change sides.
 const OTHER: u16 = 1;
@@ -126,20 +121,20 @@ pub struct Destination {
     /// Distance from it at which the craft has arrived, metres.
     pub stop: f64,
     /// Obstacles this near to it are the target itself, metres; 0 for a place in free space.
-    pub target: f64,
+    pub target_radius: f64,
 }
 
 impl Destination {
     /// A target whose place is known with a standard deviation of `sigma` metres.
     #[must_use]
     pub fn target(position: EnuPosition, stop: f64, sigma: f64) -> Self {
-        Self { position, stop, target: (TARGET + sigma).min(TARGET_MOST) }
+        Self { position, stop, target_radius: (TARGET + sigma).min(TARGET_MOST) }
     }
 
     /// A place in free space, to be reached to within `stop` metres.
     #[must_use]
     pub fn place(position: EnuPosition, stop: f64) -> Self {
-        Self { position, stop, target: 0.0 }
+        Self { position, stop, target_radius: 0.0 }
     }
 }
 
@@ -215,7 +210,6 @@ impl Planner {
         let start = map.index(here)?;
         let corner = map.corner()?;
         self.weigh(map, body, goal);
-        self.weigh_turns(map, at, heading);
         self.weigh_other_paths(map, goal.position);
 
         let (place, stop) = within_grid(corner, at, goal);
@@ -247,10 +241,8 @@ impl Planner {
         let ahead = self.look_ahead(map, here, &path, out);
         let waypoint = if ahead == here { at } else { ahead.middle() };
         let way = at.distance(waypoint);
-        let heading = match horizontal(at, waypoint) > CELL {
-            true => facing(bearing(at, waypoint), towards, body.half_view),
-            false => towards,
-        };
+        let heading =
+            if horizontal(at, waypoint) > CELL { facing(bearing(at, waypoint), towards, body.half_view) } else { towards };
         let (shown, free) = if way > 0.0 { self.open_way(map, now, at, waypoint) } else { (0.0, 0.0) };
         let turn_first = way > 0.0 && shown < way.min(SHOWN);
         let room = |length: f64| length - body.radius - self.settings.margin;
@@ -274,8 +266,8 @@ impl Planner {
         self.factors.clear();
         self.factors.extend(self.flags.iter().map(|&solid| if solid { SOLID } else { OPEN }));
         // The target itself needs no clearance.
-        if goal.target > 0.0 {
-            self.each_around(map, goal.position, goal.target, |flags, index| flags[index] = false);
+        if goal.target_radius > 0.0 {
+            self.each_around(map, goal.position, goal.target_radius, |flags, index| flags[index] = false);
         }
         let around = body.radius + settings.margin + 2.0 * body.position_sigma;
         let above = body.radius + settings.vertical_margin + 2.0 * body.position_sigma;
@@ -321,36 +313,6 @@ impl Planner {
         }
         let other = |index: u32| !self.kept[index as usize] && self.factors[index as usize] < BLOCKED;
         path.windows(2).filter(|pair| other(pair[1])).map(|pair| u32::from(OTHER) * Search::length(pair[0], pair[1])).sum()
-    }
-
-    /// Adds the cost of turning to the cells near the craft.
-    fn weigh_turns(&mut self, map: &ObstacleMap, at: EnuPosition, heading: f64) {
-        let reach = libm::ceil(TURNING / CELL) as i32;
-        let here = Cell::of(at);
-        let (sin, cos) = (libm::sin(heading), libm::cos(heading));
-        for north in -reach..=reach {
-            for east in -reach..=reach {
-                let squared = f64::from(north * north + east * east);
-                if squared == 0.0 || CELL * CELL * squared > TURNING * TURNING {
-                    continue;
-                }
-                // The cosine of the angle off the heading, times the distance.
-                let ahead = f64::from(east) * sin + f64::from(north) * cos;
-                let part = ahead / libm::sqrt(squared);
-                let turned = [0.707, 0.0, -0.707].iter().filter(|&&limit| part < limit).count();
-                let Some(&add) = turned.checked_sub(1).and_then(|turned| TURNED.get(turned)) else { continue };
-                for up in 0..SIZE[2] as i32 {
-                    let Some(corner) = map.corner() else { return };
-                    let cell = Cell { east: here.east + east, north: here.north + north, up: corner.up + up };
-                    if let Some(index) = map.index(cell) {
-                        let factor = &mut self.factors[index];
-                        if *factor < BLOCKED {
-                            *factor = (*factor + add).min(BLOCKED - 1);
-                        }
-                    }
-                }
-            }
-        }
     }
 
     fn each_around(&mut self, map: &ObstacleMap, middle: EnuPosition, radius: f64, mut act: impl FnMut(&mut [bool], usize)) {

@@ -1,6 +1,7 @@
 //! Flights guided between two answers by anchor, map and planner.
 
 use super::*;
+use crate::depth::{DepthGrid, DepthSource};
 use crate::guidance::Guidance;
 use crate::lift::label_of_range;
 use crate::reply::ObstacleBox;
@@ -104,4 +105,34 @@ fn nothing_flies_back_to_a_place_that_was_passed() {
     let north: Vec<f64> = flight.frames.iter().map(|seen| seen.pose.position.north).collect();
     let back = north.windows(2).map(|pair| pair[0] - pair[1]).fold(0.0, f64::max);
     assert!(back < 0.05, "{back}");
+}
+
+/// Where a depth sensor measures, a box is no obstacle of the map, except people and what such sensors do not see.
+#[test]
+fn a_working_depth_sensor_overrules_boxes() {
+    let occupied = |name: &'static str, sensor: bool| {
+        let goal = target(0.0, 60.0, 3.0);
+        let mut flight = guided(true, true).fly(move |_, seen| {
+            let mut reply = crate::reply::parse_reply(&points_at(goal, seen), &GroundingProfile::default(), false).unwrap();
+            let area = ImageBox { left: 0.0, top: 0.5, right: 0.3, bottom: 1.0 };
+            reply.boxes.push(ObstacleBox { area, depth: 4, name: name.to_owned() });
+            Answer::After(secs(1.0), reply.to_json(&GroundingProfile::default(), true))
+        });
+        flight.until_asked(1);
+        for counter in 0..15 {
+            flight.pass(0.1);
+            if sensor {
+                let camera = Camera::from_fov(16, 12, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0);
+                // Nothing within its range.
+                let (captured, cm) = (flight.now, vec![0; 16 * 12]);
+                let grid = DepthGrid { captured, counter, camera, cm, source: DepthSource::Sensor };
+                flight.tell(Event::Depth(Box::new(grid)));
+            }
+        }
+        assert!(flight.decisions().count() > 0);
+        flight.pilot.obstacle_map().unwrap().occupied().count()
+    };
+    assert!(occupied("quay", false) > 0);
+    assert_eq!(occupied("quay", true), 0);
+    assert!(occupied("person", true) > 0 && occupied("glass door", true) > 0);
 }

@@ -298,3 +298,58 @@ fn a_small_target_goes_along_enlarged_if_wanted() {
     told(&mut spf, 0, small);
     assert_eq!(told(&mut spf, 1, small).0.close_up, None);
 }
+
+/// An anchored policy.
+fn anchored(avoid: bool) -> Spf {
+    let guidance = Guidance { anchor: true, ..Guidance::default() };
+    let mut spf = Spf::new(settings(avoid)).with_guidance(guidance);
+    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the crane")), Step::Look);
+    spf
+}
+
+/// The policy's response to a reply on a frame that is expected to show the target.
+fn told_expecting(spf: &mut Spf, frame: u64, expected: Expected, answer: &str) -> Step {
+    let query = sent_query(spf.handle(PolicyEvent::Frame(&View { expected, ..view(frame) })));
+    spf.handle(PolicyEvent::Reply { id: query.id, text: answer })
+}
+
+#[test]
+fn only_a_point_on_the_boxed_target_is_a_sighting() {
+    let reply = |target_box: &str| {
+        format!(r#"{{"target":"crane","status":"navigating","stage":1,"target_box":{target_box},"point":[500,500],"depth":8}}"#)
+    };
+    assert!(matches!(told(&mut anchored(false), 0, &reply("[400,400,600,600]")).1, Step::Goto(_)));
+    // Beside it; and straight on, which has no box.
+    assert!(matches!(told(&mut anchored(false), 0, &reply("[400,700,600,900]")).1, Step::Move(_)));
+    assert!(matches!(told(&mut anchored(false), 0, &reply("null")).1, Step::Move(_)));
+}
+
+#[test]
+fn a_target_that_is_not_seen_is_flown_to_only_in_its_own_stage() {
+    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 20.0 };
+    let seen = r#"{"target":"tower","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,500],"depth":6}"#;
+    let lost = |stage: u32| format!(r#"{{"target":"tower","status":"not_visible","stage":{stage},"look":"left"}}"#);
+    let mut spf = anchored(false);
+    told(&mut spf, 0, seen);
+    assert_eq!(told_expecting(&mut spf, 1, known, &lost(1)), Step::Keep);
+    // The place that is known is the first tower's.
+    assert!(matches!(told_expecting(&mut spf, 2, known, &lost(2)), Step::Move(_)));
+}
+
+/// Two replies without the target are enough if it should be seen; five if a box stands in front of it.
+#[test]
+fn a_target_behind_a_box_is_waited_for_longer() {
+    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 40.0 };
+    let seen = r#"{"target":"tower","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,500],"depth":8,"boxes":[]}"#;
+    let kept = |boxes: &str| {
+        let lost = format!(r#"{{"target":"tower","status":"not_visible","stage":1,"look":"left","boxes":{boxes}}}"#);
+        let mut spf = anchored(true);
+        told(&mut spf, 0, seen);
+        (1..9).take_while(|&frame| told_expecting(&mut spf, frame, known, &lost) == Step::Keep).count()
+    };
+    assert_eq!(kept("[]"), 2);
+    assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":6,"name":"building"}]"#), 5);
+    // Beside it, and behind it.
+    assert_eq!(kept(r#"[{"box":[0,0,300,300],"depth":6,"name":"building"}]"#), 2);
+    assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":9,"name":"building"}]"#), 2);
+}
