@@ -107,7 +107,7 @@ impl CameraAxes {
     #[must_use]
     pub fn shows(&self, camera: &Camera, at: EnuPosition) -> bool {
         let CameraDisplacement { right, forward, up } = self.look(at);
-        camera.project(right, forward, up).is_some_and(|point| (0.0..=1.0).contains(&point.u) && (0.0..=1.0).contains(&point.v))
+        camera.project(right, forward, up).is_some_and(|point| point.is_in_image())
     }
 }
 

@@ -94,7 +94,7 @@ pub fn unproject(camera: &Camera, point: ImagePoint, step: f64) -> Result<Camera
     if !(u.is_finite() && v.is_finite()) {
         return Err(UnprojectError::NotFinite { u, v });
     }
-    if !((0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v)) {
+    if !point.is_in_image() {
         return Err(UnprojectError::OutsideImage { u, v });
     }
     if !step.is_finite() || step <= 0.0 {

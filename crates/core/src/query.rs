@@ -146,6 +146,14 @@ pub struct ImagePoint {
     pub v: f64,
 }
 
+impl ImagePoint {
+    /// Whether it lies in the image or on its edge; false for values that are not numbers.
+    #[must_use]
+    pub fn is_in_image(&self) -> bool {
+        (0.0..=1.0).contains(&self.u) && (0.0..=1.0).contains(&self.v)
+    }
+}
+
 /// A rectangle in the image, in the units of [`ImagePoint`]; `left <= right`, `top <= bottom`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ImageBox {

@@ -169,8 +169,7 @@ impl Anchor {
     #[must_use]
     pub fn image_point(&self, camera: &Camera, pose: Pose, lifting: Lifting) -> Option<ImagePoint> {
         let ahead = pose.position.displacement_to(self.position(), pose.attitude.heading);
-        project_displacement(ahead, camera, pose.attitude, lifting)
-            .filter(|at| (0.0..=1.0).contains(&at.u) && (0.0..=1.0).contains(&at.v))
+        project_displacement(ahead, camera, pose.attitude, lifting).filter(ImagePoint::is_in_image)
     }
 
     /// Covariance of bearing (to the right and up, radians) and natural logarithm of the range as seen from the position of the

@@ -61,10 +61,8 @@ impl Seen {
 
 fn in_view(camera: &Camera, pose: &Pose, point: EnuPosition) -> bool {
     let ahead = pose.position.displacement_to(point, pose.attitude.heading);
-    let inside = |x: f64| (0.0..=1.0).contains(&x);
     ahead.length() <= SIGHT
-        && project_displacement(ahead, camera, pose.attitude, Lifting::Levelled)
-            .is_some_and(|point| inside(point.u) && inside(point.v))
+        && project_displacement(ahead, camera, pose.attitude, Lifting::Levelled).is_some_and(|point| point.is_in_image())
 }
 
 impl Pilot {

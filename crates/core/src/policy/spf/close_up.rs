@@ -28,7 +28,7 @@ pub fn is_small(area: &ImageBox, (width, height): (u32, u32)) -> bool {
 /// The region around a point, moved so that it lies within the image; `None` if the point is outside.
 #[must_use]
 pub fn region(middle: ImagePoint) -> Option<ImageBox> {
-    if !(0.0..=1.0).contains(&middle.u) || !(0.0..=1.0).contains(&middle.v) {
+    if !middle.is_in_image() {
         return None;
     }
     let start = |middle: f64| (middle - 0.5 * REGION).clamp(0.0, 1.0 - REGION);
