@@ -68,7 +68,8 @@ def main() -> None:
         flights = dict(zip(jobs, pool.map(fly, jobs)))
 
     def letter(flight):
-        return "V" if flight["verified"] else LETTERS.get(flight["outcome"], "E")
+        is_verified = flight["outcome"] == "reached" and flight["verified"]
+        return "V" if is_verified else LETTERS.get(flight["outcome"], "E")
 
     def letters(i, column):
         return "".join(letter(flights[i, seed, column]) for seed in seeds)
