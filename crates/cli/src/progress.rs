@@ -1,5 +1,6 @@
 //! Progress display during a flight: one live line, and a line per decision.
 
+use spf_core::envelope::Cause;
 use spf_core::pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 use spf_core::time::{Duration, Time};
 use spf_flight::run::Observer;
@@ -11,17 +12,33 @@ use crate::printer::one_line;
 /// Minimum interval of live line updates, in flight time: a lockstep flight runs far faster than one can read.
 const LIVE_EVERY: Duration = Duration::from_millis(200);
 
+/// A limit that applies again within this time is not printed again: near an obstacle it comes and goes with each measurement.
+const SAME_LIMIT: Duration = Duration::from_secs(5);
+
 /// Prints a flight's progress.
 pub(crate) struct Progress {
     lines: Lines,
     shown: Time,
     flown: f64,
     at: Option<spf_core::geometry::EnuPosition>,
+    limit: LastLimit,
+}
+
+/// The limit of the envelope that applied last, and when.
+#[derive(Default)]
+struct LastLimit(Option<(Cause, Time)>);
+
+impl LastLimit {
+    /// Takes a limit that applies now; whether it is the last one again, a moment later.
+    fn is_again(&mut self, now: Time, limit: Cause) -> bool {
+        let last = self.0.replace((limit, now));
+        last.is_some_and(|(last, at)| last == limit && now.since(at) < SAME_LIMIT)
+    }
 }
 
 impl Progress {
     pub(crate) fn new(lines: Lines) -> Self {
-        Self { lines, shown: Time::ZERO, flown: 0.0, at: None }
+        Self { lines, shown: Time::ZERO, flown: 0.0, at: None, limit: LastLimit::default() }
     }
 
     fn note(&mut self, now: Time, note: &Note) {
@@ -33,6 +50,7 @@ impl Progress {
             Note::Decision(decision) => {
                 format!("{:>2}. {}  [flown {:.1} m]", decision.number, words::decision(decision), self.flown)
             }
+            Note::Envelope(cause) if cause.is_boundary() && self.limit.is_again(now, *cause) => return,
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
             Note::Around(around) => words::around(around),
@@ -75,5 +93,21 @@ impl Observer for Progress {
             self.flown,
             position.up,
         )));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_that_applies_again_soon_is_not_printed_again() {
+        let mut last = LastLimit::default();
+        let mut again = |seconds, limit| last.is_again(Time::from_millis(seconds * 1000), limit);
+        assert!(!again(0, Cause::Obstacle));
+        assert!(again(4, Cause::Obstacle));
+        assert!(!again(5, Cause::AltitudeLimit));
+        assert!(!again(6, Cause::Obstacle));
+        assert!(!again(11, Cause::Obstacle));
     }
 }

@@ -193,7 +193,7 @@ fn the_configuration_reaches_the_pilot() {
 #[test]
 fn a_depth_sensor_turns_on_what_it_is_for() {
     let guidance = |flags: &[&str]| {
-        let args = [&["fly to the red crane", "--max-decisions", "1", "--no-video"][..], flags].concat();
+        let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
         Lab::new().fly("mine", &args).1["settings"]["guidance"].clone()
     };
     assert!(guidance(&[]).is_null());

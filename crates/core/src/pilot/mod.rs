@@ -111,7 +111,7 @@ pub struct Pilot {
     wanted: Setpoint,
     /// The envelope's reaction and setpoint change that were last reported.
     last_reaction: Option<Cause>,
-    last_change: Option<(Cause, Time)>,
+    last_change: Option<Cause>,
     /// When a boundary last reduced a setpoint, and which.
     held_back: Option<(Time, Cause)>,
 }

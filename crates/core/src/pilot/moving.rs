@@ -22,8 +22,6 @@ const KEPT_STILL: Duration = Duration::from_secs(1);
 /// Up to this fraction of the requested speed counts as blocked: near a limit the remainder comes and goes with the
 /// height noise.
 const KEPT_FRACTION: f64 = 0.3;
-/// A limit that applies again within this time is not reported again.
-const SAME_LIMIT: Duration = Duration::from_secs(5);
 /// A passed plan is not turned by less than this, radians; the next one turns as well.
 const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// Maximum distance flown backwards, metres: a craft that brakes for its goal stops within centimetres of it.
@@ -281,11 +279,8 @@ impl Pilot {
         if let Some(cause) = clearance.changed.filter(|cause| cause.is_boundary()) {
             self.held_back = Some((now, cause));
         }
-        if let Some(cause) = clearance.changed {
-            let last = self.last_change.replace((cause, now));
-            // Near an obstacle a limit comes and goes with each measurement.
-            self.note_change(Some(cause), last.filter(|(_, at)| now.since(*at) < SAME_LIMIT).map(|(last, _)| last));
-        }
+        let last = core::mem::replace(&mut self.last_change, clearance.changed);
+        self.note_change(clearance.changed, last);
         self.outbox.push_back(Action::Command(clearance.cleared));
     }
 }
