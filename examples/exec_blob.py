@@ -24,13 +24,13 @@ COLOURS = {
     "purple": (285, 25, 0.4, 0.25),
 }
 WIDTH = 320  # Images are searched at this width.
-GAP = 3  # Pixels so far apart still belong together: a lattice is one thing.
-LEAST = 8  # Pixels of the smallest blob that counts.
+GAP = 3  # Pixels at most this far apart belong together: a lattice is one thing.
+LEAST = 8  # Number of pixels in the smallest blob that counts.
 ROWS = 12  # Rows around the aim in which the width is measured ...
-WIDTH_M = 2.0  # ... of things that are taken to be so wide, to guess how far away they are.
+WIDTH_M = 2.0  # ... of things, which are assumed to be this wide so that their distance can be guessed.
 HALF_WIDTH = 1.0  # Tangent of half the camera's horizontal field of view.
-HIGH = 0.25  # It aims this far from the upper edge of the image: the ways between are full of low things.
-NEAR_M = 4.0  # A thing that seems to be this near is reached.
+HIGH = 0.25  # Aim this far below the image's upper edge (fraction of its height): low things block the way lower down.
+NEAR_M = 4.0  # A thing that seems to be this near counts as reached.
 
 
 def blobs(image, hue, tolerance, saturation, value):
@@ -60,7 +60,7 @@ def blobs(image, hue, tolerance, saturation, value):
 
 
 def extent(blob):
-    """Area of the box around a blob: a thin lattice is as large as what it spans."""
+    """Area of the box around a blob: a thin lattice counts as large as the area that it spans."""
     xs, ys = [x for x, _ in blob], [y for _, y in blob]
     return (max(xs) - min(xs) + 1) * (max(ys) - min(ys) + 1)
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""A skeleton for a vision-language model of the `transformers` library as `spf`'s VLM.
+"""A skeleton for using a vision-language model from the `transformers` library as `spf`'s VLM.
 
     spf vlm check "exec:python3 examples/exec_transformers.py Qwen/Qwen3-VL-2B-Instruct"
     spf fly "fly to the red crane" --vlm "exec:python3 examples/exec_transformers.py Qwen/Qwen3-VL-2B-Instruct"
 
 The prompt asks for pixels of the image, in the order x, y. A model that was trained on other coordinates points better if
-it is asked in those: change `prompt` and convert its answer in `answer`. Needs torch, transformers and Pillow.
+it is asked for those: change the query's `prompt` and convert the reply, both in `answer`. Needs torch, transformers and Pillow.
 
 Without a model (`--dry-run`) it answers every query with `not_visible`, to show that the lines are exchanged correctly.
 """

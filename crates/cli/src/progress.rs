@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn a_limit_that_applies_again_soon_is_not_printed_again() {
         let mut last = LastLimit::default();
-        let mut again = |seconds, limit| last.is_again(Time::from_millis(seconds * 1000), limit);
+        let mut again = |seconds: u64, limit| last.is_again(Time::from_millis(seconds * 1000), limit);
         assert!(!again(0, Cause::Obstacle));
         assert!(again(4, Cause::Obstacle));
         assert!(!again(5, Cause::AltitudeLimit));
