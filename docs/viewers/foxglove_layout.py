@@ -35,6 +35,8 @@ WORLD = fl.ThreeDeePanel(
         topics={
             "/scene": fl.BaseRendererSceneUpdateTopicSettings(visible=True),
             "/plan": fl.BaseRendererSceneUpdateTopicSettings(visible=True),
+            "/path": fl.BaseRendererSceneUpdateTopicSettings(visible=True),
+            "/map": fl.BaseRendererPointCloudTopicSettings(visible=True),
             "/pose/true": fl.BaseRendererPoseTopicSettings(visible=True, type="axis"),
         },
     )

@@ -98,7 +98,7 @@ fn plan(bencher: Bencher<'_, '_>, kind: &str) {
         delay: 0.5,
         cruise_speed: 3.0,
         altitudes: (0.3, 20.0),
-        half_view: 0.785,
+        half_view: (0.785, 0.643),
     };
     let goal = Destination::target(EnuPosition { east: 1.0, north: 9.0, up: 2.0 }, 0.3, 0.3);
     bencher.bench_local(|| planner.plan(black_box(&map), Time::ZERO, pose().position, 0.4, &body, black_box(&goal)));

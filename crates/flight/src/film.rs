@@ -25,6 +25,8 @@ use crate::frame_source::FrameSource;
 use crate::log::Outlet;
 use crate::words;
 
+mod map_view;
+
 /// Frames per second of flight time: the paper's controller acts ten times per second.
 const FPS: u64 = 10;
 /// About half the camera's resolution: a third of the rendering time, with text still readable.
@@ -55,6 +57,8 @@ struct Shot {
     status: String,
     decision: String,
     craft: String,
+    /// The obstacle map, if there is one.
+    map: Option<Rgb>,
 }
 
 /// A video being recorded. Frames are rendered and encoded in a separate thread, so that setpoints are never delayed;
@@ -188,6 +192,7 @@ impl Film {
                 known.position.up,
                 pilot.decisions()
             ),
+            map: map_view::draw(pilot, known),
         }
     }
 
@@ -247,6 +252,6 @@ fn annotate(image: &mut Rgb, shot: &Shot, drawn: &Marks) {
     boxes.splice(..0, shot.query_marks.iter().cloned());
     // Perception on one line and the resulting step on the next: together they are too long for the frame.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
-    let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft] };
+    let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft], corner: shot.map.as_ref() };
     marks::annotate(image, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
 }

@@ -257,7 +257,7 @@ impl Asker {
             let words = pointed.as_ref().map_or_else(|| "no reply in time".to_owned(), Pointed::words);
             let status = format!("frame {}", opinion.frame);
             let point = pointed.as_ref().and_then(|pointed| pointed.point);
-            let hud = Hud { title, status: &status, lines: &[&words] };
+            let hud = Hud { title, status: &status, lines: &[&words], ..Hud::default() };
             marks::annotate(&mut half, &[], point.map(|point| (point, "")), &hud);
             half
         };

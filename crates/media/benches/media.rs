@@ -53,7 +53,10 @@ fn annotate(bencher: Bencher<'_, '_>, (width, height): (u32, u32)) {
     bencher.bench_local(|| {
         draw_waypoint(&mut image, ImagePoint { u: 0.4, v: 0.4 }, "depth 7: red tower crane", Colour::WAYPOINT);
         let lines = ["#5 red tower crane  depth 7  step 5.3 m", "yaw +12°  forward 5.1 m  climb +0.8 m"];
-        draw_hud(&mut image, &Hud { title: "Take off and fly to the red crane", status: "12.40 s  flying", lines: &lines });
+        draw_hud(
+            &mut image,
+            &Hud { title: "Take off and fly to the red crane", status: "12.40 s  flying", lines: &lines, ..Hud::default() },
+        );
     });
 }
 

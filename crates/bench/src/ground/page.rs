@@ -97,7 +97,7 @@ fn panel(image: &Rgb, instruction: &str, row: &AnswerRow) -> Rgb {
     let label = reply.as_ref().and_then(|reply| reply.depth).map_or(String::new(), |depth| depth.to_string());
     let point = reply.as_ref().and_then(|reply| reply.point);
     let (outcome, took) = (words(row), account(row));
-    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &outcome, &took] };
+    let hud = Hud { title: &row.answerer, status: "", lines: &[instruction, &outcome, &took], corner: None };
     marks::annotate(&mut panel, &boxes, point.map(|point| (point, label.as_str())), &hud);
     panel
 }

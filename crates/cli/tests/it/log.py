@@ -1,8 +1,10 @@
-"""Reads flight logs as somebody would who knows docs/reference/flight-log.md alone: one with pictures and one without."""
+"""Reads flight logs as somebody would who knows docs/reference/flight-log.md alone: one with pictures, and one without them
+whose craft has a depth sensor and therefore an obstacle map."""
 import collections
 import io
 import json
 import pathlib
+import struct
 import sys
 
 import jsonschema
@@ -20,6 +22,7 @@ FOXGLOVE = {
     "/plan": "SceneUpdate",
     "/log": "Log",
 }
+WITH_A_MAP = {"/map": "PointCloud", "/path": "SceneUpdate"}
 OURS = "flight wake telemetry frame reply operator query command decision note finished truth summary".split() + ["pose/deviation"]
 
 
@@ -37,7 +40,7 @@ def read(folder, pictures):
             assert message.log_time == message.publish_time
             sequence.add(message.sequence)
             if channel.message_encoding == "protobuf":
-                assert schema.name == "foxglove." + FOXGLOVE[channel.topic], (channel.topic, schema.name)
+                assert schema.name == "foxglove." + (FOXGLOVE | WITH_A_MAP)[channel.topic], (channel.topic, schema.name)
                 value = DecoderFactory().decoder_for("protobuf", schema)(message.data)
             else:
                 assert schema.name.startswith("spf.") and schema.encoding == "jsonschema"
@@ -50,6 +53,8 @@ def read(folder, pictures):
     assert len(sequence) == summary.statistics.message_count == sum(map(len, messages.values()))
     for topic in FOXGLOVE:
         assert (topic in messages) == (pictures or not topic.startswith("/camera")), topic
+    for topic in [*WITH_A_MAP, "/depth"]:
+        assert (topic in messages) != pictures, topic
     for topic in OURS:
         assert "/" + topic in messages, topic
     return messages
@@ -81,6 +86,16 @@ def check(folder, pictures):
     assert frames == {("world", "body"), ("body", "camera")}
     assert len(messages["/scene"][0][1].entities) > 20
     assert any("operator: hold" in value.message for _, value in messages["/log"])
+    if not pictures:
+        cells = [list(struct.iter_unpack("<3f", value.data)) for _, value in messages["/map"]]
+        assert max(map(len, cells)) > 100 and all(value.point_stride == 12 for _, value in messages["/map"])
+        # The middles of cells of 0.25 m, within 20 x 20 x 8 m.
+        assert all(abs(along % 0.25 - 0.125) < 1e-3 for points in cells for point in points for along in point)
+        for points in filter(None, cells):
+            assert max(max(along) - min(along) for along in zip(*points)) <= 20
+        entities = [{entity.id: entity for entity in value.entities} for _, value in messages["/path"]]
+        assert any(drawn["path"].lines[0].points for drawn in entities)
+        assert any(drawn["target"].spheres for drawn in entities)
     if pictures:
         times = [at for at, _ in messages["/camera/image"]]
         assert times == [at for at, _ in messages["/camera/annotations"]] and len(times) >= 10 * times[-1]

@@ -5,7 +5,7 @@
 //! grids, replies.
 
 use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
-use crate::anchor::{Anchor, Anchors, Gate, Sighting, Trust};
+use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
 use crate::avoid::is_person;
 use crate::depth::DepthGrid;
 use crate::estimator::MotionEstimate;
@@ -31,7 +31,7 @@ const FACING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// At the end of a course, a target farther off the heading than this is turned to, radians: 15°.
 const LOOK_BACK: f64 = 15.0 / 180.0 * core::f64::consts::PI;
 /// A target that was lost within this distance may reach over or under the craft, metres.
-const BESIDE_TARGET: f64 = 1.5;
+const BESIDE_TARGET: f64 = 3.0;
 /// A depth sensor whose last grid is at most this old measures what boxes would only bound.
 const SENSED: Duration = Duration::from_secs(1);
 /// A rest of a course below this is not flown, metres.
@@ -39,6 +39,8 @@ const FLOWN: f64 = 0.1;
 /// A leg whose end moves by less than this, metres, and whose speed by less than this fraction, goes on.
 const SAME_PLACE: f64 = 0.05;
 const SAME_SPEED: f64 = 0.05;
+/// Places that differ by less than this are one goal, metres.
+const SAME_AIM: f64 = 2.0;
 /// Distance at which a place that is no target counts as reached, metres.
 const AT_PLACE: f64 = 0.3;
 /// Maximum time for getting out of where the craft is stuck.
@@ -75,8 +77,19 @@ pub(super) struct Guiding {
 enum Aim {
     /// The anchor.
     Target,
-    /// A place.
-    Place(EnuPosition),
+    /// A place, and the heading of the motion there, radians clockwise from north.
+    Place(EnuPosition, f64),
+}
+
+impl Aim {
+    /// Whether both lead to the same target, or to nearly the same place, as two answers from one view do.
+    fn is_same(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Target, Self::Target) => true,
+            (Self::Place(a, _), Self::Place(b, _)) => a.distance(b) < SAME_AIM,
+            _ => false,
+        }
+    }
 }
 
 /// A flight along plans that are renewed until its end.
@@ -168,6 +181,13 @@ impl Pilot {
     #[must_use]
     pub fn anchor(&self) -> Option<&Anchor> {
         self.guiding.anchors.anchor().filter(|_| self.settings.guidance.anchor)
+    }
+
+    /// The same as seen from the craft. For recording.
+    #[must_use]
+    pub fn anchor_view(&self, now: Time) -> Option<AnchorView> {
+        let anchor = self.anchor()?;
+        Some(anchor.seen_from(self.known_pose(now).position, self.estimator.odometry_at(now)))
     }
 
     /// The plan being flown, if there is one. For recording.
@@ -382,15 +402,20 @@ impl Pilot {
         }
     }
 
+    /// Whether a place that is no target counts as reached.
+    pub(super) fn is_at(&self, at: EnuPosition, place: EnuPosition) -> bool {
+        at.distance(place) <= AT_PLACE
+    }
+
     /// Flies a motion to a place along plans.
     pub(super) fn fly_planned(&mut self, now: Time, from: EnuPosition, goal: Goal, then_rest: bool) {
-        self.set_course(now, Aim::Place(goal.position), from, from.distance(goal.position) + AT_PLACE, then_rest);
+        self.set_course(now, Aim::Place(goal.position, goal.heading), from, from.distance(goal.position) + AT_PLACE, then_rest);
     }
 
     fn set_course(&mut self, now: Time, aim: Aim, from: EnuPosition, reach: f64, then_rest: bool) {
         let next = Course::new(aim, from, reach);
         // A course to the same target goes on without a stop.
-        let goes_on = self.guiding.course.take().filter(|last| last.aim == aim);
+        let goes_on = self.guiding.course.take().filter(|last| last.aim.is_same(aim));
         if goes_on.is_none() {
             self.guiding.progress.reset();
         }
@@ -489,7 +514,9 @@ impl Pilot {
             return Some(Destination::place(position, AT_PLACE));
         }
         match course.aim {
-            Aim::Place(position) => Some(Destination::place(position, AT_PLACE)),
+            Aim::Place(position, heading) => {
+                Some(Destination { heading: Some(heading), ..Destination::place(position, AT_PLACE) })
+            }
             Aim::Target => {
                 let anchor = self.guiding.anchors.anchor()?;
                 let odometry = self.estimator.odometry_at(now);
@@ -514,7 +541,7 @@ impl Pilot {
             delay: self.craft.dead_time + self.craft.lag + PLAN_PERIOD.as_secs_f64(),
             cruise_speed: self.craft.cruise_speed,
             altitudes: (at.up - down.max(0.0), at.up + up.max(0.0)),
-            half_view: self.camera.half_fov().0,
+            half_view: self.camera.half_fov(),
         }
     }
 

@@ -74,11 +74,14 @@ impl Pilot {
     }
 
     pub(super) fn begin_move(&mut self, now: Time, motion: Move) {
-        self.guiding.end();
         if self.link_lost {
+            self.guiding.end();
             return self.refuse_move(now);
         }
-        let Some(motion) = self.admissible(now, motion) else { return self.refuse_move(now) };
+        let Some(motion) = self.admissible(now, motion) else {
+            self.guiding.end();
+            return self.refuse_move(now);
+        };
         let known = self.known(now);
         let relative = |yaw: f64| Primitives { yaw, ..motion.primitives };
         if self.is_mapped() && motion.primitives.forward > TURN_ONLY {
@@ -87,8 +90,12 @@ impl Pilot {
             if self.is_passed(now, goal, from.position) {
                 return self.turn_alone(now, goal.heading);
             }
-            return self.fly_planned(now, from.position, goal, motion.then_rest);
+            // A plan to a place that counts as reached would leave out the turn to it.
+            if !self.is_at(known.position, goal.position) {
+                return self.fly_planned(now, from.position, goal, motion.then_rest);
+            }
         }
+        self.guiding.end();
         match motion.anchor {
             Some(from) if self.settings.think == QueryTiming::Continuous && !motion.then_rest => {
                 if self.waits_for_queue() {

@@ -73,7 +73,7 @@ impl Pilot {
         if self.obstacle_map().is_some_and(|map| !map.is_column_clear(at, climb + above.copysign(climb), beside)) {
             return Some("no vertical search move: the map has an obstacle above or below, or beside the way there");
         }
-        self.is_beside_lost_target(at).then_some("no vertical search move: the target was last seen less than 1.5 m away")
+        self.is_beside_lost_target(at).then_some("no vertical search move: the target was last seen less than 3 m away")
     }
 
     /// The part of a move that may be flown; `None` if nothing is left of it.

@@ -96,8 +96,8 @@ pub struct Body {
     pub cruise_speed: f64,
     /// Lowest and highest world altitude to plan at, metres.
     pub altitudes: (f64, f64),
-    /// Half of the camera's horizontal field of view, radians.
-    pub half_view: f64,
+    /// Half of the camera's horizontal and vertical field of view, radians.
+    pub half_view: (f64, f64),
 }
 
 impl Body {
@@ -122,19 +122,22 @@ pub struct Destination {
     pub stop: f64,
     /// Obstacles this near to it are the target itself, metres; 0 for a place in free space.
     pub target_radius: f64,
+    /// Where to look, radians clockwise from north; `None` to look at the place itself, whose direction means nothing to a
+    /// craft that is nearly there.
+    pub heading: Option<f64>,
 }
 
 impl Destination {
     /// A target whose place is known with a standard deviation of `sigma` metres.
     #[must_use]
     pub fn target(position: EnuPosition, stop: f64, sigma: f64) -> Self {
-        Self { position, stop, target_radius: (TARGET + sigma).min(TARGET_MOST) }
+        Self { position, stop, target_radius: (TARGET + sigma).min(TARGET_MOST), heading: None }
     }
 
     /// A place in free space, to be reached to within `stop` metres.
     #[must_use]
     pub fn place(position: EnuPosition, stop: f64) -> Self {
-        Self { position, stop, target_radius: 0.0 }
+        Self { position, stop, target_radius: 0.0, heading: None }
     }
 }
 
@@ -214,7 +217,11 @@ impl Planner {
 
         let (place, stop) = within_grid(corner, at, goal);
         let outside = place != goal.position;
-        let towards = if horizontal(at, goal.position) > CELL { bearing(at, goal.position) } else { heading };
+        let towards = match goal.heading {
+            Some(heading) => heading,
+            None if horizontal(at, goal.position) > CELL => bearing(at, goal.position),
+            None => heading,
+        };
         let end = Cell::of(place);
         let local = [end.east - corner.east, end.north - corner.north, end.up - corner.up];
         let (indices, cost) = self.search.path(&self.factors, start, local, libm::floor(stop / CELL) as i32)?;
@@ -238,11 +245,19 @@ impl Planner {
             None => Reach::Goal,
         };
 
-        let ahead = self.look_ahead(map, here, &path, out);
-        let waypoint = if ahead == here { at } else { ahead.middle() };
+        let waypoint = if self.is_open(map, here, end) {
+            // The order of a path's level and vertical moves is arbitrary; through open space the craft flies straight.
+            at.towards(place, (self.settings.look_ahead / at.distance(place).max(1e-6)).min(1.0))
+        } else {
+            match self.look_ahead(map, here, &path, out) {
+                ahead if ahead == here => at,
+                ahead => ahead.middle(),
+            }
+        };
+        let waypoint = if waypoint == at { at } else { self.within_view(map, here, at, waypoint, body.half_view.1) };
         let way = at.distance(waypoint);
         let heading =
-            if horizontal(at, waypoint) > CELL { facing(bearing(at, waypoint), towards, body.half_view) } else { towards };
+            if horizontal(at, waypoint) > CELL { facing(bearing(at, waypoint), towards, body.half_view.0) } else { towards };
         let (shown, free) = if way > 0.0 { self.open_way(map, now, at, waypoint) } else { (0.0, 0.0) };
         let turn_first = way > 0.0 && shown < way.min(SHOWN);
         let room = |length: f64| length - body.radius - self.settings.margin;
@@ -345,6 +360,25 @@ impl Planner {
         let clear =
             |cell: &Cell| Line::new(here, *cell).all(|cell| map.index(cell).is_some_and(|index| self.factors[index] < BLOCKED));
         path.iter().rev().filter(|cell| within(cell)).find(|cell| clear(cell)).copied().unwrap_or(first)
+    }
+
+    /// Whether the straight line between two cells keeps its distance from every obstacle.
+    fn is_open(&self, map: &ObstacleMap, here: Cell, end: Cell) -> bool {
+        let open = |cell: Cell| map.index(cell).is_some_and(|index| self.factors[index] <= OPEN + OTHER);
+        Line::new(here, end).all(open)
+    }
+
+    /// A waypoint that is steeper above or below the craft than its camera shows is approached on the steepest line that the
+    /// camera does show, if that is not blocked.
+    fn within_view(&self, map: &ObstacleMap, here: Cell, at: EnuPosition, waypoint: EnuPosition, half_view: f64) -> EnuPosition {
+        let most = horizontal(at, waypoint) * libm::tan((half_view - VIEW_EDGE).max(0.0));
+        let climb = waypoint.up - at.up;
+        if horizontal(at, waypoint) < 2.0 * CELL || climb.abs() <= most {
+            return waypoint;
+        }
+        let shallow = EnuPosition { up: at.up + most.copysign(climb), ..waypoint };
+        let is_clear = |cell| map.index(cell).is_some_and(|index| self.factors[index] < BLOCKED);
+        if Line::new(here, Cell::of(shallow)).all(is_clear) { shallow } else { waypoint }
     }
 
     /// How much of the path from `at` through `waypoint` frames have shown without a known obstacle, at most 2 m or to

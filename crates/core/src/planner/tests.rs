@@ -20,7 +20,7 @@ fn body() -> Body {
         delay: 0.5,
         cruise_speed: 3.0,
         altitudes: (0.3, 20.0),
-        half_view: 0.785,
+        half_view: (0.785, 0.643),
     }
 }
 
@@ -106,6 +106,34 @@ fn hall() -> World {
 
 fn plan(map: &ObstacleMap, from: EnuPosition, heading: f64, goal: &Destination) -> Guide {
     Planner::default().plan(map, Time::ZERO, from, heading, &body(), goal).unwrap()
+}
+
+#[test]
+fn through_open_space_the_craft_flies_straight() {
+    let from = at(0.0, 0.0, 3.0);
+    let goal = at(1.5, 6.0, 5.0);
+    let guide = plan(&seen(&hall(), from, 0.0), from, 0.0, &Destination::place(goal, 0.3));
+    assert!(guide.waypoint.distance(from.towards(goal, 4.0 / from.distance(goal))) < 1e-9, "{:?}", guide.waypoint);
+    assert!(!guide.turn_first && guide.speed > 0.0);
+}
+
+#[test]
+fn a_goal_steeper_than_the_camera_shows_is_approached_on_a_line_that_it_shows() {
+    let from = at(0.0, 0.0, 3.0);
+    let guide = plan(&seen(&hall(), from, 0.0), from, 0.0, &Destination::place(at(0.0, 3.0, 6.0), 0.3));
+    let slope = (guide.waypoint.up - from.up) / guide.waypoint.north;
+    assert!((slope - (0.643 - VIEW_EDGE).tan()).abs() < 1e-9, "{:?}", guide.waypoint);
+    assert!(!guide.turn_first && guide.speed > 0.0);
+}
+
+#[test]
+fn near_a_place_the_craft_keeps_the_heading_of_its_motion() {
+    let from = at(0.0, 0.0, 3.0);
+    let map = seen(&hall(), from, 0.0);
+    let place = Destination::place(at(-0.2, 0.4, 3.0), 0.3);
+    assert!((plan(&map, from, 0.0, &place).heading - wrap_angle(-0.2_f64.atan2(0.4))).abs() < 1e-9);
+    let guide = plan(&map, from, 0.0, &Destination { heading: Some(0.1), ..place });
+    assert!((guide.heading - 0.1).abs() < 1e-9, "{}", guide.heading);
 }
 
 /// By hand: 4 m ahead in the open; the wall 9 m ahead leaves 8 m of free space, 7.4 m without body and margin: 0.5·v +

@@ -43,6 +43,8 @@ const BACK_OFF: f64 = 1.0;
 /// may be hidden; and aside.
 const MISSES_IN_VIEW: u32 = 2;
 const MISSES_ASIDE: u32 = 5;
+/// A point this near to the image's edge, as a fraction of its size, is no place of a target.
+const IMAGE_EDGE: f64 = 0.02;
 /// Depth label up to which a person counts as standing in front: 4.6 m.
 const PERSON_IN_FRONT: u8 = 4;
 
@@ -431,7 +433,6 @@ impl Spf {
         if let Some(search) = &mut self.search {
             search.seen();
         }
-        self.misses = 0;
         self.remember(reply, point);
         self.fly_to(open_query, reply, point, label)
     }
@@ -538,12 +539,14 @@ impl Spf {
         // An open direction is flown to its end.
         let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
         // A point beside, above or behind a target, or straight on, is no place of the target.
-        let is_on_target = reply.target_box.is_some_and(|area| area.contains(point));
+        let is_on_target = reply.target_box.is_some_and(|area| area.contains(point)) && !is_at_edge(point);
         if !self.guidance.anchor || reply.status != Status::Navigating || !is_on_target {
             return Step::Move(motion);
         }
         let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
         let stage = reply.stage.unwrap_or(self.memory.stage);
+        // Only now is the place known that of this target.
+        self.misses = 0;
         Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour })
     }
 
@@ -587,6 +590,11 @@ impl Spf {
         }
         self.memory.last_seen = Some(if point.u < 0.5 { Look::Left } else { Look::Right });
     }
+}
+
+/// Whether a point lies at the image's edge: what is pointed at goes on beyond it.
+fn is_at_edge(point: ImagePoint) -> bool {
+    [point.u, point.v].iter().any(|&at| !(IMAGE_EDGE..=1.0 - IMAGE_EDGE).contains(&at))
 }
 
 /// Whether a box stands in front of a place in the image that is `range` metres away.

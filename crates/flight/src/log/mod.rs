@@ -18,6 +18,7 @@ use bytes::Bytes;
 use serde::Serialize;
 use spf_core::command::Command;
 use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::obstacle_map::Cell;
 use spf_core::pilot::{Action, Decision, Event, Note, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
@@ -31,6 +32,8 @@ use crate::words;
 
 /// Interval of pose messages, flight time.
 const POSE_EVERY: Duration = Duration::from_millis(50);
+/// Interval of the messages about the obstacle map, flight time.
+const MAP_EVERY: Duration = Duration::from_secs(1);
 /// Number of queries whose times are remembered; a pilot has at most eight open.
 const REMEMBERED: usize = 64;
 
@@ -42,6 +45,7 @@ pub(crate) struct FlightLog {
     /// The pilot was woken at this time, and nothing has been logged for it yet.
     woken: Option<Time>,
     posed: Option<Time>,
+    mapped: Option<Time>,
     query_times: BTreeMap<QueryId, Time>,
     /// Dropped messages (the disk was too slow) that the log does not mention yet.
     missing: u64,
@@ -88,7 +92,7 @@ impl FlightLog {
         let out = Outlet { log: log.as_ref().map(Log::sender), live };
         out.row(Channel::Flight, Time::ZERO, head);
         out.put(Channel::Scene, Time::ZERO, foxglove::encode(&foxglove::scene(Time::ZERO, scene)));
-        Self { log, out, frame_source, woken: None, posed: None, query_times: BTreeMap::new(), missing: 0 }
+        Self { log, out, frame_source, woken: None, posed: None, mapped: None, query_times: BTreeMap::new(), missing: 0 }
     }
 
     /// An outlet for images, which come from another thread; also writes the calibration of the camera at their size.
@@ -125,6 +129,22 @@ impl FlightLog {
             self.posed = Some(now);
             self.poses(now, &pilot.known_pose(now));
             self.row(Channel::PoseDeviation, now, &PoseDeviationRow { horizontal_m: pilot.position_error() });
+        }
+        if self.mapped.is_none_or(|at| now.since(at) >= MAP_EVERY) {
+            self.mapped = Some(now);
+            self.map(now, pilot);
+        }
+    }
+
+    /// What the pilot knows of obstacles and target, and where it is led.
+    fn map(&mut self, now: Time, pilot: &Pilot) {
+        if let Some(map) = pilot.obstacle_map() {
+            self.put(Channel::Map, now, &foxglove::cells(now, map.occupied().map(Cell::middle)));
+        }
+        if pilot.obstacle_map().is_some() || pilot.anchor().is_some() {
+            let path: Vec<EnuPosition> = pilot.guide().iter().flat_map(|guide| &guide.path).map(|cell| cell.middle()).collect();
+            let target = pilot.anchor_view(now).map(|seen| (seen.position, seen.range_sd.max(seen.lateral_sd)));
+            self.put(Channel::Path, now, &foxglove::path(now, &path, target));
         }
     }
 

@@ -68,13 +68,17 @@ pub enum Channel {
     Scene,
     /// The current plan.
     Plan,
+    /// The obstacle map.
+    Map,
+    /// The planner's path, and the target's position.
+    Path,
     /// Text messages.
     Log,
 }
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 27] = [
+    pub const ALL: [Self; 29] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
@@ -101,6 +105,8 @@ impl Channel {
         Self::PoseDeviation,
         Self::Scene,
         Self::Plan,
+        Self::Map,
+        Self::Path,
         Self::Log,
     ];
 
@@ -152,6 +158,8 @@ impl Channel {
             Self::PoseDeviation => "/pose/deviation",
             Self::Scene => "/scene",
             Self::Plan => "/plan",
+            Self::Map => "/map",
+            Self::Path => "/path",
             Self::Log => "/log",
         }
     }
@@ -186,7 +194,8 @@ impl Channel {
             Self::Transforms => Topic::of_foxglove::<foxglove::FrameTransforms>(name),
             Self::PoseKnown | Self::PoseTrue => Topic::of_foxglove::<foxglove::PoseInFrame>(name),
             Self::PoseDeviation => json::<PoseDeviationRow>(self, "spf.PoseDeviation"),
-            Self::Scene | Self::Plan => Topic::of_foxglove::<foxglove::SceneUpdate>(name),
+            Self::Map => Topic::of_foxglove::<foxglove::PointCloud>(name),
+            Self::Scene | Self::Plan | Self::Path => Topic::of_foxglove::<foxglove::SceneUpdate>(name),
             Self::Log => Topic::of_foxglove::<foxglove::Log>(name),
         }
     }

@@ -131,6 +131,11 @@ impl<'a> Canvas<'a> {
         self.room = room;
     }
 
+    /// Keeps captions off an area, such as that of an image in a corner.
+    pub(super) fn keep_captions_off(&mut self, area: Rect) {
+        self.captions.push(area);
+    }
+
     /// An area of a caption's size inside the room that touches no other caption: the nearest one above or below
     /// `wanted`, moved sideways only as far as the room requires. `None` if there is no such area.
     pub(super) fn reserve(&mut self, wanted: Rect) -> Option<Rect> {
@@ -243,6 +248,19 @@ impl<'a> Canvas<'a> {
         ];
         for side in 0..4 {
             self.line(corners[side], corners[(side + 1) % 4], width, colour);
+        }
+    }
+
+    /// Copies an image, its upper left corner at `at` (rounded to whole pixels); what is outside is left out.
+    pub fn paste(&mut self, at: Point, image: &Rgb) {
+        for y in 0..image.height() {
+            for x in 0..image.width() {
+                let place = Point::new(at.x.round() + f64::from(x), at.y.round() + f64::from(y));
+                let inside = place.x >= 0.0 && place.y >= 0.0 && place.x < self.width() && place.y < self.height();
+                if let Some(colour) = image.pixel(x, y).filter(|_| inside) {
+                    self.image.set_pixel(place.x as u32, place.y as u32, colour);
+                }
+            }
         }
     }
 

@@ -15,6 +15,8 @@ pub struct Hud<'a> {
     pub status: &'a str,
     /// Lines at the bottom, top to bottom, such as the last decision and the craft's telemetry.
     pub lines: &'a [&'a str],
+    /// An image at the upper right, below the bar, such as a map.
+    pub corner: Option<&'a Rgb>,
 }
 
 /// Draws marks, the waypoint with its caption, and a [`Hud`] over them. Captions are placed between the bars of the overlay
@@ -25,6 +27,9 @@ pub fn annotate(image: &mut Rgb, marks: &[Mark], waypoint: Option<(ImagePoint, &
 
 fn annotate_canvas(canvas: &mut Canvas<'_>, marks: &[Mark], waypoint: Option<(ImagePoint, &str)>, hud: &Hud<'_>) {
     canvas.keep_captions_in(hud.free_area(canvas));
+    if let Some(area) = hud.corner_area(canvas) {
+        canvas.keep_captions_off(area);
+    }
     // The caption of the waypoint is the more important one and is placed first; the ring is drawn over the marks.
     for mark in marks {
         canvas.mark_without_caption(mark);
@@ -79,7 +84,20 @@ impl Hud<'_> {
         }
     }
 
+    /// Where the image in the corner is drawn; `None` without one, and if it does not fit.
+    fn corner_area(&self, canvas: &Canvas<'_>) -> Option<Rect> {
+        let corner = self.corner?;
+        let (free, pad) = (self.free_area(canvas), (4.0 * canvas.unit()).round());
+        let (left, top) = (free.right - f64::from(corner.width()) - pad, free.top.ceil() + pad);
+        let area = Rect { left, top, right: free.right - pad, bottom: top + f64::from(corner.height()) };
+        (area.left >= 0.0 && area.bottom <= free.bottom).then_some(area)
+    }
+
     fn draw(&self, canvas: &mut Canvas<'_>) {
+        if let Some((area, corner)) = self.corner_area(canvas).zip(self.corner) {
+            canvas.paste(Point::new(area.left, area.top), corner);
+            canvas.frame(area, canvas.unit(), Colour::INK);
+        }
         let (style, height, pad) = Self::style(canvas);
         let (right, bottom) = (canvas.width(), canvas.height());
         let ground = Colour::INK.with_opacity(130);
@@ -126,7 +144,7 @@ mod tests {
                 .collect();
             let mut image = Rgb::new(640, 480);
             let mut canvas = Canvas::new(&mut image);
-            let hud = Hud { title: "Fly to the taxi", status: "12.0 s  flying", lines: &["height 2.4 m"; 4][..lines] };
+            let hud = Hud { title: "Fly to the taxi", status: "12.0 s  flying", lines: &["height 2.4 m"; 4][..lines], ..Hud::default() };
             let free = hud.free_area(&canvas);
             annotate_canvas(&mut canvas, &boxes, Some((ImagePoint { u, v }, "2.2 m")), &hud);
             let captions = canvas.captions();
@@ -148,7 +166,7 @@ mod tests {
     #[test]
     fn bars_hug_the_edges_and_leave_the_middle_alone() {
         let mut image = Rgb::filled(640, 480, [90, 120, 150]);
-        draw_hud(&mut image, &Hud { title: "Fly to the red crane", status: "12.3 s", lines: &["one", "two"] });
+        draw_hud(&mut image, &Hud { title: "Fly to the red crane", status: "12.3 s", lines: &["one", "two"], ..Hud::default() });
         // 16 px of text and 4 px above and below: rows 0..24 and 480 - 40..480.
         for (y, touched) in [(0, true), (23, true), (24, false), (300, false), (439, false), (440, true), (479, true)] {
             assert_eq!(image.pixel(320, y) != Some([90, 120, 150]), touched, "row {y}");

@@ -36,7 +36,7 @@ proptest! {
     fn no_waypoint_and_no_text_panics(at in point(), text in ".{0,60}", size in coordinate(), width in 0_u32..90, height in 0_u32..70) {
         let mut image = Rgb::new(width, height);
         marks::draw_waypoint(&mut image, at, &text, Colour::WAYPOINT);
-        marks::draw_hud(&mut image, &Hud { title: &text, status: &text, lines: &[&text, &text] });
+        marks::draw_hud(&mut image, &Hud { title: &text, status: &text, lines: &[&text, &text], ..Hud::default() });
         let mut canvas = Canvas::new(&mut image);
         canvas.text(Point::new(at.u, at.v), &text, TextStyle::outlined(size));
         canvas.triangle([Point::new(at.u, at.v), Point::new(at.v, size), Point::new(size, size)], Colour::WHITE);
@@ -85,6 +85,7 @@ fn sheet(width: u32, height: u32) -> Rgb {
             title: "Take off and fly to the red crane",
             status: "12.40 s  flying",
             lines: &["#5 red tower crane  depth 7  step 5.3 m", "yaw +12°  forward 5.1 m  climb +0.8 m"],
+            corner: None,
         },
     );
     image

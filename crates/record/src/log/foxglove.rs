@@ -6,14 +6,15 @@
 
 pub use foxglove::Encode;
 pub use foxglove::messages::{
-    CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, Log, PoseInFrame, SceneUpdate,
+    CameraCalibration, CompressedImage, FrameTransforms, ImageAnnotations, Log, PointCloud, PoseInFrame, SceneUpdate,
 };
 
 use bytes::{Bytes, BytesMut};
 use foxglove::Decode;
 use foxglove::messages::{
-    CircleAnnotation, Color, FrameTransform, LinePrimitive, Point2, Point3, PointsAnnotation, Quaternion, SceneEntity,
-    TextAnnotation, Timestamp, Vector3, line_primitive, log, points_annotation,
+    CircleAnnotation, Color, FrameTransform, LinePrimitive, PackedElementField, Point2, Point3, PointsAnnotation, Quaternion,
+    SceneEntity, SpherePrimitive, TextAnnotation, Timestamp, Vector3, line_primitive, log, packed_element_field,
+    points_annotation,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -88,6 +89,7 @@ pub fn to_json(schema: &str, data: &[u8]) -> Option<Value> {
         "foxglove.FrameTransforms" => read::<FrameTransforms>(data),
         "foxglove.ImageAnnotations" => read::<ImageAnnotations>(data),
         "foxglove.Log" => read::<Log>(data),
+        "foxglove.PointCloud" => read::<PointCloud>(data),
         "foxglove.PoseInFrame" => read::<PoseInFrame>(data),
         "foxglove.SceneUpdate" => read::<SceneUpdate>(data),
         _ => None,
@@ -248,6 +250,60 @@ pub fn plan(at: Time, from: EnuPosition, to: EnuPosition) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities: vec![entity] }
 }
 
+/// The middles of a map's occupied cells as points: `x`, `y`, `z` as 32-bit floats.
+#[must_use]
+pub fn cells(at: Time, occupied: impl Iterator<Item = EnuPosition>) -> PointCloud {
+    let mut data = BytesMut::new();
+    for EnuPosition { east, north, up } in occupied {
+        for along in [east, north, up] {
+            data.extend_from_slice(&(along as f32).to_le_bytes());
+        }
+    }
+    let field = |(index, name): (usize, &str)| PackedElementField {
+        name: name.to_owned(),
+        offset: 4 * index as u32,
+        r#type: packed_element_field::NumericType::Float32.into(),
+    };
+    PointCloud {
+        timestamp: Some(stamp(at)),
+        frame_id: WORLD.to_owned(),
+        // Some readers need it.
+        pose: Some(foxglove::messages::Pose {
+            position: Some(Vector3::default()),
+            orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+        }),
+        point_stride: 12,
+        fields: ["x", "y", "z"].into_iter().enumerate().map(field).collect(),
+        data: data.freeze(),
+    }
+}
+
+/// The planner's path through these places, and the target's position as a sphere with its standard deviation in metres as
+/// radius. Both replace the previous ones; an empty path has no line.
+#[must_use]
+pub fn path(at: Time, places: &[EnuPosition], target: Option<(EnuPosition, f64)>) -> SceneUpdate {
+    let green = Color { r: 0.1, g: 0.8, b: 0.4, a: 1.0 };
+    let pieces = places.windows(2).flat_map(|ends| [corner(ends[0]), corner(ends[1])]).collect();
+    let path = entity(at, "path".to_owned(), pieces, green);
+    let sphere = target.map(|(EnuPosition { east, north, up }, sd)| {
+        let size = 2.0 * sd.max(0.1);
+        let pose = foxglove::messages::Pose {
+            position: Some(Vector3 { x: east, y: north, z: up }),
+            orientation: Some(Quaternion { w: 1.0, ..Quaternion::default() }),
+        };
+        let size = Some(Vector3 { x: size, y: size, z: size });
+        SpherePrimitive { pose: Some(pose), size, color: Some(Color { r: 1.0, g: 0.2, b: 0.9, a: 0.4 }) }
+    });
+    let target = SceneEntity {
+        timestamp: Some(stamp(at)),
+        frame_id: WORLD.to_owned(),
+        id: "target".to_owned(),
+        spheres: sphere.into_iter().collect(),
+        ..SceneEntity::default()
+    };
+    SceneUpdate { deletions: Vec::new(), entities: vec![path, target] }
+}
+
 /// A text message.
 #[must_use]
 pub fn log_line(at: Time, level: Level, message: String) -> Log {
@@ -341,6 +397,28 @@ mod tests {
 
     fn close(a: [f64; 3], b: [f64; 3]) {
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9), "{a:?} {b:?}");
+    }
+
+    #[test]
+    fn cells_are_three_floats_each() {
+        let places = [(1.125, -2.375, 0.125), (-8.875, 3.125, 4.375)];
+        let message = cells(Time::ZERO, places.iter().map(|&(east, north, up)| EnuPosition { east, north, up }));
+        assert_eq!((message.point_stride, message.data.len()), (12, 24));
+        assert_eq!(
+            message.fields.iter().map(|field| (field.name.as_str(), field.offset)).collect::<Vec<_>>(),
+            [("x", 0), ("y", 4), ("z", 8)]
+        );
+        assert_eq!(&message.data[12..16], &(-8.875f32).to_le_bytes());
+    }
+
+    #[test]
+    fn a_path_is_drawn_piece_by_piece_and_a_target_as_large_as_its_deviation() {
+        let at = |east| EnuPosition { east, north: 0.0, up: 1.0 };
+        let drawn = path(Time::ZERO, &[at(0.0), at(1.0), at(2.0)], Some((at(9.0), 1.5)));
+        assert_eq!(drawn.entities[0].lines[0].points.iter().map(|point| point.x).collect::<Vec<_>>(), [0.0, 1.0, 1.0, 2.0]);
+        assert_eq!(drawn.entities[1].spheres[0].size.map(|size| size.x), Some(3.0));
+        let nothing = path(Time::ZERO, &[], None);
+        assert!(nothing.entities[0].lines[0].points.is_empty() && nothing.entities[1].spheres.is_empty());
     }
 
     #[test]

@@ -113,7 +113,7 @@ impl Reel<'_> {
         }
         let (seen, then) = self.line.split_once(" → ").unwrap_or((&self.line, ""));
         let status = format!("{:.1} s", at.as_secs_f64());
-        let hud = Hud { title: "", status: &status, lines: &[seen, then] };
+        let hud = Hud { title: "", status: &status, lines: &[seen, then], ..Hud::default() };
         let waypoint = marks.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str()));
         marks::annotate(&mut image, &marks.as_marks(), waypoint, &hud);
         let writer = match &mut self.writer {

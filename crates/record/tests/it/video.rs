@@ -19,7 +19,7 @@ fn image(width: u32, height: u32, frame: u64) -> Rgb {
             image.set_pixel(x, y, if bar { [230, 60, 20] } else { [x as u8, y as u8, 100] });
         }
     }
-    draw_hud(&mut image, &Hud { title: "frame", status: &frame.to_string(), lines: &[] });
+    draw_hud(&mut image, &Hud { title: "frame", status: &frame.to_string(), lines: &[], ..Hud::default() });
     image
 }
 

@@ -322,6 +322,9 @@ fn only_a_point_on_the_boxed_target_is_a_sighting() {
     // Beside it; and straight on, which has no box.
     assert!(matches!(told(&mut anchored(false), 0, &reply("[400,700,600,900]")).1, Step::Move(_)));
     assert!(matches!(told(&mut anchored(false), 0, &reply("null")).1, Step::Move(_)));
+    // At the image's edge the box is cut off, and so is what is pointed at.
+    let at_edge = reply("[400,0,600,600]").replace("[500,500]", "[500,5]");
+    assert!(matches!(told(&mut anchored(false), 0, &at_edge).1, Step::Move(_)));
 }
 
 #[test]
@@ -334,6 +337,12 @@ fn a_target_that_is_not_seen_is_flown_to_only_in_its_own_stage() {
     assert_eq!(told_expecting(&mut spf, 1, known, &lost(1)), Step::Keep);
     // The place that is known is the first tower's.
     assert!(matches!(told_expecting(&mut spf, 2, known, &lost(2)), Step::Move(_)));
+    // A point that is no place of the second one does not make it known either.
+    let beside = r#"{"target":"left of it","status":"navigating","stage":3,"target_box":null,"point":[500,900],"depth":6}"#;
+    let mut spf = anchored(false);
+    told(&mut spf, 0, seen);
+    assert!(matches!(told_expecting(&mut spf, 1, known, beside), Step::Move(_)));
+    assert!(matches!(told_expecting(&mut spf, 2, known, &lost(3)), Step::Move(_)));
 }
 
 /// Two replies without the target are enough if it should be seen; five if a box stands in front of it.
