@@ -253,14 +253,16 @@ impl MotionEstimator {
         libm::hypot(self.senses.position_noise, self.drift.deviation())
     }
 
-    /// Bound of the position error beyond that of the position source, as twice the standard deviation: zero for a craft that
-    /// reports its position, and growing with time and distance for a dead-reckoned one.
+    /// Bound of the position error, as twice the standard deviation: of the position source or, for a dead-reckoned craft,
+    /// growing with time and distance. The error of a reported height is not part of it.
     #[must_use]
-    pub fn drift(&self) -> Spread {
-        let height = self.newest.as_ref().and_then(|(telemetry, _)| telemetry.height);
+    pub fn spread(&self) -> Spread {
+        let Some((telemetry, _)) = &self.newest else { return Spread::default() };
+        let source = if telemetry.position.is_some() { self.senses.position_noise } else { 0.0 };
+        let vertical = 2.0 * libm::hypot(source, self.drift.vertical_deviation());
         Spread {
-            horizontal: 2.0 * self.drift.deviation(),
-            vertical: if height.is_some() { 0.0 } else { 2.0 * self.drift.vertical_deviation() },
+            horizontal: 2.0 * libm::hypot(source, self.drift.deviation()),
+            vertical: if telemetry.height.is_some() { 0.0 } else { vertical },
         }
     }
 

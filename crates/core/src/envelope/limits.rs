@@ -24,9 +24,9 @@ pub struct Limits {
     pub max_altitude: f64,
     /// Maximum horizontal distance from the take-off point, m.
     pub max_distance: f64,
-    /// Distance inside the ceiling, the distance limit and the geofence at which setpoints stop the craft, m. It
-    /// absorbs the position error (0.3 m for a GPS-like source), so that a craft held at a limit does not count as
-    /// outside.
+    /// Distance inside the ceiling, the distance limit and the geofence at which setpoints stop the craft, m, to which twice
+    /// the stated standard deviation of the position adds. It absorbs larger errors and gusts, so that a craft held at a limit
+    /// does not count as outside.
     pub margin: f64,
     /// How long a setpoint stays valid without a successor, s; after that the craft holds.
     pub setpoint_validity: f64,

@@ -110,7 +110,7 @@ pub struct Envelope {
     now: Time,
     /// World velocity of the last cleared setpoint, and its expiry.
     commanded: Option<(EnuVelocity, Time)>,
-    /// Bound of the position error, beyond what `margin` covers.
+    /// Bound of the position error, which adds to `margin`.
     spread: Spread,
     /// A spread of this radius leaves no room within the limits, m.
     room: f64,
@@ -180,11 +180,11 @@ impl Envelope {
         }
     }
 
-    /// Sets the bound of the position error beyond that of a position source, from the next telemetry report on. Values that
-    /// are negative or not a number count as unbounded.
-    pub fn observe_drift(&mut self, drift: Spread) {
+    /// Sets the bound of the position error, from the next telemetry report on. Values that are negative or not a number count
+    /// as unbounded.
+    pub fn observe_spread(&mut self, spread: Spread) {
         let strict = |metres: f64| if metres >= 0.0 { metres } else { f64::INFINITY };
-        self.spread = Spread { horizontal: strict(drift.horizontal), vertical: strict(drift.vertical) };
+        self.spread = Spread { horizontal: strict(spread.horizontal), vertical: strict(spread.vertical) };
     }
 
     /// Takes a camera frame that arrived at `now`, including unusable ones.

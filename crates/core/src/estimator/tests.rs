@@ -110,7 +110,7 @@ fn drift_grows_with_time_and_distance_and_is_zero_with_a_position() {
                 ..Telemetry::default()
             });
         }
-        estimator.drift()
+        estimator.spread()
     };
     assert_eq!(fly(1.0, true, true), Spread::default());
     // 100 s of reports rounded to 0.1 m/s: 2·√(2·0.01/12·100).
@@ -120,6 +120,18 @@ fn drift_grows_with_time_and_distance_and_is_zero_with_a_position() {
     let flying = fly(1.0, false, false);
     assert!((flying.horizontal - libm::hypot(9.5, 0.816)).abs() < 0.02, "{flying:?}");
     assert!((flying.vertical - libm::hypot(4.5, 0.577)).abs() < 0.02, "{flying:?}");
+}
+
+#[test]
+fn the_stated_deviation_of_a_position_source_is_part_of_the_spread() {
+    let spread = |height: Option<f64>| {
+        let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::quad());
+        let position = Some(EnuPosition::default());
+        estimator.observe(&Telemetry { position, height, phase: FlightPhase::Flying, ..Telemetry::default() });
+        estimator.spread()
+    };
+    assert_eq!(spread(Some(1.0)), Spread { horizontal: 0.6, vertical: 0.0 });
+    assert_eq!(spread(None), Spread { horizontal: 0.6, vertical: 0.6 });
 }
 
 #[test]

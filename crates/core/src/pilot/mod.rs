@@ -309,7 +309,7 @@ impl Pilot {
         self.last_telemetry = Some(telemetry.time);
         self.estimator.observe(&telemetry);
         self.map_telemetry(now, &telemetry);
-        self.envelope.observe_drift(self.estimator.drift());
+        self.envelope.observe_spread(self.estimator.spread());
         self.envelope.observe_telemetry(now, &telemetry);
         self.executor.observe(telemetry.time, telemetry.phase);
         let before = core::mem::replace(&mut self.craft_phase, telemetry.phase);

@@ -19,6 +19,8 @@ const LOW_AND_AT_REST: Duration = Duration::from_secs(4);
 /// Distance sensor and height on the ground, centimetres; the height has steps of 10.
 const ECHO_LOW: i32 = 20;
 const HEIGHT_LOW: i32 = 10;
+/// The same, for one that says itself that its motors are off.
+const LOW_AND_SAID: Duration = Duration::from_millis(300);
 /// A line repeated without any change for this long is stale. A real drone's line always changes: its accelerometer has
 /// noise.
 const REPEATED: Duration = Duration::from_secs(1);
@@ -73,9 +75,10 @@ impl Ground {
         }
     }
 
-    /// Whether the last line was that of a drone on the ground, as far as height goes.
+    /// Whether the last lines were those of a drone on the ground, as far as height and vertical speed go. A single line may be
+    /// late, or forged.
     pub(super) fn looks_low(&self) -> bool {
-        self.is_low
+        self.low >= LOW_AND_SAID
     }
 
     /// Whether the motors turned since [`Ground::forget`].

@@ -5,15 +5,22 @@ use std::net::{IpAddr, UdpSocket};
 /// Space for a datagram; longer ones are cut off by the system, and refused for their length.
 pub(super) const BUFFER: usize = 2048;
 /// Longest state line or answer, bytes; a Tello's have less than 300.
-pub(super) const TEXT: usize = 1024;
+pub const TEXT: usize = 1024;
 /// Longest datagram of the video, bytes: a Tello's have 1460, and none has more than fits into a frame of the network.
-pub(super) const VIDEO: usize = 1472;
+pub const VIDEO: usize = 1472;
+
+/// Whether a datagram of `length` bytes that came `from` an address is taken for one of `drone`, which sends at most `most`
+/// bytes at a time.
+#[must_use]
+pub fn accepts(from: IpAddr, drone: IpAddr, length: usize, most: usize) -> bool {
+    from == drone && (1..=most).contains(&length)
+}
 
 /// The next datagram of `drone` with 1 to `most` bytes; `None` for any other, and if none came in the socket's time.
 pub(super) fn receive<'a>(socket: &UdpSocket, drone: IpAddr, most: usize, buffer: &'a mut [u8; BUFFER]) -> Option<&'a [u8]> {
     // Errors are from earlier sends, or the timeout.
     let (length, from) = socket.recv_from(buffer).ok()?;
-    (from.ip() == drone && (1..=most).contains(&length)).then(|| &buffer[..length])
+    accepts(from.ip(), drone, length, most).then(|| &buffer[..length])
 }
 
 #[cfg(test)]

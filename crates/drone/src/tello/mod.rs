@@ -14,7 +14,7 @@ pub mod driver;
 mod ground;
 mod imu;
 mod inlet;
-mod intake;
+pub mod intake;
 pub mod link;
 mod manoeuvre;
 mod opening;

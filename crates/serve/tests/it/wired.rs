@@ -1,7 +1,7 @@
 //! The Tello's driver and the virtual Tello, connected in virtual time without sockets.
 
 use std::collections::VecDeque;
-use std::net::SocketAddr;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
 
 use spf_core::command::Command;
@@ -14,6 +14,7 @@ use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 use spf_drone::frames::usable::why_unusable;
 use spf_drone::tello::conversation::Order;
+use spf_drone::tello::intake;
 use spf_drone::tello::link::Link;
 use spf_drone::tello::sticks::Calibration;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
@@ -27,6 +28,20 @@ use spf_sim::frame_clock::FrameClock;
 pub(crate) const CAMERA_FAULTS: [CraftFault; 3] = [CraftFault::LensCovered, CraftFault::VideoBlack, CraftFault::VideoUniform];
 
 const STEP: Duration = Duration::from_millis(5);
+/// Address of the drone, and of another machine in its network.
+const DRONE: IpAddr = IpAddr::V4(Ipv4Addr::new(192, 168, 10, 1));
+const OTHER: IpAddr = IpAddr::V4(Ipv4Addr::new(192, 168, 10, 7));
+/// Answers that nobody was asked for.
+const ANSWERS: [&[u8]; 6] = [b"ok", b"error", b"error Motor stop", b"0\r\n", b"\xff\xfe\0", b"out of range"];
+
+/// Somebody who sends an answer, a state line and video to the driver's ports every 20 ms.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stranger {
+    /// When this begins.
+    pub(crate) from: Time,
+    /// Whether the drone's own address is forged.
+    pub(crate) forges: bool,
+}
 
 /// The driver, the drone, and a virtual connection.
 pub(crate) struct Wired {
@@ -41,6 +56,10 @@ pub(crate) struct Wired {
     events: VecDeque<(Time, DroneEvent)>,
     /// When one of the driver's threads dies.
     pub(crate) thread_dies_at: Option<Time>,
+    /// Who else sends datagrams.
+    pub(crate) stranger: Option<Stranger>,
+    /// The first and the newest state line of the drone, which the stranger repeats.
+    heard: [Vec<u8>; 2],
     /// Every command to the drone, with its time.
     pub(crate) sent: Arc<Mutex<Vec<(Time, String)>>>,
 }
@@ -68,6 +87,8 @@ impl Wired {
             image: None,
             events,
             thread_dies_at: None,
+            stranger: None,
+            heard: Default::default(),
             sent: Arc::default(),
         }
     }
@@ -91,6 +112,39 @@ impl Wired {
         Some(why_unusable(&image).expect("a fault that shows nothing is seen"))
     }
 
+    /// Passes a text on as the driver's threads do.
+    fn hear(&mut self, from: IpAddr, text: &[u8], to: fn(&mut Link, Time, &[u8])) {
+        if intake::accepts(from, DRONE, text.len(), intake::TEXT) {
+            to(&mut self.link, self.now, text);
+        }
+    }
+
+    /// Datagrams of a stranger: answers, state lines of a drone on the ground or with values changed, and images.
+    fn disturb(&mut self, stranger: Stranger) {
+        let turn = self.now.as_nanos() / STEP.as_nanos() as u64;
+        if !turn.is_multiple_of(4) {
+            return;
+        }
+        let turn = turn as usize / 4;
+        let from = if stranger.forges { DRONE } else { OTHER };
+        self.hear(from, ANSWERS[turn % ANSWERS.len()], Link::handle_answer);
+        let newest = String::from_utf8_lossy(&self.heard[1]).into_owned();
+        let line = match turn % 4 {
+            0 => self.heard[0].clone(),
+            1 => newest.replace("bat:", "bat:1;old:").into_bytes(),
+            2 => newest.replace("vgx:", "vgx:99;old:").into_bytes(),
+            _ => vec![b'x'; 2 * intake::TEXT],
+        };
+        self.hear(from, &line, Link::handle_state);
+        if !stranger.forges && intake::accepts(from, DRONE, intake::VIDEO, intake::VIDEO) {
+            // What becomes of forged video depends on the decoder, which is not part of this connection.
+            let camera = *self.world.camera();
+            let meta = self.clock.meta(self.frame, camera.width, camera.height);
+            let meta = FrameMeta { captured: self.now, received: self.now, unusable: Some(Unusable::Undecodable), ..meta };
+            self.events.push_back((self.now, DroneEvent::Frame(meta)));
+        }
+    }
+
     fn step(&mut self) {
         if self.thread_dies_at.take_if(|at| *at <= self.now).is_some() {
             self.link.fail(self.now);
@@ -104,9 +158,18 @@ impl Wired {
         self.tello.advance(self.now, &mut craft.lock().unwrap());
         while let Some(output) = self.tello.poll(self.now) {
             match output {
-                Output::Response { bytes, .. } => self.link.handle_answer(self.now, &bytes),
-                Output::State { bytes, .. } => self.link.handle_state(self.now, &bytes),
+                Output::Response { bytes, .. } => self.hear(DRONE, &bytes, Link::handle_answer),
+                Output::State { bytes, .. } => {
+                    self.hear(DRONE, &bytes, Link::handle_state);
+                    if self.heard[0].is_empty() {
+                        self.heard[0].clone_from(&bytes);
+                    }
+                    self.heard[1] = bytes;
+                }
             }
+        }
+        if let Some(stranger) = self.stranger.filter(|stranger| self.now >= stranger.from) {
+            self.disturb(stranger);
         }
         while let Some(event) = self.link.take_event() {
             self.events.push_back(event);

@@ -3,6 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
+use crate::estimator::{MotionEstimator, TelemetryAccuracy};
 
 /// Anything that a telemetry report or a setpoint may contain.
 fn any_number() -> impl Strategy<Value = f64> {
@@ -333,6 +334,42 @@ fn a_craft_at_full_stick_stays_inside() {
             }
         }
     }
+}
+
+/// A position source states its deviation; a craft that is told to fly outwards all the time stays inside also while it seems
+/// to be farther from the fence than it is by three of them, or by less.
+#[test]
+fn a_position_off_by_three_stated_deviations_keeps_the_craft_inside() {
+    let (craft, accuracy) = (Craft::quad(), TelemetryAccuracy::quad());
+    let fence = square(20.0, "{}");
+    let mut rig = Rig::flying(Limits { geofence: Some(fence.clone()), ..Limits::for_craft(&craft) });
+    let mut estimator = MotionEstimator::new(&craft, accuracy);
+    let at = EnuPosition { up: 3.0, ..EnuPosition::default() };
+    let mut body = Body { craft, at, v: EnuVelocity::default(), heading: 0.0, yaw_rate: 0.0, sent: Vec::new() };
+    let (mut least, mut nearest_measured) = (f64::INFINITY, f64::INFINITY);
+    for tick in 0..12_000_u64 {
+        let now = ms(1000 + 10 * tick);
+        if tick.is_multiple_of(10) {
+            let error = 3.0 * accuracy.position_noise * libm::sin(0.1 * now.as_secs_f64()).abs();
+            let measured = EnuPosition { north: body.at.north - error, ..body.at };
+            nearest_measured = nearest_measured.min(fence.edge_distance(measured));
+            rig.telemetry.position = Some(measured);
+            rig.telemetry.height = Some(body.at.up);
+            rig.telemetry.velocity = Some(body.v);
+            estimator.observe(&Telemetry { time: now, ..rig.telemetry });
+            rig.envelope.observe_spread(estimator.spread());
+            rig.fresh(now);
+            let clearance = rig.envelope.clear_setpoint(now, forward(craft.cruise_speed));
+            assert!(!matches!(rig.envelope.reaction(now), Reaction::Land(_)), "at {now}");
+            body.sent.push((now, clearance.setpoint().unwrap(), clearance.cleared.valid_until()));
+            let old = body.sent.len().saturating_sub(20);
+            body.sent.drain(..old);
+        }
+        body.step(now);
+        least = least.min(fence.edge_distance(body.at));
+    }
+    // It flew up to the limit.
+    assert!(least > 0.0 && nearest_measured < 1.2, "{least} {nearest_measured}");
 }
 
 #[test]

@@ -174,7 +174,7 @@ fn the_position_follows_the_measured_speed_and_not_the_commanded_one() {
 fn the_stated_deviation_widens_every_margin() {
     let spread = Spread { horizontal: 1.0, vertical: 0.4 };
     let mut rig = fenced(0.0, 17.0, 3.0);
-    rig.envelope.observe_drift(spread);
+    rig.envelope.observe_spread(spread);
     let (is, why) = rig.ask(ms(1100), forward(3.0));
     // 3 m to the fence less 0.5 m and 1 m: v·0.9 + v²/8 = 1.5.
     near(is.forward * 0.9 + is.forward * is.forward / 8.0, 1.5);
@@ -187,7 +187,7 @@ fn the_stated_deviation_widens_every_margin() {
     assert_eq!(rig.envelope.reaction(ms(1200)), Reaction::Continue);
 
     let mut rig = fenced(0.0, 0.0, 10.5);
-    rig.envelope.observe_drift(spread);
+    rig.envelope.observe_spread(spread);
     // 12 m − 0.5 m − 0.4 m − 10.5 m.
     let (is, _) = rig.ask(ms(1100), climb(1.5));
     near(is.up * 0.9 + is.up * is.up / 6.0, 0.6);
@@ -198,7 +198,7 @@ fn the_stated_deviation_widens_every_margin() {
     near(is.up * -0.9 + is.up * is.up / 6.0, 0.3);
 
     let mut rig = Rig::flying(Limits { max_distance: 12.0, ..Limits::default() });
-    rig.envelope.observe_drift(spread);
+    rig.envelope.observe_spread(spread);
     rig.place(0.0, 9.0, 3.0);
     rig.fresh(ms(1100));
     let (is, why) = rig.ask(ms(1100), forward(3.0));

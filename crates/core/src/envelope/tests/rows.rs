@@ -244,10 +244,10 @@ fn a_position_too_uncertain_for_the_limits_holds_then_lands() {
     // Half of 40 m.
     for limits in [fence, distance] {
         let mut rig = Rig::flying(limits);
-        rig.envelope.observe_drift(Spread { horizontal: 19.9, vertical: 0.0 });
+        rig.envelope.observe_spread(Spread { horizontal: 19.9, vertical: 0.0 });
         rig.fresh(ms(1100));
         assert_eq!(rig.envelope.reaction(ms(1100)), Continue);
-        rig.envelope.observe_drift(Spread { horizontal: 20.1, vertical: 0.0 });
+        rig.envelope.observe_spread(Spread { horizontal: 20.1, vertical: 0.0 });
         rig.fresh(ms(1200));
         assert_eq!(rig.envelope.reaction(ms(1200)), Hold(Cause::UncertainPosition));
         moves_not(&mut rig, ms(1200), Cause::UncertainPosition);
@@ -255,12 +255,12 @@ fn a_position_too_uncertain_for_the_limits_holds_then_lands() {
         assert_eq!(rig.envelope.manual_reaction(ms(1200)), Hold(Cause::UncertainPosition));
         fly(&mut rig, ms(6100), Rig::see);
         turns(&rig.envelope, ms(6200), Hold(Cause::UncertainPosition), Land(Cause::UncertainPosition));
-        rig.envelope.observe_drift(Spread::default());
+        rig.envelope.observe_spread(Spread::default());
         rig.fresh(ms(6200));
         moves(&mut rig, ms(6200));
     }
     let mut rig = Rig::flying(Limits::default());
-    rig.envelope.observe_drift(Spread { horizontal: f64::NAN, vertical: 0.0 });
+    rig.envelope.observe_spread(Spread { horizontal: f64::NAN, vertical: 0.0 });
     rig.fresh(ms(1100));
     assert_eq!(rig.envelope.reaction(ms(1100)), Hold(Cause::UncertainPosition));
 }

@@ -387,9 +387,26 @@ fn an_answer_that_the_motors_are_off_ends_no_flight_while_the_state_shows_height
     bench.run(3000, true);
     assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::Landing, 4));
     (bench.motors_since, bench.height) = (None, 0);
-    bench.run(200, true);
+    bench.run(500, true);
     bench.link.handle_answer(bench.time(), b"error Motor stop");
     assert_eq!(bench.link.phase, FlightPhase::OnGround);
+}
+
+/// A state line that shows the ground may be late, repeated or forged: with such an answer it ends no flight either, as long
+/// as other lines show height.
+#[test]
+fn an_answer_that_the_motors_are_off_ends_no_flight_after_a_single_line_that_shows_the_ground() {
+    let mut bench = Bench::flying();
+    bench.apply(Command::Land);
+    for _ in 0..30 {
+        bench.run(100, true);
+        let flown = (bench.motors_since.take(), std::mem::take(&mut bench.height));
+        let line = bench.line();
+        (bench.motors_since, bench.height) = flown;
+        bench.link.handle_state(bench.time(), &line);
+        bench.link.handle_answer(bench.time(), b"error Motor stop");
+    }
+    assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::Landing, 3));
 }
 
 /// In the dark a Tello that is flown by `rc` measures no speed: its position cannot be reckoned, and no limit on it holds.
@@ -421,7 +438,7 @@ fn an_answer_that_the_motors_are_off_ends_no_flight_before_land_was_sent() {
     bench.apply(Command::Land);
     bench.link.handle_answer(bench.time(), b"error Motor stop");
     assert_eq!((bench.link.phase, bench.count("land")), (FlightPhase::Landing, 0));
-    bench.run(200, true);
+    bench.run(500, true);
     assert_eq!(bench.count("land"), 1);
     bench.link.handle_answer(bench.time(), b"error Motor stop");
     assert_eq!(bench.link.phase, FlightPhase::OnGround);

@@ -56,6 +56,15 @@ pub(crate) enum ModelFault {
     Malformed,
 }
 
+/// Who sends datagrams that are not the drone's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Sender {
+    /// A machine with an address of its own.
+    Other,
+    /// One that forges the drone's address.
+    Forged,
+}
+
 /// What goes wrong.
 #[derive(Clone, Debug)]
 pub(crate) enum What {
@@ -71,6 +80,8 @@ pub(crate) enum What {
     TakeOffLost,
     /// A thread of the driver dies.
     Thread,
+    /// Somebody else sends datagrams to the driver's ports.
+    Sender(Sender),
 }
 
 /// A row of the matrix.
@@ -113,7 +124,7 @@ impl Row {
                 let fault = Fault::Drop { p: 1.0 };
                 plan.rules = vec![Rule { stream: Stream::Commands, from, until: Some(from + 0.4), fault }];
             }
-            What::Model(_) | What::Charge(_) | What::Thread => {}
+            What::Model(_) | What::Charge(_) | What::Thread | What::Sender(_) => {}
         }
         plan
     }
@@ -148,6 +159,8 @@ pub(crate) fn rows() -> Vec<Row> {
         Row::of("take-off refused", What::Craft(CraftFault::TakeOffRefused)),
         Row::of("take-off lost", What::TakeOffLost),
         Row::of("a thread of the driver dies", What::Thread),
+        Row::of("datagrams from another address", What::Sender(Sender::Other)),
+        Row::of("datagrams with the drone's address, forged", What::Sender(Sender::Forged)),
         Row::model("model silent", ModelFault::Silent),
         Row::model("model HTTP 429", ModelFault::RateLimit),
         Row::model("model HTTP 503", ModelFault::Unavailable),

@@ -22,11 +22,11 @@ use spf_flight::site::Clock;
 use spf_flight::world::Script;
 use spf_serve::tello::ProtocolParameters;
 
-use self::faults::{FlightPart, Row, What};
+use self::faults::{FlightPart, Row, Sender, What};
 use self::faulty::Faulty;
 use self::model::Scripted;
 use self::watch::Watch;
-use crate::wired::Wired;
+use crate::wired::{Stranger, Wired};
 
 pub(crate) use self::report::{tables, tsv};
 
@@ -82,6 +82,7 @@ impl Cell {
         match self.row.what {
             What::Craft(CraftFault::ImuLost) => None,
             What::Craft(_) if is_quad => Some("the simulated quadrotor has no such fault"),
+            What::Sender(_) if is_quad => Some("the simulated quadrotor is not reached by datagrams"),
             What::Thread if is_quad => Some("the simulated quadrotor is flown in the loop's own thread"),
             What::Craft(CraftFault::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
                 Some("the take-off is over")
@@ -105,6 +106,12 @@ impl Cell {
         let craft = craft.lock().unwrap();
         let speed = craft.truth().velocity.speed();
         let (outcome, cause) = watch.outcome.clone().unwrap();
+        let mut violations = watch.violations.clone();
+        // Datagrams from another address change nothing.
+        let same = watch.outcome == fair.outcome && watch.last_motion == fair.last_motion;
+        if matches!(self.row.what, What::Sender(Sender::Other)) && !same {
+            violations.push(format!("not the flight without the fault: {:?}", fair.outcome));
+        }
         Flown {
             onset: onset.as_secs_f64(),
             last_motion: watch.last_motion.filter(|at| *at > onset).map(|at| at.since(onset).as_secs_f64()),
@@ -113,7 +120,7 @@ impl Cell {
             last_command: watch.last_command.clone(),
             phase: craft.dynamics().phase(),
             speed,
-            violations: watch.violations.clone(),
+            violations,
         }
     }
 
@@ -130,6 +137,9 @@ impl Cell {
                 let faults = FaultPlan { rules: inside, craft: plan.craft };
                 let mut wired = Wired::new(world.clone(), ProtocolParameters::default(), faults);
                 wired.thread_dies_at = onset.filter(|_| matches!(self.row.what, What::Thread));
+                if let What::Sender(sender) = self.row.what {
+                    wired.stranger = onset.map(|from| Stranger { from, forges: sender == Sender::Forged });
+                }
                 (Box::new(wired), FaultPlan { rules: outside, ..FaultPlan::default() })
             }
         };
