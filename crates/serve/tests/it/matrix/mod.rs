@@ -84,7 +84,7 @@ impl Cell {
             What::Craft(_) if is_quad => Some("the simulated quadrotor has no such fault"),
             What::Thread if is_quad => Some("the simulated quadrotor is flown in the loop's own thread"),
             What::Craft(CraftFault::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
-                Some("the take-off is over")
+                Some("it can only occur during take-off")
             }
             _ => None,
         }
