@@ -28,19 +28,19 @@ SIZES = [(960, 720), (640, 480)]
 
 # Name → (function, keyword arguments, environment, description).
 RUNS = {
-    "spf": ("spf", {}, {}, "textures by procedure, sun shadows, ambient occlusion, haze, edges anti-aliased"),
+    "spf": ("spf", {}, {}, "SPF `full` on both cores: procedural textures, sun shadows, ambient occlusion, haze, edges anti-aliased"),
     "spf-1": ("spf", {"threads": 1}, {}, "the same on one core"),
-    "tiny": ("pybullet", {"shadow": 1}, {}, "PyBullet TinyRenderer: one colour a material, shadow pass on (its map covers little of a town), no anti-aliasing"),
+    "tiny": ("pybullet", {"shadow": 1}, {}, "PyBullet TinyRenderer: one colour per material, shadow pass on, no anti-aliasing"),
     "tiny-plain": ("pybullet", {"shadow": 0}, {}, "PyBullet TinyRenderer: no shadows, no anti-aliasing"),
     "mujoco": (
         "mujoco", {"shadow": True, "samples": 4}, {"MUJOCO_GL": "osmesa"},
-        "MuJoCo with OSMesa: one colour a material, shadow map of 2048, 4 samples asked for"),
+        "MuJoCo with OSMesa: one colour per material, shadow map of 2048×2048, 4 samples requested"),
     "mujoco-plain": (
         "mujoco", {"shadow": False, "samples": 0}, {"MUJOCO_GL": "osmesa"},
         "MuJoCo with OSMesa: no shadows, no anti-aliasing"),
     "llvmpipe": (
         "llvmpipe", {"shadow": True, "samples": 4}, {"LIBGL_ALWAYS_SOFTWARE": "1", "EGL_PLATFORM": "surfaceless"},
-        "Mesa llvmpipe (EGL, moderngl), own shader: one colour a material, shadow map of 2048 drawn once, 4 samples"),
+        "Mesa llvmpipe (EGL): one colour per material, shadow map rendered once, 4 samples"),
     "llvmpipe-plain": (
         "llvmpipe", {"shadow": False, "samples": 0}, {"LIBGL_ALWAYS_SOFTWARE": "1", "EGL_PLATFORM": "surfaceless"},
         "Mesa llvmpipe: no shadows, no anti-aliasing"),

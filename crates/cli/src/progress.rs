@@ -22,6 +22,18 @@ pub(crate) struct Progress {
     flown: f64,
     at: Option<spf_core::geometry::EnuPosition>,
     limit: LastLimit,
+    control: Control,
+}
+
+/// How the user controls a drone in flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Control {
+    /// By single keys.
+    Keys,
+    /// By typed lines: the user is the VLM.
+    Lines,
+    /// Not at all, except by signals.
+    None,
 }
 
 /// The limit of the envelope that applied last, and when.
@@ -37,14 +49,19 @@ impl LastLimit {
 }
 
 impl Progress {
-    pub(crate) fn new(lines: Lines) -> Self {
-        Self { lines, shown: Time::ZERO, flown: 0.0, at: None, limit: LastLimit::default() }
+    pub(crate) fn new(lines: Lines, control: Control) -> Self {
+        Self { lines, shown: Time::ZERO, flown: 0.0, at: None, limit: LastLimit::default(), control }
     }
 
     fn note(&mut self, now: Time, note: &Note) {
         let line = match note {
             Note::Phase(Phase::Hovering) => {
-                "hovering for up to 60 s: Enter opens a prompt for a new instruction, L lands, the arrow keys fly".to_owned()
+                let may = match self.control {
+                    Control::Keys => ": Enter opens a prompt for a new instruction, L lands, the arrow keys fly",
+                    Control::Lines => ": type `land` and press Enter to land now",
+                    Control::None => "",
+                };
+                format!("hovering for up to 60 s{may}")
             }
             Note::Phase(phase) => words::phase(*phase).to_owned(),
             Note::Decision(decision) => {

@@ -2,7 +2,7 @@
 //!
 //! 160×120 over 90° by 73.7°, 0.3 to 10 m, 15 grids a second that arrive 60 ms after their capture. The error is 0.4 % of the
 //! square of the depth, at least 1 cm; 4 % of the pixels are holes; where depth jumps between neighbours, values lie anywhere
-//! between them. The sky, clear glass (which is not rendered) and what is out of range give no value.
+//! between them. The sky and what is out of range give no value. Clear glass is not seen: the depth is that of what is behind it.
 
 use core::fmt;
 use core::str::FromStr;

@@ -26,10 +26,14 @@ impl QueryImage for Blank {
 
 /// A program in a folder of its own. `$FOLDER` in the script is that folder.
 fn program(script: &str, loading: Duration) -> (tempfile::TempDir, Exec) {
+    program_with(script, ExecOptions { loading, ..ExecOptions::default() })
+}
+
+fn program_with(script: &str, options: ExecOptions) -> (tempfile::TempDir, Exec) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a program.sh");
     std::fs::write(&file, script.replace("$FOLDER", folder.path().to_str().unwrap())).unwrap();
-    let exec = Exec::start(&format!("sh '{}' 'two words'", file.display()), ExecOptions { loading, ..ExecOptions::default() });
+    let exec = Exec::start(&format!("sh '{}' 'two words'", file.display()), options);
     (folder, exec.unwrap())
 }
 
@@ -94,6 +98,18 @@ fn late_answers_are_dropped_and_a_missed_deadline_ends_the_program() {
     assert!(began.elapsed() < Duration::from_secs(15), "{:?}", began.elapsed());
     assert_eq!(ask(&mut exec, LONG, &Cancel::default()).unwrap(), r#"{"status":"again"}"#);
     assert_eq!(std::fs::read_to_string(folder.path().join("starts")).unwrap(), "started\nstarted\n");
+}
+
+#[test]
+fn an_answer_may_take_as_long_as_the_options_allow_however_much_time_the_query_has() {
+    let script =
+        format!("{READ}while next; do sleep $((id * 1000)); echo \"{{\\\"id\\\":$id,\\\"status\\\":\\\"of $id\\\"}}\"; done");
+    let options = ExecOptions { loading: Duration::ZERO, longest_answer: SHORT, ..ExecOptions::default() };
+    let (_folder, mut exec) = program_with(&script, options);
+    assert_eq!(ask(&mut exec, LONG, &Cancel::default()).unwrap(), r#"{"status":"of 0"}"#);
+    let began = Instant::now();
+    assert_eq!(ask(&mut exec, LONG, &Cancel::default()).unwrap_err().code(), "deadline");
+    assert!(began.elapsed() < Duration::from_secs(15), "{:?}", began.elapsed());
 }
 
 #[test]

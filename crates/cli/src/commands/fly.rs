@@ -39,7 +39,7 @@ use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line, quoted};
-use crate::progress::Progress;
+use crate::progress::{Control, Progress};
 use crate::settings::{DroneName, Settings};
 
 /// Maximum length of an instruction, characters, as in prompts.
@@ -108,7 +108,12 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         printer.log(HELP);
     }
     let (talk, lines) = PrintThread::start(printer, paced);
-    let mut progress = Progress::new(lines);
+    let control = match manual.is_on() {
+        true => Control::Keys,
+        false if typing => Control::Lines,
+        false => Control::None,
+    };
+    let mut progress = Progress::new(lines, control);
     let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
     drop(manual);
     drop(progress);

@@ -120,7 +120,7 @@ settings! {
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
         /// seconds without a reply after which a second request is sent; empty: never
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
-        /// reply latency in virtual time, seconds; empty: 1.5 for human and exec:; the measured latency for models; a random sample for the oracle
+        /// reply latency in virtual time, seconds; empty: 1.5 for human and for an exec: program; the measured latency for models; a random sample for the oracle
         latency_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_LATENCY_S", "--vlm-latency";
         /// price of the VLM, US dollars per million tokens IN,OUT, for --max-cost; empty: the price shown by `spf vlm list`
         price: PerMillion = "", Parsed("two prices in US dollars per million tokens, IN,OUT, such as 0.3,2.5"), "SPF_VLM_PRICE", "--vlm-price";
@@ -132,6 +132,8 @@ settings! {
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
         /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's own, else 70
         jpeg_quality: u8 = "", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
+        /// longest an exec: program may take for an answer in real seconds, also in virtual time, before it is restarted
+        exec_timeout_s: f64 = "600", Number(1.0, 86400.0), "SPF_VLM_EXEC_TIMEOUT_S";
     }
 
     /// A Tello: `[tello]`.

@@ -190,7 +190,7 @@ fn rows() -> Vec<Row> {
             "°/s",
             Some((36.0, 48.0)),
             settled(yaw_stick(0.5)).dynamics().yaw_rate().to_degrees(),
-            "36 in a course's program; 48 from a full turn in 7.5 s",
+            "36 in a program from a teaching course; 48 from a full turn in 7.5 s",
         ),
         row(
             "yaw, time constant",
@@ -211,7 +211,7 @@ fn rows() -> Vec<Row> {
             "m/s",
             Some((0.117, 0.15)),
             north(&settled(stick(0.15))),
-            "0.117 over 10 s in a course's program; 0.15 if the stick is cm/s",
+            "0.117 over 10 s in a program from a teaching course; 0.15 if the stick is cm/s",
         ),
         row(
             "maximum acceleration",
@@ -264,7 +264,7 @@ fn rows() -> Vec<Row> {
             "s",
             Some((3.5, 4.5)),
             take_off_time,
-            "3.9 in a log (DJI Tello-Python issue 88), 4 ± 0.5 accepted",
+            "3.9 in a log (DJI Tello-Python issue 88); we accept 4 ± 0.5",
         ),
         row(
             "height after take-off",

@@ -27,8 +27,8 @@ use crate::{Answer, ImageSpec, QueryImage, Vlm};
 /// Prefix of a VLM name that denotes a program.
 pub const EXEC: &str = "exec:";
 
-/// Maximum time for an answer, regardless of the query's remaining time.
-const LONGEST_ANSWER: Duration = Duration::from_secs(120);
+/// Maximum time for an answer if the options give no other: a model on a CPU may take minutes.
+const LONGEST_ANSWER: Duration = Duration::from_secs(600);
 /// Time from the start of a program to its first answer during which it is not killed: it may be loading a model.
 const LOADING: Duration = Duration::from_secs(300);
 /// How often a wait looks at the cancellation.
@@ -70,11 +70,14 @@ pub struct ExecOptions {
     pub quality: u8,
     /// Time from its start to its first answer during which a missed deadline does not end it.
     pub loading: Duration,
+    /// Maximum time for an answer, even if the query has more left: in virtual time a query has a day, and a program that
+    /// hangs must not stop a run of the bench for so long.
+    pub longest_answer: Duration,
 }
 
 impl Default for ExecOptions {
     fn default() -> Self {
-        Self { long_side: None, quality: 90, loading: LOADING }
+        Self { long_side: None, quality: 90, loading: LOADING, longest_answer: LONGEST_ANSWER }
     }
 }
 
@@ -173,8 +176,8 @@ impl Vlm for Exec {
         let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
         let began = Instant::now();
         let mut account = Usage::default();
-        let text = images
-            .and_then(|(jpeg, close_up)| desk.ask(request, &jpeg, close_up.as_deref(), size, self.options.loading, &mut account));
+        let text =
+            images.and_then(|(jpeg, close_up)| desk.ask(request, &jpeg, close_up.as_deref(), size, &self.options, &mut account));
         let latency = began.elapsed();
         account.parts = StageTimes { complete_s: text.is_ok().then_some(latency.as_secs_f64()), ..account.parts };
         Answer { text, latency, model: self.name.clone(), account }
@@ -211,14 +214,14 @@ impl Desk {
         jpeg: &[u8],
         close_up: Option<&[u8]>,
         size: (u32, u32),
-        loading: Duration,
+        options: &ExecOptions,
         account: &mut Usage,
     ) -> Result<String, VlmError> {
         let id = self.next_id;
         self.next_id += 1;
         let path = self.image(&format!("{id}.jpg"), jpeg)?;
         let close_up = close_up.map(|jpeg| self.image(&format!("{id}-close-up.jpg"), jpeg)).transpose()?;
-        let asked = self.exchange(request, id, (&path, close_up.as_deref()), size, loading, account);
+        let asked = self.exchange(request, id, (&path, close_up.as_deref()), size, options, account);
         // A program that is still busy with them keeps them open, or has no more use for them.
         drop(std::fs::remove_file(path));
         close_up.into_iter().for_each(|path| drop(std::fs::remove_file(path)));
@@ -231,17 +234,16 @@ impl Desk {
         id: u64,
         (image, close_up): (&std::path::Path, Option<&std::path::Path>),
         (width, height): (u32, u32),
-        loading: Duration,
+        options: &ExecOptions,
         account: &mut Usage,
     ) -> Result<String, VlmError> {
         let program = self.words.first().cloned().unwrap_or_default();
         let query = request.query;
         let running = self.running()?;
         // While it has not answered yet, it may be loading a model.
-        let loaded = running.started + loading;
-        let least =
-            if running.answered { LONGEST_ANSWER } else { loaded.saturating_duration_since(Instant::now()).max(LONGEST_ANSWER) };
-        let (began, time) = (Instant::now(), request.time_left.min(least));
+        let loaded = running.started + options.loading;
+        let still_loading = if running.answered { Duration::ZERO } else { loaded.saturating_duration_since(Instant::now()) };
+        let (began, time) = (Instant::now(), request.time_left.min(options.longest_answer.max(still_loading)));
         let line = Line {
             id,
             image,

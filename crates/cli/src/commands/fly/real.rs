@@ -92,8 +92,9 @@ pub(super) fn ready(
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
     }
     if method.at_end == AtEnd::Hover {
-        announcements
-            .push("After the instruction the drone hovers for up to 60 s and accepts a new instruction (--at-end).".to_owned());
+        // Who answers by typing lines can type no instruction.
+        let also = if is_human(&pointing.name) { "" } else { " and accepts a new instruction" };
+        announcements.push(format!("After the instruction the drone hovers for up to 60 s{also} (--at-end)."));
     }
     let plan = FlightPlan {
         policy: Arc::new(policy),

@@ -69,6 +69,7 @@ pub(crate) fn exec(settings: &Settings, name: &str) -> Result<Exec, CliError> {
     let options = ExecOptions {
         long_side: settings.vlm.image_long_side.get()?,
         quality: settings.vlm.jpeg_quality.get()?.unwrap_or(defaults.quality),
+        longest_answer: duration_from_secs(settings.vlm.exec_timeout_s.or_default()?),
         ..defaults
     };
     Exec::start(command, options).map_err(|error| {

@@ -4,6 +4,7 @@ mod clients;
 mod ending;
 mod flights;
 mod matrix;
+mod person;
 
 use std::process::{Command, Stdio};
 

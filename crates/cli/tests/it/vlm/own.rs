@@ -265,6 +265,38 @@ fn a_trial_is_one_page_that_is_resumed_and_capped() {
     assert_eq!(lab.spf(&["vlm", "trial", "oracle", "-o", "x"]).code, Some(2));
 }
 
+/// The forms of all vendors' answers, which the vendors' own SDKs read (`vendors.py`), in one trial.
+#[test]
+fn a_trial_reads_the_answers_of_every_vendor() {
+    let lab = Lab::new();
+    // Three dots and two questions, then the flight: ahead twice, and done.
+    let answers = |vendor: Vendor| {
+        Server::start(move |number, request| vendor.stream(&vendor.model(request), if number < 7 { AHEAD } else { DONE }))
+    };
+    let servers = Vendor::ALL.map(answers);
+    let names = Vendor::ALL.iter().zip(&servers).map(|(vendor, server)| format!("{}@{}", vendor.name(), server.url()));
+    let names = names.collect::<Vec<_>>();
+    let args = ["vlm", "trial", &names.join(","), "-o", "tried", "--questions", "2", "--flights", "1", "--parallel", "1"];
+    let mut command = lab.command(&args);
+    for vendor in Vendor::ALL {
+        command.env(vendor.key(), KEY);
+    }
+    let run = Run::of(&command.output().unwrap());
+    assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);
+    let figures: Value = serde_json::from_slice(&lab.read("tried/trial.json")).unwrap();
+    for (index, name) in names.iter().enumerate() {
+        let of = &figures[index];
+        assert_eq!(
+            (&of["vlm"], &of["pointing"]["asked"], &of["pointing"]["failed"]),
+            (&name.as_str().into(), &2.into(), &0.into())
+        );
+        assert_eq!((&of["pointing"]["unreadable"], &of["flights"]["self_stop"]["of"]), (&0.into(), &1.into()), "{of}");
+        // Tokens as this vendor counts them.
+        assert!(of["flights"]["rows"][0]["tokens_in"].as_u64() > Some(1000), "{name}: {of}");
+        assert!(servers[index].questions().len() >= 8, "{name}: {}", servers[index].questions().len());
+    }
+}
+
 fn example(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples").join(name)
 }

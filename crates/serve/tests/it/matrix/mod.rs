@@ -85,7 +85,7 @@ impl Cell {
             What::Sender(_) if is_quad => Some("the simulated quadrotor is not reached by datagrams"),
             What::Thread if is_quad => Some("the simulated quadrotor is flown in the loop's own thread"),
             What::Craft(CraftFault::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
-                Some("the take-off is over")
+                Some("it can only occur during take-off")
             }
             _ => None,
         }
