@@ -235,12 +235,15 @@ fn encode(mut writer: VideoWriter, camera: &Camera, shots: &Receiver<Shot>, log:
     trouble.map_or(ended, Err)
 }
 
+/// Distance from which on a waypoint is shown, metres.
+const SHOWN_FROM_M: f64 = 0.3;
+
 /// The end of the plan in the image. Plans use the pilot's estimate of the world, so the estimated pose is used for
 /// projection.
 fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     let ahead = shot.known.position.displacement_to(shot.waypoint?, shot.known.attitude.heading);
-    // A turn on the spot has no waypoint to show.
-    if ahead.length() < 0.1 {
+    // A turn on the spot has no waypoint to show, and the place where it began drifts with the estimated position.
+    if ahead.length() < SHOWN_FROM_M {
         return None;
     }
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;

@@ -2,51 +2,40 @@
 
 use std::sync::Arc;
 
-use crate::avoid::{self, Avoidance, BODY_MARGIN, ObstacleMemory, PassingSide, PathShape, PlannedStep};
+use crate::avoid::{BODY_MARGIN, ObstacleMemory, PathShape};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
-use crate::geometry::{EnuPosition, Pose};
 use crate::grounding::GroundingProfile;
 use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
 use crate::policy::search::{OpenDirection, Search, SearchAction};
-use crate::policy::{Expected, FailReason, Goto, Move, Policy, PolicyEvent, Reading, Step, View};
+use crate::policy::{Expected, FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
 use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse_reply};
 use crate::step::StepRule;
-use crate::time::Duration;
 
 mod close_up;
+mod detour;
 mod history;
+mod report;
+mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
 
 use close_up::LastBox;
+use detour::{DetourSide, TurnedFirst};
 use history::History;
+use report::Report;
 
 /// Number of earlier targets in the memory.
 const REMEMBERED_TARGETS: usize = 8;
-/// Maximum consecutive turns towards paths along the image edges; the second only towards the other edge.
-const TURNS_FIRST: u32 = 2;
-/// How long obstacles count for climbs and descents after the frame in which they were reported.
-const REPORTED: Duration = Duration::from_secs(3);
-/// Number of times in a row that a blocked path is answered by holding and querying again before searching for another.
-const BLOCKED_LOOKS: u32 = 3;
-/// Climb with which that search begins, metres.
-const BLOCKED_CLIMB: f64 = 1.0;
-/// How far the craft backs off from what the VLM says is in its way, metres.
-const BACK_OFF: f64 = 1.0;
 /// Number of replies in a row that do not show a target whose place is known, before it is searched for: in view, where it
 /// may be hidden; and aside.
 const MISSES_IN_VIEW: u32 = 2;
 const MISSES_ASIDE: u32 = 5;
-/// A point this near to the image's edge, as a fraction of its size, is no place of a target.
-const IMAGE_EDGE: f64 = 0.02;
-/// Depth label up to which a person counts as standing in front: 4.6 m.
-const PERSON_IN_FRONT: u8 = 4;
 
 /// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,70 +70,6 @@ struct OpenQuery {
     id: QueryId,
     view: View,
     about: QuerySubject,
-}
-
-/// Turns flown instead of the step itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct TurnedFirst {
-    /// Whether the last one was to the right.
-    right: bool,
-    /// Number in a row.
-    turns: u32,
-}
-
-/// Number of clear paths in a row after which a detour is over.
-const DETOUR_OVER: u32 = 2;
-
-/// A detour under way.
-#[derive(Clone, Copy, Debug, Default)]
-struct DetourSide {
-    keep: Option<PassingSide>,
-    /// Clear paths in a row.
-    clear: u32,
-}
-
-impl DetourSide {
-    fn clear(&mut self) {
-        self.clear += 1;
-        if self.clear >= DETOUR_OVER {
-            self.keep = None;
-        }
-    }
-
-    /// A path around has been found on this side; `None` if it leads over or under.
-    fn shifted(&mut self, side: Option<avoid::Side>) {
-        self.clear = 0;
-        let Some(side) = side else { return };
-        self.keep = match self.keep {
-            Some(keep) if keep.side == side => Some(keep),
-            // It changes sides once; a craft that did so at every answer would get nowhere.
-            Some(_) => Some(PassingSide { side, strict: true }),
-            None => Some(PassingSide { side, strict: false }),
-        };
-    }
-}
-
-/// The obstacles that were reported in a view; none outside obstacle mode.
-#[derive(Clone, Debug)]
-struct Report {
-    view: View,
-    boxes: Vec<ObstacleBox>,
-}
-
-impl Report {
-    /// Whether a climb from `pose`, negative for a descent, is clear of these obstacles.
-    fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
-        let View { camera, pose: seen, .. } = self.view;
-        // The same end height, relative to where the view was taken.
-        let from_there = climb + pose.position.up - seen.position.up;
-        let end = EnuPosition { up: pose.position.up + climb, ..pose.position };
-        let way = [pose.position, end].map(|point| seen.position.displacement_to(point, seen.attitude.heading));
-        // What a view from elsewhere shows of the path down must not be an obstacle.
-        let is_seen_free = climb > 0.0 || avoid::is_free(&camera, seen.attitude, &self.boxes, way, clearance);
-        let is_clear =
-            from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance);
-        is_clear && is_seen_free
-    }
 }
 
 /// Subject of the query.
@@ -354,17 +279,6 @@ impl Spf {
         step
     }
 
-    /// Whether the planner alone keeps clear of obstacles.
-    fn is_mapped_by_sensor(&self) -> bool {
-        self.guidance.map && self.guidance.sensor
-    }
-
-    /// Remembers the obstacles of a view, besides those of the 3 s before it.
-    fn report(&mut self, view: &View, boxes: &[ObstacleBox]) {
-        self.reported.retain(|report| report.view.frame.captured + REPORTED >= view.frame.captured);
-        self.reported.push(Report { view: *view, boxes: boxes.to_vec() });
-    }
-
     fn done(&mut self, confirming: bool) -> Step {
         self.turned_first = None;
         // A belief formed in motion is often early: the craft drifts on, and the second query is made from where it has
@@ -437,148 +351,6 @@ impl Spf {
         self.fly_to(open_query, reply, point, label)
     }
 
-    /// A turn in place, as the reply asks for.
-    fn turn(&mut self, open_query: OpenQuery, degrees: f64) -> Step {
-        self.turned_first = None;
-        let primitives = Primitives { yaw: degrees.to_radians(), ..Primitives::default() };
-        self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
-    }
-
-    /// The VLM says that someone or something is in the way: the craft holds before a person, who will walk on, and backs off
-    /// from anything else. The pilot flies back only over what was seen in the last seconds.
-    fn held_up(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
-        self.confirming = false;
-        self.turned_first = None;
-        let person = reply.boxes.iter().any(|obstacle| avoid::is_person(&obstacle.name) && obstacle.depth <= PERSON_IN_FRONT);
-        let unknown = reply.boxes.is_empty() && !self.settings.avoid;
-        if person || unknown {
-            self.reading.actions.push("holds: the way is blocked".to_owned());
-            return Step::Look;
-        }
-        self.reading.actions.push("backs off: the way is blocked".to_owned());
-        let primitives = Primitives { forward: -BACK_OFF, ..Primitives::default() };
-        self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
-    }
-
-    /// A step towards an image point, clear of the obstacle boxes in obstacle mode.
-    fn fly_to(&mut self, open_query: OpenQuery, reply: &Reply, point: ImagePoint, label: f64) -> Step {
-        let view = open_query.view;
-        let mut step = self.settings.step.length_of(label);
-        let mut waypoint = point;
-        let (before, mut turn) = (self.turned_first.take(), None);
-        if self.settings.avoid && !self.is_mapped_by_sensor() {
-            let plan = PlannedStep {
-                camera: &view.camera,
-                attitude: view.pose.attitude,
-                lifting: self.settings.lifting,
-                shape: self.settings.shape,
-                point,
-                step,
-            };
-            let clearance = self.settings.craft.radius + BODY_MARGIN;
-            let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
-            let outcome = avoid::avoid_with_guessed_ranges(
-                &plan,
-                clearance,
-                &reply.boxes,
-                &unranged,
-                reply.target.as_deref(),
-                self.detour.keep,
-            );
-            self.reading.avoidance = Some(outcome);
-            match outcome {
-                Avoidance::Clear => {
-                    self.blocked = 0;
-                    self.detour.clear();
-                }
-                Avoidance::Shifted { point, .. } => {
-                    self.blocked = 0;
-                    self.detour.shifted(avoid::side_of(&plan, point));
-                    waypoint = point;
-                }
-                Avoidance::Shortened { step: shorter, .. } => {
-                    self.blocked = 0;
-                    step = shorter;
-                }
-                Avoidance::Hold { .. } => return self.blocked(open_query),
-            }
-            if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
-                // A target at the very edge of the frame every time is flown to anyway.
-                let right = view.camera.ray(waypoint).right > 0.0;
-                turn = match before {
-                    None => Some(TurnedFirst { right, turns: 1 }),
-                    Some(last) if last.right != right && last.turns < TURNS_FIRST => {
-                        Some(TurnedFirst { right, turns: last.turns + 1 })
-                    }
-                    Some(_) => None,
-                };
-            }
-        }
-        if let Some(search) = self.search.as_mut().filter(|_| reply.status == Status::Navigating) {
-            search.reset();
-        }
-        self.reading.waypoint = Some(waypoint);
-        self.reading.step = Some(step);
-        let lifted = match lift::unproject(&view.camera, waypoint, step) {
-            Ok(camera) => lift::lift(camera, &view.camera, view.pose.attitude, self.settings.lifting),
-            Err(error) => return self.refuse(&error),
-        };
-        let mut primitives = Primitives::from_displacement(lifted);
-        self.reading.displacement = Some(lifted);
-        if turn.is_some() {
-            self.turned_first = turn;
-            primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
-            (self.reading.step, self.reading.displacement) = (None, None);
-            self.reading.actions.push("turns first: the area beside the image has not been observed".to_owned());
-            self.reading.primitives = Some(primitives);
-            return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true });
-        }
-        self.reading.primitives = Some(primitives);
-        // An open direction is flown to its end.
-        let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
-        // A point beside, above or behind a target, or straight on, is no place of the target.
-        let is_on_target = reply.target_box.is_some_and(|area| area.contains(point)) && !is_at_edge(point);
-        if !self.guidance.anchor || reply.status != Status::Navigating || !is_on_target {
-            return Step::Move(motion);
-        }
-        let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
-        let stage = reply.stage.unwrap_or(self.memory.stage);
-        // Only now is the place known that of this target.
-        self.misses = 0;
-        Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour })
-    }
-
-    /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
-    fn blocked(&mut self, open_query: OpenQuery) -> Step {
-        self.blocked += 1;
-        if self.blocked < BLOCKED_LOOKS {
-            return Step::Look;
-        }
-        self.blocked = 0;
-        // Whatever side it was, that path is closed.
-        self.detour = DetourSide::default();
-        let View { camera, pose, .. } = open_query.view;
-        let craft = self.settings.craft;
-        let is_clear = self.reported.iter().all(|report| report.clears(&pose, BLOCKED_CLIMB, craft.radius + BODY_MARGIN));
-        let search = self.search.get_or_insert_with(|| search_with(&camera, &craft));
-        let climb = if is_clear { search.take_vertical(BLOCKED_CLIMB) } else { 0.0 };
-        let primitives = if climb > 0.0 {
-            Primitives { climb, ..Primitives::default() }
-        } else {
-            let why = if is_clear {
-                "it has climbed 3 m without flying on"
-            } else {
-                "an obstacle reaches beyond the upper edge of the frame"
-            };
-            self.reading.actions.push(format!("turns instead of climbing: {why}"));
-            Primitives { yaw: camera.half_fov().0, ..Primitives::default() }
-        };
-        self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
-    }
-
     fn remember(&mut self, reply: &Reply, point: ImagePoint) {
         if let Some(target) = &reply.target
             && self.memory.targets.last() != Some(target)
@@ -590,11 +362,6 @@ impl Spf {
         }
         self.memory.last_seen = Some(if point.u < 0.5 { Look::Left } else { Look::Right });
     }
-}
-
-/// Whether a point lies at the image's edge: what is pointed at goes on beyond it.
-fn is_at_edge(point: ImagePoint) -> bool {
-    [point.u, point.v].iter().any(|&at| !(IMAGE_EDGE..=1.0 - IMAGE_EDGE).contains(&at))
 }
 
 /// Whether a box stands in front of a place in the image that is `range` metres away.

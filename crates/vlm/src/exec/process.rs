@@ -14,7 +14,7 @@ use crate::error::{brief, quote};
 /// Maximum length of a line, bytes.
 const LONGEST_LINE: u64 = 1 << 20;
 /// Time that a program has to end by itself once its input is closed.
-const FAREWELL: Duration = Duration::from_millis(500);
+const EXIT_GRACE: Duration = Duration::from_millis(500);
 
 /// What a program printed.
 pub(super) enum Said {
@@ -124,9 +124,9 @@ impl Running {
     /// How the program ended, with its last message. Its output must have ended.
     pub(super) fn why_ended(&mut self) -> String {
         let status =
-            self.wait(FAREWELL).map_or_else(|| "it closed its output".to_owned(), |status| format!("it ended with {status}"));
+            self.wait(EXIT_GRACE).map_or_else(|| "it closed its output".to_owned(), |status| format!("it ended with {status}"));
         // Its last message may still be on the way; a child that it left behind may keep the pipe open.
-        let _ = self.errors_read.recv_timeout(FAREWELL);
+        let _ = self.errors_read.recv_timeout(EXIT_GRACE);
         match self.last_error.lock().unwrap_or_else(PoisonError::into_inner).as_str() {
             "" => status,
             words => format!("{status}; its last message: {words}"),
@@ -162,7 +162,7 @@ impl Drop for Running {
     fn drop(&mut self) {
         // A program that has never answered may be loading for minutes more.
         self.requests = None;
-        if self.wait(if self.answered { FAREWELL } else { Duration::ZERO }).is_none() {
+        if self.wait(if self.answered { EXIT_GRACE } else { Duration::ZERO }).is_none() {
             self.kill();
         }
     }

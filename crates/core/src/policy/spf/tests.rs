@@ -1,6 +1,7 @@
 //! Obstacle mode with a detector, decision by decision; whole flights are in the pilot's tests.
 
 use super::*;
+use crate::avoid::Avoidance;
 use crate::camera::Camera;
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;

@@ -1,0 +1,42 @@
+//! The obstacles that replies reported in the last seconds: what a climb or a descent must not meet.
+
+use super::Spf;
+use crate::avoid;
+use crate::geometry::{EnuPosition, Pose};
+use crate::policy::View;
+use crate::reply::ObstacleBox;
+use crate::time::Duration;
+
+/// How long obstacles count for climbs and descents after the frame in which they were reported.
+const REPORTED: Duration = Duration::from_secs(3);
+
+/// The obstacles that were reported in a view; none outside obstacle mode.
+#[derive(Clone, Debug)]
+pub(super) struct Report {
+    view: View,
+    boxes: Vec<ObstacleBox>,
+}
+
+impl Report {
+    /// Whether a climb from `pose`, negative for a descent, is clear of these obstacles.
+    pub(super) fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
+        let View { camera, pose: seen, .. } = self.view;
+        // The same end height, relative to where the view was taken.
+        let from_there = climb + pose.position.up - seen.position.up;
+        let end = EnuPosition { up: pose.position.up + climb, ..pose.position };
+        let way = [pose.position, end].map(|point| seen.position.displacement_to(point, seen.attitude.heading));
+        // What a view from elsewhere shows of the path down must not be an obstacle.
+        let is_seen_free = climb > 0.0 || avoid::is_free(&camera, seen.attitude, &self.boxes, way, clearance);
+        let is_clear =
+            from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance);
+        is_clear && is_seen_free
+    }
+}
+
+impl Spf {
+    /// Remembers the obstacles of a view, besides those of the 3 s before it.
+    pub(super) fn report(&mut self, view: &View, boxes: &[ObstacleBox]) {
+        self.reported.retain(|report| report.view.frame.captured + REPORTED >= view.frame.captured);
+        self.reported.push(Report { view: *view, boxes: boxes.to_vec() });
+    }
+}
