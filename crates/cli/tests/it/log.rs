@@ -111,6 +111,22 @@ fn torn(lab: &Lab, log: &str) {
     assert_eq!(lab.read("letter.txt"), b"no log");
 }
 
+/// A log of 50 bytes in which a text claims 4 GiB: an error, with 3 GiB of address space too.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_text_that_claims_four_gigabytes_takes_no_memory() {
+    let lab = Lab::new();
+    let magic = b"\x89MCAP0\r\n";
+    let header = [&[1][..], &8_u64.to_le_bytes(), &u32::MAX.to_le_bytes(), &[0; 4]].concat();
+    lab.write("claims.mcap", [&magic[..], &header, &[0; 21]].concat());
+    for command in ["log info claims.mcap", "log repair claims.mcap", "replay claims.mcap"] {
+        let limited = format!("ulimit -v 3000000; exec '{}' {command}", env!("CARGO_BIN_EXE_spf"));
+        let run = std::process::Command::new("sh").args(["-c", &limited]).current_dir(lab.path("")).output().unwrap();
+        let said = String::from_utf8_lossy(&run.stderr);
+        assert!(matches!(run.status.code(), Some(0..=2)), "{command}: {} {said}", run.status);
+    }
+}
+
 /// A pilot that decides differently from the log is reported.
 #[test]
 fn a_changed_log_differs() {

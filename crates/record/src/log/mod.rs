@@ -12,6 +12,7 @@ pub mod foxglove;
 mod queue;
 mod reader;
 mod repair;
+mod strings;
 mod video;
 mod writer;
 

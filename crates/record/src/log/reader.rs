@@ -13,7 +13,7 @@ use mcap::records::{Metadata, Record};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use spf_core::time::Time;
 
-use super::{FORMAT, FORMAT_KEY, HEAD, STARTED_KEY};
+use super::{FORMAT, FORMAT_KEY, HEAD, STARTED_KEY, strings};
 
 /// Maximum size of a record or chunk, bytes, so that a crafted file cannot exhaust the memory.
 const LONGEST_RECORD: usize = 64 * 1024 * 1024;
@@ -188,6 +188,8 @@ impl<R: Read> Pieces<R> {
                 }
                 LinearReadEvent::Record { opcode, data } => (opcode, data),
             };
+            // Without its content, the record is an error of the parser.
+            let data = if strings::fit(opcode, data) { data } else { &[] };
             match parse_record(opcode, data)? {
                 Record::DataEnd(_) => self.past_data = true,
                 _ if self.past_data => {}
