@@ -121,7 +121,7 @@ fn a_text_that_claims_four_gigabytes_takes_no_memory() {
     lab.write("claims.mcap", [&magic[..], &header, &[0; 21]].concat());
     for command in ["log info claims.mcap", "log repair claims.mcap", "replay claims.mcap"] {
         let limited = format!("ulimit -v 3000000; exec '{}' {command}", env!("CARGO_BIN_EXE_spf"));
-        let run = std::process::Command::new("sh").args(["-c", &limited]).current_dir(lab.path("")).output().unwrap();
+        let run = Command::new("sh").args(["-c", &limited]).current_dir(lab.path("")).output().unwrap();
         let said = String::from_utf8_lossy(&run.stderr);
         assert!(matches!(run.status.code(), Some(0..=2)), "{command}: {} {said}", run.status);
     }
