@@ -81,13 +81,14 @@ fn at_edge(at: Point) -> Point {
 
 #[cfg(test)]
 mod tests {
+    use spf_core::geometry::Attitude;
+
     use super::*;
 
     #[test]
     fn a_place_is_drawn_where_its_pixel_shows_it() {
-        let mut known = Pose::default();
-        known.position = EnuPosition { east: 3.0, north: -2.0, up: 5.0 };
-        known.attitude.heading = 1.2;
+        let position = EnuPosition { east: 3.0, north: -2.0, up: 5.0 };
+        let known = Pose { position, attitude: Attitude { heading: 1.2, ..Attitude::default() } };
         for (x, y) in [(0, 0), (10, 120), (66, 66), (131, 5)] {
             let back = pixel(known, place(known, x, y));
             assert!((back.x - f64::from(x) - 0.5).abs() < 1e-9 && (back.y - f64::from(y) - 0.5).abs() < 1e-9);
