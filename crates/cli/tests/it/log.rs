@@ -46,7 +46,7 @@ fn others_read_it() {
     let args = ["fly", "fly to the red crane", "--max-time", "12", "--events", "hold.toml", "--out"];
     let video = lab.spf(&[&args[..], &["video"]].concat());
     assert_eq!(video.code, Some(3), "{}", video.stderr);
-    let bare = lab.spf(&[&args[..], &["bare", "--no-video"]].concat());
+    let bare = lab.spf(&[&args[..], &["bare", "--no-video", "--depth-sensor", "on"]].concat());
     assert_eq!(bare.code, Some(3), "{}", bare.stderr);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/log.py");
     let output = Command::new(python).arg(script).args([lab.path("video"), lab.path("bare")]).output().unwrap();
