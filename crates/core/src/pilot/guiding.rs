@@ -4,6 +4,7 @@
 //! Everything here follows from what drivers and VLM deliver: frames' poses by the motion estimate, telemetry, depth
 //! grids, replies.
 
+use super::view_height::correction;
 use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
 use crate::avoid::is_person;
@@ -31,7 +32,11 @@ const FACING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// At the end of a course, a target farther off the heading than this is turned to, radians: 15°.
 const LOOK_BACK: f64 = 15.0 / 180.0 * core::f64::consts::PI;
 /// A target that was lost within this distance may reach over or under the craft, metres.
-const BESIDE_TARGET: f64 = 3.0;
+const BESIDE_TARGET: f64 = 1.5;
+/// One at the craft's height or above it reaches farther over a climb, metres: towers have platforms, trees crowns.
+const UNDER_TARGET: f64 = 3.0;
+/// A target at most this far below the craft counts as at its height, metres.
+const LEVEL_WITH: f64 = 0.5;
 /// A depth sensor whose last grid is at most this old measures what boxes would only bound.
 const SENSED: Duration = Duration::from_secs(1);
 /// A rest of a course below this is not flown, metres.
@@ -151,6 +156,12 @@ impl Guiding {
     }
 }
 
+/// Whether a target last seen at `target` may be in the way of a climb from `at` (a descent, if negative, metres).
+pub(super) fn may_overhang(target: EnuPosition, at: EnuPosition, climb: f64) -> bool {
+    let above = climb > 0.0 && target.up > at.up - LEVEL_WITH;
+    target.horizontal_distance(at) < if above { UNDER_TARGET } else { BESIDE_TARGET }
+}
+
 impl Pilot {
     /// Whether the target's place guides the craft.
     pub(super) fn is_anchored(&self) -> bool {
@@ -162,9 +173,9 @@ impl Pilot {
         self.guiding.map.is_some() && self.is_guided()
     }
 
-    /// Whether the target that was given up last may be right above, below or beside `at`.
-    pub(super) fn is_beside_lost_target(&self, at: EnuPosition) -> bool {
-        self.guiding.given_up.is_some_and(|target| target.horizontal_distance(at) < BESIDE_TARGET)
+    /// Whether the target that was given up last may be in the way of a climb from `at` (a descent, if negative, metres).
+    pub(super) fn is_beside_lost_target(&self, at: EnuPosition, climb: f64) -> bool {
+        self.guiding.given_up.is_some_and(|target| may_overhang(target, at, climb))
     }
 
     fn is_guided(&self) -> bool {
@@ -244,6 +255,8 @@ impl Pilot {
         });
         match in_view {
             Some(at) if !hidden => Expected::InView { at, range: sight.range },
+            // Only a map permits the pilot to climb or sink to it; the policy's search does so otherwise.
+            None if !self.is_mapped() && correction(&self.camera, pose, sight.position).is_some() => Expected::Unknown,
             _ => Expected::Aside,
         }
     }
@@ -375,6 +388,9 @@ impl Pilot {
     pub(super) fn keep_on(&mut self, now: Time, view: &View) {
         let Some(anchor) = self.guiding.anchors.anchor().copied().filter(|_| self.is_anchored()) else { return };
         let sight = anchor.seen_from(view.pose.position, self.estimator.odometry_at(now));
+        if self.is_mapped() && sight.is_sure() && self.bring_into_view(now, sight.position) {
+            return;
+        }
         if self.is_mapped() && sight.may_approach_unseen(self.stop_distance()) {
             let lead = self.lead_from(now, &anchor, view.pose.position, 0.0, f64::INFINITY);
             return self.follow(now, lead);

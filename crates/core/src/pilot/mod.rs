@@ -21,6 +21,7 @@ mod reactions;
 mod settings;
 mod take_over;
 mod unseen;
+mod view_height;
 
 pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
 pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};

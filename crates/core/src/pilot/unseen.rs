@@ -67,13 +67,13 @@ fn in_view(camera: &Camera, pose: &Pose, point: EnuPosition) -> bool {
 
 impl Pilot {
     /// Why what is remembered forbids a vertical search move; `None` if nothing does. The camera sees neither up nor down.
-    fn barred(&self, now: Time, climb: f64) -> Option<&'static str> {
+    pub(super) fn barred(&self, now: Time, climb: f64) -> Option<&'static str> {
         let at = self.known_pose(now).position;
         let (above, beside) = (self.craft.radius + ABOVE, self.craft.radius + BESIDE);
         if self.obstacle_map().is_some_and(|map| !map.is_column_clear(at, climb + above.copysign(climb), beside)) {
             return Some("no vertical search move: the map has an obstacle above or below, or beside the way there");
         }
-        self.is_beside_lost_target(at).then_some("no vertical search move: the target was last seen less than 3 m away")
+        self.is_beside_lost_target(at, climb).then_some("no vertical search move: the target was last seen beside the way there")
     }
 
     /// The part of a move that may be flown; `None` if nothing is left of it.

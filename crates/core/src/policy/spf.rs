@@ -34,8 +34,11 @@ use report::Report;
 const REMEMBERED_TARGETS: usize = 8;
 /// Number of replies in a row that do not show a target whose place is known, before it is searched for: in view, where it
 /// may be hidden; and aside.
-const MISSES_IN_VIEW: u32 = 2;
+const MISSES_IN_VIEW: u32 = 1;
 const MISSES_ASIDE: u32 = 5;
+/// A reply that points farther than this away from a target's known place, and outside its box, does not report that target,
+/// radians: 17°.
+const ELSEWHERE: f64 = 0.3;
 
 /// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -362,6 +365,14 @@ impl Spf {
         }
         self.memory.last_seen = Some(if point.u < 0.5 { Look::Left } else { Look::Right });
     }
+}
+
+/// Whether a reply points at something else than the target whose place should be in view.
+fn is_elsewhere(view: &View, reply: &Reply, point: ImagePoint) -> bool {
+    let Expected::InView { at, range } = view.expected else { return false };
+    let (seen, known) = (view.camera.ray(point), view.camera.ray(at));
+    let apart = libm::atan(seen.right) - libm::atan(known.right);
+    apart.abs() > ELSEWHERE && !reply.target_box.is_some_and(|area| area.contains(at)) && !is_hidden(at, range, &reply.boxes)
 }
 
 /// Whether a box stands in front of a place in the image that is `range` metres away.

@@ -136,3 +136,13 @@ fn a_working_depth_sensor_overrules_boxes() {
     assert_eq!(occupied("quay", true), 0);
     assert!(occupied("person", true) > 0 && occupied("glass door", true) > 0);
 }
+
+/// A tower's platform or a tree's crown reaches farther over a craft than a bottle on a desk reaches under it.
+#[test]
+fn a_lost_target_above_bars_a_climb_from_farther_away_than_one_below_bars_a_descent() {
+    let barred = |up: f64, away: f64, climb: f64| guiding::may_overhang(target(0.0, away, up), target(0.0, 0.0, 10.0), climb);
+    assert!(barred(12.0, 2.9, 1.0) && barred(9.6, 2.9, 1.0), "a climb under a target at its height or above");
+    assert!(!barred(9.4, 2.9, 1.0) && !barred(12.0, 3.1, 1.0), "a climb above a target, or far from it");
+    assert!(!barred(8.0, 1.6, -1.0) && !barred(12.0, 1.6, -1.0), "looking down at what is in front");
+    assert!(barred(8.0, 1.4, -1.0), "a descent onto what may be right below");
+}

@@ -17,6 +17,7 @@ mod operator;
 mod search;
 mod take_over;
 mod unseen;
+mod view_height;
 mod whole;
 
 use std::collections::BTreeMap;

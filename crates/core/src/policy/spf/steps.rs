@@ -1,7 +1,7 @@
 //! From a reply to a step: towards a point, around what is in the way, or holding before it.
 
 use super::detour::{DetourSide, TURNS_FIRST, TurnedFirst};
-use super::{OpenQuery, Spf, search_with};
+use super::{OpenQuery, Spf, is_elsewhere, search_with};
 use crate::avoid::{self, Avoidance, BODY_MARGIN, PlannedStep};
 use crate::detection;
 use crate::lift;
@@ -135,8 +135,8 @@ impl Spf {
         }
         let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
         let stage = reply.stage.unwrap_or(self.memory.stage);
-        // Only now is the place known that of this target.
-        self.misses = 0;
+        // Only now is the place known that of this target; of a reply that points elsewhere it is not known which one is wrong.
+        self.misses = if is_elsewhere(&view, reply, point) { self.misses + 1 } else { 0 };
         Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour })
     }
 

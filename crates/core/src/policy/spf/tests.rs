@@ -346,7 +346,7 @@ fn a_target_that_is_not_seen_is_flown_to_only_in_its_own_stage() {
     assert!(matches!(told_expecting(&mut spf, 2, known, &lost(3)), Step::Move(_)));
 }
 
-/// Two replies without the target are enough if it should be seen; five if a box stands in front of it.
+/// After one reply without the target the craft flies on if it should be seen; after five if a box stands in front of it.
 #[test]
 fn a_target_behind_a_box_is_waited_for_longer() {
     let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 40.0 };
@@ -357,9 +357,33 @@ fn a_target_behind_a_box_is_waited_for_longer() {
         told(&mut spf, 0, seen);
         (1..9).take_while(|&frame| told_expecting(&mut spf, frame, known, &lost) == Step::Keep).count()
     };
-    assert_eq!(kept("[]"), 2);
+    assert_eq!(kept("[]"), 1);
     assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":6,"name":"building"}]"#), 5);
     // Beside it, and behind it.
-    assert_eq!(kept(r#"[{"box":[0,0,300,300],"depth":6,"name":"building"}]"#), 2);
-    assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":9,"name":"building"}]"#), 2);
+    assert_eq!(kept(r#"[{"box":[0,0,300,300],"depth":6,"name":"building"}]"#), 1);
+    assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":9,"name":"building"}]"#), 1);
+}
+
+/// A reply that points at something else, and one that does not show the target, are two that contradict what is known.
+#[test]
+fn a_reply_that_points_elsewhere_counts_as_one_without_the_target() {
+    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 40.0 };
+    let at = |left: u32, right: u32| {
+        let u = (left + right) / 2;
+        format!(
+            r#"{{"target":"oak","status":"navigating","stage":1,"target_box":[400,{left},600,{right}],"point":[500,{u}],"depth":8}}"#
+        )
+    };
+    let lost = r#"{"target":"oak","status":"not_visible","stage":1,"look":"left"}"#;
+    let mut spf = anchored(false);
+    told(&mut spf, 0, &at(400, 600));
+    assert!(matches!(told_expecting(&mut spf, 1, known, &at(30, 130)), Step::Goto(_)));
+    assert!(matches!(told_expecting(&mut spf, 2, known, lost), Step::Move(_)));
+    // The same, where the second reply points at the known place, or its box reaches there.
+    for second in [at(450, 600), at(60, 560)] {
+        let mut spf = anchored(false);
+        told(&mut spf, 0, &at(400, 600));
+        assert!(matches!(told_expecting(&mut spf, 1, known, &second), Step::Goto(_)));
+        assert_eq!(told_expecting(&mut spf, 2, known, lost), Step::Keep);
+    }
 }
