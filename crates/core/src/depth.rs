@@ -49,7 +49,7 @@ pub struct DepthGrid {
 #[non_exhaustive]
 pub enum DepthError {
     /// The number of values is not that of the camera's pixels.
-    #[error("{values} depths for {width}×{height} pixels")]
+    #[error("the depth grid has {values} values for {width}×{height} pixels")]
     WrongSize {
         /// Number of values.
         values: usize,
@@ -59,7 +59,7 @@ pub enum DepthError {
         height: u32,
     },
     /// More values than [`MAX_DEPTHS`].
-    #[error("{0} depths, more than {MAX_DEPTHS}")]
+    #[error("the depth grid has {0} values, more than {MAX_DEPTHS}")]
     TooLarge(usize),
     /// The camera's focal lengths are not positive numbers.
     #[error("the camera's focal lengths must be positive numbers")]

@@ -58,7 +58,7 @@ pub enum DetectError {
     #[error("unsupported model: {0}")]
     Unfit(String),
     /// The network failed on an image.
-    #[error("cannot run the network: {0}")]
+    #[error("cannot run the neural network: {0}")]
     Run(String),
 }
 

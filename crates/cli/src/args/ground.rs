@@ -25,7 +25,7 @@ pub(crate) struct Ground {
     /// Images, followed by the instruction in natural language
     #[arg(value_name = "IMAGE… INSTRUCTION", required_unless_present = "dataset", conflicts_with = "dataset")]
     pub(crate) words: Vec<String>,
-    /// Evaluate on this dataset: from `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, a public
+    /// Evaluate on this dataset: one made by `spf sim dataset`, a folder with a JSONL of points, boxes or masks, COCO, a public
     /// benchmark layout, or `signs`: rendered images with a misleading sign, each paired with one in which the sign is harmless
     #[arg(long, value_name = "DIR|FILE")]
     pub(crate) dataset: Option<PathBuf>,
@@ -59,7 +59,7 @@ pub(crate) struct Ground {
     /// Maximum number of frames per video
     #[arg(long, value_name = "N", default_value_t = 10)]
     pub(crate) frames: usize,
-    /// Only the first N questions (an image with an instruction) of the dataset
+    /// Only the first N questions (each an image with an instruction) of the dataset
     #[arg(short = 'n', long = "count", value_name = "N", requires = "dataset")]
     pub(crate) count: Option<usize>,
     /// Number of parallel queries

@@ -228,7 +228,7 @@ pub(crate) struct MethodArgs {
     /// How the VLM states distances: labels (1 to 10) or metres (for ablation studies) [default: labels]
     #[arg(long, value_name = "FORM")]
     pub(crate) depth_as: Option<String>,
-    /// Send an enlarged crop of a small target (last box under 24 pixels) as a second image
+    /// Send an enlarged crop of a small target (its last box was under 24 pixels) as a second image
     #[arg(long)]
     pub(crate) close_up: bool,
     /// Distance from the target that counts as reached, metres, as told to the VLM [default: the scene's; 0.8 with a Tello;

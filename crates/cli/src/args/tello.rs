@@ -24,10 +24,11 @@ Examples:
   spf tello status
   spf tello land
   spf tello land --drone tello@127.0.0.1
+  spf tello stop
 
 `land` repeats the command until the telemetry shows the motors off, for at most 25 s, and exits with code 6 if they are \
-still running. All three commands work even while the program that flew the drone is running or hangs; its commands compete \
-with them.")]
+still running. All three commands (status, land and stop) work even while the program that flew the drone is running or \
+hangs; its commands compete with them.")]
 pub(crate) struct TelloAddress {
     /// Drone: tello, or tello@ADDRESS [default: tello]
     #[arg(long, value_name = "DRONE")]

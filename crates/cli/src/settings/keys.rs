@@ -48,9 +48,9 @@ settings! {
         close_up: bool = "false", Word, "SPF_CLOSE_UP", "--close-up" sets "true";
         /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
         near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
-        /// sequential or blended; empty: the preset's
+        /// whether yaw, forward motion and climb are flown one after another (sequential) or at once (blended); empty: the preset's
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
-        /// stop or continuous; empty: the preset's
+        /// whether the craft holds while it waits for a reply (stop) or flies on (continuous); empty: the preset's
         think: QueryTiming = "", Word, "SPF_THINK", "--think";
         /// setpoint rate, 5 to 100 Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
@@ -72,7 +72,7 @@ settings! {
         vlm_check: bool = "true", Word, "SPF_VLM_CHECK", "--no-vlm-check" sets "false";
         /// random seed, a whole number
         seed: u64 = "0", Count(0, u64::MAX), "SPF_SEED", "--seed";
-        /// wind m/s[,from=DEG][,gust=M_S][,gust_time=S], from the north by default; empty: still air
+        /// wind as M_S[,from=DEG][,gust=M_S][,gust_time=S], from the north by default; empty: still air
         wind: Wind = "", Explained("a wind such as 3,from=270,gust=1"), "SPF_WIND", "--wind";
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY", "--battery";
@@ -90,7 +90,7 @@ settings! {
         max_reply_age_s: f64 = "8", Number(0.1, 600.0), "SPF_MAX_REPLY_AGE_S", "--max-reply-age";
         /// VLM cost limit of the flight, US dollars; empty: no limit
         max_cost_usd: f64 = "", Number(0.0, 1e6), "SPF_MAX_COST_USD", "--max-cost";
-        /// prompt file (docs/guide/vlm.md), or paper: the VLM's depth label states how far to fly; empty: built-in
+        /// prompt file (docs/guide/vlm.md), or paper (the VLM's depth label then states how far to fly); empty: built-in
         prompt: String = "", Text, "SPF_PROMPT", "--prompt";
         /// geofence: GeoJSON file with polygons in local east/north metres; empty: none
         geofence: String = "", Text, "SPF_GEOFENCE", "--geofence";
@@ -108,7 +108,7 @@ settings! {
 
     /// The simulated camera: `[camera]`.
     camera: Camera {
-        /// blur=MS, noise=LEVELS, exposure=STOPS, lens=NAME, compression=CODEC:QUALITY, joined by commas; all; none
+        /// blur=MS, noise=LEVELS, exposure=STOPS, lens=NAME, compression=CODEC:QUALITY, joined by commas; or all, or none
         effects: Effects = "none", Explained("a list of camera effects"), "SPF_CAMERA_EFFECTS", "--camera-effects";
     }
 
@@ -132,7 +132,7 @@ settings! {
         image_long_side: u32 = "", Count(64, 8192), "SPF_VLM_IMAGE_LONG_SIDE";
         /// JPEG quality of images sent to the VLM, 1 to 100; empty: the model's own, else 70
         jpeg_quality: u8 = "", Count(1, 100), "SPF_VLM_JPEG_QUALITY";
-        /// longest an exec: program may take for an answer in real seconds, also in virtual time, before it is restarted
+        /// longest time that an exec: program may take to answer before it is restarted, in seconds of real time even if the flight runs in virtual time
         exec_timeout_s: f64 = "600", Number(1.0, 86400.0), "SPF_VLM_EXEC_TIMEOUT_S";
     }
 
@@ -160,17 +160,17 @@ settings! {
 
     /// Limits of the safety envelope: `[envelope]`.
     envelope: Envelope {
-        /// horizontal speed limit, m/s; empty: the drone's, else 1.5 times the craft's speed
+        /// horizontal speed limit, m/s; empty: the limit of the drone's driver if it has one, else 1.5 times the craft's preset speed
         max_speed_m_s: f64 = "", Number(0.1, 30.0), "SPF_MAX_SPEED_M_S", "--max-speed";
-        /// climb and descent rate limit, m/s; empty: 1.5 times the craft's rate
+        /// climb and descent rate limit, m/s; empty: 1.5 times the craft's preset rate
         max_climb_m_s: f64 = "", Number(0.1, 10.0), "SPF_MAX_CLIMB_M_S";
-        /// yaw rate limit, degrees per second; empty: 1.5 times the craft's rate
+        /// yaw rate limit, degrees per second; empty: 1.5 times the craft's preset rate
         max_yaw_rate_deg_s: f64 = "", Number(1.0, 360.0), "SPF_MAX_YAW_RATE_DEG_S";
         /// minimum height above take-off, metres; empty: 0.3
         min_altitude_m: f64 = "", Number(0.0, 100.0), "SPF_MIN_ALTITUDE_M";
-        /// maximum height above take-off, metres; empty: the scene's or the drone's, else 120
+        /// maximum height above take-off, metres; empty: the limit of the scene or of the drone's driver if there is one, else 120
         max_altitude_m: f64 = "", Number(1.0, 1000.0), "SPF_MAX_ALTITUDE_M", "--max-altitude";
-        /// maximum distance from take-off, metres; empty: the drone's, else 300
+        /// maximum distance from take-off, metres; empty: the limit of the drone's driver if it has one, else 300
         max_distance_m: f64 = "", Number(1.0, 10_000.0), "SPF_MAX_DISTANCE_M", "--max-distance";
         /// battery charge, 0 to 1, below which the flight ends; empty: 0.15
         low_battery: f64 = "", Number(0.0, 1.0), "SPF_LOW_BATTERY";

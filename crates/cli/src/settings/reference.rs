@@ -13,22 +13,23 @@ const HEAD: &str = "\
 <!-- Written from crates/cli/src/settings/keys.rs by
 `INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
 
-Each key can be set in four places. In rising order of precedence they are the default, the
-configuration file (`./spf.toml`, or the file of `--config FILE`), an environment variable and a
-flag. Variables can also be set in `./.env`; the environment overrides that file. `spf config show`
-prints every value in force with its source, in the form of a configuration file. Neither file can
-set `live_origin` or `send_key_to`, which decide who receives images and API keys
+The value of a key comes from one of four places. In rising order of precedence they are the
+default, the configuration file (`./spf.toml`, or the file given with `--config FILE`), an
+environment variable and a flag. Variables can also be set in `./.env`; the environment overrides
+that file. `spf config show` prints every value in force with its source, in the form of a
+configuration file. Neither the configuration file nor `.env` can set `live_origin` or
+`send_key_to`, which decide who receives images and API keys
 ([security](../explanation/security.md)).
 
-The file is TOML: each table below is a `[table]`, and a value is a string, a number, `true` or
-`false`. An unknown key is an error, which names its line. An unknown variable that begins with
-`SPF_` causes only a warning, because other programs use that prefix too; `SPF_SHARDS` is not a
+The configuration file is TOML: each table below is a `[table]`, and a value is a string, a number,
+`true` or `false`. An unknown key is an error, which names its line. An unknown variable that begins
+with `SPF_` causes only a warning, because other programs use that prefix too. `SPF_SHARDS` is not a
 setting but a variable of `spf bench` ([cluster](../guide/cluster.md)).
 
-The column *meaning* states after \"empty:\" what an empty value (`\"\"`) of the key means. Without such
-a statement an empty value selects the default, or `false` if the values are `true` and `false`. In
-the column *flag*, an entry such as \"`--avoid`: true\" means that the flag takes no value and sets
-the key to `true`. The flags are those of `spf fly`; other commands have some of them.
+In the column *meaning*, the text after \"empty:\" says what an empty value (`\"\"`) of the key means.
+Without such a text an empty value selects the default, or `false` if the values are `true` and
+`false`. In the column *flag*, an entry such as \"`--avoid`: true\" means that the flag takes no value
+and sets the key to `true`. The flags are those of `spf fly`; other commands have some of them.
 
 In code: `crates/cli/src/settings`.
 ";

@@ -107,7 +107,7 @@ impl PromptKind {
 #[non_exhaustive]
 pub enum PromptError {
     /// Invalid first line.
-    #[error("line 1 is not `spf-prompt KIND VERSION` with a kind of {}", PromptKind::ALL.map(PromptKind::word).join(", "))]
+    #[error("line 1 must be `spf-prompt KIND VERSION`, where KIND is one of {}", PromptKind::ALL.map(PromptKind::word).join(", "))]
     Head,
     /// Too long.
     #[error("the prompt exceeds {LONGEST} bytes")]

@@ -42,7 +42,7 @@ pub enum EndpointError {
         source: std::io::Error,
     },
     /// A thread could not be started.
-    #[error("cannot start the endpoint thread")]
+    #[error("cannot start the thread of the VLM endpoint")]
     Thread(#[source] std::io::Error),
 }
 

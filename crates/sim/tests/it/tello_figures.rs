@@ -204,7 +204,8 @@ fn rows() -> Vec<Row> {
             "m/s",
             Some((0.78, 1.0)),
             north(&settled(stick(1.0))),
-            "0.78 if the next row is linear; client programs treat the stick value as cm/s",
+            "0.78 if speed is proportional to the stick, extrapolated from the next row; \
+             1 if the stick value is in cm/s, as client programs treat it",
         ),
         row(
             "speed at stick 15",

@@ -352,7 +352,7 @@ pub enum TableError {
         other: String,
     },
     /// A request that the vendor would reject.
-    #[error("`{model}` does not accept `{key}` in `request` according to its row; set `sampling = true` if it does")]
+    #[error("`{model}` does not accept `{key}` in `request`, says the table of models; set `sampling = true` if it does")]
     Sampling {
         /// The model.
         model: String,
