@@ -358,8 +358,8 @@ impl Pilot {
             Some(Gate::EarlierStage | Gate::Invalid) | None => return Lead::Step(goto.motion),
         }
         let own = libm::hypot(goto.motion.primitives.forward, goto.motion.primitives.climb);
-        // The reply's boxes were checked along its own step only.
-        let most = if self.settings.avoid && !self.settings.guidance.sensor { own } else { f64::INFINITY };
+        // No farther than the reply's boxes leave the straight path clear.
+        let most = if self.settings.avoid && !self.settings.guidance.sensor { goto.clear } else { f64::INFINITY };
         self.lead_from(now, anchor, from.position, own, most)
     }
 

@@ -159,6 +159,8 @@ pub struct Goto {
     pub motion: Move,
     /// Whether the motion leads around an obstacle and not to the target.
     pub is_detour: bool,
+    /// How far the reply's boxes leave the straight path to the point clear, metres; at least as far as the motion leads.
+    pub clear: f64,
 }
 
 /// A policy's interpretation of its last reply, for progress display, recording and overlays.

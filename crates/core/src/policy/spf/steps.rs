@@ -8,7 +8,7 @@ use crate::lift;
 use crate::policy::{Goto, Move, Step, View};
 use crate::primitives::Primitives;
 use crate::query::ImagePoint;
-use crate::reply::{Reply, Status};
+use crate::reply::{ObstacleBox, Reply, Status};
 
 /// Number of times in a row that a blocked path is answered by holding and querying again before searching for another.
 const BLOCKED_LOOKS: u32 = 3;
@@ -18,6 +18,8 @@ const BLOCKED_CLIMB: f64 = 1.0;
 const BACK_OFF: f64 = 1.0;
 /// A point this near to the image's edge, as a fraction of its size, is no place of a target.
 const IMAGE_EDGE: f64 = 0.02;
+/// Steps longer than the planned one whose path is compared with the boxes.
+const LONGER_STEPS: u32 = 8;
 /// Depth label up to which a person counts as standing in front: 4.6 m.
 const PERSON_IN_FRONT: u8 = 4;
 
@@ -58,6 +60,7 @@ impl Spf {
         let mut step = self.settings.step.length_of(label);
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
+        let mut free = None;
         if self.settings.avoid && !self.is_mapped_by_sensor() {
             let plan = PlannedStep {
                 camera: &view.camera,
@@ -82,6 +85,9 @@ impl Spf {
                 Avoidance::Clear => {
                     self.blocked = 0;
                     self.detour.clear();
+                    if self.guidance.anchor {
+                        free = Some(longest_clear(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), label));
+                    }
                 }
                 Avoidance::Shifted { point, .. } => {
                     self.blocked = 0;
@@ -137,7 +143,8 @@ impl Spf {
         let stage = reply.stage.unwrap_or(self.memory.stage);
         // Only now is the place known that of this target; of a reply that points elsewhere it is not known which one is wrong.
         self.misses = if is_elsewhere(&view, reply, point) { self.misses + 1 } else { 0 };
-        Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour })
+        let clear = libm::hypot(primitives.forward, primitives.climb) * free.unwrap_or(step) / step;
+        Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour, clear })
     }
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
@@ -168,6 +175,25 @@ impl Spf {
         self.reading.primitives = Some(primitives);
         Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
     }
+}
+
+/// The longest step towards the point of `plan`, up to half of the range that `label` states, that the boxes leave clear, metres
+/// along the optical axis; at least the planned one, which does.
+fn longest_clear(
+    plan: &PlannedStep<'_>,
+    clearance: f64,
+    boxes: &[ObstacleBox],
+    unranged: &[bool],
+    target: Option<&str>,
+    label: f64,
+) -> f64 {
+    let half = 0.5 * lift::range_of_label(label);
+    let longer = (0..LONGER_STEPS).map(|nth| half + (plan.step - half) * f64::from(nth) / f64::from(LONGER_STEPS));
+    let is_clear = |step: f64| {
+        let plan = PlannedStep { step, ..*plan };
+        avoid::avoid_with_guessed_ranges(&plan, clearance, boxes, unranged, target, None) == Avoidance::Clear
+    };
+    longer.take_while(|&step| step > plan.step).find(|&step| is_clear(step)).unwrap_or(plan.step)
 }
 
 /// Whether a point lies at the image's edge: what is pointed at goes on beyond it.
