@@ -3,12 +3,21 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::time::Duration;
+
+/// Answers are slow if most of the last five took longer than this from the capture of their frame.
+pub const SLOW_ANSWERS: Duration = Duration::from_secs(3);
+
 /// The parts that guide the craft between two answers. They act in continuous, blended motion only.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Guidance {
     /// Whether the target's place is kept in the world, fused from all replies ([`crate::anchor`]).
     pub anchor: bool,
+    /// Whether it is kept in any case while the VLM's answers are slow ([`SLOW_ANSWERS`]). Where answers are fast, each one is
+    /// a better guide than the average of all.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub slow_anchor: bool,
     /// Whether obstacles are kept in a map, around which the planner leads ([`crate::obstacle_map`], [`crate::planner`]).
     pub map: bool,
     /// Whether a depth sensor fills the map. Without one, the boxes of each reply are also checked against its own step
@@ -20,6 +29,12 @@ impl Guidance {
     /// Whether every part is off, which serialisation omits.
     #[must_use]
     pub fn is_off(&self) -> bool {
-        !self.anchor && !self.map
+        !self.keeps_anchor() && !self.map
+    }
+
+    /// Whether the target's place may be kept.
+    #[must_use]
+    pub fn keeps_anchor(&self) -> bool {
+        self.anchor || self.slow_anchor
     }
 }

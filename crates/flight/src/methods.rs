@@ -119,6 +119,8 @@ pub struct BenchSettings {
     pub avoid: bool,
     /// Whether the target's place is kept between two answers.
     pub anchor: bool,
+    /// Whether it is kept while answers are slow.
+    pub slow_anchor: bool,
     /// Whether obstacles are kept in a map, around which the planner leads.
     pub map: bool,
     /// Whether the envelope brakes before known obstacles.
@@ -164,7 +166,7 @@ impl BenchSettings {
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
-            guidance: Guidance { anchor: self.anchor, map: self.map, sensor: self.depth_sensor },
+            guidance: Guidance { anchor: self.anchor, slow_anchor: self.slow_anchor, map: self.map, sensor: self.depth_sensor },
             ..preset
         }
     }

@@ -237,7 +237,7 @@ pub const SUITES: &[Suite] = &[
     Suite {
         name: "trials",
         description: "50 instructions as users type them, ten or twenty in each scene, flown from the scene's start",
-        methods: "spf,spf-avoid,spf-depth,spf-paper,spf-paper-avoid",
+        methods: "spf,spf-avoid,spf-default,spf-depth,spf-paper,spf-paper-avoid",
         vlms: "oracle:default,oracle:perfect",
         tasks: TRIALS,
     },

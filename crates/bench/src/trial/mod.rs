@@ -228,7 +228,9 @@ impl Trial {
         let fence = if self.method.is_fenced() { " fence" } else { "" };
         let settings = format!("{:?}", self.method.settings(&self.task));
         // What is off is left out: a trial without it is the one that it was before it could be switched on.
-        let settings = settings.replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "");
+        let settings = settings
+            .replace("slow_anchor: false, ", "")
+            .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "");
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
         let all = format!("{} {settings} {limits:?} {}{fence}{extra}", policy.name(), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))

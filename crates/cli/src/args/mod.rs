@@ -101,7 +101,7 @@ impl Command {
 Examples:
   spf fly \"Take off and fly to the red crane\"
   spf fly \"Go to the black car\" --seed 7 --preset paper
-  spf fly \"Fly to the white needle tower, keep clear of everything\" --avoid --out needle
+  spf fly \"Fly to the white needle tower\" --depth-sensor on --out needle
   spf fly \"Find the bridge\" --json | jq .outcome
   spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
   spf fly \"Fly to the black car\" --vlm gemini
@@ -244,11 +244,12 @@ pub(crate) struct MethodArgs {
     /// Setpoint rate, 5 to 100 Hz [default: 10]
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub(crate) rate: Option<String>,
-    /// Obstacle mode: request obstacle boxes and keep clear of them
-    #[arg(long)]
-    pub(crate) avoid: bool,
+    /// Obstacle mode: request obstacle boxes and keep clear of them: on (also --avoid alone), off, or auto (on with the
+    /// policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:) [default: auto]
+    #[arg(long, value_name = "SWITCH", num_args = 0..=1, require_equals = true, default_missing_value = "on")]
+    pub(crate) avoid: Option<String>,
     /// Keep an estimate of the target's position between replies, fused from all of them: on, off, or auto (on
-    /// with a depth sensor) [default: auto]
+    /// with a depth sensor; in obstacle mode, while answers take more than 3 s) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) anchor: Option<String>,
     /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on, off, or

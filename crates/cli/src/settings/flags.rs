@@ -111,7 +111,7 @@ impl MethodArgs {
         fly.motion.flag(motion.as_deref());
         fly.think.flag(think.as_deref());
         fly.rate_hz.flag(rate.as_deref());
-        fly.avoid.switch(*avoid);
+        fly.avoid.flag(avoid.as_deref());
         fly.anchor.flag(anchor.as_deref());
         fly.map.flag(map.as_deref());
         fly.brake.flag(brake.as_deref());

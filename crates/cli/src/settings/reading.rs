@@ -160,7 +160,14 @@ impl Switch {
 
 impl Words for Switch {
     fn words() -> Vec<(&'static str, Self)> {
-        vec![("auto", Self(None)), ("on", Self(Some(true))), ("off", Self(Some(false)))]
+        vec![
+            ("auto", Self(None)),
+            ("on", Self(Some(true))),
+            ("off", Self(Some(false))),
+            // As `fly.avoid` was written while it was either on or off.
+            ("true", Self(Some(true))),
+            ("false", Self(Some(false))),
+        ]
     }
 }
 

@@ -192,14 +192,34 @@ fn the_configuration_reaches_the_pilot() {
 /// What guides between two answers is on with a depth sensor, unless it is switched off or the preset cannot use it.
 #[test]
 fn a_depth_sensor_turns_on_what_it_is_for() {
-    let guidance = |flags: &[&str]| {
+    let settings = |flags: &[&str]| {
         let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
-        Lab::new().fly("mine", &args).1["settings"]["guidance"].clone()
+        Lab::new().fly("mine", &args).1["settings"].clone()
     };
-    assert!(guidance(&[]).is_null());
+    let guidance = |flags: &[&str]| settings(flags)["guidance"].clone();
     let all = serde_json::json!({ "anchor": true, "map": true, "sensor": true });
     assert_eq!(guidance(&["--depth-sensor", "on"]), all);
     assert_eq!(guidance(&["--depth-sensor", "on", "--map", "off"])["map"], false);
     assert!(guidance(&["--depth-sensor", "on", "--preset", "paper"]).is_null());
-    assert_eq!(guidance(&["--anchor", "on"])["anchor"], true);
+    assert_eq!(settings(&["--depth-sensor", "on"])["avoid"], false);
+}
+
+/// Without a depth sensor the VLM is asked for boxes; not of a person or a program, which may know nothing of them.
+#[test]
+fn boxes_and_an_anchor_for_slow_answers_are_on_by_default() {
+    let lab = Lab::new();
+    std::fs::write(lab.path("model.py"), "import sys\nfor line in sys.stdin: print('{\"status\":\"done\"}', flush=True)\n")
+        .unwrap();
+    let parts = |flags: &[&str]| {
+        let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
+        let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));
+        let settings = lab.fly(&folder, &args).1["settings"].clone();
+        (settings["avoid"] == true, settings["guidance"]["slow_anchor"] == true)
+    };
+    assert_eq!(parts(&[]), (true, true));
+    assert_eq!(parts(&["--avoid"]), (true, true));
+    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, false));
+    for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {
+        assert_eq!(parts(off), (false, false), "{off:?}");
+    }
 }

@@ -109,6 +109,6 @@ fn tables_of_every_spelling_name_their_line() {
     insta::assert_snapshot!(message(&run.stdout), @r#"
     scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name, scene file or .glb
     seed = 7                           # b.toml:1; SPF_SEED: random seed, a whole number
-    max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: maximum height above take-off, metres; empty: the scene's or the drone's, else 120
+    max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: maximum height above take-off, metres; empty: the limit of the scene or of the drone's driver if there is one, else 120
     "#);
 }

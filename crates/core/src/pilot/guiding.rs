@@ -4,6 +4,9 @@
 //! Everything here follows from what drivers and VLM deliver: frames' poses by the motion estimate, telemetry, depth
 //! grids, replies.
 
+use std::collections::VecDeque;
+
+use super::unseen::may_overhang;
 use super::view_height::correction;
 use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
@@ -12,6 +15,7 @@ use crate::depth::DepthGrid;
 use crate::estimator::MotionEstimate;
 use crate::executor::{Goal, Motion};
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
+use crate::guidance::SLOW_ANSWERS;
 use crate::lift::range_of_label;
 use crate::obstacle_map::{CELL, Cell, Mobility, ObstacleMap};
 use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach, escape};
@@ -31,12 +35,6 @@ const BRAKING: f64 = 0.5;
 const FACING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// At the end of a course, a target farther off the heading than this is turned to, radians: 15°.
 const LOOK_BACK: f64 = 15.0 / 180.0 * core::f64::consts::PI;
-/// A target that was lost within this distance may reach over or under the craft, metres.
-const BESIDE_TARGET: f64 = 1.5;
-/// One at the craft's height or above it reaches farther over a climb, metres: towers have platforms, trees crowns.
-const UNDER_TARGET: f64 = 3.0;
-/// A target at most this far below the craft counts as at its height, metres.
-const LEVEL_WITH: f64 = 0.5;
 /// A depth sensor whose last grid is at most this old measures what boxes would only bound.
 const SENSED: Duration = Duration::from_secs(1);
 /// A rest of a course below this is not flown, metres.
@@ -73,8 +71,30 @@ pub(super) struct Guiding {
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
     depth_at: Option<Time>,
+    /// Ages of the last answers.
+    ages: AnswerAges,
     /// When the brake last received the obstacles.
     remembered: Option<Time>,
+}
+
+/// Time from the capture of its frame to each of the last answers.
+#[derive(Debug, Default)]
+struct AnswerAges(VecDeque<Duration>);
+
+impl AnswerAges {
+    const KEPT: usize = 5;
+
+    fn add(&mut self, age: Duration) {
+        self.0.push_back(age);
+        if self.0.len() > Self::KEPT {
+            self.0.pop_front();
+        }
+    }
+
+    /// Whether most of the last answers were slow.
+    fn are_slow(&self) -> bool {
+        self.0.iter().filter(|&&age| age > SLOW_ANSWERS).count() > Self::KEPT / 2
+    }
 }
 
 /// What a craft under way flies to.
@@ -156,16 +176,11 @@ impl Guiding {
     }
 }
 
-/// Whether a target last seen at `target` may be in the way of a climb from `at` (a descent, if negative, metres).
-pub(super) fn may_overhang(target: EnuPosition, at: EnuPosition, climb: f64) -> bool {
-    let above = climb > 0.0 && target.up > at.up - LEVEL_WITH;
-    target.horizontal_distance(at) < if above { UNDER_TARGET } else { BESIDE_TARGET }
-}
-
 impl Pilot {
     /// Whether the target's place guides the craft.
     pub(super) fn is_anchored(&self) -> bool {
-        self.settings.guidance.anchor && self.is_guided()
+        let guidance = self.settings.guidance;
+        (guidance.anchor || guidance.slow_anchor && self.guiding.ages.are_slow()) && self.is_guided()
     }
 
     /// Whether the map does.
@@ -191,7 +206,7 @@ impl Pilot {
     /// The target's place, if it is known. For recording.
     #[must_use]
     pub fn anchor(&self) -> Option<&Anchor> {
-        self.guiding.anchors.anchor().filter(|_| self.settings.guidance.anchor)
+        self.guiding.anchors.anchor().filter(|_| self.is_anchored())
     }
 
     /// The same as seen from the craft. For recording.
@@ -264,6 +279,7 @@ impl Pilot {
     /// Takes what a reply says about target and obstacles, at its frame's time and pose.
     pub(super) fn learn(&mut self, now: Time, waiting: &Waiting, step: &Step) {
         let view = &waiting.view;
+        self.guiding.ages.add(now.since(view.frame.captured));
         self.guiding.gate = None;
         if self.is_anchored()
             && let Step::Goto(goto) = step

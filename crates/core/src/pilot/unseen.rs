@@ -12,6 +12,12 @@ use crate::policy::Move;
 use crate::primitives::Primitives;
 use crate::time::{Duration, Time};
 
+/// A target that was lost within this distance may reach over or under the craft, metres.
+const BESIDE_TARGET: f64 = 1.5;
+/// One at the craft's height or above it reaches farther over a climb, metres: towers have platforms, trees crowns.
+const UNDER_TARGET: f64 = 3.0;
+/// A target at most this far below the craft counts as at its height, metres.
+const LEVEL_WITH: f64 = 0.5;
 /// Content of a frame counts for this long.
 const REMEMBERED: Duration = Duration::from_secs(3);
 /// Minimum interval of remembered frames.
@@ -63,6 +69,12 @@ fn in_view(camera: &Camera, pose: &Pose, point: EnuPosition) -> bool {
     let ahead = pose.position.displacement_to(point, pose.attitude.heading);
     ahead.length() <= SIGHT
         && project_displacement(ahead, camera, pose.attitude, Lifting::Levelled).is_some_and(|point| point.is_in_image())
+}
+
+/// Whether a target last seen at `target` may be in the way of a climb from `at` (a descent, if negative, metres).
+pub(super) fn may_overhang(target: EnuPosition, at: EnuPosition, climb: f64) -> bool {
+    let above = climb > 0.0 && target.up > at.up - LEVEL_WITH;
+    target.horizontal_distance(at) < if above { UNDER_TARGET } else { BESIDE_TARGET }
 }
 
 impl Pilot {

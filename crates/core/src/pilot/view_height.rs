@@ -10,7 +10,7 @@ use crate::query::ImagePoint;
 use crate::time::Time;
 
 use super::Pilot;
-use super::guiding::may_overhang;
+use super::unseen::may_overhang;
 
 /// A target is brought this far inside the image's edge, radians: 5°.
 const INSIDE: f64 = 5.0 / 180.0 * core::f64::consts::PI;

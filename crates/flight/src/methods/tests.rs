@@ -161,8 +161,17 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 6]>()).prop_map(
-        |(preset, step, lifting, motion, ending, think, confirm_done, [avoid, fence, anchor, map, brake, depth_sensor])| {
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 7]>()).prop_map(
+        |(
+            preset,
+            step,
+            lifting,
+            motion,
+            ending,
+            think,
+            confirm_done,
+            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor],
+        )| {
             BenchSettings {
                 preset,
                 step,
@@ -173,6 +182,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 confirm_done,
                 avoid,
                 anchor,
+                slow_anchor,
                 map,
                 brake,
                 depth_sensor,

@@ -76,6 +76,12 @@ pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions,
     Ok(flight_conditions)
 }
 
+/// Whether this VLM can be expected to list obstacles when it is asked to: a person who points does not, and a program may
+/// have been written without it.
+fn answers_with_boxes(vlm: &str) -> bool {
+    !(is_human(vlm) || vlm.starts_with("exec:"))
+}
+
 /// The pilot's settings: the preset, with the changes from the settings.
 pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<PilotSettings, CliError> {
     let fly = &settings.fly;
@@ -93,11 +99,17 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(think) = fly.think.get()? {
         method.think = think;
     }
-    method.avoid = fly.avoid.is_on()?;
     let sensor = fly.depth_sensor.or_default()?.0.is_some();
+    let lists_boxes = preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();
+    method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
-    let guides = sensor && method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    method.guidance = Guidance { anchor: fly.anchor.or_default()?.or(guides), map: fly.map.or_default()?.or(guides), sensor };
+    let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
+    method.guidance = Guidance {
+        anchor: fly.anchor.or_default()?.or(can_guide && sensor),
+        slow_anchor: fly.anchor.or_default()?.or(can_guide && method.avoid) && !sensor,
+        map: fly.map.or_default()?.or(can_guide && sensor),
+        sensor,
+    };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }

@@ -8,7 +8,7 @@ use crate::reply::ObstacleBox;
 
 fn guided(anchor: bool, map: bool) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { anchor, map, sensor: map };
+    setup.settings.guidance = Guidance { anchor, map, sensor: map, slow_anchor: false };
     setup.settings.avoid = map;
     setup
 }
@@ -140,9 +140,25 @@ fn a_working_depth_sensor_overrules_boxes() {
 /// A tower's platform or a tree's crown reaches farther over a craft than a bottle on a desk reaches under it.
 #[test]
 fn a_lost_target_above_bars_a_climb_from_farther_away_than_one_below_bars_a_descent() {
-    let barred = |up: f64, away: f64, climb: f64| guiding::may_overhang(target(0.0, away, up), target(0.0, 0.0, 10.0), climb);
+    let barred =
+        |up: f64, away: f64, climb: f64| super::super::unseen::may_overhang(target(0.0, away, up), target(0.0, 0.0, 10.0), climb);
     assert!(barred(12.0, 2.9, 1.0) && barred(9.6, 2.9, 1.0), "a climb under a target at its height or above");
     assert!(!barred(9.4, 2.9, 1.0) && !barred(12.0, 3.1, 1.0), "a climb above a target, or far from it");
     assert!(!barred(8.0, 1.6, -1.0) && !barred(12.0, 1.6, -1.0), "looking down at what is in front");
     assert!(barred(8.0, 1.4, -1.0), "a descent onto what may be right below");
+}
+
+/// Each answer guides where answers are fast, and the anchor where they are slow.
+#[test]
+fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
+    let anchored = |latency: f64| {
+        let mut setup = Setup::preset(Preset::Default);
+        setup.settings.guidance = Guidance { slow_anchor: true, ..Guidance::default() };
+        let mut flight = setup.fly(perfect(target(0.0, 60.0, 3.0), latency));
+        flight.until_asked(8);
+        flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
+    };
+    assert!(anchored(1.0).iter().all(|&anchored| !anchored));
+    // From the third slow answer on.
+    assert_eq!(anchored(4.0), [false, false, true, true, true, true, true]);
 }

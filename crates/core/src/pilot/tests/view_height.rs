@@ -33,7 +33,7 @@ fn a_target_beyond_the_upper_or_lower_edge_is_brought_five_degrees_inside() {
 fn a_craft_that_is_too_low_for_its_target_climbs_unless_something_is_above() {
     let flown = |ceiling: bool| {
         let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = crate::guidance::Guidance { anchor: true, map: true, sensor: true };
+        setup.settings.guidance = crate::guidance::Guidance { anchor: true, map: true, sensor: true, slow_anchor: false };
         let mut flight = setup.fly(|_, _| Answer::Never);
         flight.until_phase(Phase::Flying);
         flight.pass(2.0);

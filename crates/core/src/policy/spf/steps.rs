@@ -85,7 +85,7 @@ impl Spf {
                 Avoidance::Clear => {
                     self.blocked = 0;
                     self.detour.clear();
-                    if self.guidance.anchor {
+                    if self.guidance.keeps_anchor() {
                         free = Some(longest_clear(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), label));
                     }
                 }
@@ -136,7 +136,7 @@ impl Spf {
         let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
         // A point beside, above or behind a target, or straight on, is no place of the target.
         let is_on_target = reply.target_box.is_some_and(|area| area.contains(point)) && !is_at_edge(point);
-        if !self.guidance.anchor || reply.status != Status::Navigating || !is_on_target {
+        if !self.guidance.keeps_anchor() || reply.status != Status::Navigating || !is_on_target {
             return Step::Move(motion);
         }
         let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
