@@ -100,7 +100,8 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         method.think = think;
     }
     let sensor = fly.depth_sensor.or_default()?.0.is_some();
-    let lists_boxes = preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();
+    let lists_boxes =
+        preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;

@@ -246,7 +246,8 @@ fn a_flight_goes_on_when_the_vendor_comes_back() {
 fn a_fallback_steps_in_in_its_own_coordinates() {
     // The second is a family with pixel coordinates, and points where the first would have.
     let second = Server::start(|number, _| {
-        let ahead = r#"{"status":"navigating","look":null,"stage":1,"point":[384,276.48],"depth":6,"target":"the crane","boxes":[]}"#;
+        let ahead =
+            r#"{"status":"navigating","look":null,"stage":1,"point":[384,276.48],"depth":6,"target":"the crane","boxes":[]}"#;
         Vendor::Anthropic.stream("claude-haiku-5-5", if number == 0 { ahead } else { DONE })
     });
     let patient = |plan: &mut FlightPlan| plan.settings.reply_timeout = Duration::from_secs(20);

@@ -22,7 +22,8 @@ use vendors::Vendor;
 pub(crate) const AHEAD: &str =
     r#"{"status":"navigating","look":null,"stage":1,"point":[480,500],"depth":6,"target":"the crane","boxes":[]}"#;
 /// Its reply at the target.
-pub(crate) const DONE: &str = r#"{"status":"done","look":null,"stage":1,"point":null,"depth":null,"target":"the crane","boxes":[]}"#;
+pub(crate) const DONE: &str =
+    r#"{"status":"done","look":null,"stage":1,"point":null,"depth":null,"target":"the crane","boxes":[]}"#;
 
 pub(crate) const KEY: &str = "sk-test-0123456789abcdefghijklmnop";
 

@@ -27,8 +27,10 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// How often a flight is begun that ends before its phase.
 const ATTEMPTS: u32 = 3;
 
-const CIRCLE: &str = r#"{"status":"navigating","look":null,"stage":1,"point":[480,700],"depth":2,"target":"the door","boxes":[]}"#;
-const SEARCH: &str = r#"{"status":"not_visible","look":"right","stage":1,"point":null,"depth":null,"target":"the door","boxes":[]}"#;
+const CIRCLE: &str =
+    r#"{"status":"navigating","look":null,"stage":1,"point":[480,700],"depth":2,"target":"the door","boxes":[]}"#;
+const SEARCH: &str =
+    r#"{"status":"not_visible","look":"right","stage":1,"point":null,"depth":null,"target":"the door","boxes":[]}"#;
 
 /// What came of a cell.
 #[derive(Clone, Debug)]
