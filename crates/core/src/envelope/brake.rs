@@ -4,13 +4,15 @@
 //! direction, the speed is limited so that the craft comes to rest the margin before the nearest point in the corridor
 //! of the body. In directions that no working sensor shows (sideways, backwards, or with a dead, frozen or late sensor)
 //! it is also limited to the blind speed. A direction in the field of view without a return does not count as blind:
-//! open space gives none, and neither does glass.
+//! open space gives none, and neither does glass. But where the ground should give a return in a part of the image and
+//! gives none, that part has failed, and what it would show is blind.
 
 use super::brake_limits::BrakeLimits;
 use super::reach::Braking;
 use crate::camera::Camera;
 use crate::depth::{CameraAxes, DepthGrid};
 use crate::geometry::{EnuPosition, EnuVelocity, Pose};
+use crate::lift::CameraDisplacement;
 use crate::time::{Time, duration_from_secs};
 
 /// Added to the body's radius on either side of the path, metres.
@@ -21,6 +23,8 @@ const FROZEN: u32 = 3;
 const LEAST_VALID: f64 = 0.02;
 /// A return of the ground is due up to this depth, metres: within the range of common sensors.
 const DUE: f64 = 8.0;
+/// Parts of the image, side by side, that can fail on their own.
+const STRIPS: usize = 8;
 /// A grid is reduced to the nearest point of each block of this many pixels a side.
 const BLOCK: usize = 4;
 /// Points farther than this from the craft do not matter, metres: no craft of ours needs as much to stop.
@@ -34,8 +38,9 @@ pub(super) struct Brake {
     depth: Option<Seen>,
     /// Values of the newest grid, and the number of consecutive grids with these values.
     repeated: (Vec<u16>, u32),
-    /// Whether the sensor gave values when it was last due to.
+    /// Whether the sensor gave values when it was last due to; and the same of each strip.
     proved: bool,
+    strips: [bool; STRIPS],
     remembered: Vec<EnuPosition>,
     /// Position and heading according to the motion estimate that depth and map are based on.
     motion: Option<(Time, EnuPosition, f64)>,
@@ -49,6 +54,8 @@ struct Seen {
     camera: Camera,
     axes: CameraAxes,
     points: Vec<EnuPosition>,
+    /// The strips that work.
+    strips: [bool; STRIPS],
 }
 
 /// A motion to be bounded.
@@ -63,16 +70,17 @@ pub(super) struct Motion {
 }
 
 impl Brake {
-    /// Adds a depth grid, measured at `pose`, `height` metres above the ground.
+    /// Adds a depth grid, measured at `pose`, `height` metres above the ground. Returns whether it is a measurement of a working
+    /// sensor.
     ///
     /// A grid without values comes from the open sky if the ground is too far below to be in range, and from a dead sensor if it is
     /// not: a sensor that worked when it could show so is trusted above that height.
-    pub(super) fn depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose, height: f64) {
+    pub(super) fn depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose, height: f64) -> bool {
         if grid.check().is_err() || self.depth.as_ref().is_some_and(|seen| grid.captured <= seen.captured) {
-            return;
+            return false;
         }
         if self.depth.as_ref().is_some_and(|seen| grid.counter == seen.counter) {
-            return; // The same measurement again.
+            return false; // The same measurement again.
         }
         let (values, times) = &mut self.repeated;
         if *values == grid.cm {
@@ -86,10 +94,18 @@ impl Brake {
         // Nothing is always the same.
         let frozen = *times >= FROZEN && !(nothing && open_sky);
         if frozen || (empty && !open_sky) {
-            (self.depth, self.proved) = (None, false);
-            return;
+            (self.depth, self.proved, self.strips) = (None, false, [false; STRIPS]);
+            return false;
         }
         self.proved |= !empty;
+        let valid = valid_in_strips(grid);
+        for (index, works) in self.strips.iter_mut().enumerate() {
+            if valid[index] >= LEAST_VALID {
+                *works = true;
+            } else if is_due_at(grid, pose, height, (index as f64 + 0.5) / STRIPS as f64, LOW) {
+                *works = false;
+            }
+        }
         let axes = CameraAxes::new(&grid.camera, pose);
         let across = (grid.camera.width as usize).div_ceil(BLOCK);
         let down = (grid.camera.height as usize).div_ceil(BLOCK);
@@ -97,12 +113,14 @@ impl Brake {
         let width = grid.camera.width as usize;
         for (index, at) in grid.points() {
             let block = &mut nearest[(index / width / BLOCK) * across + (index % width) / BLOCK];
-            if block.is_none_or(|near: crate::lift::CameraDisplacement| at.forward < near.forward) {
+            if block.is_none_or(|near: CameraDisplacement| at.forward < near.forward) {
                 *block = Some(at);
             }
         }
         let points = nearest.into_iter().flatten().map(|at| axes.place(at.right, at.forward, at.up)).collect();
-        self.depth = Some(Seen { captured: grid.captured.min(now), counter: grid.counter, camera: grid.camera, axes, points });
+        let (captured, strips) = (grid.captured.min(now), self.strips);
+        self.depth = Some(Seen { captured, counter: grid.counter, camera: grid.camera, axes, points, strips });
+        true
     }
 
     /// Replaces the remembered obstacles by these places near the craft.
@@ -164,15 +182,35 @@ impl Brake {
     }
 }
 
+/// Where in the image, from its top, the ground is looked for.
+const LOW: f64 = 0.95;
+
 /// Whether level ground `height` metres below would be in range somewhere in the image.
 fn is_due(grid: &DepthGrid, pose: Pose, height: f64) -> bool {
+    let corners = [(0.05, 0.05), (0.95, 0.05), (0.05, LOW), (0.5, LOW), (0.95, LOW)];
+    corners.into_iter().any(|(u, v)| is_due_at(grid, pose, height, u, v))
+}
+
+/// Whether level ground `height` metres below would be in range at this place of the image.
+fn is_due_at(grid: &DepthGrid, pose: Pose, height: f64, u: f64, v: f64) -> bool {
     let axes = CameraAxes::new(&grid.camera, Pose { position: EnuPosition::default(), ..pose });
-    let corners = [(0.05, 0.05), (0.95, 0.05), (0.05, 0.95), (0.5, 0.95), (0.95, 0.95)];
-    corners.into_iter().any(|(u, v)| {
-        let ray = grid.camera.ray(crate::query::ImagePoint { u, v });
-        let down = -axes.place(ray.right, 1.0, ray.up).up;
-        down > 0.0 && height <= DUE * down
-    })
+    let ray = grid.camera.ray(crate::query::ImagePoint { u, v });
+    let down = -axes.place(ray.right, 1.0, ray.up).up;
+    down > 0.0 && height <= DUE * down
+}
+
+/// The fraction of the pixels with a value in each strip.
+fn valid_in_strips(grid: &DepthGrid) -> [f64; STRIPS] {
+    let width = grid.camera.width.max(1) as usize;
+    let mut counts = [(0_u32, 0_u32); STRIPS];
+    for row in grid.cm.chunks(width) {
+        for (column, &cm) in row.iter().enumerate() {
+            let (valid, all) = &mut counts[column * STRIPS / width];
+            *valid += u32::from(cm > 0);
+            *all += 1;
+        }
+    }
+    counts.map(|(valid, all)| f64::from(valid) / f64::from(all.max(1)))
 }
 
 /// Unit vector of a velocity, turned clockwise.
@@ -198,7 +236,7 @@ fn nearest<'a>(points: impl Iterator<Item = &'a EnuPosition>, motion: &Motion, a
     points.filter_map(distance).fold(f64::INFINITY, f64::min)
 }
 
-/// Whether a grid's field of view covers the path: the place 2 m along it.
+/// Whether a grid's field of view covers the path: the place 2 m along it, with strips that work across the body's corridor there.
 fn shows(seen: &Seen, motion: &Motion, along: [f64; 3]) -> bool {
     let ahead = 2.0;
     let place = EnuPosition {
@@ -206,5 +244,15 @@ fn shows(seen: &Seen, motion: &Motion, along: [f64; 3]) -> bool {
         north: motion.from.north + ahead * along[1],
         up: motion.from.up + ahead * along[2],
     };
-    seen.axes.shows(&seen.camera, place)
+    if !seen.axes.shows(&seen.camera, place) {
+        return false;
+    }
+    let CameraDisplacement { right, forward, up } = seen.axes.look(place);
+    let beside = motion.radius + BESIDE;
+    // An edge outside the image has no strip: the outermost one stands for it.
+    let strip = |right: f64| {
+        let u = seen.camera.project(right, forward, up).map_or(0.5, |point| point.u);
+        ((u * STRIPS as f64).max(0.0) as usize).min(STRIPS - 1)
+    };
+    seen.strips[strip(right - beside)..=strip(right + beside)].iter().all(|works| *works)
 }

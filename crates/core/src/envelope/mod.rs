@@ -200,17 +200,16 @@ impl Envelope {
         self.watch.reply(now, ok);
     }
 
-    /// Takes a depth grid that arrived at `now`, measured at `pose` according to the motion estimate. Ignored without
-    /// [`Limits::brake`], as are the next two.
-    pub fn observe_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
+    /// Takes a depth grid that arrived at `now`, measured at `pose` according to the motion estimate. Returns whether it is a new
+    /// measurement of a working sensor: no other part may believe what the brake does not believe.
+    pub fn observe_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) -> bool {
         let now = self.advance(now);
-        if self.limits.brake.is_some() {
-            let height = self.estimate.clearance.unwrap_or(self.estimate.height);
-            self.brake.depth(now, grid, pose, height);
-        }
+        let height = self.estimate.clearance.unwrap_or(self.estimate.height);
+        self.brake.depth(now, grid, pose, height)
     }
 
-    /// Replaces the remembered obstacles: occupied places near the craft, according to the motion estimate.
+    /// Replaces the remembered obstacles: occupied places near the craft, according to the motion estimate. Ignored without
+    /// [`Limits::brake`], as is the next.
     pub fn observe_obstacles(&mut self, places: impl Iterator<Item = EnuPosition>) {
         if self.limits.brake.is_some() {
             self.brake.remember(places);

@@ -162,6 +162,11 @@ impl Guiding {
         self.course = None;
     }
 
+    #[cfg(test)]
+    pub(super) fn map_mut(&mut self) -> Option<&mut ObstacleMap> {
+        self.map.as_mut()
+    }
+
     pub(super) fn is_under_way(&self) -> bool {
         self.course.is_some()
     }

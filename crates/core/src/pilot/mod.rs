@@ -317,10 +317,12 @@ impl Pilot {
         self.follow_craft(now, before, telemetry.crashed);
     }
 
-    /// Passes a depth grid to brake and map, with the pose at its capture. A grid of unknown pose says nothing.
+    /// Passes a depth grid to brake and map, with the pose at its capture. A grid of unknown pose says nothing, and neither does
+    /// one of a sensor that has failed: a frozen one would clear the map of what the craft flies towards.
     fn depth(&mut self, now: Time, grid: &DepthGrid) {
-        if let Some(pose) = self.estimator.pose_at(grid.captured.min(now)) {
-            self.envelope.observe_depth(now, grid, pose);
+        if let Some(pose) = self.estimator.pose_at(grid.captured.min(now))
+            && self.envelope.observe_depth(now, grid, pose)
+        {
             self.map_depth(now, grid, pose);
         }
     }

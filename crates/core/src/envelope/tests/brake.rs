@@ -137,6 +137,32 @@ fn a_frozen_sensor_means_flying_blind() {
     assert!(rig.ask(now, forward(3.0)).0.forward > 2.9, "it measures again");
 }
 
+/// By hand: the body and 0.1 m are 0.4 m to each side, 2 m ahead 0.2 m a metre, a tenth of the image's width: straight ahead they
+/// reach over the strips 3 and 4 of 0 to 7, and 30° to a side (0.58 of 1) over 1 or 6.
+#[test]
+fn where_a_part_of_the_sensor_has_failed_the_craft_flies_slowly() {
+    let mut rig = braked(BrakeLimits::with_sensor());
+    let half = |counter: u64, now: Time, cm: u16| {
+        let mut grid = grid(counter, now, cm);
+        grid.cm.iter_mut().enumerate().filter(|(index, _)| index % 40 < 20).for_each(|(_, cm)| *cm = 0);
+        grid
+    };
+    let slant = |right: f64| Setpoint { right, forward: 1.73, ..Setpoint::HOLD };
+    let mut speeds = |now: Time, grid: &DepthGrid, up: f64| {
+        rig.place(0.0, 0.0, up);
+        rig.fresh(now);
+        rig.envelope.observe_depth(now, grid, Pose { position: place(0.0, 0.0, up), attitude: Attitude::default() });
+        [-1.0, 0.0, 1.0].map(|right| rig.ask(now, slant(right)).0.speed() > 0.51)
+    };
+    assert_eq!(speeds(ms(1000), &grid(1, ms(1000), 901), 3.0), [true; 3]);
+    assert_eq!(speeds(ms(1066), &half(2, ms(1066), 902), 3.0), [false, false, true], "the ground is due there");
+    assert_eq!(speeds(ms(1132), &grid(3, ms(1132), 903), 3.0), [true; 3], "it works again");
+    // Where no ground is in range, nothing shows whether it is the sky.
+    assert_eq!(speeds(ms(1198), &half(4, ms(1198), 904), 12.0), [true; 3]);
+    assert_eq!(speeds(ms(1264), &half(5, ms(1264), 905), 3.0), [false, false, true]);
+    assert_eq!(speeds(ms(1330), &half(6, ms(1330), 906), 12.0), [false, false, true], "not until it has given values");
+}
+
 /// By hand: 1.5 m to the obstacle leaves 0.9 m, and 10 % more may be flown: 0.818 m.
 #[test]
 fn a_manoeuvre_ends_before_an_obstacle() {

@@ -107,34 +107,84 @@ fn nothing_flies_back_to_a_place_that_was_passed() {
     assert!(back < 0.05, "{back}");
 }
 
-/// Where a depth sensor measures, a box is no obstacle of the map, except people and what such sensors do not see.
+/// A depth sensor at 3 m above level ground.
+#[derive(Clone, Copy, PartialEq)]
+enum Sensor {
+    None,
+    /// Nothing is within the map, but the ground is in range.
+    Works,
+    /// No values, although the ground is in range.
+    Black,
+    /// The same values again and again, stamped new.
+    Frozen,
+}
+
+/// Where a depth sensor works, a box is no obstacle of the map, except people and what such sensors do not see.
 #[test]
 fn a_working_depth_sensor_overrules_boxes() {
-    let occupied = |name: &'static str, sensor: bool| {
+    let occupied = |name: &'static str, sensor: Sensor| {
         let goal = target(0.0, 60.0, 3.0);
         let mut flight = guided(true, true).fly(move |_, seen| {
             let mut reply = crate::reply::parse_reply(&points_at(goal, seen), &GroundingProfile::default(), false).unwrap();
             let area = ImageBox { left: 0.0, top: 0.5, right: 0.3, bottom: 1.0 };
             reply.boxes.push(ObstacleBox { area, depth: 4, name: name.to_owned() });
-            Answer::After(secs(1.0), reply.to_json(&GroundingProfile::default(), true))
+            Answer::After(secs(2.0), reply.to_json(&GroundingProfile::default(), true))
         });
         flight.until_asked(1);
-        for counter in 0..15 {
+        for counter in 0..25_u16 {
             flight.pass(0.1);
-            if sensor {
-                let camera = Camera::from_fov(16, 12, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0);
-                // Nothing within its range.
-                let (captured, cm) = (flight.now, vec![0; 16 * 12]);
-                let grid = DepthGrid { captured, counter, camera, cm, source: DepthSource::Sensor };
-                flight.tell(Event::Depth(Box::new(grid)));
-            }
+            let cm = match sensor {
+                Sensor::None => continue,
+                Sensor::Works => 1500 + counter,
+                Sensor::Black => 0,
+                Sensor::Frozen => 1500,
+            };
+            let camera = Camera::from_fov(16, 12, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0);
+            let (captured, counter, cm) = (flight.now, counter.into(), vec![cm; 16 * 12]);
+            let grid = DepthGrid { captured, counter, camera, cm, source: DepthSource::Sensor };
+            flight.tell(Event::Depth(Box::new(grid)));
         }
         assert!(flight.decisions().count() > 0);
         flight.pilot.obstacle_map().unwrap().occupied().count()
     };
-    assert!(occupied("quay", false) > 0);
-    assert_eq!(occupied("quay", true), 0);
-    assert!(occupied("person", true) > 0 && occupied("glass door", true) > 0);
+    assert_eq!(occupied("quay", Sensor::Works), 0);
+    assert!(occupied("person", Sensor::Works) > 0 && occupied("glass door", Sensor::Works) > 0);
+    for sensor in [Sensor::None, Sensor::Black, Sensor::Frozen] {
+        assert!(occupied("quay", sensor) > 0);
+    }
+}
+
+/// A frozen sensor shows the air that it last saw, wherever the craft is by then: the map does not believe it.
+#[test]
+fn a_frozen_depth_sensor_does_not_clear_the_map() {
+    let occupied = |is_frozen: bool| {
+        let goal = target(0.0, 60.0, 3.0);
+        let mut flight = guided(true, true).fly(perfect(goal, 60.0));
+        flight.until_asked(1);
+        let at = flight.model.position;
+        // Its middle pixel looks straight ahead.
+        let camera = Camera::from_fov(17, 13, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0);
+        let grid = |flight: &Flight, counter: u64, cm: u16| {
+            let (captured, cm) = (flight.now, vec![cm; 17 * 13]);
+            Event::Depth(Box::new(DepthGrid { captured, counter, camera, cm, source: DepthSource::Sensor }))
+        };
+        // Clear air; then something else tells of an obstacle.
+        for counter in 0..5 {
+            flight.pass(0.1);
+            let event = grid(&flight, counter, if is_frozen { 1500 } else { 1500 + counter as u16 });
+            flight.tell(event);
+        }
+        let map = flight.pilot.guiding.map_mut().unwrap();
+        map.ray(at, EnuPosition { north: at.north + 3.0, ..at }, true);
+        for counter in 5..20 {
+            flight.pass(0.1);
+            let event = grid(&flight, counter, if is_frozen { 1500 } else { 1500 + counter as u16 });
+            flight.tell(event);
+        }
+        flight.pilot.obstacle_map().unwrap().occupied().count()
+    };
+    assert_eq!(occupied(false), 0, "a sensor that works clears what is gone");
+    assert!(occupied(true) > 0);
 }
 
 /// A tower's platform or a tree's crown reaches farther over a craft than a bottle on a desk reaches under it.

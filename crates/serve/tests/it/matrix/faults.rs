@@ -65,9 +65,26 @@ pub(crate) enum Sender {
     Forged,
 }
 
+/// What a depth sensor does from the beginning of a fault on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum DepthFailing {
+    /// It delivers nothing.
+    Silent,
+    /// The same values again and again, stamped new.
+    Frozen,
+    /// The left half has no values.
+    HalfBlack,
+    /// Depths are 10 % too large.
+    Scale,
+    /// Everything arrives 1.5 s late.
+    Late,
+}
+
 /// What goes wrong.
 #[derive(Clone, Debug)]
 pub(crate) enum What {
+    /// The depth sensor.
+    Depth(DepthFailing),
     /// Messages between craft and pilot.
     Messages(Vec<(Stream, Fault)>),
     /// The craft itself.
@@ -104,6 +121,10 @@ impl Row {
         Self::of(name, What::Messages(faults.to_vec()))
     }
 
+    fn depth(name: &'static str, fault: DepthFailing) -> Self {
+        Self::of(name, What::Depth(fault))
+    }
+
     fn model(name: &'static str, fault: ModelFault) -> Self {
         Self::of(name, What::Model(fault))
     }
@@ -124,7 +145,7 @@ impl Row {
                 let fault = Fault::Drop { p: 1.0 };
                 plan.rules = vec![Rule { stream: Stream::Commands, from, until: Some(from + 0.4), fault }];
             }
-            What::Model(_) | What::Charge(_) | What::Thread | What::Sender(_) => {}
+            What::Depth(_) | What::Model(_) | What::Charge(_) | What::Thread | What::Sender(_) => {}
         }
         plan
     }
@@ -161,6 +182,11 @@ pub(crate) fn rows() -> Vec<Row> {
         Row::of("a thread of the driver dies", What::Thread),
         Row::of("datagrams from another address", What::Sender(Sender::Other)),
         Row::of("datagrams with the drone's address, forged", What::Sender(Sender::Forged)),
+        Row::depth("depth sensor silent", DepthFailing::Silent),
+        Row::depth("depth sensor frozen", DepthFailing::Frozen),
+        Row::depth("depth sensor 1.5 s late", DepthFailing::Late),
+        Row::depth("left half of the depth sensor black", DepthFailing::HalfBlack),
+        Row::depth("depths 10 % too large", DepthFailing::Scale),
         Row::model("model silent", ModelFault::Silent),
         Row::model("model HTTP 429", ModelFault::RateLimit),
         Row::model("model HTTP 503", ModelFault::Unavailable),

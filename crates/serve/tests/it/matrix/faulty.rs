@@ -4,13 +4,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use spf_core::command::Command;
+use spf_core::depth::DepthGrid;
 use spf_core::envelope::Cleared;
 use spf_core::fault::{Content, FaultMachine, Stream};
 use spf_core::frame::{FrameMeta, Unusable};
 use spf_core::telemetry::Telemetry;
-use spf_core::time::Time;
+use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+
+use super::faults::DepthFailing;
 
 /// Drops, delays, copies and damages a drone's reports, and loses commands.
 pub(crate) struct Faulty {
@@ -20,6 +23,9 @@ pub(crate) struct Faulty {
     pub(crate) charge: Option<(Time, f64)>,
     /// From when on it reports an error of its inertial measurement.
     pub(crate) imu_error_from: Option<Time>,
+    /// From when on its depth sensor fails, and how.
+    pub(crate) depth: Option<(Time, DepthFailing)>,
+    last_depths: Vec<u16>,
     counts: [u64; 3],
     /// The last frame and telemetry from before a freeze.
     last: (Option<FrameMeta>, Option<Telemetry>),
@@ -29,8 +35,18 @@ pub(crate) struct Faulty {
 
 impl Faulty {
     pub(crate) fn new(drone: Box<dyn Drone>, faults: FaultMachine) -> Self {
-        let (charge, imu_error_from) = (None, None);
-        Self { drone, faults, charge, imu_error_from, counts: [0; 3], last: (None, None), queue: BTreeMap::new(), serial: 0 }
+        Self {
+            drone,
+            faults,
+            charge: None,
+            imu_error_from: None,
+            depth: None,
+            last_depths: Vec::new(),
+            counts: [0; 3],
+            last: (None, None),
+            queue: BTreeMap::new(),
+            serial: 0,
+        }
     }
 
     fn frame(&mut self, frame: FrameMeta, content: Content) -> FrameMeta {
@@ -64,7 +80,31 @@ impl Faulty {
         }
     }
 
+    /// What arrives of a depth grid, and when.
+    fn depth(&mut self, at: Time, mut grid: Box<DepthGrid>) -> Option<(Time, Box<DepthGrid>)> {
+        let fault = self.depth.filter(|(from, _)| grid.captured >= *from).map(|(_, fault)| fault);
+        match fault {
+            None => self.last_depths.clone_from(&grid.cm),
+            Some(DepthFailing::Silent) => return None,
+            Some(DepthFailing::Frozen) => grid.cm.clone_from(&self.last_depths),
+            Some(DepthFailing::HalfBlack) => {
+                let width = grid.camera.width as usize;
+                grid.cm.iter_mut().enumerate().filter(|(index, _)| index % width < width / 2).for_each(|(_, cm)| *cm = 0);
+            }
+            Some(DepthFailing::Scale) => grid.cm.iter_mut().for_each(|cm| *cm += *cm / 10),
+            Some(DepthFailing::Late) => return Some((at + Duration::from_millis(1500), grid)),
+        }
+        Some((at, grid))
+    }
+
     fn take(&mut self, at: Time, event: DroneEvent) {
+        if let DroneEvent::Depth(grid) = event {
+            if let Some((at, grid)) = self.depth(at, grid) {
+                self.serial += 1;
+                self.queue.insert((at, self.serial), DroneEvent::Depth(grid));
+            }
+            return;
+        }
         let stream = match &event {
             DroneEvent::Frame(_) => Stream::Frames,
             DroneEvent::Telemetry(_) => Stream::Telemetry,

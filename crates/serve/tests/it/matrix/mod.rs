@@ -7,20 +7,26 @@ mod model;
 mod report;
 mod watch;
 
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_core::craft::CraftKind;
+use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_core::guidance::Guidance;
 use spf_core::pilot::{OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::real::Real;
-use spf_flight::sim::{LoadedScene, SimDrone, SimWorld, VlmFactory};
+use spf_flight::sim::{LoadedScene, OracleVlm, SimDrone, SimWorld, VlmFactory};
 use spf_flight::site::Clock;
 use spf_flight::world::Script;
+use spf_oracle::ErrorFile;
 use spf_serve::tello::ProtocolParameters;
+use spf_sim::depth_sensor::DepthSensor;
+use spf_vlm::Vlm;
 
 use self::faults::{FlightPart, Row, Sender, What};
 use self::faulty::Faulty;
@@ -34,6 +40,23 @@ pub(crate) use self::report::{tables, tsv};
 const OPERATOR_AT: f64 = 12.0;
 /// Duration of the manual flight.
 const BY_HAND: f64 = 6.0;
+
+/// Seed of the simulated craft.
+const SEED: u64 = 5;
+/// With a depth sensor: scene, start and instruction of `sim-obstacle-black-car/spf-depth/oracle-perfect/3` of the bench, where
+/// something solid stands on the straight path to the car, 28 m away.
+const OBSTACLES: &str = "city@488252265";
+const BEFORE_OBSTACLES: ([f64; 3], f64) = ([76.026, 11.095, -0.1], -1.763);
+const AROUND: &str = "Take off and fly to the black car (avoiding obstacles)";
+
+/// Time limits of these flights: with the fault, and without it.
+const GUIDED_TIME: Duration = Duration::from_secs(100);
+const PHASE_TIME: Duration = Duration::from_secs(10);
+
+fn among_obstacles() -> &'static Arc<LoadedScene> {
+    static SCENE: OnceLock<Arc<LoadedScene>> = OnceLock::new();
+    SCENE.get_or_init(|| Arc::new(LoadedScene::load(OBSTACLES).unwrap()))
+}
 
 /// A fault in a phase of a craft.
 #[derive(Clone, Debug)]
@@ -58,6 +81,8 @@ pub(crate) struct Flown {
     /// The craft's true phase, and speed in m/s, at the end.
     pub(crate) phase: FlightPhase,
     pub(crate) speed: f64,
+    /// With a depth sensor, the least distance of the craft's middle from anything solid in flight, m.
+    pub(crate) nearest: Option<f64>,
     /// Motion without a fresh reason.
     pub(crate) violations: Vec<String>,
 }
@@ -83,6 +108,10 @@ impl Cell {
             What::Craft(CraftFault::ImuLost) => None,
             What::Craft(_) if is_quad => Some("the simulated quadrotor has no such fault"),
             What::Sender(_) if is_quad => Some("the simulated quadrotor is not reached by datagrams"),
+            What::Depth(_) if !is_quad => Some("the Tello has no depth sensor"),
+            What::Depth(_) if self.part != FlightPart::Executing => {
+                Some("a flight with a depth sensor takes long; one phase is flown")
+            }
             What::Thread if is_quad => Some("the simulated quadrotor is flown in the loop's own thread"),
             What::Craft(CraftFault::TakeOffRefused) | What::TakeOffLost if self.part != FlightPart::TakeOff => {
                 Some("it can only occur during take-off")
@@ -107,6 +136,9 @@ impl Cell {
         let speed = craft.truth().velocity.speed();
         let (outcome, cause) = watch.outcome.clone().unwrap();
         let mut violations = watch.violations.clone();
+        if let Some((at, touched)) = craft.truth().collided_with.first().filter(|_| self.has_depth()) {
+            violations.push(format!("at {at} it touches the object {touched}"));
+        }
         // Datagrams from another address change nothing.
         let same = watch.outcome == fair.outcome && watch.last_motion == fair.last_motion;
         if matches!(self.row.what, What::Sender(Sender::Other)) && !same {
@@ -120,18 +152,22 @@ impl Cell {
             last_command: watch.last_command.clone(),
             phase: craft.dynamics().phase(),
             speed,
+            nearest: self.has_depth().then_some(watch.nearest),
             violations,
         }
     }
 
     fn fly_from(&self, scene: &Arc<LoadedScene>, onset: Option<Time>) -> (Watch, SimWorld) {
-        let start = scene.scene.start;
-        let world = SimWorld::new(scene.clone(), self.craft, start, 5);
+        let scene = if self.has_depth() { among_obstacles() } else { scene };
+        let world = SimWorld::new(scene.clone(), self.craft, self.start(scene), SEED);
         let plan = onset.map_or_else(FaultPlan::default, |onset| self.row.plan(onset.as_secs_f64()));
         let frames = |rule: &spf_core::fault::Rule| rule.stream == Stream::Frames;
         // A Tello's state, commands and responses pass its virtual link; its driver receives the remainder.
         let (drone, outside): (Box<dyn Drone>, FaultPlan) = match self.craft {
-            CraftKind::Quad => (Box::new(SimDrone::new(world.clone())), plan),
+            CraftKind::Quad => {
+                let sensor = self.has_depth().then(DepthSensor::default);
+                (Box::new(SimDrone::new(world.clone()).with_depth_sensor(sensor, SEED)), plan)
+            }
             CraftKind::Tello => {
                 let (outside, inside) = plan.rules.into_iter().partition(frames);
                 let faults = FaultPlan { rules: inside, craft: plan.craft };
@@ -144,6 +180,11 @@ impl Cell {
             }
         };
         let mut drone = Faulty::new(drone, FaultMachine::new(outside, 7).unwrap());
+        let depth = match self.row.what {
+            What::Depth(fault) => onset.map(|onset| (onset, fault)),
+            _ => None,
+        };
+        drone.depth = depth;
         match self.row.what {
             What::Charge(charge) => drone.charge = onset.map(|onset| (onset, charge)),
             // The virtual Tello reports its own.
@@ -154,15 +195,49 @@ impl Cell {
             What::Model(fault) => onset.map(|onset| (onset, fault)),
             _ => None,
         };
-        let model = Mutex::new(Some(Scripted { searching: self.part == FlightPart::Searching, fault }));
-        let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(model.lock().unwrap().take().unwrap())));
+        let model: Box<dyn Vlm> = if self.has_depth() {
+            let errors = ErrorFile::named("perfect").unwrap();
+            Box::new(OracleVlm::new("oracle:perfect".to_owned(), world.clone(), errors, SEED))
+        } else {
+            Box::new(Scripted { searching: self.part == FlightPart::Searching, fault })
+        };
+        let model = Mutex::new(Some(model));
+        let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(model.lock().unwrap().take().unwrap()));
         let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
-        let settings = PilotSettings { max_time: Duration::from_secs(45), ..PilotSettings::preset(Preset::Default) };
-        let plan =
-            FlightPlan { settings, script: self.script(), ..FlightPlan::new(site, "fly to the door", "scripted", vlm_factory) };
-        let mut watch = Watch::new(plan.limits.clone());
+        let guided = self.has_depth();
+        let max_time = match onset {
+            // At the speed of a craft without depth, around the obstacle and to the target.
+            Some(_) if guided => GUIDED_TIME,
+            // Only to find the phase.
+            None if guided => PHASE_TIME,
+            _ => Duration::from_secs(45),
+        };
+        let settings = PilotSettings {
+            max_time,
+            avoid: guided,
+            guidance: Guidance { anchor: guided, map: guided, sensor: guided },
+            ..PilotSettings::preset(Preset::Default)
+        };
+        let instruction = if guided { AROUND } else { "fly to the door" };
+        let plan = FlightPlan { settings, script: self.script(), ..FlightPlan::new(site, instruction, "scripted", vlm_factory) };
+        let brake = guided.then(BrakeLimits::with_sensor);
+        let plan = FlightPlan { limits: Limits { brake, ..plan.limits.clone() }, ..plan };
+        let mut watch = Watch::new(plan.limits.clone(), depth, guided.then(|| world.clone()));
         fly(plan, &mut [&mut watch]).unwrap();
         (watch, world)
+    }
+
+    /// Whether the craft has a depth sensor, and what goes with it.
+    fn has_depth(&self) -> bool {
+        matches!(self.row.what, What::Depth(_))
+    }
+
+    fn start(&self, scene: &LoadedScene) -> Pose {
+        if !self.has_depth() {
+            return scene.scene.start;
+        }
+        let ([east, north, up], heading) = BEFORE_OBSTACLES;
+        Pose { position: EnuPosition { east, north, up }, attitude: Attitude { heading, ..Attitude::default() } }
     }
 
     fn script(&self) -> Script {

@@ -17,7 +17,7 @@ pub(crate) fn tsv(cells: &[Cell], flown: &[Option<Flown>]) -> String {
         let rest = match flown {
             None => format!("\t\tnot flown\t{}\t\t", cell.left_out().unwrap_or_default()),
             Some(flown) => format!(
-                "{:.2}\t{}\t{}\t{}\t{}\t{:?}, {:.2} m/s",
+                "{:.2}\t{}\t{}\t{}\t{}\t{:?}, {:.2} m/s{}",
                 flown.onset,
                 flown.last_motion.map_or("none".to_owned(), |after| format!("{after:.2}")),
                 flown.outcome,
@@ -25,6 +25,7 @@ pub(crate) fn tsv(cells: &[Cell], flown: &[Option<Flown>]) -> String {
                 flown.last_command,
                 flown.phase,
                 flown.speed,
+                flown.nearest.map_or(String::new(), |nearest| format!("; never nearer than {nearest:.2} m")),
             ),
         };
         writeln!(text, "{name}\t{rest}").unwrap();

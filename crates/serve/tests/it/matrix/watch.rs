@@ -1,17 +1,25 @@
 //! Watches a flight: whether every motion has a fresh reason.
 
-use spf_core::command::Command;
+use spf_core::command::{Command, Setpoint};
 use spf_core::envelope::Limits;
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot};
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_flight::run::Observer;
+use spf_flight::sim::SimWorld;
 
-use super::faults::FlightPart;
+use super::faults::{DepthFailing, FlightPart};
 
 /// Zero is commanded within this time of the end of a reason to move.
 const STOP_RULE: Duration = Duration::from_millis(200);
 /// Time for which an operator's setpoint moves the craft.
 const BY_HAND: Duration = Duration::from_millis(400);
+
+/// The brake knows a silent or late sensor within this time, and any other that it can know within a few grids.
+const NOTICED: Duration = Duration::from_millis(700);
+/// Speed without a depth sensor, m/s.
+const BLIND: f64 = 0.5;
+/// Up to this height, metres, the sensor should see the ground in every part of its image, at any attitude of a slow craft.
+const GROUND_IN_RANGE: f64 = 4.0;
 
 /// The record of a flight.
 pub(crate) struct Watch {
@@ -24,6 +32,11 @@ pub(crate) struct Watch {
     /// Since when no decision moves the craft; `None` while one does.
     without_reason: Option<Time>,
     by_hand: Option<Time>,
+    /// From when on the depth sensor fails, and how.
+    depth: Option<(Time, DepthFailing)>,
+    world: Option<SimWorld>,
+    /// Least distance of the craft's middle from anything solid of this world while it flies, m.
+    pub(crate) nearest: f64,
     asked: Option<Time>,
     first_motion: Option<Time>,
     first_manual: Option<Time>,
@@ -35,7 +48,7 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    pub(crate) fn new(limits: Limits) -> Self {
+    pub(crate) fn new(limits: Limits, depth: Option<(Time, DepthFailing)>, world: Option<SimWorld>) -> Self {
         Self {
             limits,
             captured: None,
@@ -43,6 +56,9 @@ impl Watch {
             measured: None,
             without_reason: Some(Time::ZERO),
             by_hand: None,
+            depth,
+            world,
+            nearest: f64::INFINITY,
             asked: None,
             first_motion: None,
             first_manual: None,
@@ -70,6 +86,20 @@ impl Watch {
             FlightPart::Landing => (entered(Phase::Landing), 300),
         };
         at.map(|at| at + Duration::from_millis(after))
+    }
+
+    /// Checks that the craft flies slowly where its depth sensor has failed.
+    fn braked(&mut self, now: Time, setpoint: Setpoint, height: f64) {
+        let Some((_, fault)) = self.depth.filter(|(from, _)| now.since(*from) > NOTICED) else { return };
+        let is_blind = match fault {
+            DepthFailing::Silent | DepthFailing::Frozen | DepthFailing::Late => true,
+            // Its own half, and straight ahead, where the body's corridor reaches into it.
+            DepthFailing::HalfBlack => setpoint.right <= 0.0 && setpoint.yaw_rate <= 0.0 && height < GROUND_IN_RANGE,
+            DepthFailing::Scale => false,
+        };
+        if is_blind && setpoint.speed() > BLIND + 1e-6 && self.violations.len() < 3 {
+            self.violations.push(format!("at {now} it flies {:.2} m/s without depth", setpoint.speed()));
+        }
     }
 
     fn moved(&mut self, now: Time, phase: Phase) {
@@ -108,6 +138,12 @@ impl Watch {
 }
 
 impl Observer for Watch {
+    fn time(&mut self, _: Time, pilot: &Pilot) {
+        let Some(world) = self.world.as_ref().filter(|_| pilot.phase() == Phase::Flying) else { return };
+        let near = world.loaded().collider.nearest(world.truth().pose.position);
+        self.nearest = near.map_or(self.nearest, |near| near.distance.min(self.nearest));
+    }
+
     fn event(&mut self, now: Time, event: &Event) {
         match event {
             Event::Frame(frame) if frame.unusable.is_none() && self.counter != Some(frame.capture_counter) => {
@@ -132,6 +168,7 @@ impl Observer for Watch {
                             self.first_manual.get_or_insert(now);
                         }
                         self.moved(now, pilot.phase());
+                        self.braked(now, setpoint, pilot.known_pose(now).position.up);
                     }
                 }
                 Command::Manoeuvre(_) => self.moved(now, pilot.phase()),
@@ -141,7 +178,7 @@ impl Observer for Watch {
             },
             Action::Note(Note::Phase(phase)) => self.phases.push((now, *phase)),
             Action::Note(Note::Decision(decision)) => match decision.step.as_str() {
-                "move" => self.without_reason = None,
+                "move" | "goto" | "keep" => self.without_reason = None,
                 _ => self.without_reason = self.without_reason.or(Some(now)),
             },
             Action::Note(Note::QueryFailed { .. }) => self.without_reason = self.without_reason.or(Some(now)),
