@@ -237,7 +237,7 @@ fn flown(task: &Task, vlm: &'static str, seed: u64) -> Option<Row> {
         avoid: task.avoid,
         max_time: duration_from_secs(task.max_time),
         max_decisions: task.max_decisions,
-        guidance: Guidance { anchor: true, map: false, sensor: false },
+        guidance: Guidance { anchor: true, ..Guidance::default() },
         ..PilotSettings::preset(Preset::Default)
     };
     let plan = FlightPlan { settings, ..FlightPlan::new(site, &task.instruction, &format!("oracle:{vlm}"), vlm_factory) };
