@@ -46,7 +46,7 @@ settings! {
         depth_as: DepthAs = "labels", Word, "SPF_DEPTH_AS", "--depth-as";
         /// send an enlarged crop of a small target as a second image: true or false
         close_up: bool = "false", Word, "SPF_CLOSE_UP", "--close-up" sets "true";
-        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's, 0.8 with a Tello, else 3
+        /// distance from the target that counts as reached, metres, as told to the VLM; empty: the scene's; with a real drone, 0.8 for a Tello, else 3
         near_m: f64 = "", Number(0.1, 100.0), "SPF_NEAR_M", "--near";
         /// whether yaw, forward motion and climb are flown one after another (sequential) or at once (blended); empty: the preset's
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
@@ -122,7 +122,7 @@ settings! {
         hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
         /// reply latency in virtual time, seconds; empty: 1.5 for human and for an exec: program; the measured latency for models; a random sample for the oracle
         latency_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_LATENCY_S", "--vlm-latency";
-        /// price of the VLM, US dollars per million tokens IN,OUT, for --max-cost; empty: the price shown by `spf vlm list`
+        /// price of the VLM as IN,OUT, US dollars per million input and output tokens, for --max-cost; empty: the price shown by `spf vlm list`
         price: PerMillion = "", Parsed("two prices in US dollars per million tokens, IN,OUT, such as 0.3,2.5"), "SPF_VLM_PRICE", "--vlm-price";
         /// TOML file with additional model definitions; empty: none
         models: String = "", Text, "SPF_VLM_MODELS", "--vlm-models";

@@ -22,14 +22,15 @@ configuration file. Neither the configuration file nor `.env` can set `live_orig
 ([security](../explanation/security.md)).
 
 The configuration file is TOML: each table below is a `[table]`, and a value is a string, a number,
-`true` or `false`. An unknown key is an error, which names its line. An unknown variable that begins
-with `SPF_` causes only a warning, because other programs use that prefix too. `SPF_SHARDS` is not a
-setting but a variable of `spf bench` ([cluster](../guide/cluster.md)).
+`true` or `false`. An unknown key is an error; the message names its line. An unknown variable that
+begins with `SPF_` causes only a warning, because other programs use that prefix too. `SPF_SHARDS`
+is not a setting but a variable of `spf bench` ([cluster](../guide/cluster.md)).
 
 In the column *meaning*, the text after \"empty:\" says what an empty value (`\"\"`) of the key means.
-Without such a text an empty value selects the default, or `false` if the values are `true` and
-`false`. In the column *flag*, an entry such as \"`--avoid`: true\" means that the flag takes no value
-and sets the key to `true`. The flags are those of `spf fly`; other commands have some of them.
+Where there is no such text, an empty value selects the default, or `false` if the values are `true`
+and `false`. In the column *flag*, an entry such as \"`--close-up`: true\" means that the flag takes
+no value and sets the key to `true`. The flags are those of `spf fly`; other commands have some of
+them.
 
 In code: `crates/cli/src/settings`.
 ";

@@ -226,7 +226,7 @@ fn rows() -> Vec<Row> {
             "s",
             Some((0.52, 0.67)),
             reached(&speed, 0.9) - reached(&speed, 0.1),
-            "0.8 m/s (10 to 90 % of 1 m/s) divided by each of the two accelerations in the row above",
+            "0.8 m/s (10 to 90 % of 1 m/s) divided by each end of the range in the row above",
         ),
         row(
             "dead time, command to motion",
@@ -240,7 +240,7 @@ fn rows() -> Vec<Row> {
             "m",
             Some((0.1, 0.3)),
             overshoot,
-            "our estimate of the overshoot after `forward`, which peaks at 0.7 m/s",
+            "our estimate of the overshoot after `forward`, whose speed peaks at 0.7 m/s",
         ),
         row(
             "stop from 1 m/s, from the command",
@@ -258,7 +258,7 @@ fn rows() -> Vec<Row> {
             "m/s",
             Some((0.48, 0.5)),
             climb_rate,
-            "0.5 in a Gazebo plugin; 0.48 assumes the climb is as fast as the descent in the logged landing (0.8 m in 1.66 s, rows below)",
+            "0.5 in a Gazebo plugin; 0.48 assumes a climb as fast as the descent in the log of issue 88 (1.66 s, from 0.8 m at most; rows below)",
         ),
         row(
             "take-off, command to hover",
@@ -279,14 +279,14 @@ fn rows() -> Vec<Row> {
             "s",
             Some((1.1, 1.66)),
             landing(0.5),
-            "1.66 in the same log, from a height between 0.5 and 0.8 m: an upper bound here",
+            "1.66 in the log of issue 88, where the landing began between 0.5 and 0.8 m: an upper bound for this row",
         ),
         row(
             "landing from 0.8 m",
             "s",
             Some((1.66, 2.2)),
             landing(0.8),
-            "the same 1.66 s, a lower bound for this row because that landing began at 0.8 m or lower",
+            "the same 1.66 s: a lower bound for this row, because that landing began at 0.8 m or lower",
         ),
         row("drift of the hover along an axis in 5 s", "m", Some((0.05, 0.1)), drift(), "0.05 to 0.1 over a lit textured floor"),
         row(
