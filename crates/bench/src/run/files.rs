@@ -25,6 +25,9 @@ pub enum StoreError {
         /// The difference.
         what: &'static str,
     },
+    /// Another process writes to the folder.
+    #[error("another run is writing to `{0}`")]
+    InUse(PathBuf),
     /// An invalid row.
     #[error("`{path}`, line {line}: not a valid result row")]
     Row {

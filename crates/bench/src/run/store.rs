@@ -4,7 +4,7 @@
 //! all are complete, the rows are sorted in plan order, independent of the number of jobs.
 
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -49,6 +49,8 @@ impl RunHeader {
 #[derive(Debug)]
 pub struct Store {
     folder: PathBuf,
+    /// Locked until the run ends: two runs that resume the same folder would replace each other's rows.
+    _lock: File,
     results: File,
     paths: File,
 }
@@ -63,7 +65,7 @@ impl Store {
     /// Opens a new or existing folder for a plan; returns the trials already completed.
     ///
     /// # Errors
-    /// [`StoreError`] if it is not writable or belongs to another plan.
+    /// [`StoreError`] if it is not writable, belongs to another plan, or another run is writing to it.
     pub fn open(folder: &Path, head: &RunHeader) -> Result<(Self, Vec<String>), StoreError> {
         std::fs::create_dir_all(folder).map_err(failed(folder))?;
         let head_path = folder.join("bench.json");
@@ -81,9 +83,14 @@ impl Store {
             }
             Err(error) => return Err(failed(&head_path)(error)),
         }
+        let lock = File::open(&head_path).map_err(failed(&head_path))?;
+        // A file system without locks does not keep a run from flying.
+        if matches!(lock.try_lock(), Err(TryLockError::WouldBlock)) {
+            return Err(StoreError::InUse(folder.to_owned()));
+        }
         let (results, there) = appended(&folder.join(RESULTS))?;
         let (paths, _) = appended(&folder.join(PATHS))?;
-        Ok((Self { folder: folder.to_owned(), results, paths }, there))
+        Ok((Self { folder: folder.to_owned(), _lock: lock, results, paths }, there))
     }
 
     /// Appends the rows of a trial.
@@ -230,4 +237,20 @@ pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
         made.write(into)?;
     }
     Ok(head.trials.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// While one run writes to a folder, another one that would resume it is refused; afterwards it is not.
+    #[test]
+    fn two_runs_do_not_write_to_one_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let head = RunHeader::new(vec!["task/spf/oracle-default/0".to_owned()], Shard::WHOLE, "plan".to_owned());
+        let first = Store::open(folder.path(), &head).unwrap();
+        assert!(matches!(Store::open(folder.path(), &head), Err(StoreError::InUse(_))));
+        drop(first);
+        assert!(Store::open(folder.path(), &head).is_ok());
+    }
 }
