@@ -64,9 +64,9 @@ pub(crate) fn store_error(error: &StoreError) -> CliError {
         StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
             .because(error)
             .hint("use another folder with -o, or repeat the command that created this one"),
-        StoreError::InUse(_) => CliError::usage("the folder is in use")
-            .because(error)
-            .hint("wait for that run to end, or use another folder with -o"),
+        StoreError::InUse(_) => {
+            CliError::usage("the folder is in use").because(error).hint("wait for that run to end, or use another folder with -o")
+        }
         StoreError::Shards(_) => CliError::usage("cannot merge the shards").because(error).hint(
             "give the folders of all \
             shards, each finished",
