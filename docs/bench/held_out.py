@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Condenses runs of `spf bench run` to a table that compares methods pair by pair, for docs/results.
+"""Condenses runs of `spf bench run` to a table that compares methods pair by pair, as `docs/tables` reads it.
 
-    python3 docs/bench/held_out.py NAME=DIR... > docs/results/held-out.tsv
+    python3 docs/bench/held_out.py NAME=DIR... > TABLE.tsv
 
 NAME says what was flown. The first method of a run is the one with which the others are compared: by the pairs of flights of the
 same task, VLM and seed of which only one was fulfilled, with the exact McNemar test, corrected by Holm's method for all rows.
@@ -47,7 +47,7 @@ def main():
                 chosen = (row for row in flights if row["method"] == method and row["vlm"] == vlm)
                 return {(row["task"], row["seed"]): row for row in chosen}
 
-            ordered = sorted(methods, key=["spf", "spf-avoid", "spf-default", "spf-depth"].index)
+            ordered = sorted(methods, key=lambda name: (name != "spf", name))
             first = of(ordered[0])
             for method in ordered:
                 mine = of(method)
@@ -64,7 +64,7 @@ def main():
                 probabilities.append(mcnemar(won, lost))
                 table.append([*cells, f"{won}, {lost}", len(probabilities) - 1])
     corrected = holm(probabilities)
-    print("# $ python3 docs/bench/held_out.py NAME=DIR... > docs/results/held-out.tsv")
+    print("# $ python3 docs/bench/held_out.py NAME=DIR... > TABLE.tsv")
     heads = ["flights", "VLM", "method", "fulfilled", "touched:right", "timeout:right", "mean time, s:right"]
     print("\t".join([*heads, "only it, only the first:right", "p:right"]))
     for row in table:
