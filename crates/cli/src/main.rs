@@ -9,6 +9,7 @@ mod printer;
 mod progress;
 mod settings;
 
+use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
@@ -24,12 +25,27 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
+/// Joins `--avoid` with a switch that follows it: its value needs an equals sign, because an instruction may follow instead.
+fn switches_joined(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::new();
+    for argument in arguments {
+        match joined.last_mut() {
+            Some(last) if last == "--avoid" && ["on", "off", "auto"].iter().any(|word| argument == *word) => {
+                last.push("=");
+                last.push(argument);
+            }
+            _ => joined.push(argument),
+        }
+    }
+    joined
+}
+
 fn main() -> ExitCode {
     // The process of a detector's network, which this program starts for itself.
     if std::env::args_os().nth(1).is_some_and(|argument| argument == spf_detect::worker::ARGUMENT) {
         return spf_detect::worker::serve();
     }
-    let cli = match Cli::try_parse() {
+    let cli = match Cli::try_parse_from(switches_joined(std::env::args_os())) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are not errors, and neither is a closed pipe.

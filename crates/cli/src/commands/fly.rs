@@ -275,7 +275,13 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         }
         _ => String::new(),
     };
-    printer.result(&format!("{}{verified}: {}{except}", words::outcome(summary.outcome), summary.cause));
+    // What the pilot took for granted is only what the VLM said.
+    let cause = if summary.outcome == Outcome::Reached && summary.verified == Some(false) {
+        "the VLM reports the instruction as fulfilled"
+    } else {
+        &summary.cause
+    };
+    printer.result(&format!("{}{verified}: {cause}{except}", words::outcome(summary.outcome)));
     let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let touched: Vec<String> = summary.touched.iter().map(Touch::words).collect();
@@ -301,7 +307,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     // A real flight has neither scene nor ground truth.
     if summary.targets.is_empty() && !summary.scene.is_empty() {
         printer.log(
-            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME` lists its objects",
+            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects",
         );
     }
     Ok(())

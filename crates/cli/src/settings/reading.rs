@@ -130,7 +130,9 @@ impl<T: Words> Reading<T> for Word {
         let words = T::words();
         words.iter().find(|(word, _)| *word == text).map(|(_, value)| *value).ok_or_else(|| {
             let known: Vec<&'static str> = words.iter().map(|(word, _)| *word).collect();
-            Refusal { near: nearest(text, known.iter().copied()), ..Refusal::of(alternatives(&known)) }
+            // A word of two letters is one letter away from its opposite.
+            let near = if text.len() > 2 { nearest(text, known.iter().copied()) } else { None };
+            Refusal { near, ..Refusal::of(alternatives(&known)) }
         })
     }
 }

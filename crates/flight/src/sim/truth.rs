@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::geometry::Pose;
-use spf_oracle::{resolve_truth, unread};
+use spf_oracle::{read_instruction, resolve_truth, unread};
 use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 
@@ -60,11 +60,25 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
     Verdict {
         verified,
         verified_by: verified.map(|_| VerifiedBy::Parser),
-        not_read: unread(instruction, &loaded.placed(&loaded.cast.starts()), Some(*start)),
+        not_read: not_read(instruction, world, *start),
         final_distance_m: nearest.map(|(_, distance)| distance),
         targets,
         in_view: nearest.map(|(id, _)| seen.contains(&id)),
     }
+}
+
+/// The parts of the instruction that are not read: phrases of their own, and words that were ignored beside a target.
+fn not_read(instruction: &str, world: &SimWorld, start: Pose) -> Vec<String> {
+    let loaded = world.loaded();
+    let objects = loaded.placed(&loaded.cast.starts());
+    let mut parts = unread(instruction, &objects, Some(start));
+    let reading = read_instruction(instruction, &objects, Some(start));
+    for part in reading.ignored.into_iter().map(|unknown| unknown.word).chain(reading.directions) {
+        if !parts.iter().any(|phrase| phrase.contains(&part)) {
+            parts.push(part);
+        }
+    }
+    parts
 }
 
 /// The subset of `objects` in view.

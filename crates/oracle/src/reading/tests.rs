@@ -20,6 +20,7 @@ fn read(instruction: &str) -> InstructionReading {
         tagged(3, &["church"], None, "building"),
         tagged(4, &["bus_green"], None, "object"),
         tagged(5, &["bus_red"], None, "object"),
+        tagged(6, &["bridge"], Some("beige"), "bridge"),
     ];
     let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
     read_instruction(instruction, &objects, None)
@@ -35,6 +36,7 @@ fn slips_of_people_in_a_hurry_are_put_right_and_shown() {
         ("GO TO TEH RED CRAN", "red crane", 1, vec![("teh", "the"), ("cran", "crane")]),
         ("flyy to the bleu car pls", "blue car", 2, vec![("flyy", "fly"), ("bleu", "blue")]),
         ("hed for the churhc", "church", 3, vec![("hed", "head"), ("churhc", "church")]),
+        ("Go to the brige", "bridge", 6, vec![("brige", "bridge")]),
     ] {
         let reading = read(message);
         assert_eq!(reading.steps.len(), 1, "{message}: {reading:?}");
@@ -223,7 +225,7 @@ proptest::proptest! {
     ]), 0..24)) {
         let reading = read(&words.join(" "));
         for step in &reading.steps {
-            proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
+            proptest::prop_assert!(step.candidates.iter().all(|id| (1..=6).contains(id)));
         }
         // The result is the same on every call.
         proptest::prop_assert_eq!(&reading, &read(&words.join(" ")));
@@ -235,7 +237,7 @@ proptest::proptest! {
     fn any_text_is_read(text in "\\PC{0,120}") {
         let reading = read(&text);
         for step in &reading.steps {
-            proptest::prop_assert!(step.candidates.iter().all(|id| (1..=5).contains(id)));
+            proptest::prop_assert!(step.candidates.iter().all(|id| (1..=6).contains(id)));
         }
     }
 }
