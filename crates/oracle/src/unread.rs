@@ -2,6 +2,7 @@
 //! for a complete one.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 
 use super::language::item::Item;
 use super::language::lex::{adds_nothing, is_harmless, is_known, is_thing, raw_tokens};
@@ -35,7 +36,10 @@ pub fn unread(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>
         }
         None => false,
     };
-    let unread: Vec<bool> = (0..words.len()).map(is_unread).collect();
+    let mut unread: Vec<bool> = (0..words.len()).map(is_unread).collect();
+    for stage in stages(&words).filter(|stage| reader.is_stage_without_effect(stage, &words, &whole)) {
+        stage.for_each(|at| unread[at] = true);
+    }
     parts(&words, &unread)
 }
 
@@ -79,6 +83,18 @@ impl<'a> Reader<'a> {
         ABOVE_AND_BELOW.contains(&token) || (is_known && (is_part || !is_harmless(token)))
     }
 
+    /// Whether a stage asks for something ("then return to the start") without which the instruction means the same. How a
+    /// flight ends is known without words.
+    fn is_stage_without_effect(&self, stage: &Range<usize>, words: &[&str], whole: &Read) -> bool {
+        let asks = words[stage.clone()].iter().flat_map(|word| raw_tokens(word)).any(|token| {
+            token.chars().all(char::is_alphabetic) && !ENDINGS.contains(&token.as_str()) && !SMALL.contains(&token.as_str())
+        });
+        let others: Vec<&str> = [&words[..stage.start], &words[stage.end..]].concat();
+        let rest = self.read(&others);
+        let is_motion = words[stage.clone()].iter().filter_map(|word| only_token(word)).any(|token| whole.is_motion(&token));
+        asks && !is_motion && rest.targets == whole.targets && meaning(rest.parse, false) == meaning(whole.parse.clone(), false)
+    }
+
     /// Whether the instruction means the same without the word.
     fn is_without_effect(&self, token: &str, words: &[&str], at: usize, whole: &Read) -> bool {
         // The punctuation stays: it separates the remaining words.
@@ -97,6 +113,14 @@ impl<'a> Reader<'a> {
         let rest = self.read(&others);
         rest.targets == whole.targets && meaning(rest.parse, ranks_only) == meaning(whole.parse.clone(), ranks_only)
     }
+}
+
+/// The words after each "then", up to the next one.
+fn stages(words: &[&str]) -> impl Iterator<Item = Range<usize>> {
+    let is_then = |at: &usize| only_token(words[*at]).is_some_and(|token| token == "then");
+    let breaks: Vec<usize> = (0..words.len()).filter(is_then).chain([words.len()]).collect();
+    let between: Vec<Range<usize>> = breaks.windows(2).map(|pair| pair[0] + 1..pair[1]).collect();
+    between.into_iter()
 }
 
 /// The token of a single word without punctuation.
@@ -150,6 +174,10 @@ fn before(words: &[&str], at: usize) -> usize {
 /// Words that are quoted together with the unread word after them.
 const SMALL: [&str; 16] =
     ["a", "an", "the", "in", "on", "at", "of", "from", "to", "with", "by", "for", "its", "their", "into", "onto"];
+
+/// Words of a stage that asks for nothing but the end of the flight.
+const ENDINGS: [&str; 14] =
+    ["land", "stop", "hover", "wait", "hold", "stay", "finish", "end", "down", "there", "it", "and", "you", "please"];
 
 /// A parse without details of spelling; if `unused`, also without the purposes of named objects.
 fn meaning(mut instruction: Instruction, unused: bool) -> Instruction {
@@ -205,6 +233,8 @@ mod tests {
             ("fly around the church three times", "three times"),
             ("fly to the church at 10 metres height", "at 10 metres height"),
             ("fly to the red crane, then around the church twice", "twice"),
+            ("go to the bus and then return to the start", "return to the start"),
+            ("go to the bus, then take a picture, then fly to the church", "take a picture"),
         ] {
             assert_eq!(unread_of(instruction), [part], "{instruction}");
         }
