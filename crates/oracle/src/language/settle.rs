@@ -18,21 +18,23 @@ pub(super) struct Words<'a> {
 impl Words<'_> {
     /// Corrects nouns to the scene's spelling, and records the corrections.
     fn spell(&self, phrase: &mut Phrase) {
-        for noun in &mut phrase.nouns {
-            let right = self.spelt(noun);
+        let head = phrase.nouns.len().saturating_sub(1);
+        for (at, noun) in phrase.nouns.iter_mut().enumerate() {
+            let right = self.spelt(noun, at == head);
             if right != *noun {
                 phrase.spelt.push((core::mem::replace(noun, right.clone()), right));
             }
         }
     }
 
-    fn spelt(&self, noun: &str) -> String {
+    /// The corrected noun. `is_head`: it names the thing, as the last noun of a phrase does.
+    fn spelt(&self, noun: &str, is_head: bool) -> String {
         if is_listed(noun) || self.scene.contains(noun) || self.names.contains(noun) {
             return noun.to_owned();
         }
         let long = || self.scene.iter().map(String::as_str).filter(|word| word.len() > 2);
-        let colourless = long().filter(|word| ADJECTIVES.colours.plain(word).is_none());
-        // Of a thing and a colour that are equally near, "brige" means the thing.
+        let colourless = long().filter(|word| is_head && ADJECTIVES.colours.plain(word).is_none());
+        // Of a thing and a colour that are equally near, "the brige" means the thing; "the blck car" is a black one.
         let near = [colourless.collect::<Vec<_>>(), long().collect()]
             .into_iter()
             .filter_map(|words| spelling::nearest(noun, words.into_iter()))
