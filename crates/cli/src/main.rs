@@ -25,12 +25,14 @@ use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 
-/// Joins `--avoid` with a switch that follows it: its value needs an equals sign, because an instruction may follow instead.
-fn switches_joined(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
+/// Joins the `--avoid` of `spf fly` with a switch that follows it. The parser wants an equals sign in between, because the
+/// instruction may follow instead; the other switches do without.
+fn with_avoid_joined(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut joined: Vec<OsString> = Vec::new();
     for argument in arguments {
+        let flies = joined.iter().any(|word| word == "fly");
         match joined.last_mut() {
-            Some(last) if last == "--avoid" && ["on", "off", "auto"].iter().any(|word| argument == *word) => {
+            Some(last) if flies && last == "--avoid" && ["on", "off", "auto"].iter().any(|word| argument == *word) => {
                 last.push("=");
                 last.push(argument);
             }
@@ -45,7 +47,7 @@ fn main() -> ExitCode {
     if std::env::args_os().nth(1).is_some_and(|argument| argument == spf_detect::worker::ARGUMENT) {
         return spf_detect::worker::serve();
     }
-    let cli = match Cli::try_parse_from(switches_joined(std::env::args_os())) {
+    let cli = match Cli::try_parse_from(with_avoid_joined(std::env::args_os())) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are not errors, and neither is a closed pipe.
@@ -108,4 +110,17 @@ fn start_log(verbose: u8) {
     let lines =
         tracing_subscriber::fmt::layer().with_writer(LogWriter).with_ansi(colour).with_target(false).log_internal_errors(false);
     tracing_subscriber::registry().with(lines.with_filter(filter)).init();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_switch_after_avoid_is_its_value_and_an_instruction_is_not() {
+        let joined = |line: &str| with_avoid_joined(line.split(' ').map(OsString::from)).join(&OsString::from(" "));
+        assert_eq!(joined("spf fly go --avoid off --seed 1"), "spf fly go --avoid=off --seed 1");
+        assert_eq!(joined("spf fly --avoid go"), "spf fly --avoid go");
+        assert_eq!(joined("spf ground --avoid on go"), "spf ground --avoid on go");
+    }
 }

@@ -118,7 +118,7 @@ impl Ledger {
     /// Finishes the file, and returns the error that prevented writing, if any.
     #[must_use]
     pub fn finish(&self) -> Option<String> {
-        // Not under the lock, which a query that is still open may need.
+        // Not under the lock, which a query without an answer yet may need.
         let rows = self.sums().rows.take();
         let finished = rows.map(JsonLines::finish);
         let problem = match finished {

@@ -37,7 +37,7 @@ pub fn unread(instruction: &str, objects: &[Placed<'_>], from: Option<Viewpoint>
         None => false,
     };
     let mut unread: Vec<bool> = (0..words.len()).map(is_unread).collect();
-    for stage in stages(&words).filter(|stage| reader.is_stage_without_effect(stage, &words, &whole)) {
+    for stage in stages(&words).into_iter().filter(|stage| reader.is_stage_without_effect(stage, &words, &whole)) {
         stage.for_each(|at| unread[at] = true);
     }
     parts(&words, &unread)
@@ -116,11 +116,10 @@ impl<'a> Reader<'a> {
 }
 
 /// The words after each "then", up to the next one.
-fn stages(words: &[&str]) -> impl Iterator<Item = Range<usize>> {
+fn stages(words: &[&str]) -> Vec<Range<usize>> {
     let is_then = |at: &usize| only_token(words[*at]).is_some_and(|token| token == "then");
     let breaks: Vec<usize> = (0..words.len()).filter(is_then).chain([words.len()]).collect();
-    let between: Vec<Range<usize>> = breaks.windows(2).map(|pair| pair[0] + 1..pair[1]).collect();
-    between.into_iter()
+    breaks.windows(2).map(|pair| pair[0] + 1..pair[1]).collect()
 }
 
 /// The token of a single word without punctuation.

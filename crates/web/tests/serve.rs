@@ -381,7 +381,7 @@ fn pages_that_come_and_go_leave_no_threads_behind() {
         let request = format!("ws://{}/socket", served.address).into_client_request().unwrap();
         let stream = TcpStream::connect(served.address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        // Refused where eight pages are still open; the next one takes the place of those that have gone.
+        // Refused while eight pages are open; the next one takes the place of those that have gone.
         if let Ok((mut socket, _)) = tungstenite::client(request, stream) {
             drop(socket.send(Message::text(json!({"type": "detail", "detail": "full"}).to_string())));
         }

@@ -275,7 +275,7 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         }
         _ => String::new(),
     };
-    // What the pilot took for granted is only what the VLM said.
+    // The cause in the summary is that the instruction is fulfilled, which the ground truth has just denied.
     let cause = if summary.outcome == Outcome::Reached && summary.verified == Some(false) {
         "the VLM reports the instruction as fulfilled"
     } else {

@@ -32,13 +32,10 @@ impl Words<'_> {
         if is_listed(noun) || self.scene.contains(noun) || self.names.contains(noun) {
             return noun.to_owned();
         }
-        let long = || self.scene.iter().map(String::as_str).filter(|word| word.len() > 2);
-        let colourless = long().filter(|word| is_head && ADJECTIVES.colours.plain(word).is_none());
         // Of a thing and a colour that are equally near, "the brige" means the thing; "the blck car" is a black one.
-        let near = [colourless.collect::<Vec<_>>(), long().collect()]
-            .into_iter()
-            .filter_map(|words| spelling::nearest(noun, words.into_iter()))
-            .min_by_key(|word| spelling::distance(noun, word));
+        let is_unlikely = |word: &str| is_head && ADJECTIVES.colours.plain(word).is_some();
+        let long = self.scene.iter().map(String::as_str).filter(|word| word.len() > 2);
+        let near = long.min_by_key(|word| (spelling::distance(noun, word), is_unlikely(word)));
         // "The hanger" in a scene with a hangar, although it is an English word.
         if is_known(noun) || is_right(noun) {
             let one_letter =

@@ -105,9 +105,11 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
+    let anchor = fly.anchor.or_default()?;
+    let always = anchor.or(can_guide && sensor);
     method.guidance = Guidance {
-        anchor: fly.anchor.or_default()?.or(can_guide && sensor),
-        slow_anchor: fly.anchor.or_default()?.or(can_guide && method.avoid) && !sensor,
+        anchor: always,
+        slow_anchor: !always && anchor.or(can_guide && method.avoid),
         map: fly.map.or_default()?.or(can_guide && sensor),
         sensor,
     };
