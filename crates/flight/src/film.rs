@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 
 use spf_core::avoid::Sighting;
 use spf_core::camera::Camera;
+use spf_core::depth::DepthGrid;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
 use spf_core::pilot::{Action, Note, Pilot};
@@ -25,6 +26,7 @@ use crate::frame_source::FrameSource;
 use crate::log::Outlet;
 use crate::words;
 
+mod depth_view;
 mod map_view;
 
 /// Frames per second of flight time: the paper's controller acts ten times per second.
@@ -39,6 +41,9 @@ const JPEG_QUALITY: u8 = 80;
 
 /// How long the boxes of a reply are shown.
 const BOXES_SHOWN: Duration = Duration::from_millis(1000);
+
+/// How long a depth grid is shown: a sensor that delivers none has failed.
+const DEPTH_SHOWN: Duration = Duration::from_millis(500);
 
 /// Older snapshots may no longer be available: the simulator keeps ten seconds.
 const FORGOTTEN: Duration = Duration::from_secs(9);
@@ -57,8 +62,8 @@ struct Shot {
     status: String,
     decision: String,
     craft: String,
-    /// The obstacle map, if there is one.
-    map: Option<Rgb>,
+    /// The obstacle map, with the newest depth grid below it, if there are any.
+    corner: Option<Rgb>,
 }
 
 /// A video being recorded. Frames are rendered and encoded in a separate thread, so that setpoints are never delayed;
@@ -76,6 +81,8 @@ pub(crate) struct Film {
     query_marks: Vec<Mark>,
     /// Until when boxes and marks are shown.
     drawn_until: Time,
+    /// The newest grid of the depth sensor, and when it arrived.
+    depth: Option<(Time, DepthGrid)>,
     live: bool,
     shots: SyncSender<Shot>,
     encoder: JoinHandle<Result<(), VideoError>>,
@@ -104,10 +111,16 @@ impl Film {
             captured: Time::ZERO,
             query_marks: Vec::new(),
             drawn_until: Time::ZERO,
+            depth: None,
             live,
             shots,
             encoder,
         })
+    }
+
+    /// Remembers what a depth sensor measured.
+    pub(crate) fn depth(&mut self, now: Time, grid: &DepthGrid) {
+        self.depth = Some((now, grid.clone()));
     }
 
     /// Updates the overlay from an action.
@@ -192,7 +205,17 @@ impl Film {
                 known.position.up,
                 pilot.decisions()
             ),
-            map: map_view::draw(pilot, known),
+            corner: self.corner(at, known, pilot),
+        }
+    }
+
+    /// The obstacle map, and what the depth sensor measures, if it still does.
+    fn corner(&self, at: Time, known: Pose, pilot: &Pilot) -> Option<Rgb> {
+        let depth = self.depth.as_ref().filter(|(arrived, _)| at.since(*arrived) <= DEPTH_SHOWN);
+        let depth = depth.map(|(_, grid)| depth_view::draw(grid, map_view::SIDE));
+        match (map_view::draw(pilot, known), depth) {
+            (Some(map), Some(depth)) => Some(stacked(&map, &depth)),
+            (map, depth) => map.or(depth),
         }
     }
 
@@ -250,11 +273,18 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     Some((point, format!("{:.1} m", ahead.length())))
 }
 
+/// Two images of the same width, one above the other, with a line between them.
+fn stacked(upper: &Rgb, lower: &Rgb) -> Rgb {
+    let line = vec![0; 3 * 2 * upper.width() as usize];
+    let data = [upper.data(), &line, lower.data()].concat();
+    Rgb::from_raw(upper.width(), upper.height() + 2 + lower.height(), data).unwrap_or_else(|_| upper.clone())
+}
+
 fn annotate(image: &mut Rgb, shot: &Shot, drawn: &Marks) {
     let mut boxes = drawn.as_marks();
     boxes.splice(..0, shot.query_marks.iter().cloned());
     // Perception on one line and the resulting step on the next: together they are too long for the frame.
     let (seen, then) = shot.decision.split_once(" → ").unwrap_or((&shot.decision, ""));
-    let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft], corner: shot.map.as_ref() };
+    let hud = Hud { title: &shot.title, status: &shot.status, lines: &[seen, then, &shot.craft], corner: shot.corner.as_ref() };
     marks::annotate(image, &boxes, drawn.waypoint.as_ref().map(|(point, caption)| (*point, caption.as_str())), &hud);
 }

@@ -192,6 +192,9 @@ impl Observer for Recorder {
         if let Some(log) = &mut self.log {
             log.event(now, event);
         }
+        if let (Some(film), Event::Depth(grid)) = (&mut self.film, event) {
+            film.depth(now, grid);
+        }
     }
 
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {

@@ -30,6 +30,12 @@ impl Sighting {
         }
     }
 
+    /// Its middle.
+    #[must_use]
+    pub fn middle(&self) -> EnuPosition {
+        self.middle
+    }
+
     /// The part of it inside the frame taken at `pose`, and the range of its middle, metres; `None` if it lies outside.
     #[must_use]
     pub fn seen_from(&self, camera: &Camera, pose: Pose) -> Option<(ImageBox, f64)> {

@@ -14,6 +14,7 @@
 mod deciding;
 mod ending;
 mod event;
+mod exploring;
 mod guiding;
 mod moving;
 mod operator;

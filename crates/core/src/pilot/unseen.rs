@@ -20,6 +20,8 @@ const UNDER_TARGET: f64 = 3.0;
 const LEVEL_WITH: f64 = 0.5;
 /// Content of a frame counts for this long.
 const REMEMBERED: Duration = Duration::from_secs(3);
+/// For a motion back, the craft's own path is free for this long: nothing fixed can have come into it.
+const FLOWN: Duration = Duration::from_secs(12);
 /// Minimum interval of remembered frames.
 const SPACING: Duration = Duration::from_millis(100);
 /// Distance of the points checked along a path, metres.
@@ -46,21 +48,21 @@ impl Seen {
         if self.0.back().is_none_or(|(last, _)| captured.since(*last) >= SPACING && captured > *last) {
             self.0.push_back((captured, pose));
         }
-        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > REMEMBERED) {
+        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > FLOWN) {
             self.0.pop_front();
         }
     }
 
-    /// Whether the straight path was in view, or flown, within the last seconds.
-    fn shows(&self, now: Time, camera: &Camera, from: EnuPosition, to: EnuPosition) -> bool {
+    /// Whether the straight path was in view within the last 3 s, or flown since `flown` ago.
+    fn shows(&self, now: Time, camera: &Camera, [from, to]: [EnuPosition; 2], flown: Duration) -> bool {
         let steps = libm::ceil(from.distance(to) / STRIDE).clamp(1.0, 1000.0) as u32;
-        let recent = |(captured, _): &&(Time, Pose)| now.since(*captured) <= REMEMBERED;
+        let is_recent = |captured: Time| now.since(captured) <= REMEMBERED;
+        let was_flown = |captured: Time, at: EnuPosition, point| now.since(captured) <= flown && at.distance(point) <= OWN_PATH;
         (1..=steps).all(|step| {
             let point = from.towards(to, f64::from(step) / f64::from(steps));
-            self.0
-                .iter()
-                .filter(recent)
-                .any(|(_, pose)| pose.position.distance(point) <= OWN_PATH || in_view(camera, pose, point))
+            self.0.iter().any(|(captured, pose)| {
+                was_flown(*captured, pose.position, point) || (is_recent(*captured) && in_view(camera, pose, point))
+            })
         })
     }
 }
@@ -94,9 +96,11 @@ impl Pilot {
         if primitives.forward < -BACK {
             let pose = self.known_pose(now);
             let to = Goal::of_primitives(pose, primitives).position;
-            if !self.seen.shows(now, &self.camera, pose.position, to) {
+            if !self.seen.shows(now, &self.camera, [pose.position, to], FLOWN) {
                 primitives.forward = 0.0;
-                self.note(Note::Limited("no motion backwards: no frame of the last 3 s shows what is there"));
+                self.note(Note::Limited(
+                    "no motion backwards: not flown through in the last 12 s, and no frame of the last 3 s shows it",
+                ));
             }
         }
         let looks = motion.then_rest && primitives.forward == 0.0 && primitives.right == 0.0 && primitives.climb != 0.0;
@@ -105,7 +109,7 @@ impl Pilot {
         if looks && primitives.climb < 0.0 && self.settings.avoid && !self.envelope.measures_clearance() {
             let pose = self.known_pose(now);
             let to = Goal::of_primitives(pose, primitives).position;
-            if !self.seen.shows(now, &self.camera, pose.position, to) {
+            if !self.seen.shows(now, &self.camera, [pose.position, to], REMEMBERED) {
                 primitives.climb = 0.0;
                 self.note(Note::Limited("no descent: no frame of the last 3 s shows what is below, and nothing measures it"));
             }

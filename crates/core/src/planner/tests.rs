@@ -423,3 +423,45 @@ fn of_two_equal_sides_the_first_one_is_kept() {
     assert_eq!(side(&mut Planner::default(), nearer_to_the_other), Some(!first));
     assert_eq!(side(&mut planner, nearer_to_the_other), Some(first));
 }
+
+/// A room of 8×8 m whose east wall has a door of 1.5 m, seen once around from its middle; and behind a post in it, a shadow.
+fn seen_room(door: bool) -> (ObstacleMap, EnuPosition) {
+    let wall = |low: [f64; 2], high: [f64; 2]| ([low[0], low[1], 0.0], [high[0], high[1], 4.0]);
+    let mut walls = vec![
+        wall([-4.2, -4.2], [4.2, -4.0]),
+        wall([-4.2, 4.0], [4.2, 4.2]),
+        wall([-4.2, -4.2], [-4.0, 4.2]),
+        wall([4.0, -4.2], [4.2, if door { 0.5 } else { 4.2 }]),
+        wall([-2.1, -2.1], [-1.9, -1.9]),
+        // Beyond the door.
+        wall([8.0, -8.0], [8.2, 8.0]),
+    ];
+    if door {
+        walls.push(wall([4.0, 2.0], [4.2, 4.2]));
+    }
+    let (world, middle) = (World(walls), at(0.0, 0.0, 1.5));
+    let mut map = ObstacleMap::new();
+    map.advance(Time::ZERO, middle);
+    for turn in 0..24 {
+        let pose = pose(middle, f64::from(turn) * 15.0_f64.to_radians());
+        map.depth(&world.depth(pose), pose);
+        map.depth(&world.depth(pose), pose);
+    }
+    (map, middle)
+}
+
+#[test]
+fn a_search_leads_to_the_door_and_where_there_is_none_nowhere() {
+    let (map, middle) = seen_room(true);
+    let mut planner = Planner::default();
+    let frontier = planner.frontier(&map, middle, &body(), &[]).expect("the door");
+    let Frontier { position, width, path } = frontier;
+    assert!(position.east > 2.5 && (0.0..3.0).contains(&position.north) && position.up == 1.5, "{frontier:?}");
+    assert!(width >= 1.0 && path >= 3.0, "{frontier:?}");
+    // Once flown to, not again.
+    let next = planner.frontier(&map, middle, &body(), &[position]);
+    assert!(next.is_none_or(|next| next.position.horizontal_distance(position) > 2.0), "{next:?}");
+    let (map, middle) = seen_room(false);
+    assert_eq!(planner.frontier(&map, middle, &body(), &[]), None);
+    assert_eq!(planner.frontier(&ObstacleMap::new(), middle, &body(), &[]), None);
+}

@@ -21,6 +21,7 @@ mod close_up;
 mod detour;
 mod history;
 mod report;
+mod retreat;
 mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
@@ -94,6 +95,8 @@ pub struct Spf {
     open_query: Option<OpenQuery>,
     confirming: bool,
     blocked: u32,
+    /// Steps back from a person in a row.
+    retreats: u32,
     /// The obstacles reported in the last seconds.
     reported: Vec<Report>,
     /// Those of them that a later reply may have left out.
@@ -148,6 +151,7 @@ impl Spf {
             open_query: None,
             confirming: false,
             blocked: 0,
+            retreats: 0,
             reported: Vec::new(),
             obstacles: ObstacleMemory::default(),
             turned_first: None,
@@ -333,7 +337,12 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, f64::from(depth)),
+            (SearchAction::Fly { depth, explores }, Some(way)) => {
+                match self.fly_to(open_query, reply, way.point, f64::from(depth)) {
+                    Step::Move(motion) if explores && self.is_mapped_by_sensor() => Step::Explore(motion),
+                    step => step,
+                }
+            }
             (SearchAction::Fly { .. } | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }

@@ -7,7 +7,7 @@ use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point};
 
 /// Side of the image, pixels, and of the square that it shows, metres.
-const SIDE: u32 = 132;
+pub(super) const SIDE: u32 = 132;
 const SHOWN: f64 = 16.0;
 /// Cells this many layers above and below the craft count: 0.5 m.
 const LAYERS: i32 = 2;

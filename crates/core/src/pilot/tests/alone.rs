@@ -194,15 +194,15 @@ fn what_replaces_a_climb_that_is_not_clear_is_checked_too() {
 }
 
 #[test]
-fn a_climb_is_kept_clear_of_the_boxes_of_the_last_three_seconds() {
+fn a_climb_is_kept_clear_of_the_boxes_of_the_last_seconds() {
     // A beam in every second frame, which the frames between do not show; the look up is answered on one of those.
-    let flown = |latency: f64| {
+    let flown = |name: &'static str, latency: f64| {
         let mut asked = 0;
         let mut flight = avoiding().fly(move |_, _| {
             asked += 1;
             let (look, boxes) = match asked {
-                1 => ("left", r#"{"box":[0,300,200,700],"depth":2,"name":"beam"}"#),
-                _ => ("up", ""),
+                1 => ("left", format!(r#"{{"box":[0,300,200,700],"depth":2,"name":"{name}"}}"#)),
+                _ => ("up", String::new()),
             };
             Answer::After(secs(latency), format!(r#"{{"status":"not_visible","look":"{look}","boxes":[{boxes}]}}"#))
         });
@@ -211,8 +211,15 @@ fn a_climb_is_kept_clear_of_the_boxes_of_the_last_three_seconds() {
         let captured = |n: usize| flight.frames[usize::try_from(frame(n).0).unwrap()].captured;
         (captured(1).since(captured(0)), climbs(&flight))
     };
-    let (apart, climbed) = flown(0.1);
-    assert!(apart < secs(3.0) && climbed.is_empty(), "{apart:?} {climbed:?}");
-    let (apart, climbed) = flown(3.0);
-    assert!(apart > secs(3.0) && climbed == [1.0], "{apart:?} {climbed:?}");
+    for (name, latency, apart_at_most, climbs) in [
+        ("beam", 0.1, 3.0, vec![]),
+        ("beam", 3.0, 10.0, vec![]),
+        ("beam", 11.0, 30.0, vec![1.0]),
+        // A person walks on.
+        ("woman", 0.1, 3.0, vec![]),
+        ("woman", 3.0, 10.0, vec![1.0]),
+    ] {
+        let (apart, climbed) = flown(name, latency);
+        assert!(apart < secs(apart_at_most) && climbed == climbs, "{name} {latency}: {apart:?} {climbed:?}");
+    }
 }

@@ -69,7 +69,7 @@ fn limited(flight: &Flight) -> usize {
 }
 
 #[test]
-fn no_motion_goes_backwards_into_what_no_frame_of_the_last_three_seconds_shows() {
+fn no_motion_goes_backwards_into_what_has_not_been_seen_or_flown_through() {
     // The camera has only faced north.
     let (flight, moved, _) = flown(Limits::default(), &[forward(-2.0)], 8.0);
     assert!(moved.abs() < 0.05 && limited(&flight) == 1, "{moved} m");
@@ -81,6 +81,9 @@ fn no_motion_goes_backwards_into_what_no_frame_of_the_last_three_seconds_shows()
     assert!((moved - 0.5).abs() < 0.3 && limited(&flight) == 0, "{moved} m");
     let (flight, moved, _) = flown(Limits::default(), &[forward(1.5), forward(-6.0)], 10.0);
     assert!((moved - 1.5).abs() < 0.3 && limited(&flight) == 1, "{moved} m");
+    // Where it flew through 6 s before, and no frame of the last 3 s has shown it.
+    let (flight, moved, _) = flown(Limits::default(), &[forward(1.5), turn(170.0), turn(-170.0), forward(-1.0)], 14.0);
+    assert!((moved - 0.5).abs() < 0.3 && limited(&flight) == 0, "{moved} m");
     // Away from the space just observed.
     let (flight, moved, _) = flown(Limits::default(), &[turn(170.0), forward(-1.5)], 10.0);
     assert!((moved - 1.5).abs() < 0.5 && limited(&flight) == 0, "{moved} m");

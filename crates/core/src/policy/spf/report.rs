@@ -1,14 +1,16 @@
 //! The obstacles that replies reported in the last seconds: what a climb or a descent must not meet.
 
 use super::Spf;
-use crate::avoid;
+use crate::avoid::{self, is_person};
 use crate::geometry::{EnuPosition, Pose};
 use crate::policy::View;
 use crate::reply::ObstacleBox;
 use crate::time::Duration;
 
-/// How long obstacles count for climbs and descents after the frame in which they were reported.
-const REPORTED: Duration = Duration::from_secs(3);
+/// How long obstacles count for climbs and descents after the frame in which they were reported: a person, who walks on, and
+/// whatever else there is, which may leave the view long before the craft climbs beside it.
+const PERSON_REPORTED: Duration = Duration::from_secs(3);
+const REPORTED: Duration = Duration::from_secs(10);
 
 /// The obstacles that were reported in a view; none outside obstacle mode.
 #[derive(Clone, Debug)]
@@ -18,6 +20,14 @@ pub(super) struct Report {
 }
 
 impl Report {
+    pub(super) fn view(&self) -> &View {
+        &self.view
+    }
+
+    pub(super) fn boxes(&self) -> &[ObstacleBox] {
+        &self.boxes
+    }
+
     /// Whether a climb from `pose`, negative for a descent, is clear of these obstacles.
     pub(super) fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
         let View { camera, pose: seen, .. } = self.view;
@@ -34,9 +44,15 @@ impl Report {
 }
 
 impl Spf {
-    /// Remembers the obstacles of a view, besides those of the 3 s before it.
+    /// Remembers the obstacles of a view, besides those of the seconds before it.
     pub(super) fn report(&mut self, view: &View, boxes: &[ObstacleBox]) {
-        self.reported.retain(|report| report.view.frame.captured + REPORTED >= view.frame.captured);
+        let now = view.frame.captured;
+        self.reported.retain_mut(|report| {
+            if report.view.frame.captured + PERSON_REPORTED < now {
+                report.boxes.retain(|obstacle| !is_person(&obstacle.name));
+            }
+            report.view.frame.captured + REPORTED >= now
+        });
         self.reported.push(Report { view: *view, boxes: boxes.to_vec() });
     }
 }

@@ -42,13 +42,20 @@ impl Spf {
     pub(super) fn held_up(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         self.turned_first = None;
+        if let Some(step) = self.retreat(open_query, reply) {
+            return step;
+        }
         let person = reply.boxes.iter().any(|obstacle| avoid::is_person(&obstacle.name) && obstacle.depth <= PERSON_IN_FRONT);
         let unknown = reply.boxes.is_empty() && !self.settings.avoid;
         if person || unknown {
             self.reading.actions.push("holds: the way is blocked".to_owned());
             return Step::Look;
         }
-        self.reading.actions.push("backs off: the way is blocked".to_owned());
+        self.back_off(open_query, "backs off: the way is blocked")
+    }
+
+    pub(super) fn back_off(&mut self, open_query: OpenQuery, why: &str) -> Step {
+        self.reading.actions.push(why.to_owned());
         let primitives = Primitives { forward: -BACK_OFF, ..Primitives::default() };
         self.reading.primitives = Some(primitives);
         Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
@@ -81,6 +88,9 @@ impl Spf {
                 self.detour.keep,
             );
             self.reading.avoidance = Some(outcome);
+            if let Some(step) = self.retreat(open_query, reply) {
+                return step;
+            }
             match outcome {
                 Avoidance::Clear => {
                     self.blocked = 0;

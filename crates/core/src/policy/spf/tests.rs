@@ -7,7 +7,7 @@ use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::lift::label_of_range;
 use crate::query::VerticalRoom;
-use crate::time::Time;
+use crate::time::{Duration, Time};
 
 const CAR_AHEAD: &str = "car_1 x:0.5 y:0.5 width:0.1 height:0.2 score:0.8";
 
@@ -242,6 +242,36 @@ fn a_blocked_way_is_held_before_a_person_and_backed_off_from_otherwise() {
     }
     // Nobody says what it is.
     assert_eq!(told(&mut policy_by_reply(false), 0, r#"{"status":"blocked"}"#).1, Step::Look);
+}
+
+/// A person at a label per answer, a second apart, in front of the crane or beside the way.
+fn persons(labels: &[u8], left: u32, target: &str) -> Vec<bool> {
+    let mut spf = policy_by_reply(true);
+    let mut backs_off = |(frame, depth): (usize, &u8)| {
+        let answer = format!(
+            r#"{{"status":"navigating","point":[500,500],"depth":7,"target":"{target}","boxes":[{{"box":[300,{left},900,{}],"depth":{depth},"name":"man"}}]}}"#,
+            left + 200
+        );
+        let mut view = view(frame as u64);
+        view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
+        let query = sent_query(spf.handle(PolicyEvent::Frame(&view)));
+        let step = spf.handle(PolicyEvent::Reply { id: query.id, text: &answer });
+        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
+    };
+    labels.iter().enumerate().map(&mut backs_off).collect()
+}
+
+#[test]
+fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
+    // 4.6 m, 2.8 m, 1.7 m.
+    assert_eq!(persons(&[4, 3, 2], 400, "crane"), [false, true, true]);
+    // Someone who stands there is flown around.
+    assert_eq!(persons(&[2, 2, 2], 400, "crane"), [false; 3]);
+    // Within 1 m whatever they do, but not for ever.
+    assert_eq!(persons(&[1; 6], 400, "crane"), [true, true, true, true, false, false]);
+    // Who walks past, and who is flown to.
+    assert_eq!(persons(&[4, 3, 2], 0, "crane"), [false; 3]);
+    assert_eq!(persons(&[4, 3, 2], 400, "man"), [false; 3]);
 }
 
 #[test]
