@@ -67,8 +67,8 @@ pub(super) struct Guiding {
     course: Option<Course>,
     /// When the motion estimate last lost track, as far as it has been taken into account.
     lost: Option<Time>,
-    /// The frontiers to which the search for the present target has led.
-    explored: Vec<EnuPosition>,
+    /// The places from which the present target has been searched for, and the frontiers to which that has led.
+    searched: Vec<EnuPosition>,
     /// Position of the last target that was given up.
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
@@ -180,7 +180,7 @@ impl Guiding {
         }
         self.anchors.reset();
         self.gate = None;
-        self.explored.clear();
+        self.searched.clear();
     }
 }
 
@@ -467,14 +467,15 @@ impl Pilot {
         self.start_moving(now, then_rest);
     }
 
-    /// The best frontier to which the search has not led yet; the next call does not return it again.
+    /// The best frontier where the search has not been yet; the next call returns none near it, nor near `at`.
     pub(super) fn frontier(&mut self, now: Time, at: EnuPosition) -> Option<Frontier> {
         let body = self.body(now, at);
-        let Guiding { map: Some(map), planner, explored, .. } = &mut self.guiding else { return None };
+        let Guiding { map: Some(map), planner, searched, .. } = &mut self.guiding else { return None };
         map.advance(now, at);
-        let frontier = planner.frontier(map, at, &body, explored)?;
-        explored.push(frontier.position);
-        Some(frontier)
+        let frontier = planner.frontier(map, at, &body, searched);
+        searched.push(at);
+        searched.extend(frontier.map(|frontier| frontier.position));
+        frontier
     }
 
     /// Renews the plan of the course, if it is time.

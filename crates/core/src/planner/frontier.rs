@@ -19,8 +19,9 @@ const WIDE: f64 = 2.0;
 const NEARBY: f64 = 3.0;
 /// A frontier nearer than this shows nothing new, metres.
 const NEAREST: f64 = 1.5;
-/// A frontier this near to one that has been flown to is the same, metres.
-const SAME: f64 = 2.0;
+/// Around a place from which the surroundings have been searched, this far, nothing new is seen, metres. The map itself forgets
+/// within 20 s what no measurement confirms.
+const SEARCHED: f64 = 4.0;
 /// Cost of a move in hundredths of a cell.
 const STRAIGHT: u32 = 100;
 const DIAGONAL: u32 = 141;
@@ -49,8 +50,8 @@ pub struct Frontier {
 
 impl Planner {
     /// The best frontier for a craft at `at`: wide and near. Only paths through space known to be free count, at the craft's
-    /// height. Frontiers at places in `explored` are left out. `None` if there is none.
-    pub fn frontier(&mut self, map: &ObstacleMap, at: EnuPosition, body: &Body, explored: &[EnuPosition]) -> Option<Frontier> {
+    /// height. Frontiers near the places in `searched` are left out. `None` if there is none.
+    pub fn frontier(&mut self, map: &ObstacleMap, at: EnuPosition, body: &Body, searched: &[EnuPosition]) -> Option<Frontier> {
         let here = Cell::of(at);
         let start = map.index(here)?;
         self.weigh(map, body, &Destination::place(at, 0.0));
@@ -72,7 +73,7 @@ impl Planner {
         for first in (0..edge.len()).filter(|&i| edge[i]) {
             let cells = group(map, &edge, &mut grouped, first);
             let Some(frontier) = of_cells(map, &cells, &cost, at.up) else { continue };
-            let is_new = explored.iter().all(|old| old.horizontal_distance(frontier.position) > SAME);
+            let is_new = searched.iter().all(|old| old.horizontal_distance(frontier.position) > SEARCHED);
             if frontier.width < MIN_WIDTH || frontier.path < NEAREST || !is_new {
                 continue;
             }
