@@ -71,7 +71,6 @@ impl Progress {
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
             Note::Around(around) => words::around(around),
-            Note::Frontier(frontier) => words::frontier(frontier),
             Note::Limited(why) => (*why).to_owned(),
             Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
             // A held key repeats its setpoint ten times per second; the phase is shown instead.

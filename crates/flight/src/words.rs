@@ -2,7 +2,6 @@
 
 use spf_core::avoid::Avoidance;
 use spf_core::pilot::{Around, Decision, OperatorEvent, Outcome, Passage, Phase};
-use spf_core::planner::Frontier;
 use spf_core::reply::{Look, Status};
 
 use crate::ledger::VlmUse;
@@ -58,12 +57,6 @@ pub fn around(around: &Around) -> String {
         Passage::Under => "under",
     };
     format!("{side}: {}", around.name.as_deref().unwrap_or("an obstacle"))
-}
-
-/// Display text of a place to which a search leads.
-#[must_use]
-pub fn frontier(frontier: &Frontier) -> String {
-    format!("searches beyond an opening {:.1} m wide, {:.1} m away", frontier.width, frontier.path)
 }
 
 /// Display text of a direction in which to look.

@@ -186,7 +186,6 @@ impl Pilot {
             match step {
                 Step::Ask(query) => self.ask(now, query, *view),
                 Step::Move(motion) => self.begin_move(now, motion),
-                Step::Explore(motion) => self.explore(now, motion),
                 Step::Goto(goto) => self.begin_goto(now, &goto),
                 Step::Keep => self.keep_on(now, view),
                 Step::Look => {
@@ -232,7 +231,6 @@ impl Pilot {
         let step = match step {
             Step::Ask(_) => "ask",
             Step::Move(_) => "move",
-            Step::Explore(_) => "explore",
             Step::Goto(_) => "goto",
             Step::Keep => "keep",
             Step::Look => "look",

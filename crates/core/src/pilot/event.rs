@@ -9,7 +9,6 @@ use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
-use crate::planner::Frontier;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
 use crate::telemetry::Telemetry;
@@ -132,8 +131,6 @@ pub enum Note {
     Envelope(Cause),
     /// The path to the target leads around something now.
     Around(Around),
-    /// The search flies to where seen free space borders on space that has not been seen.
-    Frontier(Frontier),
     /// A move of the policy was shortened or refused, with the reason.
     Limited(&'static str),
     /// A reply to a cancelled query arrived; it is ignored.

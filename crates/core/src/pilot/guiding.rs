@@ -18,7 +18,7 @@ use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::guidance::SLOW_ANSWERS;
 use crate::lift::range_of_label;
 use crate::obstacle_map::{CELL, Cell, Mobility, ObstacleMap};
-use crate::planner::{Body, Destination, Escape, Frontier, Guide, Planner, Progress, Reach, escape};
+use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach, escape};
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
 use crate::reply::{Reply, Status};
@@ -67,8 +67,6 @@ pub(super) struct Guiding {
     course: Option<Course>,
     /// When the motion estimate last lost track, as far as it has been taken into account.
     lost: Option<Time>,
-    /// The places from which the present target has been searched for, and the frontiers to which that has led.
-    searched: Vec<EnuPosition>,
     /// Position of the last target that was given up.
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
@@ -180,7 +178,6 @@ impl Guiding {
         }
         self.anchors.reset();
         self.gate = None;
-        self.searched.clear();
     }
 }
 
@@ -465,17 +462,6 @@ impl Pilot {
         };
         self.guiding.course = Some(next);
         self.start_moving(now, then_rest);
-    }
-
-    /// The best frontier where the search has not been yet; the next call returns none near it, nor near `at`.
-    pub(super) fn frontier(&mut self, now: Time, at: EnuPosition) -> Option<Frontier> {
-        let body = self.body(now, at);
-        let Guiding { map: Some(map), planner, searched, .. } = &mut self.guiding else { return None };
-        map.advance(now, at);
-        let frontier = planner.frontier(map, at, &body, searched);
-        searched.push(at);
-        searched.extend(frontier.map(|frontier| frontier.position));
-        frontier
     }
 
     /// Renews the plan of the course, if it is time.

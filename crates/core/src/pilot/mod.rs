@@ -14,7 +14,6 @@
 mod deciding;
 mod ending;
 mod event;
-mod exploring;
 mod guiding;
 mod moving;
 mod operator;

@@ -11,12 +11,10 @@
 //! Search and costs are integers, so that a plan is the same on every machine.
 
 mod clearance;
-mod frontier;
 mod search;
 mod stuck;
 
 use self::clearance::Clearance;
-pub use self::frontier::Frontier;
 use self::search::Search;
 pub use self::stuck::{Escape, Progress, escape};
 use crate::geometry::{EnuPosition, wrap_angle};

@@ -103,9 +103,6 @@ pub enum Step {
     Ask(Box<Query>),
     /// Move, replacing the current motion.
     Move(Move),
-    /// Fly to where the obstacle map's free space borders on space that has not been seen; where there is no such place, or no
-    /// map, this motion.
-    Explore(Move),
     /// Fly to a target seen in the frame, whose place the pilot keeps ([`crate::anchor`]).
     Goto(Goto),
     /// The frame does not show the target, but its place is known: fly on to it.

@@ -54,8 +54,6 @@ pub enum SearchAction {
     Fly {
         /// Depth label, at most that of the open direction.
         depth: u8,
-        /// Whether any place that has not been seen will do: nothing suggests that the target lies in this direction.
-        explores: bool,
     },
     /// The search is exhausted.
     Exhausted,
@@ -186,13 +184,13 @@ impl Search {
         {
             self.ahead += 1;
             self.begin_sweep();
-            return SearchAction::Fly { depth: open.depth.min(self.deepest), explores: false };
+            return SearchAction::Fly { depth: open.depth.min(self.deepest) };
         }
         if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
             let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
             self.stage = Stage::Excursion(left - 1);
             self.gone = Some(way.heading);
-            return SearchAction::Fly { depth: way.depth.min(self.deepest), explores: true };
+            return SearchAction::Fly { depth: way.depth.min(self.deepest) };
         }
         if self.stage != Stage::Sweep {
             self.stage = Stage::Sweep;
@@ -397,7 +395,7 @@ mod tests {
         let (mut heading, mut flown) = (0.0_f64, None);
         while flown.is_none() {
             match search.next(Look::Right, heading, way(heading)) {
-                SearchAction::Fly { depth, .. } => flown = Some(depth),
+                SearchAction::Fly { depth } => flown = Some(depth),
                 SearchAction::Look(step) => heading = wrap_angle(heading + step.yaw),
                 SearchAction::Exhausted => panic!("never flew"),
             }

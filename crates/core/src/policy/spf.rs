@@ -40,9 +40,6 @@ const MISSES_ASIDE: u32 = 5;
 /// A reply that points farther than this away from a target's known place, and outside its box, does not report that target,
 /// radians: 17°.
 const ELSEWHERE: f64 = 0.3;
-/// Depth label of an open way up to which the craft is among walls that a depth sensor measures, which the map's frontiers lead
-/// out of. The label is that of half the free distance: 15 m.
-const SHUT_IN: u8 = 5;
 
 /// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -340,12 +337,7 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
             }
-            (SearchAction::Fly { depth, explores }, Some(way)) => {
-                match self.fly_to(open_query, reply, way.point, f64::from(depth)) {
-                    Step::Move(motion) if explores && self.is_mapped_by_sensor() && way.depth <= SHUT_IN => Step::Explore(motion),
-                    step => step,
-                }
-            }
+            (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, f64::from(depth)),
             (SearchAction::Fly { .. } | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),
         }
     }

@@ -234,7 +234,6 @@ impl FlightLog {
             }
             Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
             Note::Around(around) => (Level::Info, words::around(around)),
-            Note::Frontier(frontier) => (Level::Info, words::frontier(frontier)),
             Note::Limited(why) => (Level::Warning, (*why).to_owned()),
             Note::LateReply(id) => (Level::Warning, format!("the reply to query {} came too late and is ignored", id.0)),
             Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),

@@ -11,7 +11,6 @@ use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Around, Note, OperatorEvent, Phase, PilotSettings, Preset};
-use spf_core::planner::Frontier;
 use spf_core::query::QueryId;
 use spf_core::time::Time;
 
@@ -204,8 +203,6 @@ pub enum NoteKind {
     Envelope,
     /// The path leads around something.
     Around,
-    /// The search flies to a frontier of the obstacle map.
-    Frontier,
     /// A move of the policy was shortened or refused.
     Limited,
     /// A reply to a cancelled query arrived.
@@ -238,9 +235,6 @@ pub struct NoteRow {
     /// The detour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub around: Option<Around>,
-    /// The frontier.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub frontier: Option<Frontier>,
     /// The reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
@@ -249,8 +243,7 @@ pub struct NoteRow {
 impl NoteRow {
     /// The row for a note; `None` for a decision, which has its own topic.
     pub(super) fn of(note: &Note) -> Option<Self> {
-        let row =
-            |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, frontier: None, reason: None };
+        let row = |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, reason: None };
         Some(match note {
             Note::Phase(phase) => Self { phase: Some(*phase), ..row(NoteKind::Phase) },
             Note::Envelope(cause) => Self { cause: Some(*cause), ..row(NoteKind::Envelope) },
@@ -263,7 +256,6 @@ impl NoteRow {
                 Self { event: Some(event.clone()), reason: Some((*why).to_owned()), ..row(NoteKind::OperatorIgnored) }
             }
             Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
-            Note::Frontier(frontier) => Self { frontier: Some(*frontier), ..row(NoteKind::Frontier) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
             Note::Decision(_) => return None,
         })
