@@ -332,6 +332,7 @@ impl Course {
             final_distance_m: None,
             collisions: 0,
             touched: Vec::new(),
+            followed: None,
             targets: Vec::new(),
             target_in_view: None,
             seed,

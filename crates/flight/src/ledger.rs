@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
 use spf_core::query::{QueryId, QueryKind};
 use spf_record::jsonl::JsonLines;
+pub use spf_vlm::ORACLE_SERVED;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use crate::problems::{in_full, slow};

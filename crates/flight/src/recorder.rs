@@ -182,7 +182,7 @@ impl Recorder {
 /// The line below the title of the trajectory image.
 fn headline(summary: &Summary) -> String {
     let time = summary.completion_time_s.map_or(String::new(), |time| format!(", {time:.1} s"));
-    let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target"));
+    let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let (outcome, flown) = (words::outcome(summary.outcome), summary.path_length_m);
     format!("{outcome}{time}, {flown:.1} m flown, {} decisions{distance}", summary.decisions)
 }

@@ -2,6 +2,7 @@
 
 use crate::frame_age::GlassToDecision;
 use crate::ledger::VlmUse;
+use crate::sim::Followed;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
@@ -92,6 +93,10 @@ pub struct Summary {
     /// The collisions, in order; only with ground truth.
     #[serde(default)]
     pub touched: Vec<Touch>,
+    /// How long the target was followed, if the last step of the instruction is to follow; omitted otherwise, and without ground
+    /// truth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub followed: Option<Followed>,
     /// Keys of the objects matching the instruction.
     pub targets: Vec<String>,
     /// Whether the nearest of them was in view.

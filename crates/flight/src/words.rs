@@ -3,6 +3,7 @@
 use spf_core::avoid::Avoidance;
 use spf_core::pilot::{Around, Decision, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
+use spf_vlm::ORACLE_SERVED;
 
 use crate::ledger::VlmUse;
 
@@ -141,9 +142,31 @@ pub fn vlm_use(used: &VlmUse) -> String {
     let failed = if failed > 0 { format!(" ({failed} failed)") } else { String::new() };
     let latency = used.median_latency_s.map_or(String::new(), |seconds| format!(", median {seconds:.2} s"));
     let about = if used.tokens_estimated { "about " } else { "" };
+    let is_oracle = !models.is_empty() && models.iter().all(|model| *model == ORACLE_SERVED);
+    if is_oracle {
+        return format!("VLM: the oracle of a server (no real VLM, free of charge), {} queries{failed}{latency}", used.questions);
+    }
     let cost = used.cost_usd.map_or("price unknown".to_owned(), |cost| format!("{about}${cost:.4}"));
     format!(
         "VLM: {names}, {} queries{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
         used.questions, used.tokens_in, used.tokens_out, used.tokens_thinking
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_oracle_behind_a_server_has_no_price() {
+        let used = |model: &str, cost_usd| VlmUse {
+            questions: 3,
+            models: [(model.to_owned(), 3)].into(),
+            cost_usd,
+            ..VlmUse::default()
+        };
+        let oracle = vlm_use(&used(ORACLE_SERVED, Some(0.0)));
+        assert!(oracle.starts_with("VLM: the oracle of a server") && !oracle.contains('$'), "{oracle}");
+        assert!(vlm_use(&used("gpt-6-luna", Some(0.5))).ends_with("$0.5000"));
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::language::lex::{is_known, is_thing, raw_tokens, tokens};
+use super::language::lex::{is_known, is_right, is_thing, raw_tokens, tokens};
 use super::language::lexicon::{ADJECTIVES, NOUNS};
 use super::language::resolve::meant_by;
 use super::language::score::vocabulary;
@@ -21,6 +21,8 @@ pub struct InstructionReading {
     pub ignored: Vec<UnknownWord>,
     /// Motions without a target ("forward 20 metres"), as written: no image shows where they end, and they are not flown.
     pub directions: Vec<String>,
+    /// Whether most words are of another language, so that what is read of it is not what is meant.
+    pub is_foreign: bool,
 }
 
 /// One action.
@@ -70,7 +72,7 @@ impl InstructionReading {
     /// Whether any action is understood. If not, a flight could only end in a fruitless search.
     #[must_use]
     pub fn is_understood(&self) -> bool {
-        self.steps.iter().any(ReadStep::is_understood)
+        !self.is_foreign && self.steps.iter().any(ReadStep::is_understood)
     }
 
     fn correct(&mut self, written: String, read: String) {
@@ -94,7 +96,8 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
     reading.directions = motions;
     for Clause { verb, target, order } in clauses {
         let candidates: Vec<u16> = meant_by(verb, &target, &items).into_iter().map(|at| items[at].tags.id).collect();
-        let unknown = target.nouns.iter().filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
+        let nouns = target.nouns.iter().chain(target.or.iter().flat_map(|other| &other.nouns));
+        let unknown = nouns.filter(|noun| !is_known(noun) && !scene.contains(*noun)).map(unknown_word).collect();
         each_within(&target, &mut |phrase| {
             // Grammar words are corrected first, then nouns, against the scene.
             phrase.spelt.iter().for_each(|(written, read)| reading.correct(written.clone(), read.clone()));
@@ -116,10 +119,141 @@ pub fn read_instruction(instruction: &str, objects: &[Placed<'_>], from: Option<
             () if !target.uses.is_empty() => target.written.iter().any(|word| NOUNS.vague.contains(word)),
             () => !target.is_empty(),
         };
-        reading.steps.push(ReadStep { verb, target: in_few_words(&target), candidates, unknown, alike, names_something });
+        let in_words: Vec<String> = core::iter::once(&target).chain(&target.or).map(in_few_words).collect();
+        reading.steps.push(ReadStep { verb, target: in_words.join(" or "), candidates, unknown, alike, names_something });
     }
+    reading.is_foreign = is_foreign(instruction, &scene, &reading.corrections);
     reading
 }
+
+/// Whether most words are none of the parser's, the scene's or any English ones, and no misspelt ones either.
+fn is_foreign(instruction: &str, scene: &BTreeSet<String>, corrections: &[Correction]) -> bool {
+    let words: Vec<String> = raw_tokens(instruction).into_iter().filter(|word| word.chars().all(char::is_alphabetic)).collect();
+    let is_corrected = |word: &String| corrections.iter().any(|known| known.written == *word);
+    let is_strange = |word: &&String| {
+        let is_english = is_known(word) || scene.contains(*word) || is_right(word) || is_corrected(word);
+        FOREIGN.binary_search(&word.as_str()).is_ok() || !(is_english || word.len() == 1)
+    };
+    let strange = words.iter().filter(is_strange).count();
+    let named = words.iter().any(|word| FOREIGN.binary_search(&word.as_str()).is_ok() || !word.is_ascii());
+    named && 2 * strange > words.len()
+}
+
+/// Everyday words of other languages (German, French, Spanish, Italian, Portuguese, Dutch, Polish), in alphabetical order,
+/// without those that are English words as well. One among words that nobody knows tells that they are no slips.
+const FOREIGN: [&str; 111] = [
+    "al",
+    "alla",
+    "alle",
+    "aller",
+    "allez",
+    "allo",
+    "ao",
+    "au",
+    "aux",
+    "beim",
+    "bitte",
+    "bringe",
+    "busca",
+    "cerca",
+    "cherche",
+    "da",
+    "das",
+    "de",
+    "del",
+    "della",
+    "dello",
+    "dem",
+    "der",
+    "du",
+    "een",
+    "ein",
+    "eine",
+    "einem",
+    "einen",
+    "einer",
+    "el",
+    "encuentra",
+    "est",
+    "et",
+    "favor",
+    "finde",
+    "flieg",
+    "fliege",
+    "fliegen",
+    "ga",
+    "geh",
+    "gehe",
+    "gehen",
+    "gli",
+    "hacia",
+    "haus",
+    "het",
+    "ich",
+    "idź",
+    "il",
+    "ist",
+    "jusqu",
+    "la",
+    "las",
+    "le",
+    "lec",
+    "lecz",
+    "les",
+    "leć",
+    "los",
+    "mich",
+    "mir",
+    "moi",
+    "montre",
+    "naar",
+    "nach",
+    "où",
+    "para",
+    "por",
+    "rechts",
+    "schau",
+    "suche",
+    "trouve",
+    "trova",
+    "ueber",
+    "un",
+    "una",
+    "und",
+    "une",
+    "uno",
+    "va",
+    "vai",
+    "vas",
+    "ve",
+    "vers",
+    "verso",
+    "vete",
+    "vlieg",
+    "vliegen",
+    "voar",
+    "voe",
+    "vola",
+    "volar",
+    "volare",
+    "vole",
+    "voler",
+    "vom",
+    "von",
+    "vous",
+    "vuela",
+    "vuele",
+    "wo",
+    "zeig",
+    "zeige",
+    "znajdz",
+    "znajdź",
+    "zoek",
+    "zu",
+    "zum",
+    "zur",
+    "über",
+];
 
 /// Names of the scene's objects that belong to the same general word as the phrase, each once: a bus for a tram.
 fn alike(target: &Phrase, objects: &[Placed<'_>]) -> Vec<String> {
@@ -147,7 +281,8 @@ const ALIKE: usize = 3;
 /// A phrase, and all phrases that it relates to or excludes.
 fn each_within(phrase: &Phrase, note: &mut impl FnMut(&Phrase)) {
     note(phrase);
-    phrase.relations.iter().flat_map(|(_, anchors)| anchors).chain(&phrase.not).for_each(|within| each_within(within, note));
+    let related = phrase.relations.iter().flat_map(|(_, anchors)| anchors);
+    related.chain(&phrase.not).chain(&phrase.or).for_each(|within| each_within(within, note));
 }
 
 /// The scene's most similarly spelt word, if at most a third of its letters differ.

@@ -12,6 +12,8 @@ pub struct TruthTarget {
     pub objects: Vec<u16>,
     /// False if the verb needs a predicate that only the bench has: through, around, over, behind, scan, follow.
     pub checkable: bool,
+    /// Whether the last stage is to follow, which nothing ends.
+    pub follows: bool,
     /// Whether any object matches; otherwise `verified` is false.
     pub fits: bool,
 }
@@ -25,7 +27,12 @@ pub fn resolve_truth(instruction: &str, objects: &[Placed<'_>], from: Option<Vie
     let parsed = parse(instruction, &vocabulary(objects.iter().map(|o| o.tags)));
     let Some(last) = parsed.clauses.last() else { return TruthTarget { checkable: true, ..TruthTarget::default() } };
     let found = resolve_clause(last, objects, from);
-    TruthTarget { fits: !found.is_empty(), objects: found, checkable: last.verb == Verb::GoTo }
+    TruthTarget {
+        fits: !found.is_empty(),
+        objects: found,
+        checkable: last.verb == Verb::GoTo,
+        follows: last.verb == Verb::Follow,
+    }
 }
 
 /// The objects a clause may mean, by number.

@@ -10,6 +10,7 @@ use spf_core::query::QueryKind;
 use spf_core::rng::RandomStream;
 use spf_core::time::Duration;
 
+use crate::ORACLE_SERVED;
 use crate::client::{Endpoint, Enough, Exchange, FirstByte};
 use crate::day::today;
 use crate::error::{VlmError, brief};
@@ -248,7 +249,7 @@ impl Backend {
     fn notice(&self, served: &str) {
         let requested = &self.model.id;
         let same = served.contains(requested.as_str()) || requested.contains(served);
-        if !same && self.model.vendor.key_needed && !self.warned.swap(true, Ordering::Relaxed) {
+        if !same && served != ORACLE_SERVED && self.model.vendor.key_needed && !self.warned.swap(true, Ordering::Relaxed) {
             tracing::warn!("{}: requested {requested}, served by {served}", self.model.vendor.title);
         }
     }
@@ -290,7 +291,8 @@ impl Backend {
             tokens.estimated = true;
         }
         let bytes_sent = written.bytes();
-        let cost_usd = exchange.gathered.cost_usd.or_else(|| self.cost(&tokens));
+        let is_oracle = exchange.gathered.served.as_deref() == Some(ORACLE_SERVED);
+        let cost_usd = if is_oracle { Some(0.0) } else { exchange.gathered.cost_usd.or_else(|| self.cost(&tokens)) };
         account.add(&Usage { requests: 1, bytes_sent, parts: StageTimes::default(), tokens, cost_usd });
         let uploaded = exchange.uploaded.get().map(|at| at.saturating_duration_since(written.began).as_secs_f64());
         account.parts = StageTimes { encoded_s: written.encoded, uploaded_s: uploaded, ..exchange.parts };

@@ -83,6 +83,9 @@ pub trait QueryImage {
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError>;
 }
 
+/// The model that `spf sim serve --vlm` names in its replies, in every format: the oracle, whose answers cost nothing.
+pub const ORACLE_SERVED: &str = "spf-oracle";
+
 /// The result of a query.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {

@@ -334,6 +334,8 @@ impl Trial {
                 verified: Some(found.holds_at_end && !scores.collided),
                 verified_by: Some(VerifiedBy::Task),
                 not_read: Vec::new(),
+                // The task's own goal judges.
+                followed: None,
                 final_distance_m: found.distance,
                 target_in_view: found.sees,
                 targets: goal.clone(),

@@ -117,6 +117,9 @@ pub(crate) struct Export {
     /// Output table: .csv, .jsonl or .parquet (requires the feature `parquet`)
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
+    /// Replace the output file if it exists
+    #[arg(long)]
+    pub(crate) overwrite: bool,
 }
 
 /// Makes a video from the camera images of a log, with waypoints and boxes overlaid.
@@ -130,4 +133,7 @@ pub(crate) struct Video {
     /// Output video (.mp4)
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
+    /// Replace the output file if it exists
+    #[arg(long)]
+    pub(crate) overwrite: bool,
 }

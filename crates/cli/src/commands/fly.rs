@@ -271,7 +271,8 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     };
     let except = match summary.outcome {
         Outcome::Reached if !summary.not_read.is_empty() => {
-            format!(", except {}, which was not understood", quoted(&summary.not_read))
+            let were = if summary.not_read.len() == 1 { "was" } else { "were" };
+            format!(", except {}, which {were} not understood", quoted(&summary.not_read))
         }
         _ => String::new(),
     };
@@ -282,6 +283,9 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         &summary.cause
     };
     printer.result(&format!("{}{verified}: {cause}{except}", words::outcome(summary.outcome)));
+    if let Some(followed) = &summary.followed {
+        printer.result(&followed.words());
+    }
     let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let touched: Vec<String> = summary.touched.iter().map(Touch::words).collect();

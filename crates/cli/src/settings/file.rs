@@ -35,7 +35,11 @@ impl Settings {
                 let line = line_of(text, name.span().start);
                 let full = format!("{}.{}", section.get_ref(), name.get_ref());
                 let Some(row) = self.rows_mut().into_iter().find(|row| row.key().name == full) else {
-                    return Err(self.unknown_key(&shown, line, &full));
+                    return Err(match (self.switched(&full), value.get_ref()) {
+                        (Some(key), DeValue::Boolean(no)) => CliError::usage(format!("{shown}:{line}: unknown key `{full}`"))
+                            .hint(format!("write `{name} = {}`", !no, name = key.rsplit('.').next().unwrap_or(key))),
+                        _ => self.unknown_key(&shown, line, &full),
+                    });
                 };
                 let value = match value.get_ref() {
                     DeValue::String(text) => text.clone().into_owned(),
@@ -54,6 +58,13 @@ impl Settings {
             }
         }
         Ok(())
+    }
+
+    /// The key that a name after a flag means: `fly.video` for `fly.no_video`, as in `--no-video`.
+    fn switched(&self, full: &str) -> Option<&'static str> {
+        let (section, name) = full.split_once('.')?;
+        let meant = format!("{section}.{}", name.strip_prefix("no_")?);
+        self.rows().iter().map(|row| row.key().name).find(|known| *known == meant)
     }
 
     fn unknown_key(&self, path: &impl Display, line: usize, full: &str) -> CliError {

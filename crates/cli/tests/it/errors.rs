@@ -142,6 +142,7 @@ fn of_the_configuration() {
         ("word.toml", "[fly]\npreset = \"papre\"\n"),
         ("odd.toml", "[fly]\n\"sc\\nene\" = 1\n"),
         ("inline.toml", "\n\nfly = { sede = 3 }\n"),
+        ("no_video.toml", "[fly]\nno_video = true\n"),
         ("limits.toml", "[envelope]\nmin_altitude_m = 50\nmax_altitude_m = 10\n"),
     ] {
         lab.write(name, content);

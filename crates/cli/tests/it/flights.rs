@@ -40,6 +40,39 @@ fn a_part_that_is_not_read_is_no_success() {
 }
 
 #[test]
+fn what_is_ignored_is_said_before_take_off_and_in_the_verdict() {
+    let lab = Lab::new();
+    let words = "if you see a bus go slowly to the taxi at dusk";
+    let run = lab.spf(&["fly", words, "--vlm", "oracle:perfect", "--no-video", "--out", "mine"]);
+    let parts = "\"if you see a bus\", \"slowly\", \"at dusk\"";
+    assert!(run.stderr.contains("\nreads: fly to → yellow taxi\n"), "{}", run.stderr);
+    assert!(run.stderr.contains(&format!("\nnot understood: {parts}")), "{}", run.stderr);
+    assert!(run.code == Some(0) && run.stdout.contains(&format!("except {parts}, which were not understood")), "{}", run.stdout);
+}
+
+#[test]
+fn another_language_is_refused_before_take_off() {
+    let lab = Lab::new();
+    for words in ["geh zum roten Auto", "va a la iglesia", "vole vers la voiture rouge"] {
+        let run = lab.spf(&["fly", words, "--out", "mine"]);
+        assert!(run.code == Some(2) && run.stderr.starts_with("error: the oracle reads English only, "), "{}", run.stderr);
+        assert!(run.stderr.contains("--vlm gemini"), "{}", run.stderr);
+    }
+    assert!(lab.names(".").is_empty(), "nothing is left behind");
+}
+
+#[test]
+fn how_long_somebody_was_followed_is_said() {
+    let lab = Lab::new();
+    let args =
+        ["fly", "follow the person in orange", "--scene", "park", "--vlm", "oracle:perfect", "--max-time", "60", "--no-video"];
+    let run = lab.spf(&[&args[..], &["--out", "mine"]].concat());
+    assert!(run.code == Some(3) && run.stdout.contains("\nfollowed: "), "{}", run.stdout);
+    let summary: Value = serde_json::from_slice(&lab.read("mine/summary.json")).unwrap();
+    assert_eq!((&summary["followed"]["within_m"], &summary["verified"]), (&10.0.into(), &Value::Null), "{summary}");
+}
+
+#[test]
 fn words_that_name_nothing_fly_nothing() {
     let lab = Lab::new();
     for (words, message) in [

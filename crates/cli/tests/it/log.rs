@@ -183,6 +183,13 @@ fn a_folder_of_logs_is_one_table() {
     assert_eq!(rows[0]["reading.waypoint.u"], one[0]["reading"]["waypoint"]["u"]);
     let summaries = lab.spf(&["log", "export", "flights", "--topic", "summary", "-o", "flights.csv"]);
     assert!(summaries.stdout.starts_with("flights.csv: 2 rows, "), "{}", summaries.stdout);
+    let before = lab.read("flights.csv");
+    let again = ["log", "export", "flights", "-o", "flights.csv"];
+    let kept = lab.spf(&again);
+    assert!(kept.code == Some(2) && kept.stderr.contains("`flights.csv` exists"), "{}", kept.stderr);
+    assert_eq!(lab.read("flights.csv"), before);
+    assert_eq!(lab.spf(&[&again[..], &["--overwrite"]].concat()).code, Some(0));
+    assert_ne!(lab.read("flights.csv"), before);
     let nothing = lab.spf(&["log", "export", "flights", "--topic", "/camera/image", "-o", "none.csv"]);
     assert!(nothing.code == Some(2) && nothing.stderr.contains("no messages on the topic"), "{}", nothing.stderr);
     let other = lab.spf(&["log", "export", "flights", "-o", "decisions.xls"]);
@@ -229,6 +236,8 @@ fn a_video_is_made_of_a_log() {
     let images = by_topic(&lab.path("mine/flight.mcap"))["/camera/image"].len();
     assert!(made.stdout.starts_with(&format!("flight.mp4: {images} frames, ")), "{}", made.stdout);
     assert!(lab.read("flight.mp4").len() > 50_000);
+    let kept = lab.spf(&["log", "video", "mine/flight.mcap", "-o", "flight.mp4"]);
+    assert!(kept.code == Some(2) && kept.stderr.contains("--overwrite"), "{}", kept.stderr);
     lab.fly("bare", &["fly to the red crane", "--max-time", "3"]);
     let none = lab.spf(&["log", "video", "bare/flight.mcap", "-o", "none.mp4"]);
     assert!(none.code == Some(2) && none.stderr.contains("no camera images"), "{}", none.stderr);

@@ -2,6 +2,7 @@
 //! truth for evaluating a flight.
 
 mod drone;
+mod following;
 mod frame_source;
 mod frames;
 mod loaded_scene;
@@ -13,6 +14,7 @@ mod vlm_factory;
 mod world;
 
 pub use drone::SimDrone;
+pub use following::Followed;
 pub use frames::SimFrames;
 pub(crate) use frames::photo;
 pub use loaded_scene::{LoadedScene, SceneLoadError, WorldSnapshot};

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::pilot::{Action, Note, OperatorEvent, Pilot};
 use spf_core::time::Time;
 use spf_drone::Drone;
 use spf_render::effects::Effects;
@@ -11,9 +12,10 @@ use spf_scene::geometry::ObjectId;
 use spf_sim::wind::Wind;
 
 use super::drone::SimDrone;
+use super::following::{Course, Followed};
 use super::frame_source::SimFrameSource;
 use super::loaded_scene::LoadedScene;
-use super::truth::{Verdict, judge};
+use super::truth::{Verdict, followed_by, judge};
 use super::world::{FlightConditions, SimWorld};
 use crate::log::SimHead;
 use crate::run::Observer;
@@ -95,7 +97,13 @@ impl Simulated {
             seed: self.seed,
             frame_source: Arc::new(SimFrameSource(world.clone())),
             sim: Some(self.head(start)),
-            judge: Box::new(Judging { world: world.clone(), site: self, start, found: Found::default() }),
+            judge: Box::new(Judging {
+                world: world.clone(),
+                site: self,
+                start,
+                course: Course::default(),
+                found: Found::default(),
+            }),
         };
         Ok((parts, world))
     }
@@ -156,6 +164,7 @@ struct Judging {
     world: SimWorld,
     site: Simulated,
     start: Pose,
+    course: Course,
     found: Found,
 }
 
@@ -165,9 +174,20 @@ struct Found {
     verdict: Verdict,
     path_length: f64,
     touched: Vec<Touch>,
+    followed: Option<Followed>,
 }
 
-impl Observer for Judging {}
+impl Observer for Judging {
+    fn action(&mut self, _: Time, action: &Action, _: &Pilot) {
+        if let Action::Note(Note::Operator(OperatorEvent::Instruction(_))) = action {
+            self.course.restart();
+        }
+    }
+
+    fn time(&mut self, now: Time, _: &Pilot) {
+        self.course.note(now, || self.world.now());
+    }
+}
 
 impl Judge for Judging {
     fn settle(&mut self, now: Time, instruction: &str) {
@@ -182,11 +202,12 @@ impl Judge for Judging {
             verdict: judge(&self.world, instruction, &self.start),
             path_length: truth.path_length,
             touched: truth.collided_with.iter().map(touch).collect(),
+            followed: followed_by(instruction, loaded, &self.start).map(|objects| self.course.followed(loaded, &objects)),
         };
     }
 
     fn tell(&self, summary: &mut Summary) {
-        let Found { verdict, path_length, touched } = &self.found;
+        let Found { verdict, path_length, touched, followed } = &self.found;
         let (site, scene) = (&self.site, &self.site.loaded.scene);
         *summary = Summary {
             verified: verdict.verified,
@@ -196,6 +217,7 @@ impl Judge for Judging {
             final_distance_m: verdict.final_distance_m,
             collisions: u32::try_from(touched.len()).unwrap_or(u32::MAX),
             touched: touched.clone(),
+            followed: *followed,
             targets: verdict.targets.clone(),
             target_in_view: verdict.in_view,
             scene: scene.name.clone(),

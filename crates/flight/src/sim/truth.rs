@@ -10,7 +10,7 @@ use spf_oracle::{read_instruction, resolve_truth, unread};
 use spf_render::{Channels, RenderedImage};
 use spf_scene::geometry::ObjectId;
 
-use super::loaded_scene::WorldSnapshot;
+use super::loaded_scene::{LoadedScene, WorldSnapshot};
 use super::world::SimWorld;
 use crate::summary::VerifiedBy;
 
@@ -65,6 +65,12 @@ pub fn judge(world: &SimWorld, instruction: &str, start: &Pose) -> Verdict {
         targets,
         in_view: nearest.map(|(id, _)| seen.contains(&id)),
     }
+}
+
+/// The objects that an instruction to follow means; `None` if its last step is something else.
+pub(super) fn followed_by(instruction: &str, loaded: &LoadedScene, start: &Pose) -> Option<Vec<ObjectId>> {
+    let meant = resolve_truth(instruction, &loaded.placed(&loaded.cast.starts()), Some(*start));
+    meant.follows.then_some(meant.objects)
 }
 
 /// The parts of the instruction that are not read: phrases of their own, and words that were ignored beside a target.

@@ -6,7 +6,7 @@ use super::compounds::compounded;
 use super::lex::{is_listed, is_thing, names, singular, tokens};
 use super::lexicon::{NOUNS, PHRASES, SPELLING, VERBS};
 use super::manner;
-use super::meaning::{Order, Verb};
+use super::meaning::{Order, Relation, Verb};
 use super::motion::is_motion;
 use super::phrase::{Ordinal, Phrase};
 use super::pieces::{filler, in_order, pieces};
@@ -50,7 +50,8 @@ pub struct Instruction {
 /// ```
 #[must_use]
 pub fn parse(text: &str, tags: &BTreeSet<String>) -> Instruction {
-    let mut instruction = parse_tokens(&compounded(&tokens(text, tags), tags));
+    let words = compounded(&tokens(text, tags), tags);
+    let mut instruction = parse_tokens(&without(&words, |rest| manner::time_of_day(&words, words.len() - rest.len(), tags)));
     let words = Words { scene: tags, names: &names(text) };
     instruction.clauses.iter_mut().for_each(|clause| words.settle(&mut clause.target));
     instruction
@@ -64,15 +65,19 @@ fn parse_tokens(words: &[String]) -> Instruction {
     let mut context: Vec<Phrase> = Vec::new();
     let mut motions = Vec::new();
     for piece in in_order(&pieces(words)) {
-        let Some(read) = clause(&piece, clauses.last().map(|c| c.verb)) else { continue };
+        let Some(read) = clause(&piece.words, clauses.last().map(|c| c.verb)) else { continue };
         match read {
             Read::Clause(mut clause) => {
                 // Only "fly through" leads through a place without an object of its own.
                 if clause.verb != Verb::Through && clause.target.is_place() {
-                    motions.push(piece.join(" "));
+                    motions.push(piece.words.join(" "));
                     continue;
                 }
                 refer(&mut clause.target, &clauses, &context, &excluded);
+                // "The red car, no wait, the blue one": the earlier words only explain the later ones.
+                if piece.instead && !clause.target.is_empty() {
+                    clauses.pop();
+                }
                 if let Some(last) = clauses.last()
                     && clause.target.is_empty()
                     && clause.verb == Verb::GoTo
@@ -112,7 +117,7 @@ fn parse_tokens(words: &[String]) -> Instruction {
 }
 
 /// The words without the phrases whose lengths `length` returns where they start.
-fn without(words: &[String], length: fn(&[String]) -> usize) -> Vec<String> {
+fn without(words: &[String], length: impl Fn(&[String]) -> usize) -> Vec<String> {
     let mut kept = Vec::with_capacity(words.len());
     let mut at = 0;
     while at < words.len() {
@@ -208,6 +213,10 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     if take_off(&words) {
         return None;
     }
+    // "Keep low": how to fly, and no low object.
+    if words[0] == "keep" && words[1..].iter().all(|word| VERBS.adverbs.contains(word) || filler(word)) {
+        return None;
+    }
     if let Some(phrase) = context(&words) {
         return Some(Read::Context(phrase));
     }
@@ -248,7 +257,7 @@ fn clause(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let spoken: &[String] =
         &if asks_who { [&["person".to_owned()], &words[at + n..]].concat() } else { words[at + n..].to_vec() };
     let (verb, rest) = refine(verb, spoken);
-    let mut target = Phrase::read(rest);
+    let mut target = Phrase::read(at_place(rest));
     let mut verb = verb;
     let reciprocal = starts(rest, "each other") || starts(rest, "one another");
     if reciprocal {
@@ -358,12 +367,22 @@ fn forbidden(words: &[String]) -> Read {
 fn bare(words: &[String], previous: Option<Verb>) -> Option<Read> {
     let (verb, rest) = refine(previous.unwrap_or(Verb::GoTo), words);
     let order = if PHRASES.other_orders.contains(&words[0]) { Order::Other } else { Order::Unsaid };
-    let target = Phrase::read(rest);
+    let target = Phrase::read(at_place(rest));
     if target.is_empty() {
         None
     } else {
         Some(Read::Clause(Clause { verb: if verb == Verb::Scan { Verb::GoTo } else { verb }, target, order }))
     }
+}
+
+/// "In front of the church": a place that is told by an object only means this object, before which the drone stops. Anything
+/// else that stands in this place is not meant.
+fn at_place(words: &[String]) -> &[String] {
+    let Some((n, relation)) = PHRASES.relations.longest(words) else { return words };
+    let compares = matches!(words[0].as_str(), "near" | "nearest" | "closest" | "close");
+    let names = words.get(n).is_some_and(|word| PHRASES.determiners.contains(word) || is_thing(&singular(word)));
+    let apart = matches!(relation, Relation::Between | Relation::FarFrom);
+    if compares || apart || !names || PHRASES.dropped.length(words).is_some() { words } else { &words[n..] }
 }
 
 /// Consumes adverbs and prepositions after a verb; some prepositions change the verb.
@@ -400,6 +419,9 @@ fn refine(verb: Verb, words: &[String]) -> (Verb, &[String]) {
             {
                 return (verb, rest);
             }
+        } else if word == "and" && next.is_some_and(|next| VERBS.adverbs.contains(next)) {
+            // "Slowly and low to the bus".
+            rest = &rest[1..];
         } else if starts(rest, "next to") || starts(rest, "close to") || starts(rest, "up close to") {
             return (verb, &rest[2..]);
         } else if (VERBS.adverbs.contains(word) && !phrase && word != "next" && (word, next) != ("close", Some("by")))

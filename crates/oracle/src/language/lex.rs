@@ -7,6 +7,7 @@ use super::compounds::apart;
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::spelling;
 use super::table::Words;
+use super::times::is_time;
 
 /// Maximum length of an instruction, bytes; the rest is ignored, to bound memory use.
 const LONGEST: usize = 4096;
@@ -28,7 +29,7 @@ pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
         // A common misspelling is not a scene word, however close: "hed" is not "red".
         let tag = |word: &String| !is_known(word) && SPELLING.slips.plain(word).is_none() && near(word);
         let known = |word: &str| tags.contains(word) || tags.contains(&singular(word));
-        if known(&word) || is_known(&word) || is_right(&word) && SPELLING.slips.plain(&word).is_none() {
+        if known(&word) || is_known(&word) || is_time(&word) || is_right(&word) && SPELLING.slips.plain(&word).is_none() {
             return word;
         }
         if let Some(apart) = apart(&word, |second| known(second) || is_thing(&singular(second))) {
@@ -36,8 +37,34 @@ pub(crate) fn tokens(text: &str, tags: &BTreeSet<String>) -> Vec<String> {
         }
         if tag(&word) { word } else { corrected(&word) }
     };
-    raw_tokens(text).into_iter().map(right).collect()
+    let raw = raw_tokens(text);
+    let begins = |at: usize| at == 0 || !is_word(&raw[at - 1]) || PHRASES.fillers.contains(&raw[at - 1]);
+    let flown = |at: usize| {
+        let word = &raw[at];
+        let is_meant = begins(at) && raw.get(at + 1).is_some_and(|next| VERBS.prepositions.contains(next) || leads_on(next));
+        if is_meant && !tags.contains(word) { flight(word) } else { None }
+    };
+    (0..raw.len()).map(|at| flown(at).map_or_else(|| right(raw[at].clone()), str::to_owned)).collect()
 }
+
+/// Whether a token is a word, and no break.
+fn is_word(token: &str) -> bool {
+    token != "," && token != "."
+}
+
+/// The verb of flying for which a word in its place, unknown elsewhere, is a slip: one letter from a form of the verb, or from
+/// "flight" ("flie", "fligh", "flys").
+fn flight(word: &str) -> Option<&'static str> {
+    let slip = |(_, forms): &&(&str, &[&str])| forms.iter().any(|form| spelling::distance(word, form) == 1);
+    if word.len() < 3 || is_listed(word) || ENGLISH.binary_search(&word).is_ok() {
+        return None;
+    }
+    FLIGHT.iter().find(slip).map(|(verb, _)| *verb)
+}
+
+/// Verbs of flying, and the forms and nouns from which a slip may come.
+const FLIGHT: [(&str, &[&str]); 3] =
+    [("fly", &["fly", "flies", "flying", "flight"]), ("head", &["head", "heading"]), ("go", &["goes", "going"])];
 
 /// Words as written, lower case.
 pub(crate) fn raw_tokens(text: &str) -> Vec<String> {
@@ -78,7 +105,7 @@ pub(super) fn stem(word: &str) -> String {
 }
 
 /// Singular of a regular plural.
-pub(super) fn singular(word: &str) -> String {
+pub(crate) fn singular(word: &str) -> String {
     if let Some(stem) = SPELLING.irregular.plain(word) {
         return stem.to_owned();
     }
@@ -210,8 +237,21 @@ pub(crate) fn is_harmless(word: &str) -> bool {
     verb || word.ends_with("ing") || lists.iter().any(|list| list.contains(word))
 }
 
+/// Whether the word asks for a search.
+pub(crate) fn is_looking(word: &str) -> bool {
+    PHRASES.looking.contains(word) || matches!(word, "find" | "seek" | "scan" | "explore")
+}
+
+/// Whether a word leads from a verb to its object.
+pub(super) fn leads_on(word: &str) -> bool {
+    matches!(word, "the" | "a" | "an" | "this" | "that")
+        || VERBS.plain_prepositions.contains(word)
+        || VERBS.prepositions.contains(word)
+        || VERBS.adverbs.contains(word)
+}
+
 /// Whether the word or its stem is English, known to the parser or not, and must not be corrected.
-pub(super) fn is_right(word: &str) -> bool {
+pub(crate) fn is_right(word: &str) -> bool {
     let has = |w: &str| ENGLISH.binary_search(&w).is_ok() || ADJECTIVES.compass.contains(w);
     has(word) || has(&format!("{word}s")) || stems(word).iter().any(|stem| has(stem))
 }

@@ -1,8 +1,13 @@
 //! Words of manner, number, shape and order: recognised, so that they do not become part of a name, but not carried out.
 
+use std::collections::BTreeSet;
+
+use super::lex::{is_thing, leads_on, singular};
 use super::lexicon::PHRASES;
 use super::motion::{in_shape, measured};
+use super::times::{is_day, is_time};
 use super::turns::CARDINALS;
+use super::verbs::starts_verb;
 
 /// Number of words at the start that mean "each in turn"; zero if there are none.
 pub(crate) fn in_turn(words: &[String]) -> usize {
@@ -33,3 +38,63 @@ pub(crate) fn amount(words: &[String]) -> usize {
     };
     length + usize::from(PHRASES.extents.contains(word(length)))
 }
+
+/// Number of words of `words[at..]` that state a time of day ("at dusk", "in the early morning", "tonight", "at 5 pm"); zero if
+/// there are none. A flight begins at once, and the light is that of the scene. A name of `scene` is no time.
+pub(crate) fn time_of_day(words: &[String], at: usize, scene: &BTreeSet<String>) -> usize {
+    let rest = &words[at..];
+    let lead = rest.iter().take_while(|word| BEFORE_TIMES.contains(&word.as_str())).count();
+    let Some(word) = rest.get(lead).filter(|word| !scene.contains(*word)) else { return 0 };
+    let is_announced = rest[..lead].iter().any(|word| !matches!(word.as_str(), "the" | "this" | "early" | "late"));
+    let next = rest.get(lead + 1).map(String::as_str);
+    let length = if is_day(word) || (is_announced && is_time(word)) {
+        lead + 1
+    } else if is_announced && is_hour(word) && next.is_some_and(|next| HALVES.contains(&next)) {
+        lead + 2
+    } else if is_announced && HALVES.iter().any(|half| word.strip_suffix(half).is_some_and(is_hour)) {
+        lead + 1
+    } else {
+        return 0;
+    };
+    // "The morning star" and "the night club" are no times, and "something that gives light at night" is a lamp.
+    let names = rest.get(length).is_some_and(|next| is_thing(&singular(next)) || scene.contains(next));
+    let sentence = words[..at].rsplit(|word| word == "," || word == ".").next().unwrap_or_default();
+    let describes =
+        sentence.iter().any(|word| matches!(word.as_str(), "that" | "which" | "where" | "who" | "used" | "something"));
+    if names || describes { 0 } else { length }
+}
+
+fn is_hour(word: &str) -> bool {
+    !word.is_empty() && word.len() <= 4 && word.chars().all(|c| c.is_ascii_digit())
+}
+
+/// Words between the verb and a time of day.
+const BEFORE_TIMES: [&str; 15] = [
+    "at", "in", "by", "before", "after", "during", "until", "till", "around", "towards", "toward", "the", "this", "early", "late",
+];
+
+/// Words after the number of an hour.
+const HALVES: [&str; 3] = ["am", "pm", "oclock"];
+
+/// Number of words of `words[at..]` that ask for a picture, "take a picture" of the fountain; zero if there are none. The drone
+/// flies there, and every flight records what its camera sees.
+pub(crate) fn picture(words: &[String], at: usize) -> usize {
+    let rest = &words[at..];
+    let Some((length, _)) = starts_verb(rest) else { return 0 };
+    let asks = rest[..length].iter().any(|word| PICTURES.contains(&word.as_str()));
+    // "The film poster", and a picture on the wall.
+    let is_name = length == 1 && !rest.get(1).is_some_and(|next| leads_on(next));
+    let length = length - usize::from(rest[length - 1] == "of");
+    if asks && !is_name { length } else { 0 }
+}
+
+/// Number of words at the start that state for how long, "for 10 seconds"; zero if there are none.
+pub(crate) fn duration(words: &[String]) -> usize {
+    let word = |at: usize| words.get(at).map_or("", String::as_str);
+    let number = measured(word(1)) || CARDINALS.contains(&word(1)) || PHRASES.quantities.contains(word(1));
+    let unit = matches!(word(2), "second" | "seconds" | "sec" | "secs" | "s" | "minute" | "minutes" | "min" | "hour" | "hours");
+    if word(0) == "for" && number && unit { 3 } else { 0 }
+}
+
+/// Words for pictures.
+const PICTURES: [&str; 7] = ["picture", "photo", "pic", "shot", "photograph", "film", "video"];

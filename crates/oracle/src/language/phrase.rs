@@ -4,8 +4,8 @@ use super::lex::{is_thing, singular};
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Relation, Side, Size};
 use super::turns::{
-    ARTICLES, apposition, beside_it, clothes, describes_person, ends_description, ends_phrase, has_noun, is_adjective, is_colour,
-    number, place, surroundings,
+    ARTICLES, alternatives, apposition, beside_it, clothes, describes_person, ends_description, ends_phrase, has_noun,
+    is_adjective, is_colour, number, place, surroundings,
 };
 
 /// An ordinal, such as "second from the left".
@@ -48,6 +48,8 @@ pub struct Phrase {
     pub having: bool,
     /// Exclusions.
     pub not: Vec<Self>,
+    /// Alternatives, each as good as the phrase itself: "the red *or the blue* car".
+    pub or: Vec<Self>,
     /// "the other one", "another": excludes earlier targets.
     pub other: bool,
     /// "it", "the black one": the noun comes from an earlier phrase.
@@ -89,6 +91,23 @@ impl Phrase {
 
     /// Parses a noun phrase from the words after a verb and its preposition.
     pub(super) fn read(words: &[String]) -> Self {
+        let Some((one, other)) = alternatives(words) else { return Self::read_one(words) };
+        let (mut phrase, mut other) = (Self::read_one(one), Self::read(other));
+        // "The red or the blue car", "the red car or the blue one".
+        if phrase.nouns.is_empty() && !phrase.pronoun {
+            phrase.nouns.clone_from(&other.nouns);
+            phrase.relations.extend(other.relations.iter().cloned());
+            phrase.side = phrase.side.or(other.side);
+        } else if other.nouns.is_empty() {
+            other.nouns.clone_from(&phrase.nouns);
+            other.pronoun = false;
+        }
+        let more = core::mem::take(&mut other.or);
+        phrase.or = [vec![other], more].concat();
+        phrase
+    }
+
+    fn read_one(words: &[String]) -> Self {
         let written =
             words.iter().filter(|w| !matches!(w.as_str(), "the" | "a" | "an" | "," | ".")).map(|w| singular(w)).collect();
         let mut phrase = Self { written, ..Self::default() };

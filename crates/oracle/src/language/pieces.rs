@@ -1,6 +1,7 @@
 //! Splits a text into pieces that are parsed separately, and puts them in flight order.
 
-use super::lexicon::{NOUNS, PHRASES};
+use super::lex::leads_on;
+use super::lexicon::{NOUNS, PHRASES, VERBS};
 use super::verbs::starts_verb;
 
 /// A sequence of words, and its position relative to its neighbours.
@@ -11,6 +12,8 @@ pub(super) struct Piece {
     pub(super) first: bool,
     /// Comes after the following piece: "before A, B".
     pub(super) last: bool,
+    /// Replaces the preceding piece: "A, no wait, B".
+    pub(super) instead: bool,
 }
 
 /// Splits tokens at breaks, "then", and conjunctions that start something new.
@@ -29,11 +32,15 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
         } else if let Some(n) = PHRASES.afterwards.length(rest) {
             out.push(Piece::default());
             i += n;
-        } else if word == "if" {
+        } else if let Some(n) = corrects(&words[..i], rest) {
+            out.push(Piece { instead: true, ..Piece::default() });
+            between = false;
+            i += n;
+        } else if word == "if" || (fresh && out.len() == 1 && begins_condition(rest)) {
             // "If you see a car, fly to it": the condition is context. Elsewhere: "… if you cannot find it, look
             // around".
             if fresh && out.len() == 1 {
-                let end = rest.iter().position(|w| w == "," || w == "." || w == "then").unwrap_or(rest.len());
+                let end = condition(rest);
                 let mut context = vec!["if".to_owned()];
                 context.extend(rest[1..end].iter().cloned());
                 out.push(Piece { words: context, ..Piece::default() });
@@ -53,7 +60,7 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
             if fresh {
                 // "Before A, B": A is done last. "After A, B": in order.
                 let end = rest.iter().position(|w| w == "," || w == ".").unwrap_or(rest.len());
-                out.push(Piece { words: rest[skip.min(end)..end].to_vec(), first: false, last: before });
+                out.push(Piece { words: rest[skip.min(end)..end].to_vec(), last: before, ..Piece::default() });
                 out.push(Piece::default());
                 i += end;
             } else {
@@ -100,6 +107,65 @@ pub(super) fn pieces(words: &[String]) -> Vec<Piece> {
     out
 }
 
+/// Whether a condition begins here: "if it is red", "when you see a bus"; not "if possible" and "when you can".
+pub(crate) fn begins_condition(words: &[String]) -> bool {
+    let word = |at: usize| words.get(at).map_or("", String::as_str);
+    let states = matches!(word(1), "you" | "there" | "i" | "we" | "it" | "they");
+    let begins = word(0) == "if" || (matches!(word(0), "when" | "whenever" | "once" | "unless") && states);
+    begins && PHRASES.dropped.length(words).is_none() && PHRASES.afterwards.length(words).is_none()
+}
+
+/// Length of the condition at the start: up to a break, or without one up to a command ("if you see a bus *go* to the church").
+pub(crate) fn condition(words: &[String]) -> usize {
+    let end = words.iter().position(|w| w == "," || w == "." || w == "then").unwrap_or(words.len());
+    let leads = |next: &String| leads_on(next) || matches!(next.as_str(), "it" | "him" | "her" | "them");
+    let is_command = |at: &usize| {
+        let (before, rest) = (&words[at - 1], &words[*at..end]);
+        let named = matches!(before.as_str(), "it" | "one")
+            || !(PHRASES.lead_in.contains(before) || PHRASES.subordinating.contains(before));
+        // "A bus stop", "the car park".
+        let name = format!("{before} {}", rest[0]);
+        let is_name = NOUNS.synonyms.iter().any(|group| group.contains(&name));
+        let verb = starts_verb(rest).filter(|_| VERBS.verbs.begin_with(&rest[0]));
+        named && !is_name && verb.is_some_and(|(n, _)| rest.get(n).is_some_and(leads) || leads(&rest[n - 1]))
+    };
+    (3..end).find(is_command).unwrap_or(end)
+}
+
+/// Number of words at the start with which somebody takes back what precedes: "the red car, *no wait*, the blue one".
+pub(crate) fn corrects(before: &[String], words: &[String]) -> Option<usize> {
+    let begun = before.iter().rposition(|word| word == ".").map_or(0, |at| at + 1);
+    let spoken = before.iter().any(|word| word != "." && !filler(word));
+    let mark = CORRECTING.iter().find(|mark| mark.iter().enumerate().all(|(at, part)| words.get(at).is_some_and(|w| w == part)));
+    let forbids = (begun..before.len()).any(|at| PHRASES.forbidding.length(&before[at..]).is_some());
+    // "I don't mean the tree, I mean the fountain" excludes the tree.
+    mark.filter(|mark| spoken && !(forbids && mark[0] == "i")).map(|mark| mark.len())
+}
+
+/// Words that take back what precedes them.
+const CORRECTING: [&[&str]; 20] = [
+    &["no", "wait"],
+    &["no", ",", "wait"],
+    &["wait", "no"],
+    &["wait", ",", "no"],
+    &["no", "sorry"],
+    &["no", ",", "sorry"],
+    &["sorry", "no"],
+    &["sorry", ",", "no"],
+    &["sorry", "i", "mean"],
+    &["sorry", ",", "i", "mean"],
+    &["actually", "no"],
+    &["actually", ",", "no"],
+    &["no", "actually"],
+    &["no", ",", "actually"],
+    &["no", ",", "i", "mean"],
+    &["i", "mean"],
+    &["i", "meant"],
+    &["scratch", "that"],
+    &["or", "rather"],
+    &["make", "that"],
+];
+
 /// Whether "after" stands between two vehicles of a train: "the cart after the locomotive".
 fn coupled(before: Option<&Piece>, after: &[String]) -> bool {
     let rail = |words: &[String]| words.iter().any(|w| NOUNS.coupled.contains(w));
@@ -125,23 +191,23 @@ fn lists(next: &[String], out: &[Piece]) -> bool {
     article && spoken && (!apposition || forbidden)
 }
 
-pub(super) fn filler(word: &str) -> bool {
+pub(crate) fn filler(word: &str) -> bool {
     word == "," || PHRASES.fillers.contains(word)
 }
 
 /// Puts "A after B" and "before A, B" in order of execution.
-pub(super) fn in_order(pieces: &[Piece]) -> Vec<Vec<String>> {
-    let mut out: Vec<Vec<String>> = Vec::new();
-    let mut held: Option<Vec<String>> = None;
+pub(super) fn in_order(pieces: &[Piece]) -> Vec<Piece> {
+    let mut out: Vec<Piece> = Vec::new();
+    let mut held: Option<Piece> = None;
     for piece in pieces {
         if piece.last {
-            held = Some(piece.words.clone());
+            held = Some(piece.clone());
             continue;
         }
         if piece.first && !out.is_empty() {
-            out.insert(out.len() - 1, piece.words.clone());
+            out.insert(out.len() - 1, piece.clone());
         } else {
-            out.push(piece.words.clone());
+            out.push(piece.clone());
         }
         out.extend(held.take());
     }

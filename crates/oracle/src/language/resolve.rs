@@ -1,5 +1,7 @@
 //! Resolves phrases to objects: by tag score, then by relation, size and order among the candidates.
 
+use std::collections::BTreeSet;
+
 use spf_core::tags::Tagged;
 
 use super::item::Item;
@@ -17,6 +19,15 @@ pub(crate) fn meant(phrase: &Phrase, items: &[Item<'_>]) -> Vec<usize> {
 }
 
 fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize> {
+    let own = meant_alone(phrase, items, depth);
+    if phrase.or.is_empty() || depth > 6 {
+        return own;
+    }
+    let others = phrase.or.iter().flat_map(|other| meant_within(other, items, depth + 1));
+    own.into_iter().chain(others).collect::<BTreeSet<usize>>().into_iter().collect()
+}
+
+fn meant_alone(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize> {
     if phrase.is_empty() || depth > 6 {
         return Vec::new();
     }

@@ -199,7 +199,8 @@ fn used(uses: &[String], tags: &Tagged, named: bool) -> u32 {
     let heads = terms(tags);
     let heads: Vec<&String> = heads.iter().filter_map(|term| term.last()).collect();
     let general: Vec<&Words> = NOUNS.uses.iter().filter(|(kind, _)| heads.contains(kind)).map(|(_, uses)| uses).collect();
-    own.retain(|w| !SPELLING.empty.contains(w));
+    // "Get me what I need" asks for no clock that tells what time it is.
+    own.retain(|w| !SPELLING.empty.contains(w) && w != "what");
     // "Sit" matches sitting better than "sit under" does.
     let mut score = u32::from(tags.uses.iter().any(|text| split(text).iter().map(|w| stem(w)).eq(uses.iter().map(|w| stem(w)))));
     for word in uses {

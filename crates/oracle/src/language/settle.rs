@@ -6,6 +6,7 @@ use super::lex::{general_noun, is_known, is_listed, is_right, is_thing, stems};
 use super::lexicon::{ADJECTIVES, NOUNS};
 use super::phrase::Phrase;
 use super::spelling;
+use super::times::is_time;
 
 /// Words used for corrections.
 pub(super) struct Words<'a> {
@@ -29,7 +30,7 @@ impl Words<'_> {
 
     /// The corrected noun. `is_head`: it names the thing, as the last noun of a phrase does.
     fn spelt(&self, noun: &str, is_head: bool) -> String {
-        if is_listed(noun) || self.scene.contains(noun) || self.names.contains(noun) {
+        if is_listed(noun) || is_time(noun) || self.scene.contains(noun) || self.names.contains(noun) {
             return noun.to_owned();
         }
         // Of a thing and a colour that are equally near, "the brige" means the thing; "the blck car" is a black one.
@@ -94,7 +95,7 @@ impl Words<'_> {
         };
         phrase.musts.retain(|must| stems(must).iter().any(|form| forms.contains(form)));
         phrase.with.iter_mut().for_each(|with| self.settle(with));
-        phrase.not.iter_mut().for_each(|not| self.settle(not));
+        phrase.not.iter_mut().chain(&mut phrase.or).for_each(|other| self.settle(other));
     }
 }
 

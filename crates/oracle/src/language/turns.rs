@@ -1,8 +1,9 @@
 //! Expressions that distinguish objects: clothes, numbers, appositions, and the end of a noun phrase.
 
 use super::lex::{is_thing, singular};
-use super::lexicon::{ADJECTIVES, NOUNS, PHRASES};
+use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, VERBS};
 use super::meaning::Relation;
+use super::verbs::starts_verb;
 
 /// "in the blue coat", "wearing red": number of words, and the basic colour.
 pub(super) fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
@@ -15,9 +16,11 @@ pub(super) fn clothes(words: &[String]) -> Option<(usize, &'static str)> {
     let next = words.get(lead + 1);
     let garment = next.is_some_and(|w| NOUNS.clothes.contains(w));
     let ends = next.is_none_or(|w| {
-        matches!(w.as_str(), "," | "." | "and" | "who" | "that" | "with")
+        // "In yellow from above", "in yellow please": no object follows whose colour it could be.
+        ends_description(w)
+            || w == "who"
+            || VERBS.adverbs.contains(w)
             || NOUNS.participles.contains(w)
-            || PHRASES.relations.begin_with(w)
             || (w.ends_with("ing") && !is_thing(&singular(w)))
     });
     (garment || ends).then_some((lead + 1 + usize::from(garment), colour))
@@ -35,6 +38,19 @@ pub(super) fn apposition(words: &[String]) -> (&[String], Option<&[String]>) {
         Some(at) => (&words[..at], Some(&words[at + 1..])),
         None => (words, None),
     }
+}
+
+/// Words split at "or" between two objects: "the red *or* the blue car"; not "somewhere to sit or lie".
+pub(super) fn alternatives(words: &[String]) -> Option<(&[String], &[String])> {
+    let at = words.iter().position(|word| word == "or").filter(|at| *at > 0)?;
+    let (one, other) = (&words[..at], &words[at + 1..]);
+    // "Go to the church or fly to the bus".
+    let verb = starts_verb(other).map_or(0, |(length, _)| length);
+    let lead = other[verb..].iter().take_while(|word| matches!(word.as_str(), "to" | "at" | "the" | "a" | "an" | "that")).count();
+    let names = other.get(verb + lead).is_some_and(|word| lead > 0 || is_adjective(word) || is_thing(&singular(word)));
+    let described = one.iter().any(|word| PHRASES.relative.contains(word) || NOUNS.vague.contains(word) && word != "one");
+    let named = one.iter().any(|word| is_adjective(word) || is_thing(&singular(word)));
+    (names && named && !described && has_noun(other)).then_some((one, &other[verb..]))
 }
 
 /// "2", "nr 2", "two": number of words, and the number. If no noun precedes it, a word must announce the number.

@@ -1,7 +1,7 @@
 //! Verbs in any inflected form.
 
-use super::lex::singular;
-use super::lexicon::VERBS;
+use super::lex::{leads_on, singular};
+use super::lexicon::{PHRASES, VERBS};
 use super::meaning::Verb;
 
 /// The verb at the start: its number of words, and its meaning.
@@ -16,14 +16,15 @@ pub(super) fn starts_verb(words: &[String]) -> Option<(usize, Verb)> {
 /// Whether words tell somebody to do something: a verb, and what leads on to its object. `Fly to the tower`, not `exit` or `park
 /// station`.
 pub(crate) fn demands(words: &[String]) -> bool {
-    let leads_on = |word: &String| {
-        let word = word.as_str();
-        matches!(word, "the" | "a" | "an" | "this" | "that")
-            || VERBS.plain_prepositions.contains(word)
-            || VERBS.prepositions.contains(word)
-            || VERBS.adverbs.contains(word)
-    };
-    starts_verb(words).is_some_and(|(length, _)| words.get(length).is_some_and(leads_on) || words[..length].iter().any(leads_on))
+    let leads = |word: &String| leads_on(word);
+    starts_verb(words).is_some_and(|(length, _)| words.get(length).is_some_and(leads) || words[..length].iter().any(leads))
+}
+
+/// Whether the words begin with an order that is no flight, "wash the car", and not "open spaces".
+pub(crate) fn is_other_order(words: &[String]) -> bool {
+    let ordered = words.first().is_some_and(|word| PHRASES.other_orders.contains(word) && word != "give");
+    let leads = |next: &String| matches!(next.as_str(), "me" | "us") || leads_on(next);
+    ordered && starts_verb(words).is_none() && words.get(1).is_some_and(leads)
 }
 
 /// The base form of a known verb.

@@ -92,6 +92,94 @@ fn what_is_right_as_it_stands_is_put_right_to_nothing() {
 }
 
 #[test]
+fn a_slip_of_the_verb_of_flying_is_put_right_where_a_verb_stands() {
+    for (message, shown) in [
+        ("flie to the church", ("flie", "fly")),
+        ("fligh to the church", ("fligh", "fly")),
+        ("haed to the church", ("haed", "head")),
+    ] {
+        let reading = read(message);
+        assert_eq!((reading.steps.len(), &reading.steps[0].candidates), (1, &vec![3]), "{message}: {reading:?}");
+        assert!(corrections(&reading).contains(&shown), "{message}: {reading:?}");
+    }
+    // In the place of a noun it is none.
+    assert!(corrections(&read("go to the flie")).iter().all(|(_, read)| *read != "fly"));
+}
+
+#[test]
+fn a_time_of_day_is_no_misspelt_object() {
+    let tags = [tagged(1, &["church"], None, "building"), tagged(2, &["duck"], None, "animal")];
+    let objects: Vec<Placed<'_>> = tags.iter().map(|tags| Placed { tags, place: None }).collect();
+    for message in [
+        "go to the church at dusk",
+        "go to the church at night",
+        "at dawn, fly to the church",
+        "fly to the church in the early morning",
+        "visit the church before sunset",
+        "go to the church tonight",
+        "go to the church at 5 pm",
+        "go to the church by 11am",
+    ] {
+        let reading = read_instruction(message, &objects, None);
+        assert!(reading.corrections.is_empty() && reading.steps.len() == 1, "{message}: {reading:?}");
+        assert_eq!(reading.steps[0].candidates, [1], "{message}: {reading:?}");
+    }
+    let duck = read_instruction("go to the duk", &objects, None);
+    assert!(duck.steps.iter().all(|step| step.candidates != [1]), "{duck:?}");
+}
+
+#[test]
+fn what_is_mostly_another_language_is_not_flown() {
+    for message in [
+        "geh zum roten Auto",
+        "flieg bitte zum Bus",
+        "va a la iglesia",
+        "vole vers la voiture rouge",
+        "vai alla chiesa",
+        "ga naar de church",
+        "飞到红色的汽车",
+        "лети к церкви",
+    ] {
+        let reading = read(message);
+        assert!(reading.is_foreign && !reading.is_understood(), "{message}: {reading:?}");
+    }
+    for message in
+        ["GO TO TEH RED CRAN", "fly to the wonky crane", "fly to La Scala church", "flyy to the bleu car pls", "church", "go"]
+    {
+        assert!(!read(message).is_foreign, "{message}: {:?}", read(message));
+    }
+}
+
+#[test]
+fn a_place_told_by_an_object_is_this_object() {
+    // What else stands there is not meant.
+    let tags =
+        [tagged(1, &["church"], None, "building"), tagged(2, &["tree"], None, "tree"), tagged(3, &["bench"], None, "furniture")];
+    let place = |east: f64, north: f64| crate::Place {
+        centre: spf_core::geometry::EnuPosition { east, north, up: 1.0 },
+        height: 2.0,
+        width: 2.0,
+    };
+    let places = [place(0.0, 50.0), place(0.0, 40.0), place(1.0, 41.0)];
+    let objects: Vec<Placed<'_>> = tags.iter().zip(places).map(|(tags, place)| Placed { tags, place: Some(place) }).collect();
+    let from = spf_core::geometry::Pose::default();
+    for (message, object) in [
+        ("fly in front of the church", 1),
+        ("stop in front of the church", 1),
+        ("go to the front of the church", 1),
+        ("hover right beside the church", 1),
+        ("fly to the left of the church", 1),
+        ("land on top of the church", 1),
+        ("in front of the church", 1),
+        ("fly to the bench in front of the church", 3),
+        ("the tree in front of the church", 2),
+    ] {
+        let reading = read_instruction(message, &objects, Some(from));
+        assert_eq!(reading.steps.last().unwrap().candidates, [object], "{message}: {reading:?}");
+    }
+}
+
+#[test]
 fn a_look_around_needs_no_target() {
     let reading = read("look around");
     assert!(reading.is_understood() && reading.steps[0].verb == Verb::Scan && reading.steps[0].target.is_empty());
@@ -156,6 +244,23 @@ fn terse_phrasings_are_understood() {
         ("see the guy in white? go to him", &[(GoTo, &[3]), (GoTo, &[3])]),
         ("the green thing with the long arm", &[(GoTo, &[7])]),
         ("i dont mean the tree, i mean the fountain", &[(GoTo, &[10])]),
+        ("look at the person in yellow from above", &[(GoTo, &[2])]),
+        ("go to the person in yellow quickly", &[(GoTo, &[2])]),
+        ("go to the person in pink from above", &[(GoTo, &[])]),
+        ("if you see a bin go to the fountain", &[(GoTo, &[10])]),
+        ("if you see a bin, go to the fountain", &[(GoTo, &[10])]),
+        ("if you see a bin go to it", &[(GoTo, &[8])]),
+        ("if you see a bus stop at the fountain go to the tree", &[(GoTo, &[9])]),
+        ("if you see the fountain, fly to it", &[(GoTo, &[10])]),
+        ("if there is a man in white follow him", &[(Follow, &[3])]),
+        ("go to the red or the blue gate", &[(GoTo, &[4, 5])]),
+        ("go to the tree or the bin", &[(GoTo, &[8, 9])]),
+        ("fly to the fountain or go to the tree", &[(GoTo, &[9, 10])]),
+        ("go to a bin or a tree or the bench", &[(GoTo, &[8, 9, 11])]),
+        ("fly through the red gate, no wait, the blue one", &[(Through, &[5])]),
+        ("go to the tree, sorry, i mean the bin", &[(GoTo, &[8])]),
+        ("go to the bin. no, wait, go to the tree", &[(GoTo, &[9])]),
+        ("go to the bench, i mean the bin", &[(GoTo, &[8])]),
     ];
     let read: Vec<String> = cases
         .iter()

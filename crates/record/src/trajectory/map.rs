@@ -228,6 +228,6 @@ pub(super) fn waypoint_sign(svg: &mut Svg, x: f64, y: f64) {
 pub(super) fn target_sign(svg: &mut Svg, x: f64, y: f64) {
     for (radius, fill) in [(9.0, "none"), (3.0, colours::TARGET)] {
         let style = format!("fill=\"{fill}\" stroke=\"{}\" stroke-width=\"2.5\"", colours::TARGET);
-        svg.raw(&format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {style}><title>target</title></circle>\n"));
+        svg.raw(&format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"{radius}\" {style}><title>target's middle</title></circle>\n"));
     }
 }

@@ -144,7 +144,7 @@ fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
         entry(svg, "commanded waypoint", &|svg, x| map::waypoint_sign(svg, x, y));
     }
     if input.target.is_some() {
-        entry(svg, "target", &|svg, x| map::target_sign(svg, x, y));
+        entry(svg, "target's middle", &|svg, x| map::target_sign(svg, x, y));
     }
 }
 

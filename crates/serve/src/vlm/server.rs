@@ -151,26 +151,25 @@ async fn pose(State(shared): State<Arc<Shared>>, body: String) -> Response {
     }
 }
 
-/// Gemini's path contains model and method.
+/// Gemini's path contains model and method; the oracle answers for every model.
 async fn gemini(State(shared): State<Arc<Shared>>, Path((_, call)): Path<(String, String)>, body: Bytes) -> Response {
     match call.rsplit_once(':') {
-        Some((model, method @ ("generateContent" | "streamGenerateContent"))) => {
-            let requested = (model.to_owned(), method.starts_with("stream"));
-            ask(shared, Wire::Gemini, body, Some(requested)).await
+        Some((_, method @ ("generateContent" | "streamGenerateContent"))) => {
+            ask(shared, Wire::Gemini, body, Some(method.starts_with("stream"))).await
         }
         _ => refused(Wire::Gemini, StatusCode::NOT_FOUND, "only generateContent and streamGenerateContent are supported"),
     }
 }
 
-/// `named`: model and streaming, if given in the path.
-async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, named: Option<(String, bool)>) -> Response {
+/// `streams`: whether the answer is streamed, if the path says so.
+async fn ask(shared: Arc<Shared>, wire: Wire, body: Bytes, streams: Option<bool>) -> Response {
     let began = Instant::now();
     let Ok(turn) = shared.work.clone().acquire_owned().await else { return StatusCode::SERVICE_UNAVAILABLE.into_response() };
     let number = shared.questions.fetch_add(1, Ordering::Relaxed);
     // The turn ends with the work, which goes on if the client leaves.
     let work = move || {
         let _turn = turn;
-        think(&shared, wire, number, &body, named)
+        think(&shared, wire, number, &body, streams)
     };
     let thought = tokio::task::spawn_blocking(work).await;
     let (question, OracleReply { text, latency }) = match thought {
@@ -194,11 +193,11 @@ fn think(
     wire: Wire,
     number: u64,
     body: &[u8],
-    named: Option<(String, bool)>,
+    streams: Option<bool>,
 ) -> Result<(Question, OracleReply), (StatusCode, String)> {
     let mut question = read_request(wire, body).map_err(|why| (StatusCode::BAD_REQUEST, why))?;
-    if let Some((model, stream)) = named {
-        (question.model, question.stream) = (model, stream);
+    if let Some(stream) = streams {
+        question.stream = stream;
     }
     let unusable = |why: String| (StatusCode::UNPROCESSABLE_ENTITY, why);
     let image = question.image.take().ok_or_else(|| unusable("the request contains no image (base64, JPEG)".to_owned()))?;

@@ -104,6 +104,13 @@ impl Reader {
 }
 
 fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene) -> CliError {
+    if reading.is_foreign {
+        let what = format!("the oracle reads English only, and cannot parse \"{}\"", one_line(instruction));
+        return CliError::usage(what).hint(
+            "give the instruction in English, or let a real model read it, as with `--vlm gemini` or `--vlm ollama#MODEL` \
+             (`spf vlm list` lists all)",
+        );
+    }
     let mut named = BTreeSet::new();
     let unknown: Vec<String> = reading
         .steps

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use spf_flight::log::Channel;
 use spf_record::log::export::{Export, ExportError, Format};
 
-use super::warn_truncated;
+use super::{spare, warn_truncated};
 use crate::args::Export as Args;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -30,6 +30,7 @@ pub(super) fn export(args: &Args, printer: &Printer) -> Result<Exit, CliError> {
         CliError::usage(format!("--output: `{}` has no supported extension", args.output.display()))
             .hint("use .csv, .jsonl or .parquet")
     })?;
+    spare(&args.output, args.overwrite)?;
     let mut logs = Vec::new();
     for path in &args.logs {
         find(path, 0, &mut logs)?;

@@ -27,6 +27,15 @@ pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
     }
 }
 
+/// Refuses an output file that exists, unless it is to be replaced.
+fn spare(output: &Path, overwrite: bool) -> Result<(), CliError> {
+    if overwrite || output.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    Err(CliError::usage(format!("--output: `{}` exists", output.display()))
+        .hint("use --overwrite to replace it, or another file with -o FILE"))
+}
+
 /// The error for a log that cannot be read.
 pub(crate) fn unreadable(path: &Path, error: &ReadError) -> CliError {
     let unreadable_log = CliError::usage(format!("cannot read the flight log `{}`", path.display())).because(error);

@@ -2,7 +2,7 @@
 
 use spf_record::log::{LogVideoError, video as make};
 
-use super::unreadable;
+use super::{spare, unreadable};
 use crate::args::Video;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -10,6 +10,7 @@ use crate::printer::Printer;
 
 /// Makes a video.
 pub(super) fn video(args: &Video, printer: &Printer) -> Result<Exit, CliError> {
+    spare(&args.output, args.overwrite)?;
     printer.log(&format!("encoding the images of {} …", args.file.display()));
     let facts = make(&args.file, &args.output).map_err(|error| match &error {
         LogVideoError::Read(source) => unreadable(&args.file, source),

@@ -10,6 +10,7 @@ use base64::alphabet;
 use base64::engine::DecodePaddingMode;
 use base64::engine::general_purpose::{GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
+use spf_flight::ledger::ORACLE_SERVED;
 
 /// Number of letters per part of a streamed answer.
 const PIECE: usize = 12;
@@ -29,8 +30,6 @@ pub(super) enum Wire {
 /// A received query.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Question {
-    /// The requested model, returned in the response.
-    pub(super) model: String,
     /// The complete text.
     pub(super) prompt: String,
     /// The first image of the last message with one: what follows it is an enlarged part of it.
@@ -55,11 +54,7 @@ pub(super) struct Answered<'a> {
 impl Wire {
     /// Parses a query.
     pub(super) fn question(self, body: &Value) -> Question {
-        let mut question = Question {
-            model: body["model"].as_str().unwrap_or_default().to_owned(),
-            stream: body["stream"].as_bool().unwrap_or(false),
-            ..Question::default()
-        };
+        let mut question = Question { stream: body["stream"].as_bool().unwrap_or(false), ..Question::default() };
         match self {
             Self::Chat => chat::read(body, &mut question),
             Self::Responses => responses::read(body, &mut question),
@@ -133,9 +128,10 @@ impl Question {
 }
 
 impl<'a> Answered<'a> {
-    pub(super) fn new(question: &'a Question, text: &'a str, number: u64) -> Self {
+    pub(super) fn new(question: &Question, text: &'a str, number: u64) -> Self {
         Self {
-            model: &question.model,
+            // Whatever model was requested: the flight's summary must not name one that did not answer.
+            model: ORACLE_SERVED,
             text,
             tokens_in: question.prompt.len() / CHARACTERS_A_TOKEN + IMAGE_TOKENS,
             tokens_out: text.len() / CHARACTERS_A_TOKEN + 1,
@@ -188,9 +184,19 @@ mod tests {
             ),
         ];
         for (wire, body) in questions {
-            let expected =
-                Question { model: "m".into(), prompt: "a\nb".into(), image: Some(vec![0, 1, 2]), shown: true, stream: true };
+            let expected = Question { prompt: "a\nb".into(), image: Some(vec![0, 1, 2]), shown: true, stream: true };
             assert_eq!(wire.question(&body), expected, "{wire:?}");
+        }
+    }
+
+    #[test]
+    fn every_answer_names_the_oracle_whatever_was_requested() {
+        let answered = Answered::new(&Question::default(), "{}", 1);
+        for wire in [Wire::Chat, Wire::Responses, Wire::Anthropic, Wire::Gemini] {
+            let whole = wire.whole(&answered);
+            let model = whole.get("model").or(whole.get("modelVersion"));
+            assert_eq!(model, Some(&ORACLE_SERVED.into()), "{wire:?}");
+            assert!(wire.stream(&answered).contains(ORACLE_SERVED), "{wire:?}");
         }
     }
 
