@@ -130,7 +130,7 @@ Examples:
 
 By default a quarter of the examples do not show their target, and a quarter show a look-alike: an object of the same name \
 that differs in colour or another attribute. docs/guide/dataset.md describes the files; the same command gives the same \
-bytes. After Ctrl-C the examples so far are complete, and --resume continues.")]
+bytes. After Ctrl-C the examples written so far are complete, and --resume continues.")]
 pub(crate) struct Dataset {
     /// Scenes, comma-separated, used in turn: built-in names or scene files; NAME@N is a variant
     #[arg(long, value_name = "SCENE", default_value = "city")]

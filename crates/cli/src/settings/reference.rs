@@ -11,7 +11,7 @@ const HEAD: &str = "\
 # Configuration
 
 <!-- Written from crates/cli/src/settings/keys.rs by
-`INSTA_UPDATE=always cargo test -p spf reference`; a test compares. -->
+`INSTA_UPDATE=always cargo test -p spf reference`; a test checks that it is up to date. -->
 
 The value of a key comes from one of four places. In rising order of precedence they are the
 default, the configuration file (`./spf.toml`, or the file given with `--config FILE`), an

@@ -94,7 +94,7 @@ impl Folder {
 }
 
 fn with_resume_hint(error: CliError) -> CliError {
-    error.hint("the examples so far are complete: free some disk space, then repeat the command with --resume")
+    error.hint("the examples written so far are complete: free some disk space, then repeat the command with --resume")
 }
 
 fn unusable(path: &Path, error: &std::io::Error) -> CliError {
