@@ -53,7 +53,7 @@ mod tests {
         let grid = DepthGrid { captured: Time::ZERO, counter: 0, camera, cm, source: DepthSource::Sensor };
         let image = draw(&grid, 8);
         assert_eq!((image.width(), image.height()), (8, 4));
-        let at = |x: u32| image.pixel(x, 3);
+        let at = |x: u32| image.pixel(x, 3).unwrap();
         let [near, far, none, beyond] = [at(0), at(2), at(4), at(6)];
         assert!(near[0] > 200 && near[2] < 60, "{near:?}");
         assert!(far[2] > 180 && far[0] < 60 && beyond == far, "{far:?} {beyond:?}");
