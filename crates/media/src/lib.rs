@@ -1,9 +1,9 @@
-//! Images and video in memory: resizing, JPEG and PNG, marks, H.264.
+//! Images and video in memory: resizing, JPEG and PNG, marks, H.264, and following a box.
 //!
 //! This crate does no I/O. Equal inputs give equal bytes on every x86-64 machine, whatever its vector units, because
 //! recorded frames are compared byte for byte between runs.
 //!
-//! The main types are [`Rgb`], an image, and [`marks::Canvas`], which draws on one.
+//! The main types are [`Rgb`], an image, [`marks::Canvas`], which draws on one, and [`track::Tracker`].
 //!
 //! ```
 //! use spf_core::query::{ImagePoint, Mark};
@@ -23,6 +23,7 @@ pub mod jpeg;
 pub mod marks;
 pub mod png;
 pub mod resize;
+pub mod track;
 
 pub use frame::{FrameError, Rgb};
 pub use jpeg::{EncodeError, Jpeg};

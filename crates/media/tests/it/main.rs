@@ -6,3 +6,4 @@ mod ffmpeg;
 mod h264;
 mod jpeg;
 mod marks;
+mod track;

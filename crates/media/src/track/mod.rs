@@ -1,0 +1,301 @@
+//! Follows a box through the images of a video, from pixels alone.
+//!
+//! Two methods watch each other. Sparse optical flow (`flow`) tells how the box moves and grows from one image to the next;
+//! it is precise but forgets what it began with. Correlation with patches of earlier images (`template`) tells whether the
+//! box still shows the same, corrects the drift, and finds the target again after it was hidden. [`Quality::Good`] needs both.
+//!
+//! Pure given the images: no I/O, no clock, no threads, no random numbers. Sums are integers, and the rest is IEEE arithmetic
+//! in a fixed order, so equal images give equal bits on every machine.
+//!
+//! ```
+//! use spf_media::track::{Grey, PixelBox, Quality, Tracker};
+//!
+//! // A speckled pattern that moves by two pixels.
+//! let speckle = |x: u32, y: u32| ((x / 4 * 7919 + y / 4 * 104_729) % 251) as u8;
+//! let image = |shift: u32| {
+//!     let data = (0..120).flat_map(|y| (0..160).map(move |x| speckle(x + 40 - shift, y))).collect();
+//!     Grey::from_raw(160, 120, data)
+//! };
+//! let mut tracker = Tracker::start(&image(0)?, PixelBox { left: 50.0, top: 40.0, right: 90.0, bottom: 80.0 });
+//! let track = tracker.next(&image(2)?, None);
+//! assert_eq!(track.quality, Quality::Good);
+//! assert!((track.area.left - 52.0).abs() < 0.5);
+//! # Ok::<(), spf_media::FrameError>(())
+//! ```
+
+mod area;
+mod flow;
+mod grey;
+mod template;
+
+pub use area::{PixelBox, Shift};
+pub use grey::Grey;
+
+use grey::Pyramid;
+use template::{Match, Template};
+
+/// The shortest side of a box that can be tracked, pixels: below, there are no corners and no pattern.
+pub const SMALLEST: f64 = 12.0;
+/// The weakest pattern that can be tracked, standard deviation in grey levels.
+const CONTRAST: f64 = 5.0;
+/// Images without the target until it counts as lost.
+const COAST: u32 = 5;
+/// Resemblance that counts as the target where the flow agrees.
+const SAME: f64 = 0.7;
+/// Resemblance that counts as the target without flow.
+const SURE: f64 = 0.85;
+/// Resemblance at which a target is found again where it is expected.
+const FOUND: f64 = 0.8;
+/// Resemblance at which a target is found again anywhere: of many places, one resembles anything a little.
+const FOUND_ELSEWHERE: f64 = 0.88;
+/// Resemblance at which an older patch is preferred to all newer ones.
+const FITS: f64 = 0.75;
+/// Resemblance of a patch that is kept for later.
+const KEEP: f64 = 0.85;
+/// Least resemblance to the first patch.
+const FIRST: f64 = 0.35;
+/// Images between two patches that are kept.
+const KEEP_EVERY: u32 = 8;
+/// Patches that are kept besides the first.
+const KEPT: usize = 4;
+/// How much better than the next best place one must be.
+const MARGIN: f64 = 0.1;
+/// Images between two looks around for look-alikes.
+const LOOK_EVERY: u32 = 4;
+
+/// How far a track can be trusted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Quality {
+    /// The box is on the target.
+    Good,
+    /// The target was not recognised for a moment; the box is where it is expected.
+    Coasting,
+    /// The target is hidden, gone or changed, or has nothing by which to be recognised. The box means nothing; it becomes
+    /// good again if the target is found.
+    Lost,
+    /// The box is below [`SMALLEST`]: nothing is tracked any more.
+    TooSmall,
+}
+
+impl Quality {
+    /// The quality in one word.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Good => "good",
+            Self::Coasting => "coasting",
+            Self::Lost => "lost",
+            Self::TooSmall => "too-small",
+        }
+    }
+}
+
+/// The target in one image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Track {
+    /// Where it is.
+    pub area: PixelBox,
+    /// Its size divided by that at the start.
+    pub scale: f64,
+    /// How far this can be trusted.
+    pub quality: Quality,
+}
+
+/// Follows one box.
+#[derive(Clone, Debug)]
+pub struct Tracker {
+    before: Pyramid,
+    area: PixelBox,
+    scale: f64,
+    quality: Quality,
+    velocity: Shift,
+    /// Patches of the target, oldest first; the first one is never replaced. Empty if there is nothing to track.
+    patches: Vec<Template>,
+    /// Images since the last patch was kept.
+    since_kept: u32,
+    /// Images since the target was last recognised.
+    missing: u32,
+    /// Found again in the last image, but not yet confirmed.
+    found: bool,
+    /// How much the most similar thing around the target resembles it.
+    rival: f64,
+    count: u32,
+}
+
+impl Tracker {
+    /// Begins with the target's box in an image. [`Tracker::track`] tells whether there is something to track.
+    #[must_use]
+    pub fn start(image: &Grey, area: PixelBox) -> Self {
+        let before = Pyramid::of(image);
+        let mut tracker = Self {
+            before,
+            area,
+            scale: 1.0,
+            quality: Quality::Lost,
+            velocity: Shift::default(),
+            patches: Vec::new(),
+            since_kept: 0,
+            missing: 0,
+            found: false,
+            rival: 0.0,
+            count: 0,
+        };
+        if !area.is_sound() || area.inside(image.size()) < 0.5 || image.size().0.min(image.size().1) < 24 {
+            return tracker;
+        }
+        if area.side() < SMALLEST {
+            tracker.quality = Quality::TooSmall;
+            return tracker;
+        }
+        let patch = Template::of(&tracker.before, &area);
+        if patch.contrast() < CONTRAST || flow::corners(&tracker.before, &area).len() < flow::FEWEST {
+            return tracker;
+        }
+        tracker.patches.push(patch);
+        tracker.quality = Quality::Good;
+        tracker.look_around();
+        tracker
+    }
+
+    /// The target in the last image.
+    #[must_use]
+    pub const fn track(&self) -> Track {
+        Track { area: self.area, scale: self.scale, quality: self.quality }
+    }
+
+    /// The target in the next image, which must have the size of the first. `predicted` is the shift expected from what else
+    /// is known (the turning of the camera); without it the last motion is expected to go on.
+    pub fn next(&mut self, image: &Grey, predicted: Option<Shift>) -> Track {
+        let now = Pyramid::of(image);
+        if self.patches.is_empty() || now.size() != self.before.size() {
+            return self.track();
+        }
+        self.count = self.count.wrapping_add(1);
+        let predicted = predicted.filter(|shift| shift.x.is_finite() && shift.y.is_finite());
+        let guess = predicted.unwrap_or(self.velocity);
+        if self.missing == 0 || self.found {
+            self.keep_hold(&now, guess);
+        } else {
+            self.search(&now, guess);
+        }
+        self.before = now;
+        if self.quality == Quality::Good {
+            if self.count.is_multiple_of(LOOK_EVERY) {
+                self.look_around();
+            }
+            if self.area.side() < SMALLEST {
+                self.quality = Quality::TooSmall;
+                self.patches.clear();
+            }
+        }
+        self.track()
+    }
+
+    /// A step from an image in which the target was recognised.
+    fn keep_hold(&mut self, now: &Pyramid, guess: Shift) {
+        let flow = flow::flow(&self.before, now, &self.area, guess);
+        let moved = flow.map_or_else(|| self.area.moved(guess, 1.0), |flow| self.area.moved(flow.shift, flow.scale));
+        let best = self.best(now, &moved);
+        let (from, to) = (moved.centre(), best.area.centre());
+        let apart = (to.0 - from.0).abs().max((to.1 - from.1).abs()) / moved.side();
+        let agrees = flow.is_some_and(|flow| flow.agreeing >= 0.3) && apart < 0.15;
+        let visible = best.area.inside(now.size()) >= 0.6;
+        let first = self.patches.first().map_or(0.0, |first| first.score(now, &best.area));
+        let same = visible && first >= FIRST && (best.score >= SURE || agrees && best.score >= SAME);
+        if !same {
+            let expected = self.area.moved(guess, 1.0);
+            self.miss(if agrees { moved } else { expected });
+            return;
+        }
+        let centre = self.area.centre();
+        let (to_x, to_y) = best.area.centre();
+        let step = Shift { x: to_x - centre.0, y: to_y - centre.1 };
+        // The first step after it was found again is no motion of the target's alone.
+        let weight = if self.found { 0.5 } else { 0.7 };
+        self.velocity = Shift {
+            x: (1.0 - weight) * self.velocity.x + weight * step.x,
+            y: (1.0 - weight) * self.velocity.y + weight * step.y,
+        };
+        self.place(best.area);
+        self.quality = Quality::Good;
+        (self.missing, self.found) = (0, false);
+        self.since_kept += 1;
+        if flow.is_some_and(|flow| flow.agreeing >= 0.6) && best.score >= KEEP && self.since_kept >= KEEP_EVERY {
+            if self.patches.len() > KEPT {
+                self.patches.remove(1);
+            }
+            self.patches.push(Template::of(now, &self.area));
+            self.since_kept = 0;
+        }
+    }
+
+    /// A step from an image in which the target was not recognised.
+    fn search(&mut self, now: &Pyramid, guess: Shift) {
+        let expected = self.area.moved(guess, 1.0);
+        let reach = (1.0 + 0.2 * f64::from(self.missing)).min(2.5);
+        let Some(latest) = self.patches.last() else { return };
+        let places = latest.scan(now, &expected, &[1.0, 0.87, 1.15], reach, 0.0, 3);
+        let mut matches: Vec<Match> = places.iter().map(|place| self.best(now, &place.area)).collect();
+        matches.sort_by(|a, b| b.score.total_cmp(&a.score));
+        let Some(best) = matches.first() else { return self.miss(expected) };
+        let (x, y) = best.area.centre();
+        let centre = expected.centre();
+        let apart = ((x - centre.0).abs() / expected.width()).max((y - centre.1).abs() / expected.height());
+        let other = matches[1..].iter().find(|other| other.area.overlap(&best.area) < 0.3).map_or(0.0, |other| other.score);
+        // With a look-alike about, only the place tells them apart, and that only for a while.
+        let unlike = best.score > self.rival + MARGIN && best.score > other + MARGIN;
+        let in_place = apart < 0.4 && self.missing <= 2 * COAST && best.score > other;
+        let found = best.score >= FOUND && in_place || best.score >= FOUND_ELSEWHERE && unlike;
+        if found && best.area.inside(now.size()) >= 0.7 {
+            let area = best.area;
+            self.place(area);
+            self.found = true;
+            self.missing += 1;
+            self.quality = Quality::Coasting;
+        } else {
+            self.miss(expected);
+        }
+    }
+
+    /// The target was not recognised; its box is where it is expected.
+    fn miss(&mut self, expected: PixelBox) {
+        if expected.is_sound() {
+            self.area = expected;
+        }
+        self.found = false;
+        self.missing += 1;
+        self.quality = if self.missing > COAST { Quality::Lost } else { Quality::Coasting };
+        // What is not seen is expected to slow down.
+        self.velocity = Shift { x: 0.85 * self.velocity.x, y: 0.85 * self.velocity.y };
+    }
+
+    fn place(&mut self, area: PixelBox) {
+        self.scale *= area.width() / self.area.width();
+        self.area = area;
+    }
+
+    /// The place near a box that resembles one of the patches most. The oldest patch that fits is taken: every newer one may
+    /// have drifted.
+    fn best(&self, now: &Pyramid, about: &PixelBox) -> Match {
+        let mut best = Match { area: *about, score: -1.0 };
+        for patch in &self.patches {
+            let found = patch.align(now, about);
+            if found.score >= FITS {
+                return found;
+            }
+            if found.score > best.score {
+                best = found;
+            }
+        }
+        best
+    }
+
+    /// Notes how much something beside the target resembles it.
+    fn look_around(&mut self) {
+        let Some(latest) = self.patches.last() else { return };
+        let places = latest.scan(&self.before, &self.area, &[1.0], 2.0, 0.75, 1);
+        let seen = places.first().map_or(0.0, |place| place.score);
+        self.rival = seen.max(0.9 * self.rival);
+    }
+}
