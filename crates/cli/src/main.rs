@@ -87,6 +87,7 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Log(command) => commands::log::log(command, &printer),
         Command::Replay(args) => commands::replay::replay(args, &printer),
         Command::Ground(args) => commands::ground::ground(args, &mut printer),
+        Command::Track(args) => commands::track(args, &mut printer),
         Command::Vlm(Vlm::List(args)) => commands::vlm::list(args, &printer),
         Command::Vlm(Vlm::Check(args)) => commands::vlm::check(args, &printer),
         Command::Vlm(Vlm::Trial(args)) => commands::vlm::trial(args, &mut printer),

@@ -1,6 +1,7 @@
 //! Images from files, standard input and video, upright and of bounded size, and their preparation for a VLM.
 
 use std::io::{Cursor, Seek};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -81,48 +82,90 @@ pub struct VideoFrame {
 /// # Errors
 /// [`PhotoError`] for other containers and codecs.
 pub fn frames(bytes: &[u8], every: f64, most: usize) -> Result<Vec<VideoFrame>, PhotoError> {
-    let units = if bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]) { bare(bytes) } else { demux(bytes)? };
-    let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
-    // Frames are in presentation order; the n-th frame gets the time of the n-th unit.
-    let times: Vec<f64> = units.iter().map(|(at, _)| *at).collect();
-    let (mut frames, mut shown, mut last_error) = (Vec::new(), 0, None);
-    let mut next = 0.0;
-    let mut take = |image: Rgb| {
-        let at = times.get(shown).copied().unwrap_or(next);
-        shown += 1;
-        if at >= next && frames.len() < most {
-            frames.push(VideoFrame { at, image });
-            next = at + every;
+    let (mut frames, mut next) = (Vec::new(), 0.0);
+    Film::open(bytes)?.play(|frame| {
+        if frame.at >= next && frames.len() < most {
+            next = frame.at + every;
+            frames.push(frame);
         }
-        frames.len() >= most
-    };
-    let mut enough = false;
-    for (_, unit) in &units {
-        match decoder.decode_in_order(unit) {
-            Ok(image) => {
-                if image.is_some_and(&mut take) {
-                    enough = true;
-                    break;
+        if frames.len() < most { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+    })?;
+    Ok(frames)
+}
+
+/// The images of an H.264 video, not decoded yet.
+#[derive(Debug)]
+pub struct Film {
+    units: Vec<(f64, Vec<u8>)>,
+}
+
+impl Film {
+    /// Reads an MP4 file, or a bare stream with start codes, which has no times and counts as 30 frames per second.
+    ///
+    /// # Errors
+    /// [`PhotoError`] for other containers and codecs.
+    pub fn open(bytes: &[u8]) -> Result<Self, PhotoError> {
+        let bare_stream = bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
+        Ok(Self { units: if bare_stream { bare(bytes) } else { demux(bytes)? } })
+    }
+
+    /// Number of coded images.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.units.len()
+    }
+
+    /// Whether it has no images.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.units.is_empty()
+    }
+
+    /// Decodes the frames in presentation order, one at a time, until `take` has enough.
+    ///
+    /// # Errors
+    /// [`PhotoError::Stream`] if none, or less than half, could be decoded.
+    pub fn play(&self, mut take: impl FnMut(VideoFrame) -> ControlFlow<()>) -> Result<(), PhotoError> {
+        let mut decoder = Decoder::new().map_err(|error| PhotoError::Stream(error.to_string()))?;
+        let (mut shown, mut last_error) = (0, None);
+        // Frames are in presentation order; the n-th frame gets the time of the n-th unit.
+        let mut show = |image: Rgb| {
+            let at = self.units.get(shown).or(self.units.last()).map_or(0.0, |(at, _)| *at);
+            shown += 1;
+            take(VideoFrame { at, image })
+        };
+        for (_, unit) in &self.units {
+            match decoder.decode_in_order(unit) {
+                Ok(Some(image)) => {
+                    if show(image).is_break() {
+                        return Ok(());
+                    }
+                }
+                Ok(None) => {}
+                // A damaged unit is skipped, but a stream of damaged units is an error.
+                Err(error) => last_error = Some(error.to_string()),
+            }
+        }
+        match decoder.rest() {
+            Ok(rest) => {
+                for image in rest {
+                    if show(image).is_break() {
+                        return Ok(());
+                    }
                 }
             }
-            // A damaged unit is skipped, but a stream of damaged units is an error.
             Err(error) => last_error = Some(error.to_string()),
         }
-    }
-    if !enough {
-        match decoder.rest() {
-            Ok(rest) => rest.into_iter().for_each(|image| enough |= take(image)),
-            Err(error) => last_error = Some(error.to_string()),
+        let total = self.units.len();
+        match last_error {
+            Some(error) if shown == 0 => Err(PhotoError::Stream(error)),
+            None if shown == 0 => Err(PhotoError::Stream("it contains no frames".to_owned())),
+            // A stream from which most frames cannot be decoded is an error.
+            Some(error) if 2 * shown < total => {
+                Err(PhotoError::Stream(format!("{} of its {total} frames failed: {error}", total - shown)))
+            }
+            _ => Ok(()),
         }
-    }
-    match last_error {
-        Some(error) if frames.is_empty() => Err(PhotoError::Stream(error)),
-        _ if frames.is_empty() => Err(PhotoError::Stream("it contains no frames".to_owned())),
-        // A stream from which most frames cannot be decoded is an error.
-        Some(error) if !enough && 2 * shown < times.len() => {
-            Err(PhotoError::Stream(format!("{} of its {} frames failed: {error}", times.len() - shown, times.len())))
-        }
-        _ => Ok(frames),
     }
 }
 

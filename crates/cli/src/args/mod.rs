@@ -11,6 +11,7 @@ mod methods;
 mod serve;
 mod sim;
 mod tello;
+mod track;
 
 use std::path::PathBuf;
 
@@ -22,6 +23,7 @@ pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
 pub(crate) use tello::{Calibrate, Tello, TelloAddress};
+pub(crate) use track::Track;
 
 /// See, Point, Fly: fly a drone by natural-language instructions.
 /// A vision-language model picks a waypoint in the camera image, geometry lifts it to a 3D displacement, a controller flies
@@ -67,6 +69,8 @@ pub(crate) enum Command {
     Replay(Replay),
     /// Query VLMs about images and measure pointing accuracy
     Ground(Box<Ground>),
+    /// Follow a box through a video, from pixels alone
+    Track(Track),
     /// Vision-language models: list them, and check that one responds and points accurately
     #[command(subcommand)]
     Vlm(Vlm),
@@ -90,7 +94,9 @@ impl Command {
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
             Self::Bench(Bench::Run(run)) => run.json,
-            Self::Bench(_) | Self::Sim(_) | Self::Tello(_) | Self::Log(_) | Self::Vlm(_) | Self::Config(_) => false,
+            Self::Bench(_) | Self::Sim(_) | Self::Tello(_) | Self::Log(_) | Self::Vlm(_) | Self::Track(_) | Self::Config(_) => {
+                false
+            }
         }
     }
 }

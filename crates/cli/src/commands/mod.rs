@@ -11,10 +11,12 @@ mod reask;
 pub(crate) mod replay;
 pub(crate) mod sim;
 mod tello;
+mod track;
 pub(crate) mod vlm;
 
 pub(crate) use doctor::doctor;
 pub(crate) use tello::tello;
+pub(crate) use track::track;
 
 use std::path::Path;
 

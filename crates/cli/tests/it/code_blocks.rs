@@ -6,6 +6,7 @@ use std::path::Path;
 
 use super::documents::root;
 use super::harness::{Lab, Run};
+use super::track::film;
 
 /// A code block: fenced, or indented by four spaces.
 struct Block {
@@ -205,6 +206,7 @@ fn own_files(lab: &Lab, document: &str, text: &str) {
             lab.write("operator.toml", first(&reference("reference/flight-files.md"), "[[event"));
         }
         "gltf.md" => lab.write("yard.glb", red_car()),
+        "track.md" => film(&lab.path("holiday.mp4"), 90),
         _ => {}
     }
 }

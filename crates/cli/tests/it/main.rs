@@ -25,6 +25,7 @@ mod serve;
 mod tables;
 #[cfg(target_os = "linux")]
 mod tello;
+mod track;
 mod video;
 mod view;
 mod vlm;

@@ -50,6 +50,11 @@ fn help_of_bench_report() {
 }
 
 #[test]
+fn help_of_track() {
+    insta::assert_snapshot!(help(&["track", "--help"]));
+}
+
+#[test]
 fn version() {
     assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
 }
