@@ -5,4 +5,5 @@ mod light;
 #[path = "../../../scene/tests/it/model/mod.rs"]
 mod model;
 mod render;
+mod track;
 mod yard;
