@@ -77,7 +77,7 @@ fn grey_images() -> Vec<Grey> {
 fn track_480x360(bencher: Bencher<'_, '_>, side: u32) {
     let images = grey_images();
     let side = f64::from(side);
-    let area = PixelBox { left: 240.0 - side / 2.0, top: 190.0, right: 240.0 + side / 2.0, bottom: 190.0 + side };
+    let area = PixelBox { left: 240.0 - side / 2.0, top: 230.0 - side, right: 240.0 + side / 2.0, bottom: 230.0 };
     let mut tracker = Tracker::start(&images[0], area);
     let mut count = 0;
     bencher.bench_local(|| {
@@ -93,7 +93,7 @@ fn track_480x360(bencher: Bencher<'_, '_>, side: u32) {
 fn search_480x360(bencher: Bencher<'_, '_>, side: u32) {
     let images = grey_images();
     let side = f64::from(side);
-    let area = PixelBox { left: 240.0 - side / 2.0, top: 190.0, right: 240.0 + side / 2.0, bottom: 190.0 + side };
+    let area = PixelBox { left: 240.0 - side / 2.0, top: 230.0 - side, right: 240.0 + side / 2.0, bottom: 230.0 };
     let mut tracker = Tracker::start(&images[0], area);
     let empty = Grey::of(&Rgb::filled(480, 360, [120; 3]));
     for _ in 0..30 {

@@ -23,6 +23,9 @@ const ROUND_TRIP: f64 = 1.0;
 /// The fewest points that are a motion.
 pub(super) const FEWEST: usize = 4;
 
+/// A point in one image, and in the next.
+type Pair = ((f64, f64), (f64, f64));
+
 /// The motion of a box between two images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Flow {
@@ -42,7 +45,7 @@ pub(super) fn flow(before: &Pyramid, after: &Pyramid, area: &PixelBox, guess: Sh
     while top < before.top() && (WINDOW << (top + 1)) as f64 <= 2.0 * area.side() {
         top += 1;
     }
-    let mut pairs: Vec<((f64, f64), (f64, f64))> = Vec::with_capacity(corners.len());
+    let mut pairs: Vec<Pair> = Vec::with_capacity(corners.len());
     for &from in &corners {
         let Some(to) = follow(before, after, from, guess, top) else { continue };
         let back = Shift { x: from.0 - to.0, y: from.1 - to.1 };
@@ -72,7 +75,7 @@ pub(super) fn flow(before: &Pyramid, after: &Pyramid, area: &PixelBox, guess: Sh
 
 impl Flow {
     /// How far a point ends from where the motion puts it.
-    fn residual(&self, (from, to): &((f64, f64), (f64, f64)), area: &PixelBox) -> (f64, f64) {
+    fn residual(&self, (from, to): &Pair, area: &PixelBox) -> (f64, f64) {
         let centre = area.centre();
         let x = centre.0 + self.shift.x + (from.0 + 0.5 - centre.0) * self.scale - 0.5;
         let y = centre.1 + self.shift.y + (from.1 + 0.5 - centre.1) * self.scale - 0.5;
@@ -80,7 +83,7 @@ impl Flow {
     }
 }
 
-fn median_motion(pairs: &[((f64, f64), (f64, f64))], area: &PixelBox) -> Flow {
+fn median_motion(pairs: &[Pair], area: &PixelBox) -> Flow {
     let distance = |a: (f64, f64), b: (f64, f64)| ((a.0 - b.0) * (a.0 - b.0) + (a.1 - b.1) * (a.1 - b.1)).sqrt();
     let mut ratios = Vec::with_capacity(pairs.len() * pairs.len() / 2);
     for (number, one) in pairs.iter().enumerate() {

@@ -198,7 +198,7 @@ impl Clip {
     fn predicted(&self, image: usize) -> Option<Shift> {
         let (before, now) = (self.camera(image - 1), self.camera(image));
         let off = f64::from(hash(self.seed, image as i32, 5) & 0xff) / 127.5 - 1.0;
-        (self.seed / 8).is_multiple_of(2).then(|| Shift { x: now.0 - before.0 + off, y: now.1 - before.1 - off })
+        (self.seed / 8).is_multiple_of(2).then_some(Shift { x: now.0 - before.0 + off, y: now.1 - before.1 - off })
     }
 }
 
