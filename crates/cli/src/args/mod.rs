@@ -46,7 +46,7 @@ pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
     /// Increase log verbosity: -v logs queries and connections, -vv every command to the craft (see also RUST_LOG)
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    #[arg(short, long, global = true, action = clap::ArgAction::Count, display_order = 990)]
     pub(crate) verbose: u8,
 }
 

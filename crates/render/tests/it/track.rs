@@ -1,4 +1,5 @@
 //! The tracker on rendered clips: flights through scenes of the simulator, with the truth from the id images.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the figures are printed")]
 
 use std::collections::BTreeMap;
 
