@@ -264,7 +264,12 @@ fn near_edge(obstacle: &ObstacleBox) -> f64 {
 fn is_target(obstacle: &ObstacleBox, point: ImagePoint, target: Option<&str>) -> bool {
     let ImageBox { left, top, right, bottom } = obstacle.area;
     let holds_point = (left..=right).contains(&point.u) && (top..=bottom).contains(&point.v);
-    holds_point && target.is_some_and(|name| name.trim().to_lowercase() == obstacle.name.trim().to_lowercase())
+    holds_point && target.is_some_and(|name| same_name(name, &obstacle.name))
+}
+
+/// Whether two names of objects are the same.
+pub(crate) fn same_name(one: &str, other: &str) -> bool {
+    one.trim().to_lowercase() == other.trim().to_lowercase()
 }
 
 /// A path in camera axes: from the lens to `corner`, then to `end`; both are equal for a straight path.

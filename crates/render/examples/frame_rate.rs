@@ -8,6 +8,8 @@
 
 #![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "an example prints, and this one measures time on the wall")]
 
+#[path = "../tests/it/streets/mod.rs"]
+mod streets;
 #[path = "../tests/it/yard/mod.rs"]
 mod yard;
 
@@ -19,18 +21,10 @@ use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_render::{Channels, Quality, RenderedImage, Renderer};
 use spf_scene::Scene;
 
+use streets::STREETS;
+
 type Failure = Box<dyn Error + Send + Sync>;
 
-/// The path: east, north, up (metres), heading (degrees), flown along straight lines.
-const STREETS: [[f64; 4]; 7] = [
-    [0.0, -6.0, 2.0, 10.0],
-    [0.0, 30.0, 2.5, 40.0],
-    [4.0, 60.0, 2.0, 75.0],
-    [20.0, 62.0, 1.7, 120.0],
-    [30.0, 40.0, 2.5, 190.0],
-    [28.0, 10.0, 2.0, 250.0],
-    [4.0, -2.0, 2.0, 300.0],
-];
 /// Number of images on the path.
 const FRAMES: usize = 240;
 /// Minimum fraction of the pixels of every image of the path that shows more than sky.

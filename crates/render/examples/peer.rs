@@ -5,6 +5,9 @@
 
 #![allow(clippy::print_stdout, clippy::disallowed_methods, reason = "an example's output, and what it measures is time")]
 
+#[path = "../tests/it/streets/mod.rs"]
+mod streets;
+
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt::Write as _;
@@ -18,16 +21,8 @@ use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
 use spf_scene::geometry::{Part, Role};
 
-/// The path of the example `frame_rate`: east, north, up (metres), heading (degrees), flown along straight lines.
-const STREETS: [[f64; 4]; 7] = [
-    [0.0, -6.0, 2.0, 10.0],
-    [0.0, 30.0, 2.5, 40.0],
-    [4.0, 60.0, 2.0, 75.0],
-    [20.0, 62.0, 1.7, 120.0],
-    [30.0, 40.0, 2.5, 190.0],
-    [28.0, 10.0, 2.0, 250.0],
-    [4.0, -2.0, 2.0, 300.0],
-];
+use streets::STREETS;
+
 /// Number of images on the path.
 const FRAMES: usize = 240;
 

@@ -1,5 +1,6 @@
 //! Obstacles of earlier replies: a box that the newest reply leaves out once is still an obstacle.
 
+use super::same_name;
 use super::sighting::Sighting;
 use crate::camera::Camera;
 use crate::geometry::Pose;
@@ -81,10 +82,6 @@ fn is_same(one: &ObstacleBox, other: &ObstacleBox) -> bool {
     let overlap = a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
     let middles = libm::hypot(0.5 * (a.left + a.right - b.left - b.right), 0.5 * (a.top + a.bottom - b.top - b.bottom));
     same_name(&one.name, &other.name) && (overlap || middles < SAME)
-}
-
-fn same_name(one: &str, other: &str) -> bool {
-    one.trim().to_lowercase() == other.trim().to_lowercase()
 }
 
 #[cfg(test)]

@@ -5,5 +5,6 @@ mod light;
 #[path = "../../../scene/tests/it/model/mod.rs"]
 mod model;
 mod render;
+mod streets;
 mod track;
 mod yard;

@@ -10,16 +10,7 @@ use spf_media::track::{Grey, PixelBox, Quality, Shift, Tracker};
 use spf_render::{Channels, Renderer};
 use spf_scene::Scene;
 
-/// East, north, up (metres), heading (degrees), each the start of a flight through the city.
-const CITY: [[f64; 4]; 7] = [
-    [0.0, -6.0, 2.0, 10.0],
-    [0.0, 30.0, 2.5, 40.0],
-    [4.0, 60.0, 2.0, 75.0],
-    [20.0, 62.0, 1.7, 120.0],
-    [30.0, 40.0, 2.5, 190.0],
-    [28.0, 10.0, 2.0, 250.0],
-    [4.0, -2.0, 2.0, 300.0],
-];
+use crate::streets::STREETS;
 
 fn camera() -> Camera {
     Camera::from_fov(480, 360, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 5.0_f64.to_radians())
@@ -115,7 +106,7 @@ fn flight(renderer: &Renderer, start: [f64; 4], images: u32, tally: &mut Tally) 
 fn objects_of_the_city_are_followed() {
     let renderer = Renderer::new(&Scene::load("city").unwrap().geometry);
     let mut tally = Tally::default();
-    flight(&renderer, CITY[0], 12, &mut tally);
+    flight(&renderer, STREETS[0], 12, &mut tally);
     assert!(tally.targets > tally.refused && tally.good > tally.images / 2, "{tally:?}");
     assert!(tally.false_good * 20 <= tally.images, "{tally:?}");
 }
@@ -127,7 +118,7 @@ fn objects_of_the_city_are_followed() {
 fn figures() {
     let renderer = Renderer::new(&Scene::load("city").unwrap().geometry);
     let mut tally = Tally::default();
-    for start in CITY {
+    for start in STREETS {
         for turn in [0.0, 90.0, 180.0, 270.0] {
             flight(&renderer, [start[0], start[1], start[2], start[3] + turn], 80, &mut tally);
         }

@@ -2,7 +2,7 @@
 
 use super::report::Report;
 use super::{OpenQuery, Spf};
-use crate::avoid::{Sighting, is_person};
+use crate::avoid::{Sighting, is_person, same_name};
 use crate::policy::{Step, View};
 use crate::query::ImagePoint;
 use crate::reply::{ObstacleBox, Reply};
@@ -30,8 +30,7 @@ impl Spf {
     }
 
     fn is_approached(&self, view: &View, reply: &Reply) -> bool {
-        let is_target =
-            |name: &str| reply.target.as_deref().is_some_and(|target| target.trim().eq_ignore_ascii_case(name.trim()));
+        let is_target = |name: &str| reply.target.as_deref().is_some_and(|target| same_name(target, name));
         let earlier = self.reported.iter().rev().find(|report| report.view().frame.captured < view.frame.captured);
         let persons = reply.boxes.iter().filter(|obstacle| is_person(&obstacle.name) && !is_target(&obstacle.name));
         persons.filter(|person| is_ahead(view, person)).any(|person| {
@@ -53,7 +52,7 @@ fn closing_speed(earlier: &Report, view: &View, person: &ObstacleBox) -> Option<
     let place = |view: &View, obstacle: &ObstacleBox| {
         Sighting::new(&view.camera, view.pose, obstacle.area, obstacle.depth).middle().horizontal_distance(at)
     };
-    let before = earlier.boxes().iter().find(|other| other.name.trim().eq_ignore_ascii_case(person.name.trim()))?;
+    let before = earlier.boxes().iter().find(|other| same_name(&other.name, &person.name))?;
     let elapsed = view.frame.captured.since(then.frame.captured).as_secs_f64();
     (elapsed > 0.0).then(|| (place(then, before) - place(view, person)) / elapsed)
 }
