@@ -188,7 +188,7 @@ fn sealed(task: &Arc<Task>, drawn: &Sampled, errors: &str, seed: u64, folder: &P
             max_time: duration_from_secs(task.max_time),
             max_decisions: task.max_decisions,
             near_m: Some(loaded.scene.near),
-            guidance: Guidance { anchor: true, map: true, sensor: true, slow_anchor: false },
+            guidance: Guidance { anchor: true, map: true, sensor: true, ..Guidance::default() },
             ..PilotSettings::preset(Preset::Default)
         },
         record: Some(record(folder)),

@@ -88,6 +88,8 @@ impl Observer for Progress {
         match action {
             Action::Note(note) => self.note(now, note),
             Action::Ask(query) => tracing::debug!(at, query = query.id.0, frame = query.frame.0, "query"),
+            Action::Track(start) => tracing::debug!(at, query = start.id.0, frame = start.frame.0, "track"),
+            Action::Untrack => tracing::debug!(at, "no track"),
             Action::Cancel(id) => tracing::debug!(at, query = id.0, "query cancelled"),
             Action::Command(command) => tracing::trace!(at, command = ?command.get(), "to the craft"),
             Action::Finished(ending) => tracing::debug!(at, outcome = words::outcome(ending.outcome), "finished"),

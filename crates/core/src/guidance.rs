@@ -23,13 +23,16 @@ pub struct Guidance {
     /// Whether a depth sensor fills the map. Without one, the boxes of each reply are also checked against its own step
     /// ([`crate::avoid`]): a box says where something begins in the image, and little about its shape in the world.
     pub sensor: bool,
+    /// Whether the box of the target is tracked from one answer to the next ([`crate::track`]).
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub track: bool,
 }
 
 impl Guidance {
     /// Whether every part is off, which serialisation omits.
     #[must_use]
     pub fn is_off(&self) -> bool {
-        !self.keeps_anchor() && !self.map
+        !self.keeps_anchor() && !self.map && !self.track
     }
 
     /// Whether the target's place may be kept.

@@ -42,6 +42,7 @@ pub mod step;
 pub mod tags;
 pub mod telemetry;
 pub mod time;
+pub mod track;
 
 /// The examples of the README, run as tests.
 #[cfg(doctest)]

@@ -166,7 +166,13 @@ impl BenchSettings {
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
-            guidance: Guidance { anchor: self.anchor, slow_anchor: self.slow_anchor, map: self.map, sensor: self.depth_sensor },
+            guidance: Guidance {
+                anchor: self.anchor,
+                slow_anchor: self.slow_anchor,
+                map: self.map,
+                sensor: self.depth_sensor,
+                track: false,
+            },
             ..preset
         }
     }

@@ -236,6 +236,7 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Telemetry => Event::Telemetry(row(entry)?),
         Channel::Frame => Event::Frame(row(entry)?),
         Channel::Depth => Event::Depth(row(entry)?),
+        Channel::Track => Event::Track(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
         Channel::Link => match row::<LinkRow>(entry)?.lost {
             true => Event::LinkLost,

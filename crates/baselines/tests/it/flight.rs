@@ -247,6 +247,7 @@ impl Flight {
                     }
                     self.body.command(self.now, command);
                 }
+                Some(Action::Track(_) | Action::Untrack) => {}
                 Some(Action::Note(note)) => self.notes.push(note),
                 Some(Action::Finished(ending)) => self.finished = Some((ending, self.body.position)),
             }

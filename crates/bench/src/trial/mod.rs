@@ -230,6 +230,7 @@ impl Trial {
         // What is off is left out: a trial without it is the one that it was before it could be switched on.
         let settings = settings
             .replace("slow_anchor: false, ", "")
+            .replace(", track: false }", " }")
             .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "");
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
         let all = format!("{} {settings} {limits:?} {}{fence}{extra}", policy.name(), prompt.source());

@@ -82,6 +82,7 @@ impl Pilot {
             self.decisions += 1;
         }
         self.learn(now, &waiting, &step);
+        self.track_reply(&waiting, &step);
         let (goal, passed) = self.planned(now, &step);
         let decision = self.decision(now, &waiting, text, &step, goal, passed);
         self.note(Note::Decision(Box::new(decision)));

@@ -13,6 +13,7 @@ use crate::policy::Reading;
 use crate::query::{Query, QueryId};
 use crate::telemetry::Telemetry;
 use crate::time::Time;
+use crate::track::{TrackReport, TrackStart};
 
 /// An input of the pilot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -24,6 +25,8 @@ pub enum Event {
     Telemetry(Telemetry),
     /// A depth grid arrived.
     Depth(Box<DepthGrid>),
+    /// The tracker reports where the target is in a frame.
+    Track(TrackReport),
     /// The complete reply of a VLM.
     Reply {
         /// The query that it answers.
@@ -85,6 +88,10 @@ pub enum Action {
     Ask(Box<Query>),
     /// Cancel this query; its reply is no longer needed.
     Cancel(QueryId),
+    /// Track this box from now on, instead of any other.
+    Track(TrackStart),
+    /// Track nothing any more.
+    Untrack,
     /// Send this command to the craft.
     Command(Cleared<Command>),
     /// A report for progress display and recording; no action needed.

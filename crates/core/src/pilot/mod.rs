@@ -20,6 +20,7 @@ mod operator;
 mod reactions;
 mod settings;
 mod take_over;
+mod tracking;
 mod unseen;
 mod view_height;
 
@@ -81,6 +82,7 @@ pub struct Pilot {
     late_replies: u32,
 
     guiding: guiding::Guiding,
+    tracking: tracking::Tracking,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -164,6 +166,7 @@ impl Pilot {
             decisions: 0,
             late_replies: 0,
             guiding: guiding::Guiding::new(settings.guidance.map),
+            tracking: tracking::Tracking::default(),
             executing: false,
             pending: None,
             needs_rest: true,
@@ -200,6 +203,7 @@ impl Pilot {
             Event::Frame(frame) => self.frame(now, frame),
             Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
             Event::Depth(grid) => self.depth(now, &grid),
+            Event::Track(report) => self.track_report(report),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),

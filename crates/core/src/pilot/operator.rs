@@ -93,6 +93,7 @@ impl Pilot {
         self.stop_motion(now);
         self.needs_rest = true;
         self.guiding.forget_target();
+        self.untrack();
         // A fresh start: the policy forgets the previous instruction.
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;

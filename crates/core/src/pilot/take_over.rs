@@ -53,6 +53,7 @@ impl Pilot {
             return;
         }
         self.guiding.forget_target();
+        self.untrack();
         let text = self.instruction.clone();
         self.policy.handle(PolicyEvent::Instruction(&text));
         (self.counted_from, self.counted_to) = (now, now);

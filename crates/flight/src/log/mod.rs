@@ -6,7 +6,7 @@ mod topics;
 
 pub use rows::{
     Cancelled, CommandName, CommandRow, FlightHeader, GapRow, LinkRow, NoteKind, NoteRow, OperatorRow, PoseDeviationRow,
-    ReplyRow, SimHead, TruthRow, Wake,
+    ReplyRow, SimHead, TrackStartRow, TruthRow, Wake,
 };
 pub use topics::Channel;
 
@@ -171,6 +171,7 @@ impl FlightLog {
             Event::Frame(frame) => self.row(Channel::Frame, now, frame),
             Event::Telemetry(telemetry) => self.row(Channel::Telemetry, now, telemetry),
             Event::Depth(grid) => self.row(Channel::Depth, now, grid),
+            Event::Track(report) => self.row(Channel::Track, now, report),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
@@ -210,7 +211,7 @@ impl FlightLog {
                 let line = format!("{}: {}", words::outcome(ending.outcome), ending.cause);
                 self.line(now, Level::Info, line);
             }
-            Action::Cancel(_) | Action::Command(_) => {}
+            Action::Cancel(_) | Action::Track(_) | Action::Untrack | Action::Command(_) => {}
         }
     }
 
@@ -287,6 +288,8 @@ pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)>
     let (channel, data) = match action {
         Action::Ask(query) => (Channel::Query, serde_json::to_vec(query)),
         Action::Cancel(id) => (Channel::Cancel, serde_json::to_vec(&Cancelled { id: *id })),
+        Action::Track(start) => (Channel::TrackStart, serde_json::to_vec(&TrackStartRow { start: Some(*start) })),
+        Action::Untrack => (Channel::TrackStart, serde_json::to_vec(&TrackStartRow { start: None })),
         Action::Command(cleared) => {
             let row = |command| CommandRow { command, wanted: None, cleared: None, manoeuvre: None, valid_until: None };
             let valid_until = Some(cleared.valid_until());

@@ -13,6 +13,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::pilot::{Around, Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
+use spf_core::track::TrackStart;
 
 /// The flight's head, once, at time zero: everything needed to recreate the pilot, and where it flew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -182,6 +183,13 @@ pub struct GapRow {
 pub struct Cancelled {
     /// The query.
     pub id: QueryId,
+}
+
+/// What the pilot has tracked from now on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TrackStartRow {
+    /// The box, and its frame; null if nothing is tracked any more.
+    pub start: Option<TrackStart>,
 }
 
 /// Ground truth for the frame of a query. Not available to the pilot.

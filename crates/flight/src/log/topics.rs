@@ -6,10 +6,12 @@ use spf_core::frame::FrameMeta;
 use spf_core::pilot::{Decision, Ending};
 use spf_core::query::Query;
 use spf_core::telemetry::Telemetry;
+use spf_core::track::TrackReport;
 use spf_record::log::{Topic, foxglove};
 
 use super::rows::{
-    Cancelled, CommandRow, FlightHeader, GapRow, LinkRow, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow, TruthRow, Wake,
+    Cancelled, CommandRow, FlightHeader, GapRow, LinkRow, NoteRow, OperatorRow, PoseDeviationRow, ReplyRow, TrackStartRow,
+    TruthRow, Wake,
 };
 use crate::summary::Summary;
 
@@ -26,6 +28,8 @@ pub enum Channel {
     Frame,
     /// Input: a depth grid.
     Depth,
+    /// Input: where the tracked target is in a frame.
+    Track,
     /// Input: a reply or a failure.
     Reply,
     /// Input: an operator input.
@@ -38,6 +42,8 @@ pub enum Channel {
     Query,
     /// Output: a cancelled query.
     Cancel,
+    /// Output: a track was asked for or ended.
+    TrackStart,
     /// Output: a command, requested and cleared.
     Command,
     /// Output: a decision.
@@ -78,18 +84,20 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 29] = [
+    pub const ALL: [Self; 31] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
         Self::Frame,
         Self::Depth,
+        Self::Track,
         Self::Reply,
         Self::Operator,
         Self::Link,
         Self::Gap,
         Self::Query,
         Self::Cancel,
+        Self::TrackStart,
         Self::Command,
         Self::Decision,
         Self::Note,
@@ -137,12 +145,14 @@ impl Channel {
             Self::Telemetry => "/telemetry",
             Self::Frame => "/frame",
             Self::Depth => "/depth",
+            Self::Track => "/track",
             Self::Reply => "/reply",
             Self::Operator => "/operator",
             Self::Link => "/link",
             Self::Gap => "/gap",
             Self::Query => "/query",
             Self::Cancel => "/cancel",
+            Self::TrackStart => "/track/start",
             Self::Command => "/command",
             Self::Decision => "/decision",
             Self::Note => "/note",
@@ -176,12 +186,14 @@ impl Channel {
             Self::Telemetry => json::<Telemetry>(self, "spf.Telemetry"),
             Self::Frame => json::<FrameMeta>(self, "spf.Frame"),
             Self::Depth => json::<DepthGrid>(self, "spf.Depth"),
+            Self::Track => json::<TrackReport>(self, "spf.Track"),
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
             Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
             Self::Link => json::<LinkRow>(self, "spf.Link"),
             Self::Gap => json::<GapRow>(self, "spf.Gap"),
             Self::Query => json::<Query>(self, "spf.Query"),
             Self::Cancel => json::<Cancelled>(self, "spf.Cancel"),
+            Self::TrackStart => json::<TrackStartRow>(self, "spf.TrackStart"),
             Self::Command => json::<CommandRow>(self, "spf.Command"),
             Self::Decision => json::<Decision>(self, "spf.Decision"),
             Self::Note => json::<NoteRow>(self, "spf.Note"),

@@ -206,7 +206,7 @@ impl World for Live {
                     cancel.cancel();
                 }
             }
-            Action::Note(_) | Action::Finished(_) => {}
+            Action::Track(_) | Action::Untrack | Action::Note(_) | Action::Finished(_) => {}
             Action::Command(command) => {
                 if let Err(error) = self.drone.apply(self.now, command) {
                     tracing::warn!(%error, "a command did not reach the craft");

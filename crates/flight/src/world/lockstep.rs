@@ -91,7 +91,7 @@ impl World for Lockstep {
         match action {
             Action::Ask(query) => self.ask(query),
             // The reply to a cancelled query still arrives, as from a real model; the pilot counts it.
-            Action::Cancel(_) | Action::Note(_) | Action::Finished(_) => {}
+            Action::Cancel(_) | Action::Track(_) | Action::Untrack | Action::Note(_) | Action::Finished(_) => {}
             Action::Command(command) => {
                 if let Err(error) = self.drone.apply(self.now, command) {
                     tracing::debug!(%error, "a command did not reach the craft");

@@ -29,7 +29,7 @@ fn flown(folder: &Path, fault: Option<DepthFault>, guided: bool) -> Vec<Entry> {
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(14),
-            guidance: Guidance { anchor: guided, map: guided, sensor: guided, slow_anchor: false },
+            guidance: Guidance { anchor: guided, map: guided, sensor: guided, ..Guidance::default() },
             ..PilotSettings::preset(Preset::Default)
         },
         limits: Limits { brake: Some(BrakeLimits::with_sensor()), ..Limits::for_craft(&Craft::quad()) },

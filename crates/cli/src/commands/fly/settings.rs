@@ -112,6 +112,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         slow_anchor: !always && anchor.or(can_guide && method.avoid),
         map: fly.map.or_default()?.or(can_guide && sensor),
         sensor,
+        track: false,
     };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;

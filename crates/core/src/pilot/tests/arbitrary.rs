@@ -263,7 +263,7 @@ impl Chaos {
                 }
                 Some(Action::Command(cleared)) => self.command(&cleared),
                 Some(Action::Finished(_)) => self.finished += 1,
-                Some(Action::Note(_)) => {}
+                Some(Action::Track(_) | Action::Untrack | Action::Note(_)) => {}
             }
         }
         panic!("never becomes idle");

@@ -8,7 +8,7 @@ use crate::reply::ObstacleBox;
 
 fn guided(anchor: bool, map: bool) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { anchor, map, sensor: map, slow_anchor: false };
+    setup.settings.guidance = Guidance { anchor, map, sensor: map, ..Guidance::default() };
     setup.settings.avoid = map;
     setup
 }

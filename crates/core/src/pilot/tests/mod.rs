@@ -16,6 +16,7 @@ mod motion;
 mod operator;
 mod search;
 mod take_over;
+mod tracking;
 mod unseen;
 mod view_height;
 mod whole;
@@ -162,6 +163,7 @@ impl Setup {
             delivered: Vec::new(),
             queries: Vec::new(),
             cancelled: Vec::new(),
+            tracked: Vec::new(),
             commands: Vec::new(),
             notes: Vec::new(),
             finished: Vec::new(),
@@ -199,6 +201,7 @@ struct Flight {
     delivered: Vec<(Time, FrameMeta)>,
     queries: Vec<(Time, Query)>,
     cancelled: Vec<(Time, QueryId)>,
+    tracked: Vec<(Time, Option<crate::track::TrackStart>)>,
     commands: Vec<(Time, Command)>,
     notes: Vec<(Time, Note)>,
     finished: Vec<(Time, Ending, EnuPosition)>,
@@ -380,6 +383,8 @@ impl Flight {
                 }
                 Some(Action::Ask(query)) => self.ask(*query),
                 Some(Action::Cancel(id)) => self.cancelled.push((self.now, id)),
+                Some(Action::Track(start)) => self.tracked.push((self.now, Some(start))),
+                Some(Action::Untrack) => self.tracked.push((self.now, None)),
                 Some(Action::Command(cleared)) => self.command(&cleared),
                 Some(Action::Note(note)) => self.notes.push((self.now, note)),
                 Some(Action::Finished(ending)) => self.finished.push((self.now, ending, self.model.position)),

@@ -215,7 +215,7 @@ impl Cell {
         let settings = PilotSettings {
             max_time,
             avoid: guided,
-            guidance: Guidance { anchor: guided, map: guided, sensor: guided, slow_anchor: false },
+            guidance: Guidance { anchor: guided, map: guided, sensor: guided, ..Guidance::default() },
             ..PilotSettings::preset(Preset::Default)
         };
         let instruction = if guided { AROUND } else { "fly to the door" };
