@@ -276,12 +276,13 @@ impl Spf {
             // The place that is known is that of the stage before.
             self.misses = MISSES_ASIDE;
         }
-        let step = match reply.status {
+        let retreat = self.retreat(open_query, &reply);
+        let step = retreat.unwrap_or_else(|| match reply.status {
             Status::Done => self.done(confirming),
             Status::NotVisible => self.not_visible(open_query, &reply),
             Status::Navigating | Status::Following => self.navigate(open_query, &reply),
             Status::Blocked => self.held_up(open_query, &reply),
-        };
+        });
         self.history.planned(&open_query.view.camera, &self.reading, &reply.boxes);
         step
     }

@@ -5,7 +5,7 @@ use super::{OpenQuery, Spf};
 use crate::avoid::{Sighting, is_person, same_name};
 use crate::policy::{Step, View};
 use crate::query::ImagePoint;
-use crate::reply::{ObstacleBox, Reply};
+use crate::reply::{ObstacleBox, Reply, Status};
 
 /// Depth label of a person whom the craft backs off from in any case, and of one who comes nearer: 1 m and 2.8 m.
 const HERE: u8 = 1;
@@ -18,15 +18,23 @@ const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
 const RETREATS: u32 = 4;
 
 impl Spf {
-    /// The step back from a person who is about to walk into the craft, if there is one. The pilot flies it only over what it
-    /// has seen or flown through.
+    /// The step back from a person who is about to walk into the craft, if there is one, whether it flies, searches or holds.
+    /// The pilot flies it only over what it has seen or flown through.
     pub(super) fn retreat(&mut self, open_query: OpenQuery, reply: &Reply) -> Option<Step> {
-        if !self.settings.avoid || !self.is_approached(&open_query.view, reply) {
+        // On a planned path the planner decides.
+        let is_planned = self.is_mapped_by_sensor() && reply.status.leads_to_a_point();
+        let watches = self.settings.avoid && !is_planned && reply.status != Status::Done;
+        if !watches || !self.is_approached(&open_query.view, reply) {
             self.retreats = 0;
             return None;
         }
         self.retreats += 1;
-        (self.retreats <= RETREATS).then(|| self.back_off(open_query, "backs off from a person who comes nearer"))
+        if self.retreats > RETREATS {
+            return None;
+        }
+        self.confirming = false;
+        self.turned_first = None;
+        Some(self.back_off(open_query, "backs off from a person who comes nearer"))
     }
 
     fn is_approached(&self, view: &View, reply: &Reply) -> bool {

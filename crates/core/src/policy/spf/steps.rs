@@ -42,9 +42,6 @@ impl Spf {
     pub(super) fn held_up(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         self.turned_first = None;
-        if let Some(step) = self.retreat(open_query, reply) {
-            return step;
-        }
         let person = reply.boxes.iter().any(|obstacle| avoid::is_person(&obstacle.name) && obstacle.depth <= PERSON_IN_FRONT);
         let unknown = reply.boxes.is_empty() && !self.settings.avoid;
         if person || unknown {
@@ -88,9 +85,6 @@ impl Spf {
                 self.detour.keep,
             );
             self.reading.avoidance = Some(outcome);
-            if let Some(step) = self.retreat(open_query, reply) {
-                return step;
-            }
             match outcome {
                 Avoidance::Clear => {
                     self.blocked = 0;

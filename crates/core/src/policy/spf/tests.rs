@@ -246,12 +246,14 @@ fn a_blocked_way_is_held_before_a_person_and_backed_off_from_otherwise() {
 
 /// A person at a label per answer, a second apart, in front of the crane or beside the way.
 fn persons(labels: &[u8], left: u32, target: &str) -> Vec<bool> {
+    let toward = format!(r#""status":"navigating","point":[500,500],"depth":7,"target":"{target}""#);
+    persons_while(&toward, labels, left)
+}
+
+fn persons_while(status: &str, labels: &[u8], left: u32) -> Vec<bool> {
     let mut spf = policy_by_reply(true);
     let mut backs_off = |(frame, depth): (usize, &u8)| {
-        let answer = format!(
-            r#"{{"status":"navigating","point":[500,500],"depth":7,"target":"{target}","boxes":[{{"box":[300,{left},900,{}],"depth":{depth},"name":"man"}}]}}"#,
-            left + 200
-        );
+        let answer = format!(r#"{{{status},"boxes":[{{"box":[300,{left},900,{}],"depth":{depth},"name":"man"}}]}}"#, left + 200);
         let mut view = view(frame as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
         let query = sent_query(spf.handle(PolicyEvent::Frame(&view)));
@@ -272,6 +274,9 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
     // Who walks past, and who is flown to.
     assert_eq!(persons(&[4, 3, 2], 0, "crane"), [false; 3]);
     assert_eq!(persons(&[4, 3, 2], 400, "man"), [false; 3]);
+    // A craft that searches or is held up backs off as well.
+    assert_eq!(persons_while(r#""status":"not_visible""#, &[4, 3, 2], 400), [false, true, true]);
+    assert_eq!(persons_while(r#""status":"blocked""#, &[4, 3, 2], 400), [false, true, true]);
 }
 
 #[test]
