@@ -83,6 +83,7 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         craft,
         depth: settings.depth,
         near_m: settings.near_m,
+        keep_m: spf_core::following::DEFAULT_KEEP,
         close_up: false,
     });
     let mut pilot = Pilot::new(PilotParts {

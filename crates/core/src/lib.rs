@@ -21,6 +21,7 @@ pub mod envelope;
 pub mod estimator;
 pub mod executor;
 pub mod fault;
+pub mod following;
 pub mod frame;
 pub mod geofence;
 pub mod geometry;

@@ -235,6 +235,9 @@ pub struct Query {
     /// Distance from the target at which the instruction counts as fulfilled, metres, as stated in the prompt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_m: Option<f64>,
+    /// Distance that the drone keeps by itself from a target that it follows, metres; `None` if it flies where the VLM points.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keep_m: Option<f64>,
     /// Region of the image that goes along as a second, enlarged image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub close_up: Option<ImageBox>,
@@ -256,6 +259,7 @@ impl Query {
             deadline: Time::MAX,
             image_size: None,
             near_m: None,
+            keep_m: None,
             close_up: None,
         }
     }

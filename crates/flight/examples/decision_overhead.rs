@@ -194,6 +194,7 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
         craft: Craft::tello(),
         depth: preset.depth,
         near_m: preset.near_m,
+        keep_m: spf_core::following::DEFAULT_KEEP,
         close_up: false,
     });
     spf.handle(PolicyEvent::Instruction("Take off and fly to the red crane"));

@@ -48,6 +48,7 @@ fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<d
             shape: PathShape::Straight,
             depth: settings.depth,
             near_m: settings.near_m,
+            keep_m: spf_core::following::DEFAULT_KEEP,
             close_up: false,
         })),
         instruction: "fly to the red crane".to_owned(),

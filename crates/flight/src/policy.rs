@@ -138,6 +138,7 @@ impl PolicyMaker for PolicyKind {
                     image_size,
                     craft,
                     depth: settings.depth,
+                    keep_m: settings.keep_m,
                     close_up: settings.close_up,
                     near_m: settings.near_m,
                     shape: match settings.motion {

@@ -299,6 +299,8 @@ fn in_view(step: Step, thing: &PerceivedObject, view: &View<'_>) -> Met {
             }
         }
         Step::Across => Met::Go(over(thing)),
+        // The drone keeps its distance by itself.
+        Step::Keep if view.query.keep_m.is_some() => Met::Go(here),
         Step::Keep if thing.nearest < TOO_NEAR * view.near() => Met::TooNear,
         // Keep a distance to a walking person: the range is reduced, so that close to them only the minimum step is
         // flown.

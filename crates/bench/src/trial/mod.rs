@@ -231,6 +231,7 @@ impl Trial {
         let settings = settings
             .replace("slow_anchor: false, ", "")
             .replace(", track: false }", " }")
+            .replace(", keep_m: 2.5, follow_time: None", "")
             .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "");
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
         let all = format!("{} {settings} {limits:?} {}{fence}{extra}", policy.name(), prompt.source());

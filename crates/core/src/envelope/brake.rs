@@ -62,6 +62,8 @@ struct Seen {
 pub(super) struct Motion {
     /// Where the setpoint takes effect.
     pub(super) from: EnuPosition,
+    /// Heading there, radians.
+    pub(super) heading: f64,
     pub(super) velocity: EnuVelocity,
     /// Directions between now and the end of the setpoint's validity: turns about the vertical, clockwise, radians.
     pub(super) turns: [f64; 3],

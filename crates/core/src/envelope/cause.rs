@@ -27,6 +27,8 @@ pub enum Cause {
     GeofenceLimit,
     /// An obstacle is known on the path, or no working depth sensor shows it.
     Obstacle,
+    /// A person whom the craft follows is near.
+    Person,
     /// A component of the setpoint was not a finite number.
     NotFinite,
     /// The craft is not airborne, or does not accept setpoints.
@@ -81,6 +83,7 @@ impl fmt::Display for Cause {
             Self::DistanceLimit => "limited by the distance limit",
             Self::GeofenceLimit => "limited by the geofence",
             Self::Obstacle => "limited by an obstacle, or by a path that no sensor covers",
+            Self::Person => "limited by the distance to the person followed",
             Self::NotFinite => "the setpoint was not a number",
             Self::NotFlying => "the craft is not flying",
             Self::FailedReplies => "the VLM's replies failed",

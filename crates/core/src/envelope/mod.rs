@@ -16,6 +16,7 @@ mod estimate;
 mod height;
 mod limits;
 mod manoeuvre;
+mod person;
 mod reach;
 mod watch;
 
@@ -26,6 +27,7 @@ pub use limits::{Limits, LimitsError};
 use self::brake::{Brake, Motion};
 use self::estimate::Estimate;
 use self::height::HeightCheck;
+use self::person::Person;
 use self::reach::{Braking, Situation};
 use self::watch::{Control, Found, Watch};
 use crate::command::{Command, Setpoint};
@@ -105,6 +107,7 @@ pub struct Envelope {
     estimate: Estimate,
     watch: Watch,
     brake: Brake,
+    person: Person,
     height_check: HeightCheck,
     /// Latest time passed in.
     now: Time,
@@ -129,6 +132,7 @@ impl Envelope {
             estimate: Estimate::default(),
             watch: Watch::default(),
             brake: Brake::default(),
+            person: Person::default(),
             height_check: HeightCheck::default(),
             now: Time::ZERO,
             commanded: None,
@@ -216,13 +220,18 @@ impl Envelope {
         }
     }
 
+    /// Takes the position at `now` of a person whom the craft follows, according to the motion estimate: for a second, the pilot's
+    /// setpoints come no nearer than 2 m.
+    pub fn observe_person(&mut self, now: Time, at: EnuPosition) {
+        let now = self.advance(now);
+        self.person.observe(now, at);
+    }
+
     /// Takes the motion estimate on which depth grids and obstacles are based. If none arrives for half a second, the
     /// brake uses the envelope's own.
     pub fn observe_motion(&mut self, now: Time, known: &MotionEstimate) {
         let now = self.advance(now);
-        if self.limits.brake.is_some() {
-            self.brake.motion(now, known.position, known.attitude.heading);
-        }
+        self.brake.motion(now, known.position, known.attitude.heading);
     }
 
     /// Records that the link to the craft was lost at `now`.
@@ -456,18 +465,31 @@ impl Envelope {
         let (setpoint, unknown) = self.without_climb_at_unknown_height(setpoint);
         let (setpoint, low) = self.above_ground(setpoint);
         // The operator flies by sight.
+        let (setpoint, person) = if control == Control::Pilot { self.away_from_person(now, setpoint) } else { (setpoint, None) };
         let braked = if control == Control::Pilot { self.braked(now, setpoint) } else { 1.0 };
         let Setpoint { right, forward, up, yaw_rate } = setpoint;
         let setpoint = Setpoint { right: right * braked, forward: forward * braked, up: up * braked, yaw_rate };
-        (setpoint, confined.or(unknown).or(low).or((braked < 1.0).then_some(Cause::Obstacle)).or(cause))
+        (setpoint, confined.or(unknown).or(low).or(person).or((braked < 1.0).then_some(Cause::Obstacle)).or(cause))
+    }
+
+    /// A setpoint that comes no nearer to a followed person than allowed.
+    fn away_from_person(&self, now: Time, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
+        let Some(motion) = self.motion_of(now, setpoint, self.turns(setpoint)) else { return (setpoint, None) };
+        let kept = self.person.keep_away(now, &motion, setpoint);
+        (kept, (kept != setpoint).then_some(Cause::Person))
     }
 
     /// The fraction of a setpoint that the brake allows.
     fn braked(&self, now: Time, setpoint: Setpoint) -> f64 {
         let Some(limits) = &self.limits.brake else { return 1.0 };
+        self.motion_of(now, setpoint, self.turns(setpoint)).map_or(0.0, |motion| self.brake.allowed(now, limits, &motion))
+    }
+
+    /// Turns between now and the end of a setpoint's validity, radians.
+    fn turns(&self, setpoint: Setpoint) -> [f64; 3] {
         let lasts = self.limits.setpoint_validity + self.craft.dead_time;
         let turned = setpoint.yaw_rate * lasts;
-        self.motion_of(now, setpoint, [0.0, 0.5 * turned, turned]).map_or(0.0, |motion| self.brake.allowed(now, limits, &motion))
+        [0.0, 0.5 * turned, turned]
     }
 
     /// A velocity as used by the brake, from where it takes effect; `None` without a heading.
@@ -488,7 +510,14 @@ impl Envelope {
         let (from, heading) = self.brake.place(now, velocity, self.craft.dead_time).or_else(own)?;
         let deceleration = self.craft.acceleration.min(self.craft.climb_acceleration);
         let braking = Braking::new(&self.limits, &self.craft, deceleration);
-        Some(Motion { from, velocity: reach::world_velocity(setpoint, heading), turns, radius: self.craft.radius, braking })
+        Some(Motion {
+            from,
+            heading,
+            velocity: reach::world_velocity(setpoint, heading),
+            turns,
+            radius: self.craft.radius,
+            braking,
+        })
     }
 
     /// A setpoint that stops descending at the minimum altitude above the surface measured below the craft, such as a

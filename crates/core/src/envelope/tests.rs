@@ -3,6 +3,7 @@ mod failings;
 mod flights;
 mod limits;
 mod manoeuvres;
+mod person;
 mod rows;
 
 use super::*;

@@ -188,6 +188,7 @@ impl Pilot {
                 Step::Ask(query) => self.ask(now, query, *view),
                 Step::Move(motion) => self.begin_move(now, motion),
                 Step::Goto(goto) => self.begin_goto(now, &goto),
+                Step::Follow(goto) => self.begin_following(now, &goto),
                 Step::Keep => self.keep_on(now, view),
                 Step::Look => {
                     self.stop_motion(now);
@@ -233,6 +234,7 @@ impl Pilot {
             Step::Ask(_) => "ask",
             Step::Move(_) => "move",
             Step::Goto(_) => "goto",
+            Step::Follow(_) => "follow",
             Step::Keep => "keep",
             Step::Look => "look",
             Step::Wait => "wait",

@@ -213,8 +213,8 @@ pub struct Decision {
     pub reply: String,
     /// The policy's interpretation of it.
     pub reading: Reading,
-    /// The policy's next step: `move`, `goto`, `keep`, `look`, `done`, `reject`, `fail`
-    /// or `ask`.
+    /// The policy's next step: `move`, `goto`, `follow`, `keep`, `look`, `done`, `reject`,
+    /// `fail` or `ask`.
     pub step: String,
     /// The frame the decision is based on.
     pub frame: FrameId,

@@ -65,6 +65,8 @@ pub(super) struct Guiding {
     planner: Planner,
     progress: Progress,
     course: Option<Course>,
+    /// Whether the craft follows a moving target (`following.rs`).
+    follows: bool,
     /// When the motion estimate last lost track, as far as it has been taken into account.
     lost: Option<Time>,
     /// Position of the last target that was given up.
@@ -160,6 +162,17 @@ impl Guiding {
     /// Ends the course, keeping what is known.
     pub(super) fn end(&mut self) {
         self.course = None;
+        self.follows = false;
+    }
+
+    /// Begins to follow a moving target, instead of any course.
+    pub(super) fn begin_following(&mut self) {
+        self.end();
+        self.follows = true;
+    }
+
+    pub(super) fn is_following(&self) -> bool {
+        self.follows
     }
 
     #[cfg(test)]
@@ -196,6 +209,11 @@ impl Pilot {
     /// Whether the target that was given up last may be in the way of a climb from `at` (a descent, if negative, metres).
     pub(super) fn is_beside_lost_target(&self, at: EnuPosition, climb: f64) -> bool {
         self.guiding.given_up.is_some_and(|target| may_overhang(target, at, climb))
+    }
+
+    /// Whether a moving target can be followed.
+    pub(super) fn can_follow(&self) -> bool {
+        self.settings.guidance.track && self.is_guided()
     }
 
     fn is_guided(&self) -> bool {
@@ -262,6 +280,9 @@ impl Pilot {
 
     /// Whether a frame taken at `pose` should show the target.
     pub(super) fn expected(&self, now: Time, pose: Pose) -> Expected {
+        if let Some(expected) = self.expected_by_track(now, pose) {
+            return expected;
+        }
         let Some(anchor) = self.guiding.anchors.anchor().filter(|_| self.is_anchored()) else { return Expected::Unknown };
         let sight = anchor.seen_from(pose.position, self.estimator.odometry_at(now));
         // The direction to a target that is almost reached is not known.
@@ -407,6 +428,9 @@ impl Pilot {
 
     /// Goes on to a target that the last frame did not show.
     pub(super) fn keep_on(&mut self, now: Time, view: &View) {
+        if self.guiding.is_following() {
+            return;
+        }
         let Some(anchor) = self.guiding.anchors.anchor().copied().filter(|_| self.is_anchored()) else { return };
         let sight = anchor.seen_from(view.pose.position, self.estimator.odometry_at(now));
         if self.is_mapped() && sight.is_sure() && self.bring_into_view(now, sight.position) {

@@ -14,6 +14,7 @@
 mod deciding;
 mod ending;
 mod event;
+mod following;
 mod guiding;
 mod moving;
 mod operator;
@@ -83,6 +84,7 @@ pub struct Pilot {
 
     guiding: guiding::Guiding,
     tracking: tracking::Tracking,
+    following: following::Following,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -167,6 +169,7 @@ impl Pilot {
             late_replies: 0,
             guiding: guiding::Guiding::new(settings.guidance.map),
             tracking: tracking::Tracking::default(),
+            following: following::Following::default(),
             executing: false,
             pending: None,
             needs_rest: true,
@@ -203,7 +206,7 @@ impl Pilot {
             Event::Frame(frame) => self.frame(now, frame),
             Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
             Event::Depth(grid) => self.depth(now, &grid),
-            Event::Track(report) => self.track_report(report),
+            Event::Track(report) => self.track_report(now, report),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),

@@ -207,10 +207,12 @@ impl Pilot {
             }
             None => {
                 let mut setpoint = Setpoint::HOLD;
-                if self.executing {
+                if self.executing && !self.guiding.is_following() {
                     self.follow_course(now, &known);
                 }
-                if self.executing {
+                if self.guiding.is_following() {
+                    setpoint = self.follow_target(now, &known);
+                } else if self.executing {
                     let tick = self.executor.tick(now, known);
                     match tick.manoeuvre {
                         // Nothing is sent meanwhile: a hold would end the manoeuvre, and `stop_motion` sends one when
@@ -224,7 +226,7 @@ impl Pilot {
                 self.envelope.clear_setpoint(now, setpoint)
             }
         };
-        if self.is_kept_still(now, &clearance) {
+        if !self.guiding.is_following() && self.is_kept_still(now, &clearance) {
             finished = true;
             self.kept_since = None;
             self.executor.stop(now);

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::executor::{Ending as MotionEnding, Motion};
+use crate::following::DEFAULT_KEEP;
 use crate::guidance::Guidance;
 use crate::lift::Lifting;
 use crate::query::DepthAs;
@@ -84,6 +85,12 @@ pub struct PilotSettings {
     /// to the site: the scene's, or the craft's.
     #[serde(default)]
     pub near_m: Option<f64>,
+    /// Distance that is kept from a target that is followed with [`Guidance::track`], metres.
+    #[serde(default = "default_keep", skip_serializing_if = "is_default_keep")]
+    pub keep_m: f64,
+    /// With [`Guidance::track`], a target counts as followed for long enough after this time; `None` follows until a limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub follow_time: Option<Duration>,
     /// Whether a small target's region goes along as a second, enlarged image.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub close_up: bool,
@@ -91,6 +98,14 @@ pub struct PilotSettings {
 
 fn unlimited() -> Duration {
     Duration::MAX
+}
+
+fn default_keep() -> f64 {
+    DEFAULT_KEEP
+}
+
+fn is_default_keep(keep: &f64) -> bool {
+    *keep == DEFAULT_KEEP
 }
 
 impl PilotSettings {
@@ -115,6 +130,8 @@ impl PilotSettings {
             max_reply_age: Duration::from_secs(8),
             depth: DepthAs::Labels,
             near_m: None,
+            keep_m: DEFAULT_KEEP,
+            follow_time: None,
             close_up: false,
         }
     }

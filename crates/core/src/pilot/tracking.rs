@@ -4,6 +4,7 @@ use super::{Action, Pilot, Waiting};
 use crate::policy::Step;
 use crate::query::QueryId;
 use crate::reply::Status;
+use crate::time::Time;
 use crate::track::{TrackReport, TrackStart};
 
 /// The track that was asked for.
@@ -25,6 +26,7 @@ impl Pilot {
         if !self.settings.guidance.track {
             return;
         }
+        self.follow_reply(waiting, step);
         let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
         match reply.target_box.filter(|_| reply.status.leads_to_a_point()) {
             Some(area) => {
@@ -40,15 +42,19 @@ impl Pilot {
     pub(super) fn untrack(&mut self) {
         if self.tracking.id.is_some() {
             self.tracking = Tracking::default();
+            self.following = Default::default();
             self.outbox.push_back(Action::Untrack);
         }
     }
 
     /// Takes a report on the track; those on earlier tracks, and older ones, are ignored.
-    pub(super) fn track_report(&mut self, report: TrackReport) {
+    pub(super) fn track_report(&mut self, now: Time, report: TrackReport) {
+        // A camera clock that runs ahead must not make all its later frames look old.
+        let report = TrackReport { captured: report.captured.min(now), ..report };
         let is_newer = self.tracking.last.is_none_or(|last| last.captured < report.captured);
         if self.tracking.id == Some(report.id) && is_newer && report.is_sound() {
             self.tracking.last = Some(report);
+            self.follow_report(&report);
         }
     }
 }

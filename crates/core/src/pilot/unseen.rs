@@ -90,13 +90,18 @@ impl Pilot {
         self.is_beside_lost_target(at, climb).then_some("no vertical search move: the target was last seen beside the way there")
     }
 
+    /// Whether a straight path was flown within the last 12 s, or seen within the last 3 s.
+    pub(super) fn is_known_free(&self, now: Time, from: EnuPosition, to: EnuPosition) -> bool {
+        self.seen.shows(now, &self.camera, [from, to], FLOWN)
+    }
+
     /// The part of a move that may be flown; `None` if nothing is left of it.
     pub(super) fn admissible(&mut self, now: Time, motion: Move) -> Option<Move> {
         let mut primitives = motion.primitives;
         if primitives.forward < -BACK {
             let pose = self.known_pose(now);
             let to = Goal::of_primitives(pose, primitives).position;
-            if !self.seen.shows(now, &self.camera, [pose.position, to], FLOWN) {
+            if !self.is_known_free(now, pose.position, to) {
                 primitives.forward = 0.0;
                 self.note(Note::Limited(
                     "no motion backwards: not flown through in the last 12 s, and no frame of the last 3 s shows it",

@@ -64,6 +64,8 @@ pub struct SpfSettings {
     pub depth: DepthAs,
     /// Distance from the target that counts as reached, metres, as stated in the prompt.
     pub near_m: Option<f64>,
+    /// Distance that the pilot keeps from a target that is followed, metres; used with [`Guidance::track`].
+    pub keep_m: f64,
     /// Whether a small target's region goes along as a second, enlarged image.
     pub close_up: bool,
 }
@@ -204,6 +206,7 @@ impl Spf {
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
             near_m: self.settings.near_m,
+            keep_m: self.guidance.track.then_some(self.settings.keep_m),
             detections: if self.lists() { detection::lines(&self.detections) } else { Vec::new() },
             image_size: self.settings.image_size,
             close_up: self.close_up(view),

@@ -37,6 +37,8 @@ pub struct PromptInput<'a> {
     pub depth: DepthAs,
     /// Distance from the target at which the instruction counts as fulfilled, metres; `None` if it is not set.
     pub near_m: Option<f64>,
+    /// Distance that the drone keeps by itself from what it follows, metres; `None` if it does not.
+    pub keep_m: Option<f64>,
     /// The part of the image that goes along enlarged.
     pub close_up: Option<ImageBox>,
 }
@@ -45,7 +47,7 @@ impl<'a> PromptInput<'a> {
     /// The inputs of a prompt without obstacle boxes, with depth labels.
     #[must_use]
     pub fn new(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile) -> Self {
-        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m: None, close_up: None }
+        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m: None, keep_m: None, close_up: None }
     }
 }
 
@@ -105,7 +107,7 @@ impl PromptText {
             _ => (false, DepthAs::Labels),
         };
         let new = PromptInput::new(&query.instruction, &query.memory, profile);
-        let input = PromptInput { avoid, depth, near_m: query.near_m, close_up: query.close_up, ..new };
+        let input = PromptInput { avoid, depth, near_m: query.near_m, keep_m: query.keep_m, close_up: query.close_up, ..new };
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
@@ -128,7 +130,7 @@ impl PromptText {
                 "in_metres" => yes_if(!labels),
                 "depth_key" => if labels { "depth" } else { "depth_m" }.to_owned(),
                 "scale" => scale(),
-                "endings" => endings::endings(input.instruction, input.near_m),
+                "endings" => endings::endings(input.instruction, input.near_m, input.keep_m),
                 "avoid" => yes_if(input.avoid),
                 "memory" => memory::remembered(input.memory, input.profile),
                 "close_up" => input.close_up.map_or(String::new(), |area| {

@@ -469,6 +469,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("failings.rs"),
         include_str!("flights.rs"),
         include_str!("brake.rs"),
+        include_str!("person.rs"),
         include_str!("../../pilot/tests/alone.rs"),
         include_str!("../../../../drone/src/tello/link/tests.rs"),
         include_str!("../../../../cli/tests/it/tello/ending.rs")

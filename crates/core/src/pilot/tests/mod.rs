@@ -10,6 +10,7 @@ mod arbitrary;
 mod asking;
 mod endings;
 mod failings;
+mod following;
 mod guided;
 mod manoeuvres;
 mod motion;
@@ -127,6 +128,7 @@ impl Setup {
                     craft: self.craft,
                     depth: settings.depth,
                     near_m: settings.near_m,
+                    keep_m: crate::following::DEFAULT_KEEP,
                     close_up: false,
                 })
                 .with_guidance(settings.guidance),

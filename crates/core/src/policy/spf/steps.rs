@@ -140,7 +140,9 @@ impl Spf {
         let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
         // A point beside, above or behind a target, or straight on, is no place of the target.
         let is_on_target = reply.target_box.is_some_and(|area| area.contains(point)) && !is_at_edge(point);
-        if !self.guidance.keeps_anchor() || reply.status != Status::Navigating || !is_on_target {
+        let follows = reply.status == Status::Following && self.guidance.track;
+        let flies_to_place = reply.status == Status::Navigating && self.guidance.keeps_anchor();
+        if !(follows || flies_to_place) || !is_on_target {
             return Step::Move(motion);
         }
         let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
@@ -148,7 +150,8 @@ impl Spf {
         // Only now is the place known that of this target; of a reply that points elsewhere it is not known which one is wrong.
         self.misses = if is_elsewhere(&view, reply, point) { self.misses + 1 } else { 0 };
         let clear = libm::hypot(primitives.forward, primitives.climb) * free.unwrap_or(step) / step;
-        Step::Goto(Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour, clear })
+        let goto = Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour, clear };
+        if follows { Step::Follow(goto) } else { Step::Goto(goto) }
     }
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.

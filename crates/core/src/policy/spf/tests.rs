@@ -36,6 +36,7 @@ fn settings(avoid: bool) -> SpfSettings {
         craft: Craft::quad(),
         depth: DepthAs::Labels,
         near_m: Some(3.0),
+        keep_m: crate::following::DEFAULT_KEEP,
         close_up: false,
     }
 }

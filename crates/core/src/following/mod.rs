@@ -1,0 +1,274 @@
+//! Following a moving target by its track (`docs/explanation/between-answers.md`).
+//!
+//! A [`Follower`] estimates where the target is and how it moves, from the bearing and the size of its box in each frame, the
+//! craft's own motion, and the range that each reply gives; and it computes the setpoint that keeps a distance to it.
+//!
+//! The target's velocity is used only while the track is good. Half a second after that the craft does not come nearer any more,
+//! and backs off if it is close; it turns to where the target was last seen.
+
+mod filter;
+
+use std::collections::VecDeque;
+
+use filter::Filter;
+
+use crate::camera::Camera;
+use crate::command::Setpoint;
+use crate::craft::Craft;
+use crate::estimator::MotionEstimate;
+use crate::geometry::{EnuPosition, EnuVelocity, Pose, wrap_angle};
+use crate::lift::{CameraDisplacement, Lifting, lift};
+use crate::query::{ImageBox, ImagePoint, QueryId};
+use crate::time::{Duration, Time, duration_from_secs};
+use crate::track::{TrackQuality, TrackReport};
+
+/// The least distance that can be kept to a target, and the greatest, metres.
+pub const KEEP: core::ops::RangeInclusive<f64> = 2.0..=10.0;
+/// The distance that is kept by default, metres.
+pub const DEFAULT_KEEP: f64 = 2.5;
+
+/// Without a good track for this long, the target's velocity is not used any more.
+const SURE: Duration = Duration::from_millis(500);
+/// Without one for this long, the target is lost.
+const LOST: Duration = Duration::from_secs(3);
+/// Without a reply that confirms it, about a frame newer than this, the target is lost whatever its track says.
+const CONFIRMED: Duration = Duration::from_secs(15);
+/// Ranges are remembered for this long: replies are about older frames.
+const REMEMBERED: Duration = Duration::from_secs(10);
+/// Variance of the logarithm of a label's range: its rounding, and the VLM's error.
+const LABEL_VARIANCE: f64 = 0.148 * 0.148 + 0.2 * 0.2;
+/// A reply that sees the target farther than this from where the track had it sees another one, radians: 12°.
+const ELSEWHERE: f64 = 0.21;
+/// Gains: yaw rate per bearing error, closing speed per distance error, climb rate per height error, 1/s.
+const YAW_GAIN: f64 = 2.0;
+const CLOSING_GAIN: f64 = 0.8;
+const CLIMB_GAIN: f64 = 0.8;
+/// Closing speed near the target, m/s, and within which multiple of the distance to keep.
+const SLOW: f64 = 0.7;
+const NEAR: f64 = 1.5;
+/// Fastest motion away from the target, m/s, and that after losing it.
+const AWAY: f64 = 1.0;
+const AWAY_LOST: f64 = 0.5;
+/// Added to the distance to keep from a target that was lost, metres.
+const LOST_MARGIN: f64 = 1.0;
+/// The target's centre is kept within this fraction of half of the vertical field of view.
+const MIDDLE: f64 = 0.5;
+/// With a bearing error above this, the craft only turns, radians: 45°.
+const TURN_FIRST: f64 = core::f64::consts::FRAC_PI_4;
+
+/// A direction in the world, radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction {
+    /// Clockwise from north.
+    pub bearing: f64,
+    /// Above the horizon.
+    pub elevation: f64,
+}
+
+impl Direction {
+    /// The direction to an image point in a frame taken at `pose`.
+    #[must_use]
+    pub fn of_point(camera: &Camera, pose: Pose, point: ImagePoint) -> Self {
+        let ray = camera.ray(point);
+        let ahead = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
+        let body = lift(ahead, camera, pose.attitude, Lifting::Levelled);
+        Self {
+            bearing: wrap_angle(pose.attitude.heading + libm::atan2(body.right, body.forward)),
+            elevation: libm::atan2(body.up, libm::hypot(body.right, body.forward)),
+        }
+    }
+
+    /// The place in this direction from `eye`.
+    #[must_use]
+    pub fn place(self, eye: EnuPosition, range: f64) -> EnuPosition {
+        let [east, north, up] = self.unit();
+        EnuPosition { east: eye.east + range * east, north: eye.north + range * north, up: eye.up + range * up }
+    }
+
+    fn unit(self) -> [f64; 3] {
+        let level = libm::cos(self.elevation);
+        [level * libm::sin(self.bearing), level * libm::cos(self.bearing), libm::sin(self.elevation)]
+    }
+}
+
+/// What a reply says about the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// The query, which names the track that begins with it.
+    pub id: QueryId,
+    /// When its frame was captured, and the pose there.
+    pub captured: Time,
+    /// The pose at capture.
+    pub pose: Pose,
+    /// The target's box in the frame.
+    pub area: ImageBox,
+    /// The target's range according to its label, metres.
+    pub range: f64,
+}
+
+/// What is known about a followed target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Its position.
+    pub position: EnuPosition,
+    /// Its horizontal velocity; zero if the track is not good.
+    pub velocity: EnuVelocity,
+    /// Standard deviation of its range, metres.
+    pub range_sd: f64,
+    /// Whether it was tracked within the last half second.
+    pub is_sure: bool,
+}
+
+/// A range at an earlier time.
+#[derive(Clone, Copy, Debug)]
+struct Remembered {
+    at: Time,
+    log_range: f64,
+    direction: Direction,
+}
+
+/// Estimates a moving target and keeps a distance to it. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Follower {
+    camera: Camera,
+    keep: f64,
+    filter: Option<Filter>,
+    history: VecDeque<Remembered>,
+    /// The track whose size the filter measures.
+    track: Option<QueryId>,
+    /// The last label's range, and how many labels in a row have said the same.
+    label: (f64, u32),
+    /// When the target was last seen for sure.
+    seen: Time,
+    /// When the newest frame was taken on which a reply has confirmed it.
+    confirmed: Time,
+}
+
+impl Follower {
+    /// A follower that keeps `keep` metres away, limited to [`KEEP`].
+    #[must_use]
+    pub fn new(camera: Camera, keep: f64) -> Self {
+        let keep = if keep.is_finite() { keep.clamp(*KEEP.start(), *KEEP.end()) } else { DEFAULT_KEEP };
+        Self {
+            camera,
+            keep,
+            filter: None,
+            history: VecDeque::new(),
+            track: None,
+            label: (0.0, 0),
+            seen: Time::ZERO,
+            confirmed: Time::ZERO,
+        }
+    }
+
+    /// Takes a reply that sees the target.
+    pub fn answer(&mut self, answer: &Answer) {
+        let Answer { captured, pose, area, range, .. } = *answer;
+        let direction = Direction::of_point(&self.camera, pose, centre(area));
+        let range = range.max(0.5);
+        self.label = if self.label.0 == range { (range, self.label.1 + 1) } else { (range, 1) };
+        let then = self.history.iter().min_by_key(|kept| kept.at.since(captured).max(captured.since(kept.at))).copied();
+        let then = then.filter(|kept| kept.at.since(captured).max(captured.since(kept.at)) <= SURE);
+        match (&mut self.filter, then) {
+            (Some(filter), Some(then)) if wrap_angle(then.direction.bearing - direction.bearing).abs() < ELSEWHERE => {
+                // The same correction now as then: growth of the box and own motion connect the two.
+                let variance = LABEL_VARIANCE * f64::from(self.label.1);
+                filter.range(pose.position, libm::log(range) - then.log_range, variance);
+            }
+            _ => {
+                self.filter = Some(Filter::new(captured, pose.position, direction, range));
+                self.history.clear();
+                self.label.1 = 1;
+                self.seen = captured;
+                self.remember(captured, pose);
+            }
+        }
+        self.seen = self.seen.max(captured);
+        self.confirmed = self.confirmed.max(captured);
+    }
+
+    /// Takes a report on the track, whose frame was taken at `pose`. Older ones than the last are ignored.
+    pub fn report(&mut self, report: &TrackReport, pose: Pose) {
+        let Some(filter) = &mut self.filter else { return };
+        if report.quality != TrackQuality::Good || !report.is_sound() || report.captured <= filter.at() {
+            return;
+        }
+        let direction = Direction::of_point(&self.camera, pose, centre(report.area));
+        filter.advance(report.captured);
+        if self.track == Some(report.id) {
+            filter.track(pose.position, direction, report.scale);
+        } else {
+            self.track = Some(report.id);
+            filter.look(pose.position, direction);
+            filter.begin_size(pose.position, report.scale);
+        }
+        self.seen = report.captured;
+        self.remember(report.captured, pose);
+    }
+
+    fn remember(&mut self, at: Time, pose: Pose) {
+        let Some(filter) = &self.filter else { return };
+        let (log_range, _) = filter.log_range(pose.position);
+        self.history.push_back(Remembered { at, log_range, direction: filter.direction(pose.position) });
+        while self.history.front().is_some_and(|first| at.since(first.at) > REMEMBERED) {
+            self.history.pop_front();
+        }
+    }
+
+    /// The target at `now`; `None` if it was not seen for 3 s, or no reply has confirmed it for 15 s.
+    #[must_use]
+    pub fn target(&self, now: Time, from: EnuPosition) -> Option<Followed> {
+        let filter = self.filter.as_ref().filter(|_| now.since(self.seen) <= LOST && now.since(self.confirmed) <= CONFIRMED)?;
+        let is_sure = now.since(self.seen) <= SURE;
+        let position = filter.position(now, is_sure);
+        let velocity = if is_sure { filter.velocity() } else { EnuVelocity::default() };
+        let (_, variance) = filter.log_range(from);
+        Some(Followed { position, velocity, range_sd: variance.max(0.0).sqrt() * from.distance(position), is_sure })
+    }
+
+    /// The setpoint that keeps the distance; `None` if the target is lost. Motion away from it is limited to `away`, m/s: what
+    /// lies behind may not be known.
+    #[must_use]
+    pub fn setpoint(&self, now: Time, known: &MotionEstimate, craft: &Craft, away: f64) -> Option<Setpoint> {
+        let delay = duration_from_secs(craft.dead_time + craft.lag);
+        let target = self.target(now, known.position)?;
+        let place = self.filter.as_ref()?.position(now + delay, target.is_sure);
+        let (east, north) = (place.east - known.position.east, place.north - known.position.north);
+        let distance = libm::hypot(east, north);
+        if distance < f64::EPSILON {
+            return Some(Setpoint::HOLD);
+        }
+        let off = wrap_angle(libm::atan2(east, north) - known.attitude.heading);
+        let yaw_rate = (YAW_GAIN * off).clamp(-craft.yaw_rate, craft.yaw_rate);
+        let along = if target.is_sure {
+            let recedes = (target.velocity.east * east + target.velocity.north * north) / distance;
+            let closing = CLOSING_GAIN * (distance - self.keep);
+            let most = if distance < NEAR * self.keep { SLOW } else { craft.cruise_speed };
+            (recedes + closing.min(most)).clamp(-AWAY.min(away), craft.cruise_speed)
+        } else {
+            (CLOSING_GAIN * (distance - self.keep - LOST_MARGIN)).clamp(-AWAY_LOST.min(away), 0.0)
+        };
+        let along = if off.abs() > TURN_FIRST { along.min(0.0) } else { along };
+        let (forward, right) = (along * libm::cos(off), along * libm::sin(off));
+        Some(Setpoint { forward, right, up: self.climb(known, craft, target.position, distance), yaw_rate })
+    }
+
+    /// Climb rate that keeps the target near the middle of the image, m/s.
+    fn climb(&self, known: &MotionEstimate, craft: &Craft, target: EnuPosition, distance: f64) -> f64 {
+        let most = MIDDLE * self.camera.half_fov().1;
+        let axis = -self.camera.tilt;
+        // At the distance to keep, where the target appears highest or lowest.
+        let level = distance.min(self.keep);
+        let elevation = libm::atan2(target.up - known.position.up, level);
+        let wanted = elevation.clamp(axis - most, axis + most);
+        let height = level * (libm::tan(elevation) - libm::tan(wanted));
+        (CLIMB_GAIN * height).clamp(-0.5 * craft.climb_speed, 0.5 * craft.climb_speed)
+    }
+}
+
+fn centre(area: ImageBox) -> ImagePoint {
+    ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) }
+}
+
+#[cfg(test)]
+mod tests;

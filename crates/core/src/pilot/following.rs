@@ -1,0 +1,109 @@
+//! Stays with a moving target, from the reports of its tracker (`docs/explanation/between-answers.md`).
+
+use super::{Outcome, Pilot, Waiting};
+use crate::command::Setpoint;
+use crate::estimator::MotionEstimate;
+use crate::following::{Answer, Followed, Follower};
+use crate::geometry::{BodyDisplacement, Pose, wrap_angle};
+use crate::lift::{Lifting, project_displacement, range_of_label};
+use crate::policy::{Expected, Goto, Step};
+use crate::time::Time;
+use crate::track::TrackReport;
+
+/// How far behind the craft must be known for it to back off, metres.
+const BEHIND: f64 = 1.0;
+/// Motion away from the target over what is known to be free, m/s.
+const BACK_OFF: f64 = 1.0;
+
+/// The target that is followed.
+#[derive(Debug, Default)]
+pub(super) struct Following {
+    follower: Option<Follower>,
+    /// Since when it has been followed.
+    since: Option<Time>,
+}
+
+impl Pilot {
+    /// The target that is followed, if there is one. For recording.
+    #[must_use]
+    pub fn followed(&self, now: Time) -> Option<Followed> {
+        self.following.follower.as_ref().filter(|_| self.guiding.is_following())?.target(now, self.known_pose(now).position)
+    }
+
+    /// Takes a reply that sees the target to follow; any other target ends it.
+    pub(super) fn follow_reply(&mut self, waiting: &Waiting, step: &Step) {
+        let goto = match step {
+            Step::Follow(goto) => goto,
+            Step::Keep | Step::Look | Step::Ask(_) | Step::Wait | Step::Reject(_) => return,
+            // A search, or another target.
+            _ => return self.following = Following::default(),
+        };
+        let Some(area) = goto.area else { return };
+        let (camera, keep) = (self.camera, self.settings.keep_m);
+        let follower = self.following.follower.get_or_insert_with(|| Follower::new(camera, keep));
+        let view = &waiting.view;
+        follower.answer(&Answer {
+            id: goto.id,
+            captured: view.frame.captured,
+            pose: view.pose,
+            area,
+            range: range_of_label(goto.label),
+        });
+    }
+
+    pub(super) fn follow_report(&mut self, report: &TrackReport) {
+        let pose = self.estimator.pose_at(report.captured);
+        if let (Some(follower), Some(pose)) = (&mut self.following.follower, pose) {
+            follower.report(report, pose);
+        }
+    }
+
+    /// Stays with the target from now on. What is in the way is flown around first.
+    pub(super) fn begin_following(&mut self, now: Time, goto: &Goto) {
+        if goto.is_detour || self.link_lost || !self.can_follow() {
+            return self.begin_move(now, goto.motion);
+        }
+        if !self.guiding.is_following() {
+            self.executor.stop(now);
+            self.guiding.begin_following();
+            self.following.since.get_or_insert(now);
+        }
+        self.start_moving(now, false);
+    }
+
+    /// The setpoint that stays with the target; a hold, and the end of it, if the target is lost.
+    pub(super) fn follow_target(&mut self, now: Time, known: &MotionEstimate) -> Setpoint {
+        let target = self.following.follower.as_ref().and_then(|follower| follower.target(now, known.position));
+        let Some(target) = target else {
+            self.stop_motion(now);
+            return Setpoint::HOLD;
+        };
+        self.envelope.observe_person(now, target.position);
+        let enough = self.settings.follow_time.zip(self.following.since);
+        if let Some((time, _)) = enough.filter(|(time, since)| target.is_sure && now.since(*since) >= *time) {
+            let cause = format!("the target was followed for {} s", time.as_secs_f64());
+            self.end_instruction(now, Outcome::Reached, cause);
+            return Setpoint::HOLD;
+        }
+        let away = if self.is_free_behind(now, known, &target) { BACK_OFF } else { 0.0 };
+        let setpoint = self.following.follower.as_ref().and_then(|follower| follower.setpoint(now, known, &self.craft, away));
+        setpoint.unwrap_or(Setpoint::HOLD)
+    }
+
+    /// Whether a frame taken at `pose` should show the target, as its track tells.
+    pub(super) fn expected_by_track(&self, now: Time, pose: Pose) -> Option<Expected> {
+        let target = self.followed(now).filter(|target| target.is_sure)?;
+        let away = pose.position.displacement_to(target.position, pose.attitude.heading);
+        let at = project_displacement(away, &self.camera, pose.attitude, Lifting::Levelled)?;
+        at.is_in_image().then_some(Expected::InView { at, range: away.length() })
+    }
+
+    /// Whether the space on the far side of the craft, as seen from the target, has been seen or flown through.
+    fn is_free_behind(&self, now: Time, known: &MotionEstimate, target: &Followed) -> bool {
+        let at = known.position;
+        let bearing = libm::atan2(target.position.east - at.east, target.position.north - at.north);
+        let off = wrap_angle(bearing - known.attitude.heading);
+        let behind = BodyDisplacement { forward: -BEHIND * libm::cos(off), right: -BEHIND * libm::sin(off), up: 0.0 };
+        self.is_known_free(now, at, at.displaced(behind, known.attitude.heading))
+    }
+}

@@ -1,0 +1,150 @@
+//! A walking person, tracked by a tracker that sees the true box in each frame.
+
+use super::*;
+use crate::following::Direction;
+use crate::guidance::Guidance;
+use crate::query::QueryId;
+use crate::track::{TrackQuality, TrackReport};
+
+/// Where the person is: straight away from the take-off point at 0.8 m/s, and back after 40 m.
+fn person(at: Time) -> EnuPosition {
+    let walked = 0.8 * at.as_secs_f64() % 80.0;
+    target(0.3 * walked, 8.0 + if walked < 40.0 { walked } else { 80.0 - walked }, 0.9)
+}
+
+fn person_in(seen: &Seen) -> Option<(ImageBox, f64)> {
+    let away = seen.pose.position.displacement_to(person(seen.captured), seen.pose.attitude.heading);
+    let at = project_displacement(away, &Camera::quad(), seen.pose.attitude, Lifting::Levelled).filter(|at| at.is_in_image())?;
+    let (range, clamp) = (away.length(), |x: f64| x.clamp(0.0, 1.0));
+    let (wide, high) = (0.13 / range, 0.5 / range);
+    let area =
+        ImageBox { left: clamp(at.u - wide), right: clamp(at.u + wide), top: clamp(at.v - high), bottom: clamp(at.v + high) };
+    Some((area, range))
+}
+
+fn sees_the_person(latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
+    move |query, seen| {
+        assert_eq!(query.keep_m, Some(2.5));
+        let text = match person_in(seen) {
+            Some((area, range)) => json(&Reply {
+                point: Some(ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) }),
+                depth: Some(crate::lift::label_of_range(range)),
+                target: Some("man".to_owned()),
+                target_box: Some(area),
+                ..Reply::new(Status::Following)
+            }),
+            None => not_visible(Look::Left),
+        };
+        Answer::After(secs(latency), text)
+    }
+}
+
+/// A tracker at 10 Hz; it sees nothing from `blind` on.
+struct Tracker {
+    reported: usize,
+    start: Option<(QueryId, f64)>,
+    starts: usize,
+    blind: Time,
+}
+
+impl Tracker {
+    fn new(blind: f64) -> Self {
+        Self { reported: 0, start: None, starts: 0, blind: Time::ZERO + secs(blind) }
+    }
+
+    fn fly(&mut self, flight: &mut Flight, seconds: f64) {
+        let until = flight.now + secs(seconds);
+        while flight.now < until && flight.pilot.phase() != Phase::Ended {
+            flight.step(until);
+            if let Some((_, start)) = flight.tracked.get(self.starts..).and_then(|new| new.last()) {
+                self.starts = flight.tracked.len();
+                self.start = start.and_then(|start| {
+                    let seen = flight.frames[usize::try_from(start.frame.0).unwrap()];
+                    Some((start.id, person_in(&seen)?.1))
+                });
+            }
+            if let (Some((id, range)), true) = (self.start, flight.delivered.len() > self.reported) {
+                self.reported = flight.delivered.len();
+                let frame = flight.delivered[self.reported - 1].1;
+                let seen = flight.frames[usize::try_from(frame.id.0).unwrap()];
+                if let Some((area, now)) = person_in(&seen).filter(|_| frame.captured < self.blind && frame.id.0 % 2 == 0) {
+                    let report = TrackReport {
+                        id,
+                        frame: frame.id,
+                        captured: frame.captured,
+                        area,
+                        scale: range / now,
+                        quality: TrackQuality::Good,
+                    };
+                    flight.tell(Event::Track(report));
+                }
+            }
+        }
+    }
+}
+
+fn follows() -> Setup {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.guidance = Guidance { track: true, ..Guidance::default() };
+    setup.settings.max_time = secs(180.0);
+    setup
+}
+
+fn distances(flight: &Flight, from: f64) -> Vec<f64> {
+    let late = |seen: &&Seen| seen.captured.as_secs_f64() >= from;
+    flight.frames.iter().filter(late).map(|seen| seen.pose.position.horizontal_distance(person(seen.captured))).collect()
+}
+
+#[test]
+fn a_walking_person_is_followed_at_the_distance_to_keep() {
+    let mut flight = follows().fly(sees_the_person(3.0));
+    Tracker::new(1000.0).fly(&mut flight, 70.0);
+    assert!(flight.decisions().any(|decision| decision.step == "follow"));
+    let all = distances(&flight, 30.0);
+    let near = all.iter().filter(|&&distance| distance < 4.0).count();
+    assert!(near as f64 > 0.9 * all.len() as f64, "{near} of {}", all.len());
+    // The person turns round and walks towards the craft, which backs off.
+    let least = all.iter().copied().fold(f64::INFINITY, f64::min);
+    assert!(least > 1.0, "{least}");
+    let shown = flight.pilot.followed(flight.now).unwrap();
+    assert!(shown.is_sure && shown.position.horizontal_distance(person(flight.now)) < 1.5, "{shown:?}");
+}
+
+#[test]
+fn without_its_track_the_craft_stops_closing_within_half_a_second_and_ends_within_three() {
+    let blind = 20.0;
+    let mut flight = follows().fly(move |query: &Query, seen: &Seen| {
+        // The VLM is gone as well.
+        if seen.captured.as_secs_f64() > blind { Answer::Never } else { sees_the_person(1.0)(query, seen) }
+    });
+    Tracker::new(blind).fly(&mut flight, 40.0);
+    // A frame takes 0.15 s to arrive.
+    for (at, setpoint) in flight.setpoints_since(Time::ZERO + secs(blind + 0.8)) {
+        let toward = Direction { bearing: flight.model.heading, elevation: 0.0 };
+        assert!(setpoint.forward <= 1e-9, "{at}: {setpoint:?} {toward:?}");
+    }
+    assert!(flight.setpoints_since(Time::ZERO + secs(blind + 3.5)).all(|(_, setpoint)| setpoint.is_hold()));
+}
+
+#[test]
+fn a_follow_time_ends_the_flight_as_reached() {
+    let mut setup = follows();
+    setup.settings.follow_time = Some(secs(10.0));
+    let mut flight = setup.fly(sees_the_person(1.0));
+    Tracker::new(1000.0).fly(&mut flight, 100.0);
+    assert_eq!(flight.outcome(), Outcome::Reached);
+    assert_eq!(flight.finished[0].1.cause, "the target was followed for 10 s");
+}
+
+#[test]
+fn one_reply_that_does_not_see_a_tracked_person_changes_nothing() {
+    let mut answers = 0;
+    let mut flight = follows().fly(move |query: &Query, seen: &Seen| {
+        answers += 1;
+        let text = not_visible(Look::Left);
+        if answers % 5 == 0 { Answer::After(secs(1.0), text) } else { sees_the_person(1.0)(query, seen) }
+    });
+    Tracker::new(1000.0).fly(&mut flight, 60.0);
+    let steps: Vec<&str> = flight.decisions().map(|decision| decision.step.as_str()).collect();
+    assert!(steps.contains(&"keep") && !steps[4..].contains(&"move"), "{steps:?}");
+}
