@@ -35,6 +35,9 @@ struct Went {
     nearest: f64,
 }
 
+/// When and where it was taken, the person's box in it, and their range.
+type Frame = (Time, Pose, Option<ImageBox>, f64);
+
 fn box_at(camera: &Camera, pose: Pose, person: EnuPosition) -> Option<ImageBox> {
     let away = pose.position.displacement_to(person, pose.attitude.heading);
     let at = project_displacement(away, camera, pose.attitude, Lifting::Levelled).filter(|at| at.is_in_image())?;
@@ -54,7 +57,7 @@ fn walk(walk: Walk, seed: u64) -> Went {
     let mut person = EnuPosition { up: 0.9, ..ahead };
     let mut course = core::f64::consts::TAU * random.uniform();
     let mut follower = Follower::new(camera, DEFAULT_KEEP);
-    let (mut frames, mut tracked): (Vec<(Time, Pose, Option<ImageBox>, f64)>, _) = (Vec::new(), None);
+    let (mut frames, mut tracked) = (Vec::<Frame>::new(), None);
     let (mut asked, mut id) = (0_usize, 0_u64);
     let mut went = Went { nearest: f64::INFINITY, ..Went::default() };
     let mut counted = 0.0;

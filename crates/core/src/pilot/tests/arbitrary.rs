@@ -11,6 +11,7 @@ use crate::geometry::Attitude;
 use crate::policy::{Move, PolicyEvent, Reading};
 use crate::primitives::Primitives;
 use crate::query::QueryKind;
+use crate::track::{TrackQuality, TrackReport};
 
 /// The possible events.
 #[derive(Clone, Debug)]
@@ -44,6 +45,14 @@ enum Happens {
     },
     Operator(OperatorEvent),
     Link(bool),
+    /// A report on the track of the `which`th newest query.
+    Track {
+        which: u64,
+        age: i64,
+        area: [f64; 4],
+        scale: f64,
+        good: bool,
+    },
     /// Everything works for this many milliseconds: frames and telemetry at 20 Hz, answers after 0.3 s.
     Good(u64),
 }
@@ -51,6 +60,7 @@ enum Happens {
 fn texts() -> impl Strategy<Value = String> {
     prop_oneof![
         6 => (0.0..=1.0, 0.0..=1.0, 1..=10u8).prop_map(|(u, v, depth)| navigate(u, v, depth)),
+        2 => (0.0..=1.0, 0.0..=1.0, 1..=10u8).prop_map(|(u, v, depth)| following(u, v, depth)),
         1 => Just(not_visible(Look::Left)),
         1 => Just(not_visible(Look::Down)),
         1 => Just(done()),
@@ -58,6 +68,32 @@ fn texts() -> impl Strategy<Value = String> {
         1 => Just(r#"{"actions":[{"cmd":"forward","value":3},{"cmd":"up","value":1}],"done":false}"#.to_owned()),
         1 => Just(r#"{"actions":[],"done":true}"#.to_owned()),
     ]
+}
+
+fn following(u: f64, v: f64, depth: u8) -> String {
+    let edge = |x: f64, by: f64| (x + by).clamp(0.0, 1.0);
+    json(&Reply {
+        point: Some(ImagePoint { u, v }),
+        depth: Some(depth),
+        target: Some("man".to_owned()),
+        target_box: Some(ImageBox { left: edge(u, -0.1), top: edge(v, -0.1), right: edge(u, 0.1), bottom: edge(v, 0.1) }),
+        ..Reply::new(Status::Following)
+    })
+}
+
+fn track_reports() -> impl Strategy<Value = Happens> {
+    let odd = prop_oneof![1 => Just(f64::NAN), 1 => Just(1e300), 1 => Just(-5.0), 1 => Just(0.0)];
+    let edge = prop_oneof![12 => 0.0..1.0_f64, 1 => odd.clone()].boxed();
+    let area = [edge.clone(), edge.clone(), edge.clone(), edge];
+    let scale = prop_oneof![6 => 0.3..3.0_f64, 1 => odd];
+    let age = prop_oneof![8 => 0..400i64, 1 => -100_000..100_000i64];
+    (0..3u64, age, area, scale, prop::bool::weighted(0.8)).prop_map(|(which, age, area, scale, good)| Happens::Track {
+        which,
+        age,
+        area,
+        scale,
+        good,
+    })
 }
 
 fn operator_events() -> impl Strategy<Value = OperatorEvent> {
@@ -97,6 +133,7 @@ fn happenings() -> impl Strategy<Value = Happens> {
         2 => (0..4u64).prop_map(|which| Happens::Fails { which }),
         4 => operator_events().prop_map(Happens::Operator),
         1 => any::<bool>().prop_map(Happens::Link),
+        6 => track_reports(),
         12 => (100..6000u64).prop_map(Happens::Good),
     ]
 }
@@ -183,6 +220,8 @@ struct Chaos {
     own_until: Option<Time>,
     captured: Option<Time>,
     link: bool,
+    /// Targets are tracked and followed.
+    track: bool,
     moved: usize,
     finished: usize,
     /// How often the operator continued after an outcome.
@@ -190,8 +229,9 @@ struct Chaos {
 }
 
 impl Chaos {
-    fn new(preset: Preset, legs: bool, own: bool, max_time: f64) -> Self {
+    fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
+        setup.settings.guidance.track = track;
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
@@ -215,6 +255,7 @@ impl Chaos {
             own_until: None,
             captured: None,
             link: true,
+            track,
             moved: 0,
             finished: 0,
             reopened: 0,
@@ -234,7 +275,7 @@ impl Chaos {
             Event::LinkLost => (self.reason, self.link) = (false, false),
             Event::LinkRestored => self.link = true,
             Event::Reply { id, text } if self.out.remove(id) => {
-                let words: &[&str] = if self.legs { &["forward"] } else { &["navigating", "not_visible"] };
+                let words: &[&str] = if self.legs { &["forward"] } else { &["navigating", "following", "not_visible"] };
                 self.reason = words.iter().any(|word| text.contains(word)) && self.link;
             }
             Event::ReplyFailed { id, .. } if self.out.remove(id) => self.reason = false,
@@ -400,8 +441,17 @@ impl Chaos {
             Happens::Operator(event) => self.tell(Event::Operator(event)),
             Happens::Link(true) => self.tell(Event::LinkRestored),
             Happens::Link(false) => self.tell(Event::LinkLost),
+            Happens::Track { which, age, area: [left, top, right, bottom], scale, good } => {
+                let quality = if good { TrackQuality::Good } else { TrackQuality::Lost };
+                self.report(self.id(which), age, ImageBox { left, top, right, bottom }, scale, quality);
+            }
             Happens::Good(millis) => self.go_well(millis),
         }
+    }
+
+    fn report(&mut self, id: QueryId, age: i64, area: ImageBox, scale: f64, quality: TrackQuality) {
+        let captured = self.ago(age);
+        self.tell(Event::Track(TrackReport { id, frame: FrameId(self.counter), captured, area, scale, quality }));
     }
 
     fn go_well(&mut self, millis: u64) {
@@ -428,8 +478,11 @@ impl Chaos {
                 && self.now.since(at) >= secs(0.3)
                 && self.now.since(at) < secs(0.36)
             {
-                self.tell(Event::Reply { id, text: navigate(0.7, 0.4, 7) });
+                let text = if self.track { following(0.7, 0.4, 7) } else { navigate(0.7, 0.4, 7) };
+                self.tell(Event::Reply { id, text });
             }
+            let area = ImageBox { left: 0.6, top: 0.3, right: 0.8, bottom: 0.5 };
+            self.report(self.id(1), 100, area, 1.0, TrackQuality::Good);
         }
     }
 }
@@ -440,11 +493,12 @@ proptest! {
         paper: bool,
         legs: bool,
         own: bool,
+        track: bool,
         begin in prop_oneof![3 => Just(6000u64), 1 => 0..6000u64],
         happenings in prop::collection::vec(happenings(), 0..60),
     ) {
         let max_time = 90.0;
-        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, legs, own, max_time);
+        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, legs, own, track, max_time);
         chaos.go_well(begin);
         for happens in happenings {
             chaos.happen(happens);
@@ -469,8 +523,11 @@ proptest! {
 /// A pilot that never moves would pass too, so this one must move when there are no obstacles.
 #[test]
 fn the_property_is_one_of_a_pilot_that_moves() {
-    for (preset, own, least) in [(Preset::Default, false, 20), (Preset::Paper, false, 20), (Preset::Default, true, 2)] {
-        let mut chaos = Chaos::new(preset, false, own, 90.0);
+    let default = Preset::Default;
+    for (preset, own, track, least) in
+        [(default, false, false, 20), (Preset::Paper, false, false, 20), (default, true, false, 2), (default, false, true, 20)]
+    {
+        let mut chaos = Chaos::new(preset, false, own, track, 90.0);
         chaos.go_well(12_000);
         assert!(chaos.moved > least, "{preset:?} {}", chaos.moved);
         chaos.happen(Happens::Operator(OperatorEvent::Setpoint(Setpoint { forward: 1.0, ..Setpoint::HOLD })));

@@ -67,7 +67,9 @@ impl Tracker {
                 self.reported = flight.delivered.len();
                 let frame = flight.delivered[self.reported - 1].1;
                 let seen = flight.frames[usize::try_from(frame.id.0).unwrap()];
-                if let Some((area, now)) = person_in(&seen).filter(|_| frame.captured < self.blind && frame.id.0 % 2 == 0) {
+                if let Some((area, now)) =
+                    person_in(&seen).filter(|_| frame.captured < self.blind && frame.id.0.is_multiple_of(2))
+                {
                     let report = TrackReport {
                         id,
                         frame: frame.id,
