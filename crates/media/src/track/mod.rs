@@ -109,6 +109,7 @@ pub struct Tracker {
     area: PixelBox,
     scale: f64,
     quality: Quality,
+    /// The motion from one image to the next, pixels, besides what was predicted.
     velocity: Shift,
     /// Patches of the target, oldest first; the first one is never replaced. Empty if there is nothing to track.
     patches: Vec<Template>,
@@ -164,18 +165,25 @@ impl Tracker {
         Track { area: self.area, scale: self.scale, quality: self.quality }
     }
 
-    /// The target in the next image, which must have the size of the first. `predicted` is the shift expected from what else
-    /// is known (the turning of the camera); without it the last motion is expected to go on.
+    /// Whether nothing is tracked any more: the box is below [`SMALLEST`], or had nothing to track from the start. No later
+    /// image changes that.
+    #[must_use]
+    pub const fn is_over(&self) -> bool {
+        self.patches.is_empty()
+    }
+
+    /// The target in the next image, which must have the size of the first. `predicted` is the shift that is known to come from
+    /// the turning of the camera, none if it is not known. What else has moved the box in the last images is expected to go on.
     pub fn next(&mut self, image: &Grey, predicted: Option<Shift>) -> Track {
         let now = Pyramid::of(image);
         if self.patches.is_empty() || now.size() != self.before.size() {
             return self.track();
         }
         self.count = self.count.wrapping_add(1);
-        let predicted = predicted.filter(|shift| shift.x.is_finite() && shift.y.is_finite());
-        let guess = predicted.unwrap_or(self.velocity);
+        let turned = predicted.filter(|shift| shift.x.is_finite() && shift.y.is_finite()).unwrap_or_default();
+        let guess = Shift { x: turned.x + self.velocity.x, y: turned.y + self.velocity.y };
         if self.missing == 0 || self.found {
-            self.keep_hold(&now, guess);
+            self.keep_hold(&now, guess, turned);
         } else {
             self.search(&now, guess);
         }
@@ -192,8 +200,8 @@ impl Tracker {
         self.track()
     }
 
-    /// A step from an image in which the target was recognised.
-    fn keep_hold(&mut self, now: &Pyramid, guess: Shift) {
+    /// A step from an image in which the target was recognised. `turned` is the part of the guess that the camera's turning makes.
+    fn keep_hold(&mut self, now: &Pyramid, guess: Shift, turned: Shift) {
         let flow = flow::flow(&self.before, now, &self.area, guess);
         let moved = flow.map_or_else(|| self.area.moved(guess, 1.0), |flow| self.area.moved(flow.shift, flow.scale));
         let best = self.best(now, &moved);
@@ -210,7 +218,7 @@ impl Tracker {
         }
         let centre = self.area.centre();
         let (to_x, to_y) = best.area.centre();
-        let step = Shift { x: to_x - centre.0, y: to_y - centre.1 };
+        let step = Shift { x: to_x - centre.0 - turned.x, y: to_y - centre.1 - turned.y };
         // The first step after it was found again is no motion of the target's alone.
         let weight = if self.found { 0.5 } else { 0.7 };
         self.velocity = Shift {
