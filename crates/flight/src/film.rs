@@ -14,6 +14,7 @@ use spf_core::pilot::{Action, Note, Pilot};
 use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::reply::ObstacleBox;
 use spf_core::time::{Duration, Time};
+use spf_core::track::TrackQuality;
 use spf_drone::frames::Photo;
 use spf_media::Scaler;
 use spf_media::frame::Rgb;
@@ -28,6 +29,7 @@ use crate::words;
 
 mod depth_view;
 mod map_view;
+mod track_view;
 
 /// Frames per second of flight time: the paper's controller acts ten times per second.
 const FPS: u64 = 10;
@@ -58,6 +60,8 @@ struct Shot {
     waypoint: Option<EnuPosition>,
     boxes: Vec<(ImageBox, String)>,
     query_marks: Vec<Mark>,
+    /// The tracked box.
+    track: Option<(ImageBox, TrackQuality)>,
     title: String,
     status: String,
     decision: String,
@@ -197,6 +201,7 @@ impl Film {
             waypoint: self.waypoint,
             boxes,
             query_marks: if shown { self.query_marks.clone() } else { Vec::new() },
+            track: track_view::area(pilot, self.frame_source.camera(), at, known),
             title: self.title.clone(),
             status: format!("{:.1} s  {}", at.as_secs_f64(), words::phase(pilot.phase())),
             decision: self.decision.clone(),
@@ -281,6 +286,9 @@ fn stacked(upper: &Rgb, lower: &Rgb) -> Rgb {
 }
 
 fn annotate(image: &mut Rgb, shot: &Shot, drawn: &Marks) {
+    if let Some((area, quality)) = &shot.track {
+        track_view::draw(image, area, *quality);
+    }
     let mut boxes = drawn.as_marks();
     boxes.splice(..0, shot.query_marks.iter().cloned());
     // Perception on one line and the resulting step on the next: together they are too long for the frame.

@@ -23,6 +23,7 @@ use crate::run::{Observer, World, run};
 use crate::sim::{SimWorld, Simulated, StartError, VlmFactory, VlmFactoryError};
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
+use crate::tracking::TrackBy;
 use crate::world::{Live, Lockstep, Script};
 
 /// Everything that defines a flight.
@@ -182,7 +183,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         return Err(FlightError::Manoeuvres(drone.name().to_owned()));
     }
     let camera = capabilities.camera;
-    let live = clock != Clock::Virtual;
+    let (live, tracks) = (clock != Clock::Virtual, plan.settings.guidance.track);
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
@@ -211,10 +212,10 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
     let mut around: Box<dyn World> = match clock {
-        Clock::Virtual => Box::new(Lockstep::new(drone, vlm, script, interrupts).with_operator(operator)),
+        Clock::Virtual => Box::new(Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracks).with_operator(operator)),
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
-            let live = Live::new(start, drone, vlm, script, interrupts).map_err(FlightError::Thread)?;
+            let live = Live::new(start, drone, vlm, script, interrupts, tracks).map_err(FlightError::Thread)?;
             Box::new(live.with_operator(operator))
         }
     };
@@ -338,6 +339,7 @@ impl Course {
             seed,
             vlm: head.vlm.clone(),
             detector: head.detector.clone(),
+            track: if head.settings.guidance.track { TrackBy::Pixels } else { TrackBy::Off },
             preset: head.preset,
             policy: head.policy.clone(),
             settings: head.settings,

@@ -30,6 +30,7 @@ pub mod script;
 pub mod sim;
 pub mod site;
 pub mod summary;
+pub mod tracking;
 pub mod words;
 pub mod world;
 

@@ -12,6 +12,8 @@ use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::step::StepRule;
 use thiserror::Error;
 
+use crate::tracking::TrackBy;
+
 const SHIPPED: &str = include_str!("../data/methods.toml");
 
 static ROWS: LazyLock<Vec<MethodRow>> =
@@ -125,6 +127,8 @@ pub struct BenchSettings {
     pub map: bool,
     /// Whether the envelope brakes before known obstacles.
     pub brake: bool,
+    /// What keeps the target's box between two answers.
+    pub track: TrackBy,
     /// Whether the craft has a depth sensor.
     pub depth_sensor: bool,
     /// Whether a geofence is drawn around the straight path from the start to the goals.
@@ -171,7 +175,7 @@ impl BenchSettings {
                 slow_anchor: self.slow_anchor,
                 map: self.map,
                 sensor: self.depth_sensor,
-                track: false,
+                track: !self.track.is_off(),
             },
             ..preset
         }

@@ -3,6 +3,7 @@
 use crate::frame_age::GlassToDecision;
 use crate::ledger::VlmUse;
 use crate::sim::Followed;
+use crate::tracking::TrackBy;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::pilot::{Outcome, PilotSettings, Preset};
@@ -108,6 +109,9 @@ pub struct Summary {
     /// Name of the detector, in obstacle mode with a detector; omitted without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
+    /// What keeps the target's box between two answers; omitted if nothing does.
+    #[serde(default, skip_serializing_if = "TrackBy::is_off")]
+    pub track: TrackBy,
     /// The named preset.
     pub preset: Preset,
     /// The policy.

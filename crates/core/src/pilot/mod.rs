@@ -290,6 +290,12 @@ impl Pilot {
         self.known(now).pose()
     }
 
+    /// Estimated pose at a time that has passed, such as a frame's capture; `None` if it is not known, or no longer.
+    #[must_use]
+    pub fn pose_at(&self, time: Time) -> Option<crate::geometry::Pose> {
+        self.estimator.pose_at(time)
+    }
+
     /// Standard deviation of the estimated horizontal position, metres ([`MotionEstimator::position_error`]).
     #[must_use]
     pub fn position_error(&self) -> f64 {

@@ -83,6 +83,7 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
         ("motion = \"sequential\"", PilotSettings { motion: Motion::Sequential, ..preset }),
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
         ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
+        ("track = \"pixels\"", PilotSettings { guidance: Guidance { track: true, ..Guidance::default() }, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
         assert_eq!(settings(words).settings(6.7), wanted, "{words}");
@@ -161,7 +162,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 7]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 8]>()).prop_map(
         |(
             preset,
             step,
@@ -170,7 +171,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor],
+            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked],
         )| {
             BenchSettings {
                 preset,
@@ -185,6 +186,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 slow_anchor,
                 map,
                 brake,
+                track: if tracked { TrackBy::Pixels } else { TrackBy::Off },
                 depth_sensor,
                 fence,
                 blind: false,

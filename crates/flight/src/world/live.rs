@@ -15,6 +15,7 @@ use super::pause::Pauses;
 use super::{Script, answer_event, pilot_event};
 use crate::image::QueryImages;
 use crate::run::World;
+use crate::tracking::TrackingThread;
 
 /// Maximum reaction time to Ctrl-C when nothing else happens.
 const MAX_WAIT: Duration = Duration::from_millis(50);
@@ -32,6 +33,7 @@ pub struct Live {
     /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
+    tracker: Option<TrackingThread>,
     later: Vec<(Time, Event)>,
     script: Script,
     interrupts: Arc<AtomicU32>,
@@ -45,7 +47,8 @@ pub struct Live {
 }
 
 impl Live {
-    /// A world whose flight time zero is `start`, as for its drone.
+    /// A world whose flight time zero is `start`, as for its drone. If `tracks`, a thread of its own tracks what the pilot asks
+    /// to be tracked.
     ///
     /// # Errors
     /// The operating system's error if a thread cannot be started.
@@ -55,10 +58,14 @@ impl Live {
         mut vlm: Box<dyn Vlm>,
         script: Script,
         interrupts: Arc<AtomicU32>,
+        tracks: bool,
     ) -> std::io::Result<Self> {
         let mut images = QueryImages::of(drone.as_ref());
         let (queries, request) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
+        let tracker = tracks
+            .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), answered.clone()))
+            .transpose()?;
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
             for (query, cancel) in request {
                 let begun = start.elapsed();
@@ -85,6 +92,7 @@ impl Live {
             queries,
             out,
             events,
+            tracker,
             later,
             script,
             interrupts,
@@ -145,6 +153,9 @@ impl Live {
         }
         while let Some((_, event)) = self.drone.next_event(self.now) {
             if let Some(event) = self.of_link(pilot_event(event)) {
+                if let Some(tracker) = &self.tracker {
+                    tracker.event(&event);
+                }
                 return Some(event);
             }
         }
@@ -193,6 +204,9 @@ impl World for Live {
     }
 
     fn apply(&mut self, action: &Action) {
+        if let Some(tracker) = &self.tracker {
+            tracker.apply(action);
+        }
         match action {
             Action::Ask(query) => {
                 let cancel = Cancel::default();

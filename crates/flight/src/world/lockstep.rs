@@ -13,6 +13,7 @@ use spf_vlm::{QueryRequest, Vlm};
 use super::{Script, answer_event, pilot_event};
 use crate::image::QueryImages;
 use crate::run::World;
+use crate::tracking::VirtualTracker;
 
 /// A world in virtual time: the craft is advanced to the next event, and a VLM reply arrives its latency after the
 /// query.
@@ -29,6 +30,7 @@ pub struct Lockstep {
     interrupts: Arc<AtomicU32>,
     interrupted: bool,
     operator: Option<Receiver<OperatorEvent>>,
+    tracker: Option<VirtualTracker>,
 }
 
 impl Lockstep {
@@ -36,7 +38,25 @@ impl Lockstep {
     #[must_use]
     pub fn new(drone: Box<dyn Drone>, vlm: Box<dyn Vlm>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
         let images = QueryImages::of(drone.as_ref());
-        Self { now: Time::ZERO, drone, vlm, images, script, answers: Vec::new(), interrupts, interrupted: false, operator: None }
+        Self {
+            now: Time::ZERO,
+            drone,
+            vlm,
+            images,
+            script,
+            answers: Vec::new(),
+            interrupts,
+            interrupted: false,
+            operator: None,
+            tracker: None,
+        }
+    }
+
+    /// Tracks what the pilot asks to be tracked, if `on`. Its images are rendered only while something is tracked.
+    #[must_use]
+    pub fn with_tracker(mut self, on: bool) -> Self {
+        self.tracker = on.then(|| VirtualTracker::new(&self.drone.capabilities().camera, self.drone.frames()));
+        self
     }
 
     /// Adds manual operator inputs, which are delivered before any other event.
@@ -59,6 +79,11 @@ impl Lockstep {
             .min_by_key(|&i| (self.answers[i].0, self.answers[i].1))?;
         Some(self.answers.remove(index).2)
     }
+
+    /// The earliest report of the tracker, if it is due by `at`.
+    fn take_report(&mut self, at: Time) -> Option<Event> {
+        self.tracker.as_mut()?.take(at).map(Event::Track)
+    }
 }
 
 impl World for Lockstep {
@@ -75,19 +100,27 @@ impl World for Lockstep {
             return Some(Event::Operator(event));
         }
         let answer = self.answers.iter().map(|(at, ..)| *at).min();
-        let due = [self.drone.next_event_at(), answer, self.script.next_at()].into_iter().flatten().fold(deadline, Time::min);
-        self.now = self.now.max(due);
-        // At equal times: the operator first, then the craft, then replies.
+        let report = self.tracker.as_ref().and_then(VirtualTracker::next_at);
+        let next = [self.drone.next_event_at(), answer, self.script.next_at(), report];
+        self.now = self.now.max(next.into_iter().flatten().fold(deadline, Time::min));
+        // At equal times: the operator first, then the craft, then replies, then the tracker.
         if let Some(event) = self.script.take(self.now) {
             return Some(Event::Operator(event));
         }
         if let Some((_, event)) = self.drone.next_event(self.now) {
-            return Some(pilot_event(event));
+            let event = pilot_event(event);
+            if let Some(tracker) = &mut self.tracker {
+                tracker.event(self.now, &event);
+            }
+            return Some(event);
         }
-        self.take_answer(self.now)
+        self.take_answer(self.now).or_else(|| self.take_report(self.now))
     }
 
     fn apply(&mut self, action: &Action) {
+        if let Some(tracker) = &mut self.tracker {
+            tracker.apply(self.now, action);
+        }
         match action {
             Action::Ask(query) => self.ask(query),
             // The reply to a cancelled query still arrives, as from a real model; the pilot counts it.

@@ -8,3 +8,4 @@ mod observers;
 mod oracle_language;
 mod replay;
 mod rooms;
+mod tracking;
