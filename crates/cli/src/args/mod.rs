@@ -266,6 +266,9 @@ pub(crate) struct MethodArgs {
     /// or auto (on with a depth sensor) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) brake: Option<String>,
+    /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]
+    #[arg(long, value_name = "TRACKER")]
+    pub(crate) track: Option<String>,
     /// Obstacle mode with boxes from a detector instead of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or,
     /// in the simulator, oracle or oracle:NAME (simulates a detector of the COCO classes)
     #[arg(long, value_name = "DETECTOR")]

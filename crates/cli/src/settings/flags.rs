@@ -90,6 +90,7 @@ impl MethodArgs {
             anchor,
             map,
             brake,
+            track,
             detector,
         } = self;
         fly.vlm.flag(vlm.as_deref());
@@ -115,6 +116,7 @@ impl MethodArgs {
         fly.anchor.flag(anchor.as_deref());
         fly.map.flag(map.as_deref());
         fly.brake.flag(brake.as_deref());
+        fly.track.flag(track.as_deref());
         fly.detector.flag(detector.as_deref());
     }
 }

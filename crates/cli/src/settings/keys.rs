@@ -11,6 +11,7 @@ use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
+use spf_flight::tracking::TrackBy;
 use spf_render::effects::Effects;
 use spf_scene::{Lighting, Weather};
 use spf_sim::wind::Wind;
@@ -62,6 +63,8 @@ settings! {
         map: Switch = "auto", Word, "SPF_MAP", "--map";
         /// brake for known obstacles: on, off, or auto (on with a depth sensor)
         brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
+        /// what keeps the target's box between replies: pixels (a tracker in the camera's frames) or off
+        track: TrackBy = "off", Word, "SPF_TRACK", "--track";
         /// give the simulated craft a depth sensor: on, off, or a fault that begins 10 s into the flight (frozen, half or scale)
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes

@@ -16,6 +16,7 @@ use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::FlightConditions;
+use spf_flight::tracking::TrackBy;
 use spf_flight::world::Script;
 
 use crate::commands::read;
@@ -112,7 +113,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         slow_anchor: !always && anchor.or(can_guide && method.avoid),
         map: fly.map.or_default()?.or(can_guide && sensor),
         sensor,
-        track: false,
+        track: fly.track.or_default()? != TrackBy::Off,
     };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
@@ -138,7 +139,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         method.max_decisions = decisions;
     }
     if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
-        return Err(CliError::usage("--anchor and --map need --think continuous and --motion blended")
+        return Err(CliError::usage("--anchor, --map and --track need --think continuous and --motion blended")
             .hint("leave them off with the preset paper"));
     }
     if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {
