@@ -269,6 +269,12 @@ pub(crate) struct MethodArgs {
     /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]
     #[arg(long, value_name = "TRACKER")]
     pub(crate) track: Option<String>,
+    /// With --track pixels, the distance to keep from somebody who is followed, 2 to 10 m [default: 2.5]
+    #[arg(long, value_name = "METRES")]
+    pub(crate) keep: Option<String>,
+    /// With --track pixels, end the flight as reached after following for this long, with the target in view
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) follow_time: Option<String>,
     /// Obstacle mode with boxes from a detector instead of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or,
     /// in the simulator, oracle or oracle:NAME (simulates a detector of the COCO classes)
     #[arg(long, value_name = "DETECTOR")]

@@ -91,6 +91,8 @@ impl MethodArgs {
             map,
             brake,
             track,
+            keep,
+            follow_time,
             detector,
         } = self;
         fly.vlm.flag(vlm.as_deref());
@@ -117,6 +119,8 @@ impl MethodArgs {
         fly.map.flag(map.as_deref());
         fly.brake.flag(brake.as_deref());
         fly.track.flag(track.as_deref());
+        fly.keep_m.flag(keep.as_deref());
+        fly.follow_time_s.flag(follow_time.as_deref());
         fly.detector.flag(detector.as_deref());
     }
 }

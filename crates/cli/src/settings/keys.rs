@@ -65,6 +65,10 @@ settings! {
         brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
         /// what keeps the target's box between replies: pixels (a tracker in the camera's frames) or off
         track: TrackBy = "off", Word, "SPF_TRACK", "--track";
+        /// distance to keep from somebody who is followed with a tracker, 2 to 10 m
+        keep_m: f64 = "2.5", Number(2.0, 10.0), "SPF_KEEP_M", "--keep";
+        /// with a tracker, end the flight as reached after following for this many seconds, with the target in view; empty: no end
+        follow_time_s: f64 = "", Number(1.0, 86_400.0), "SPF_FOLLOW_TIME_S", "--follow-time";
         /// give the simulated craft a depth sensor: on, off, or a fault that begins 10 s into the flight (frozen, half or scale)
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes

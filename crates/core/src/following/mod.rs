@@ -53,6 +53,8 @@ const AWAY_LOST: f64 = 0.5;
 const LOST_MARGIN: f64 = 1.0;
 /// The target's centre is kept within this fraction of half of the vertical field of view.
 const MIDDLE: f64 = 0.5;
+/// Fraction of the distance at which that must hold.
+const SOONER: f64 = 0.7;
 /// With a bearing error above this, the craft only turns, radians: 45°.
 const TURN_FIRST: f64 = core::f64::consts::FRAC_PI_4;
 
@@ -140,6 +142,8 @@ pub struct Follower {
     label: (f64, u32),
     /// When the target was last seen for sure.
     seen: Time,
+    /// When the frame of the last good report was taken.
+    tracked: Option<Time>,
     /// When the newest frame was taken on which a reply has confirmed it.
     confirmed: Time,
 }
@@ -157,6 +161,7 @@ impl Follower {
             track: None,
             label: (0.0, 0),
             seen: Time::ZERO,
+            tracked: None,
             confirmed: Time::ZERO,
         }
     }
@@ -178,7 +183,7 @@ impl Follower {
             _ => {
                 self.filter = Some(Filter::new(captured, pose.position, direction, range));
                 self.history.clear();
-                self.label.1 = 1;
+                (self.label.1, self.tracked) = (1, None);
                 self.seen = captured;
                 self.remember(captured, pose);
             }
@@ -202,7 +207,8 @@ impl Follower {
             filter.look(pose.position, direction);
             filter.begin_size(pose.position, report.scale);
         }
-        self.seen = report.captured;
+        self.seen = self.seen.max(report.captured);
+        self.tracked = Some(report.captured);
         self.remember(report.captured, pose);
     }
 
@@ -224,6 +230,12 @@ impl Follower {
         let velocity = if is_sure { filter.velocity() } else { EnuVelocity::default() };
         let (_, variance) = filter.log_range(from);
         Some(Followed { position, velocity, range_sd: variance.max(0.0).sqrt() * from.distance(position), is_sure })
+    }
+
+    /// Whether the target's track is good: without one, replies alone are no guide to a target that moves.
+    #[must_use]
+    pub fn is_tracked(&self, now: Time) -> bool {
+        self.tracked.is_some_and(|tracked| now.since(tracked) <= SURE)
     }
 
     /// The setpoint that keeps the distance; `None` if the target is lost. Motion away from it is limited to `away`, m/s: what
@@ -257,8 +269,8 @@ impl Follower {
     fn climb(&self, known: &MotionEstimate, craft: &Craft, target: EnuPosition, distance: f64) -> f64 {
         let most = MIDDLE * self.camera.half_fov().1;
         let axis = -self.camera.tilt;
-        // At the distance to keep, where the target appears highest or lowest.
-        let level = distance.min(self.keep);
+        // Somewhat nearer, where the craft will be soon: there the target appears higher or lower.
+        let level = (SOONER * distance).max(self.keep).min(distance);
         let elevation = libm::atan2(target.up - known.position.up, level);
         let wanted = elevation.clamp(axis - most, axis + most);
         let height = level * (libm::tan(elevation) - libm::tan(wanted));

@@ -21,6 +21,8 @@ pub(super) struct Following {
     follower: Option<Follower>,
     /// Since when it has been followed.
     since: Option<Time>,
+    /// The craft flies the step of a reply until the track is good.
+    waits: bool,
 }
 
 impl Pilot {
@@ -32,6 +34,7 @@ impl Pilot {
 
     /// Takes a reply that sees the target to follow; any other target ends it.
     pub(super) fn follow_reply(&mut self, waiting: &Waiting, step: &Step) {
+        self.following.waits = false;
         let goto = match step {
             Step::Follow(goto) => goto,
             Step::Keep | Step::Look | Step::Ask(_) | Step::Wait | Step::Reject(_) => return,
@@ -51,19 +54,35 @@ impl Pilot {
         });
     }
 
-    pub(super) fn follow_report(&mut self, report: &TrackReport) {
+    /// Takes a report on the target to follow.
+    pub(super) fn follow_report(&mut self, now: Time, report: &TrackReport) {
         let pose = self.estimator.pose_at(report.captured);
-        if let (Some(follower), Some(pose)) = (&mut self.following.follower, pose) {
-            follower.report(report, pose);
+        let (Some(follower), Some(pose)) = (&mut self.following.follower, pose) else { return };
+        follower.report(report, pose);
+        // The step of the reply that was flown so far needs no end.
+        if follower.is_tracked(now) && self.following.waits && self.executing {
+            self.stay_with_target(now);
         }
     }
 
-    /// Stays with the target from now on. What is in the way is flown around first.
+    /// Stays with the target from now on. What is in the way is flown around first; and without a track, for instance of a
+    /// target that is still too small, the reply's own step is flown, no nearer than the distance to keep.
     pub(super) fn begin_following(&mut self, now: Time, goto: &Goto) {
-        if goto.is_detour || self.link_lost || !self.can_follow() {
-            return self.begin_move(now, goto.motion);
+        let is_tracked = self.following.follower.as_ref().is_some_and(|follower| follower.is_tracked(now));
+        if goto.is_detour || self.link_lost || !self.can_follow() || !is_tracked {
+            let mut motion = goto.motion;
+            let room = range_of_label(goto.label) - self.settings.keep_m;
+            motion.primitives.forward = motion.primitives.forward.min(room.max(0.0));
+            self.begin_move(now, motion);
+            self.following.waits = !goto.is_detour && self.can_follow() && self.executing;
+            return;
         }
+        self.stay_with_target(now);
+    }
+
+    fn stay_with_target(&mut self, now: Time) {
         if !self.guiding.is_following() {
+            self.following.waits = false;
             self.executor.stop(now);
             self.guiding.begin_following();
             self.following.since.get_or_insert(now);

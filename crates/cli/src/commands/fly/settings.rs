@@ -120,6 +120,13 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     }
     method.close_up = fly.close_up.is_on()?;
     method.near_m = fly.near_m.get()?;
+    if let Some(keep) = fly.keep_m.get()? {
+        method.keep_m = keep;
+    }
+    method.follow_time = fly.follow_time_s.get()?.map(duration_from_secs);
+    if method.follow_time.is_some() && !method.guidance.track {
+        return Err(CliError::usage("--follow-time needs a tracker").hint("add --track pixels"));
+    }
     if let Some(rate) = fly.rate_hz.get()? {
         method.rate_hz = rate;
     }
