@@ -238,10 +238,10 @@ impl Follower {
         self.tracked.is_some_and(|tracked| now.since(tracked) <= SURE)
     }
 
-    /// The setpoint that keeps the distance; `None` if the target is lost. Motion away from it is limited to `away`, m/s: what
-    /// lies behind may not be known.
+    /// The setpoint that keeps the distance; `None` if the target is lost. `way_out` is the direction in which the craft may get
+    /// away from it, radians clockwise from north; `None` if it may not, for what lies behind it is not known.
     #[must_use]
-    pub fn setpoint(&self, now: Time, known: &MotionEstimate, craft: &Craft, away: f64) -> Option<Setpoint> {
+    pub fn setpoint(&self, now: Time, known: &MotionEstimate, craft: &Craft, way_out: Option<f64>) -> Option<Setpoint> {
         let delay = duration_from_secs(craft.dead_time + craft.lag);
         let target = self.target(now, known.position)?;
         let place = self.filter.as_ref()?.position(now + delay, target.is_sure);
@@ -256,12 +256,18 @@ impl Follower {
             let recedes = (target.velocity.east * east + target.velocity.north * north) / distance;
             let closing = CLOSING_GAIN * (distance - self.keep);
             let most = if distance < NEAR * self.keep { SLOW } else { craft.cruise_speed };
-            (recedes + closing.min(most)).clamp(-AWAY.min(away), craft.cruise_speed)
+            (recedes + closing.min(most)).clamp(-AWAY.min(craft.cruise_speed), craft.cruise_speed)
         } else {
-            (CLOSING_GAIN * (distance - self.keep - LOST_MARGIN)).clamp(-AWAY_LOST.min(away), 0.0)
+            (CLOSING_GAIN * (distance - self.keep - LOST_MARGIN)).clamp(-AWAY_LOST, 0.0)
         };
         let along = if off.abs() > TURN_FIRST { along.min(0.0) } else { along };
-        let (forward, right) = (along * libm::cos(off), along * libm::sin(off));
+        // Away from the target in the direction that is free, not in its own.
+        let (speed, course) = match way_out {
+            _ if along >= 0.0 => (along, off),
+            Some(way_out) => (-along, wrap_angle(way_out - known.attitude.heading)),
+            None => (0.0, off),
+        };
+        let (forward, right) = (speed * libm::cos(course), speed * libm::sin(course));
         Some(Setpoint { forward, right, up: self.climb(known, craft, target.position, distance), yaw_rate })
     }
 

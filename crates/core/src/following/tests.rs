@@ -99,7 +99,8 @@ fn walk(walk: Walk, seed: u64) -> Went {
                 follower.report(&TrackReport { id: track, frame, captured, area, scale, quality }, pose);
             }
         }
-        let setpoint = follower.setpoint(now, &model.known(), &craft, f64::INFINITY).unwrap_or(Setpoint::HOLD);
+        let away = (model.position.east - person.east).atan2(model.position.north - person.north);
+        let setpoint = follower.setpoint(now, &model.known(), &craft, Some(away)).unwrap_or(Setpoint::HOLD);
         model.send(setpoint);
         let apart = model.position.horizontal_distance(person);
         went.nearest = went.nearest.min(apart);

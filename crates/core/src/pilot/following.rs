@@ -1,19 +1,23 @@
 //! Stays with a moving target, from the reports of its tracker (`docs/explanation/between-answers.md`).
 
+use core::f64::consts::{FRAC_PI_3, FRAC_PI_6};
+
 use super::{Outcome, Pilot, Waiting};
 use crate::command::Setpoint;
 use crate::estimator::MotionEstimate;
-use crate::following::{Answer, Followed, Follower};
-use crate::geometry::{BodyDisplacement, Pose, wrap_angle};
+use crate::following::{Answer, Direction, Followed, Follower};
+use crate::geometry::{Pose, wrap_angle};
 use crate::lift::{Lifting, project_displacement, range_of_label};
 use crate::policy::{Expected, Goto, Step};
 use crate::time::Time;
 use crate::track::TrackReport;
 
-/// How far behind the craft must be known for it to back off, metres.
+/// How far a way out must be known, metres.
 const BEHIND: f64 = 1.0;
-/// Motion away from the target over what is known to be free, m/s.
-const BACK_OFF: f64 = 1.0;
+/// Directions that lead away from the target, radians from straight away: 30° and 60° to either side.
+const WAYS_OUT: [f64; 5] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3];
+/// Farthest step back that a reply without a track leads to, metres.
+const STEP_BACK: f64 = 1.0;
 
 /// The target that is followed.
 #[derive(Debug, Default)]
@@ -72,7 +76,7 @@ impl Pilot {
         if goto.is_detour || self.link_lost || !self.can_follow() || !is_tracked {
             let mut motion = goto.motion;
             let room = range_of_label(goto.label) - self.settings.keep_m;
-            motion.primitives.forward = motion.primitives.forward.min(room.max(0.0));
+            motion.primitives.forward = motion.primitives.forward.min(room.max(-STEP_BACK));
             self.begin_move(now, motion);
             self.following.waits = !goto.is_detour && self.can_follow() && self.executing;
             return;
@@ -104,8 +108,8 @@ impl Pilot {
             self.end_instruction(now, Outcome::Reached, cause);
             return Setpoint::HOLD;
         }
-        let away = if self.is_free_behind(now, known, &target) { BACK_OFF } else { 0.0 };
-        let setpoint = self.following.follower.as_ref().and_then(|follower| follower.setpoint(now, known, &self.craft, away));
+        let way_out = self.way_out(now, known, &target);
+        let setpoint = self.following.follower.as_ref().and_then(|follower| follower.setpoint(now, known, &self.craft, way_out));
         setpoint.unwrap_or(Setpoint::HOLD)
     }
 
@@ -117,12 +121,14 @@ impl Pilot {
         at.is_in_image().then_some(Expected::InView { at, range: away.length() })
     }
 
-    /// Whether the space on the far side of the craft, as seen from the target, has been seen or flown through.
-    fn is_free_behind(&self, now: Time, known: &MotionEstimate, target: &Followed) -> bool {
+    /// The direction in which the craft can get away from the target over space that it has seen or flown through, radians
+    /// clockwise from north; straight away if possible.
+    fn way_out(&self, now: Time, known: &MotionEstimate, target: &Followed) -> Option<f64> {
         let at = known.position;
-        let bearing = libm::atan2(target.position.east - at.east, target.position.north - at.north);
-        let off = wrap_angle(bearing - known.attitude.heading);
-        let behind = BodyDisplacement { forward: -BEHIND * libm::cos(off), right: -BEHIND * libm::sin(off), up: 0.0 };
-        self.is_known_free(now, at, at.displaced(behind, known.attitude.heading))
+        let away = libm::atan2(at.east - target.position.east, at.north - target.position.north);
+        WAYS_OUT.iter().map(|off| wrap_angle(away + off)).find(|&bearing| {
+            let to = Direction { bearing, elevation: 0.0 }.place(at, BEHIND);
+            self.is_way_out(now, at, to)
+        })
     }
 }

@@ -22,6 +22,8 @@ const LEVEL_WITH: f64 = 0.5;
 const REMEMBERED: Duration = Duration::from_secs(3);
 /// For a motion back, the craft's own path is free for this long: nothing fixed can have come into it.
 const FLOWN: Duration = Duration::from_secs(12);
+/// The same before somebody who is followed and comes nearer: holding still is worse.
+const FLOWN_BEFORE_PERSON: Duration = Duration::from_secs(40);
 /// Minimum interval of remembered frames.
 const SPACING: Duration = Duration::from_millis(100);
 /// Distance of the points checked along a path, metres.
@@ -48,7 +50,7 @@ impl Seen {
         if self.0.back().is_none_or(|(last, _)| captured.since(*last) >= SPACING && captured > *last) {
             self.0.push_back((captured, pose));
         }
-        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > FLOWN) {
+        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > FLOWN_BEFORE_PERSON) {
             self.0.pop_front();
         }
     }
@@ -90,9 +92,9 @@ impl Pilot {
         self.is_beside_lost_target(at, climb).then_some("no vertical search move: the target was last seen beside the way there")
     }
 
-    /// Whether a straight path was flown within the last 12 s, or seen within the last 3 s.
-    pub(super) fn is_known_free(&self, now: Time, from: EnuPosition, to: EnuPosition) -> bool {
-        self.seen.shows(now, &self.camera, [from, to], FLOWN)
+    /// Whether a straight path away from a person was flown within the last 40 s, or seen within the last 3 s.
+    pub(super) fn is_way_out(&self, now: Time, from: EnuPosition, to: EnuPosition) -> bool {
+        self.seen.shows(now, &self.camera, [from, to], FLOWN_BEFORE_PERSON)
     }
 
     /// The part of a move that may be flown; `None` if nothing is left of it.
@@ -101,7 +103,7 @@ impl Pilot {
         if primitives.forward < -BACK {
             let pose = self.known_pose(now);
             let to = Goal::of_primitives(pose, primitives).position;
-            if !self.is_known_free(now, pose.position, to) {
+            if !self.seen.shows(now, &self.camera, [pose.position, to], FLOWN) {
                 primitives.forward = 0.0;
                 self.note(Note::Limited(
                     "no motion backwards: not flown through in the last 12 s, and no frame of the last 3 s shows it",
