@@ -20,10 +20,10 @@ use crate::policy::PolicyKind;
 use crate::real::Real;
 use crate::recorder::{RecordPlan, Recorder};
 use crate::run::{Observer, World, run};
-use crate::sim::{SimWorld, Simulated, StartError, VlmFactory, VlmFactoryError};
+use crate::sim::{SimWorld, Simulated, StartError, TrackModel, VlmFactory, VlmFactoryError};
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
-use crate::tracking::TrackBy;
+use crate::tracking::{Follow, TrackBy, Tracking, VirtualTracker};
 use crate::world::{Live, Lockstep, Script};
 
 /// Everything that defines a flight.
@@ -58,6 +58,8 @@ pub struct FlightPlan {
     pub preset: Preset,
     /// Pilot settings.
     pub settings: PilotSettings,
+    /// What tracks the target's box, if `settings.guidance.track` is on.
+    pub track_by: TrackBy,
     /// Limits of the safety envelope.
     pub limits: Limits,
     /// Name of the VLM on the command line.
@@ -130,6 +132,7 @@ impl FlightPlan {
             policy: Arc::new(PolicyKind::spf()),
             preset: Preset::Default,
             settings: PilotSettings::preset(Preset::Default),
+            track_by: TrackBy::Pixels,
             vlm: vlm.to_owned(),
             vlm_factory,
             detector: None,
@@ -162,6 +165,9 @@ pub enum FlightError {
     /// The plan needs manoeuvres that the craft does not support.
     #[error("`{0}` does not support autonomous manoeuvres")]
     Manoeuvres(String),
+    /// The plan needs the stand-in for a tracker where it cannot be had.
+    #[error("only a simulated craft in virtual time can be tracked without pixels")]
+    TrackModel,
     /// The VLM could not be created.
     #[error("cannot query the VLM")]
     Vlm(#[source] VlmFactoryError),
@@ -183,7 +189,11 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         return Err(FlightError::Manoeuvres(drone.name().to_owned()));
     }
     let camera = capabilities.camera;
-    let (live, tracks) = (clock != Clock::Virtual, plan.settings.guidance.track);
+    let live = clock != Clock::Virtual;
+    let track_by = if plan.settings.guidance.track { plan.track_by } else { TrackBy::Off };
+    if track_by == TrackBy::Model && (live || world.is_none()) {
+        return Err(FlightError::TrackModel);
+    }
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
@@ -212,10 +222,18 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
     let mut around: Box<dyn World> = match clock {
-        Clock::Virtual => Box::new(Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracks).with_operator(operator)),
+        Clock::Virtual => {
+            let follow: Option<Box<dyn Follow>> = match (track_by, &world) {
+                (TrackBy::Off, _) => None,
+                (TrackBy::Model, Some(world)) => Some(Box::new(TrackModel::new(world.clone(), seed))),
+                (TrackBy::Model | TrackBy::Pixels, _) => Some(Box::new(Tracking::new(&camera))),
+            };
+            let tracker = follow.map(|follow| VirtualTracker::new(follow, drone.frames()));
+            Box::new(Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracker).with_operator(operator))
+        }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
-            let live = Live::new(start, drone, vlm, script, interrupts, tracks).map_err(FlightError::Thread)?;
+            let live = Live::new(start, drone, vlm, script, interrupts, !track_by.is_off()).map_err(FlightError::Thread)?;
             Box::new(live.with_operator(operator))
         }
     };
@@ -237,8 +255,12 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         }
         recording_problems.push("internal error: a part that records or displays the flight failed".to_owned());
     }
-    let summary =
-        Summary { prompt: prompt.map(|prompt| prompt.name()), vlm_use: ledger.total(), ..course.summary(&head, seed, &pilot) };
+    let summary = Summary {
+        prompt: prompt.map(|prompt| prompt.name()),
+        track: track_by,
+        vlm_use: ledger.total(),
+        ..course.summary(&head, seed, &pilot)
+    };
     // Nothing waits for a simulated craft; a real one stands on the ground, and its driver is still connected.
     let (summary, problems) = finish_files(summary, recorder, ledger, live);
     recording_problems.extend(problems);
@@ -339,7 +361,7 @@ impl Course {
             seed,
             vlm: head.vlm.clone(),
             detector: head.detector.clone(),
-            track: if head.settings.guidance.track { TrackBy::Pixels } else { TrackBy::Off },
+            track: TrackBy::Off,
             preset: head.preset,
             policy: head.policy.clone(),
             settings: head.settings,

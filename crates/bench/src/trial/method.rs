@@ -7,6 +7,7 @@ use spf_core::time::duration_from_secs;
 use spf_flight::methods::{BenchSettings, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::VlmFactory;
+use spf_flight::tracking::TrackBy;
 use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm};
 
 use crate::task::{Task, TaskSet};
@@ -50,6 +51,11 @@ impl Method {
     /// Whether the envelope brakes before obstacles, and whether the craft has a depth sensor.
     pub(super) fn brake_and_depth(self) -> (bool, bool) {
         (self.settings.brake, self.settings.depth_sensor)
+    }
+
+    /// What keeps the target's box between two answers.
+    pub(super) fn track_by(self) -> TrackBy {
+        self.settings.track
     }
 
     pub(super) fn policy(self) -> PolicyKind {

@@ -20,6 +20,7 @@ use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::{Summary, VerifiedBy};
+use spf_flight::tracking::TrackBy;
 use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
 use spf_sim::depth_sensor::DepthSensor;
@@ -189,6 +190,7 @@ impl Trial {
             policy: Arc::new(self.method.policy()),
             preset: self.method.preset(),
             settings: self.method.settings(task),
+            track_by: self.method.track_by(),
             detector: self.detector(),
             max_cost_usd: self.max_cost_usd,
             record,
@@ -233,8 +235,10 @@ impl Trial {
             .replace(", track: false }", " }")
             .replace(", keep_m: 2.5, follow_time: None", "")
             .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "");
+        // Whoever tracks is no setting of the pilot's.
+        let tracked = if self.method.track_by() == TrackBy::Model { " track model" } else { "" };
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
-        let all = format!("{} {settings} {limits:?} {}{fence}{extra}", policy.name(), prompt.source());
+        let all = format!("{} {settings} {limits:?} {}{fence}{extra}{tracked}", policy.name(), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))
     }
 

@@ -25,7 +25,7 @@ use spf_core::query::ImageBox;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_core::track::{TrackQuality, TrackReport, TrackStart};
-use spf_drone::frames::Photo;
+use spf_drone::frames::{Frames, Photo};
 use spf_media::track::{Grey, PixelBox, Quality, Tracker};
 
 use attitudes::Attitudes;
@@ -40,6 +40,8 @@ pub enum TrackBy {
     Off,
     /// A tracker in the camera's frames.
     Pixels,
+    /// A stand-in for it that knows which pixels show the target, in virtual time only: without rendering images in colour.
+    Model,
 }
 
 impl TrackBy {
@@ -72,6 +74,27 @@ pub(crate) enum Progress {
     Behind,
     /// The target in the newest frame.
     Report(TrackReport),
+}
+
+/// Follows a box through frames, one step at a time.
+pub(crate) trait Follow {
+    /// Notes a telemetry report.
+    fn telemetry(&mut self, telemetry: &Telemetry);
+
+    /// Notes that a frame has arrived, which is among `frames`.
+    fn frame(&mut self, meta: FrameMeta, frames: &dyn Frames);
+
+    /// Notes that a query about a frame was sent.
+    fn asked(&mut self, frame: FrameId, frames: &dyn Frames);
+
+    /// Tracks this box from now on, instead of any other.
+    fn start(&mut self, start: TrackStart);
+
+    /// Tracks nothing any more.
+    fn stop(&mut self);
+
+    /// Tracks the box in one further image.
+    fn step(&mut self) -> Progress;
 }
 
 /// Keeps the frames of the last seconds, and tracks one box through them.
@@ -202,6 +225,32 @@ impl Tracking {
         }
         task.caught_up = true;
         Progress::Report(task.report(fraction(&track.area, size), track.scale, quality(track.quality)))
+    }
+}
+
+impl Follow for Tracking {
+    fn telemetry(&mut self, telemetry: &Telemetry) {
+        self.telemetry(telemetry);
+    }
+
+    fn frame(&mut self, meta: FrameMeta, frames: &dyn Frames) {
+        self.frame(meta, || frames.photo(meta.id));
+    }
+
+    fn asked(&mut self, frame: FrameId, frames: &dyn Frames) {
+        self.asked(frame, frames.photo(frame));
+    }
+
+    fn start(&mut self, start: TrackStart) {
+        self.start(start);
+    }
+
+    fn stop(&mut self) {
+        self.stop();
+    }
+
+    fn step(&mut self) -> Progress {
+        self.step()
     }
 }
 

@@ -3,13 +3,12 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use spf_core::camera::Camera;
 use spf_core::pilot::{Action, Event};
 use spf_core::time::{Duration, Time};
 use spf_core::track::TrackReport;
 use spf_drone::frames::Frames;
 
-use super::{Progress, Tracking};
+use super::{Follow, Progress};
 
 /// Computing time per image: a small computer's, not that of the machine that simulates
 /// (`docs/reference/performance.md`).
@@ -17,7 +16,7 @@ const PER_IMAGE: Duration = Duration::from_millis(10);
 
 /// A tracker whose reports are computed at once, and delivered when a computer in flight would have them.
 pub(crate) struct VirtualTracker {
-    tracking: Tracking,
+    tracking: Box<dyn Follow>,
     frames: Arc<dyn Frames>,
     reports: VecDeque<(Time, TrackReport)>,
     /// When the last image is finished.
@@ -25,9 +24,9 @@ pub(crate) struct VirtualTracker {
 }
 
 impl VirtualTracker {
-    /// A tracker in the frames of this camera.
-    pub(crate) fn new(camera: &Camera, frames: Arc<dyn Frames>) -> Self {
-        Self { tracking: Tracking::new(camera), frames, reports: VecDeque::new(), busy_until: Time::ZERO }
+    /// A tracker in these frames.
+    pub(crate) fn new(tracking: Box<dyn Follow>, frames: Arc<dyn Frames>) -> Self {
+        Self { tracking, frames, reports: VecDeque::new(), busy_until: Time::ZERO }
     }
 
     /// Notes an event that the pilot gets, and tracks the target in a frame that has arrived.
@@ -35,7 +34,7 @@ impl VirtualTracker {
         match event {
             Event::Telemetry(telemetry) => self.tracking.telemetry(telemetry),
             Event::Frame(meta) => {
-                self.tracking.frame(*meta, || self.frames.photo(meta.id));
+                self.tracking.frame(*meta, self.frames.as_ref());
                 self.work(now);
             }
             _ => {}
@@ -45,7 +44,7 @@ impl VirtualTracker {
     /// Carries out an action of the pilot, if it concerns a tracker.
     pub(crate) fn apply(&mut self, now: Time, action: &Action) {
         match action {
-            Action::Ask(query) => self.tracking.asked(query.frame, self.frames.photo(query.frame)),
+            Action::Ask(query) => self.tracking.asked(query.frame, self.frames.as_ref()),
             Action::Track(start) => {
                 self.tracking.start(*start);
                 self.give_up(now);

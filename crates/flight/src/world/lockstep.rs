@@ -52,10 +52,9 @@ impl Lockstep {
         }
     }
 
-    /// Tracks what the pilot asks to be tracked, if `on`. Its images are rendered only while something is tracked.
-    #[must_use]
-    pub fn with_tracker(mut self, on: bool) -> Self {
-        self.tracker = on.then(|| VirtualTracker::new(&self.drone.capabilities().camera, self.drone.frames()));
+    /// Adds a tracker for what the pilot asks to be tracked.
+    pub(crate) fn with_tracker(mut self, tracker: Option<VirtualTracker>) -> Self {
+        self.tracker = tracker;
         self
     }
 

@@ -23,6 +23,7 @@ use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::{Changes, replay, row};
 use spf_flight::run::{Observer, World};
 use spf_flight::sim::{LoadedScene, SimWorld, Simulated, VlmFactory, oracle_factory};
+use spf_flight::tracking::TrackBy;
 use spf_flight::world::{Live, Script};
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
@@ -113,7 +114,7 @@ impl Observer for Tracks {
 }
 
 /// A flight of at most 22 s, whose answers are 3 s late.
-fn flown(tracks: &mut Tracks, track: bool, folder: Option<&Path>) {
+fn flown(tracks: &mut Tracks, track_by: TrackBy, folder: Option<&Path>) {
     let loaded = Arc::new(LoadedScene::load("city").unwrap());
     let mut start = loaded.scene.start;
     // The target is far to the right at first.
@@ -128,20 +129,22 @@ fn flown(tracks: &mut Tracks, track: bool, folder: Option<&Path>) {
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(22),
-            guidance: Guidance { track, ..Guidance::default() },
+            guidance: Guidance { track: !track_by.is_off(), ..Guidance::default() },
             ..PilotSettings::preset(Preset::Default)
         },
+        track_by,
         record: folder.map(|folder| RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
         ..FlightPlan::new(Site::Simulated(site), "fly to the black car", "oracle:perfect", vlm_factory)
     };
     let flown = fly(plan, &mut [tracks]).unwrap();
+    assert_eq!(flown.summary.track, track_by);
     assert!(flown.recording_problems.is_empty(), "{:?}", flown.recording_problems);
 }
 
 #[test]
 fn a_box_that_is_three_seconds_old_is_on_the_target_though_the_craft_has_turned() {
     let mut tracks = Tracks { compare: true, ..Tracks::default() };
-    flown(&mut tracks, true, None);
+    flown(&mut tracks, TrackBy::Pixels, None);
     let most = tracks.turned.iter().copied().fold(0.0, f64::max).to_degrees();
     assert!(most > 15.0, "{most}°");
     assert!(tracks.first.len() >= 4, "{:?}", tracks.first);
@@ -160,8 +163,8 @@ fn a_tracked_flight_is_the_same_again_and_replays_without_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path().join("flight");
     let (mut once, mut again) = (Tracks::default(), Tracks::default());
-    flown(&mut once, true, Some(&folder));
-    flown(&mut again, true, None);
+    flown(&mut once, TrackBy::Pixels, Some(&folder));
+    flown(&mut again, TrackBy::Pixels, None);
     assert!(once.reports.len() > 80 && once.reports == again.reports);
 
     let log = folder.join("flight.mcap");
@@ -172,8 +175,20 @@ fn a_tracked_flight_is_the_same_again_and_replays_without_pixels() {
     assert_eq!(logged, once.reports.iter().map(|(_, report)| *report).collect::<Vec<_>>());
 
     let mut without = Tracks::default();
-    flown(&mut without, false, None);
+    flown(&mut without, TrackBy::Off, None);
     assert!(without.reports.is_empty() && without.turned.is_empty());
+}
+
+#[test]
+fn the_stand_in_knows_the_target_and_is_the_same_again() {
+    let (mut once, mut again) = (Tracks { compare: true, ..Tracks::default() }, Tracks::default());
+    flown(&mut once, TrackBy::Model, None);
+    assert!(once.first.len() >= 4, "{:?}", once.first);
+    let good = once.first.iter().filter(|(quality, ..)| *quality == TrackQuality::Good);
+    // A pixel of 240 is a fifth of a small target's height.
+    assert!(good.clone().count() >= 3 && good.clone().all(|(_, overlap, _)| *overlap > 0.6), "{:?}", once.first);
+    flown(&mut again, TrackBy::Model, None);
+    assert!(once.reports == again.reports);
 }
 
 /// A camera in a stand that pans over a pattern by 4 pixels an image, 20 images a second.
