@@ -262,8 +262,8 @@ pub(crate) struct MethodArgs {
     /// auto (on with a depth sensor) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) map: Option<String>,
-    /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says: on, off,
-    /// or auto (on with a depth sensor) [default: auto]
+    /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says, and for the boxes
+    /// of replies while somebody is followed: on, off, or auto (on with a depth sensor or a tracker) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) brake: Option<String>,
     /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]

@@ -1,6 +1,6 @@
 //! Stays with a moving target, from the reports of its tracker (`docs/explanation/between-answers.md`).
 
-use core::f64::consts::{FRAC_PI_3, FRAC_PI_6};
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 
 use super::{Outcome, Pilot, Waiting};
 use crate::command::Setpoint;
@@ -14,8 +14,8 @@ use crate::track::TrackReport;
 
 /// How far a way out must be known, metres.
 const BEHIND: f64 = 1.0;
-/// Directions that lead away from the target, radians from straight away: 30° and 60° to either side.
-const WAYS_OUT: [f64; 5] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3];
+/// Directions that lead away from the target, radians from straight away: up to 90° to either side.
+const WAYS_OUT: [f64; 7] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
 /// Farthest step back that a reply without a track leads to, metres.
 const STEP_BACK: f64 = 1.0;
 

@@ -11,6 +11,7 @@
 //!                        Finished ──► (hovering) ──► landing ──► ended
 //! ```
 
+mod boxes;
 mod deciding;
 mod ending;
 mod event;
@@ -85,6 +86,7 @@ pub struct Pilot {
     guiding: guiding::Guiding,
     tracking: tracking::Tracking,
     following: following::Following,
+    boxes: boxes::Boxes,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -170,6 +172,7 @@ impl Pilot {
             guiding: guiding::Guiding::new(settings.guidance.map),
             tracking: tracking::Tracking::default(),
             following: following::Following::default(),
+            boxes: boxes::Boxes::default(),
             executing: false,
             pending: None,
             needs_rest: true,

@@ -210,6 +210,7 @@ impl Pilot {
                 if self.executing && !self.guiding.is_following() {
                     self.follow_course(now, &known);
                 }
+                self.brake_for_boxes(now);
                 if self.guiding.is_following() {
                     setpoint = self.follow_target(now, &known);
                 } else if self.executing {

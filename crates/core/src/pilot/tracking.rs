@@ -27,6 +27,7 @@ impl Pilot {
             return;
         }
         self.follow_reply(waiting, step);
+        self.remember_boxes(waiting);
         let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
         match reply.target_box.filter(|_| reply.status.leads_to_a_point()) {
             Some(area) => {

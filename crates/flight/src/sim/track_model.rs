@@ -39,6 +39,9 @@ const SMALLEST: f64 = 12.0 / 480.0;
 /// Frames of queries that are kept: as many as there can be open queries.
 const ASKED: usize = 8;
 
+/// Added to the distance from the target's surface, which is what its size in the image depends on, metres: half of its depth.
+const HALF_DEPTH: f64 = 0.3;
+
 /// The boxes of the objects in a frame.
 type Seen = BTreeMap<u16, ImageBox>;
 
@@ -61,7 +64,8 @@ struct Task {
     at: Time,
     frame: FrameId,
     area: ImageBox,
-    first_side: f64,
+    /// Distance of the target in the frame of the start, metres.
+    first_range: f64,
     scale: f64,
     /// Error of each edge, as a fraction of the side.
     bias: [f64; 4],
@@ -104,6 +108,12 @@ impl TrackModel {
         boxes
     }
 
+    /// Distance of an object from the camera, metres.
+    fn range(&self, target: u16, snapshot: &WorldSnapshot) -> Option<f64> {
+        let distance = self.world.loaded().distance_to(target, &snapshot.actors, snapshot.pose.position)?;
+        Some(distance + HALF_DEPTH)
+    }
+
     /// What is to be seen in one of the frames.
     fn seen(&mut self, index: usize) -> Seen {
         let (meta, seen) = &self.frames[index];
@@ -125,9 +135,9 @@ impl TrackModel {
             self.render(&snapshot);
             let boxes = self.boxes(&task.start.area);
             let most = boxes.into_iter().filter(|(_, (_, count))| *count > 0).max_by_key(|(_, (_, count))| *count);
-            if let Some((target, (area, _))) = most {
+            if let Some((target, _)) = most {
                 task.target = Some(target);
-                task.first_side = (area.right - area.left).max(1e-3);
+                task.first_range = self.range(target, &snapshot).unwrap_or(1.0);
                 task.at = spf_sim::frame_clock::FrameClock::default().captured(task.start.frame);
                 task.frame = task.start.frame;
             }
@@ -175,7 +185,11 @@ impl TrackModel {
             right: area.right + right * width,
             bottom: area.bottom + bottom * height,
         };
-        task.scale = (task.area.right - task.area.left).max(1e-3) / task.first_side;
+        // From the distances: the edge of the image cuts off the mask, but not the points that a tracker follows.
+        let range = task.target.zip(self.world.capture(meta.id)).and_then(|(target, snapshot)| self.range(target, &snapshot));
+        if let Some(range) = range {
+            task.scale = task.first_range / range * (1.0 + right - left);
+        }
         task.lost |= RandomStream::new(self.seed, "track loss", &key).chance(LOSS_PER_S * passed);
     }
 }
@@ -217,7 +231,7 @@ impl Follow for TrackModel {
             at: newest.0,
             frame: newest.1,
             area: start.area,
-            first_side: 1.0,
+            first_range: 1.0,
             scale: 1.0,
             bias: [(); 4].map(|()| BIAS * bias.normal()),
             missing: 0,

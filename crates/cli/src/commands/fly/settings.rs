@@ -181,7 +181,8 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
         limits.max_failed_replies = replies;
     }
     let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
-    if settings.fly.brake.or_default()?.or(sensor) {
+    let track = settings.fly.track.or_default()? != TrackBy::Off;
+    if settings.fly.brake.or_default()?.or(sensor || track) {
         limits.brake = Some(if sensor { BrakeLimits::with_sensor() } else { BrakeLimits::without_sensor() });
     }
     if let Some(path) = settings.fly.geofence.text() {

@@ -65,6 +65,7 @@ impl Spf {
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
         let mut free = None;
+        let follows = reply.status == Status::Following && self.guidance.track && reply.target_box.is_some();
         if self.settings.avoid && !self.is_mapped_by_sensor() {
             let plan = PlannedStep {
                 camera: &view.camera,
@@ -104,7 +105,8 @@ impl Spf {
                 }
                 Avoidance::Hold { .. } => return self.blocked(open_query),
             }
-            if avoid::leads_along_edge(&plan, waypoint, step, clearance) {
+            // A craft that follows turns to its target all the time.
+            if !follows && avoid::leads_along_edge(&plan, waypoint, step, clearance) {
                 // A target at the very edge of the frame every time is flown to anyway.
                 let right = view.camera.ray(waypoint).right > 0.0;
                 turn = match before {
@@ -140,9 +142,8 @@ impl Spf {
         let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
         // A point beside, above or behind a target, or straight on, is no place of the target.
         let is_on_target = reply.target_box.is_some_and(|area| area.contains(point)) && !is_at_edge(point);
-        let follows = reply.status == Status::Following && self.guidance.track;
-        let flies_to_place = reply.status == Status::Navigating && self.guidance.keeps_anchor();
-        if !(follows || flies_to_place) || !is_on_target {
+        let flies_to_place = reply.status == Status::Navigating && self.guidance.keeps_anchor() && is_on_target;
+        if !(follows || flies_to_place) {
             return Step::Move(motion);
         }
         let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
