@@ -22,8 +22,8 @@ const LEVEL_WITH: f64 = 0.5;
 const REMEMBERED: Duration = Duration::from_secs(3);
 /// For a motion back, the craft's own path is free for this long: nothing fixed can have come into it.
 const FLOWN: Duration = Duration::from_secs(12);
-/// Both, before somebody who is followed and comes nearer: holding still is worse.
-const BEFORE_PERSON: Duration = Duration::from_secs(40);
+/// The same before somebody who is followed and comes nearer: holding still is worse.
+const FLOWN_BEFORE_PERSON: Duration = Duration::from_secs(40);
 /// Minimum interval of remembered frames.
 const SPACING: Duration = Duration::from_millis(100);
 /// Distance of the points checked along a path, metres.
@@ -50,20 +50,15 @@ impl Seen {
         if self.0.back().is_none_or(|(last, _)| captured.since(*last) >= SPACING && captured > *last) {
             self.0.push_back((captured, pose));
         }
-        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > BEFORE_PERSON) {
+        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > FLOWN_BEFORE_PERSON) {
             self.0.pop_front();
         }
     }
 
     /// Whether the straight path was in view within the last 3 s, or flown since `flown` ago.
-    fn shows(&self, now: Time, camera: &Camera, path: [EnuPosition; 2], flown: Duration) -> bool {
-        self.shows_within(now, camera, path, REMEMBERED, flown)
-    }
-
-    /// Whether the straight path was in view since `seen` ago, or flown since `flown` ago.
-    fn shows_within(&self, now: Time, camera: &Camera, [from, to]: [EnuPosition; 2], seen: Duration, flown: Duration) -> bool {
+    fn shows(&self, now: Time, camera: &Camera, [from, to]: [EnuPosition; 2], flown: Duration) -> bool {
         let steps = libm::ceil(from.distance(to) / STRIDE).clamp(1.0, 1000.0) as u32;
-        let is_recent = |captured: Time| now.since(captured) <= seen;
+        let is_recent = |captured: Time| now.since(captured) <= REMEMBERED;
         let was_flown = |captured: Time, at: EnuPosition, point| now.since(captured) <= flown && at.distance(point) <= OWN_PATH;
         (1..=steps).all(|step| {
             let point = from.towards(to, f64::from(step) / f64::from(steps));
@@ -97,9 +92,9 @@ impl Pilot {
         self.is_beside_lost_target(at, climb).then_some("no vertical search move: the target was last seen beside the way there")
     }
 
-    /// Whether a straight path away from a person was flown or seen within the last 40 s.
+    /// Whether a straight path away from a person was flown within the last 40 s, or seen within the last 3 s.
     pub(super) fn is_way_out(&self, now: Time, from: EnuPosition, to: EnuPosition) -> bool {
-        self.seen.shows_within(now, &self.camera, [from, to], BEFORE_PERSON, BEFORE_PERSON)
+        self.seen.shows(now, &self.camera, [from, to], FLOWN_BEFORE_PERSON)
     }
 
     /// The part of a move that may be flown; `None` if nothing is left of it.
