@@ -24,6 +24,8 @@ use crate::track::{TrackQuality, TrackReport};
 
 /// The least distance that can be kept to a target, and the greatest, metres.
 pub const KEEP: core::ops::RangeInclusive<f64> = 2.0..=10.0;
+/// The least distance from a target that is only flown to, metres.
+const LEAST_KEEP: f64 = 0.4;
 /// The distance that is kept by default, metres.
 pub const DEFAULT_KEEP: f64 = 2.5;
 
@@ -149,10 +151,10 @@ pub struct Follower {
 }
 
 impl Follower {
-    /// A follower that keeps `keep` metres away, limited to [`KEEP`].
+    /// A follower that keeps `keep` metres away, at most 10.
     #[must_use]
     pub fn new(camera: Camera, keep: f64) -> Self {
-        let keep = if keep.is_finite() { keep.clamp(*KEEP.start(), *KEEP.end()) } else { DEFAULT_KEEP };
+        let keep = if keep.is_finite() { keep.clamp(LEAST_KEEP, *KEEP.end()) } else { DEFAULT_KEEP };
         Self {
             camera,
             keep,
@@ -164,6 +166,12 @@ impl Follower {
             tracked: None,
             confirmed: Time::ZERO,
         }
+    }
+
+    /// The distance that is kept, metres.
+    #[must_use]
+    pub fn keep(&self) -> f64 {
+        self.keep
     }
 
     /// Takes a reply that sees the target.

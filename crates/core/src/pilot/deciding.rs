@@ -47,6 +47,7 @@ impl Pilot {
         let Some(mut view) = self.view else { return };
         // Checked now and not when the frame arrived: the craft may have moved since.
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
+        view.at_rest |= self.goes_along(now);
         view.room = self.envelope.room();
         view.expected = self.expected(now, view.pose);
         let from_rest = self.needs_rest || self.settings.think == QueryTiming::Stop;
@@ -190,6 +191,8 @@ impl Pilot {
                 Step::Goto(goto) => self.begin_goto(now, &goto),
                 Step::Follow(goto) => self.begin_following(now, &goto),
                 Step::Keep => self.keep_on(now, view),
+                // A second look at somebody who walks: at rest, the craft would lose them.
+                Step::Look if self.is_second_look() && self.goes_along(now) => return,
                 Step::Look => {
                     self.stop_motion(now);
                     self.needs_rest = true;

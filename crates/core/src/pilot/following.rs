@@ -6,9 +6,10 @@ use super::{Outcome, Pilot, Waiting};
 use crate::command::Setpoint;
 use crate::estimator::MotionEstimate;
 use crate::following::{Answer, Direction, Followed, Follower};
-use crate::geometry::{Pose, wrap_angle};
+use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::lift::{Lifting, project_displacement, range_of_label};
 use crate::policy::{Expected, Goto, Step};
+use crate::reply::Status;
 use crate::time::Time;
 use crate::track::TrackReport;
 
@@ -16,6 +17,10 @@ use crate::track::TrackReport;
 const BEHIND: f64 = 1.0;
 /// Directions that lead away from the target, radians from straight away: up to 90° to either side.
 const WAYS_OUT: [f64; 7] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
+/// From a person's middle to the surface, metres.
+const HALF_PERSON: f64 = 0.25;
+/// A target walks at more than this, m/s.
+const WALKS: f64 = 0.3;
 /// Farthest step back that a reply without a track leads to, metres.
 const STEP_BACK: f64 = 1.0;
 
@@ -25,6 +30,10 @@ pub(super) struct Following {
     follower: Option<Follower>,
     /// Since when it has been followed.
     since: Option<Time>,
+    /// Whether the instruction is to stay with it, as opposed to a flight to it.
+    stays: bool,
+    /// Where the last reply's frame was taken, and how far from there the way is clear, metres.
+    clear: (EnuPosition, f64),
     /// The craft flies the step of a reply until the track is good.
     waits: bool,
 }
@@ -46,8 +55,11 @@ impl Pilot {
             _ => return self.following = Following::default(),
         };
         let Some(area) = goto.area else { return };
-        let (camera, keep) = (self.camera, self.settings.keep_m);
-        let follower = self.following.follower.get_or_insert_with(|| Follower::new(camera, keep));
+        let stays = self.is_staying();
+        let (camera, keep) = (self.camera, if stays { self.settings.keep_m } else { self.stop_distance() + HALF_PERSON });
+        let begun = self.following.follower.take().filter(|_| self.following.stays == stays);
+        (self.following.stays, self.following.clear) = (stays, (waiting.view.pose.position, goto.clear));
+        let follower = self.following.follower.insert(begun.unwrap_or_else(|| Follower::new(camera, keep)));
         let view = &waiting.view;
         follower.answer(&Answer {
             id: goto.id,
@@ -56,6 +68,21 @@ impl Pilot {
             area,
             range: range_of_label(goto.label),
         });
+    }
+
+    /// Whether the last reply is one to stay with the target, as opposed to a flight to it.
+    fn is_staying(&self) -> bool {
+        self.policy.reading().reply.is_some_and(|reply| reply.status == Status::Following)
+    }
+
+    /// Whether the craft moves along with a target that walks: it cannot wait for it at rest.
+    pub(super) fn goes_along(&self, now: Time) -> bool {
+        self.followed(now).is_some_and(|target| target.is_sure && target.velocity.horizontal_speed() > WALKS)
+    }
+
+    /// Whether the last reply was a `done` that awaits a second look.
+    pub(super) fn is_second_look(&self) -> bool {
+        self.policy.reading().reply.is_some_and(|reply| reply.status == Status::Done)
     }
 
     /// Takes a report on the target to follow.
@@ -75,7 +102,8 @@ impl Pilot {
         let is_tracked = self.following.follower.as_ref().is_some_and(|follower| follower.is_tracked(now));
         if goto.is_detour || self.link_lost || !self.can_follow() || !is_tracked {
             let mut motion = goto.motion;
-            let room = range_of_label(goto.label) - self.settings.keep_m;
+            let keep = self.following.follower.as_ref().map_or(self.settings.keep_m, Follower::keep);
+            let room = range_of_label(goto.label) - keep;
             motion.primitives.forward = motion.primitives.forward.min(room.max(-STEP_BACK));
             self.begin_move(now, motion);
             self.following.waits = !goto.is_detour && self.can_follow() && self.executing;
@@ -101,16 +129,26 @@ impl Pilot {
             self.stop_motion(now);
             return Setpoint::HOLD;
         };
-        self.envelope.observe_person(now, target.position);
+        if self.following.stays {
+            self.envelope.observe_person(now, target.position);
+        }
         let enough = self.settings.follow_time.zip(self.following.since);
-        if let Some((time, _)) = enough.filter(|(time, since)| target.is_sure && now.since(*since) >= *time) {
+        if let Some((time, _)) =
+            enough.filter(|(time, since)| self.following.stays && target.is_sure && now.since(*since) >= *time)
+        {
             let cause = format!("the target was followed for {} s", time.as_secs_f64());
             self.end_instruction(now, Outcome::Reached, cause);
             return Setpoint::HOLD;
         }
         let way_out = self.way_out(now, known, &target);
         let setpoint = self.following.follower.as_ref().and_then(|follower| follower.setpoint(now, known, &self.craft, way_out));
-        setpoint.unwrap_or(Setpoint::HOLD)
+        let setpoint = setpoint.unwrap_or(Setpoint::HOLD);
+        let (from, clear) = self.following.clear;
+        // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is.
+        if !self.following.stays && from.distance(known.position) >= clear {
+            return Setpoint { forward: setpoint.forward.min(0.0), ..setpoint };
+        }
+        setpoint
     }
 
     /// Whether a frame taken at `pose` should show the target, as its track tells.

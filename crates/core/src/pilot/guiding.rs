@@ -385,7 +385,7 @@ impl Pilot {
 
     /// Distance from a target's surface at which the craft stops, metres: well within what counts as reached, and clear of
     /// it.
-    fn stop_distance(&self) -> f64 {
+    pub(super) fn stop_distance(&self) -> f64 {
         let clear = self.craft.radius + 0.3;
         self.settings.near_m.map_or(clear, |near| clear.max(0.5 * near))
     }

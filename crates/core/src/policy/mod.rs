@@ -105,7 +105,7 @@ pub enum Step {
     Move(Move),
     /// Fly to a target seen in the frame, whose place the pilot keeps ([`crate::anchor`]).
     Goto(Goto),
-    /// Stay with a target seen in the frame, which may move: the pilot has it tracked, and keeps a distance to it.
+    /// Fly to a target seen in the frame, which may move, or stay with it: the pilot has it tracked, and keeps a distance to it.
     Follow(Goto),
     /// The frame does not show the target, but its place is known: fly on to it.
     Keep,

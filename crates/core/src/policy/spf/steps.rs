@@ -65,7 +65,7 @@ impl Spf {
         let mut waypoint = point;
         let (before, mut turn) = (self.turned_first.take(), None);
         let mut free = None;
-        let follows = reply.status == Status::Following && self.guidance.track && reply.target_box.is_some();
+        let follows = self.follows(reply);
         if self.settings.avoid && !self.is_mapped_by_sensor() {
             let plan = PlannedStep {
                 camera: &view.camera,
@@ -90,7 +90,7 @@ impl Spf {
                 Avoidance::Clear => {
                     self.blocked = 0;
                     self.detour.clear();
-                    if self.guidance.keeps_anchor() {
+                    if self.guidance.keeps_anchor() || follows {
                         free = Some(longest_clear(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), label));
                     }
                 }
@@ -106,7 +106,8 @@ impl Spf {
                 Avoidance::Hold { .. } => return self.blocked(open_query),
             }
             // A craft that follows turns to its target all the time.
-            if !follows && avoid::leads_along_edge(&plan, waypoint, step, clearance) {
+            let turns_anyway = follows && reply.status == Status::Following;
+            if !turns_anyway && avoid::leads_along_edge(&plan, waypoint, step, clearance) {
                 // A target at the very edge of the frame every time is flown to anyway.
                 let right = view.camera.ray(waypoint).right > 0.0;
                 turn = match before {
@@ -153,6 +154,14 @@ impl Spf {
         let clear = libm::hypot(primitives.forward, primitives.climb) * free.unwrap_or(step) / step;
         let goto = Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour, clear };
         if follows { Step::Follow(goto) } else { Step::Goto(goto) }
+    }
+
+    /// Whether the pilot stays with the target by its track: if the reply says so, and in the flight to a person, who may walk.
+    fn follows(&self, reply: &Reply) -> bool {
+        let to_person = reply.status == Status::Navigating
+            && reply.target.as_deref().is_some_and(avoid::is_person)
+            && reply.target_box.zip(reply.point).is_some_and(|(area, point)| area.contains(point) && !is_at_edge(point));
+        self.guidance.track && reply.target_box.is_some() && (reply.status == Status::Following || to_person)
     }
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
