@@ -48,8 +48,7 @@ const CLIMB_GAIN: f64 = 0.8;
 /// Closing speed near the target, m/s, and within which multiple of the distance to keep.
 const SLOW: f64 = 0.7;
 const NEAR: f64 = 1.5;
-/// Fastest motion away from the target, m/s, and that after losing it.
-const AWAY: f64 = 1.0;
+/// Fastest motion away from a target that was lost, m/s.
 const AWAY_LOST: f64 = 0.5;
 /// Added to the distance to keep from a target that was lost, metres.
 const LOST_MARGIN: f64 = 1.0;
@@ -108,6 +107,15 @@ pub struct Answer {
     pub area: ImageBox,
     /// The target's range according to its label, metres.
     pub range: f64,
+}
+
+/// A way on which the craft may get away from the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WayOut {
+    /// Its direction, radians clockwise from north.
+    pub bearing: f64,
+    /// How fast it may be flown, m/s: the craft must stop within what is known to be free.
+    pub speed: f64,
 }
 
 /// What is known about a followed target.
@@ -246,10 +254,10 @@ impl Follower {
         self.tracked.is_some_and(|tracked| now.since(tracked) <= SURE)
     }
 
-    /// The setpoint that keeps the distance; `None` if the target is lost. `way_out` is the direction in which the craft may get
-    /// away from it, radians clockwise from north; `None` if it may not, for what lies behind it is not known.
+    /// The setpoint that keeps the distance; `None` if the target is lost. `way_out` is where the craft may get away
+    /// from it; `None` if it may not, for what lies around it is not known.
     #[must_use]
-    pub fn setpoint(&self, now: Time, known: &MotionEstimate, craft: &Craft, way_out: Option<f64>) -> Option<Setpoint> {
+    pub fn setpoint(&self, now: Time, known: &MotionEstimate, craft: &Craft, way_out: Option<WayOut>) -> Option<Setpoint> {
         let delay = duration_from_secs(craft.dead_time + craft.lag);
         let target = self.target(now, known.position)?;
         let place = self.filter.as_ref()?.position(now + delay, target.is_sure);
@@ -264,7 +272,7 @@ impl Follower {
             let recedes = (target.velocity.east * east + target.velocity.north * north) / distance;
             let closing = CLOSING_GAIN * (distance - self.keep);
             let most = if distance < NEAR * self.keep { SLOW } else { craft.cruise_speed };
-            (recedes + closing.min(most)).clamp(-AWAY.min(craft.cruise_speed), craft.cruise_speed)
+            (recedes + closing.min(most)).clamp(-craft.cruise_speed, craft.cruise_speed)
         } else {
             (CLOSING_GAIN * (distance - self.keep - LOST_MARGIN)).clamp(-AWAY_LOST, 0.0)
         };
@@ -272,7 +280,7 @@ impl Follower {
         // Away from the target in the direction that is free, not in its own.
         let (speed, course) = match way_out {
             _ if along >= 0.0 => (along, off),
-            Some(way_out) => (-along, wrap_angle(way_out - known.attitude.heading)),
+            Some(WayOut { bearing, speed }) => (speed.min(-along), wrap_angle(bearing - known.attitude.heading)),
             None => (0.0, off),
         };
         let (forward, right) = (speed * libm::cos(course), speed * libm::sin(course));

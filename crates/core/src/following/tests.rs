@@ -100,7 +100,8 @@ fn walk(walk: Walk, seed: u64) -> Went {
             }
         }
         let away = (model.position.east - person.east).atan2(model.position.north - person.north);
-        let setpoint = follower.setpoint(now, &model.known(), &craft, Some(away)).unwrap_or(Setpoint::HOLD);
+        let setpoint =
+            follower.setpoint(now, &model.known(), &craft, Some(WayOut { bearing: away, speed: 2.0 })).unwrap_or(Setpoint::HOLD);
         model.send(setpoint);
         let apart = model.position.horizontal_distance(person);
         went.nearest = went.nearest.min(apart);

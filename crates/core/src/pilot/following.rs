@@ -5,7 +5,7 @@ use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 use super::{Outcome, Pilot, Waiting};
 use crate::command::Setpoint;
 use crate::estimator::MotionEstimate;
-use crate::following::{Answer, Direction, Followed, Follower};
+use crate::following::{Answer, Direction, Followed, Follower, WayOut};
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::lift::{Lifting, project_displacement, range_of_label};
 use crate::policy::{Expected, Goto, Step};
@@ -13,8 +13,8 @@ use crate::reply::Status;
 use crate::time::Time;
 use crate::track::TrackReport;
 
-/// How far a way out must be known, metres.
-const BEHIND: f64 = 1.0;
+/// How far a way out must be known, metres, and how fast it is flown then, m/s: the craft stops within it.
+const WAYS: [(f64, f64); 2] = [(2.0, 2.0), (1.0, 1.0)];
 /// Directions that lead away from the target, radians from straight away: up to 90° to either side.
 const WAYS_OUT: [f64; 7] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
 /// From a person's middle to the surface, metres.
@@ -28,7 +28,7 @@ const STEP_BACK: f64 = 1.0;
 #[derive(Debug, Default)]
 pub(super) struct Following {
     follower: Option<Follower>,
-    /// Since when it has been followed.
+    /// When it was first followed.
     since: Option<Time>,
     /// Whether the instruction is to stay with it, as opposed to a flight to it.
     stays: bool,
@@ -52,7 +52,7 @@ impl Pilot {
             Step::Follow(goto) => goto,
             Step::Keep | Step::Look | Step::Ask(_) | Step::Wait | Step::Reject(_) => return,
             // A search, or another target.
-            _ => return self.following = Following::default(),
+            _ => return self.lose_target(),
         };
         let Some(area) = goto.area else { return };
         let stays = self.is_staying();
@@ -83,6 +83,16 @@ impl Pilot {
     /// Whether the last reply was a `done` that awaits a second look.
     pub(super) fn is_second_look(&self) -> bool {
         self.policy.reading().reply.is_some_and(|reply| reply.status == Status::Done)
+    }
+
+    /// Forgets where the target is. How long it has been followed goes on: a short loss does not begin it anew.
+    pub(super) fn lose_target(&mut self) {
+        self.following = Following { since: self.following.since, ..Following::default() };
+    }
+
+    /// A new instruction: another target.
+    pub(super) fn end_following(&mut self) {
+        self.following = Following::default();
     }
 
     /// Takes a report on the target to follow.
@@ -117,7 +127,9 @@ impl Pilot {
             self.following.waits = false;
             self.executor.stop(now);
             self.guiding.begin_following();
-            self.following.since.get_or_insert(now);
+            if self.following.stays {
+                self.following.since.get_or_insert(now);
+            }
         }
         self.start_moving(now, false);
     }
@@ -159,14 +171,16 @@ impl Pilot {
         at.is_in_image().then_some(Expected::InView { at, range: away.length() })
     }
 
-    /// The direction in which the craft can get away from the target over space that it has seen or flown through, radians
-    /// clockwise from north; straight away if possible.
-    fn way_out(&self, now: Time, known: &MotionEstimate, target: &Followed) -> Option<f64> {
+    /// Where the craft can get away from the target over space that it has seen or flown through; straight away if possible, and
+    /// far rather than near.
+    fn way_out(&self, now: Time, known: &MotionEstimate, target: &Followed) -> Option<WayOut> {
         let at = known.position;
         let away = libm::atan2(at.east - target.position.east, at.north - target.position.north);
-        WAYS_OUT.iter().map(|off| wrap_angle(away + off)).find(|&bearing| {
-            let to = Direction { bearing, elevation: 0.0 }.place(at, BEHIND);
+        let ways = WAYS.iter().flat_map(|&(far, speed)| WAYS_OUT.iter().map(move |off| (far, speed, wrap_angle(away + off))));
+        let way = ways.into_iter().find(|&(far, _, bearing)| {
+            let to = Direction { bearing, elevation: 0.0 }.place(at, far);
             self.is_way_out(now, at, to)
-        })
+        })?;
+        Some(WayOut { bearing: way.2, speed: way.1 })
     }
 }

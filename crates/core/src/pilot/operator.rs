@@ -94,6 +94,7 @@ impl Pilot {
         self.needs_rest = true;
         self.guiding.forget_target();
         self.untrack();
+        self.end_following();
         // A fresh start: the policy forgets the previous instruction.
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;

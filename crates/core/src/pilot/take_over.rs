@@ -54,6 +54,7 @@ impl Pilot {
         }
         self.guiding.forget_target();
         self.untrack();
+        self.end_following();
         let text = self.instruction.clone();
         self.policy.handle(PolicyEvent::Instruction(&text));
         (self.counted_from, self.counted_to) = (now, now);

@@ -43,7 +43,7 @@ impl Pilot {
     pub(super) fn untrack(&mut self) {
         if self.tracking.id.is_some() {
             self.tracking = Tracking::default();
-            self.following = Default::default();
+            self.lose_target();
             self.outbox.push_back(Action::Untrack);
         }
     }

@@ -37,6 +37,8 @@ const REMEMBERED_TARGETS: usize = 8;
 /// may be hidden; and aside.
 const MISSES_IN_VIEW: u32 = 1;
 const MISSES_ASIDE: u32 = 5;
+/// The same for a target whose place is not known, but that was small in the last reply, and should still be in view.
+const MISSES_SMALL: u32 = 2;
 /// A reply that points farther than this away from a target's known place, and outside its box, does not report that target,
 /// radians: 17°.
 const ELSEWHERE: f64 = 0.3;
@@ -273,7 +275,10 @@ impl Spf {
         self.reading.reply = Some(reply.clone());
         self.history.answered(&open_query.view, &reply, self.memory.stage);
         let seen = reply.target_box.filter(|_| reply.status.leads_to_a_point());
-        self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
+        // Kept over a reply that may have missed the target (`not_visible`).
+        if reply.status != Status::NotVisible {
+            self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
+        }
         if let Some(stage) = reply.stage.filter(|&stage| stage != self.memory.stage) {
             self.memory.stage = stage;
             // The place that is known is that of the stage before.
@@ -305,17 +310,27 @@ impl Spf {
         self.confirming = false;
         // Any other step is not the one for which it turned.
         self.turned_first = None;
+        let size = self.settings.image_size.unwrap_or((open_query.view.frame.width, open_query.view.frame.height));
+        let View { camera, pose, .. } = open_query.view;
+        // Only a craft that flies on while it asks can look again without losing time.
+        let is_missed = !self.guidance.is_off() && self.last_box.is_some_and(|last| last.may_be_missed(&camera, pose, size));
         let patience = match open_query.view.expected {
+            Expected::Unknown if is_missed => MISSES_SMALL,
             Expected::Unknown => 0,
             Expected::InView { at, range } if !is_hidden(at, range, &reply.boxes) => MISSES_IN_VIEW,
             Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
         if self.misses < patience {
             self.misses += 1;
-            self.reading.actions.push("flies on: the target's position is known".to_owned());
+            let why = if open_query.view.expected == Expected::Unknown {
+                "looks again: the target is small, and was seen there before"
+            } else {
+                "flies on: the target's position is known"
+            };
+            self.reading.actions.push(why.to_owned());
             return Step::Keep;
         }
-        let View { camera, pose, .. } = open_query.view;
+        self.last_box = None;
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
         let search = self.search.get_or_insert_with(|| search_with(&camera, &craft));

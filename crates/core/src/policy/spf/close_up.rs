@@ -6,6 +6,8 @@ use crate::query::{ImageBox, ImagePoint};
 
 /// A target is small if the longer side of its box is below this, pixels of the image as sent.
 pub const SMALL_TARGET: f64 = 24.0;
+/// A target of at least this many times that size is hardly ever missed.
+const EASILY_SEEN: u32 = 2;
 /// Width and height of the region, as a fraction of the image's: five times enlarged at the same size.
 const REGION: f64 = 0.2;
 
@@ -40,16 +42,24 @@ impl LastBox {
     /// The region of the present frame that shows a small target: where the direction of its box is now, of which only the
     /// turn since is known. `None` if the target is not small, or its direction is outside the frame.
     pub(super) fn close_up(&self, camera: &Camera, now: Pose, size: (u32, u32)) -> Option<ImageBox> {
-        if !is_small(&self.area, size) {
-            return None;
-        }
+        if is_small(&self.area, size) { region(self.in_view(camera, now)?) } else { None }
+    }
+
+    /// Whether the present frame should show the target, which is so small that a single look may miss it.
+    pub(super) fn may_be_missed(&self, camera: &Camera, now: Pose, (width, height): (u32, u32)) -> bool {
+        is_small(&self.area, (width / EASILY_SEEN, height / EASILY_SEEN))
+            && self.in_view(camera, now).is_some_and(|at| at.is_in_image())
+    }
+
+    /// Where its direction is in the present frame; `None` if it is behind the camera.
+    fn in_view(&self, camera: &Camera, now: Pose) -> Option<ImagePoint> {
         let middle = ImagePoint { u: 0.5 * (self.area.left + self.area.right), v: 0.5 * (self.area.top + self.area.bottom) };
         let ray = camera.ray(middle);
         let turned = wrap_angle(now.attitude.heading - self.pose.attitude.heading);
         let (sin, cos) = (libm::sin(turned), libm::cos(turned));
         // The ray in the axes of the turned camera.
         let (right, forward) = (ray.right * cos - sin, ray.right * sin + cos);
-        region(camera.project(right, forward, ray.up)?)
+        camera.project(right, forward, ray.up)
     }
 }
 

@@ -423,3 +423,20 @@ fn a_reply_that_points_elsewhere_counts_as_one_without_the_target() {
         assert_eq!(told_expecting(&mut spf, 2, known, lost), Step::Keep);
     }
 }
+
+/// A target of 20 pixels, then of 60, then replies that do not see it: the craft looks twice more for the first before it turns away.
+#[test]
+fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_away() {
+    let missed = r#"{"status":"not_visible","look":"right"}"#;
+    let steps = |guidance: Guidance, box_: &str| {
+        let mut spf = policy_by_reply(false).with_guidance(guidance);
+        let seen = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"kite","target_box":{box_}}}"#);
+        told(&mut spf, 0, &seen);
+        [1, 2, 3].map(|frame| matches!(told(&mut spf, frame, missed).1, Step::Keep))
+    };
+    let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
+    assert_eq!(steps(guidance, "[490,490,510,510]"), [true, true, false]);
+    assert_eq!(steps(guidance, "[460,460,540,540]"), [false; 3]);
+    // A craft that holds while it asks has nothing to fly on with.
+    assert_eq!(steps(Guidance::default(), "[490,490,510,510]"), [false; 3]);
+}
