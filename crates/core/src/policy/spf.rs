@@ -259,6 +259,8 @@ impl Spf {
         if self.lists() {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
+        // From persons in this image only: where one of an earlier image is now, nobody knows.
+        let retreat = self.retreat(open_query, &reply);
         if self.settings.avoid && self.is_mapped_by_sensor() {
             // The map remembers them, in the world.
             self.report(&open_query.view, &reply.boxes);
@@ -284,7 +286,6 @@ impl Spf {
             // The place that is known is that of the stage before.
             self.misses = MISSES_ASIDE;
         }
-        let retreat = self.retreat(open_query, &reply);
         let step = retreat.unwrap_or_else(|| match reply.status {
             Status::Done => self.done(confirming),
             Status::NotVisible => self.not_visible(open_query, &reply),
