@@ -1,10 +1,10 @@
 //! Tracks the target's box in the camera's frames (`docs/guide/track.md`).
 //!
-//! The box of a reply belongs to a frame that is seconds old by then. [`Tracking`] therefore keeps the frames of the last
-//! [`KEPT`], starts the tracker on the reply's own frame, and runs it through all later ones to the newest. From then on each
+//! The box of a reply belongs to a frame that is seconds old by then. `Tracking` therefore keeps the frames of the last
+//! `KEPT`, starts the tracker on the reply's own frame, and runs it through all later ones to the newest. From then on each
 //! frame gives one report.
 //!
-//! Pure given frames and telemetry: the times are those of the frames. A [`Photo`] that is rendered on demand is rendered only if
+//! Pure given frames and telemetry: the times are those of the frames. A `Photo` that is rendered on demand is rendered only if
 //! the tracker needs it.
 
 mod attitudes;
