@@ -6,6 +6,7 @@ mod manoeuvres;
 mod person;
 mod rows;
 
+use self::flights::Body;
 use super::*;
 use crate::command::Manoeuvre;
 use crate::frame::FrameId;
@@ -35,6 +36,17 @@ impl Rig {
         rig.telemetry.phase = FlightPhase::Flying;
         rig.place(0.0, 0.0, 3.0);
         rig.fresh(ms(1000));
+        rig
+    }
+
+    /// Around another craft, which flies above its take-off point.
+    fn airborne(limits: Limits, craft: Craft) -> Self {
+        let mut rig = Self::flying(limits.clone());
+        rig.envelope = Envelope::new(limits, craft);
+        rig.telemetry.phase = FlightPhase::OnGround;
+        rig.place(0.0, 0.0, 0.0);
+        rig.tell(ms(1));
+        rig.telemetry.phase = FlightPhase::Flying;
         rig
     }
 
@@ -70,6 +82,20 @@ impl Rig {
     fn fresh(&mut self, now: Time) {
         self.tell(now);
         self.see(now);
+    }
+
+    /// Telemetry of a body, which then gets the setpoint as cleared.
+    fn steer(&mut self, now: Time, body: &mut Body, asked: Setpoint) {
+        self.telemetry.position = Some(body.at);
+        self.telemetry.height = Some(body.at.up);
+        self.telemetry.velocity = Some(body.v);
+        self.telemetry.attitude.heading = body.heading;
+        self.fresh(now);
+        let clearance = self.envelope.clear_setpoint(now, asked);
+        body.sent.push((now, clearance.setpoint().unwrap(), clearance.cleared.valid_until()));
+        // What was sent longer ago has expired.
+        let old = body.sent.len().saturating_sub(20);
+        body.sent.drain(..old);
     }
 
     fn ask(&mut self, now: Time, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {

@@ -22,10 +22,8 @@ use crate::query::{ImageBox, ImagePoint, QueryId};
 use crate::time::{Duration, Time, duration_from_secs};
 use crate::track::{TrackQuality, TrackReport};
 
-/// The least distance that can be kept to a target, and the greatest, metres.
-pub const KEEP: core::ops::RangeInclusive<f64> = 2.0..=10.0;
-/// The least distance from a target that is only flown to, metres.
-const LEAST_KEEP: f64 = 0.4;
+/// Distances that can be kept, metres: the least is for a target that is only flown to.
+const KEEP: (f64, f64) = (0.4, 10.0);
 /// The distance that is kept by default, metres.
 pub const DEFAULT_KEEP: f64 = 2.5;
 
@@ -97,9 +95,7 @@ impl Direction {
 /// What a reply says about the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Answer {
-    /// The query, which names the track that begins with it.
-    pub id: QueryId,
-    /// When its frame was captured, and the pose there.
+    /// When its frame was captured.
     pub captured: Time,
     /// The pose at capture.
     pub pose: Pose,
@@ -120,7 +116,7 @@ pub struct WayOut {
 
 /// What is known about a followed target.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Followed {
+pub struct TargetEstimate {
     /// Its position.
     pub position: EnuPosition,
     /// Its horizontal velocity; zero if the track is not good.
@@ -162,7 +158,7 @@ impl Follower {
     /// A follower that keeps `keep` metres away, at most 10.
     #[must_use]
     pub fn new(camera: Camera, keep: f64) -> Self {
-        let keep = if keep.is_finite() { keep.clamp(LEAST_KEEP, *KEEP.end()) } else { DEFAULT_KEEP };
+        let keep = if keep.is_finite() { keep.clamp(KEEP.0, KEEP.1) } else { DEFAULT_KEEP };
         Self {
             camera,
             keep,
@@ -239,13 +235,13 @@ impl Follower {
 
     /// The target at `now`; `None` if it was not seen for 3 s, or no reply has confirmed it for 15 s.
     #[must_use]
-    pub fn target(&self, now: Time, from: EnuPosition) -> Option<Followed> {
+    pub fn target(&self, now: Time, from: EnuPosition) -> Option<TargetEstimate> {
         let filter = self.filter.as_ref().filter(|_| now.since(self.seen) <= LOST && now.since(self.confirmed) <= CONFIRMED)?;
         let is_sure = now.since(self.seen) <= SURE;
         let position = filter.position(now, is_sure);
         let velocity = if is_sure { filter.velocity() } else { EnuVelocity::default() };
         let (_, variance) = filter.log_range(from);
-        Some(Followed { position, velocity, range_sd: variance.max(0.0).sqrt() * from.distance(position), is_sure })
+        Some(TargetEstimate { position, velocity, range_sd: variance.max(0.0).sqrt() * from.distance(position), is_sure })
     }
 
     /// Whether the target's track is good: without one, replies alone are no guide to a target that moves.

@@ -81,7 +81,7 @@ fn walk(walk: Walk, seed: u64) -> Went {
                 id += 1;
                 let label = label_of_range(range * (0.2 * random.normal()).exp());
                 let range_said = range_of_label(f64::from(label));
-                follower.answer(&Answer { id: QueryId(id), captured, pose, area, range: range_said });
+                follower.answer(&Answer { captured, pose, area, range: range_said });
                 tracked = Some((QueryId(id), range));
             }
             asked = frames.len() - 1;

@@ -2,10 +2,11 @@
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 
+use super::guiding::bearing;
 use super::{Outcome, Pilot, Waiting};
 use crate::command::Setpoint;
 use crate::estimator::MotionEstimate;
-use crate::following::{Answer, Direction, Followed, Follower, WayOut};
+use crate::following::{Answer, Direction, Follower, TargetEstimate, WayOut};
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::lift::{Lifting, project_displacement, range_of_label};
 use crate::policy::{Expected, Goto, Step};
@@ -41,7 +42,7 @@ pub(super) struct Following {
 impl Pilot {
     /// The target that is followed, if there is one. For recording.
     #[must_use]
-    pub fn followed(&self, now: Time) -> Option<Followed> {
+    pub fn followed(&self, now: Time) -> Option<TargetEstimate> {
         self.following.follower.as_ref().filter(|_| self.guiding.is_following())?.target(now, self.known_pose(now).position)
     }
 
@@ -61,13 +62,7 @@ impl Pilot {
         (self.following.stays, self.following.clear) = (stays, (waiting.view.pose.position, goto.clear));
         let follower = self.following.follower.insert(begun.unwrap_or_else(|| Follower::new(camera, keep)));
         let view = &waiting.view;
-        follower.answer(&Answer {
-            id: goto.id,
-            captured: view.frame.captured,
-            pose: view.pose,
-            area,
-            range: range_of_label(goto.label),
-        });
+        follower.answer(&Answer { captured: view.frame.captured, pose: view.pose, area, range: range_of_label(goto.label) });
     }
 
     /// Whether the last reply is one to stay with the target, as opposed to a flight to it.
@@ -157,8 +152,8 @@ impl Pilot {
         let setpoint = setpoint.unwrap_or(Setpoint::HOLD);
         let (from, clear) = self.following.clear;
         // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is.
-        if !self.following.stays && from.distance(known.position) >= clear {
-            return Setpoint { forward: setpoint.forward.min(0.0), ..setpoint };
+        if !self.following.stays && setpoint.forward > 0.0 && from.distance(known.position) >= clear {
+            return Setpoint { forward: 0.0, right: 0.0, ..setpoint };
         }
         setpoint
     }
@@ -173,14 +168,12 @@ impl Pilot {
 
     /// Where the craft can get away from the target over space that it has seen or flown through; straight away if possible, and
     /// far rather than near.
-    fn way_out(&self, now: Time, known: &MotionEstimate, target: &Followed) -> Option<WayOut> {
+    fn way_out(&self, now: Time, known: &MotionEstimate, target: &TargetEstimate) -> Option<WayOut> {
         let at = known.position;
-        let away = libm::atan2(at.east - target.position.east, at.north - target.position.north);
+        let away = bearing(target.position, at);
         let ways = WAYS.iter().flat_map(|&(far, speed)| WAYS_OUT.iter().map(move |off| (far, speed, wrap_angle(away + off))));
-        let way = ways.into_iter().find(|&(far, _, bearing)| {
-            let to = Direction { bearing, elevation: 0.0 }.place(at, far);
-            self.is_way_out(now, at, to)
-        })?;
-        Some(WayOut { bearing: way.2, speed: way.1 })
+        let is_free = |far: f64, bearing: f64| self.is_way_out(now, at, Direction { bearing, elevation: 0.0 }.place(at, far));
+        let mut free = ways.filter(|&(far, _, bearing)| is_free(far, bearing));
+        free.next().map(|(_, speed, bearing)| WayOut { bearing, speed })
     }
 }

@@ -666,6 +666,7 @@ fn is_same((a, v): (Goal, f64), (b, w): (Goal, f64)) -> bool {
         && (v - w).abs() <= SAME_SPEED * v.max(w)
 }
 
-fn bearing(from: EnuPosition, to: EnuPosition) -> f64 {
+/// The direction of one place from another, radians clockwise from north.
+pub(super) fn bearing(from: EnuPosition, to: EnuPosition) -> f64 {
     libm::atan2(to.east - from.east, to.north - from.north)
 }

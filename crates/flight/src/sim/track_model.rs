@@ -20,7 +20,7 @@ use spf_render::RenderedImage;
 
 use super::loaded_scene::WorldSnapshot;
 use super::world::SimWorld;
-use crate::tracking::{Follow, INTERVAL, KEPT, Progress};
+use crate::tracking::{ASKED, Follow, INTERVAL, KEPT, Progress};
 
 /// Width of the id images, pixels.
 const WIDTH: u32 = 240;
@@ -36,8 +36,6 @@ const COAST: u32 = 5;
 const FIND: u32 = 3;
 /// The smallest side of a box that can be tracked, as a fraction of the image's width: 12 of 480 pixels.
 const SMALLEST: f64 = 12.0 / 480.0;
-/// Frames of queries that are kept: as many as there can be open queries.
-const ASKED: usize = 8;
 
 /// Added to the distance from the target's surface, which is what its size in the image depends on, metres: half of its depth.
 const HALF_DEPTH: f64 = 0.3;

@@ -56,6 +56,8 @@ impl TrackBy {
 pub(crate) const KEPT: Duration = Duration::from_secs(8);
 /// Time between two frames that are tracked in.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
+/// Frames of queries that are kept: as many as there can be open queries.
+pub(crate) const ASKED: usize = 8;
 /// Width of the images, pixels.
 const WIDTH: u32 = 480;
 /// The middle part of a box is tracked, as a fraction of its sides: what lies behind a person shows on either side of them in

@@ -9,12 +9,10 @@ use spf_drone::frames::Photo;
 use spf_media::Scaler;
 use spf_media::track::Grey;
 
-use super::{INTERVAL, Image, KEPT};
+use super::{ASKED, INTERVAL, Image, KEPT};
 
 /// A camera's clock is not exact: a frame may come this much too early.
 const SLACK: Duration = Duration::from_millis(10);
-/// Frames of queries that are kept: as many as there can be open queries.
-const ASKED: usize = 8;
 /// Frames whose capture times are kept: those of [`KEPT`] at 60 Hz.
 const MOST: usize = 480;
 

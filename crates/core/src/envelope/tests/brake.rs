@@ -221,12 +221,7 @@ fn no_sequence_of_plans_touches_what_is_known() {
             let points = room(seed);
             let mut limits = Limits { brake: Some(BrakeLimits::without_sensor()), ..Limits::for_craft(&craft) };
             limits.min_altitude = 0.0;
-            let mut rig = Rig::flying(limits.clone());
-            rig.envelope = Envelope::new(limits, craft);
-            rig.telemetry.phase = FlightPhase::OnGround;
-            rig.place(0.0, 0.0, 0.0);
-            rig.tell(ms(1));
-            rig.telemetry.phase = FlightPhase::Flying;
+            let mut rig = Rig::airborne(limits, craft);
             rig.envelope.observe_obstacles(points.iter().copied());
             let (at, v) = (place(0.0, 0.0, 3.0), EnuVelocity::default());
             let mut body = Body { craft, at, v, heading: 0.0, yaw_rate: 0.0, sent: Vec::new() };
@@ -240,15 +235,7 @@ fn no_sequence_of_plans_touches_what_is_known() {
                     asked = Setpoint { right: stick(4.0), forward: stick(6.0), up: stick(2.0), yaw_rate: stick(1.5) };
                 }
                 if tick % 10 == 0 {
-                    rig.telemetry.position = Some(body.at);
-                    rig.telemetry.height = Some(body.at.up);
-                    rig.telemetry.velocity = Some(body.v);
-                    rig.telemetry.attitude.heading = body.heading;
-                    rig.fresh(now);
-                    let clearance = rig.envelope.clear_setpoint(now, asked);
-                    body.sent.push((now, clearance.setpoint().unwrap(), clearance.cleared.valid_until()));
-                    let old = body.sent.len().saturating_sub(20);
-                    body.sent.drain(..old);
+                    rig.steer(now, &mut body, asked);
                     least = points.iter().map(|p| p.distance(body.at)).fold(least, f64::min);
                 }
                 flown += body.v.speed() * 0.01;

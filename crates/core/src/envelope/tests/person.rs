@@ -38,12 +38,7 @@ fn no_sequence_of_setpoints_comes_nearer_to_a_followed_person() {
     for craft in [Craft::quad(), Craft::tello()] {
         for seed in 0..6 {
             let limits = Limits { min_altitude: 0.0, ..Limits::for_craft(&craft) };
-            let mut rig = Rig::flying(limits.clone());
-            rig.envelope = Envelope::new(limits, craft);
-            rig.telemetry.phase = FlightPhase::OnGround;
-            rig.place(0.0, 0.0, 0.0);
-            rig.tell(ms(1));
-            rig.telemetry.phase = FlightPhase::Flying;
+            let mut rig = Rig::airborne(limits, craft);
             let person = EnuPosition { east: 0.0, north: 5.0, up: 1.0 };
             let at = EnuPosition { up: 3.0, ..EnuPosition::default() };
             let mut body = Body { craft, at, v: EnuVelocity::default(), heading: 0.0, yaw_rate: 0.0, sent: Vec::new() };
@@ -60,16 +55,8 @@ fn no_sequence_of_setpoints_comes_nearer_to_a_followed_person() {
                     asked = Setpoint { right, forward, up: 0.0, yaw_rate: stick(1.5) };
                 }
                 if tick % 10 == 0 {
-                    rig.telemetry.position = Some(body.at);
-                    rig.telemetry.height = Some(body.at.up);
-                    rig.telemetry.velocity = Some(body.v);
-                    rig.telemetry.attitude.heading = body.heading;
-                    rig.fresh(now);
                     rig.envelope.observe_person(now, person);
-                    let clearance = rig.envelope.clear_setpoint(now, asked);
-                    body.sent.push((now, clearance.setpoint().unwrap(), clearance.cleared.valid_until()));
-                    let old = body.sent.len().saturating_sub(20);
-                    body.sent.drain(..old);
+                    rig.steer(now, &mut body, asked);
                 }
                 body.step(now);
                 least = least.min(body.at.horizontal_distance(person));
