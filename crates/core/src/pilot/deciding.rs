@@ -47,6 +47,7 @@ impl Pilot {
         let Some(mut view) = self.view else { return };
         // Checked now and not when the frame arrived: the craft may have moved since.
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
+        // Beside somebody who walks there is no other rest.
         view.at_rest |= self.goes_along(now);
         view.room = self.envelope.room();
         view.expected = self.expected(now, view.pose);
