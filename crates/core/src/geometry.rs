@@ -93,6 +93,12 @@ impl EnuPosition {
         }
     }
 
+    /// The direction of `other` from here, radians clockwise from north.
+    #[must_use]
+    pub fn bearing_to(self, other: Self) -> f64 {
+        libm::atan2(other.east - self.east, other.north - self.north)
+    }
+
     /// Linear interpolation: the point at fraction `fraction` from `self` (0) to `target` (1).
     #[must_use]
     pub fn towards(self, target: Self, fraction: f64) -> Self {

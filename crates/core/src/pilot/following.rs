@@ -2,7 +2,6 @@
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 
-use super::guiding::bearing;
 use super::{Outcome, Pilot, Waiting};
 use crate::command::Setpoint;
 use crate::estimator::MotionEstimate;
@@ -170,7 +169,7 @@ impl Pilot {
     /// far rather than near.
     fn way_out(&self, now: Time, known: &MotionEstimate, target: &TargetEstimate) -> Option<WayOut> {
         let at = known.position;
-        let away = bearing(target.position, at);
+        let away = target.position.bearing_to(at);
         let ways = WAYS.iter().flat_map(|&(far, speed)| WAYS_OUT.iter().map(move |off| (far, speed, wrap_angle(away + off))));
         let is_free = |far: f64, bearing: f64| self.is_way_out(now, at, Direction { bearing, elevation: 0.0 }.place(at, far));
         let mut free = ways.filter(|&(far, _, bearing)| is_free(far, bearing));

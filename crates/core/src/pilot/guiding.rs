@@ -409,13 +409,13 @@ impl Pilot {
     fn lead_from(&self, now: Time, anchor: &Anchor, from: EnuPosition, unsure: f64, most: f64) -> Lead {
         let odometry = self.estimator.odometry_at(now);
         let sight = anchor.seen_from(from, odometry);
-        let heading = bearing(from, sight.position);
+        let heading = from.bearing_to(sight.position);
         let at = self.known(now).position;
         let step = if sight.is_sure() { sight.step_limit() } else { unsure };
         let reach = step.min(most).min(sight.range - self.stop_distance()).max(0.0);
         let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
         if reach < FLOWN || anchor.is_passed(at, odometry) || self.is_passed(now, goal, from) {
-            return Lead::Turn(bearing(at, sight.position));
+            return Lead::Turn(at.bearing_to(sight.position));
         }
         Lead::Fly { from, reach, goal }
     }
@@ -441,7 +441,7 @@ impl Pilot {
             return self.follow(now, lead);
         }
         if view.expected == Expected::Aside {
-            self.turn_alone(now, bearing(self.known(now).position, sight.position));
+            self.turn_alone(now, self.known(now).position.bearing_to(sight.position));
         }
     }
 
@@ -552,7 +552,7 @@ impl Pilot {
     /// Tries something else where the plan makes no progress.
     fn free(&mut self, now: Time, at: EnuPosition, body: &Body, goal: EnuPosition) {
         let Some(map) = &self.guiding.map else { return };
-        let way_out = escape(map, now, at, bearing(at, goal), body);
+        let way_out = escape(map, now, at, at.bearing_to(goal), body);
         match way_out {
             Escape::Side(place) | Escape::Up(place) => {
                 if let Some(course) = &mut self.guiding.course {
@@ -625,7 +625,7 @@ impl Pilot {
         let known = self.known(now);
         let target = self.guiding.anchors.anchor().filter(|_| course.aim == Aim::Target).map(Anchor::position);
         if let Some(target) = target.filter(|target| target.horizontal_distance(known.position) > AT_PLACE) {
-            let heading = bearing(known.position, target);
+            let heading = known.position.bearing_to(target);
             if wrap_angle(heading - known.attitude.heading).abs() > LOOK_BACK {
                 let position = self.executor.rest_position(now, known);
                 return self.executor.start_goal(now, known, Goal { position, heading });
@@ -647,7 +647,7 @@ fn around(map: &ObstacleMap, at: EnuPosition, guide: &Guide, goal: EnuPosition) 
     let range = at.distance(goal);
     let until = (1.0 - OWN_SURFACE / range.max(OWN_SURFACE)).max(0.0);
     let obstacle = map.first_obstacle(at, at.towards(goal, until))?;
-    let turn = wrap_angle(bearing(at, guide.waypoint) - bearing(at, goal));
+    let turn = wrap_angle(at.bearing_to(guide.waypoint) - at.bearing_to(goal));
     let level = at.up + (goal.up - at.up) * at.distance(guide.waypoint) / range.max(0.1);
     let side = match (turn, guide.waypoint.up - level) {
         (turn, _) if turn < -FACING => Passage::Left,
@@ -664,9 +664,4 @@ fn is_same((a, v): (Goal, f64), (b, w): (Goal, f64)) -> bool {
     a.position.distance(b.position) < SAME_PLACE
         && wrap_angle(a.heading - b.heading).abs() < FACING
         && (v - w).abs() <= SAME_SPEED * v.max(w)
-}
-
-/// The direction of one place from another, radians clockwise from north.
-pub(super) fn bearing(from: EnuPosition, to: EnuPosition) -> f64 {
-    libm::atan2(to.east - from.east, to.north - from.north)
 }

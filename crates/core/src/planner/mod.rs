@@ -219,7 +219,7 @@ impl Planner {
         let outside = place != goal.position;
         let towards = match goal.heading {
             Some(heading) => heading,
-            None if horizontal(at, goal.position) > CELL => bearing(at, goal.position),
+            None if horizontal(at, goal.position) > CELL => at.bearing_to(goal.position),
             None => heading,
         };
         let end = Cell::of(place);
@@ -257,7 +257,7 @@ impl Planner {
         let waypoint = if waypoint == at { at } else { self.within_view(map, here, at, waypoint, body.half_view.1) };
         let way = at.distance(waypoint);
         let heading =
-            if horizontal(at, waypoint) > CELL { facing(bearing(at, waypoint), towards, body.half_view.0) } else { towards };
+            if horizontal(at, waypoint) > CELL { facing(at.bearing_to(waypoint), towards, body.half_view.0) } else { towards };
         let (shown, free) = if way > 0.0 { self.open_way(map, now, at, waypoint) } else { (0.0, 0.0) };
         let turn_first = way > 0.0 && shown < way.min(SHOWN);
         let room = |length: f64| length - body.radius - self.settings.margin;
@@ -451,10 +451,6 @@ fn facing(path: f64, target: f64, half_view: f64) -> f64 {
 
 fn horizontal(a: EnuPosition, b: EnuPosition) -> f64 {
     a.horizontal_distance(b)
-}
-
-fn bearing(from: EnuPosition, to: EnuPosition) -> f64 {
-    libm::atan2(to.east - from.east, to.north - from.north)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use crate::avoid::{BODY_MARGIN, ObstacleMemory, PathShape};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
+use crate::geometry::EnuPosition;
 use crate::grounding::GroundingProfile;
 use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
@@ -17,6 +18,7 @@ use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryId, QueryK
 use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse_reply};
 use crate::step::StepRule;
 
+mod aside;
 mod close_up;
 mod detour;
 mod history;
@@ -26,6 +28,7 @@ mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
 
+use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
 use history::History;
@@ -101,6 +104,8 @@ pub struct Spf {
     blocked: u32,
     /// Steps back from a person in a row.
     retreats: u32,
+    /// Where the last one began.
+    retreated_from: Option<EnuPosition>,
     /// The obstacles reported in the last seconds.
     reported: Vec<Report>,
     /// Those of them that a later reply may have left out.
@@ -116,6 +121,7 @@ pub struct Spf {
     detections: Vec<Detection>,
     history: History,
     detour: DetourSide,
+    aside: Aside,
     guidance: Guidance,
     /// Replies in a row that did not show a target whose place is known.
     misses: u32,
@@ -156,6 +162,7 @@ impl Spf {
             confirming: false,
             blocked: 0,
             retreats: 0,
+            retreated_from: None,
             reported: Vec::new(),
             obstacles: ObstacleMemory::default(),
             turned_first: None,
@@ -166,6 +173,7 @@ impl Spf {
             detections: Vec::new(),
             history: History::default(),
             detour: DetourSide::default(),
+            aside: Aside::default(),
             guidance: Guidance::default(),
             misses: 0,
             last_box: None,
@@ -286,7 +294,7 @@ impl Spf {
             // The place that is known is that of the stage before.
             self.misses = MISSES_ASIDE;
         }
-        let step = retreat.unwrap_or_else(|| match reply.status {
+        let step = retreat.or_else(|| self.look_aside(open_query, &reply)).unwrap_or_else(|| match reply.status {
             Status::Done => self.done(confirming),
             Status::NotVisible => self.not_visible(open_query, &reply),
             Status::Navigating | Status::Following => self.navigate(open_query, &reply),
@@ -423,7 +431,9 @@ impl Policy for Spf {
                     Self { instruction, next_id, prompt, detector, guidance, reported, obstacles, ..Self::new(self.settings) };
                 Step::Look
             }
-            PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => self.decide(view),
+            PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => {
+                self.turn_back(view).unwrap_or_else(|| self.decide(view))
+            }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
                 Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {

@@ -26,6 +26,11 @@ pub(super) struct DetourSide {
 }
 
 impl DetourSide {
+    /// The side on which the obstacle is being passed.
+    pub(super) fn side(&self) -> Option<Side> {
+        self.keep.map(|keep| keep.side)
+    }
+
     pub(super) fn clear(&mut self) {
         self.clear += 1;
         if self.clear >= DETOUR_OVER {

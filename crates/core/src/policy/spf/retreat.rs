@@ -4,7 +4,7 @@ use super::report::Report;
 use super::{OpenQuery, Spf};
 use crate::avoid::{Sighting, is_person, same_name};
 use crate::policy::{Step, View};
-use crate::query::ImagePoint;
+use crate::query::{ImageBox, ImagePoint};
 use crate::reply::{ObstacleBox, Reply, Status};
 
 /// Depth label of a person whom the craft backs off from in any case, and of one who comes nearer: 1 m and 2.8 m.
@@ -16,6 +16,10 @@ const APPROACHES: f64 = 0.4;
 const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
 /// Number of times in a row that the craft backs off; after that it holds.
 const RETREATS: u32 = 4;
+/// A craft that has moved less than this since it last backed off has no room for it, metres.
+const MOVED: f64 = 0.2;
+/// A box within this fraction of the image from an edge is cut off there.
+const CUT: f64 = 0.01;
 
 impl Spf {
     /// The step back from a person who is about to walk into the craft, if there is one, whether it flies, searches or holds.
@@ -28,10 +32,13 @@ impl Spf {
             self.retreats = 0;
             return None;
         }
+        let at = open_query.view.pose.position;
+        let has_no_room = self.retreated_from.is_some_and(|from| from.distance(at) < MOVED) && !self.guidance.is_off();
         self.retreats += 1;
-        if self.retreats > RETREATS {
+        if self.retreats > RETREATS || (self.retreats > 1 && has_no_room) {
             return None;
         }
+        self.retreated_from = Some(at);
         self.confirming = false;
         self.turned_first = None;
         Some(self.back_off(open_query, "backs off from a person who comes nearer"))
@@ -42,8 +49,9 @@ impl Spf {
         let earlier = self.reported.iter().rev().find(|report| report.view().frame.captured < view.frame.captured);
         let persons = reply.boxes.iter().filter(|obstacle| is_person(&obstacle.name) && !is_target(&obstacle.name));
         persons.filter(|person| is_ahead(view, person)).any(|person| {
-            person.depth <= HERE
-                || (person.depth <= NEAR && earlier.and_then(|report| closing_speed(report, view, person)) > Some(APPROACHES))
+            let is_here =
+                person.depth <= HERE && (self.guidance.is_off() || !earlier.is_some_and(|report| stands(report, view, person)));
+            is_here || (person.depth <= NEAR && earlier.and_then(|report| closing_speed(report, view, person)) > Some(APPROACHES))
         })
     }
 }
@@ -51,6 +59,29 @@ impl Spf {
 fn is_ahead(view: &View, person: &ObstacleBox) -> bool {
     let middle = ImagePoint { u: 0.5 * (person.area.left + person.area.right), v: 0.5 };
     libm::atan(view.camera.ray(middle).right).abs() < AHEAD
+}
+
+/// Whether a person whom an earlier reply listed has not come nearer by themselves: their box has grown no more than the
+/// craft's own motion explains.
+fn stands(report: &Report, view: &View, person: &ObstacleBox) -> bool {
+    let then = report.view();
+    let Some(before) = report.boxes().iter().find(|other| same_name(&other.name, &person.name)) else { return false };
+    let elapsed = view.frame.captured.since(then.frame.captured).as_secs_f64();
+    let place = Sighting::new(&then.camera, then.pose, before.area, before.depth).middle();
+    let (range_then, range_now) = (place.distance(then.pose.position), place.distance(view.pose.position));
+    let ([wide_then, tall_then], [wide_now, tall_now]) = (sizes(before.area), sizes(person.area));
+    // A size is known only of a box that the image holds; of a person who bends or turns the height changes less.
+    let grown = match (tall_then.zip(tall_now), wide_then.zip(wide_now)) {
+        (Some((then, now)), _) | (None, Some((then, now))) => now / then,
+        (None, None) => return false,
+    };
+    range_now > 0.0 && grown * range_now / range_then < 1.0 + APPROACHES * elapsed / range_now
+}
+
+/// Width and height of a box; `None` if the image's edge cuts it off.
+fn sizes(area: ImageBox) -> [Option<f64>; 2] {
+    let size = |low: f64, high: f64| (low > CUT && high < 1.0 - CUT).then_some(high - low);
+    [size(area.left, area.right), size(area.top, area.bottom)]
 }
 
 /// How fast a person has come nearer to where the craft is now since an earlier reply, m/s; `None` if it did not list them.

@@ -12,6 +12,8 @@ use crate::reply::{ObstacleBox, Reply, Status};
 
 /// Number of times in a row that a blocked path is answered by holding and querying again before searching for another.
 const BLOCKED_LOOKS: u32 = 3;
+/// The same after a way around has been tried.
+const BLOCKED_AGAIN: u32 = 2;
 /// Climb with which that search begins, metres.
 const BLOCKED_CLIMB: f64 = 1.0;
 /// How far the craft backs off from what the VLM says is in its way, metres.
@@ -89,6 +91,7 @@ impl Spf {
             match outcome {
                 Avoidance::Clear => {
                     self.blocked = 0;
+                    self.aside.clear();
                     self.detour.clear();
                     if self.guidance.keeps_anchor() || follows {
                         free = Some(longest_clear(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), label));
@@ -96,6 +99,7 @@ impl Spf {
                 }
                 Avoidance::Shifted { point, .. } => {
                     self.blocked = 0;
+                    self.aside.clear();
                     self.detour.shifted(avoid::side_of(&plan, point));
                     waypoint = point;
                 }
@@ -103,7 +107,7 @@ impl Spf {
                     self.blocked = 0;
                     step = shorter;
                 }
-                Avoidance::Hold { .. } => return self.blocked(open_query),
+                Avoidance::Hold { .. } => return self.blocked(open_query, reply, point, label),
             }
             // A craft that follows turns to its target all the time.
             let turns_anyway = follows && reply.status == Status::Following;
@@ -164,27 +168,38 @@ impl Spf {
         self.guidance.track && reply.target_box.is_some() && (reply.status == Status::Following || to_person)
     }
 
-    /// No free direction: hold and query again; if that repeats, the policy looks from higher up, or to the side.
-    pub(super) fn blocked(&mut self, open_query: OpenQuery) -> Step {
+    /// No free direction: hold and query again; if that repeats, the policy looks from higher up, goes around, or turns away.
+    fn blocked(&mut self, open_query: OpenQuery, reply: &Reply, point: ImagePoint, label: f64) -> Step {
         self.blocked += 1;
-        if self.blocked < BLOCKED_LOOKS {
+        // After a way around, somebody who walks has walked on.
+        let looks = if self.aside.was_tried() { BLOCKED_AGAIN } else { BLOCKED_LOOKS };
+        if self.blocked < looks {
             return Step::Look;
         }
         self.blocked = 0;
-        // Whatever side it was, that path is closed.
-        self.detour = DetourSide::default();
         let View { camera, pose, .. } = open_query.view;
         let craft = self.settings.craft;
         let is_clear = self.reported.iter().all(|report| report.clears(&pose, BLOCKED_CLIMB, craft.radius + BODY_MARGIN));
+        // Over what stands before a low target, that target would be lost under the craft.
+        let loses_it = !self.guidance.is_off() && self.is_below(&open_query.view, point);
         let search = self.search.get_or_insert_with(|| search_with(&camera, &craft));
-        let climb = if is_clear { search.take_vertical(BLOCKED_CLIMB) } else { 0.0 };
+        let climb = if is_clear && !loses_it { search.take_vertical(BLOCKED_CLIMB) } else { 0.0 };
+        if climb == 0.0
+            && let Some(step) = self.begin_aside(open_query, reply, point, label)
+        {
+            return step;
+        }
+        // Whatever side it was, that path is closed.
+        self.detour = DetourSide::default();
         let primitives = if climb > 0.0 {
             Primitives { climb, ..Primitives::default() }
         } else {
-            let why = if is_clear {
-                "it has climbed 3 m without flying on"
-            } else {
+            let why = if !is_clear {
                 "an obstacle reaches beyond the upper edge of the frame"
+            } else if loses_it {
+                "the target would be lost under the craft"
+            } else {
+                "it has climbed 3 m without flying on"
             };
             self.reading.actions.push(format!("turns instead of climbing: {why}"));
             Primitives { yaw: camera.half_fov().0, ..Primitives::default() }
