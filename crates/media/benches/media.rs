@@ -5,7 +5,7 @@ use spf_core::query::ImagePoint;
 use spf_core::time::Time;
 use spf_media::h264::{Encoder, EncoderSettings};
 use spf_media::marks::{Colour, Hud, draw_hud, draw_waypoint};
-use spf_media::track::{Grey, PixelBox, Quality, Tracker};
+use spf_media::track::{PixelBox, Quality, TrackImage, Tracker};
 use spf_media::{Jpeg, Rgb, resize};
 
 fn main() {
@@ -68,8 +68,8 @@ fn encode_jpeg(bencher: Bencher<'_, '_>, (width, height, quality): (u32, u32, u8
 }
 
 /// Grey images in which the scene moves by a few pixels each, there and back.
-fn grey_images() -> Vec<Grey> {
-    (0..20_u32).map(|number| Grey::of(&scene(480, 360, number.min(20 - number)))).collect()
+fn grey_images() -> Vec<TrackImage> {
+    (0..20_u32).map(|number| TrackImage::of(&scene(480, 360, number.min(20 - number)))).collect()
 }
 
 /// A box that is held: side in pixels.
@@ -95,7 +95,7 @@ fn search_480x360(bencher: Bencher<'_, '_>, side: u32) {
     let side = f64::from(side);
     let area = PixelBox { left: 240.0 - side / 2.0, top: 230.0 - side, right: 240.0 + side / 2.0, bottom: 230.0 };
     let mut tracker = Tracker::start(&images[0], area);
-    let empty = Grey::of(&Rgb::filled(480, 360, [120; 3]));
+    let empty = TrackImage::of(&Rgb::filled(480, 360, [120; 3]));
     for _ in 0..30 {
         tracker.next(&empty, None);
     }
@@ -105,5 +105,5 @@ fn search_480x360(bencher: Bencher<'_, '_>, side: u32) {
 #[divan::bench]
 fn grey_from_480x360(bencher: Bencher<'_, '_>) {
     let image = scene(480, 360, 0);
-    bencher.bench(|| Grey::of(black_box(&image)));
+    bencher.bench(|| TrackImage::of(black_box(&image)));
 }

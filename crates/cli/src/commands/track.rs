@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use spf_bench::ground::photo::{Film, PhotoError, VideoFrame};
 use spf_core::time::{Time, duration_from_secs};
 use spf_media::marks::{Canvas, Colour, Point, Rect, TextStyle};
-use spf_media::track::{Grey, PixelBox, Quality, SMALLEST, Tracker};
+use spf_media::track::{PixelBox, Quality, SMALLEST, TrackImage, Tracker};
 use spf_media::{Rgb, resize};
 use spf_record::VideoWriter;
 
@@ -172,7 +172,7 @@ impl Run<'_> {
         self.due = (self.due + step).max(frame.at + 0.5 * step);
         let size = (frame.image.width(), frame.image.height());
         if let Some(began) = &mut self.began {
-            let grey = Grey::of(&resize(&frame.image, began.working.0, began.working.1));
+            let grey = TrackImage::of(&resize(&frame.image, began.working.0, began.working.1));
             began.tracker.next(&grey, None);
             began.last = frame.at;
         } else {
@@ -207,7 +207,7 @@ impl Run<'_> {
         let working = fitted(size, WORKING_SIDE);
         let scale = (f64::from(working.0) / f64::from(width), f64::from(working.1) / f64::from(height));
         let area = area.in_image_scaled(scale.0, scale.1);
-        let grey = Grey::of(&resize(&frame.image, working.0, working.1));
+        let grey = TrackImage::of(&resize(&frame.image, working.0, working.1));
         let tracker = Tracker::start(&grey, area);
         match tracker.track().quality {
             Quality::TooSmall => {

@@ -39,6 +39,10 @@ const REMEMBERED: Duration = Duration::from_secs(10);
 const LABEL_VARIANCE: f64 = 0.148 * 0.148 + 0.2 * 0.2;
 /// A reply that sees the target farther than this from where the track had it sees another one, radians: 12°.
 const ELSEWHERE: f64 = 0.21;
+/// A range that a label states up to which a target is beside the craft, metres: label 1.
+const BESIDE: f64 = 1.2;
+/// A box that ends this near to the image's edge, as a fraction of its size, goes on beyond it.
+const IMAGE_EDGE: f64 = 0.02;
 /// Gains: yaw rate per bearing error, closing speed per distance error, climb rate per height error, 1/s.
 const YAW_GAIN: f64 = 2.0;
 const CLOSING_GAIN: f64 = 0.8;
@@ -146,6 +150,9 @@ pub struct Follower {
     track: Option<QueryId>,
     /// The last label's range, and how many labels in a row have said the same.
     label: (f64, u32),
+    /// Whether the last reply sees the target beside the craft. Of a box that the image's edges cut off a tracker measures the
+    /// size badly.
+    is_beside: bool,
     /// When the target was last seen for sure.
     seen: Time,
     /// When the frame of the last good report was taken.
@@ -166,6 +173,7 @@ impl Follower {
             history: VecDeque::new(),
             track: None,
             label: (0.0, 0),
+            is_beside: false,
             seen: Time::ZERO,
             tracked: None,
             confirmed: Time::ZERO,
@@ -183,6 +191,10 @@ impl Follower {
         let Answer { captured, pose, area, range, .. } = *answer;
         let direction = Direction::of_point(&self.camera, pose, centre(area));
         let range = range.max(0.5);
+        let fills_image = area.top < IMAGE_EDGE && area.bottom > 1.0 - IMAGE_EDGE;
+        if captured >= self.confirmed {
+            self.is_beside = range <= BESIDE || fills_image;
+        }
         self.label = if self.label.0 == range { (range, self.label.1 + 1) } else { (range, 1) };
         let then = self.history.iter().min_by_key(|kept| kept.at.since(captured).max(captured.since(kept.at))).copied();
         let then = then.filter(|kept| kept.at.since(captured).max(captured.since(kept.at)) <= SURE);
@@ -272,7 +284,7 @@ impl Follower {
         } else {
             (CLOSING_GAIN * (distance - self.keep - LOST_MARGIN)).clamp(-AWAY_LOST, 0.0)
         };
-        let along = if off.abs() > TURN_FIRST { along.min(0.0) } else { along };
+        let along = if off.abs() > TURN_FIRST || self.is_beside && distance > self.keep { along.min(0.0) } else { along };
         // Away from the target in the direction that is free, not in its own.
         let (speed, course) = match way_out {
             _ if along >= 0.0 => (along, off),

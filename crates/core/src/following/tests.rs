@@ -141,3 +141,28 @@ fn a_walker_is_kept_in_view_and_near_and_is_not_touched() {
         assert!(went.0 >= in_view && went.1 >= within && went.2 <= touched, "{went:?}");
     }
 }
+
+/// A tracker that takes a part of somebody for all of them says that they walk away: the craft does not follow into them.
+#[test]
+fn somebody_who_fills_the_image_is_not_come_nearer_to_whatever_the_track_says() {
+    let (camera, craft) = (Camera::quad(), Craft::quad());
+    let pose = Pose { position: EnuPosition { up: 1.2, ..EnuPosition::default() }, ..Pose::default() };
+    let at = |tenths: u32| Time::ZERO + TICK * tenths;
+    let whole = ImageBox { left: 0.3, right: 0.7, top: 0.0, bottom: 1.0 };
+    let part = ImageBox { left: 0.45, right: 0.55, top: 0.4, bottom: 0.6 };
+    let forward = |area: ImageBox, range: f64| {
+        let mut follower = Follower::new(camera, DEFAULT_KEEP);
+        follower.answer(&Answer { captured: at(0), pose, area, range });
+        for tenths in 1..15 {
+            let scale = 1.0 / (1.0 + 0.2 * f64::from(tenths));
+            let frame = FrameId(u64::from(tenths));
+            let quality = TrackQuality::Good;
+            follower.report(&TrackReport { id: QueryId(1), frame, captured: at(tenths), area: part, scale, quality }, pose);
+        }
+        let known = MotionEstimate { position: pose.position, ..MotionEstimate::default() };
+        follower.setpoint(at(15), &known, &craft, None).unwrap().forward
+    };
+    assert!(forward(part, 3.0) > 1.0, "somebody who walks away is followed");
+    assert_eq!(forward(whole, 3.0), 0.0, "cut off above and below");
+    assert_eq!(forward(part, 1.0), 0.0, "label 1");
+}

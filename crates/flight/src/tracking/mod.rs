@@ -26,7 +26,7 @@ use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_core::track::{TrackQuality, TrackReport, TrackStart};
 use spf_drone::frames::{Frames, Photo};
-use spf_media::track::{Grey, PixelBox, Quality, Tracker};
+use spf_media::track::{PixelBox, Quality, TrackImage, Tracker};
 
 use attitudes::Attitudes;
 use ring::Ring;
@@ -69,7 +69,7 @@ const LEAST_INNER: f64 = 20.0;
 const PATIENCE: u64 = 10;
 
 /// An image that is kept.
-type Image = Arc<Grey>;
+type Image = Arc<TrackImage>;
 
 /// What one step gave.
 #[derive(Clone, Copy, Debug, PartialEq)]

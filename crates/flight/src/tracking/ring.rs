@@ -7,7 +7,7 @@ use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Photo;
 use spf_media::Scaler;
-use spf_media::track::Grey;
+use spf_media::track::TrackImage;
 
 use super::{ASKED, INTERVAL, Image, KEPT};
 
@@ -119,7 +119,7 @@ impl Picture {
             Self::Grey(image) => image.clone(),
             Self::Photo(photo) => {
                 let colours = photo.at((width, height), scaler);
-                let image = Arc::new(Grey::of(&colours));
+                let image = Arc::new(TrackImage::of(&colours));
                 scaler.reuse(colours);
                 *self = Self::Grey(image.clone());
                 image

@@ -9,7 +9,7 @@ const WEIGHT: u32 = 14;
 
 /// A grey image of 8 bits, rows from the top.
 #[derive(Clone, PartialEq, Eq)]
-pub struct Grey {
+pub(super) struct Grey {
     width: u32,
     height: u32,
     data: Vec<u8>,
@@ -23,8 +23,7 @@ impl core::fmt::Debug for Grey {
 
 impl Grey {
     /// The brightness of a colour image.
-    #[must_use]
-    pub fn of(image: &Rgb) -> Self {
+    pub(super) fn of(image: &Rgb) -> Self {
         let brightness = |pixel: &[u8]| {
             let [red, green, blue] = [pixel[0], pixel[1], pixel[2]].map(u32::from);
             ((77 * red + 150 * green + 29 * blue + 128) >> 8) as u8
@@ -37,7 +36,7 @@ impl Grey {
     ///
     /// # Errors
     /// [`FrameError::WrongLength`] if `data` is not `width × height` bytes long.
-    pub fn from_raw(width: u32, height: u32, data: Vec<u8>) -> Result<Self, FrameError> {
+    pub(super) fn from_raw(width: u32, height: u32, data: Vec<u8>) -> Result<Self, FrameError> {
         let needed = u64::from(width) * u64::from(height);
         if u64::try_from(data.len()) == Ok(needed) {
             Ok(Self { width, height, data })
@@ -47,14 +46,12 @@ impl Grey {
     }
 
     /// Width and height, pixels.
-    #[must_use]
-    pub const fn size(&self) -> (u32, u32) {
+    pub(super) const fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
     /// The bytes, in rows from the top.
-    #[must_use]
-    pub fn data(&self) -> &[u8] {
+    pub(super) fn data(&self) -> &[u8] {
         &self.data
     }
 

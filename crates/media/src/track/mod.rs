@@ -1,20 +1,21 @@
 //! Follows a box through the images of a video, from pixels alone.
 //!
-//! Two methods watch each other. Sparse optical flow (`flow`) tells how the box moves and grows from one image to the next;
+//! Three methods watch each other. Sparse optical flow (`flow`) tells how the box moves and grows from one image to the next;
 //! it is precise but forgets what it began with. Correlation with patches of earlier images (`template`) tells whether the
-//! box still shows the same, corrects the drift, and finds the target again after it was hidden. [`Quality::Good`] needs both.
+//! box still shows the same, corrects the drift, and finds the target again after it was hidden. Where these two have nothing to
+//! hold on to, as on plain clothes, the box goes where the target's colours are (`colour`), if what is around it has others.
 //!
 //! Pure given the images: no I/O, no clock, no threads, no random numbers. Sums are integers, and the rest is IEEE arithmetic
 //! in a fixed order, so equal images give equal bits on every machine.
 //!
 //! ```
-//! use spf_media::track::{Grey, PixelBox, Quality, Tracker};
+//! use spf_media::track::{TrackImage, PixelBox, Quality, Tracker};
 //!
 //! // A speckled pattern that moves by two pixels.
 //! let speckle = |x: u32, y: u32| ((x / 4 * 7919 + y / 4 * 104_729) % 251) as u8;
 //! let image = |shift: u32| {
 //!     let data = (0..120).flat_map(|y| (0..160).map(move |x| speckle(x + 40 - shift, y))).collect();
-//!     Grey::from_raw(160, 120, data)
+//!     TrackImage::from_grey(160, 120, data)
 //! };
 //! let mut tracker = Tracker::start(&image(0)?, PixelBox { left: 50.0, top: 40.0, right: 90.0, bottom: 80.0 });
 //! let track = tracker.next(&image(2)?, None);
@@ -24,13 +25,16 @@
 //! ```
 
 mod area;
+mod colour;
 mod flow;
 mod grey;
+mod image;
 mod template;
 
 pub use area::{PixelBox, Shift};
-pub use grey::Grey;
+pub use image::TrackImage;
 
+use colour::{Colours, Map, Model};
 use grey::Pyramid;
 use template::{Match, Template};
 
@@ -60,6 +64,17 @@ const KEEP_EVERY: u32 = 8;
 const KEPT: usize = 4;
 /// How much better than the next best place one must be.
 const MARGIN: f64 = 0.1;
+/// The shortest side of a box whose colours are learnt, pixels.
+const PAINTED: f64 = 20.0;
+/// How much more a box must show the target's colours than what is around it, to be tracked by them.
+const PAINT: f64 = 0.35;
+/// How much of that must be left, for the target to be held, and to be found again.
+const PAINT_HELD: f64 = 0.6;
+const PAINT_FOUND: f64 = 0.75;
+/// How much more it must be than at the next best place.
+const PAINT_MARGIN: f64 = 0.2;
+/// A box that ends this near to the image's edge is cut off there, pixels.
+const EDGE: f64 = 5.0;
 /// Images between two looks around for look-alikes.
 const LOOK_EVERY: u32 = 4;
 
@@ -122,13 +137,27 @@ pub struct Tracker {
     /// How much the most similar thing around the target resembles it.
     rival: f64,
     count: u32,
+    /// The target's colours; `None` if it does not stand out by them.
+    paint: Option<Paint>,
+}
+
+/// The target's colours, and the box that they fill.
+#[derive(Clone, Debug)]
+struct Paint {
+    model: Model,
+    /// The box that stands out by them in the last image.
+    filled: PixelBox,
+    /// The target's box there.
+    last: PixelBox,
+    /// How much the box of colours stood out in the first image.
+    contrast: f64,
 }
 
 impl Tracker {
     /// Begins with the target's box in an image. [`Tracker::track`] tells whether there is something to track.
     #[must_use]
-    pub fn start(image: &Grey, area: PixelBox) -> Self {
-        let before = Pyramid::of(image);
+    pub fn start(image: &TrackImage, area: PixelBox) -> Self {
+        let before = Pyramid::of(&image.grey);
         let mut tracker = Self {
             before,
             area,
@@ -141,6 +170,7 @@ impl Tracker {
             found: false,
             rival: 0.0,
             count: 0,
+            paint: None,
         };
         if !area.is_sound() || area.inside(image.size()) < 0.5 || image.size().0.min(image.size().1) < 24 {
             return tracker;
@@ -149,8 +179,10 @@ impl Tracker {
             tracker.quality = Quality::TooSmall;
             return tracker;
         }
+        tracker.paint = image.colours.as_ref().filter(|_| area.side() >= PAINTED).and_then(|colours| Paint::of(colours, &area));
         let patch = Template::of(&tracker.before, &area);
-        if patch.contrast() < CONTRAST || flow::corners(&tracker.before, &area).len() < flow::FEWEST {
+        let plain = patch.contrast() < CONTRAST || flow::corners(&tracker.before, &area).len() < flow::FEWEST;
+        if plain && tracker.paint.is_none() {
             return tracker;
         }
         tracker.patches.push(patch);
@@ -174,18 +206,22 @@ impl Tracker {
 
     /// The target in the next image, which must have the size of the first. `predicted` is the shift that is known to come from
     /// the turning of the camera, none if it is not known. What else has moved the box in the last images is expected to go on.
-    pub fn next(&mut self, image: &Grey, predicted: Option<Shift>) -> Track {
-        let now = Pyramid::of(image);
+    pub fn next(&mut self, image: &TrackImage, predicted: Option<Shift>) -> Track {
+        let now = Pyramid::of(&image.grey);
         if self.patches.is_empty() || now.size() != self.before.size() {
             return self.track();
         }
         self.count = self.count.wrapping_add(1);
         let turned = predicted.filter(|shift| shift.x.is_finite() && shift.y.is_finite()).unwrap_or_default();
         let guess = Shift { x: turned.x + self.velocity.x, y: turned.y + self.velocity.y };
+        let map = image.colours.as_ref().zip(self.paint.as_ref()).map(|(colours, paint)| paint.model.map(colours));
         if self.missing == 0 || self.found {
-            self.keep_hold(&now, guess, turned);
+            self.keep_hold(&now, map.as_ref(), guess, turned);
         } else {
-            self.search(&now, guess);
+            self.search(&now, map.as_ref(), guess);
+        }
+        if let (Some(colours), Some(map)) = (&image.colours, &map) {
+            self.repaint(colours, map);
         }
         self.before = now;
         if self.quality == Quality::Good {
@@ -201,7 +237,7 @@ impl Tracker {
     }
 
     /// A step from an image in which the target was recognised. `turned` is the part of the guess that the camera's turning makes.
-    fn keep_hold(&mut self, now: &Pyramid, guess: Shift, turned: Shift) {
+    fn keep_hold(&mut self, now: &Pyramid, map: Option<&Map>, guess: Shift, turned: Shift) {
         let flow = flow::flow(&self.before, now, &self.area, guess);
         let moved = flow.map_or_else(|| self.area.moved(guess, 1.0), |flow| self.area.moved(flow.shift, flow.scale));
         let best = self.best(now, &moved);
@@ -211,13 +247,14 @@ impl Tracker {
         let visible = best.area.inside(now.size()) >= 0.6;
         let first = self.patches.first().map_or(0.0, |first| first.score(now, &best.area));
         let same = visible && first >= FIRST && (best.score >= SURE || agrees && best.score >= SAME);
-        if !same {
-            let expected = self.area.moved(guess, 1.0);
+        let painted = if same { None } else { map.and_then(|map| self.by_colour(map, guess)) };
+        let expected = self.area.moved(guess, 1.0);
+        let Some(area) = (if same { Some(best.area) } else { painted }) else {
             self.miss(if agrees { moved } else { expected });
             return;
-        }
+        };
         let centre = self.area.centre();
-        let (to_x, to_y) = best.area.centre();
+        let (to_x, to_y) = area.centre();
         let step = Shift { x: to_x - centre.0 - turned.x, y: to_y - centre.1 - turned.y };
         // The first step after it was found again is no motion of the target's alone.
         let weight = if self.found { 0.5 } else { 0.7 };
@@ -225,11 +262,11 @@ impl Tracker {
             x: (1.0 - weight) * self.velocity.x + weight * step.x,
             y: (1.0 - weight) * self.velocity.y + weight * step.y,
         };
-        self.place(best.area);
+        self.place(area);
         self.quality = Quality::Good;
         (self.missing, self.found) = (0, false);
         self.since_kept += 1;
-        if flow.is_some_and(|flow| flow.agreeing >= 0.6) && best.score >= KEEP && self.since_kept >= KEEP_EVERY {
+        if same && flow.is_some_and(|flow| flow.agreeing >= 0.6) && best.score >= KEEP && self.since_kept >= KEEP_EVERY {
             if self.patches.len() > KEPT {
                 self.patches.remove(1);
             }
@@ -239,14 +276,26 @@ impl Tracker {
     }
 
     /// A step from an image in which the target was not recognised.
-    fn search(&mut self, now: &Pyramid, guess: Shift) {
+    fn search(&mut self, now: &Pyramid, map: Option<&Map>, guess: Shift) {
         let expected = self.area.moved(guess, 1.0);
         let reach = (1.0 + 0.2 * f64::from(self.missing)).min(2.5);
-        let Some(latest) = self.patches.last() else { return };
-        let places = latest.scan(now, &expected, &[1.0, 0.87, 1.15], reach, 0.0, 3);
+        let found = self.found_by_pattern(now, &expected, reach);
+        let Some(area) = found.or_else(|| map.and_then(|map| self.found_by_colour(map, guess, reach))) else {
+            return self.miss(expected);
+        };
+        self.place(area);
+        self.found = true;
+        self.missing += 1;
+        self.quality = Quality::Coasting;
+    }
+
+    /// Where something resembles the target, and nothing else does.
+    fn found_by_pattern(&self, now: &Pyramid, expected: &PixelBox, reach: f64) -> Option<PixelBox> {
+        let latest = self.patches.last()?;
+        let places = latest.scan(now, expected, &[1.0, 0.87, 1.15], reach, 0.0, 3);
         let mut matches: Vec<Match> = places.iter().map(|place| self.best(now, &place.area)).collect();
         matches.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let Some(best) = matches.first() else { return self.miss(expected) };
+        let best = matches.first()?;
         let (x, y) = best.area.centre();
         let centre = expected.centre();
         let apart = ((x - centre.0).abs() / expected.width()).max((y - centre.1).abs() / expected.height());
@@ -255,14 +304,42 @@ impl Tracker {
         let unlike = best.score > self.rival + MARGIN && best.score > other + MARGIN;
         let in_place = apart < 0.4 && self.missing <= 2 * COAST && best.score > other;
         let found = best.score >= FOUND && in_place || best.score >= FOUND_ELSEWHERE && unlike;
-        if found && best.area.inside(now.size()) >= 0.7 {
-            let area = best.area;
-            self.place(area);
-            self.found = true;
-            self.missing += 1;
-            self.quality = Quality::Coasting;
-        } else {
-            self.miss(expected);
+        (found && best.area.inside(now.size()) >= 0.7).then_some(best.area)
+    }
+
+    /// Where the target's colours are, near where it is expected.
+    fn by_colour(&self, map: &Map, guess: Shift) -> Option<PixelBox> {
+        let paint = self.paint.as_ref()?;
+        let (near, _) = map.scan(&paint.filled_at(&self.area.moved(guess, 1.0)), 0.3);
+        let fit = map.align(&near.area, !is_cut(&near.area, self.before.size()));
+        let stands_out = fit.contrast >= PAINT_HELD * paint.contrast;
+        let area = paint.moved_with(&fit.area, &self.area);
+        (stands_out && area.inside(self.before.size()) >= 0.6).then_some(area)
+    }
+
+    /// Where they are at all, if there is one such place only.
+    fn found_by_colour(&self, map: &Map, guess: Shift, reach: f64) -> Option<PixelBox> {
+        let paint = self.paint.as_ref()?;
+        let (place, other) = map.scan(&paint.filled_at(&self.area.moved(guess, 1.0)), reach);
+        let fit = map.align(&place.area, false);
+        let is_alone = fit.contrast - other >= PAINT_MARGIN;
+        let found = is_alone && fit.contrast >= PAINT_FOUND * paint.contrast;
+        let area = paint.moved_with(&fit.area, &self.area);
+        (found && area.inside(self.before.size()) >= 0.7).then_some(area)
+    }
+
+    /// Learns the colours of an image in which the target was recognised.
+    fn repaint(&mut self, colours: &Colours, map: &Map) {
+        let Some(paint) = &mut self.paint else { return };
+        if self.quality != Quality::Good && !self.found {
+            return;
+        }
+        // Found again, its box of colours is where the track has put it.
+        let expected = paint.filled_at(&self.area);
+        paint.filled = map.align(&expected, !is_cut(&expected, self.before.size())).area;
+        paint.last = self.area;
+        if self.quality == Quality::Good {
+            paint.model.learn(colours, &paint.filled);
         }
     }
 
@@ -306,4 +383,33 @@ impl Tracker {
         let seen = places.first().map_or(0.0, |place| place.score);
         self.rival = seen.max(0.9 * self.rival);
     }
+}
+
+impl Paint {
+    fn of(colours: &Colours, area: &PixelBox) -> Option<Self> {
+        let model = Model::of(colours, area)?;
+        let filled = model.map(colours).fit(area);
+        (filled.contrast >= PAINT).then_some(Self { model, filled: filled.area, last: *area, contrast: filled.contrast })
+    }
+
+    /// The target's box if the box of colours has become `filled`.
+    fn moved_with(&self, filled: &PixelBox, target: &PixelBox) -> PixelBox {
+        let scale = filled.width() / self.filled.width();
+        let (from, to, centre) = (self.filled.centre(), filled.centre(), self.last.centre());
+        let place = (to.0 + (centre.0 - from.0) * scale, to.1 + (centre.1 - from.1) * scale);
+        PixelBox::around(place, target.width() * scale, target.height() * scale)
+    }
+
+    /// The box of colours if the target's box has become `area`.
+    fn filled_at(&self, area: &PixelBox) -> PixelBox {
+        let scale = area.width() / self.last.width();
+        let (from, to, centre) = (self.last.centre(), area.centre(), self.filled.centre());
+        let place = (to.0 + (centre.0 - from.0) * scale, to.1 + (centre.1 - from.1) * scale);
+        PixelBox::around(place, self.filled.width() * scale, self.filled.height() * scale)
+    }
+}
+
+/// Whether the left or right edge of an image of this width cuts a box off: its width, which tells its size, is not seen then.
+fn is_cut(area: &PixelBox, (width, _): (u32, u32)) -> bool {
+    area.left < EDGE || area.right > f64::from(width) - EDGE
 }

@@ -4,7 +4,8 @@ use core::hash::Hasher as _;
 
 use fnv::FnvHasher;
 use proptest::prelude::*;
-use spf_media::track::{Grey, PixelBox, Quality, Shift, Tracker};
+use spf_media::Rgb;
+use spf_media::track::{PixelBox, Quality, Shift, Track, TrackImage, Tracker};
 
 /// Width and height of the clips, pixels.
 const SIZE: (u32, u32) = (320, 240);
@@ -151,7 +152,7 @@ impl Clip {
         })
     }
 
-    fn image(&self, image: usize) -> Grey {
+    fn image(&self, image: usize) -> TrackImage {
         let (truth, camera) = (self.truth(image), self.camera(image));
         let cover = self.cover(image);
         let seed = self.seed;
@@ -187,7 +188,7 @@ impl Clip {
                 data.push((value * light + self.noise * grain).clamp(0.0, 255.0) as u8);
             }
         }
-        Grey::from_raw(SIZE.0, SIZE.1, data).unwrap()
+        TrackImage::from_grey(SIZE.0, SIZE.1, data).unwrap()
     }
 
     fn start(&self) -> Tracker {
@@ -321,11 +322,79 @@ fn a_look_alike_is_not_taken_for_the_target() {
 fn a_plain_wall_is_nothing_to_hold_on_to() {
     for noise in [0, 3] {
         let data = (0..SIZE.0 * SIZE.1).map(|at| (120 + hash(9, at as i32, 0) % (noise + 1)) as u8).collect();
-        let wall = Grey::from_raw(SIZE.0, SIZE.1, data).unwrap();
+        let wall = TrackImage::from_grey(SIZE.0, SIZE.1, data).unwrap();
         let mut tracker = Tracker::start(&wall, PixelBox { left: 100.0, top: 80.0, right: 160.0, bottom: 140.0 });
         assert_eq!(tracker.track().quality, Quality::Lost);
         assert_eq!(tracker.next(&wall, None).quality, Quality::Lost);
     }
+}
+
+/// Somebody in plain clothes, two colours, before a lively background of others; the camera turns, and they come nearer.
+struct Plain {
+    /// The colours of shirt and trousers.
+    clothes: [[u8; 3]; 2],
+    growth: f64,
+}
+
+impl Plain {
+    fn truth(&self, image: usize) -> PixelBox {
+        let time = image as f64;
+        let scale = 1.0 + self.growth * time;
+        PixelBox::around((150.0 + 40.0 * libm::sin(0.15 * time), 130.0), 44.0 * scale, 90.0 * scale)
+    }
+
+    fn image(&self, image: usize, hidden: bool) -> TrackImage {
+        let truth = self.truth(image);
+        let mut data = Vec::with_capacity((SIZE.0 * SIZE.1 * 3) as usize);
+        for y in 0..SIZE.1 {
+            for x in 0..SIZE.0 {
+                let (px, py) = (f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let on = px >= truth.left && px < truth.right && py >= truth.top && py < truth.bottom;
+                let colour = if on && !hidden {
+                    self.clothes[usize::from(py > 0.5 * (truth.top + truth.bottom))].map(f64::from)
+                } else {
+                    let (wx, wy) = (px + 3.0 * image as f64 + 900.0, py + 900.0);
+                    let light = 128.0 + 40.0 * pattern(31, wx, wy, 11.0) + 25.0 * pattern(32, wx, wy, 37.0);
+                    [light, light * 0.95, light * 0.85]
+                };
+                let grain = f64::from(hash(0xbeef, (x + image as u32 * 977) as i32, y as i32) & 0xff) / 127.5 - 1.0;
+                data.extend(colour.map(|value| (value + 2.0 * grain).clamp(0.0, 255.0) as u8));
+            }
+        }
+        TrackImage::of(&Rgb::from_raw(SIZE.0, SIZE.1, data).unwrap())
+    }
+}
+
+fn middle(area: &PixelBox) -> PixelBox {
+    PixelBox::around(area.centre(), 0.6 * area.width(), 0.6 * area.height())
+}
+
+/// Inside the clothes there is no corner: in grey such a target is refused at once.
+#[test]
+fn plain_clothes_are_held_by_their_colour() {
+    let person = Plain { clothes: [[40, 130, 60], [40, 130, 60]], growth: 0.01 };
+    let mut tracker = Tracker::start(&person.image(0, false), middle(&person.truth(0)));
+    assert_eq!(tracker.track().quality, Quality::Good);
+    for image in 1..60 {
+        let track = tracker.next(&person.image(image, false), None);
+        let (truth, scale) = (middle(&person.truth(image)), 1.0 + 0.01 * image as f64);
+        assert!(track.quality == Quality::Good && track.area.overlap(&truth) > 0.6, "{image}: {track:?} {truth:?}");
+        assert!((track.scale / scale - 1.0).abs() < 0.12, "{image}: {} for {scale}", track.scale);
+    }
+    // Gone, and back.
+    let mut qualities = (60..75).map(|image| tracker.next(&person.image(image, true), None).quality);
+    assert!(qualities.all(|quality| quality != Quality::Good));
+    assert_eq!(tracker.track().quality, Quality::Lost);
+    let back = (75..85).map(|image| tracker.next(&person.image(image, false), None)).last().unwrap();
+    assert!(back.quality == Quality::Good && back.area.overlap(&middle(&person.truth(84))) > 0.5, "{back:?}");
+}
+
+/// The colours of the background tell nothing.
+#[test]
+fn a_target_without_colours_of_its_own_is_refused_as_in_grey() {
+    let person = Plain { clothes: [[128, 122, 109], [128, 122, 109]], growth: 0.0 };
+    let tracker = Tracker::start(&person.image(0, false), middle(&person.truth(0)));
+    assert_eq!(tracker.track().quality, Quality::Lost);
 }
 
 #[test]
@@ -340,22 +409,31 @@ fn a_box_under_twelve_pixels_is_no_track() {
     }
 }
 
-/// The bits of boxes, scales and qualities of three clips, which are the same on every machine.
+/// The bits of boxes, scales and qualities, which are the same on every machine.
+fn digest(tracks: impl Iterator<Item = Track>) -> String {
+    let mut hasher = FnvHasher::default();
+    for track in tracks {
+        let PixelBox { left, top, right, bottom } = track.area;
+        for value in [left, top, right, bottom, track.scale] {
+            hasher.write_u64(value.to_bits());
+        }
+        hasher.write(track.quality.word().as_bytes());
+    }
+    format!("{:016x}", hasher.finish())
+}
+
 #[test]
 fn tracks_are_the_same_everywhere() {
-    let mut hasher = FnvHasher::default();
-    for clip in [seeded(Kind::Zoom, 2), seeded(Kind::Hidden, 1), seeded(Kind::Walker, 1)] {
+    let clips = [seeded(Kind::Zoom, 2), seeded(Kind::Hidden, 1), seeded(Kind::Walker, 1)];
+    let tracks = clips.iter().flat_map(|clip| {
         let mut tracker = clip.start();
-        for image in 1..50 {
-            let track = tracker.next(&clip.image(image), clip.predicted(image));
-            let PixelBox { left, top, right, bottom } = track.area;
-            for value in [left, top, right, bottom, track.scale] {
-                hasher.write_u64(value.to_bits());
-            }
-            hasher.write(track.quality.word().as_bytes());
-        }
-    }
-    assert_eq!(format!("{:016x}", hasher.finish()), "7d30e7051c7254e8");
+        (1..50).map(move |image| tracker.next(&clip.image(image), clip.predicted(image)))
+    });
+    assert_eq!(digest(tracks), "7d30e7051c7254e8");
+    let person = Plain { clothes: [[40, 130, 60], [50, 60, 120]], growth: 0.01 };
+    let mut tracker = Tracker::start(&person.image(0, false), middle(&person.truth(0)));
+    let tracks = (1..50).map(|image| tracker.next(&person.image(image, (20..30).contains(&image)), None));
+    assert_eq!(digest(tracks), "3f5c0848c7357620");
 }
 
 proptest! {
@@ -370,8 +448,13 @@ proptest! {
         (x, y) in (-200.0_f64..200.0, -200.0_f64..200.0),
     ) {
         let image = |number: u32| {
-            let data = (0..width * height).map(|at| hash(seed ^ number, at as i32 / 3, 1) as u8).collect();
-            Grey::from_raw(width, height, data).unwrap()
+            let length = width * height * if seed % 2 == 0 { 1 } else { 3 };
+            let data = (0..length).map(|at| hash(seed ^ number, at as i32 / 9, 1) as u8).collect();
+            if seed % 2 == 0 {
+                TrackImage::from_grey(width, height, data).unwrap()
+            } else {
+                TrackImage::of(&Rgb::from_raw(width, height, data).unwrap())
+            }
         };
         let [left, top, right, bottom] = edges;
         let mut tracker = Tracker::start(&image(0), PixelBox { left: odd.unwrap_or(left), top, right, bottom });
@@ -382,7 +465,7 @@ proptest! {
         }
         // An image of another size changes nothing.
         let before = format!("{:?}", tracker.track());
-        let other = Grey::from_raw(width + 1, 1, vec![0; width as usize + 1]).unwrap();
+        let other = TrackImage::from_grey(width + 1, 1, vec![0; width as usize + 1]).unwrap();
         prop_assert_eq!(before, format!("{:?}", tracker.next(&other, None)));
     }
 
@@ -393,7 +476,7 @@ proptest! {
                 let place = (f64::from(at % SIZE.0) - dx + 300.0, f64::from(at / SIZE.0) - dy + 300.0);
                 (128.0 + 70.0 * pattern(seed, place.0, place.1, 9.0)) as u8
             };
-            Grey::from_raw(SIZE.0, SIZE.1, (0..SIZE.0 * SIZE.1).map(value).collect()).unwrap()
+            TrackImage::from_grey(SIZE.0, SIZE.1, (0..SIZE.0 * SIZE.1).map(value).collect()).unwrap()
         };
         let area = PixelBox { left: 120.0, top: 90.0, right: 180.0, bottom: 140.0 };
         let mut tracker = Tracker::start(&image(0.0, 0.0), area);

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_media::Rgb;
-use spf_media::track::{Grey, PixelBox, Quality, Shift, Tracker};
+use spf_media::track::{PixelBox, Quality, Shift, TrackImage, Tracker};
 use spf_render::{Channels, Renderer};
-use spf_scene::Scene;
+use spf_scene::{Aabb, Scene};
 
 use crate::streets::STREETS;
 
@@ -49,6 +49,95 @@ struct Tally {
     images: u32,
     good: u32,
     false_good: u32,
+    /// Of the good images of people: how far the scale is off, as a logarithm.
+    scale_errors: Vec<f64>,
+}
+
+/// A flight past a person: from `range` metres away, on the bearing `side`, ten images a second. The craft flies sideways, to and
+/// fro, and nearer, and keeps the person in view; so the background moves otherwise than they do.
+fn past(person: &Aabb, range: f64, side: f64, image: u32) -> Pose {
+    let middle = person.min.towards(person.max, 0.5);
+    let time = 0.1 * f64::from(image);
+    let bearing = side + 0.25 * libm::sin(0.5 * time);
+    let range = range * (1.0 - 0.25 * libm::sin(0.4 * time));
+    let [east, north] = [middle.east + range * libm::sin(bearing), middle.north + range * libm::cos(bearing)];
+    let position = EnuPosition { east, north, up: person.min.up + 1.3 };
+    let heading = bearing + core::f64::consts::PI + 0.12 * libm::sin(1.3 * time);
+    Pose { position, attitude: Attitude { heading, ..Attitude::default() } }
+}
+
+/// Follows the people of a scene, by the middle of their boxes.
+fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
+    let camera = camera();
+    let channels = Channels { ids: true, ..Channels::RGB };
+    let persons = scene.objects.iter().filter(|object| object.tags.names.iter().any(|name| name == "person"));
+    for (person, range, side) in persons
+        .flat_map(|person| [2.0, 3.5, 6.0].map(|range| (person, range)))
+        .flat_map(|(person, range)| [0.0, 1.6, 3.1, 4.7].map(|side| (person, range, side)))
+    {
+        let mut tracker: Option<Tracker> = None;
+        let (mut good, mut wrong, mut last) = (0, 0, "");
+        for image in 0..images {
+            let pose = past(&person.bounds, range, side, image);
+            let rendered = renderer.render(&camera, &pose, channels);
+            let truth = boxes(&rendered.ids.unwrap(), 480).get(&person.id).copied();
+            let image_of = |rgb: Vec<u8>| {
+                if std::env::var_os("GREY").is_some() {
+                    let grey = rgb
+                        .chunks_exact(3)
+                        .map(|p| ((77 * u32::from(p[0]) + 150 * u32::from(p[1]) + 29 * u32::from(p[2]) + 128) >> 8) as u8);
+                    return TrackImage::from_grey(480, 360, grey.collect()).unwrap();
+                }
+                TrackImage::of(&Rgb::from_raw(480, 360, rgb).unwrap())
+            };
+            let grey = image_of(rendered.rgb.unwrap());
+            let inner = |area: &PixelBox| PixelBox::around(area.centre(), 0.6 * area.width(), 0.6 * area.height());
+            let Some(tracker) = &mut tracker else {
+                let Some((area, pixels)) = truth else { break };
+                // Standing free in view.
+                if pixels < 0.3 * area.width() * area.height()
+                    || area.height() < 0.3 * 360.0 / range
+                    || area.left < 4.0
+                    || area.right > 476.0
+                {
+                    break;
+                }
+                let begun = Tracker::start(&grey, inner(&area));
+                tally.targets += 1;
+                tally.refused += u32::from(begun.track().quality != Quality::Good);
+                tracker = Some(begun);
+                continue;
+            };
+            let before = past(&person.bounds, range, side, image - 1).attitude.heading;
+            let turned = pose.attitude.heading - before;
+            let track = tracker.next(&grey, Some(Shift { x: -camera.fx * turned, y: 0.0 }));
+            let on = truth.is_some_and(|(area, _)| {
+                area.overlap(&PixelBox::around(track.area.centre(), track.area.width() / 0.6, track.area.height() / 0.6)) >= 0.5
+            });
+            let is_good = track.quality == Quality::Good;
+            tally.images += 1;
+            tally.good += u32::from(is_good);
+            tally.false_good += u32::from(is_good && !on);
+            if is_good {
+                let distance = |image| {
+                    past(&person.bounds, range, side, image)
+                        .position
+                        .horizontal_distance(person.bounds.min.towards(person.bounds.max, 0.5))
+                };
+                tally.scale_errors.push(libm::log(track.scale * distance(image) / distance(0)).abs());
+            }
+            good += u32::from(is_good);
+            wrong += u32::from(is_good && !on);
+            last = track.quality.word();
+            if image + 1 == images && truth.is_some() {
+                tally.in_view += 1;
+                tally.bridged += u32::from(is_good && on);
+            }
+        }
+        if std::env::var_os("EACH").is_some() && tracker.is_some() {
+            println!("  {} {range} m {side}: good {good} of {}, wrong {wrong}, at the end {last}", person.key, images - 1);
+        }
+    }
 }
 
 /// Follows every object that is well in view at the start of a flight.
@@ -59,7 +148,7 @@ fn flight(renderer: &Renderer, start: [f64; 4], images: u32, tally: &mut Tally) 
     for image in 0..images {
         let rendered = renderer.render(&camera, &pose(start, image), channels);
         let truth = boxes(&rendered.ids.unwrap(), 480);
-        let grey = Grey::of(&Rgb::from_raw(480, 360, rendered.rgb.unwrap()).unwrap());
+        let grey = TrackImage::of(&Rgb::from_raw(480, 360, rendered.rgb.unwrap()).unwrap());
         if image == 0 {
             for (id, (area, pixels)) in &truth {
                 let inside = area.left > 4.0 && area.top > 4.0 && area.right < 476.0 && area.bottom < 356.0;
@@ -127,4 +216,33 @@ fn figures() {
     let share = |part: u32, of: u32| 100.0 * f64::from(part) / f64::from(of.max(1));
     println!("false good: {:.2} % of {} images", share(tally.false_good, tally.images), tally.images);
     println!("bridged: {:.0} % of {} targets in view at the end", share(tally.bridged, tally.in_view), tally.in_view);
+}
+
+/// The same for people, who are near and plainly dressed:
+/// `SCENES="office yard park city" IMAGES=80 cargo test -p spf-render --test it -- --ignored track::people --nocapture`; with
+/// `GREY=1` without their colours, with `EACH=1` person by person.
+#[test]
+#[ignore = "prints figures; takes a minute"]
+fn people_are_followed() {
+    let scenes = std::env::var("SCENES").unwrap_or_else(|_| "yard".to_owned());
+    let images = std::env::var("IMAGES").map_or(24, |images| images.parse().unwrap());
+    for name in scenes.split(' ') {
+        let scene = Scene::load(name).unwrap();
+        let renderer = Renderer::new(&scene.geometry);
+        let mut tally = Tally::default();
+        people(&scene, &renderer, images, &mut tally);
+        let share = |part: u32, of: u32| 100.0 * f64::from(part) / f64::from(of.max(1));
+        tally.scale_errors.sort_by(f64::total_cmp);
+        let count = tally.scale_errors.len() as f64;
+        let quantile = |part: f64| tally.scale_errors.get((part * count) as usize).copied().unwrap_or(0.0);
+        println!("{name}: scale off by {:.3} (half), {:.3} (one in ten)", quantile(0.5), quantile(0.9));
+        let (good, off) = (share(tally.good, tally.images), share(tally.false_good, tally.good));
+        println!(
+            "{name}: {} targets, {} refused; good in {good:.0} % of {} images, of these {off:.1} % off",
+            tally.targets, tally.refused, tally.images
+        );
+        let bridged = share(tally.bridged, tally.in_view);
+        println!("{name}: {bridged:.0} % of {} on the target at the end", tally.in_view);
+        assert!(tally.targets > 10 && good > 75.0 && off < 10.0 && bridged > 70.0, "{name}: {tally:?}");
+    }
 }
