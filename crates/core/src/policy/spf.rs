@@ -6,7 +6,6 @@ use crate::avoid::{BODY_MARGIN, ObstacleMemory, PathShape};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
-use crate::geometry::EnuPosition;
 use crate::grounding::GroundingProfile;
 use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
@@ -104,8 +103,6 @@ pub struct Spf {
     blocked: u32,
     /// Steps back from a person in a row.
     retreats: u32,
-    /// Where the last one began.
-    retreated_from: Option<EnuPosition>,
     /// The obstacles reported in the last seconds.
     reported: Vec<Report>,
     /// Those of them that a later reply may have left out.
@@ -162,7 +159,6 @@ impl Spf {
             confirming: false,
             blocked: 0,
             retreats: 0,
-            retreated_from: None,
             reported: Vec::new(),
             obstacles: ObstacleMemory::default(),
             turned_first: None,

@@ -64,11 +64,22 @@ impl Colours {
         Self { width, height, block, bins }
     }
 
+    /// How often each colour shows in the image, of [`WHOLE`].
+    pub(super) fn shares(&self) -> Vec<u32> {
+        histogram(self, [0, 0, self.width, self.height], None).unwrap_or_else(|| vec![0; BINS])
+    }
+
     /// A box in blocks, within the image: left, top, right, bottom.
     fn cells(&self, area: &PixelBox) -> [usize; 4] {
         let to = |place: f64, most: usize| ((place / f64::from(self.block)).round().max(0.0) as usize).min(most);
         [to(area.left, self.width), to(area.top, self.height), to(area.right, self.width), to(area.bottom, self.height)]
     }
+}
+
+/// The part of two images' colours that both have, 0 to 1.
+pub(super) fn in_common(one: &[u32], other: &[u32]) -> f64 {
+    let both: u32 = one.iter().zip(other).map(|(one, other)| one.min(other)).sum();
+    f64::from(both) / f64::from(WHOLE)
 }
 
 fn bin([red, green, blue]: [i32; 3]) -> u16 {

@@ -34,7 +34,7 @@ mod template;
 pub use area::{PixelBox, Shift};
 pub use image::TrackImage;
 
-use colour::{Colours, Map, Model};
+use colour::{Colours, Map, Model, in_common};
 use grey::Pyramid;
 use template::{Match, Template};
 
@@ -73,6 +73,8 @@ const PAINT_HELD: f64 = 0.6;
 const PAINT_FOUND: f64 = 0.75;
 /// How much more it must be than at the next best place.
 const PAINT_MARGIN: f64 = 0.2;
+/// How much of their colours two successive images of the same place have in common.
+const SAME_PLACE: f64 = 0.6;
 /// A box that ends this near to the image's edge is cut off there, pixels.
 const EDGE: f64 = 5.0;
 /// Images between two looks around for look-alikes.
@@ -151,6 +153,8 @@ struct Paint {
     last: PixelBox,
     /// How much the box of colours stood out in the first image.
     contrast: f64,
+    /// The colours of the whole last image.
+    image: Vec<u32>,
 }
 
 impl Tracker {
@@ -214,6 +218,7 @@ impl Tracker {
         self.count = self.count.wrapping_add(1);
         let turned = predicted.filter(|shift| shift.x.is_finite() && shift.y.is_finite()).unwrap_or_default();
         let guess = Shift { x: turned.x + self.velocity.x, y: turned.y + self.velocity.y };
+        self.expect_the_same_place(image.colours.as_ref());
         let map = image.colours.as_ref().zip(self.paint.as_ref()).map(|(colours, paint)| paint.model.map(colours));
         if self.missing == 0 || self.found {
             self.keep_hold(&now, map.as_ref(), guess, turned);
@@ -307,6 +312,17 @@ impl Tracker {
         (found && best.area.inside(now.size()) >= 0.7).then_some(best.area)
     }
 
+    /// Gives the colours up where a film cuts to another place: something there may well have them.
+    fn expect_the_same_place(&mut self, colours: Option<&Colours>) {
+        let (Some(paint), Some(colours)) = (&mut self.paint, colours) else { return };
+        let image = colours.shares();
+        if in_common(&paint.image, &image) < SAME_PLACE {
+            self.paint = None;
+        } else {
+            paint.image = image;
+        }
+    }
+
     /// Where the target's colours are, near where it is expected.
     fn by_colour(&self, map: &Map, guess: Shift) -> Option<PixelBox> {
         let paint = self.paint.as_ref()?;
@@ -389,7 +405,13 @@ impl Paint {
     fn of(colours: &Colours, area: &PixelBox) -> Option<Self> {
         let model = Model::of(colours, area)?;
         let filled = model.map(colours).fit(area);
-        (filled.contrast >= PAINT).then_some(Self { model, filled: filled.area, last: *area, contrast: filled.contrast })
+        (filled.contrast >= PAINT).then(|| Self {
+            model,
+            filled: filled.area,
+            last: *area,
+            contrast: filled.contrast,
+            image: colours.shares(),
+        })
     }
 
     /// The target's box if the box of colours has become `filled`.

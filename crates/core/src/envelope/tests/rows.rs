@@ -479,6 +479,8 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../pilot/tests/unseen.rs"),
         include_str!("../../policy/search.rs"),
         include_str!("../../policy/spf/tests.rs"),
+        include_str!("../../policy/spf/aside/tests.rs"),
+        include_str!("../../following/tests.rs"),
         include_str!("../../avoid/tests.rs"),
         include_str!("../../avoid/vertical.rs"),
         include_str!("../../../../baselines/src/pivot/tests.rs"),

@@ -3,6 +3,7 @@
 use super::report::Report;
 use super::{OpenQuery, Spf};
 use crate::avoid::{Sighting, is_person, same_name};
+use crate::geometry::wrap_angle;
 use crate::policy::{Step, View};
 use crate::query::{ImageBox, ImagePoint};
 use crate::reply::{ObstacleBox, Reply, Status};
@@ -16,8 +17,8 @@ const APPROACHES: f64 = 0.4;
 const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
 /// Number of times in a row that the craft backs off; after that it holds.
 const RETREATS: u32 = 4;
-/// A craft that has moved less than this since it last backed off has no room for it, metres.
-const MOVED: f64 = 0.2;
+/// A person whose direction changes by more than this between two answers does not stand there, radians: 6°.
+const ASIDE: f64 = 6.0 / 180.0 * core::f64::consts::PI;
 /// A box within this fraction of the image from an edge is cut off there.
 const CUT: f64 = 0.01;
 
@@ -32,13 +33,10 @@ impl Spf {
             self.retreats = 0;
             return None;
         }
-        let at = open_query.view.pose.position;
-        let has_no_room = self.retreated_from.is_some_and(|from| from.distance(at) < MOVED) && !self.guidance.is_off();
         self.retreats += 1;
-        if self.retreats > RETREATS || (self.retreats > 1 && has_no_room) {
+        if self.retreats > RETREATS {
             return None;
         }
-        self.retreated_from = Some(at);
         self.confirming = false;
         self.turned_first = None;
         Some(self.back_off(open_query, "backs off from a person who comes nearer"))
@@ -61,13 +59,18 @@ fn is_ahead(view: &View, person: &ObstacleBox) -> bool {
     libm::atan(view.camera.ray(middle).right).abs() < AHEAD
 }
 
-/// Whether a person whom an earlier reply listed has not come nearer by themselves: their box has grown no more than the
-/// craft's own motion explains.
+/// Whether a person whom an earlier reply listed stands there: they are where they were, and their box has grown no more than
+/// the craft's own motion explains.
 fn stands(report: &Report, view: &View, person: &ObstacleBox) -> bool {
     let then = report.view();
     let Some(before) = report.boxes().iter().find(|other| same_name(&other.name, &person.name)) else { return false };
     let elapsed = view.frame.captured.since(then.frame.captured).as_secs_f64();
     let place = Sighting::new(&then.camera, then.pose, before.area, before.depth).middle();
+    let now = Sighting::new(&view.camera, view.pose, person.area, person.depth).middle();
+    let at = view.pose.position;
+    if wrap_angle(at.bearing_to(now) - at.bearing_to(place)).abs() > ASIDE {
+        return false;
+    }
     let (range_then, range_now) = (place.distance(then.pose.position), place.distance(view.pose.position));
     let ([wide_then, tall_then], [wide_now, tall_now]) = (sizes(before.area), sizes(person.area));
     // A size is known only of a box that the image holds; of a person who bends or turns the height changes less.

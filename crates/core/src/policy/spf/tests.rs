@@ -256,15 +256,15 @@ fn persons(labels: &[u8], left: u32, target: &str) -> Vec<bool> {
 }
 
 fn persons_while(status: &str, labels: &[u8], left: u32) -> Vec<bool> {
-    guided_persons_while(Guidance::default(), status, labels, left, 0)
+    guided_persons_while(Guidance::default(), status, labels, left, [0; 2])
 }
 
-/// The same with guidance, and with a box that grows from answer to answer, in thousandths of the image.
-fn guided_persons_while(guidance: Guidance, status: &str, labels: &[u8], left: u32, grows: u32) -> Vec<bool> {
+/// The same with guidance, and with a box that grows and goes to the right from answer to answer, in thousandths of the image.
+fn guided_persons_while(guidance: Guidance, status: &str, labels: &[u8], left: u32, [grows, crosses]: [u32; 2]) -> Vec<bool> {
     let mut spf = policy_by_reply(true).with_guidance(guidance);
     let mut backs_off = |(frame, depth): (usize, &u8)| {
-        let more = grows * frame as u32;
-        let (top, bottom, right) = (300 - 2 * more, 900 + more / 2, left + 200 + more);
+        let (more, left) = (grows * frame as u32, left + crosses * frame as u32);
+        let (top, bottom, left, right) = (400 - 2 * more, 900 + more / 2, left - more, left + 200 + more);
         let answer = format!(r#"{{{status},"boxes":[{{"box":[{top},{left},{bottom},{right}],"depth":{depth},"name":"man"}}]}}"#);
         let mut view = view(frame as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
@@ -283,12 +283,13 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
     assert_eq!(persons(&[2, 2, 2], 400, "crane"), [false; 3]);
     // Within 1 m whatever they do, but not for ever.
     assert_eq!(persons(&[1; 6], 400, "crane"), [true, true, true, true, false, false]);
-    // One who stands there is known after two answers, if the pilot keeps more than this answer; so is that there is no room.
+    // One who stands there is known after two answers, if the pilot keeps more than this answer; not one who comes nearer, or
+    // crosses before the craft.
     let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
     let navigating = r#""status":"navigating","point":[500,500],"depth":7,"target":"crane""#;
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 4], 400, 0), [true, false, false, false]);
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 400, 60), [true, false, false], "it has not moved");
-    assert_eq!(guided_persons_while(guidance, navigating, &[3, 2, 1], 400, 60), [false, true, false], "nor now");
+    assert_eq!(guided_persons_while(guidance, navigating, &[1; 4], 400, [0; 2]), [true, false, false, false]);
+    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 400, [100, 0]), [true; 3]);
+    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 300, [0, 100]), [true; 3]);
     // Who walks past, and who is flown to.
     assert_eq!(persons(&[4, 3, 2], 0, "crane"), [false; 3]);
     assert_eq!(persons(&[4, 3, 2], 400, "man"), [false; 3]);
