@@ -53,7 +53,7 @@ const EDGE: f64 = 0.02;
 /// A box thinner than this fraction of the image is taken to be this thick.
 const MIN_BOX: f64 = 0.002;
 /// A side of a box within this fraction of the image from an edge is cut off there: the object extends beyond the image.
-const CUT: f64 = 0.01;
+pub(crate) const CUT: f64 = 0.01;
 /// Tangent of the angle from the optical axis up to which an object that is cut off extends: 79°.
 const BEYOND: f64 = 5.0;
 /// Minimum lateral distance per metre forward for a path to count as leading along an edge: 14°.

@@ -67,15 +67,15 @@ fn encode_jpeg(bencher: Bencher<'_, '_>, (width, height, quality): (u32, u32, u8
     bencher.bench(|| Jpeg::encode(black_box(&image), quality));
 }
 
-/// Grey images in which the scene moves by a few pixels each, there and back.
-fn grey_images() -> Vec<TrackImage> {
+/// Images in which the scene moves by a few pixels each, there and back.
+fn moving_images() -> Vec<TrackImage> {
     (0..20_u32).map(|number| TrackImage::of(&scene(480, 360, number.min(20 - number)))).collect()
 }
 
 /// A box that is held: side in pixels.
 #[divan::bench(args = [24, 64, 160])]
 fn track_480x360(bencher: Bencher<'_, '_>, side: u32) {
-    let images = grey_images();
+    let images = moving_images();
     let side = f64::from(side);
     let area = PixelBox { left: 240.0 - side / 2.0, top: 230.0 - side, right: 240.0 + side / 2.0, bottom: 230.0 };
     let mut tracker = Tracker::start(&images[0], area);
@@ -91,7 +91,7 @@ fn track_480x360(bencher: Bencher<'_, '_>, side: u32) {
 /// A box whose target is gone and is searched for in every image: side in pixels.
 #[divan::bench(args = [24, 64, 160])]
 fn search_480x360(bencher: Bencher<'_, '_>, side: u32) {
-    let images = grey_images();
+    let images = moving_images();
     let side = f64::from(side);
     let area = PixelBox { left: 240.0 - side / 2.0, top: 230.0 - side, right: 240.0 + side / 2.0, bottom: 230.0 };
     let mut tracker = Tracker::start(&images[0], area);
@@ -103,7 +103,7 @@ fn search_480x360(bencher: Bencher<'_, '_>, side: u32) {
 }
 
 #[divan::bench]
-fn grey_from_480x360(bencher: Bencher<'_, '_>) {
+fn track_image_from_480x360(bencher: Bencher<'_, '_>) {
     let image = scene(480, 360, 0);
     bencher.bench(|| TrackImage::of(black_box(&image)));
 }

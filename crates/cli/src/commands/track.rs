@@ -172,8 +172,8 @@ impl Run<'_> {
         self.due = (self.due + step).max(frame.at + 0.5 * step);
         let size = (frame.image.width(), frame.image.height());
         if let Some(began) = &mut self.began {
-            let grey = TrackImage::of(&resize(&frame.image, began.working.0, began.working.1));
-            began.tracker.next(&grey, None);
+            let image = TrackImage::of(&resize(&frame.image, began.working.0, began.working.1));
+            began.tracker.next(&image, None);
             began.last = frame.at;
         } else {
             self.began = Some(self.begin(frame, size)?);
@@ -207,8 +207,8 @@ impl Run<'_> {
         let working = fitted(size, WORKING_SIDE);
         let scale = (f64::from(working.0) / f64::from(width), f64::from(working.1) / f64::from(height));
         let area = area.in_image_scaled(scale.0, scale.1);
-        let grey = TrackImage::of(&resize(&frame.image, working.0, working.1));
-        let tracker = Tracker::start(&grey, area);
+        let image = TrackImage::of(&resize(&frame.image, working.0, working.1));
+        let tracker = Tracker::start(&image, area);
         match tracker.track().quality {
             Quality::TooSmall => {
                 let (wide, high) = (SMALLEST / scale.0, SMALLEST / scale.1);

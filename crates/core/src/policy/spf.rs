@@ -369,7 +369,7 @@ impl Spf {
     fn navigate(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         if let (None, Some(degrees)) = (reply.point, reply.turn_deg) {
-            return self.turn(open_query, degrees);
+            return self.turn(open_query, degrees.to_radians());
         }
         let (Some(point), Some(label)) = (reply.point, reply.label()) else {
             // The parser refuses such replies; a policy must not rely on that alone.

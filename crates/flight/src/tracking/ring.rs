@@ -27,7 +27,7 @@ struct Kept {
 #[derive(Clone)]
 enum Picture {
     Photo(Photo),
-    Grey(Image),
+    Converted(Image),
 }
 
 /// Frames in the order of their capture, and those about which queries were sent.
@@ -81,7 +81,7 @@ impl Ring {
         let Self { size, frames, asked, scaler } = self;
         let pictures = frames.iter_mut().filter_map(|kept| kept.picture.as_mut());
         for picture in pictures.chain(asked.iter_mut().map(|(_, picture)| picture)) {
-            picture.grey(*size, scaler);
+            picture.converted(*size, scaler);
         }
     }
 
@@ -90,7 +90,7 @@ impl Ring {
         let Self { size, frames, asked, scaler } = self;
         let kept = frames.iter_mut().find(|kept| kept.meta.id == id).and_then(|kept| Some((kept.meta, kept.picture.as_mut()?)));
         let (meta, picture) = kept.or_else(|| asked.iter_mut().find(|(meta, _)| meta.id == id).map(|(meta, of)| (*meta, of)))?;
-        Some((meta, picture.grey(*size, scaler)))
+        Some((meta, picture.converted(*size, scaler)))
     }
 
     /// The newest frame that is tracked in.
@@ -113,15 +113,15 @@ impl Ring {
 }
 
 impl Picture {
-    /// The image in grey, which is kept in place of the photo.
-    fn grey(&mut self, (width, height): (u32, u32), scaler: &mut Scaler) -> Image {
+    /// The image to track in, which is kept in place of the photo.
+    fn converted(&mut self, (width, height): (u32, u32), scaler: &mut Scaler) -> Image {
         match self {
-            Self::Grey(image) => image.clone(),
+            Self::Converted(image) => image.clone(),
             Self::Photo(photo) => {
                 let colours = photo.at((width, height), scaler);
                 let image = Arc::new(TrackImage::of(&colours));
                 scaler.reuse(colours);
-                *self = Self::Grey(image.clone());
+                *self = Self::Converted(image.clone());
                 image
             }
         }

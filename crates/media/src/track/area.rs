@@ -75,6 +75,14 @@ impl PixelBox {
         Self::around((x + shift.x, y + shift.y), self.width() * scale, self.height() * scale)
     }
 
+    /// This box, carried along as another one moves and grows, by its width, from `from` to `to`.
+    pub(super) fn carried(&self, from: &Self, to: &Self) -> Self {
+        let scale = to.width() / from.width();
+        let (start, end, centre) = (from.centre(), to.centre(), self.centre());
+        let place = (end.0 + (centre.0 - start.0) * scale, end.1 + (centre.1 - start.1) * scale);
+        Self::around(place, self.width() * scale, self.height() * scale)
+    }
+
     /// The share of the box inside an image of this size.
     pub(super) fn inside(&self, (width, height): (u32, u32)) -> f64 {
         let across = self.right.min(f64::from(width)) - self.left.max(0.0);

@@ -329,7 +329,7 @@ impl Tracker {
         let (near, _) = map.scan(&paint.filled_at(&self.area.moved(guess, 1.0)), 0.3);
         let fit = map.align(&near.area, !is_cut(&near.area, self.before.size()));
         let stands_out = fit.contrast >= PAINT_HELD * paint.contrast;
-        let area = paint.moved_with(&fit.area, &self.area);
+        let area = paint.target_at(&fit.area);
         (stands_out && area.inside(self.before.size()) >= 0.6).then_some(area)
     }
 
@@ -340,7 +340,7 @@ impl Tracker {
         let fit = map.align(&place.area, false);
         let is_alone = fit.contrast - other >= PAINT_MARGIN;
         let found = is_alone && fit.contrast >= PAINT_FOUND * paint.contrast;
-        let area = paint.moved_with(&fit.area, &self.area);
+        let area = paint.target_at(&fit.area);
         (found && area.inside(self.before.size()) >= 0.7).then_some(area)
     }
 
@@ -415,19 +415,13 @@ impl Paint {
     }
 
     /// The target's box if the box of colours has become `filled`.
-    fn moved_with(&self, filled: &PixelBox, target: &PixelBox) -> PixelBox {
-        let scale = filled.width() / self.filled.width();
-        let (from, to, centre) = (self.filled.centre(), filled.centre(), self.last.centre());
-        let place = (to.0 + (centre.0 - from.0) * scale, to.1 + (centre.1 - from.1) * scale);
-        PixelBox::around(place, target.width() * scale, target.height() * scale)
+    fn target_at(&self, filled: &PixelBox) -> PixelBox {
+        self.last.carried(&self.filled, filled)
     }
 
     /// The box of colours if the target's box has become `area`.
     fn filled_at(&self, area: &PixelBox) -> PixelBox {
-        let scale = area.width() / self.last.width();
-        let (from, to, centre) = (self.last.centre(), area.centre(), self.filled.centre());
-        let place = (to.0 + (centre.0 - from.0) * scale, to.1 + (centre.1 - from.1) * scale);
-        PixelBox::around(place, self.filled.width() * scale, self.filled.height() * scale)
+        self.filled.carried(&self.last, area)
     }
 }
 

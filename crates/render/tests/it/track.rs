@@ -90,7 +90,7 @@ fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
                 }
                 TrackImage::of(&Rgb::from_raw(480, 360, rgb).unwrap())
             };
-            let grey = image_of(rendered.rgb.unwrap());
+            let shown = image_of(rendered.rgb.unwrap());
             let inner = |area: &PixelBox| PixelBox::around(area.centre(), 0.6 * area.width(), 0.6 * area.height());
             let Some(tracker) = &mut tracker else {
                 let Some((area, pixels)) = truth else { break };
@@ -102,7 +102,7 @@ fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
                 {
                     break;
                 }
-                let begun = Tracker::start(&grey, inner(&area));
+                let begun = Tracker::start(&shown, inner(&area));
                 tally.targets += 1;
                 tally.refused += u32::from(begun.track().quality != Quality::Good);
                 tracker = Some(begun);
@@ -110,7 +110,7 @@ fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
             };
             let before = past(&person.bounds, range, side, image - 1).attitude.heading;
             let turned = pose.attitude.heading - before;
-            let track = tracker.next(&grey, Some(Shift { x: -camera.fx * turned, y: 0.0 }));
+            let track = tracker.next(&shown, Some(Shift { x: -camera.fx * turned, y: 0.0 }));
             let on = truth.is_some_and(|(area, _)| {
                 area.overlap(&PixelBox::around(track.area.centre(), track.area.width() / 0.6, track.area.height() / 0.6)) >= 0.5
             });
@@ -148,12 +148,12 @@ fn flight(renderer: &Renderer, start: [f64; 4], images: u32, tally: &mut Tally) 
     for image in 0..images {
         let rendered = renderer.render(&camera, &pose(start, image), channels);
         let truth = boxes(&rendered.ids.unwrap(), 480);
-        let grey = TrackImage::of(&Rgb::from_raw(480, 360, rendered.rgb.unwrap()).unwrap());
+        let shown = TrackImage::of(&Rgb::from_raw(480, 360, rendered.rgb.unwrap()).unwrap());
         if image == 0 {
             for (id, (area, pixels)) in &truth {
                 let inside = area.left > 4.0 && area.top > 4.0 && area.right < 476.0 && area.bottom < 356.0;
                 if inside && area.side() >= 24.0 && area.width() < 200.0 && *pixels > 0.4 * area.width() * area.height() {
-                    let tracker = Tracker::start(&grey, *area);
+                    let tracker = Tracker::start(&shown, *area);
                     tally.targets += 1;
                     if tracker.track().quality == Quality::Good {
                         tracked.push((*id, tracker));
@@ -166,7 +166,7 @@ fn flight(renderer: &Renderer, start: [f64; 4], images: u32, tally: &mut Tally) 
         }
         let turned = pose(start, image).attitude.heading - pose(start, image - 1).attitude.heading;
         for (id, tracker) in &mut tracked {
-            let track = tracker.next(&grey, Some(Shift { x: -camera.fx * turned, y: 0.0 }));
+            let track = tracker.next(&shown, Some(Shift { x: -camera.fx * turned, y: 0.0 }));
             // A target that is partly hidden has a smaller box than the track: strict on the tracker.
             let on = truth.get(id).is_some_and(|(area, _)| area.overlap(&track.area) >= 0.5);
             let good = track.quality == Quality::Good;

@@ -4,9 +4,10 @@
 use core::f64::consts::PI;
 
 use super::{OpenQuery, Spf};
-use crate::avoid::{self, Avoidance, BODY_MARGIN, PlannedStep, Side};
-use crate::geometry::{EnuPosition, wrap_angle};
-use crate::lift::{Lifting, lift, range_of_label, unproject};
+use crate::avoid::{self, Avoidance, Side};
+use crate::following::Direction;
+use crate::geometry::{BodyDisplacement, EnuPosition, wrap_angle};
+use crate::lift::{Lifting, lift, project_displacement, range_of_label, unproject};
 use crate::policy::{Move, Step, View};
 use crate::primitives::Primitives;
 use crate::query::ImagePoint;
@@ -72,7 +73,7 @@ impl Spf {
         }
         let first = *self.aside.first.get_or_insert_with(|| self.detour.side().unwrap_or_else(|| roomier(&reply.boxes, point)));
         let side = if self.aside.attempts < ON_ONE_SIDE { first } else { opposite(first) };
-        let target = place_of(&view, point, range_of_label(label))?;
+        let target = Direction::of_point(&view.camera, view.pose, point).place(view.pose.position, range_of_label(label));
         Some(self.turn_aside(open_query, side, false, target))
     }
 
@@ -84,13 +85,7 @@ impl Spf {
         self.reading.actions.push(format!("looks for a way around on the {name}: the path is blocked"));
         let from = open_query.view.pose;
         let to = from.position.bearing_to(target) + if side == Side::Left { -TURN } else { TURN };
-        self.turn_by(open_query, wrap_angle(to - from.attitude.heading))
-    }
-
-    fn turn_by(&mut self, open_query: OpenQuery, yaw: f64) -> Step {
-        let primitives = Primitives { yaw, ..Primitives::default() };
-        self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
+        self.turn(open_query, wrap_angle(to - from.attitude.heading))
     }
 
     /// What follows from an answer about the side to which the craft has turned; `None` if it is not on a way around, or the
@@ -105,7 +100,7 @@ impl Spf {
         }
         self.confirming = false;
         let view = open_query.view;
-        let clearance = self.settings.craft.radius + BODY_MARGIN;
+        let clearance = self.clearance();
         let free = self.open_ahead(&view, reply).and_then(|(point, step)| {
             let ahead = self.plan_to(&view, point, step);
             match avoid::avoid(&ahead, clearance, &reply.boxes, None, None) {
@@ -122,7 +117,7 @@ impl Spf {
             None if other => {
                 self.reading.actions.push("no way around on this side either".to_owned());
                 let back = view.pose.position.bearing_to(target);
-                return Some(self.turn_by(open_query, wrap_angle(back - view.pose.attitude.heading)));
+                return Some(self.turn(open_query, wrap_angle(back - view.pose.attitude.heading)));
             }
             None => return Some(self.turn_aside(open_query, opposite(side), true, target)),
         };
@@ -158,28 +153,14 @@ impl Spf {
     fn is_way_to(&self, view: &View, reply: &Reply) -> bool {
         let (Some(point), Some(label)) = (reply.point, reply.label()) else { return false };
         let plan = self.plan_to(view, point, self.settings.step.length_of(label));
-        let clearance = self.settings.craft.radius + BODY_MARGIN;
+        let clearance = self.clearance();
         let outcome = avoid::avoid(&plan, clearance, &reply.boxes, reply.target.as_deref(), self.detour.keep);
         matches!(outcome, Avoidance::Clear | Avoidance::Shifted { .. })
     }
 
-    fn plan_to<'a>(&self, view: &'a View, point: ImagePoint, step: f64) -> PlannedStep<'a> {
-        PlannedStep {
-            camera: &view.camera,
-            attitude: view.pose.attitude,
-            lifting: self.settings.lifting,
-            shape: self.settings.shape,
-            point,
-            step,
-        }
-    }
-
     /// Whether a point lies below the craft: a climb would bring it out of view.
     pub(super) fn is_below(&self, view: &View, point: ImagePoint) -> bool {
-        unproject(&view.camera, point, 1.0).is_ok_and(|ahead| {
-            let ahead = lift(ahead, &view.camera, view.pose.attitude, Lifting::Levelled);
-            ahead.up < -libm::tan(BELOW) * libm::hypot(ahead.forward, ahead.right)
-        })
+        Direction::of_point(&view.camera, view.pose, point).elevation < -BELOW
     }
 }
 
@@ -205,18 +186,10 @@ fn opposite(side: Side) -> Side {
     if side == Side::Left { Side::Right } else { Side::Left }
 }
 
-/// The place `range` metres away at an image point.
-fn place_of(view: &View, point: ImagePoint, range: f64) -> Option<EnuPosition> {
-    let ahead = lift(unproject(&view.camera, point, 1.0).ok()?, &view.camera, view.pose.attitude, Lifting::Levelled);
-    let at = view.pose.position.displaced(ahead, view.pose.attitude.heading);
-    Some(view.pose.position.towards(at, range / view.pose.position.distance(at).max(1e-6)))
-}
-
 /// The height in the image of what is level with the craft straight ahead.
 fn level(view: &View) -> f64 {
-    let ahead = crate::geometry::BodyDisplacement { forward: 10.0, right: 0.0, up: 0.0 };
-    crate::lift::project_displacement(ahead, &view.camera, view.pose.attitude, Lifting::Levelled)
-        .map_or(0.5, |point| point.v.clamp(0.1, 0.9))
+    let ahead = BodyDisplacement { forward: 1.0, right: 0.0, up: 0.0 };
+    project_displacement(ahead, &view.camera, view.pose.attitude, Lifting::Levelled).map_or(0.5, |point| point.v.clamp(0.1, 0.9))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::report::Report;
 use super::{OpenQuery, Spf};
-use crate::avoid::{Sighting, is_person, same_name};
+use crate::avoid::{CUT, Sighting, is_person, same_name};
 use crate::geometry::wrap_angle;
 use crate::policy::{Step, View};
 use crate::query::{ImageBox, ImagePoint};
@@ -19,8 +19,6 @@ const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
 const RETREATS: u32 = 4;
 /// A person whose direction changes by more than this between two answers does not stand there, radians: 6°.
 const ASIDE: f64 = 6.0 / 180.0 * core::f64::consts::PI;
-/// A box within this fraction of the image from an edge is cut off there.
-const CUT: f64 = 0.01;
 
 impl Spf {
     /// The step back from a person who is about to walk into the craft, if there is one, whether it flies, searches or holds.

@@ -31,10 +31,27 @@ impl Spf {
         self.guidance.map && self.guidance.sensor
     }
 
-    /// A turn in place, as the reply asks for.
-    pub(super) fn turn(&mut self, open_query: OpenQuery, degrees: f64) -> Step {
+    /// Distance to keep free around the body, metres.
+    pub(super) fn clearance(&self) -> f64 {
+        self.settings.craft.radius + BODY_MARGIN
+    }
+
+    /// A step towards an image point, to be checked against boxes.
+    pub(super) fn plan_to<'a>(&self, view: &'a View, point: ImagePoint, step: f64) -> PlannedStep<'a> {
+        PlannedStep {
+            camera: &view.camera,
+            attitude: view.pose.attitude,
+            lifting: self.settings.lifting,
+            shape: self.settings.shape,
+            point,
+            step,
+        }
+    }
+
+    /// A turn in place by `yaw` radians, clockwise positive, from where the frame was taken.
+    pub(super) fn turn(&mut self, open_query: OpenQuery, yaw: f64) -> Step {
         self.turned_first = None;
-        let primitives = Primitives { yaw: degrees.to_radians(), ..Primitives::default() };
+        let primitives = Primitives { yaw, ..Primitives::default() };
         self.reading.primitives = Some(primitives);
         Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
     }
@@ -69,15 +86,8 @@ impl Spf {
         let mut free = None;
         let follows = self.follows(reply);
         if self.settings.avoid && !self.is_mapped_by_sensor() {
-            let plan = PlannedStep {
-                camera: &view.camera,
-                attitude: view.pose.attitude,
-                lifting: self.settings.lifting,
-                shape: self.settings.shape,
-                point,
-                step,
-            };
-            let clearance = self.settings.craft.radius + BODY_MARGIN;
+            let plan = self.plan_to(&view, point, step);
+            let clearance = self.clearance();
             let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
             let outcome = avoid::avoid_with_guessed_ranges(
                 &plan,
