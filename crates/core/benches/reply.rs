@@ -82,6 +82,7 @@ fn check(bencher: Bencher<'_, '_>, shape: PathShape, boxes: &[ObstacleBox]) {
         shape,
         point: ImagePoint { u: 0.5, v: 0.4 },
         step: 4.0,
+        dives: true,
     };
     bencher.bench(|| -> Avoidance { avoid(black_box(&plan), 0.55, black_box(boxes), None, None) });
 }

@@ -112,6 +112,9 @@ pub struct PlannedStep<'a> {
     pub step: f64,
 }
 
+    /// Whether a detour may lead lower than both the planned direction and the horizon. Such a detour leads under a box that
+    /// reaches across the image, such as a wall's, where no free space is, but the floor.
+    pub dives: bool,
 /// The verdict on a planned step. `by` is the index of the blocking box, the first if there are several.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "avoidance")]
@@ -148,7 +151,7 @@ pub enum Avoidance {
 /// Alternatives are tried by growing angle from the planned direction in steps of one degree; at equal angles sideways
 /// comes before up, up before down, and right before left. With `passing` those on its side come first, whatever their angle,
 /// so that a detour goes on where it began. None leads towards a person who is near. Those that keep
-/// [`DETOUR_CLEARANCE`] come first, and those lower than both the planned direction and the horizon last. The result
+/// [`DETOUR_CLEARANCE`] come first, and those lower than both the planned direction and the horizon last, if at all. The result
 /// depends only on the arguments.
 #[must_use]
 pub fn avoid(
@@ -200,7 +203,7 @@ pub fn avoid_with_guessed_ranges(
         let level = |point: ImagePoint| plan.climb(point) >= lowest && fits(point);
         nearest_free(plan, side, |point| level(point) && has_room(point))
             .or_else(|| nearest_free(plan, side, level))
-            .or_else(|| nearest_free(plan, side, fits))
+            .or_else(|| nearest_free(plan, side, fits).filter(|_| plan.dives))
     };
     let shifted = || match passing {
         None => try_side(None),

@@ -24,6 +24,7 @@ fn plan(camera: &Camera, step: f64) -> PlannedStep<'_> {
         shape: PathShape::Straight,
         point: MIDDLE,
         step,
+        dives: true,
     }
 }
 
@@ -70,6 +71,21 @@ fn nothing_of_the_least_label_is_flown_towards_however_short_the_step() {
     let lamp = [boxed(0.0, 0.0, 1.0, 0.4, 1, "lamp")];
     let up = PlannedStep { shape: PathShape::LevelThenClimb, point: ImagePoint { u: 0.5, v: 0.3 }, ..plan(&camera, 0.15) };
     assert!(!matches!(avoid(&up, 0.3, &lamp, None, None), Avoidance::Clear | Avoidance::Shortened { .. }));
+}
+
+#[test]
+fn a_craft_that_may_not_dive_stops_before_a_wall_instead_of_flying_to_its_foot() {
+    let camera = square();
+    let wall = [boxed(0.0, 0.0, 1.0, 0.55, 4, "white wall")];
+    let plan = plan(&camera, 6.0);
+    let Avoidance::Shifted { point, .. } = avoid(&plan, CLEARANCE, &wall, None, None) else { panic!("not shifted") };
+    assert!(point.v > 0.6, "{point:?}");
+    let held = avoid(&PlannedStep { dives: false, ..plan }, CLEARANCE, &wall, None, None);
+    assert!(matches!(held, Avoidance::Shortened { step, by: 0 } if (2.0..4.0).contains(&step)), "{held:?}");
+    // Over a low one it flies all the same.
+    let low = [boxed(0.0, 0.45, 1.0, 1.0, 4, "hedge")];
+    let over = avoid(&PlannedStep { dives: false, ..plan }, CLEARANCE, &low, None, None);
+    assert!(matches!(over, Avoidance::Shifted { point, .. } if point.v < 0.4), "{over:?}");
 }
 
 #[test]
@@ -246,7 +262,7 @@ proptest! {
         let camera = Camera::quad();
         let shape = if sequential { PathShape::LevelThenClimb } else { PathShape::Straight };
         let attitude = Attitude { heading: 1.0, pitch, roll };
-        let plan = PlannedStep { camera: &camera, attitude, lifting: Lifting::Levelled, shape, point: ImagePoint { u, v }, step };
+        let plan = PlannedStep { camera: &camera, attitude, lifting: Lifting::Levelled, shape, point: ImagePoint { u, v }, step, dives: true };
         let (point, flown) = match avoid(&plan, CLEARANCE, &boxes, None, None) {
             Avoidance::Clear => (plan.point, step),
             Avoidance::Shifted { point, by } => {

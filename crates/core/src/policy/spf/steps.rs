@@ -45,6 +45,7 @@ impl Spf {
             shape: self.settings.shape,
             point,
             step,
+            dives: self.guidance.is_off(),
         }
     }
 
