@@ -26,11 +26,13 @@ mod memory;
 mod people;
 mod sighting;
 mod vertical;
+mod walking;
 
 pub use memory::ObstacleMemory;
 pub use people::is_person;
 pub use sighting::Sighting;
 pub use vertical::is_clear_vertically;
+pub use walking::{AHEAD_OF_FRAME, Motion, Walk, Walkers};
 
 /// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° image, the box error of a good model.
 pub const BODY_MARGIN: f64 = 0.25;
@@ -110,11 +112,11 @@ pub struct PlannedStep<'a> {
     pub point: ImagePoint,
     /// Distance along the optical axis, metres (the paper's `d_adj`).
     pub step: f64,
-}
-
     /// Whether a detour may lead lower than both the planned direction and the horizon. Such a detour leads under a box that
     /// reaches across the image, such as a wall's, where no free space is, but the floor.
     pub dives: bool,
+}
+
 /// The verdict on a planned step. `by` is the index of the blocking box, the first if there are several.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", tag = "avoidance")]

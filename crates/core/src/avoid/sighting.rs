@@ -36,6 +36,12 @@ impl Sighting {
         self.middle
     }
 
+    /// The same panel elsewhere: every point of it is moved by `to`.
+    #[must_use]
+    pub(super) fn moved(self, to: impl Fn(EnuPosition) -> EnuPosition) -> Self {
+        Self { corners: self.corners.map(&to), middle: to(self.middle) }
+    }
+
     /// The part of it inside the frame taken at `pose`, and the range of its middle, metres; `None` if it lies outside.
     #[must_use]
     pub fn seen_from(&self, camera: &Camera, pose: Pose) -> Option<(ImageBox, f64)> {

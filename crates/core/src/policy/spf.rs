@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::avoid::{BODY_MARGIN, ObstacleMemory, PathShape};
+use crate::avoid::{BODY_MARGIN, ObstacleMemory, PathShape, Walkers};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
@@ -21,6 +21,7 @@ mod aside;
 mod close_up;
 mod detour;
 mod history;
+mod open;
 mod report;
 mod retreat;
 mod steps;
@@ -31,6 +32,7 @@ use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
 use history::History;
+use open::OpenSpace;
 use report::Report;
 
 /// Number of earlier targets in the memory.
@@ -80,6 +82,27 @@ struct OpenQuery {
     id: QueryId,
     view: View,
     about: QuerySubject,
+    boxes: Boxes,
+}
+
+/// Where the boxes of a decision come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Boxes {
+    /// There are none: obstacle mode is off.
+    Off,
+    /// From the reply.
+    Reply,
+    /// The reply is not asked for them: nothing is near ([`OpenSpace`]).
+    Skipped,
+    /// From a detector.
+    Detector,
+}
+
+impl Boxes {
+    /// Whether there is a list of what is near, empty or not.
+    fn are_known(self) -> bool {
+        matches!(self, Self::Reply | Self::Detector)
+    }
 }
 
 /// Subject of the query.
@@ -107,6 +130,10 @@ pub struct Spf {
     reported: Vec<Report>,
     /// Those of them that a later reply may have left out.
     obstacles: ObstacleMemory,
+    /// The persons among them, and how they walk.
+    walkers: Walkers,
+    /// What the last reply with boxes has shown to be free.
+    open: Option<OpenSpace>,
     /// Turns towards paths along an edge since the last other step.
     turned_first: Option<TurnedFirst>,
     next_id: u64,
@@ -161,6 +188,8 @@ impl Spf {
             retreats: 0,
             reported: Vec::new(),
             obstacles: ObstacleMemory::default(),
+            walkers: Walkers::default(),
+            open: None,
             turned_first: None,
             next_id: 0,
             reading: Reading::default(),
@@ -198,7 +227,7 @@ impl Spf {
     fn asking(&mut self, view: &View, about: QuerySubject) -> QueryId {
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        self.open_query = Some(OpenQuery { id, view: *view, about });
+        self.open_query = Some(OpenQuery { id, view: *view, about, boxes: self.boxes_for(view) });
         id
     }
 
@@ -207,7 +236,7 @@ impl Spf {
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         let id = self.asking(view, QuerySubject::Point { confirming: self.confirming });
         self.history.fill(view, &mut self.memory);
-        let kind = QueryKind::Point { avoid: self.settings.avoid && !self.detector, depth: self.settings.depth };
+        let kind = QueryKind::Point { avoid: self.boxes_for(view) == Boxes::Reply, depth: self.settings.depth };
         let mut query = Query {
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
@@ -253,22 +282,26 @@ impl Spf {
         self.reading = Reading::default();
         // Stated until it has been answered.
         self.memory.refused = None;
-        let mut reply = match parse_reply(text, &self.settings.grounding, self.settings.avoid && !self.detector) {
+        let mut reply = match parse_reply(text, &self.settings.grounding, open_query.boxes == Boxes::Reply) {
             Ok(reply) => reply,
             Err(error) => {
                 self.memory.refused = Some(ReplyError::for_the_model(&error));
                 return self.refuse(&error);
             }
         };
-        if self.lists() {
+        if open_query.boxes == Boxes::Detector {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
+        }
+        let has_boxes = open_query.boxes.are_known();
+        if has_boxes && !self.guidance.is_off() {
+            self.observe_persons(&open_query.view, &reply);
         }
         // From persons in this image only: where one of an earlier image is now, nobody knows.
         let retreat = self.retreat(open_query, &reply);
-        if self.settings.avoid && self.is_mapped_by_sensor() {
+        if has_boxes && self.is_mapped_by_sensor() {
             // The map remembers them, in the world.
             self.report(&open_query.view, &reply.boxes);
-        } else if self.settings.avoid && reply.status != Status::Done {
+        } else if has_boxes && reply.status != Status::Done {
             let View { camera, pose, frame, .. } = open_query.view;
             let missing = self.obstacles.recall(&camera, pose, frame.captured, &reply.boxes, reply.target.as_deref());
             if let [first, ..] = missing.as_slice() {
@@ -277,6 +310,12 @@ impl Spf {
             }
             reply.boxes.extend(missing);
             self.report(&open_query.view, &reply.boxes);
+        }
+        if has_boxes && reply.status != Status::Done {
+            self.add_walks(&open_query.view, &mut reply);
+        }
+        if has_boxes {
+            self.open = OpenSpace::shown(&open_query.view, &reply);
         }
         self.reading.reply = Some(reply.clone());
         self.history.answered(&open_query.view, &reply, self.memory.stage);
@@ -296,6 +335,9 @@ impl Spf {
             Status::Navigating | Status::Following => self.navigate(open_query, &reply),
             Status::Blocked => self.held_up(open_query, &reply),
         });
+        if !has_boxes {
+            self.open = None;
+        }
         self.history.planned(&open_query.view.camera, &self.reading, &reply.boxes);
         step
     }

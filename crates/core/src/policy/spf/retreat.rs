@@ -2,10 +2,10 @@
 
 use super::report::Report;
 use super::{OpenQuery, Spf};
-use crate::avoid::{CUT, Sighting, is_person, same_name};
-use crate::geometry::wrap_angle;
+use crate::avoid::{AHEAD_OF_FRAME, Motion, Sighting, is_person, same_name};
+use crate::lift::range_of_label;
 use crate::policy::{Step, View};
-use crate::query::{ImageBox, ImagePoint};
+use crate::query::ImagePoint;
 use crate::reply::{ObstacleBox, Reply, Status};
 
 /// Depth label of a person whom the craft backs off from in any case, and of one who comes nearer: 1 m and 2.8 m.
@@ -13,13 +13,14 @@ const HERE: u8 = 1;
 const NEAR: u8 = 3;
 /// A person comes nearer if the distance shrinks by this much, m/s: half of a slow walk.
 const APPROACHES: f64 = 0.4;
+/// The same where it is known whether a person walks at all.
+const CREEPS: f64 = 0.3;
 /// A person farther off the optical axis walks past the craft, radians: 35°.
 const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
+/// Distance kept from a person to whom the craft flies and who walks towards it, metres.
+const KEPT: f64 = 1.0;
 /// Number of times in a row that the craft backs off; after that it holds.
 const RETREATS: u32 = 4;
-/// A person whose direction changes by more than this between two answers does not stand there, radians: 6°.
-const ASIDE: f64 = 6.0 / 180.0 * core::f64::consts::PI;
-
 impl Spf {
     /// The step back from a person who is about to walk into the craft, if there is one, whether it flies, searches or holds.
     /// The pilot flies it only over what it has seen or flown through.
@@ -40,49 +41,67 @@ impl Spf {
         Some(self.back_off(open_query, "backs off from a person who comes nearer"))
     }
 
+    /// Takes note of the persons whom a reply lists, and of the one to whom it leads.
+    pub(super) fn observe_persons(&mut self, view: &View, reply: &Reply) {
+        let mut persons: Vec<_> = reply.boxes.iter().filter(|obstacle| is_person(&obstacle.name)).cloned().collect();
+        persons.extend(target_person(reply).filter(|target| !persons.contains(target)));
+        self.walkers.observe(&view.camera, view.pose, view.frame.captured, &persons);
+    }
+
+    /// How long a step towards a person who walks towards the craft may be, metres; `None` for any other target.
+    pub(super) fn room_before_target(&self, view: &View, reply: &Reply) -> Option<f64> {
+        let target = target_person(reply)?;
+        let Motion::Walks(walk) = self.walkers.motion_of(&target) else { return None };
+        let place = Sighting::new(&view.camera, view.pose, target.area, target.depth).middle();
+        let closing = walk.closing(place, view.pose.position);
+        let range = range_of_label(f64::from(target.depth) - 0.5);
+        (closing > CREEPS).then(|| (range - closing * AHEAD_OF_FRAME.as_secs_f64() - KEPT).max(0.0))
+    }
+
+    /// Adds the places where those who walk are about to be to the boxes of a reply. Whom the reply leads to is no obstacle.
+    pub(super) fn add_walks(&self, view: &View, reply: &mut Reply) {
+        let is_target = |name: &str| reply.target.as_deref().is_some_and(|target| same_name(target, name));
+        let ahead = self.walkers.ahead(&view.camera, view.pose, view.frame.captured);
+        let ahead: Vec<_> = ahead.into_iter().filter(|person| !is_target(&person.name)).collect();
+        reply.boxes.extend(ahead);
+    }
+
     fn is_approached(&self, view: &View, reply: &Reply) -> bool {
         let is_target = |name: &str| reply.target.as_deref().is_some_and(|target| same_name(target, name));
-        let earlier = self.reported.iter().rev().find(|report| report.view().frame.captured < view.frame.captured);
         let persons = reply.boxes.iter().filter(|obstacle| is_person(&obstacle.name) && !is_target(&obstacle.name));
-        persons.filter(|person| is_ahead(view, person)).any(|person| {
-            let is_here =
-                person.depth <= HERE && (self.guidance.is_off() || !earlier.is_some_and(|report| stands(report, view, person)));
-            is_here || (person.depth <= NEAR && earlier.and_then(|report| closing_speed(report, view, person)) > Some(APPROACHES))
-        })
+        persons.filter(|person| is_ahead(view, person)).any(|person| self.comes_nearer(view, person))
     }
+
+    fn comes_nearer(&self, view: &View, person: &ObstacleBox) -> bool {
+        let (is_here, is_near) = (person.depth <= HERE, person.depth <= NEAR);
+        let earlier = || self.reported.iter().rev().find(|report| report.view().frame.captured < view.frame.captured);
+        let closing = || earlier().and_then(|report| closing_speed(report, view, person));
+        if self.guidance.is_off() {
+            return is_here || (is_near && closing() > Some(APPROACHES));
+        }
+        match self.walkers.motion_of(person) {
+            Motion::Unknown => is_here,
+            Motion::Walks(walk) => {
+                let place = Sighting::new(&view.camera, view.pose, person.area, person.depth).middle();
+                is_here || (is_near && walk.closing(place, view.pose.position) > CREEPS)
+            }
+            Motion::Stands => false,
+            // The lowest label does not tell how near they are: from who has come nearer before the craft backs off on.
+            Motion::StaysAbeam => is_near && ((is_here && self.retreats > 0) || closing() > Some(CREEPS)),
+        }
+    }
+}
+
+/// The target of a reply, if it is a person whom the reply sees.
+fn target_person(reply: &Reply) -> Option<ObstacleBox> {
+    let name = reply.target.as_ref().filter(|name| is_person(name) && reply.status.leads_to_a_point())?;
+    let depth = libm::round(reply.label()?) as u8;
+    Some(ObstacleBox { area: reply.target_box?, depth, name: name.clone() })
 }
 
 fn is_ahead(view: &View, person: &ObstacleBox) -> bool {
     let middle = ImagePoint { u: 0.5 * (person.area.left + person.area.right), v: 0.5 };
     libm::atan(view.camera.ray(middle).right).abs() < AHEAD
-}
-
-/// Whether a person whom an earlier reply listed stands there: they are where they were, and their box has grown no more than
-/// the craft's own motion explains.
-fn stands(report: &Report, view: &View, person: &ObstacleBox) -> bool {
-    let then = report.view();
-    let Some(before) = report.boxes().iter().find(|other| same_name(&other.name, &person.name)) else { return false };
-    let elapsed = view.frame.captured.since(then.frame.captured).as_secs_f64();
-    let place = Sighting::new(&then.camera, then.pose, before.area, before.depth).middle();
-    let now = Sighting::new(&view.camera, view.pose, person.area, person.depth).middle();
-    let at = view.pose.position;
-    if wrap_angle(at.bearing_to(now) - at.bearing_to(place)).abs() > ASIDE {
-        return false;
-    }
-    let (range_then, range_now) = (place.distance(then.pose.position), place.distance(view.pose.position));
-    let ([wide_then, tall_then], [wide_now, tall_now]) = (sizes(before.area), sizes(person.area));
-    // A size is known only of a box that the image holds; of a person who bends or turns the height changes less.
-    let grown = match (tall_then.zip(tall_now), wide_then.zip(wide_now)) {
-        (Some((then, now)), _) | (None, Some((then, now))) => now / then,
-        (None, None) => return false,
-    };
-    range_now > 0.0 && grown * range_now / range_then < 1.0 + APPROACHES * elapsed / range_now
-}
-
-/// Width and height of a box; `None` if the image's edge cuts it off.
-fn sizes(area: ImageBox) -> [Option<f64>; 2] {
-    let size = |low: f64, high: f64| (low > CUT && high < 1.0 - CUT).then_some(high - low);
-    [size(area.left, area.right), size(area.top, area.bottom)]
 }
 
 /// How fast a person has come nearer to where the craft is now since an earlier reply, m/s; `None` if it did not list them.
@@ -96,3 +115,6 @@ fn closing_speed(earlier: &Report, view: &View, person: &ObstacleBox) -> Option<
     let elapsed = view.frame.captured.since(then.frame.captured).as_secs_f64();
     (elapsed > 0.0).then(|| (place(then, before) - place(view, person)) / elapsed)
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,8 +1,8 @@
 //! From a reply to a step: towards a point, around what is in the way, or holding before it.
 
 use super::detour::{DetourSide, TURNS_FIRST, TurnedFirst};
-use super::{OpenQuery, Spf, is_elsewhere, search_with};
-use crate::avoid::{self, Avoidance, BODY_MARGIN, PlannedStep};
+use super::{Boxes, OpenQuery, Spf, is_elsewhere, search_with};
+use crate::avoid::{self, Avoidance, BODY_MARGIN, MIN_STEP, PlannedStep};
 use crate::detection;
 use crate::lift;
 use crate::policy::{Goto, Move, Step, View};
@@ -62,6 +62,9 @@ impl Spf {
     pub(super) fn held_up(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         self.turned_first = None;
+        if open_query.boxes == Boxes::Skipped {
+            return self.needs_boxes();
+        }
         let person = reply.boxes.iter().any(|obstacle| avoid::is_person(&obstacle.name) && obstacle.depth <= PERSON_IN_FRONT);
         let unknown = reply.boxes.is_empty() && !self.settings.avoid;
         if person || unknown {
@@ -86,7 +89,11 @@ impl Spf {
         let (before, mut turn) = (self.turned_first.take(), None);
         let mut free = None;
         let follows = self.follows(reply);
-        if self.settings.avoid && !self.is_mapped_by_sensor() {
+        if open_query.boxes == Boxes::Skipped {
+            let Some(open) = self.open_step(&view, reply, point, step) else { return self.needs_boxes() };
+            step = open;
+            free = self.open_step(&view, reply, point, 0.5 * lift::range_of_label(label)).map(|longer| longer.max(step));
+        } else if self.settings.avoid && !self.is_mapped_by_sensor() {
             let plan = self.plan_to(&view, point, step);
             let clearance = self.clearance();
             let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
@@ -133,6 +140,13 @@ impl Spf {
                     Some(_) => None,
                 };
             }
+        }
+        if let Some(room) = self.room_before_target(&view, reply).filter(|&room| room < step && !follows) {
+            self.reading.actions.push("does not go to meet a person who walks towards it".to_owned());
+            if room < MIN_STEP {
+                return Step::Look;
+            }
+            (step, free) = (room, Some(room));
         }
         if let Some(search) = self.search.as_mut().filter(|_| reply.status == Status::Navigating) {
             search.reset();

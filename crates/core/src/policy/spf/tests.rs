@@ -7,7 +7,7 @@ use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::lift::label_of_range;
 use crate::query::VerticalRoom;
-use crate::time::{Duration, Time};
+use crate::time::Time;
 
 const CAR_AHEAD: &str = "car_1 x:0.5 y:0.5 width:0.1 height:0.2 score:0.8";
 
@@ -18,7 +18,7 @@ fn policy(avoid: bool) -> Spf {
 }
 
 /// The same without a detector.
-fn policy_by_reply(avoid: bool) -> Spf {
+pub(super) fn policy_by_reply(avoid: bool) -> Spf {
     let mut spf = Spf::new(settings(avoid));
     assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
     spf
@@ -72,7 +72,7 @@ pub(super) fn view(id: u64) -> View {
     }
 }
 
-fn sent_query(step: Step) -> Query {
+pub(super) fn sent_query(step: Step) -> Query {
     let Step::Ask(query) = step else { panic!("{step:?}") };
     *query
 }
@@ -247,55 +247,6 @@ fn a_blocked_way_is_held_before_a_person_and_backed_off_from_otherwise() {
     }
     // Nobody says what it is.
     assert_eq!(told(&mut policy_by_reply(false), 0, r#"{"status":"blocked"}"#).1, Step::Look);
-}
-
-/// A person at a label per answer, a second apart, in front of the crane or beside the way.
-fn persons(labels: &[u8], left: u32, target: &str) -> Vec<bool> {
-    let toward = format!(r#""status":"navigating","point":[500,500],"depth":7,"target":"{target}""#);
-    persons_while(&toward, labels, left)
-}
-
-fn persons_while(status: &str, labels: &[u8], left: u32) -> Vec<bool> {
-    guided_persons_while(Guidance::default(), status, labels, left, [0; 2])
-}
-
-/// The same with guidance, and with a box that grows and goes to the right from answer to answer, in thousandths of the image.
-fn guided_persons_while(guidance: Guidance, status: &str, labels: &[u8], left: u32, [grows, crosses]: [u32; 2]) -> Vec<bool> {
-    let mut spf = policy_by_reply(true).with_guidance(guidance);
-    let mut backs_off = |(frame, depth): (usize, &u8)| {
-        let (more, left) = (grows * frame as u32, left + crosses * frame as u32);
-        let (top, bottom, left, right) = (400 - 2 * more, 900 + more / 2, left - more, left + 200 + more);
-        let answer = format!(r#"{{{status},"boxes":[{{"box":[{top},{left},{bottom},{right}],"depth":{depth},"name":"man"}}]}}"#);
-        let mut view = view(frame as u64);
-        view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
-        let query = sent_query(spf.handle(PolicyEvent::Frame(&view)));
-        let step = spf.handle(PolicyEvent::Reply { id: query.id, text: &answer });
-        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
-    };
-    labels.iter().enumerate().map(&mut backs_off).collect()
-}
-
-#[test]
-fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
-    // 4.6 m, 2.8 m, 1.7 m.
-    assert_eq!(persons(&[4, 3, 2], 400, "crane"), [false, true, true]);
-    // Someone who stands there is flown around.
-    assert_eq!(persons(&[2, 2, 2], 400, "crane"), [false; 3]);
-    // Within 1 m whatever they do, but not for ever.
-    assert_eq!(persons(&[1; 6], 400, "crane"), [true, true, true, true, false, false]);
-    // One who stands there is known after two answers, if the pilot keeps more than this answer; not one who comes nearer, or
-    // crosses before the craft.
-    let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
-    let navigating = r#""status":"navigating","point":[500,500],"depth":7,"target":"crane""#;
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 4], 400, [0; 2]), [true, false, false, false]);
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 400, [100, 0]), [true; 3]);
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 300, [0, 100]), [true; 3]);
-    // Who walks past, and who is flown to.
-    assert_eq!(persons(&[4, 3, 2], 0, "crane"), [false; 3]);
-    assert_eq!(persons(&[4, 3, 2], 400, "man"), [false; 3]);
-    // A craft that searches or is held up backs off as well.
-    assert_eq!(persons_while(r#""status":"not_visible""#, &[4, 3, 2], 400), [false, true, true]);
-    assert_eq!(persons_while(r#""status":"blocked""#, &[4, 3, 2], 400), [false, true, true]);
 }
 
 #[test]
