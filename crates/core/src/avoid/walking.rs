@@ -11,8 +11,12 @@ use crate::query::ImageBox;
 use crate::reply::ObstacleBox;
 use crate::time::{Duration, Time};
 
-/// Sightings this old no longer tell how somebody walks.
-const REMEMBERED: Duration = Duration::from_secs(4);
+/// Sightings this old no longer tell how somebody walks; where nobody has been seen for as long as the second, nobody is
+/// expected.
+const REMEMBERED: Duration = Duration::from_secs(8);
+const EXPECTED: Duration = Duration::from_secs(4);
+/// A walk is compared over this time as well, which is longer than that between two fast answers.
+const LONGER: Duration = Duration::from_secs(4);
 /// Two sightings less than this apart tell more about the boxes than about the walk.
 const APART: Duration = Duration::from_millis(700);
 /// Speed from which a person walks, m/s, and the highest that is believed.
@@ -23,7 +27,7 @@ const LEAST: f64 = 0.3;
 const LEAST_FRACTION: f64 = 0.12;
 /// That fraction where only the width of the boxes is known, which swings with every step.
 const LEAST_BY_WIDTH: f64 = 0.25;
-/// A person of the same name farther away than this is somebody else, metres.
+/// A person of the same name farther away than this, or than they can have walked since, is somebody else, metres.
 const SAME: f64 = 3.0;
 /// How far ahead of the frame a walk is extended: the reply's latency and the time until the next one acts.
 pub const AHEAD_OF_FRAME: Duration = Duration::from_millis(3500);
@@ -45,15 +49,6 @@ impl Walk {
     pub fn closing(self, from: EnuPosition, at: EnuPosition) -> f64 {
         let (east, north) = (at.east - from.east, at.north - from.north);
         (self.east * east + self.north * north) / libm::hypot(east, north).max(1e-6)
-    }
-
-    /// How near the person comes to `at` within `within`, being at `from`, metres over ground.
-    #[must_use]
-    pub fn nearest(self, from: EnuPosition, at: EnuPosition, within: Duration) -> f64 {
-        let (east, north) = (at.east - from.east, at.north - from.north);
-        let speed = self.east * self.east + self.north * self.north;
-        let when = ((self.east * east + self.north * north) / speed.max(1e-9)).clamp(0.0, within.as_secs_f64());
-        libm::hypot(east - self.east * when, north - self.north * when)
     }
 
     fn after(self, from: EnuPosition, time: Duration) -> EnuPosition {
@@ -111,16 +106,18 @@ impl Walkers {
             let seen = Seen { captured, pose, area: listed.area, depth: listed.depth, panel };
             let apart = |person: &Person| {
                 let last = person.seen.back()?;
-                (same_name(&person.name, &listed.name) && last.captured < captured).then(|| last.gap(&seen))
+                let walked = FASTEST * captured.since(last.captured).as_secs_f64();
+                let gap = last.gap(&seen);
+                (same_name(&person.name, &listed.name) && last.captured < captured && gap < SAME.max(walked)).then_some(gap)
             };
             let known = (0..taken.len()).filter(|&index| !taken[index]);
             let nearest = known.filter_map(|index| Some((apart(&self.0[index])?, index))).min_by(|a, b| a.0.total_cmp(&b.0));
             match nearest {
-                Some((gap, index)) if gap < SAME => {
+                Some((_, index)) => {
                     taken[index] = true;
                     self.0[index].add(seen);
                 }
-                _ => self.0.push(Person { name: listed.name.clone(), seen: VecDeque::from([seen]), motion: Motion::Unknown }),
+                None => self.0.push(Person { name: listed.name.clone(), seen: VecDeque::from([seen]), motion: Motion::Unknown }),
             }
         }
     }
@@ -131,13 +128,16 @@ impl Walkers {
         self.0.iter().find(|person| person.is(listed)).map_or(Motion::Unknown, |person| person.motion)
     }
 
-    /// For each person who walks, one box around the places where they may be within 3.5 s after `captured`, as they appear in
+    /// For each person who walks, `except` the one of this box, one box around the places where they may be within 3.5 s after `captured`, as they appear in
     /// the frame taken then at `pose`; with the name of the person, and the depth label of the nearest place.
     #[must_use]
-    pub fn ahead(&self, camera: &Camera, pose: Pose, captured: Time) -> Vec<ObstacleBox> {
+    pub fn ahead(&self, camera: &Camera, pose: Pose, captured: Time, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
         let swept = |person: &Person| {
             let (Motion::Walks(walk), last) = (person.motion, person.seen.back()?) else { return None };
             let since = captured.since(last.captured);
+            if since > EXPECTED || except.is_some_and(|except| person.is(except)) {
+                return None;
+            }
             let places = (0..=PLACES).filter_map(|nth| {
                 let time = since + AHEAD_OF_FRAME * nth / PLACES;
                 last.panel.moved(|corner| walk.after(corner, time)).seen_from(camera, pose)
@@ -155,15 +155,30 @@ impl Person {
             && self.seen.back().is_some_and(|seen| seen.area == listed.area && seen.depth == listed.depth)
     }
 
-    /// The oldest sighting that may be compared with the last one, and that.
-    fn compared(&self) -> Option<(&Seen, &Seen)> {
-        let last = self.seen.back()?;
-        self.seen.iter().find(|seen| seen.captured + APART <= last.captured).map(|first| (first, last))
-    }
-
+    /// Takes a sighting, and compares it with the last one before that is far enough away, and with one some seconds older: the
+    /// first shows who has just begun to walk, the second who walks slowly.
     fn add(&mut self, seen: Seen) {
+        let earlier = |apart: Duration| self.seen.iter().filter(move |before| before.captured + apart <= seen.captured);
+        let before = earlier(APART).next_back();
+        let longer = earlier(APART).find(|before| before.captured + LONGER >= seen.captured);
+        self.motion = match (before.map(|before| motion_between(before, &seen)), longer.map(|first| motion_between(first, &seen)))
+        {
+            (None, _) => Motion::Unknown,
+            (Some(motion), None) => motion,
+            (Some(one), Some(other)) => nearer_of(one, other, &seen),
+        };
         self.seen.push_back(seen);
-        self.motion = self.compared().map_or(Motion::Unknown, |(first, last)| motion_between(first, last));
+    }
+}
+
+/// Of two estimates of a person's motion that which brings them nearer to the craft.
+fn nearer_of(one: Motion, other: Motion, seen: &Seen) -> Motion {
+    let closing = |walk: Walk| walk.closing(seen.panel.middle(), seen.pose.position);
+    match (one, other) {
+        (Motion::Walks(a), Motion::Walks(b)) => Motion::Walks(if closing(a) >= closing(b) { a } else { b }),
+        (Motion::Walks(walk), _) | (_, Motion::Walks(walk)) => Motion::Walks(walk),
+        (Motion::StaysAbeam, _) | (_, Motion::StaysAbeam) => Motion::StaysAbeam,
+        _ => Motion::Stands,
     }
 }
 
@@ -221,7 +236,8 @@ fn motion_between(first: &Seen, last: &Seen) -> Motion {
     let length = libm::hypot(east, north);
     let speed = length / elapsed;
     if length < LEAST.max(least * range_last) || speed < WALKS {
-        return if ratio.is_some() { Motion::Stands } else { Motion::StaysAbeam };
+        // Who turns while they come has no wider a box.
+        return if tall.is_some() { Motion::Stands } else { Motion::StaysAbeam };
     }
     let scale = speed.min(FASTEST) / length;
     Motion::Walks(Walk { east: east * scale, north: north * scale })
@@ -277,12 +293,12 @@ mod tests {
         // They are about to pass in front of a craft at the origin, 6 m away, and not to come nearer.
         let here = EnuPosition { east: 0.4, north: 6.0, up: 0.0 };
         assert!(walk.closing(here, EnuPosition::default()).abs() < 0.4);
-        let [swept] = &walkers.ahead(&camera, last, at(2000))[..] else { panic!("nobody walks") };
+        let [swept] = &walkers.ahead(&camera, last, at(2000), None)[..] else { panic!("nobody walks") };
         assert!(swept.area.left < again.area.left - 0.2 && (swept.area.right - again.area.right).abs() < 0.02, "{swept:?}");
         assert_eq!(swept.name, "person in red");
         // What is known of the walk ends with what is known of the person.
         walkers.observe(&camera, last, at(7000), &[]);
-        assert!(walkers.ahead(&camera, last, at(7000)).is_empty());
+        assert!(walkers.ahead(&camera, last, at(7000), None).is_empty());
     }
 
     #[test]
@@ -297,8 +313,6 @@ mod tests {
         let Motion::Walks(walk) = walkers.motion_of(&after) else { panic!("they walk") };
         let from = EnuPosition { north: 4.2, ..EnuPosition::default() };
         assert!((walk.closing(from, EnuPosition::default()) - 0.7).abs() < 0.2, "{walk:?}");
-        assert!(walk.nearest(from, EnuPosition::default(), Duration::from_secs(10)) < 0.3);
-        assert!((walk.nearest(from, EnuPosition::default(), Duration::from_secs(2)) - 2.8).abs() < 0.5);
     }
 
     #[test]
@@ -314,6 +328,6 @@ mod tests {
         let seen = ObstacleBox { depth: seen.depth - 1, ..seen };
         walkers.observe(&camera, last, at(1500), std::slice::from_ref(&seen));
         assert_eq!(walkers.motion_of(&seen), Motion::Stands);
-        assert!(walkers.ahead(&camera, last, at(1500)).is_empty());
+        assert!(walkers.ahead(&camera, last, at(1500), None).is_empty());
     }
 }

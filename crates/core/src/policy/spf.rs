@@ -292,8 +292,11 @@ impl Spf {
         if open_query.boxes == Boxes::Detector {
             reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
         }
+        // A list that was not asked for counts as well.
+        let listed = open_query.boxes == Boxes::Skipped && !reply.boxes.is_empty();
+        let open_query = if listed { OpenQuery { boxes: Boxes::Reply, ..open_query } } else { open_query };
         let has_boxes = open_query.boxes.are_known();
-        if has_boxes && !self.guidance.is_off() {
+        if self.settings.avoid && !self.guidance.is_off() {
             self.observe_persons(&open_query.view, &reply);
         }
         // From persons in this image only: where one of an earlier image is now, nobody knows.
@@ -335,9 +338,6 @@ impl Spf {
             Status::Navigating | Status::Following => self.navigate(open_query, &reply),
             Status::Blocked => self.held_up(open_query, &reply),
         });
-        if !has_boxes {
-            self.open = None;
-        }
         self.history.planned(&open_query.view.camera, &self.reading, &reply.boxes);
         step
     }
@@ -464,9 +464,18 @@ impl Policy for Spf {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt, detector, guidance) = (self.next_id, self.prompt.clone(), self.detector, self.guidance);
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
-                let obstacles = core::mem::take(&mut self.obstacles);
-                *self =
-                    Self { instruction, next_id, prompt, detector, guidance, reported, obstacles, ..Self::new(self.settings) };
+                let (obstacles, walkers) = (core::mem::take(&mut self.obstacles), core::mem::take(&mut self.walkers));
+                *self = Self {
+                    instruction,
+                    next_id,
+                    prompt,
+                    detector,
+                    guidance,
+                    reported,
+                    obstacles,
+                    walkers,
+                    ..Self::new(self.settings)
+                };
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => {
@@ -475,12 +484,16 @@ impl Policy for Spf {
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
                 Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
-                    self.answered(open_query, confirming, text)
+                    let step = self.answered(open_query, confirming, text);
+                    self.ask_boxes_after(open_query.boxes);
+                    step
                 }
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
-                self.open_query.take_if(|open_query| open_query.id == id);
+                if let Some(failed) = self.open_query.take_if(|open_query| open_query.id == id) {
+                    self.ask_boxes_after(failed.boxes);
+                }
                 self.turned_first = None;
                 Step::Wait
             }

@@ -1,7 +1,7 @@
 //! Open space: where a reply has shown that nothing is near, the next query does not ask for boxes, which cost tokens.
 
 use super::{Boxes, Spf};
-use crate::avoid::is_person;
+use crate::avoid::{is_person, leads_along_edge};
 use crate::geometry::wrap_angle;
 use crate::lift::{Lifting, lift, project_displacement, range_of_label, unproject};
 use crate::policy::{Step, View};
@@ -13,14 +13,16 @@ use crate::time::Duration;
 const OPEN: f64 = 8.0;
 /// Labels by which an obstacle may be nearer than stated: half of its interval, and an error of one.
 const NEARER: f64 = 1.5;
-/// How much nearer a person may have come until the next boxes, metres.
-const WALKED: f64 = 5.0;
+/// How much nearer a person may have come until the next boxes, metres: a brisk walk of 5 s.
+const WALKED: f64 = 8.0;
 /// What a frame showed counts for this long.
-const FRESH: Duration = Duration::from_secs(5);
+const FRESH: Duration = Duration::from_secs(3);
 /// The next frame's view is the same one up to this turn, radians: 15°.
 const SAME_VIEW: f64 = 15.0 / 180.0 * core::f64::consts::PI;
-/// Distance of a path from the end of the free space, metres.
+/// Distance of a path from the end of the free space, metres, and from the edge of the frame that showed it, as a fraction of
+/// its size: the clearance at the end of a step.
 const MARGIN: f64 = 1.0;
+const INSIDE: f64 = 0.08;
 
 /// What a reply with boxes has shown to be free.
 #[derive(Clone, Copy, Debug)]
@@ -35,12 +37,10 @@ impl OpenSpace {
     /// nearer than the target.
     pub(super) fn shown(view: &View, reply: &Reply) -> Option<Self> {
         let target = reply.label().filter(|_| reply.status == Status::Navigating && reply.point.is_some())?;
-        let near = |label: f64| range_of_label(label - NEARER);
-        let boxes = reply
-            .boxes
-            .iter()
-            .map(|obstacle| near(f64::from(obstacle.depth)) - if is_person(&obstacle.name) { WALKED } else { 0.0 });
-        let free = boxes.fold(near(target), f64::min);
+        let near = |label: f64, is_person: bool| range_of_label(label - NEARER) - if is_person { WALKED } else { 0.0 };
+        let boxes = reply.boxes.iter().map(|obstacle| near(f64::from(obstacle.depth), is_person(&obstacle.name)));
+        let leads_to_person = reply.target.as_deref().is_some_and(is_person);
+        let free = boxes.fold(near(target, leads_to_person), f64::min);
         (free >= OPEN).then_some(Self { view: *view, free })
     }
 
@@ -55,13 +55,16 @@ impl OpenSpace {
     /// The length of a step from `view` towards `point` that stays within it, at most `step` metres along the optical axis; `None`
     /// if that leads out of the frame that showed it.
     fn step(&self, view: &View, point: ImagePoint, step: f64) -> Option<f64> {
-        let step = step.min(self.left(view)? - MARGIN);
+        let ray = view.camera.ray(point);
+        let slant = libm::sqrt(1.0 + ray.right * ray.right + ray.up * ray.up);
+        let step = step.min((self.left(view)? - MARGIN) / slant);
         let lifted = lift(unproject(&view.camera, point, step).ok()?, &view.camera, view.pose.attitude, Lifting::Levelled);
         let end = view.pose.position.displaced(lifted, view.pose.attitude.heading);
         let then = &self.view;
         let ahead = then.pose.position.displacement_to(end, then.pose.attitude.heading);
         let seen = project_displacement(ahead, &then.camera, then.pose.attitude, Lifting::Levelled)?;
-        seen.is_in_image().then_some(step)
+        let is_inside = [seen.u, seen.v].iter().all(|at| (INSIDE..=1.0 - INSIDE).contains(at));
+        is_inside.then_some(step)
     }
 }
 
@@ -80,7 +83,16 @@ impl Spf {
 
     /// The step that a reply without boxes may make, metres along the optical axis; `None` if boxes are needed for it.
     pub(super) fn open_step(&self, view: &View, reply: &Reply, point: ImagePoint, step: f64) -> Option<f64> {
-        self.open.filter(|_| reply.status == Status::Navigating).and_then(|open| open.step(view, point, step))
+        let step = self.open.filter(|_| reply.status == Status::Navigating)?.step(view, point, step)?;
+        let is_seen = !leads_along_edge(&self.plan_to(view, point, step), point, step, self.clearance());
+        is_seen.then_some(step)
+    }
+
+    /// After a query that did not ask for boxes, however it ended, the next one does.
+    pub(super) fn ask_boxes_after(&mut self, boxes: Boxes) {
+        if boxes == Boxes::Skipped {
+            self.open = None;
+        }
     }
 
     /// What a reply without boxes asks for cannot be done without them.
@@ -178,12 +190,45 @@ mod tests {
     }
 
     #[test]
+    fn after_an_answer_without_boxes_the_next_query_asks_for_them_however_that_one_ended() {
+        let far = with_box(10, 9, "tower");
+        for refused in [true, false] {
+            let mut spf = policy(guided());
+            told(&mut spf, &at(0, 0.0, 0.0), &far);
+            let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&at(1, 1.0, 0.0))) else { panic!("it asks") };
+            assert_eq!(query.kind, QueryKind::point(false));
+            spf.handle(if refused {
+                PolicyEvent::Reply { id: query.id, text: "I see a crane." }
+            } else {
+                PolicyEvent::ReplyFailed { id: query.id }
+            });
+            assert!(told(&mut spf, &at(2, 1.0, 0.0), &far).0, "{refused}");
+        }
+        // A list that was not asked for is kept clear of.
+        let mut spf = policy(guided());
+        told(&mut spf, &at(0, 0.0, 0.0), &far);
+        let wall = r#"{"status":"navigating","point":[500,500],"depth":10,"target":"crane",
+            "boxes":[{"box":[0,0,1000,1000],"depth":2,"name":"wall"}]}"#;
+        let (asks, step) = told(&mut spf, &at(1, 1.0, 0.0), wall);
+        assert!(!asks && forward(&step) < 1.0, "{step:?}");
+    }
+
+    #[test]
     fn an_answer_without_boxes_leads_no_farther_than_is_known_to_be_free() {
         // At label 7 and with its errors a tower may stand 10 m ahead; the paper's step for label 10 has 10 m.
         let mut spf = policy(guided());
         told(&mut spf, &at(0, 0.0, 0.0), &with_box(10, 7, "tower"));
         let (asks, step) = told(&mut spf, &at(1, 1.0, 0.0), &without(10));
         assert!(!asks && (7.5..8.1).contains(&forward(&step)), "{step:?}");
+        // To the side the same distance is less along the optical axis, and near the edge of the image it asks again.
+        let reach = |across: u32| {
+            let mut spf = policy(guided());
+            told(&mut spf, &at(0, 0.0, 0.0), &with_box(10, 7, "tower"));
+            let answer = format!(r#"{{"status":"navigating","point":[500,{across}],"depth":10,"target":"crane"}}"#);
+            told(&mut spf, &at(1, 1.0, 0.0), &answer).1
+        };
+        assert!((7.5..8.1).contains(&forward(&reach(800))), "{:?}", reach(800));
+        assert_eq!(reach(960), Step::Look);
         // Where no path is known, it asks again: an open direction, beside what the earlier frame showed, a way that is blocked.
         let open = r#"{"status":"not_visible","look":"ahead","open_way":{"point":[500,500],"depth":6}}"#;
         let aside = r#"{"status":"navigating","point":[500,980],"depth":9,"target":"crane"}"#;

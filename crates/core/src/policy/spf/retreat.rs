@@ -1,4 +1,5 @@
-//! Backing off from a person who walks towards the craft: holding still would let them walk into it.
+//! Persons who walk: the craft backs off from those who come, since holding still would let them walk into it, keeps clear of where
+//! they are about to be, and does not go to meet them.
 
 use super::report::Report;
 use super::{OpenQuery, Spf};
@@ -6,7 +7,7 @@ use crate::avoid::{AHEAD_OF_FRAME, Motion, Sighting, is_person, same_name};
 use crate::lift::range_of_label;
 use crate::policy::{Step, View};
 use crate::query::ImagePoint;
-use crate::reply::{ObstacleBox, Reply, Status};
+use crate::reply::{ObstacleBox, Reply, Status, one_line};
 
 /// Depth label of a person whom the craft backs off from in any case, and of one who comes nearer: 1 m and 2.8 m.
 const HERE: u8 = 1;
@@ -15,12 +16,15 @@ const NEAR: u8 = 3;
 const APPROACHES: f64 = 0.4;
 /// The same where it is known whether a person walks at all.
 const CREEPS: f64 = 0.3;
+/// The same at the lowest label, whose range is anywhere below: two thirds of a label in three seconds.
+const CREEPS_HERE: f64 = 0.2;
 /// A person farther off the optical axis walks past the craft, radians: 35°.
 const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
 /// Distance kept from a person to whom the craft flies and who walks towards it, metres.
 const KEPT: f64 = 1.0;
 /// Number of times in a row that the craft backs off; after that it holds.
 const RETREATS: u32 = 4;
+
 impl Spf {
     /// The step back from a person who is about to walk into the craft, if there is one, whether it flies, searches or holds.
     /// The pilot flies it only over what it has seen or flown through.
@@ -59,10 +63,12 @@ impl Spf {
     }
 
     /// Adds the places where those who walk are about to be to the boxes of a reply. Whom the reply leads to is no obstacle.
-    pub(super) fn add_walks(&self, view: &View, reply: &mut Reply) {
-        let is_target = |name: &str| reply.target.as_deref().is_some_and(|target| same_name(target, name));
-        let ahead = self.walkers.ahead(&view.camera, view.pose, view.frame.captured);
-        let ahead: Vec<_> = ahead.into_iter().filter(|person| !is_target(&person.name)).collect();
+    pub(super) fn add_walks(&mut self, view: &View, reply: &mut Reply) {
+        let target = target_person(reply);
+        let ahead = self.walkers.ahead(&view.camera, view.pose, view.frame.captured, target.as_ref());
+        if let [first, ..] = ahead.as_slice() {
+            self.reading.actions.push(format!("keeps clear of where somebody walks: {}", one_line(&first.name)));
+        }
         reply.boxes.extend(ahead);
     }
 
@@ -80,14 +86,15 @@ impl Spf {
             return is_here || (is_near && closing() > Some(APPROACHES));
         }
         match self.walkers.motion_of(person) {
-            Motion::Unknown => is_here,
+            Motion::Unknown => is_here || (is_near && closing() > Some(APPROACHES)),
             Motion::Walks(walk) => {
                 let place = Sighting::new(&view.camera, view.pose, person.area, person.depth).middle();
                 is_here || (is_near && walk.closing(place, view.pose.position) > CREEPS)
             }
             Motion::Stands => false,
             // The lowest label does not tell how near they are: from who has come nearer before the craft backs off on.
-            Motion::StaysAbeam => is_near && ((is_here && self.retreats > 0) || closing() > Some(CREEPS)),
+            Motion::StaysAbeam if is_here => self.retreats > 0 || closing() > Some(CREEPS_HERE),
+            Motion::StaysAbeam => is_near && closing() > Some(CREEPS),
         }
     }
 }

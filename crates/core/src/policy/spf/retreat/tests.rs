@@ -1,5 +1,6 @@
 //! Backing off from persons, and waiting for those who come.
 
+use crate::avoid::Avoidance;
 use crate::guidance::Guidance;
 use crate::lift::label_of_range;
 use crate::policy::spf::tests::{policy_by_reply, sent_query, told_from, view};
@@ -55,33 +56,34 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
     assert_eq!(persons_while(r#""status":"blocked""#, &[4, 3, 2], 400), [false, true, true]);
 }
 
+/// Whether a guided craft backs off from a man at each of these ranges ahead, metres, while it flies `stride` metres between two
+/// answers, which are `seconds` apart. He is half a metre wide and 1.7 m tall, his middle half a metre to the left of the way: from
+/// 1.1 m on the image holds neither his height nor his width.
+fn before_a_man(ranges: &[f64], stride: f64, seconds: u64) -> Vec<bool> {
+    let mut spf = policy_by_reply(true).with_guidance(Guidance { slow_anchor: true, ..Guidance::default() });
+    let mut backs_off = |(nth, range): (usize, &f64)| {
+        let mut view = view(nth as u64);
+        view.frame.captured = Time::ZERO + Duration::from_secs(seconds * nth as u64);
+        view.pose.position.north = stride * nth as f64;
+        let thousandths = |tangent: f64| (500.0 * (1.0 + tangent)).clamp(0.0, 1000.0).round();
+        let [left, right] = [-0.75, -0.25].map(|side| thousandths(side / range));
+        let [top, bottom] = [-0.85, 0.85].map(|end| thousandths(end / range / 0.75));
+        let answer = format!(
+            r#"{{"status":"navigating","point":[500,700],"depth":7,"target":"crane",
+                "boxes":[{{"box":[{top},{left},{bottom},{right}],"depth":{},"name":"man"}}]}}"#,
+            label_of_range(*range)
+        );
+        let (_, step) = told_from(&mut spf, &view, &answer);
+        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
+    };
+    ranges.iter().enumerate().map(&mut backs_off).collect()
+}
+
 #[test]
 fn the_craft_does_not_back_off_from_who_stands_beside_its_way_because_it_has_come_nearer_itself() {
-    let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
-    // Half a metre wide and 1.7 m tall, his middle half a metre to the left of the way: from 1.1 m on the image holds neither his
-    // height nor his width.
-    let steps = |ranges: &[f64], stride: f64| -> Vec<bool> {
-        let mut spf = policy_by_reply(true).with_guidance(guidance);
-        let mut backs_off = |(nth, range): (usize, &f64)| {
-            let mut view = view(nth as u64);
-            view.frame.captured = Time::ZERO + Duration::from_secs(2 * nth as u64);
-            view.pose.position.north = stride * nth as f64;
-            let thousandths = |tangent: f64| (500.0 * (1.0 + tangent)).clamp(0.0, 1000.0).round();
-            let [left, right] = [-0.75, -0.25].map(|side| thousandths(side / range));
-            let [top, bottom] = [-0.85, 0.85].map(|end| thousandths(end / range / 0.75));
-            let answer = format!(
-                r#"{{"status":"navigating","point":[500,700],"depth":7,"target":"crane",
-                    "boxes":[{{"box":[{top},{left},{bottom},{right}],"depth":{},"name":"man"}}]}}"#,
-                label_of_range(*range)
-            );
-            let (_, step) = told_from(&mut spf, &view, &answer);
-            matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
-        };
-        ranges.iter().enumerate().map(&mut backs_off).collect()
-    };
-    assert_eq!(steps(&[2.6, 2.0, 1.4, 0.8], 0.6), [false; 4]);
+    assert_eq!(before_a_man(&[2.6, 2.0, 1.4, 0.8], 0.6, 2), [false; 4]);
     // The same without a motion of the craft: it is he who comes, and who has come nearer is backed off from on.
-    assert_eq!(steps(&[2.6, 0.8, 0.7], 0.0), [false, true, true]);
+    assert_eq!(before_a_man(&[2.6, 0.8, 0.7], 0.0, 2), [false, true, true]);
 }
 
 #[test]
@@ -113,4 +115,53 @@ fn the_craft_does_not_go_to_meet_a_person_who_walks_towards_it() {
     let walks = forward(guidance, &[9.0, 7.0, 5.0]);
     assert!(walks[0] > 2.5 && walks[1] < 2.0 && walks[2] == 0.0, "{walks:?}");
     assert!(forward(Guidance::default(), &[9.0, 7.0, 5.0])[2] > 1.5);
+}
+
+#[test]
+fn who_begins_to_walk_towards_the_craft_or_comes_between_slow_answers_is_backed_off_from() {
+    // He has stood there, and comes now.
+    assert_eq!(before_a_man(&[3.0, 3.0, 2.0], 0.0, 2), [false, false, true]);
+    // Two answers 6 s apart; and the image holds nothing but a part of him.
+    assert_eq!(before_a_man(&[4.6, 1.7], 0.0, 6), [false, true]);
+    assert_eq!(before_a_man(&[2.1, 0.8], 0.0, 3), [false, true]);
+}
+
+#[test]
+fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
+    let outcome = |guidance: Guidance, left: [u32; 2]| {
+        let mut spf = policy_by_reply(true).with_guidance(guidance);
+        for (nth, left) in left.into_iter().enumerate() {
+            let mut view = view(nth as u64);
+            view.frame.captured = Time::ZERO + Duration::from_secs(2 * nth as u64);
+            let answer = format!(
+                r#"{{"status":"navigating","point":[500,500],"depth":8,"target":"crane",
+                    "boxes":[{{"box":[380,{left},620,{}],"depth":4,"name":"woman"}}]}}"#,
+                left + 60
+            );
+            told_from(&mut spf, &view, &answer);
+        }
+        spf.reading()
+    };
+    let guided = Guidance { slow_anchor: true, ..Guidance::default() };
+    // From the right towards the path, 4.6 m ahead, at 0.7 m/s: she is not on it yet.
+    let walks = outcome(guided, [950, 800]);
+    assert!(!matches!(walks.avoidance, Some(Avoidance::Clear)), "{walks:?}");
+    assert_eq!(walks.actions, ["keeps clear of where somebody walks: woman"]);
+    for (guidance, left) in [(guided, [800, 800]), (Guidance::default(), [950, 800])] {
+        let reading = outcome(guidance, left);
+        assert_eq!((reading.avoidance, reading.actions.len()), (Some(Avoidance::Clear), 0), "{reading:?}");
+    }
+}
+
+#[test]
+fn only_without_guidance_a_step_leads_under_a_wall() {
+    let wall = r#"{"status":"navigating","point":[450,500],"depth":8,"target":"crane",
+        "boxes":[{"box":[0,0,550,1000],"depth":4,"name":"white wall"}]}"#;
+    let avoided = |guidance: Guidance| {
+        let mut spf = policy_by_reply(true).with_guidance(guidance);
+        told_from(&mut spf, &view(0), wall);
+        spf.reading().avoidance
+    };
+    assert!(matches!(avoided(Guidance { slow_anchor: true, ..Guidance::default() }), Some(Avoidance::Shortened { .. })));
+    assert!(matches!(avoided(Guidance::default()), Some(Avoidance::Shifted { point, .. }) if point.v > 0.5));
 }
