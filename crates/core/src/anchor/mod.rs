@@ -11,6 +11,7 @@
 //! of them decides.
 
 mod estimate;
+mod growth;
 mod sighting;
 
 use std::collections::VecDeque;
@@ -19,6 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::estimate::Estimate;
+pub use self::growth::Growth;
 pub use self::sighting::{RangeReading, Sighting, Trust};
 use crate::camera::Camera;
 use crate::geometry::{EnuDirection, EnuPosition, Pose};
@@ -206,7 +208,11 @@ impl Anchor {
     fn fuse(&mut self, predicted: &Estimate, sighting: &Sighting, settings: &AnchorSettings) {
         let (from, count) = self.ranged;
         let moved = from.distance(sighting.from) > SAME_VIEW * predicted.seen_from(sighting.from).range;
-        let ranged = if moved { (sighting.from, 1) } else { (from, count.saturating_add(1)) };
+        let ranged = match (sighting.range, moved) {
+            (None, _) => self.ranged,
+            (Some(_), true) => (sighting.from, 1),
+            (Some(_), false) => (from, count.saturating_add(1)),
+        };
         // The n-th range from the same place counts as one of n.
         let spread = libm::sqrt(f64::from(ranged.1));
         let range = sighting.range.map(|range| RangeReading { sigma: spread * range.sigma, ..range });
@@ -253,6 +259,10 @@ impl Belief {
             }
         }
         if let Some((index, distance, predicted)) = best {
+            if sighting.by_track {
+                self.hypotheses[index].fuse(&predicted, sighting, settings);
+                return Gate::Fused { distance, switched: false };
+            }
             let mut decided = self.hypotheses.swap_remove(index);
             decided.fuse(&predicted, sighting, settings);
             self.hypotheses.clear();
@@ -313,6 +323,14 @@ impl Anchors {
     #[must_use]
     pub fn is_contested(&self) -> bool {
         self.now.hypotheses.len() > 1
+    }
+
+    /// Whether a sighting fits the anchor: fused, it opens no other hypothesis.
+    #[must_use]
+    pub fn fits(&self, sighting: &Sighting) -> bool {
+        let gate = if sighting.range.is_some() { GATE } else { GATE_BEARING };
+        let distance = |anchor: &Anchor| anchor.predicted(sighting).distance(sighting, &self.settings);
+        sighting.is_valid() && self.anchor().is_some_and(|anchor| anchor.stage == sighting.stage && distance(anchor) <= gate)
     }
 
     /// Takes a sighting, in any order, and applies those captured after it again.

@@ -42,6 +42,9 @@ pub struct Sighting {
     pub elevation_sigma: f64,
     /// Range along the direction, if known.
     pub range: Option<RangeReading>,
+    /// Whether it comes from a track, not from a reply: it decides no doubt between replies.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub by_track: bool,
 }
 
 /// How much replies are trusted.
@@ -117,6 +120,7 @@ impl Sighting {
             bearing_sigma: libm::hypot(point_sigma, trust.heading),
             elevation_sigma: libm::hypot(point_sigma, HEIGHT_SIGMA),
             range,
+            by_track: false,
         })
     }
 

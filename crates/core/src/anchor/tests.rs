@@ -25,6 +25,7 @@ fn sighting(secs: f64, from: EnuPosition, target: EnuPosition) -> Sighting {
         bearing_sigma: 0.02,
         elevation_sigma: 0.02,
         range: Some(RangeReading { ln_range: libm::log(from.distance(target)), sigma: 0.2 }),
+        by_track: false,
     }
 }
 
@@ -236,6 +237,7 @@ fn nees_of(seed: u64, approach: Approach) -> f64 {
             bearing_sigma,
             elevation_sigma: bearing_sigma,
             range: (approach.ranged || step == 0).then_some(RangeReading { ln_range, sigma }),
+            by_track: false,
         });
     }
     anchors.anchor().unwrap().nees(truth)
@@ -355,6 +357,7 @@ proptest! {
                 bearing_sigma,
                 elevation_sigma: bearing_sigma,
                 range: Some(RangeReading { ln_range, sigma }),
+            by_track: false,
             });
             for anchor in anchors.hypotheses() {
                 let sight = anchor.seen_from(at(0.0, 0.0, 0.0), Odometry::default());

@@ -6,6 +6,7 @@
 
 use std::collections::VecDeque;
 
+use super::tracked_target::TrackedTarget;
 use super::unseen::may_overhang;
 use super::view_height::correction;
 use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
@@ -56,10 +57,10 @@ const OWN_SURFACE: f64 = 1.5;
 /// Place of a target, and what is known about obstacles.
 #[derive(Debug, Default)]
 pub(super) struct Guiding {
-    anchors: Anchors,
-    trust: Trust,
+    pub(super) anchors: Anchors,
+    pub(super) trust: Trust,
     /// Outcome of the last sighting.
-    gate: Option<Gate>,
+    pub(super) gate: Option<Gate>,
     /// The map; `None` if it is off.
     map: Option<ObstacleMap>,
     planner: Planner,
@@ -73,6 +74,8 @@ pub(super) struct Guiding {
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
     depth_at: Option<Time>,
+    /// The target of the last reply, while its track agrees with the anchor.
+    pub(super) tracked: Option<TrackedTarget>,
     /// Ages of the last answers.
     ages: AnswerAges,
     /// When the brake last received the obstacles.
@@ -190,7 +193,7 @@ impl Guiding {
             self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
-        self.gate = None;
+        (self.gate, self.tracked) = (None, None);
     }
 }
 
@@ -251,6 +254,7 @@ impl Pilot {
         if lost != self.guiding.lost {
             self.guiding.lost = lost;
             self.guiding.anchors.lose_track(lost.unwrap_or(now));
+            self.guiding.tracked = None;
             if let Some(map) = &mut self.guiding.map {
                 map.clear();
             }

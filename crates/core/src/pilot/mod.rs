@@ -22,6 +22,7 @@ mod operator;
 mod reactions;
 mod settings;
 mod take_over;
+mod tracked_target;
 mod tracking;
 mod unseen;
 mod view_height;

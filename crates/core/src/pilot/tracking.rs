@@ -27,6 +27,7 @@ impl Pilot {
             return;
         }
         self.follow_reply(waiting, step);
+        self.track_target(waiting, step);
         self.remember_boxes(waiting);
         let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
         match reply.target_box.filter(|_| reply.status.leads_to_a_point()) {
@@ -56,6 +57,7 @@ impl Pilot {
         if self.tracking.id == Some(report.id) && is_newer && report.is_sound() {
             self.tracking.last = Some(report);
             self.follow_report(now, &report);
+            self.sight_target(now, &report);
         }
     }
 }

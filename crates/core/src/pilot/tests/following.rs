@@ -40,7 +40,9 @@ fn sees_the_person(latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
 }
 
 /// A tracker at 10 Hz; it sees nothing from `blind` on.
-struct Tracker {
+pub(super) struct Tracker {
+    /// The box of its target in a frame, and the range.
+    sees: fn(&Seen) -> Option<(ImageBox, f64)>,
     reported: usize,
     start: Option<(QueryId, f64)>,
     starts: usize,
@@ -49,10 +51,14 @@ struct Tracker {
 
 impl Tracker {
     fn new(blind: f64) -> Self {
-        Self { reported: 0, start: None, starts: 0, blind: Time::ZERO + secs(blind) }
+        Self::of(person_in, blind)
     }
 
-    fn fly(&mut self, flight: &mut Flight, seconds: f64) {
+    pub(super) fn of(sees: fn(&Seen) -> Option<(ImageBox, f64)>, blind: f64) -> Self {
+        Self { sees, reported: 0, start: None, starts: 0, blind: Time::ZERO + secs(blind) }
+    }
+
+    pub(super) fn fly(&mut self, flight: &mut Flight, seconds: f64) {
         let until = flight.now + secs(seconds);
         while flight.now < until && flight.pilot.phase() != Phase::Ended {
             flight.step(until);
@@ -60,7 +66,7 @@ impl Tracker {
                 self.starts = flight.tracked.len();
                 self.start = start.and_then(|start| {
                     let seen = flight.frames[usize::try_from(start.frame.0).unwrap()];
-                    Some((start.id, person_in(&seen)?.1))
+                    Some((start.id, (self.sees)(&seen)?.1))
                 });
             }
             if let (Some((id, range)), true) = (self.start, flight.delivered.len() > self.reported) {
@@ -68,7 +74,7 @@ impl Tracker {
                 let frame = flight.delivered[self.reported - 1].1;
                 let seen = flight.frames[usize::try_from(frame.id.0).unwrap()];
                 if let Some((area, now)) =
-                    person_in(&seen).filter(|_| frame.captured < self.blind && frame.id.0.is_multiple_of(2))
+                    (self.sees)(&seen).filter(|_| frame.captured < self.blind && frame.id.0.is_multiple_of(2))
                 {
                     let report = TrackReport {
                         id,

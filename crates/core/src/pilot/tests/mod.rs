@@ -17,6 +17,7 @@ mod motion;
 mod operator;
 mod search;
 mod take_over;
+mod tracked_target;
 mod tracking;
 mod unseen;
 mod view_height;
