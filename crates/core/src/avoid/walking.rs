@@ -67,7 +67,7 @@ pub enum Motion {
     Walks(Walk),
     /// They stand.
     Stands,
-    /// They do not walk across the line of sight; whether they walk along it, boxes that the image cuts off do not tell.
+    /// They do not walk across the line of sight; whether they walk along it their boxes do not tell, since the image cuts them off.
     StaysAbeam,
 }
 
@@ -128,8 +128,9 @@ impl Walkers {
         self.0.iter().find(|person| person.is(listed)).map_or(Motion::Unknown, |person| person.motion)
     }
 
-    /// For each person who walks, `except` the one of this box, one box around the places where they may be within 3.5 s after `captured`, as they appear in
-    /// the frame taken then at `pose`; with the name of the person, and the depth label of the nearest place.
+    /// For each person who walks, save the one of the box `except`, one box around the places where they may be within 3.5 s after
+    /// `captured`, as they appear in the frame taken then at `pose`; with the name of the person, and the depth label of the nearest
+    /// place.
     #[must_use]
     pub fn ahead(&self, camera: &Camera, pose: Pose, captured: Time, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
         let swept = |person: &Person| {
@@ -183,7 +184,7 @@ fn nearer_of(one: Motion, other: Motion, seen: &Seen) -> Motion {
 }
 
 impl Seen {
-    /// Distance to another sighting that is farther away than the other's range is wrong, metres over ground.
+    /// Distance over ground to another sighting, beyond what the error of its range explains, metres.
     fn gap(&self, other: &Self) -> f64 {
         let at = other.pose.position;
         let (mine, theirs) = (self.panel.middle(), other.panel.middle());
