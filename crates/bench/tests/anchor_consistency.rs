@@ -21,13 +21,12 @@ use spf_core::guidance::Guidance;
 use spf_core::pilot::{Action, Decision, Note, Phase, Pilot, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::{Time, duration_from_secs};
-use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::flight::fly;
 use spf_flight::run::Observer;
-use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, WorldSnapshot, oracle_factory};
-use spf_oracle::ErrorFile;
+use spf_flight::sim::{SimWorld, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 
-use seen::{ACROSS_M, Shown, minus, shown, targets};
+use seen::{ACROSS_M, Shown, flight, minus, shown, targets};
 
 /// Sightings from nearer than this do not count, metres: there the target surrounds the craft.
 const NEAREST_M: f64 = 1.5;
@@ -165,19 +164,6 @@ fn flown(task: &Task, vlm: &'static str, seed: u64) -> Option<Row> {
         return None;
     }
     let loaded = drawn.loaded.clone();
-    let world = Arc::new(OnceLock::new());
-    let (oracle, known) = (oracle_factory(format!("oracle:{vlm}"), ErrorFile::named(vlm).unwrap()), world.clone());
-    let vlm_factory: VlmFactory = Arc::new(move |of, seed| {
-        drop(known.set(of.unwrap().clone()));
-        oracle(of, seed)
-    });
-    let site = Site::Simulated(Simulated {
-        start: Some(drawn.start),
-        kind: task.craft,
-        flight_conditions: FlightConditions { wind: drawn.wind, ..FlightConditions::default() },
-        seed,
-        ..Simulated::new(loaded.clone(), &drawn.scene)
-    });
     // The bench's method `spf-anchor`.
     let settings = PilotSettings {
         avoid: task.avoid,
@@ -186,7 +172,7 @@ fn flown(task: &Task, vlm: &'static str, seed: u64) -> Option<Row> {
         guidance: Guidance { anchor: true, ..Guidance::default() },
         ..PilotSettings::preset(Preset::Default)
     };
-    let plan = FlightPlan { settings, ..FlightPlan::new(site, &task.instruction, &format!("oracle:{vlm}"), vlm_factory) };
+    let (plan, world) = flight(task, &drawn, vlm, seed, settings);
     let mut watcher = Watcher {
         world,
         targets,

@@ -17,19 +17,15 @@ use spf_core::frame::FrameId;
 use spf_core::geometry::{EnuDirection, EnuPosition};
 use spf_core::guidance::Guidance;
 use spf_core::pilot::{Action, Pilot, PilotSettings, Preset};
-use spf_core::query::{ImageBox, ImagePoint, QueryId};
+use spf_core::query::QueryId;
 use spf_core::time::{Time, duration_from_secs};
 use spf_core::track::{TrackQuality, TrackReport};
-use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::flight::fly;
 use spf_flight::run::Observer;
-use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
-use spf_oracle::ErrorFile;
+use spf_flight::sim::SimWorld;
 use spf_scene::geometry::ObjectId;
 
-use seen::{Shown, minus, shown, targets};
-
-/// A box this near to an image edge is cut off there.
-const CUT: f64 = 0.01;
+use seen::{Shown, flight, minus, shown, targets};
 
 /// One track, from the frame in which a reply saw its target.
 struct Track {
@@ -72,11 +68,11 @@ impl Observer for Watcher {
             Action::Track(start) => {
                 let Some(world) = self.world.get() else { return };
                 self.track = world.capture(start.frame).and_then(|snapshot| {
-                    let Shown::Target { surface, .. } = shown(world, &snapshot, &self.targets, middle(start.area)) else {
+                    let Shown::Target { surface, .. } = shown(world, &snapshot, &self.targets, start.area.middle()) else {
                         return None;
                     };
                     let from = snapshot.pose.position;
-                    (!is_cut(start.area)).then(|| Track {
+                    (!start.area.is_cut_off()).then(|| Track {
                         id: start.id,
                         surface,
                         range: from.distance(surface),
@@ -93,7 +89,7 @@ impl Observer for Watcher {
 impl Watcher {
     fn reported(&mut self, world: &SimWorld, report: &TrackReport) {
         let Some(track) = self.track.as_mut().filter(|track| track.id == report.id) else { return };
-        if report.quality != TrackQuality::Good || is_cut(report.area) {
+        if report.quality != TrackQuality::Good || report.area.is_cut_off() {
             return;
         }
         let Some(snapshot) = world.capture(report.frame) else { return };
@@ -107,14 +103,6 @@ impl Watcher {
     }
 }
 
-fn middle(area: ImageBox) -> ImagePoint {
-    ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) }
-}
-
-fn is_cut(ImageBox { left, top, right, bottom }: ImageBox) -> bool {
-    left < CUT || top < CUT || right > 1.0 - CUT || bottom > 1.0 - CUT
-}
-
 /// Flies a task with the settings of the bench's method `spf-track`; `None` if it has no target of that size.
 fn flown(task: &Task, seed: u64) -> Option<Values> {
     let drawn = draw(task, seed).ok()?;
@@ -122,19 +110,6 @@ fn flown(task: &Task, seed: u64) -> Option<Values> {
     if targets.is_empty() {
         return None;
     }
-    let world = Arc::new(OnceLock::new());
-    let (oracle, known) = (oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap()), world.clone());
-    let vlm_factory: VlmFactory = Arc::new(move |of, seed| {
-        drop(known.set(of.unwrap().clone()));
-        oracle(of, seed)
-    });
-    let site = Site::Simulated(Simulated {
-        start: Some(drawn.start),
-        kind: task.craft,
-        flight_conditions: FlightConditions { wind: drawn.wind, ..FlightConditions::default() },
-        seed,
-        ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
-    });
     let settings = PilotSettings {
         avoid: true,
         max_time: duration_from_secs(task.max_time.min(60.0)),
@@ -142,7 +117,7 @@ fn flown(task: &Task, seed: u64) -> Option<Values> {
         guidance: Guidance { slow_anchor: true, track: true, ..Guidance::default() },
         ..PilotSettings::preset(Preset::Default)
     };
-    let plan = FlightPlan { settings, ..FlightPlan::new(site, &task.instruction, "oracle:perfect", vlm_factory) };
+    let (plan, world) = flight(task, &drawn, "perfect", seed, settings);
     let mut watcher = Watcher { world, targets, track: None, last: None, values: Values::default() };
     fly(plan, &mut [&mut watcher]).unwrap();
     Some(watcher.values)

@@ -7,6 +7,7 @@ pub use memory::{Detour, DetourKind, FinishedStage, LostTarget, Memory, PastAnsw
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::avoid::CUT;
 use crate::frame::FrameId;
 use crate::time::Time;
 
@@ -172,6 +173,19 @@ impl ImageBox {
     #[must_use]
     pub fn contains(&self, point: ImagePoint) -> bool {
         (self.left..=self.right).contains(&point.u) && (self.top..=self.bottom).contains(&point.v)
+    }
+
+    /// Whether an edge of the image may cut it off, within 1 % of the image's size: then it tells neither size nor middle.
+    #[must_use]
+    pub fn is_cut_off(&self) -> bool {
+        let (low, high) = (self.left.min(self.top), self.right.max(self.bottom));
+        low < CUT || high > 1.0 - CUT
+    }
+
+    /// Its middle.
+    #[must_use]
+    pub fn middle(&self) -> ImagePoint {
+        ImagePoint { u: 0.5 * (self.left + self.right), v: 0.5 * (self.top + self.bottom) }
     }
 
     /// Intersection over union with another box: 0 if disjoint, 1 if equal; 0 for two empty boxes.

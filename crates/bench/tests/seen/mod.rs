@@ -1,13 +1,18 @@
 //! What a point of an image shows in a simulated flight: the truth behind what is estimated.
 #![allow(clippy::unwrap_used, dead_code, reason = "a test that cannot go on fails; each test uses its part")]
 
+use std::sync::{Arc, OnceLock};
+
 use spf_bench::judge::Judge;
 use spf_bench::task::Task;
 use spf_bench::trial::Sampled;
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::{Lifting, lift, unproject};
+use spf_core::pilot::PilotSettings;
 use spf_core::query::ImagePoint;
-use spf_flight::sim::{SimWorld, WorldSnapshot};
+use spf_flight::flight::{FlightPlan, Site};
+use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, WorldSnapshot, oracle_factory};
+use spf_oracle::ErrorFile;
 use spf_render::Channels;
 use spf_scene::geometry::ObjectId;
 
@@ -65,4 +70,29 @@ pub(crate) fn targets(task: &Task, drawn: &Sampled) -> Vec<ObjectId> {
     };
     let is_small = |id: &ObjectId| loaded.cast.of_object(*id).is_none() && width(*id).is_some_and(|width| width < ACROSS_M);
     judge.targets().flatten().copied().filter(is_small).collect()
+}
+
+/// A simulated flight of a task with one of the shipped oracles, and its world, which is known from the take-off on.
+pub(crate) fn flight(
+    task: &Task,
+    drawn: &Sampled,
+    vlm: &'static str,
+    seed: u64,
+    settings: PilotSettings,
+) -> (FlightPlan, Arc<OnceLock<SimWorld>>) {
+    let world = Arc::new(OnceLock::new());
+    let (oracle, known) = (oracle_factory(format!("oracle:{vlm}"), ErrorFile::named(vlm).unwrap()), world.clone());
+    let vlm_factory: VlmFactory = Arc::new(move |of, seed| {
+        drop(known.set(of.unwrap().clone()));
+        oracle(of, seed)
+    });
+    let site = Site::Simulated(Simulated {
+        start: Some(drawn.start),
+        kind: task.craft,
+        flight_conditions: FlightConditions { wind: drawn.wind, ..FlightConditions::default() },
+        seed,
+        ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
+    });
+    let plan = FlightPlan::new(site, &task.instruction, &format!("oracle:{vlm}"), vlm_factory);
+    (FlightPlan { settings, ..plan }, world)
 }

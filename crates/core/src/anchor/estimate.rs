@@ -236,7 +236,7 @@ fn across(direction: DVec3) -> (DVec3, DVec3) {
     (right, right.cross(direction))
 }
 
-fn vector(at: EnuPosition) -> DVec3 {
+pub(super) fn vector(at: EnuPosition) -> DVec3 {
     DVec3::new(at.east, at.north, at.up)
 }
 
@@ -244,6 +244,6 @@ fn position(at: DVec3) -> EnuPosition {
     EnuPosition { east: at.x, north: at.y, up: at.z }
 }
 
-fn direction(at: EnuDirection) -> DVec3 {
+pub(super) fn direction(at: EnuDirection) -> DVec3 {
     DVec3::new(at.east, at.north, at.up)
 }

@@ -1,8 +1,7 @@
 //! Range of a target that stands still, from how much its track has grown over the metres flown.
 
-use glam::DVec3;
-
 use super::RangeReading;
+use super::estimate::{direction, vector};
 use crate::geometry::{EnuDirection, EnuPosition};
 
 /// Growth from which a range is read: before, the error of the scale is most of it.
@@ -32,14 +31,14 @@ impl Growth {
     ///
     /// With the displacement b since then, the unit vector u towards the target and the growth g, the range r fulfils
     /// |b + r·u| = g·r.
-    pub fn reading(&mut self, from: EnuPosition, direction: EnuDirection, scale: f64) -> Option<RangeReading> {
+    pub fn reading(&mut self, from: EnuPosition, towards: EnuDirection, scale: f64) -> Option<RangeReading> {
         let growth = scale / self.scale;
         if !(growth.is_finite() && growth >= GROWN) {
             return None;
         }
         let before = core::mem::replace(self, Self::new(from, scale));
-        let b = DVec3::new(from.east - before.from.east, from.north - before.from.north, from.up - before.from.up);
-        let along = b.dot(DVec3::new(direction.east, direction.north, direction.up));
+        let b = vector(from) - vector(before.from);
+        let along = b.dot(direction(towards));
         // One that has grown though the craft has not come nearer does not stand still.
         if along <= 0.0 {
             return None;
@@ -60,10 +59,8 @@ mod tests {
     }
 
     fn towards(from: EnuPosition, target: EnuPosition) -> (EnuDirection, f64) {
-        let range = from.distance(target);
-        let part = |to: f64, from: f64| (to - from) / range;
-        let up = part(target.up, from.up);
-        (EnuDirection { east: part(target.east, from.east), north: part(target.north, from.north), up }, range)
+        let ahead = EnuPosition { east: target.east - from.east, north: target.north - from.north, up: target.up - from.up };
+        (EnuDirection::towards(ahead), from.distance(target))
     }
 
     #[test]

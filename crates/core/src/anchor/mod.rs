@@ -74,7 +74,7 @@ pub enum Gate {
         /// Whether it decided for a hypothesis that was not the anchor until then.
         switched: bool,
     },
-    /// It fits none and opened a hypothesis.
+    /// It fits none and opened a hypothesis; by a track, it does not fit the anchor and changes nothing.
     Doubted {
         /// Its squared Mahalanobis distance from the anchor; infinite if the target would be behind.
         distance: f64,
@@ -258,11 +258,17 @@ impl Belief {
                 break;
             }
         }
+        if sighting.by_track {
+            // A track that has slid off must neither replace the anchor nor settle what two replies disagree about.
+            return match (best, self.hypotheses.first_mut()) {
+                (Some((0, distance, predicted)), Some(anchor)) => {
+                    anchor.fuse(&predicted, sighting, settings);
+                    Gate::Fused { distance, switched: false }
+                }
+                _ => Gate::Doubted { distance: of_anchor.unwrap_or(f64::INFINITY) },
+            };
+        }
         if let Some((index, distance, predicted)) = best {
-            if sighting.by_track {
-                self.hypotheses[index].fuse(&predicted, sighting, settings);
-                return Gate::Fused { distance, switched: false };
-            }
             let mut decided = self.hypotheses.swap_remove(index);
             decided.fuse(&predicted, sighting, settings);
             self.hypotheses.clear();
@@ -323,14 +329,6 @@ impl Anchors {
     #[must_use]
     pub fn is_contested(&self) -> bool {
         self.now.hypotheses.len() > 1
-    }
-
-    /// Whether a sighting fits the anchor: fused, it opens no other hypothesis.
-    #[must_use]
-    pub fn fits(&self, sighting: &Sighting) -> bool {
-        let gate = if sighting.range.is_some() { GATE } else { GATE_BEARING };
-        let distance = |anchor: &Anchor| anchor.predicted(sighting).distance(sighting, &self.settings);
-        sighting.is_valid() && self.anchor().is_some_and(|anchor| anchor.stage == sighting.stage && distance(anchor) <= gate)
     }
 
     /// Takes a sighting, in any order, and applies those captured after it again.

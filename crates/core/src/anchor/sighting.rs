@@ -42,7 +42,7 @@ pub struct Sighting {
     pub elevation_sigma: f64,
     /// Range along the direction, if known.
     pub range: Option<RangeReading>,
-    /// Whether it comes from a track, not from a reply: it decides no doubt between replies.
+    /// Whether it comes from a track, not from a reply: it counts only where it fits the anchor, and decides no doubt.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub by_track: bool,
 }

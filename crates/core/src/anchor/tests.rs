@@ -81,6 +81,24 @@ fn what_does_not_fit_is_a_doubt_that_the_next_sighting_decides() {
 }
 
 #[test]
+fn a_track_counts_where_it_fits_and_decides_nothing_even_if_a_late_reply_is_applied_before_it() {
+    let (from, tree, other) = (at(0.0, 0.0, 3.0), at(0.0, 20.0, 3.0), at(15.0, 15.0, 3.0));
+    let track = |secs: f64, place| Sighting { by_track: true, ..sighting(secs, from, place) };
+    let mut anchors = Anchors::default();
+    assert!(matches!(anchors.observe(track(0.0, tree)), Gate::Doubted { .. }));
+    assert!(anchors.anchor().is_none(), "a track begins nothing");
+    anchors.observe(sighting(1.0, from, tree));
+    assert!(matches!(anchors.observe(track(3.0, tree)), Gate::Fused { switched: false, .. }));
+    assert_eq!(anchors.anchor().unwrap().hits, 2);
+    assert!(matches!(anchors.observe(track(4.0, other)), Gate::Doubted { .. }));
+    assert!(!anchors.is_contested());
+    // The reply of a frame from before the track: its doubt stands until the next reply.
+    assert!(matches!(anchors.observe(sighting(2.0, from, other)), Gate::Doubted { .. }));
+    assert!(anchors.is_contested() && anchors.anchor().unwrap().hits == 2);
+    assert!(matches!(anchors.observe(sighting(5.0, from, other)), Gate::Fused { switched: true, .. }));
+}
+
+#[test]
 fn there_are_at_most_three_hypotheses_and_the_oldest_doubt_gives_way() {
     let from = at(0.0, 0.0, 0.0);
     let mut anchors = Anchors::default();

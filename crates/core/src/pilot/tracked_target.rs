@@ -2,7 +2,6 @@
 
 use super::{Pilot, Waiting};
 use crate::anchor::{Gate, Growth, Sighting};
-use crate::avoid::CUT;
 use crate::geometry::EnuPosition;
 use crate::policy::{Goto, Step};
 use crate::query::{ImageBox, ImagePoint};
@@ -29,7 +28,8 @@ impl Pilot {
     pub(super) fn track_target(&mut self, waiting: &Waiting, step: &Step) {
         self.guiding.tracked = None;
         let Step::Goto(goto) = step else { return };
-        let Some(ImageBox { left, top, right, bottom }) = goto.area.filter(|area| self.settings.guidance.track && !is_cut(area))
+        let Some(ImageBox { left, top, right, bottom }) =
+            goto.area.filter(|area| self.settings.guidance.track && !area.is_cut_off())
         else {
             return;
         };
@@ -46,7 +46,7 @@ impl Pilot {
     /// boxes are those of its own path, and the anchor counts with the next.
     pub(super) fn sight_target(&mut self, now: Time, report: &TrackReport) {
         let Some(mut tracked) = self.guiding.tracked.take_if(|tracked| tracked.goto.id == report.id) else { return };
-        let is_usable = report.quality == TrackQuality::Good && !is_cut(&report.area);
+        let is_usable = report.quality == TrackQuality::Good && !report.area.is_cut_off();
         if !is_usable || self.sight(now, report, &mut tracked) {
             self.guiding.tracked = Some(tracked);
         }
@@ -72,17 +72,9 @@ impl Pilot {
         let spread = libm::sqrt(f64::from(tracked.taken));
         let (bearing_sigma, elevation_sigma) = (spread * sighting.bearing_sigma, spread * sighting.elevation_sigma);
         let sighting = Sighting { bearing_sigma, elevation_sigma, range, by_track: true, ..sighting };
-        if !self.guiding.anchors.fits(&sighting) {
-            return false;
-        }
-        self.guiding.anchors.observe(sighting);
+        let gate = self.guiding.anchors.observe(sighting);
         let open = self.waiting.values().map(|waiting| waiting.view.frame.captured).min();
         self.guiding.anchors.settle(now, open);
-        true
+        matches!(gate, Gate::Fused { .. })
     }
-}
-
-/// Whether an image edge may cut a box off: then it tells neither point nor scale.
-fn is_cut(area: &ImageBox) -> bool {
-    [area.left, area.top].iter().any(|&low| low < CUT) || [area.right, area.bottom].iter().any(|&high| high > 1.0 - CUT)
 }

@@ -212,7 +212,7 @@ impl Spf {
         }
         self.detections.clear();
         // A detector has neither a prompt nor an image size of its own: it receives the camera's frame.
-        let id = self.asking(view, QuerySubject::List);
+        let OpenQuery { id, .. } = self.asking(view, QuerySubject::List);
         Step::Ask(Box::new(Query {
             instruction: self.instruction.clone(),
             ..Query::new(id, view.frame.id, QueryKind::Detect { coco: true, scored: true })
@@ -224,19 +224,18 @@ impl Spf {
     }
 
     /// Records the open query.
-    fn asking(&mut self, view: &View, about: QuerySubject) -> QueryId {
+    fn asking(&mut self, view: &View, about: QuerySubject) -> OpenQuery {
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        self.open_query = Some(OpenQuery { id, view: *view, about, boxes: self.boxes_for(view) });
-        id
+        *self.open_query.insert(OpenQuery { id, view: *view, about, boxes: self.boxes_for(view) })
     }
 
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
-        let id = self.asking(view, QuerySubject::Point { confirming: self.confirming });
+        let OpenQuery { id, boxes, .. } = self.asking(view, QuerySubject::Point { confirming: self.confirming });
         self.history.fill(view, &mut self.memory);
-        let kind = QueryKind::Point { avoid: self.boxes_for(view) == Boxes::Reply, depth: self.settings.depth };
+        let kind = QueryKind::Point { avoid: boxes == Boxes::Reply, depth: self.settings.depth };
         let mut query = Query {
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),

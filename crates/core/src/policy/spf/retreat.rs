@@ -4,6 +4,7 @@
 use super::report::Report;
 use super::{OpenQuery, Spf};
 use crate::avoid::{AHEAD_OF_FRAME, Motion, Sighting, is_person, same_name};
+use crate::geometry::EnuPosition;
 use crate::lift::range_of_label;
 use crate::policy::{Step, View};
 use crate::query::ImagePoint;
@@ -56,8 +57,7 @@ impl Spf {
     pub(super) fn room_before_target(&self, view: &View, reply: &Reply) -> Option<f64> {
         let target = target_person(reply)?;
         let Motion::Walks(walk) = self.walkers.motion_of(&target) else { return None };
-        let place = Sighting::new(&view.camera, view.pose, target.area, target.depth).middle();
-        let closing = walk.closing(place, view.pose.position);
+        let closing = walk.closing(place_of(view, &target), view.pose.position);
         let range = range_of_label(f64::from(target.depth) - 0.5);
         (closing > CREEPS).then(|| (range - closing * AHEAD_OF_FRAME.as_secs_f64() - KEPT).max(0.0))
     }
@@ -82,15 +82,10 @@ impl Spf {
         let (is_here, is_near) = (person.depth <= HERE, person.depth <= NEAR);
         let earlier = || self.reported.iter().rev().find(|report| report.view().frame.captured < view.frame.captured);
         let closing = || earlier().and_then(|report| closing_speed(report, view, person));
-        if self.guidance.is_off() {
-            return is_here || (is_near && closing() > Some(APPROACHES));
-        }
         match self.walkers.motion_of(person) {
+            // So it is always without guidance.
             Motion::Unknown => is_here || (is_near && closing() > Some(APPROACHES)),
-            Motion::Walks(walk) => {
-                let place = Sighting::new(&view.camera, view.pose, person.area, person.depth).middle();
-                is_here || (is_near && walk.closing(place, view.pose.position) > CREEPS)
-            }
+            Motion::Walks(walk) => is_here || (is_near && walk.closing(place_of(view, person), view.pose.position) > CREEPS),
             Motion::Stands => false,
             // The lowest label does not tell how near they are: from who has come nearer before the craft backs off on.
             Motion::StaysAbeam if is_here => self.retreats > 0 || closing() > Some(CREEPS_HERE),
@@ -111,16 +106,19 @@ fn is_ahead(view: &View, person: &ObstacleBox) -> bool {
     libm::atan(view.camera.ray(middle).right).abs() < AHEAD
 }
 
+/// Where a box of a view is in the world, by its label.
+fn place_of(view: &View, obstacle: &ObstacleBox) -> EnuPosition {
+    Sighting::new(&view.camera, view.pose, obstacle.area, obstacle.depth).middle()
+}
+
 /// How fast a person has come nearer to where the craft is now since an earlier reply, m/s; `None` if it did not list them.
 fn closing_speed(earlier: &Report, view: &View, person: &ObstacleBox) -> Option<f64> {
     let at = view.pose.position;
     let then = earlier.view();
-    let place = |view: &View, obstacle: &ObstacleBox| {
-        Sighting::new(&view.camera, view.pose, obstacle.area, obstacle.depth).middle().horizontal_distance(at)
-    };
     let before = earlier.boxes().iter().find(|other| same_name(&other.name, &person.name))?;
     let elapsed = view.frame.captured.since(then.frame.captured).as_secs_f64();
-    (elapsed > 0.0).then(|| (place(then, before) - place(view, person)) / elapsed)
+    (elapsed > 0.0)
+        .then(|| (place_of(then, before).horizontal_distance(at) - place_of(view, person).horizontal_distance(at)) / elapsed)
 }
 
 #[cfg(test)]
