@@ -54,8 +54,6 @@ pub const MIN_STEP: f64 = 0.1;
 const EDGE: f64 = 0.02;
 /// A box thinner than this fraction of the image is taken to be this thick.
 const MIN_BOX: f64 = 0.002;
-/// A side of a box within this fraction of the image from an edge is cut off there: the object extends beyond the image.
-pub(crate) const CUT: f64 = 0.01;
 /// Tangent of the angle from the optical axis up to which an object that is cut off extends: 79°.
 const BEYOND: f64 = 5.0;
 /// Minimum lateral distance per metre forward for a path to count as leading along an edge: 14°.
@@ -338,14 +336,14 @@ impl Solid {
             (wide(obstacle.area.left, obstacle.area.right), wide(obstacle.area.top, obstacle.area.bottom));
         let corners = [(left, top), (left, bottom), (right, bottom), (right, top)].map(|(u, v)| {
             let mut ray = camera.ray(ImagePoint { u, v });
-            if u < CUT {
+            if u < ImageBox::CUT {
                 ray.right = ray.right.min(-BEYOND);
-            } else if u > 1.0 - CUT {
+            } else if u > 1.0 - ImageBox::CUT {
                 ray.right = ray.right.max(BEYOND);
             }
-            if v < CUT {
+            if v < ImageBox::CUT {
                 ray.up = ray.up.max(BEYOND);
-            } else if v > 1.0 - CUT {
+            } else if v > 1.0 - ImageBox::CUT {
                 ray.up = ray.up.min(-BEYOND);
             }
             DVec3::new(ray.right, 1.0, ray.up).normalize()

@@ -7,7 +7,6 @@ pub use memory::{Detour, DetourKind, FinishedStage, LostTarget, Memory, PastAnsw
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::avoid::CUT;
 use crate::frame::FrameId;
 use crate::time::Time;
 
@@ -169,6 +168,10 @@ pub struct ImageBox {
 }
 
 impl ImageBox {
+    /// A side of a box within this fraction of the image from an edge is cut off there: the object extends beyond the
+    /// image.
+    pub(crate) const CUT: f64 = 0.01;
+
     /// Whether a point lies in it or on its edge.
     #[must_use]
     pub fn contains(&self, point: ImagePoint) -> bool {
@@ -179,7 +182,7 @@ impl ImageBox {
     #[must_use]
     pub fn is_cut_off(&self) -> bool {
         let (low, high) = (self.left.min(self.top), self.right.max(self.bottom));
-        low < CUT || high > 1.0 - CUT
+        low < Self::CUT || high > 1.0 - Self::CUT
     }
 
     /// Its middle.

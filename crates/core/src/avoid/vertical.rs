@@ -3,11 +3,11 @@
 //! A forward camera sees neither the space above nor the space below the craft. An object that extends beyond the upper
 //! edge of the frame may hang over it, unless its visible part is already higher than the end of the climb.
 
-use super::{CUT, near_edge};
+use super::near_edge;
 use crate::camera::Camera;
 use crate::geometry::Attitude;
 use crate::lift::{CameraDisplacement, Lifting, lift};
-use crate::query::ImagePoint;
+use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 
 /// Whether the craft can climb by `climb` metres, negative for a descent, with `clearance` metres around it, among `boxes` of a
@@ -15,7 +15,11 @@ use crate::reply::ObstacleBox;
 #[must_use]
 pub fn is_clear_vertically(camera: &Camera, attitude: Attitude, boxes: &[ObstacleBox], climb: f64, clearance: f64) -> bool {
     !boxes.iter().any(|obstacle| {
-        let (reaches, v) = if climb > 0.0 { (obstacle.area.top < CUT, 0.0) } else { (obstacle.area.bottom > 1.0 - CUT, 1.0) };
+        let (reaches, v) = if climb > 0.0 {
+            (obstacle.area.top < ImageBox::CUT, 0.0)
+        } else {
+            (obstacle.area.bottom > 1.0 - ImageBox::CUT, 1.0)
+        };
         let ray = camera.ray(ImagePoint { u: 0.5 * (obstacle.area.left + obstacle.area.right), v });
         let along = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
         let level = lift(along, camera, attitude, Lifting::Levelled);

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::sighting::Sighting;
-use super::{CUT, is_person, same_name};
+use super::{is_person, same_name};
 use crate::camera::Camera;
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::lift::{label_of_range, range_of_label};
@@ -198,7 +198,8 @@ impl Seen {
     /// Height and width of the box; `None` if an edge of the image cuts it off.
     fn sizes(&self) -> [Option<f64>; 2] {
         let ImageBox { left, top, right, bottom } = self.area;
-        [(top, bottom), (left, right)].map(|(low, high)| (low > CUT && high < 1.0 - CUT && low < high).then_some(high - low))
+        [(top, bottom), (left, right)]
+            .map(|(low, high)| (low > ImageBox::CUT && high < 1.0 - ImageBox::CUT && low < high).then_some(high - low))
     }
 
     fn bearing(&self) -> f64 {
