@@ -26,13 +26,26 @@ pub struct Guidance {
     /// Whether the box of the target is tracked from one answer to the next ([`crate::track`]).
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub track: bool,
+    /// Whether points are followed through the frames, and triangulated into the map ([`crate::triangulation`]). Without `map`, only
+    /// the brake sees them.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub points: bool,
+    /// Whether the brake also acts on what the craft flies at, by how fast the same points move apart ([`crate::looming`]).
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub looming: bool,
 }
 
 impl Guidance {
     /// Whether every part is off, which serialisation omits.
     #[must_use]
     pub fn is_off(&self) -> bool {
-        !self.keeps_anchor() && !self.map && !self.track
+        !self.keeps_anchor() && !self.map && !self.track && !self.follows_points()
+    }
+
+    /// Whether points are followed through the frames.
+    #[must_use]
+    pub fn follows_points(&self) -> bool {
+        self.points || self.looming
     }
 
     /// Whether the target's place may be kept.

@@ -28,10 +28,12 @@ pub mod geometry;
 pub mod grounding;
 pub mod guidance;
 pub mod lift;
+pub mod looming;
 pub mod obstacle_map;
 pub mod odometry;
 pub mod pilot;
 pub mod planner;
+pub mod points;
 pub mod policy;
 pub mod primitives;
 pub mod prompt;
@@ -44,6 +46,7 @@ pub mod tags;
 pub mod telemetry;
 pub mod time;
 pub mod track;
+pub mod triangulation;
 
 /// The examples of the README, run as tests.
 #[cfg(doctest)]

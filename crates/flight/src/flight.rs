@@ -166,7 +166,7 @@ pub enum FlightError {
     #[error("`{0}` does not support autonomous manoeuvres")]
     Manoeuvres(String),
     /// The plan needs the stand-in for a tracker where it cannot be had.
-    #[error("only a simulated craft in virtual time can be tracked without pixels")]
+    #[error("only a simulated craft in virtual time can be tracked without pixels, and points cannot")]
     TrackModel,
     /// The VLM could not be created.
     #[error("cannot query the VLM")]
@@ -191,7 +191,8 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let camera = capabilities.camera;
     let live = clock != Clock::Virtual;
     let track_by = if plan.settings.guidance.track { plan.track_by } else { TrackBy::Off };
-    if track_by == TrackBy::Model && (live || world.is_none()) {
+    let points = plan.settings.guidance.follows_points();
+    if track_by == TrackBy::Model && (live || points || world.is_none()) {
         return Err(FlightError::TrackModel);
     }
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
@@ -224,16 +225,17 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
             let follow: Option<Box<dyn Follow>> = match (track_by, &world) {
-                (TrackBy::Off, _) => None,
+                (TrackBy::Off, _) if !points => None,
                 (TrackBy::Model, Some(world)) => Some(Box::new(TrackModel::new(world.clone(), seed))),
-                (TrackBy::Model | TrackBy::Pixels, _) => Some(Box::new(Tracking::new(&camera))),
+                _ => Some(Box::new(Tracking::new(&camera).with_points(points))),
             };
             let tracker = follow.map(|follow| VirtualTracker::new(follow, drone.frames()));
             Box::new(Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracker).with_operator(operator))
         }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
-            let live = Live::new(start, drone, vlm, script, interrupts, !track_by.is_off()).map_err(FlightError::Thread)?;
+            let live =
+                Live::new(start, drone, vlm, script, interrupts, !track_by.is_off(), points).map_err(FlightError::Thread)?;
             Box::new(live.with_operator(operator))
         }
     };

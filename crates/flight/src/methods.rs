@@ -129,6 +129,10 @@ pub struct BenchSettings {
     pub brake: bool,
     /// What keeps the target's box between two answers.
     pub track: TrackBy,
+    /// Whether points are followed through the frames, and triangulated into the map.
+    pub points: bool,
+    /// Whether the brake acts on what points that move apart say the craft flies at.
+    pub looming: bool,
     /// Whether the craft has a depth sensor.
     pub depth_sensor: bool,
     /// Whether a geofence is drawn around the straight path from the start to the goals.
@@ -176,6 +180,8 @@ impl BenchSettings {
                 map: self.map,
                 sensor: self.depth_sensor,
                 track: !self.track.is_off(),
+                points: self.points,
+                looming: self.looming,
             },
             ..preset
         }

@@ -237,6 +237,7 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Frame => Event::Frame(row(entry)?),
         Channel::Depth => Event::Depth(row(entry)?),
         Channel::Track => Event::Track(row(entry)?),
+        Channel::Points => Event::Points(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
         Channel::Link => match row::<LinkRow>(entry)?.lost {
             true => Event::LinkLost,

@@ -1,4 +1,4 @@
-//! Images and video in memory: resizing, JPEG and PNG, marks, H.264, and following a box.
+//! Images and video in memory: resizing, JPEG and PNG, marks, H.264, and following a box or many points.
 //!
 //! This crate does no I/O. Equal inputs give equal bytes on every x86-64 machine, whatever its vector units, because
 //! recorded frames are compared byte for byte between runs.
@@ -22,6 +22,7 @@ pub mod h264;
 pub mod jpeg;
 pub mod marks;
 pub mod png;
+pub mod points;
 pub mod resize;
 pub mod track;
 

@@ -1,8 +1,8 @@
 //! The brake: limits the speed near known obstacles, whatever planner, pilot or VLM request.
 //!
-//! It uses points in the world: those of the newest depth grid, and the occupied cells of the obstacle map. Along a
-//! direction, the speed is limited so that the craft comes to rest the margin before the nearest point in the corridor
-//! of the body. In directions that no working sensor shows (sideways, backwards, or with a dead, frozen or late sensor)
+//! It uses points in the world: those of the newest depth grid, the occupied cells of the obstacle map, and the place
+//! that looming says to be ahead. Along a direction, the speed is limited so that the craft comes to rest the margin
+//! before the nearest point in the corridor of the body. In directions that no working sensor shows (sideways, backwards, or with a dead, frozen or late sensor)
 //! it is also limited to the blind speed. A direction in the field of view without a return does not count as blind:
 //! open space gives none, and neither does glass. But where the ground should give a return in a part of the image and
 //! gives none, that part has failed, and what it would show is blind.
@@ -29,7 +29,7 @@ const STRIPS: usize = 8;
 const BLOCK: usize = 4;
 /// Points farther than this from the craft do not matter, metres: no craft of ours needs as much to stop.
 const SIGHT: f64 = 12.0;
-/// A motion estimate older than this is not used, s.
+/// A motion estimate, or a thing ahead, older than this is not used, s.
 const FRESH: f64 = 0.5;
 
 /// The known obstacles and motion.
@@ -42,6 +42,8 @@ pub(super) struct Brake {
     proved: bool,
     strips: [bool; STRIPS],
     remembered: Vec<EnuPosition>,
+    /// The place of something that the craft flies at, and when it was told.
+    ahead: Option<(Time, EnuPosition)>,
     /// Position and heading according to the motion estimate that depth and map are based on.
     motion: Option<(Time, EnuPosition, f64)>,
 }
@@ -131,6 +133,17 @@ impl Brake {
         self.remembered.extend(places.filter(|p| [p.east, p.north, p.up].iter().all(|x| x.is_finite())));
     }
 
+    /// Takes the place of something that the craft flies at.
+    pub(super) fn ahead(&mut self, now: Time, place: EnuPosition) {
+        self.ahead = [place.east, place.north, place.up].iter().all(|x| x.is_finite()).then_some((now, place));
+    }
+
+    /// The places that count at `now`, in a world without the newest grid.
+    fn known(&self, now: Time) -> impl Iterator<Item = &EnuPosition> {
+        let is_fresh = |told: Time| now.since(told) <= duration_from_secs(FRESH);
+        self.remembered.iter().chain(self.ahead.as_ref().filter(|(told, _)| is_fresh(*told)).map(|(_, place)| place))
+    }
+
     /// Takes the position according to the motion estimate that depth and map are based on, and the heading.
     pub(super) fn motion(&mut self, now: Time, at: EnuPosition, heading: f64) {
         let finite = [at.east, at.north, at.up, heading].iter().all(|x| x.is_finite());
@@ -154,7 +167,7 @@ impl Brake {
         }
         let seen = self.seen(now, limits);
         let along = direction(motion.velocity, 0.0);
-        let points = seen.iter().flat_map(|seen| &seen.points).chain(&self.remembered);
+        let points = seen.iter().flat_map(|seen| &seen.points).chain(self.known(now));
         let room = nearest(points, motion, along) - motion.radius - limits.margin;
         (room.max(0.0), !seen.is_some_and(|seen| shows(seen, motion, along)))
     }
@@ -173,7 +186,7 @@ impl Brake {
         let seen = self.seen(now, limits);
         let mut most = speed;
         for along in motion.turns.map(|turn| direction(motion.velocity, turn)) {
-            let points = seen.iter().flat_map(|seen| &seen.points).chain(&self.remembered);
+            let points = seen.iter().flat_map(|seen| &seen.points).chain(self.known(now));
             let room = nearest(points, motion, along) - motion.radius - limits.margin;
             most = most.min(motion.braking.speed_within(room));
             if !seen.is_some_and(|seen| shows(seen, motion, along)) {

@@ -9,6 +9,7 @@ use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
+use crate::points::PointReport;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
 use crate::telemetry::Telemetry;
@@ -27,6 +28,8 @@ pub enum Event {
     Depth(Box<DepthGrid>),
     /// The tracker reports where the target is in a frame.
     Track(TrackReport),
+    /// Where the points that are followed are in a frame.
+    Points(PointReport),
     /// The complete reply of a VLM.
     Reply {
         /// The query that it answers.

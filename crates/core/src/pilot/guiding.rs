@@ -18,7 +18,7 @@ use crate::executor::{Goal, Motion};
 use crate::geometry::{EnuPosition, Pose, wrap_angle};
 use crate::guidance::SLOW_ANSWERS;
 use crate::lift::range_of_label;
-use crate::obstacle_map::{CELL, Cell, Mobility, ObstacleMap};
+use crate::obstacle_map::{CELL, Cell, MapPoint, Mobility, ObstacleMap};
 use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach, escape};
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
@@ -61,7 +61,7 @@ pub(super) struct Guiding {
     pub(super) trust: Trust,
     /// Outcome of the last sighting.
     pub(super) gate: Option<Gate>,
-    /// The map; `None` if it is off.
+    /// The map; `None` if nothing fills it. Without `guidance.map` it holds points, for the brake alone.
     map: Option<ObstacleMap>,
     planner: Planner,
     progress: Progress,
@@ -206,7 +206,7 @@ impl Pilot {
 
     /// Whether the map does.
     pub(super) fn is_mapped(&self) -> bool {
-        self.guiding.map.is_some() && self.is_guided()
+        self.settings.guidance.map && self.is_guided()
     }
 
     /// Whether the target that was given up last may be in the way of a climb from `at` (a descent, if negative, metres).
@@ -255,6 +255,7 @@ impl Pilot {
             self.guiding.lost = lost;
             self.guiding.anchors.lose_track(lost.unwrap_or(now));
             self.guiding.tracked = None;
+            self.points.clear();
             if let Some(map) = &mut self.guiding.map {
                 map.clear();
             }
@@ -272,6 +273,14 @@ impl Pilot {
             map.advance(now, pose.position);
             map.depth(grid, pose);
             self.guiding.depth_at = Some(now);
+        }
+    }
+
+    /// Adds triangulated points, seen from `from`.
+    pub(super) fn map_points(&mut self, now: Time, from: EnuPosition, points: &[MapPoint]) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, from);
+            map.points(from, points);
         }
     }
 
@@ -294,7 +303,7 @@ impl Pilot {
             return Expected::Unknown;
         }
         let in_view = anchor.image_point(&self.camera, pose, self.settings.lifting);
-        let hidden = self.guiding.map.as_ref().is_some_and(|map| {
+        let hidden = self.guiding.map.as_ref().filter(|_| self.settings.guidance.map).is_some_and(|map| {
             let until = (1.0 - OWN_SURFACE / sight.range.max(OWN_SURFACE)).max(0.0);
             !map.is_clear(pose.position, pose.position.towards(sight.position, until))
         });
@@ -356,7 +365,7 @@ impl Pilot {
     /// Adds a reply's boxes to the map, and the free space that it implies.
     fn map_reply(&mut self, now: Time, view: &View, reply: &Reply) {
         let at = self.known(now).position;
-        let Some(map) = &mut self.guiding.map else { return };
+        let Some(map) = self.guiding.map.as_mut().filter(|_| self.settings.guidance.map) else { return };
         map.advance(now, at);
         let obstacles = || reply.boxes.iter().filter(|obstacle| reply.target.as_deref() != Some(obstacle.name.as_str()));
         let is_sensed = self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED);
@@ -611,7 +620,7 @@ impl Pilot {
     }
 
     /// Passes the obstacles near the craft to the brake.
-    fn remember_obstacles(&mut self, now: Time, at: EnuPosition) {
+    pub(super) fn remember_obstacles(&mut self, now: Time, at: EnuPosition) {
         let recent = |at: &Time| now.since(*at) < PLAN_PERIOD;
         if self.envelope.limits().brake.is_none() || self.guiding.remembered.as_ref().is_some_and(recent) {
             return;

@@ -19,6 +19,7 @@ mod following;
 mod guiding;
 mod moving;
 mod operator;
+mod points;
 mod reactions;
 mod settings;
 mod take_over;
@@ -86,6 +87,7 @@ pub struct Pilot {
 
     guiding: guiding::Guiding,
     tracking: tracking::Tracking,
+    points: points::Points,
     following: following::Following,
     boxes: boxes::Boxes,
     executing: bool,
@@ -170,8 +172,9 @@ impl Pilot {
             used: None,
             decisions: 0,
             late_replies: 0,
-            guiding: guiding::Guiding::new(settings.guidance.map),
+            guiding: guiding::Guiding::new(settings.guidance.map || settings.guidance.points),
             tracking: tracking::Tracking::default(),
+            points: points::Points::default(),
             following: following::Following::default(),
             boxes: boxes::Boxes::default(),
             executing: false,
@@ -211,6 +214,7 @@ impl Pilot {
             Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
             Event::Depth(grid) => self.depth(now, &grid),
             Event::Track(report) => self.track_report(now, report),
+            Event::Points(report) => self.point_report(now, &report),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),

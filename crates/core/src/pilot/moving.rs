@@ -198,6 +198,9 @@ impl Pilot {
         self.settle(now);
         let known = self.known(now);
         self.envelope.observe_motion(now, &known);
+        if self.settings.guidance.points {
+            self.remember_obstacles(now, known.position);
+        }
         let mut finished = false;
         let by_hand = self.phase == Phase::Manual && !self.link_lost;
         let clearance = match self.manual.filter(|(_, until)| by_hand && now < *until) {

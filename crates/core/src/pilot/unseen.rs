@@ -86,7 +86,11 @@ impl Pilot {
     pub(super) fn barred(&self, now: Time, climb: f64) -> Option<&'static str> {
         let at = self.known_pose(now).position;
         let (above, beside) = (self.craft.radius + ABOVE, self.craft.radius + BESIDE);
-        if self.obstacle_map().is_some_and(|map| !map.is_column_clear(at, climb + above.copysign(climb), beside)) {
+        if self
+            .obstacle_map()
+            .filter(|_| self.settings.guidance.map)
+            .is_some_and(|map| !map.is_column_clear(at, climb + above.copysign(climb), beside))
+        {
             return Some("no vertical search move: the map has an obstacle above or below, or beside the way there");
         }
         self.is_beside_lost_target(at, climb).then_some("no vertical search move: the target was last seen beside the way there")

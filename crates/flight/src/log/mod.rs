@@ -172,6 +172,7 @@ impl FlightLog {
             Event::Telemetry(telemetry) => self.row(Channel::Telemetry, now, telemetry),
             Event::Depth(grid) => self.row(Channel::Depth, now, grid),
             Event::Track(report) => self.row(Channel::Track, now, report),
+            Event::Points(report) => self.row(Channel::Points, now, report),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),

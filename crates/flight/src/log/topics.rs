@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
 use spf_core::pilot::{Decision, Ending};
+use spf_core::points::PointReport;
 use spf_core::query::Query;
 use spf_core::telemetry::Telemetry;
 use spf_core::track::TrackReport;
@@ -30,6 +31,8 @@ pub enum Channel {
     Depth,
     /// Input: where the tracked target is in a frame.
     Track,
+    /// Input: where the points that are followed are in a frame.
+    Points,
     /// Input: a reply or a failure.
     Reply,
     /// Input: an operator input.
@@ -84,13 +87,14 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 31] = [
+    pub const ALL: [Self; 32] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
         Self::Frame,
         Self::Depth,
         Self::Track,
+        Self::Points,
         Self::Reply,
         Self::Operator,
         Self::Link,
@@ -146,6 +150,7 @@ impl Channel {
             Self::Frame => "/frame",
             Self::Depth => "/depth",
             Self::Track => "/track",
+            Self::Points => "/points",
             Self::Reply => "/reply",
             Self::Operator => "/operator",
             Self::Link => "/link",
@@ -187,6 +192,7 @@ impl Channel {
             Self::Frame => json::<FrameMeta>(self, "spf.Frame"),
             Self::Depth => json::<DepthGrid>(self, "spf.Depth"),
             Self::Track => json::<TrackReport>(self, "spf.Track"),
+            Self::Points => json::<PointReport>(self, "spf.Points"),
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
             Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
             Self::Link => json::<LinkRow>(self, "spf.Link"),

@@ -162,7 +162,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 8]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 10]>()).prop_map(
         |(
             preset,
             step,
@@ -171,7 +171,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked],
+            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming],
         )| {
             BenchSettings {
                 preset,
@@ -187,6 +187,8 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 map,
                 brake,
                 track: if tracked { TrackBy::Pixels } else { TrackBy::Off },
+                points,
+                looming,
                 depth_sensor,
                 fence,
                 blind: false,

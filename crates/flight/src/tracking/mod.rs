@@ -8,6 +8,7 @@
 //! the tracker needs it.
 
 mod attitudes;
+mod points;
 mod ring;
 mod thread;
 mod virtual_time;
@@ -21,6 +22,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::points::PointReport;
 use spf_core::query::ImageBox;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
@@ -29,6 +31,7 @@ use spf_drone::frames::{Frames, Photo};
 use spf_media::track::{PixelBox, Quality, TrackImage, Tracker};
 
 use attitudes::Attitudes;
+use points::PointFollower;
 use ring::Ring;
 
 /// What keeps the target's box between two answers.
@@ -72,7 +75,7 @@ const PATIENCE: u64 = 10;
 type Image = Arc<TrackImage>;
 
 /// What one step gave.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Progress {
     /// There is nothing to do until another frame arrives.
     Idle,
@@ -80,6 +83,8 @@ pub(crate) enum Progress {
     Behind,
     /// The target in the newest frame.
     Report(TrackReport),
+    /// The points in the newest frame.
+    Points(PointReport),
 }
 
 /// Follows a box through frames, one step at a time.
@@ -103,13 +108,15 @@ pub(crate) trait Follow {
     fn step(&mut self) -> Progress;
 }
 
-/// Keeps the frames of the last seconds, and tracks one box through them.
+/// Keeps the frames of the last seconds, and tracks one box through them, and points from one to the next.
 pub(crate) struct Tracking {
     /// The camera at the size of the images.
     camera: Camera,
     ring: Ring,
     attitudes: Attitudes,
     task: Option<Task>,
+    /// The points, if they are followed.
+    points: Option<PointFollower>,
 }
 
 /// The track that was asked for.
@@ -140,7 +147,14 @@ impl Tracking {
         let width = camera.width.clamp(1, WIDTH);
         let height = (f64::from(width) * f64::from(camera.height) / f64::from(camera.width.max(1))).round().max(1.0);
         let camera = camera.resized(width, height as u32);
-        Self { camera, ring: Ring::new((camera.width, camera.height)), attitudes: Attitudes::default(), task: None }
+        let ring = Ring::new((camera.width, camera.height));
+        Self { camera, ring, attitudes: Attitudes::default(), task: None, points: None }
+    }
+
+    /// Follows points as well, in every frame that is tracked in.
+    pub(crate) fn with_points(mut self, points: bool) -> Self {
+        self.points = points.then(PointFollower::default);
+        self
     }
 
     /// Notes the attitude, from which the turning of the camera follows.
@@ -188,8 +202,17 @@ impl Tracking {
         self.task = None;
     }
 
-    /// Tracks the box in one further image.
+    /// Follows the points into the newest frame, or tracks the box in one further image.
     pub(crate) fn step(&mut self) -> Progress {
+        // Points come first: they cost one image, and a track that catches up may cost many.
+        let points = self.points.as_mut().and_then(|points| points.step(&mut self.ring, &self.attitudes, &self.camera));
+        match points {
+            Some(report) => Progress::Points(report),
+            None => self.step_box(),
+        }
+    }
+
+    fn step_box(&mut self) -> Progress {
         let Some(task) = &mut self.task else { return Progress::Idle };
         match &mut task.state {
             State::Over => Progress::Idle,

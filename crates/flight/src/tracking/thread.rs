@@ -11,7 +11,7 @@ use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::pilot::{Action, Event};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
-use spf_core::track::{TrackReport, TrackStart};
+use spf_core::track::TrackStart;
 use spf_drone::frames::{Frames, Photo};
 
 use super::{Progress, Tracking};
@@ -82,7 +82,7 @@ pub(crate) struct TrackingThread {
 }
 
 impl TrackingThread {
-    /// Starts the thread. Reports go to `events`, with their flight times since `start`.
+    /// Starts the thread, which also follows `points`. Reports go to `events`, with their flight times since `start`.
     ///
     /// # Errors
     /// The operating system's error if the thread cannot be started.
@@ -90,11 +90,12 @@ impl TrackingThread {
         start: Instant,
         camera: &Camera,
         frames: Arc<dyn Frames>,
+        points: bool,
         events: Sender<(Time, Event)>,
     ) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
-        let (of_thread, mut tracking) = (inbox.clone(), Tracking::new(camera));
-        let report = move |report: TrackReport| events.send((Time::ZERO + start.elapsed(), Event::Track(report))).is_ok();
+        let (of_thread, mut tracking) = (inbox.clone(), Tracking::new(camera).with_points(points));
+        let report = move |event: Event| events.send((Time::ZERO + start.elapsed(), event)).is_ok();
         let thread = Builder::new().name("tracker".to_owned()).spawn(move || track(&of_thread, &mut tracking, report))?;
         Ok(Self { inbox, frames, thread: Some(thread) })
     }
@@ -133,7 +134,7 @@ impl Drop for TrackingThread {
 }
 
 /// The thread. Between two images it takes what has arrived, so that the newest request and the newest frame count.
-fn track(inbox: &Inbox, tracking: &mut Tracking, report: impl Fn(TrackReport) -> bool) {
+fn track(inbox: &Inbox, tracking: &mut Tracking, report: impl Fn(Event) -> bool) {
     let mut idle = true;
     while let Some((items, request)) = inbox.take(idle) {
         for item in items {
@@ -153,7 +154,13 @@ fn track(inbox: &Inbox, tracking: &mut Tracking, report: impl Fn(TrackReport) ->
             Progress::Idle => true,
             Progress::Behind => false,
             Progress::Report(found) => {
-                if !report(found) {
+                if !report(Event::Track(found)) {
+                    return;
+                }
+                false
+            }
+            Progress::Points(found) => {
+                if !report(Event::Points(found)) {
                     return;
                 }
                 false

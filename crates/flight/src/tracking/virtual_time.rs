@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use spf_core::pilot::{Action, Event};
 use spf_core::time::{Duration, Time};
-use spf_core::track::TrackReport;
 use spf_drone::frames::Frames;
 
 use super::{Follow, Progress};
@@ -18,7 +17,8 @@ const PER_IMAGE: Duration = Duration::from_millis(10);
 pub(crate) struct VirtualTracker {
     tracking: Box<dyn Follow>,
     frames: Arc<dyn Frames>,
-    reports: VecDeque<(Time, TrackReport)>,
+    /// [`Event::Track`] and [`Event::Points`], in the order of their times.
+    reports: VecDeque<(Time, Event)>,
     /// When the last image is finished.
     busy_until: Time,
 }
@@ -64,31 +64,35 @@ impl VirtualTracker {
     }
 
     /// The next report, if it is due by `at`.
-    pub(crate) fn take(&mut self, at: Time) -> Option<TrackReport> {
+    pub(crate) fn take(&mut self, at: Time) -> Option<Event> {
         self.reports.pop_front_if(|(due, _)| *due <= at).map(|(_, report)| report)
     }
 
-    /// Reports that are still being computed are no longer of use.
+    /// Reports on a track that are still being computed are no longer of use.
     fn give_up(&mut self, now: Time) {
-        self.reports.clear();
-        self.busy_until = now;
+        self.reports.retain(|(_, event)| !matches!(event, Event::Track(_)));
+        self.busy_until = self.reports.back().map_or(now, |(at, _)| now.max(*at));
     }
 
-    /// Tracks the target up to the newest frame.
+    /// Tracks target and points up to the newest frame.
     fn work(&mut self, now: Time) {
         let mut images = 0;
         loop {
             let progress = self.tracking.step();
             images += u32::from(progress != Progress::Idle);
-            match progress {
-                Progress::Behind => {}
+            let event = match progress {
+                Progress::Behind => continue,
                 Progress::Idle => return,
-                Progress::Report(report) => {
-                    self.busy_until = self.busy_until.max(now) + images * PER_IMAGE;
-                    self.reports.push_back((self.busy_until, report));
-                    return;
-                }
+                Progress::Report(report) => Event::Track(report),
+                Progress::Points(report) => Event::Points(report),
+            };
+            let is_last = matches!(event, Event::Track(_));
+            self.busy_until = self.busy_until.max(now) + images * PER_IMAGE;
+            self.reports.push_back((self.busy_until, event));
+            if is_last {
+                return;
             }
+            images = 0;
         }
     }
 }

@@ -48,7 +48,7 @@ pub struct Live {
 
 impl Live {
     /// A world whose flight time zero is `start`, as for its drone. If `tracks`, a thread of its own tracks what the pilot asks
-    /// to be tracked.
+    /// to be tracked; if `points`, it follows points.
     ///
     /// # Errors
     /// The operating system's error if a thread cannot be started.
@@ -59,12 +59,13 @@ impl Live {
         script: Script,
         interrupts: Arc<AtomicU32>,
         tracks: bool,
+        points: bool,
     ) -> std::io::Result<Self> {
         let mut images = QueryImages::of(drone.as_ref());
         let (queries, request) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
-        let tracker = tracks
-            .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), answered.clone()))
+        let tracker = (tracks || points)
+            .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), points, answered.clone()))
             .transpose()?;
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
             for (query, cancel) in request {

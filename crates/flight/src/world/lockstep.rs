@@ -81,7 +81,7 @@ impl Lockstep {
 
     /// The earliest report of the tracker, if it is due by `at`.
     fn take_report(&mut self, at: Time) -> Option<Event> {
-        self.tracker.as_mut()?.take(at).map(Event::Track)
+        self.tracker.as_mut()?.take(at)
     }
 }
 

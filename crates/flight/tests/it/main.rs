@@ -6,6 +6,7 @@ mod depth;
 mod examples;
 mod observers;
 mod oracle_language;
+mod points;
 mod replay;
 mod rooms;
 mod tracking;

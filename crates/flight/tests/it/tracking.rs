@@ -291,7 +291,7 @@ fn newest(world: &mut Live, after: Duration) -> FrameMeta {
 fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
     let stand = Stand { frames: FrameStore::default(), number: 0, waiting: VecDeque::new() };
     let drone = Box::new(stand);
-    let mut world = Live::new(Instant::now(), drone, Box::new(Silent), Script::default(), Arc::default(), true).unwrap();
+    let mut world = Live::new(Instant::now(), drone, Box::new(Silent), Script::default(), Arc::default(), true, false).unwrap();
     newest(&mut world, Duration::from_millis(900));
     // A frame that was captured half a second ago; it is one of those in which the tracker looks.
     let frame = FrameId(8);

@@ -15,7 +15,7 @@ const AREA: usize = WINDOW * WINDOW;
 /// Cells of the grid over the box, each of which gives its best corner.
 const CELLS: usize = 8;
 /// The weakest corner: smaller eigenvalue of the mean structure tensor, (grey levels per pixel)².
-const WEAKEST: f64 = 1.5;
+pub(crate) const WEAKEST: f64 = 1.5;
 /// The weakest corner, as a share of the box's strongest.
 const SHARE: f64 = 0.02;
 /// How far a point may end from its start after the way there and back, pixels.
@@ -47,11 +47,7 @@ pub(super) fn flow(before: &Pyramid, after: &Pyramid, area: &PixelBox, guess: Sh
     }
     let mut pairs: Vec<Pair> = Vec::with_capacity(corners.len());
     for &from in &corners {
-        let Some(to) = follow(before, after, from, guess, top) else { continue };
-        let back = Shift { x: from.0 - to.0, y: from.1 - to.1 };
-        let Some(home) = follow(after, before, to, back, top.min(1)) else { continue };
-        let (x, y) = (home.0 - from.0, home.1 - from.1);
-        if x * x + y * y < ROUND_TRIP * ROUND_TRIP {
+        if let Some(to) = follow_and_return(before, after, from, guess, top, ROUND_TRIP) {
             pairs.push((from, to));
         }
     }
@@ -130,26 +126,10 @@ pub(super) fn corners(image: &Pyramid, area: &PixelBox) -> Vec<(f64, f64)> {
     let cells = |low: usize, high: usize| ((high - low) / 4).clamp(1, CELLS);
     let (columns, rows) = (cells(left, right), cells(top, bottom));
     let step = ((right - left).max(bottom - top) / 80).max(1);
-    let slope = |at: usize| {
-        let across = i32::from(data[at + 1]) - i32::from(data[at - 1]);
-        let down = i32::from(data[at + width]) - i32::from(data[at - width]);
-        (across, down)
-    };
     let mut best = vec![(0.0_f64, (0_usize, 0_usize)); columns * rows];
     for y in (top..bottom).step_by(step) {
         for x in (left..right).step_by(step) {
-            let (mut xx, mut xy, mut yy) = (0_i32, 0_i32, 0_i32);
-            for row in y - 2..=y + 2 {
-                let start = row * width + x - 2;
-                for at in start..start + 5 {
-                    let (across, down) = slope(at);
-                    xx += across * across;
-                    xy += across * down;
-                    yy += down * down;
-                }
-            }
-            // Slopes are twice the difference of neighbours, over 25 pixels.
-            let score = smaller_eigenvalue(f64::from(xx), f64::from(xy), f64::from(yy)) / (4.0 * 25.0);
+            let score = cornerness(data, width, (x, y));
             let cell = (y - top) * rows / (bottom - top) * columns + (x - left) * columns / (right - left);
             if score > best[cell].0 {
                 best[cell] = (score, (x, y));
@@ -161,9 +141,43 @@ pub(super) fn corners(image: &Pyramid, area: &PixelBox) -> Vec<(f64, f64)> {
     best.into_iter().filter(|(score, _)| *score >= weakest).map(|(_, (x, y))| (x as f64, y as f64)).collect()
 }
 
+/// How good a corner a pixel is: the smaller eigenvalue of the mean structure tensor of the 5×5 pixels about it, (grey levels per
+/// pixel)². The pixel lies at least 3 pixels inside the image.
+pub(crate) fn cornerness(data: &[u8], width: usize, (x, y): (usize, usize)) -> f64 {
+    let (mut xx, mut xy, mut yy) = (0_i32, 0_i32, 0_i32);
+    for row in y - 2..=y + 2 {
+        let start = row * width + x - 2;
+        for at in start..start + 5 {
+            let across = i32::from(data[at + 1]) - i32::from(data[at - 1]);
+            let down = i32::from(data[at + width]) - i32::from(data[at - width]);
+            xx += across * across;
+            xy += across * down;
+            yy += down * down;
+        }
+    }
+    // Slopes are twice the difference of neighbours, over 25 pixels.
+    smaller_eigenvalue(f64::from(xx), f64::from(xy), f64::from(yy)) / (4.0 * 25.0)
+}
+
 fn smaller_eigenvalue(xx: f64, xy: f64, yy: f64) -> f64 {
     let difference = xx - yy;
     (xx + yy - (difference * difference + 4.0 * xy * xy).sqrt()) / 2.0
+}
+
+/// Follows a point from one image to the other and back; `None` unless it comes back to within `tolerance` pixels of its start.
+pub(crate) fn follow_and_return(
+    before: &Pyramid,
+    after: &Pyramid,
+    from: (f64, f64),
+    guess: Shift,
+    top: usize,
+    tolerance: f64,
+) -> Option<(f64, f64)> {
+    let to = follow(before, after, from, guess, top)?;
+    let back = Shift { x: from.0 - to.0, y: from.1 - to.1 };
+    let home = follow(after, before, to, back, top.min(1))?;
+    let (x, y) = (home.0 - from.0, home.1 - from.1);
+    (x * x + y * y < tolerance * tolerance).then_some(to)
 }
 
 /// Follows a point from one image to the other, beginning `guess` away on level `top`.

@@ -9,7 +9,7 @@ const WEIGHT: u32 = 14;
 
 /// A grey image of 8 bits, rows from the top.
 #[derive(Clone, PartialEq, Eq)]
-pub(super) struct Grey {
+pub(crate) struct Grey {
     width: u32,
     height: u32,
     data: Vec<u8>,
@@ -46,12 +46,12 @@ impl Grey {
     }
 
     /// Width and height, pixels.
-    pub(super) const fn size(&self) -> (u32, u32) {
+    pub(crate) const fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
     /// The bytes, in rows from the top.
-    pub(super) fn data(&self) -> &[u8] {
+    pub(crate) fn data(&self) -> &[u8] {
         &self.data
     }
 
@@ -158,7 +158,7 @@ impl Tap {
 
 /// An image in falling sizes, each half of the one before.
 #[derive(Clone, Debug)]
-pub(super) struct Pyramid {
+pub(crate) struct Pyramid {
     levels: Vec<Grey>,
 }
 
@@ -167,7 +167,7 @@ impl Pyramid {
     const LEVELS: usize = 5;
 
     /// Halves the image until a side would be below 24 pixels.
-    pub(super) fn of(image: &Grey) -> Self {
+    pub(crate) fn of(image: &Grey) -> Self {
         let mut levels = vec![image.clone()];
         while levels.len() < Self::LEVELS
             && let Some(last) = levels.last()
@@ -179,17 +179,17 @@ impl Pyramid {
     }
 
     /// A level; the coarsest one for a greater number.
-    pub(super) fn level(&self, number: usize) -> &Grey {
+    pub(crate) fn level(&self, number: usize) -> &Grey {
         &self.levels[number.min(self.levels.len() - 1)]
     }
 
     /// The coarsest level's number.
-    pub(super) fn top(&self) -> usize {
+    pub(crate) fn top(&self) -> usize {
         self.levels.len() - 1
     }
 
     /// Width and height of the image, pixels.
-    pub(super) fn size(&self) -> (u32, u32) {
+    pub(crate) fn size(&self) -> (u32, u32) {
         self.levels[0].size()
     }
 }

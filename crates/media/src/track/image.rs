@@ -7,7 +7,7 @@ use crate::frame::{FrameError, Rgb};
 /// An image to track in: its brightness, and at a quarter of the size its colours, if it has any.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TrackImage {
-    pub(super) grey: Grey,
+    pub(crate) grey: Grey,
     pub(super) colours: Option<Colours>,
 }
 

@@ -26,8 +26,8 @@
 
 mod area;
 mod colour;
-mod flow;
-mod grey;
+pub(crate) mod flow;
+pub(crate) mod grey;
 mod image;
 mod template;
 

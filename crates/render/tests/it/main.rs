@@ -2,6 +2,7 @@
 
 mod gltf;
 mod light;
+mod looming;
 #[path = "../../../scene/tests/it/model/mod.rs"]
 mod model;
 mod render;

@@ -114,6 +114,8 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         map: fly.map.or_default()?.or(can_guide && sensor),
         sensor,
         track: fly.track.or_default()? != TrackBy::Off,
+        points: false,
+        looming: false,
     };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;

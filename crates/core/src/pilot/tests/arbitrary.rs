@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::actions::{ActForm, parse_moves};
 use crate::geometry::Attitude;
+use crate::points::{PointReport, TrackedPoint};
 use crate::policy::{Move, PolicyEvent, Reading};
 use crate::primitives::Primitives;
 use crate::query::QueryKind;
@@ -45,6 +46,11 @@ enum Happens {
     },
     Operator(OperatorEvent),
     Link(bool),
+    /// A report on points.
+    Points {
+        age: i64,
+        points: Vec<TrackedPoint>,
+    },
     /// A report on the track of the `which`th newest query.
     Track {
         which: u64,
@@ -96,6 +102,13 @@ fn track_reports() -> impl Strategy<Value = Happens> {
     })
 }
 
+fn point_reports() -> impl Strategy<Value = Happens> {
+    let id = prop_oneof![8 => 0..6_u32, 1 => any::<u32>()];
+    let points = prop::collection::vec((id, any::<u16>(), any::<u16>()).prop_map(|(id, u, v)| TrackedPoint(id, u, v)), 0..12);
+    let age = prop_oneof![8 => 0..400i64, 1 => -100_000..100_000i64];
+    (age, points).prop_map(|(age, points)| Happens::Points { age, points })
+}
+
 fn operator_events() -> impl Strategy<Value = OperatorEvent> {
     let speed = prop_oneof![4 => -3.0..3.0, 1 => Just(f64::NAN), 1 => Just(1e9)];
     let setpoint = (speed.clone(), speed.clone(), speed.clone(), speed)
@@ -134,6 +147,7 @@ fn happenings() -> impl Strategy<Value = Happens> {
         4 => operator_events().prop_map(Happens::Operator),
         1 => any::<bool>().prop_map(Happens::Link),
         6 => track_reports(),
+        3 => point_reports(),
         12 => (100..6000u64).prop_map(Happens::Good),
     ]
 }
@@ -220,7 +234,7 @@ struct Chaos {
     own_until: Option<Time>,
     captured: Option<Time>,
     link: bool,
-    /// Targets are tracked and followed.
+    /// Targets are tracked and followed, and points triangulated.
     track: bool,
     moved: usize,
     finished: usize,
@@ -231,7 +245,8 @@ struct Chaos {
 impl Chaos {
     fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
-        setup.settings.guidance.track = track;
+        let guidance = &mut setup.settings.guidance;
+        (guidance.track, guidance.points, guidance.looming) = (track, track, track);
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
@@ -444,6 +459,10 @@ impl Chaos {
             Happens::Track { which, age, area: [left, top, right, bottom], scale, good } => {
                 let quality = if good { TrackQuality::Good } else { TrackQuality::Lost };
                 self.report(self.id(which), age, ImageBox { left, top, right, bottom }, scale, quality);
+            }
+            Happens::Points { age, points } => {
+                let captured = self.ago(age);
+                self.tell(Event::Points(PointReport { frame: FrameId(self.counter), captured, points }));
             }
             Happens::Good(millis) => self.go_well(millis),
         }
