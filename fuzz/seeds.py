@@ -62,6 +62,31 @@ def videos(folder):
         keep("photo", name + ".h264", stream)
     half = streams["baseline"]
     keep("h264", "truncated", bytes([40]) + half[: len(half) * 2 // 3])
+    # The same from a camera: MPEG-TS in datagrams of 1316 bytes, and JPEG images in an HTTP response.
+    for kind, name, options in (
+        (1, "ts", ["-c:v", "libx264", "-profile:v", "baseline", "-pix_fmt", "yuv420p", "-g", "2", "-f", "mpegts"]),
+        (2, "mjpeg", ["-c:v", "mjpeg", "-q:v", "20", "-f", "mpjpeg"]),
+    ):
+        path = os.path.join(folder, name)
+        run("ffmpeg", "-v", "error", *source, *options, path)
+        with open(path, "rb") as file:
+            keep("camera", name, bytes([kind, 219]) + file.read()[:6_000])
+    # Packets of one length: a picture in fragments of 100 bytes.
+    key = next(nal for nal in streams["baseline"].split(b"\0\0\1") if nal[:1] == b"\x65").rstrip(b"\0")
+    sets = [nal.rstrip(b"\0") for nal in streams["baseline"].split(b"\0\0\1") if nal[:1] in (b"\x67", b"\x68")]
+    pieces = [bytes([0x78]) + b"".join(len(nal).to_bytes(2, "big") + nal for nal in sets[:2])]
+    fragments = [key[1 + at : 93 + at] for at in range(0, len(key) - 1, 92)]
+    for number, fragment in enumerate(fragments):
+        ends = 0x80 * (number == 0) | 0x40 * (number + 1 == len(fragments))
+        pieces.append(bytes([0x7C, 0x05 | ends]) + fragment)
+    packets = b""
+    for number, piece in enumerate(pieces):
+        # Padding makes them equally long.
+        padding = 109 - 12 - len(piece)
+        head = bytes([0xA0 if padding else 0x80, 96 | 0x80 * (number + 1 == len(pieces)), 0, number])
+        packets += head + bytes(8) + piece + (bytes(padding - 1) + bytes([padding]) if padding else b"")
+    keep("camera", "rtp", bytes([0, 18]) + packets)
+    keep("camera", "address", bytes([3, 0]) + b"http://user:secret@[::1]:8080/mjpeg?x=1")
     # A datagram of the video as the Tello's driver receives it.
     keep("tello", "slice", streams["baseline"][:1000])
 

@@ -5,7 +5,7 @@ use std::io::{BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use spf_bench::ground::photo::{Film, PhotoError, VideoFrame};
+use spf_camera::film::{Film, FilmError, VideoFrame};
 use spf_core::time::{Time, duration_from_secs};
 use spf_media::marks::{Canvas, Colour, Point, Rect, TextStyle};
 use spf_media::track::{PixelBox, Quality, SMALLEST, TrackImage, Tracker};
@@ -88,12 +88,12 @@ pub(crate) fn track(args: &Track, printer: &mut Printer) -> Result<Exit, CliErro
     Ok(Exit::Success)
 }
 
-fn open(bytes: &[u8]) -> Result<Film, PhotoError> {
+fn open(bytes: &[u8]) -> Result<Film, FilmError> {
     let film = Film::open(bytes)?;
-    if film.is_empty() { Err(PhotoError::Container("it contains no images".to_owned())) } else { Ok(film) }
+    if film.is_empty() { Err(FilmError::Container("it contains no images".to_owned())) } else { Ok(film) }
 }
 
-fn undecodable(path: &Path, error: &PhotoError) -> CliError {
+fn undecodable(path: &Path, error: &FilmError) -> CliError {
     CliError::usage(format!("cannot decode the video `{}`", path.display())).because(error).hint(FORMATS)
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use spf_bench::ground::photo::Film;
+use spf_camera::film::Film;
 use spf_core::time::Time;
 use spf_media::Rgb;
 use spf_record::VideoWriter;

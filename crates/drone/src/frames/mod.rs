@@ -1,5 +1,6 @@
 //! Camera frames as pixels, on demand: already received, or rendered when requested.
 
+pub mod delay;
 mod store;
 pub mod usable;
 

@@ -7,9 +7,9 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use spf_core::time::{Duration, Time};
 use spf_media::h264::AccessUnit;
 
-use super::delay::Delay;
 use super::video::Joiner;
 use crate::frames::VideoStats;
+use crate::frames::delay::Delay;
 
 /// Maximum number of queued images: two seconds. More are dropped, since a decoder that far behind never catches up.
 const WAITING: usize = 60;

@@ -8,7 +8,6 @@ pub mod answer;
 pub mod camera;
 pub mod conversation;
 pub mod craft;
-mod delay;
 mod doctor;
 pub mod driver;
 mod ground;

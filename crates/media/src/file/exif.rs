@@ -40,6 +40,18 @@ impl Orientation {
         Some(Self { swapped, from_right, from_bottom })
     }
 
+    /// That of a file which must be turned clockwise by this many quarter turns.
+    #[must_use]
+    pub const fn quarter_turns(clockwise: u8) -> Self {
+        let (swapped, from_right, from_bottom) = match clockwise % 4 {
+            0 => (false, false, false),
+            1 => (true, false, true),
+            2 => (false, true, true),
+            _ => (true, true, false),
+        };
+        Self { swapped, from_right, from_bottom }
+    }
+
     /// Width and height of the upright image, given those of the file.
     #[must_use]
     pub const fn turned_size(self, (width, height): (u32, u32)) -> (u32, u32) {
@@ -134,6 +146,9 @@ mod tests {
         assert_eq!(turned(7), (2, vec![6, 3, 5, 2, 4, 1]));
         assert_eq!(turned(8), (2, vec![3, 6, 2, 5, 1, 4]));
         assert_eq!(turned(9), turned(1));
+        for (turns, number) in (0..5).zip([1, 6, 3, 8, 1]) {
+            assert_eq!(Orientation::quarter_turns(turns), Orientation::of_exif(&block(false, number)));
+        }
     }
 
     proptest! {

@@ -1,7 +1,7 @@
 //! Delay of the video beyond its usual latency.
 //!
-//! The stream has no timestamps. Its own clock is the sequence of its frames: they are captured at regular intervals,
-//! and their numbers show whether one is missing. When no frame arrives for a while and then the very next one does,
+//! For streams without timestamps, such as a Tello's. Their own clock is the sequence of the frames: these are captured
+//! at regular intervals, and their numbers show whether one is missing. When no frame arrives for a while and then the very next one does,
 //! nothing was lost: the frames were held back, and the one that arrives is older by that time. Frames that then arrive
 //! faster than usual catch up. After a loss nothing was held back, so the delay is the usual one.
 //!
@@ -27,7 +27,7 @@ const LONGEST: f64 = 60.0;
 
 /// The delay of a stream beyond its usual latency.
 #[derive(Clone, Debug)]
-pub(super) struct Delay {
+pub struct Delay {
     last: Option<Time>,
     /// Usual interval between two frames, s.
     period: f64,
@@ -43,7 +43,7 @@ impl Default for Delay {
 
 impl Delay {
     /// Takes a frame that arrived at `at`; `follows` if no frame before it was lost. Returns its delay.
-    pub(super) fn observe(&mut self, at: Time, follows: bool) -> Duration {
+    pub fn observe(&mut self, at: Time, follows: bool) -> Duration {
         let Some(last) = self.last.replace(at) else { return Duration::ZERO };
         let passed = at.since(last).as_secs_f64();
         if !follows {

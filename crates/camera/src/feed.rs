@@ -1,0 +1,143 @@
+//! What a source does with what it receives.
+
+use std::sync::Arc;
+
+use spf_core::time::{Duration, Time};
+use spf_drone::frames::VideoStats;
+use spf_media::Rgb;
+use spf_media::h264::AccessUnit;
+
+use crate::camera::{CameraState, Shared};
+use crate::clock::{Arrival, CaptureClock, is_plausible};
+use crate::inlet::{Coded, Received};
+use crate::source::SourceError;
+
+/// Takes the images of a source, with their times.
+pub(crate) struct Feed {
+    shared: Arc<Shared>,
+    latency: Duration,
+    clock: CaptureClock,
+    /// Losses of this connection, and of those before it.
+    video: VideoStats,
+    video_before: VideoStats,
+    packets: Packets,
+    packets_before: Packets,
+    lost: u64,
+}
+
+/// Numbers of packets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Packets {
+    /// Received, where they are counted.
+    pub(crate) received: Option<u64>,
+    /// Lost, where they are numbered.
+    pub(crate) lost: u64,
+}
+
+impl Packets {
+    fn and(self, other: Self) -> Self {
+        let received = self.received.map_or(other.received, |received| Some(received + other.received.unwrap_or(0)));
+        Self { received, lost: self.lost + other.lost }
+    }
+}
+
+impl Feed {
+    pub(crate) fn new(shared: Arc<Shared>, latency: Duration) -> Self {
+        Self {
+            shared,
+            latency,
+            clock: CaptureClock::new(latency),
+            video: VideoStats::default(),
+            video_before: VideoStats::default(),
+            packets: Packets::default(),
+            packets_before: Packets::default(),
+            lost: 0,
+        }
+    }
+
+    /// Flight time.
+    pub(crate) fn now(&self) -> Time {
+        self.shared.now()
+    }
+
+    pub(crate) fn stopped(&self) -> bool {
+        self.shared.stopped()
+    }
+
+    pub(crate) fn wait(&self, time: Duration) {
+        self.shared.wait(time);
+    }
+
+    /// A new connection begins: its timestamps and numbers start anew.
+    pub(crate) fn connect(&mut self) {
+        self.clock = CaptureClock::new(self.latency);
+        self.video_before = sum(self.video_before, std::mem::take(&mut self.video));
+        self.packets_before = self.packets_before.and(std::mem::take(&mut self.packets));
+        self.lost = 0;
+        self.shared.report().connections += 1;
+        // What follows does not continue what came before.
+        self.shared.inlet.refuse();
+    }
+
+    pub(crate) fn fail(&self, error: &SourceError) {
+        let mut report = self.shared.report();
+        report.state = CameraState::Failed(error.to_string());
+        report.last_failure = Some(error.to_string());
+    }
+
+    /// Takes an access unit.
+    pub(crate) fn unit(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, unit: AccessUnit) {
+        self.put(at, stamp, age, Coded::H264(unit));
+    }
+
+    /// Takes a JPEG image.
+    pub(crate) fn jpeg(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, jpeg: Vec<u8>) {
+        self.put(at, stamp, age, Coded::Jpeg(jpeg));
+    }
+
+    fn put(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, coded: Coded) {
+        let lost = self.video.gaps + self.video.skipped + self.video.damaged;
+        let follows = std::mem::replace(&mut self.lost, lost) == lost;
+        let captured = self.clock.captured(Arrival { at, stamp, age, follows });
+        let codec = match coded {
+            Coded::H264(_) => "H.264",
+            Coded::Jpeg(_) => "JPEG",
+        };
+        self.shared.inlet.put(Received { at, captured, coded });
+        let mut report = self.shared.report();
+        report.state = CameraState::Receiving;
+        report.codec = Some(codec);
+        report.own_clock = age.is_some_and(is_plausible);
+    }
+
+    /// Takes an image that is decoded already.
+    pub(crate) fn image(&self, captured: Time, image: Rgb) {
+        let mut report = self.shared.report();
+        report.state = CameraState::Receiving;
+        report.codec = Some("H.264");
+        drop(report);
+        self.shared.frames.receive(captured, self.now(), image);
+    }
+
+    /// Sets the losses of this connection.
+    pub(crate) fn tally(&mut self, video: VideoStats, packets: Packets) {
+        let inlet = self.shared.inlet.tally();
+        if (video, packets) != (self.video, self.packets) || inlet != (0, 0) {
+            (self.video, self.packets) = (video, packets);
+            let mut all = sum(self.video_before, video);
+            all.skipped += inlet.1;
+            self.shared.frames.count(|tally| {
+                tally.video = all;
+                // The decoder counts those that it has decoded for nothing.
+                tally.superseded = tally.superseded.max(inlet.0);
+            });
+            let Packets { received, lost } = self.packets_before.and(packets);
+            let mut report = self.shared.report();
+            (report.packets, report.packets_lost) = (received, lost);
+        }
+    }
+}
+
+fn sum(a: VideoStats, b: VideoStats) -> VideoStats {
+    VideoStats { units: a.units + b.units, gaps: a.gaps + b.gaps, skipped: a.skipped + b.skipped, damaged: a.damaged + b.damaged }
+}

@@ -1,0 +1,32 @@
+//! Cameras that are not part of a drone: an address, a receiver, the newest frame.
+//!
+//! [`CameraUrl`] parses an address, and [`Camera`] receives what it names. The parsers ([`rtp`], [`ts`], [`mjpeg`],
+//! [`film`]) do no I/O.
+
+pub mod address;
+pub mod calibration;
+pub mod camera;
+pub mod clock;
+pub mod craft;
+mod decode;
+mod feed;
+pub mod film;
+mod inlet;
+pub mod mjpeg;
+pub mod rtp;
+mod source;
+pub mod ts;
+pub mod unit;
+
+#[cfg(test)]
+mod testing;
+
+pub use address::CameraUrl;
+pub use calibration::Calibration;
+pub use camera::{Camera, CameraReport, CameraSettings, CameraState};
+pub use craft::WithCamera;
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,158 @@
+//! RTSP, by the crate `retina`.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use futures_util::StreamExt;
+use retina::client::{
+    Demuxed, PlayOptions, Session, SessionGroup, SessionOptions, SetupOptions, TcpTransportOptions, Transport as RtspTransport,
+    UdpTransportOptions, UnknownRtcpSsrcPolicy,
+};
+use retina::codec::{CodecItem, FrameFormat, VideoFrame};
+use spf_drone::frames::VideoStats;
+use spf_media::h264::AccessUnit;
+
+use super::{SILENCE, SourceError, runtime, unless_stopped};
+use crate::address::{Server, Transport};
+use crate::feed::{Feed, Packets};
+
+/// Time for each answer of the server.
+const ANSWER_TIME: Duration = Duration::from_secs(10);
+/// Time for saying goodbye, without which some cameras keep the session for a minute and refuse the next.
+const GOODBYE_TIME: Duration = Duration::from_millis(500);
+/// Seconds from 1900, when the time of NTP begins, to 1970 (RFC 5905, figure 4).
+const NTP_EPOCH: f64 = 2_208_988_800.0;
+/// A timestamp that jumps by more than this belongs to a clock that was set; the connection then begins anew.
+const JUMP_SECONDS: u32 = 10;
+
+/// Receives from a server.
+pub(super) fn receive(server: &Server, transport: Transport, feed: &mut Feed) -> Result<(), SourceError> {
+    runtime()?.block_on(async {
+        let group = Arc::new(SessionGroup::default());
+        let received = session(server, transport, &group, feed).await;
+        // Sent when the session is dropped, in the background.
+        drop(tokio::time::timeout(GOODBYE_TIME, group.await_teardown()).await);
+        received
+    })
+}
+
+async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup>, feed: &mut Feed) -> Result<(), SourceError> {
+    let explained = |error| failure(&error, server);
+    let Some(opened) = unless_stopped(feed, open(server, transport, group.clone()), 3 * ANSWER_TIME).await else { return Ok(()) };
+    let (mut stream, is_jpeg) = opened.ok_or(SourceError::Connection("no answer in time".to_owned()))??;
+    let mut tally = VideoStats::default();
+    let mut packets = Packets::default();
+    let (mut awaits_key, mut clock) = (true, None);
+    loop {
+        let Some(item) = unless_stopped(feed, stream.next(), SILENCE).await else { return Ok(()) };
+        let item = item.ok_or(SourceError::Silent(SILENCE.as_secs()))?.ok_or(SourceError::Ended)?.map_err(explained)?;
+        let at = feed.now();
+        match item {
+            CodecItem::VideoFrame(frame) => {
+                let loss = u64::from(frame.loss());
+                packets.lost += loss;
+                tally.gaps += u64::from(loss > 0);
+                // After a loss, frames up to the next key frame would be shown with errors.
+                let key = is_jpeg || frame.is_random_access_point();
+                awaits_key = (awaits_key || loss > 0) && !key;
+                if awaits_key {
+                    tally.skipped += 1;
+                } else {
+                    tally.units += 1;
+                }
+                feed.tally(tally, packets);
+                if !awaits_key {
+                    let stamp = (frame.timestamp().elapsed_secs() * 1e9) as i64;
+                    let age = clock.as_ref().and_then(|clock: &SenderClock| clock.age(&frame));
+                    tracing::trace!("frame with age {age:?} s by the camera's clock");
+                    if is_jpeg {
+                        feed.jpeg(at, Some(stamp), age, frame.into_data());
+                    } else {
+                        feed.unit(at, Some(stamp), age, AccessUnit { key, annex_b: frame.into_data() });
+                    }
+                }
+            }
+            CodecItem::Rtcp(report) => clock = SenderClock::of(&report).or(clock),
+            _ => {}
+        }
+    }
+}
+
+/// Opens the first stream with video that can be decoded, and starts it.
+async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -> Result<(Demuxed, bool), SourceError> {
+    let explained = |error| failure(&error, server);
+    let url = server.url.parse().map_err(|_| SourceError::Connection("the address is invalid".to_owned()))?;
+    let credentials = server.credentials.as_ref();
+    let credentials =
+        credentials.map(|known| retina::client::Credentials { username: known.user.clone(), password: known.password.clone() });
+    let options = SessionOptions::default().creds(credentials).session_group(group).user_agent("spf".to_owned());
+    let mut session = Session::describe(url, options).await.map_err(explained)?;
+    let videos = || session.streams().iter().enumerate().filter(|(_, stream)| stream.media() == "video");
+    let Some((index, is_jpeg)) = videos().find_map(|(index, stream)| match stream.encoding_name() {
+        "h264" => Some((index, false)),
+        "jpeg" => Some((index, true)),
+        _ => None,
+    }) else {
+        return Err(match videos().next() {
+            Some((_, stream)) if stream.encoding_name() == "h265" => SourceError::Codec("H.265".to_owned()),
+            Some((_, stream)) => {
+                SourceError::Codec(stream.encoding_name().chars().filter(char::is_ascii_graphic).take(20).collect())
+            }
+            None => SourceError::Connection("the server has no video at this path".to_owned()),
+        });
+    };
+    let transport = match transport {
+        Transport::Tcp => RtspTransport::Tcp(TcpTransportOptions::default()),
+        Transport::Udp => RtspTransport::Udp(UdpTransportOptions::default()),
+    };
+    let setup = SetupOptions::default().transport(transport).frame_format(FrameFormat::SIMPLE);
+    session.setup(index, setup).await.map_err(explained)?;
+    let mut play = PlayOptions::default().unknown_rtcp_ssrc(UnknownRtcpSsrcPolicy::Default);
+    if let Some(jump) = NonZeroU32::new(JUMP_SECONDS) {
+        play = play.enforce_timestamps_with_max_jump_secs(jump);
+    }
+    let stream = session.play(play).await.map_err(explained)?.demuxed().map_err(explained)?;
+    Ok((stream, is_jpeg))
+}
+
+/// The camera's wall clock at a timestamp of the stream, from a sender report (RFC 3550, section 6.4.1).
+struct SenderClock {
+    /// Seconds since 1970.
+    wall: f64,
+    /// Seconds of the stream.
+    stream: f64,
+}
+
+impl SenderClock {
+    fn of(report: &retina::rtcp::ReceivedCompoundPacket) -> Option<Self> {
+        let sender = report.pkts().find_map(|packet| packet.as_sender_report().ok().flatten())?;
+        let stream = report.rtp_timestamp()?.elapsed_secs();
+        let ntp = sender.ntp_timestamp().0;
+        // Zero stands for a sender without a clock.
+        (ntp != 0).then(|| Self { wall: (ntp as f64) / f64::from(u32::MAX) - NTP_EPOCH, stream })
+    }
+
+    /// Age of a frame, seconds.
+    fn age(&self, frame: &VideoFrame) -> Option<f64> {
+        let captured = self.wall + frame.timestamp().elapsed_secs() - self.stream;
+        Some(SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_secs_f64() - captured)
+    }
+}
+
+/// What went wrong, in one line without address and password.
+fn failure(error: &retina::Error, server: &Server) -> SourceError {
+    match error.status_code() {
+        Some(401 | 403) => return SourceError::Refused,
+        Some(status @ 400..) => return SourceError::Status(status.to_string()),
+        _ => {}
+    }
+    let text = error.to_string();
+    let mut line = text.lines().next().unwrap_or_default().replace(&server.url, "…");
+    if let Some(known) = &server.credentials {
+        for secret in [&known.password, &known.user].into_iter().filter(|secret| !secret.is_empty()) {
+            line = line.replace(secret.as_str(), "…");
+        }
+    }
+    SourceError::Connection(line)
+}

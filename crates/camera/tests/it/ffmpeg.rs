@@ -1,0 +1,143 @@
+//! Streams of ffmpeg: RTP, MPEG-TS, MJPEG by HTTP, and the MP4 file of a phone.
+
+use std::process::Command;
+use std::time::Duration;
+
+use spf_camera::{CameraState, CameraUrl};
+use spf_drone::frames::Frames as _;
+
+use crate::harness::{Program, camera, have, images, tcp_port, udp_port, wait};
+
+const SIZE: (u32, u32) = (320, 240);
+
+fn have_ffmpeg() -> bool {
+    have("ffmpeg (Debian's package `ffmpeg`)", Command::new("ffmpeg").arg("-version"))
+}
+
+/// Sends a test picture of 15 images a second, with a key frame each second, by these options.
+fn send(options: &[&str]) -> Program {
+    let source = ["-v", "error", "-re", "-f", "lavfi", "-i", "testsrc=size=320x240:rate=15"];
+    Program::start("ffmpeg", &[&source, options].concat())
+}
+
+const H264: &[&str] = &["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", "-g", "15"];
+
+#[test]
+fn rtp() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let port = udp_port();
+    let camera = camera(&format!("udp-rtp://127.0.0.1:{port}"));
+    let sender = send(&[H264, &["-f", "rtp", &format!("rtp://127.0.0.1:{port}?pkt_size=1200")]].concat());
+    images(&camera, 12, SIZE);
+    assert_eq!((camera.report().codec, camera.report().packets_lost), (Some("H.264"), 0));
+    // Another sender, with other numbers.
+    drop(sender);
+    let _sender = send(&[H264, &["-f", "rtp", &format!("rtp://127.0.0.1:{port}?pkt_size=1200")]].concat());
+    images(&camera, 5, SIZE);
+}
+
+#[test]
+fn mpeg_ts() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let port = udp_port();
+    let camera = camera(&format!("udp-ts://127.0.0.1:{port}"));
+    let _sender = send(&[H264, &["-f", "mpegts", &format!("udp://127.0.0.1:{port}?pkt_size=1316")]].concat());
+    images(&camera, 12, SIZE);
+}
+
+#[test]
+fn mjpeg() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let port = tcp_port();
+    let address = format!("http://127.0.0.1:{port}/video");
+    // It serves one client, and then ends.
+    let _sender = send(&["-c:v", "mjpeg", "-q:v", "3", "-f", "mpjpeg", "-listen", "1", &address]);
+    let camera = camera(&address);
+    images(&camera, 12, SIZE);
+    assert_eq!(camera.report().codec, Some("JPEG"));
+}
+
+#[test]
+fn h265_is_refused_clearly() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let film = folder.path().join("film.mp4");
+    let made = Command::new("ffmpeg")
+        .args([
+            "-v",
+            "error",
+            "-f",
+            "lavfi",
+            "-i",
+            "testsrc=size=320x240:rate=15",
+            "-frames:v",
+            "5",
+            "-c:v",
+            "libx265",
+            "-tag:v",
+            "hvc1",
+        ])
+        .arg(&film)
+        .output();
+    if !made.is_ok_and(|output| output.status.success()) {
+        have("libx265 in ffmpeg", &mut Command::new("false"));
+        return;
+    }
+    let port = udp_port();
+    let file = camera(&format!("file:{}", film.display()));
+    let stream = camera(&format!("udp-rtp://127.0.0.1:{port}"));
+    let film = film.display().to_string();
+    let _sender = Program::start(
+        "ffmpeg",
+        &["-v", "error", "-re", "-stream_loop", "-1", "-i", &film, "-c", "copy", "-f", "rtp", &format!("rtp://127.0.0.1:{port}")],
+    );
+    for camera in [&file, &stream] {
+        wait("a refusal", camera, || camera.report().last_failure.is_some());
+        let failure = camera.report().last_failure.unwrap();
+        assert!(failure.contains("H.265"), "{failure}");
+    }
+}
+
+/// A phone held upright writes lying images and a matrix.
+#[test]
+fn a_phone_s_film_is_upright() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (lying, upright) = (path("lying.mp4"), path("upright.mp4"));
+    let run = |args: &[&str]| Command::new("ffmpeg").args(["-v", "error"]).args(args).output().unwrap().status.success();
+    // Red above, blue below when upright: turned by a quarter anticlockwise in the file.
+    let picture = "color=red:size=320x120:rate=30[a];color=blue:size=320x120:rate=30[b];[a][b]vstack,transpose=2";
+    assert!(run(&["-filter_complex", picture, "-frames:v", "20", "-c:v", "libx264", "-pix_fmt", "yuv420p", &lying]));
+    // The option of ffmpeg 6, or that of the versions before.
+    assert!(
+        run(&["-display_rotation", "-90", "-i", &lying, "-c", "copy", &upright])
+            || run(&["-i", &lying, "-c", "copy", "-metadata:s:v:0", "rotate=270", &upright])
+    );
+    let camera = camera(&format!("file:{upright}"));
+    wait("the end", &camera, || camera.report().state == CameraState::Ended);
+    let (_, photo) = camera.frames().newest().unwrap();
+    let image = photo.pixels();
+    assert_eq!((image.width(), image.height()), (320, 240));
+    let (above, below) = (image.pixel(160, 30).unwrap(), image.pixel(160, 210).unwrap());
+    assert!(above[0] > 180 && above[2] < 80 && below[2] > 180 && below[0] < 80, "{above:?} {below:?}");
+}
+
+/// The address of a camera that sends nothing is no error, and stopping it does not take long.
+#[test]
+fn a_silent_camera_is_stopped_at_once() {
+    let url: CameraUrl = format!("udp-rtp://127.0.0.1:{}", udp_port()).parse().unwrap();
+    let camera = camera(&url.to_string());
+    std::thread::sleep(Duration::from_millis(50));
+    assert_eq!(camera.report().state, CameraState::Connecting);
+}

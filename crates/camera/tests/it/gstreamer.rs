@@ -1,0 +1,121 @@
+//! GStreamer's RTSP server, by TCP and UDP.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::Command;
+
+use spf_camera::CameraState;
+
+use crate::harness::{Program, camera, have, images, tcp_port, wait};
+
+/// Serves pictures at /cam, behind a password if one is given.
+const SERVER: &str = r#"
+import sys
+import gi
+gi.require_version("Gst", "1.0")
+gi.require_version("GstRtspServer", "1.0")
+from gi.repository import GLib, Gst, GstRtspServer
+
+Gst.init(None)
+port, encoder = sys.argv[1:3]
+server = GstRtspServer.RTSPServer()
+server.set_address("127.0.0.1")
+server.set_service(port)
+if len(sys.argv) > 3:
+    auth = GstRtspServer.RTSPAuth()
+    token = GstRtspServer.RTSPToken()
+    token.set_string("media.factory.role", "user")
+    auth.add_basic(GstRtspServer.RTSPAuth.make_basic("user", sys.argv[3]), token)
+    server.set_auth(auth)
+factory = GstRtspServer.RTSPMediaFactory()
+factory.set_shared(True)
+factory.set_launch("( videotestsrc is-live=1 ! video/x-raw,width=320,height=240,framerate=15/1 ! " + encoder + " name=pay0 )")
+if len(sys.argv) > 3:
+    permissions = GstRtspServer.RTSPPermissions()
+    permissions.add_permission_for_role("user", "media.factory.access", True)
+    permissions.add_permission_for_role("user", "media.factory.construct", True)
+    factory.set_permissions(permissions)
+server.get_mount_points().add_factory("/cam", factory)
+server.attach(None)
+GLib.MainLoop().run()
+"#;
+
+const H264: &str = "videoconvert ! video/x-raw,format=I420 ! x264enc tune=zerolatency speed-preset=ultrafast key-int-max=15 ! \
+                    video/x-h264,profile=baseline ! rtph264pay pt=96";
+const JPEG: &str = "videoconvert ! video/x-raw,format=I420 ! jpegenc ! rtpjpegpay pt=26";
+const SIZE: (u32, u32) = (320, 240);
+
+fn have_gstreamer() -> bool {
+    let ask = "import gi; gi.require_version('GstRtspServer', '1.0'); from gi.repository import Gst, GstRtspServer; Gst.init(None); \
+               assert Gst.ElementFactory.find('x264enc') and Gst.ElementFactory.find('rtph264pay')";
+    have(
+        "GStreamer's RTSP server (Debian's gir1.2-gst-rtsp-server-1.0, python3-gst-1.0, gstreamer1.0-plugins-{base,good,ugly})",
+        Command::new("/usr/bin/python3").args(["-c", ask]),
+    )
+}
+
+struct Server {
+    folder: tempfile::TempDir,
+    port: String,
+}
+
+impl Server {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::File::create(folder.path().join("server.py")).unwrap().write_all(SERVER.as_bytes()).unwrap();
+        Self { folder, port: tcp_port().to_string() }
+    }
+
+    fn start(&self, more: &[&str]) -> Program {
+        let script: PathBuf = self.folder.path().join("server.py");
+        Program::start("/usr/bin/python3", &[&[script.to_str().unwrap(), &self.port], more].concat())
+    }
+}
+
+#[test]
+fn h264_by_tcp_and_udp() {
+    if !have_gstreamer() {
+        return;
+    }
+    let server = Server::new();
+    let _running = server.start(&[H264]);
+    // The first connection fails until the server has started, and is tried again.
+    let tcp = camera(&format!("rtsp://127.0.0.1:{}/cam", server.port));
+    images(&tcp, 12, SIZE);
+    let udp = camera(&format!("rtsp+udp://127.0.0.1:{}/cam", server.port));
+    images(&udp, 12, SIZE);
+    assert_eq!(tcp.report().codec, Some("H.264"));
+    assert_eq!(tcp.report().packets_lost, 0);
+}
+
+#[test]
+fn passwords() {
+    if !have_gstreamer() {
+        return;
+    }
+    let server = Server::new();
+    let _running = server.start(&[H264, "right-secret"]);
+    let right = camera(&format!("rtsp://user:right-secret@127.0.0.1:{}/cam", server.port));
+    images(&right, 3, SIZE);
+    let wrong = camera(&format!("rtsp://user:wrong-secret@127.0.0.1:{}/cam", server.port));
+    wait("a refusal", &wrong, || matches!(wrong.report().state, CameraState::Failed(_)));
+    let report = format!("{:?}", wrong.report());
+    assert!(report.contains("refuses the user name or the password") && !report.contains("secret"), "{report}");
+}
+
+#[test]
+#[ignore = "slow: a server that restarts, and JPEG"]
+fn a_server_that_restarts_is_found_again() {
+    if !have_gstreamer() {
+        return;
+    }
+    let server = Server::new();
+    let running = server.start(&[H264]);
+    let camera = camera(&format!("rtsp://127.0.0.1:{}/cam", server.port));
+    images(&camera, 5, SIZE);
+    drop(running);
+    wait("a failure", &camera, || matches!(camera.report().state, CameraState::Failed(_)));
+    let _running = server.start(&[JPEG]);
+    images(&camera, 5, SIZE);
+    assert!(camera.report().codec == Some("JPEG") && camera.report().connections >= 2);
+}
