@@ -1,27 +1,29 @@
 //! A running camera: receives in threads of its own, and keeps the newest frames.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
-use spf_core::time::{Duration, Time};
+use spf_core::time::Duration;
 use spf_drone::frames::FrameStore;
 use spf_media::Rgb;
 
 use crate::address::CameraUrl;
 use crate::decode::decode;
+use crate::failure::SourceError;
 use crate::feed::Feed;
 use crate::inlet::Inlet;
-use crate::source::{self, SourceError};
+use crate::shared::{CameraReport, CameraState, Shared};
+use crate::source;
 
 /// Waiting times before the connection is tried again.
 const FIRST_WAIT: Duration = Duration::from_millis(500);
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
+/// Waiting time after a failure that does not pass by itself. Many cameras lock an account after some wrong passwords.
+const LONG_WAIT: Duration = Duration::from_secs(30);
 /// After a connection that lasted this long, the first waiting time applies again.
 const LASTING: Duration = Duration::from_secs(10);
-/// Interval at which waiting threads check whether to stop.
-const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// How long the end of a thread is awaited. A thread that looks up a host's name cannot be interrupted; it ends by itself.
 const ENDING: Duration = Duration::from_secs(1);
 
@@ -40,72 +42,6 @@ pub const USUAL_LATENCY: Duration = Duration::from_millis(200);
 impl Default for CameraSettings {
     fn default() -> Self {
         Self { latency: USUAL_LATENCY }
-    }
-}
-
-/// What a camera is doing.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum CameraState {
-    /// It is being connected, or nothing has arrived yet.
-    #[default]
-    Connecting,
-    /// Images arrive.
-    Receiving,
-    /// It failed for this reason, and is tried again.
-    Failed(String),
-    /// It has ended: a file that was played to its end.
-    Ended,
-}
-
-/// What is known about a camera.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct CameraReport {
-    /// What it is doing.
-    pub state: CameraState,
-    /// The last failure, even if it was overcome.
-    pub last_failure: Option<String>,
-    /// Codec of the images: `H.264` or `JPEG`.
-    pub codec: Option<&'static str>,
-    /// How often it was connected.
-    pub connections: u32,
-    /// Packets received, where they are counted.
-    pub packets: Option<u64>,
-    /// Packets lost, where they are numbered.
-    pub packets_lost: u64,
-    /// Whether the newest frame's time of capture comes from the camera's own clock.
-    pub own_clock: bool,
-}
-
-/// What the threads share.
-pub(crate) struct Shared {
-    pub(crate) inlet: Inlet,
-    pub(crate) frames: FrameStore,
-    pub(crate) stopped: AtomicBool,
-    report: Mutex<CameraReport>,
-    /// Flight time zero.
-    start: Instant,
-}
-
-impl Shared {
-    pub(crate) fn now(&self) -> Time {
-        Time::ZERO + self.start.elapsed()
-    }
-
-    pub(crate) fn stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
-    }
-
-    pub(crate) fn report(&self) -> MutexGuard<'_, CameraReport> {
-        // The value is consistent between calls.
-        self.report.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Waits, unless it is stopped.
-    pub(crate) fn wait(&self, time: Duration) {
-        let begun = Instant::now();
-        while begun.elapsed() < time && !self.stopped() {
-            std::thread::sleep(POLL_INTERVAL.min(time.saturating_sub(begun.elapsed())));
-        }
     }
 }
 
@@ -217,6 +153,10 @@ fn receive(url: &CameraUrl, mut feed: Feed) {
         }
         tracing::debug!("camera {url}: {error}");
         feed.fail(&error);
+        if error.needs_attention() {
+            feed.wait(LONG_WAIT);
+            continue;
+        }
         feed.wait(wait);
         wait = (2 * wait).min(LONGEST_WAIT);
     }

@@ -56,7 +56,8 @@ impl CaptureClock {
     /// The time of capture of a frame.
     pub fn captured(&mut self, arrival: Arrival) -> Time {
         let Arrival { at, stamp, age, follows } = arrival;
-        let late = match stamp {
+        // Some cameras write the same timestamp into every frame, which is as good as none.
+        let late = match stamp.filter(|stamp| self.last_stamp != Some(*stamp)) {
             Some(stamp) => self.late(at, stamp),
             None => self.delay.observe(at, follows),
         };
@@ -167,6 +168,11 @@ mod tests {
         let at = Time::from_millis(5000);
         let mut age = |age| at.since(clock.captured(Arrival { at, stamp: None, age: Some(age), follows: true })).as_millis();
         assert_eq!([0.25, -0.01, 2.1, 3600.0, f64::NAN].map(&mut age), [250, 100, 100, 100, 100]);
+    }
+
+    #[test]
+    fn a_timestamp_that_never_changes_is_none() {
+        assert_eq!(ages((0..300_u64).map(|n| (1000 + 100 * n, 7))), vec![100; 300]);
     }
 
     #[test]

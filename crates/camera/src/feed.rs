@@ -7,10 +7,10 @@ use spf_drone::frames::VideoStats;
 use spf_media::Rgb;
 use spf_media::h264::AccessUnit;
 
-use crate::camera::{CameraState, Shared};
 use crate::clock::{Arrival, CaptureClock, is_plausible};
+use crate::failure::SourceError;
 use crate::inlet::{Coded, Received};
-use crate::source::SourceError;
+use crate::shared::{CameraState, Shared};
 
 /// Takes the images of a source, with their times.
 pub(crate) struct Feed {
@@ -83,6 +83,7 @@ impl Feed {
         let mut report = self.shared.report();
         report.state = CameraState::Failed(error.to_string());
         report.last_failure = Some(error.to_string());
+        report.needs_attention = error.needs_attention();
     }
 
     /// Takes an access unit.
@@ -106,6 +107,7 @@ impl Feed {
         self.shared.inlet.put(Received { at, captured, coded });
         let mut report = self.shared.report();
         report.state = CameraState::Receiving;
+        report.needs_attention = false;
         report.codec = Some(codec);
         report.own_clock = age.is_some_and(is_plausible);
     }

@@ -9,11 +9,13 @@ pub mod camera;
 pub mod clock;
 pub mod craft;
 mod decode;
+mod failure;
 mod feed;
 pub mod film;
 mod inlet;
 pub mod mjpeg;
 pub mod rtp;
+mod shared;
 mod source;
 pub mod ts;
 pub mod unit;
@@ -23,8 +25,9 @@ mod testing;
 
 pub use address::CameraUrl;
 pub use calibration::Calibration;
-pub use camera::{Camera, CameraReport, CameraSettings, CameraState};
+pub use camera::{Camera, CameraSettings};
 pub use craft::WithCamera;
+pub use shared::{CameraReport, CameraState};
 
 /// The examples of the README, run as tests.
 #[cfg(doctest)]

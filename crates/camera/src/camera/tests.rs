@@ -3,6 +3,7 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream, UdpSocket};
 use std::sync::mpsc::{Receiver, channel};
 
 use spf_core::frame::FrameMeta;
+use spf_core::time::Time;
 use spf_drone::frames::Frames as _;
 use spf_media::Jpeg;
 

@@ -6,8 +6,8 @@ use std::path::Path;
 use spf_core::time::{Duration, duration_from_secs};
 use spf_media::Rgb;
 
-use super::SourceError;
 use crate::decode::bounded;
+use crate::failure::SourceError;
 use crate::feed::Feed;
 use crate::film::Film;
 

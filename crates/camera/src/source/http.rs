@@ -7,8 +7,9 @@ use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, WWW_AUTHENTICATE};
 use reqwest::{Client, Response, StatusCode};
 use spf_drone::frames::VideoStats;
 
-use super::{SILENCE, SourceError, runtime, unless_stopped};
+use super::{SILENCE, runtime, unless_stopped};
 use crate::address::{Credentials, Server};
+use crate::failure::SourceError;
 use crate::feed::{Feed, Packets};
 use crate::mjpeg::PartReader;
 

@@ -9,49 +9,8 @@ use std::future::Future;
 use std::time::Duration;
 
 use crate::address::CameraUrl;
+use crate::failure::SourceError;
 use crate::feed::Feed;
-use crate::film::FilmError;
-
-/// Why a source failed. The texts contain neither passwords nor addresses.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub(crate) enum SourceError {
-    /// The connection was closed.
-    #[error("the camera closed the connection")]
-    Ended,
-    /// Nothing arrives.
-    #[error("no images for {0} s")]
-    Silent(u64),
-    /// The socket at which packets are to arrive.
-    #[error("cannot receive at {address}: {error}")]
-    Socket {
-        /// Address of this machine, or a multicast group.
-        address: std::net::SocketAddr,
-        /// The operating system's error.
-        error: std::io::Error,
-    },
-    /// Another codec.
-    #[error("the video is {0}, which cannot be decoded: set the camera to H.264 or MJPEG")]
-    Codec(String),
-    /// Not a stream of images.
-    #[error("the server sends `{0}`, not a stream of JPEG images")]
-    NoImages(String),
-    /// The server's answer.
-    #[error("the server answers {0}")]
-    Status(String),
-    /// User name or password.
-    #[error("the server refuses the user name or the password")]
-    Refused,
-    /// The connection.
-    #[error("{0}")]
-    Connection(String),
-    /// A file that cannot be read.
-    #[error("cannot read the video: {0}")]
-    File(std::io::Error),
-    /// A file that cannot be decoded.
-    #[error(transparent)]
-    Film(#[from] FilmError),
-}
 
 /// Receives from a camera until it is stopped.
 pub(crate) fn run(url: &CameraUrl, feed: &mut Feed) -> Result<(), SourceError> {

@@ -13,8 +13,9 @@ use retina::codec::{CodecItem, FrameFormat, VideoFrame};
 use spf_drone::frames::VideoStats;
 use spf_media::h264::AccessUnit;
 
-use super::{SILENCE, SourceError, runtime, unless_stopped};
+use super::{SILENCE, runtime, unless_stopped};
 use crate::address::{Server, Transport};
+use crate::failure::SourceError;
 use crate::feed::{Feed, Packets};
 
 /// Time for each answer of the server.
@@ -130,7 +131,7 @@ impl SenderClock {
         let stream = report.rtp_timestamp()?.elapsed_secs();
         let ntp = sender.ntp_timestamp().0;
         // Zero stands for a sender without a clock.
-        (ntp != 0).then(|| Self { wall: (ntp as f64) / f64::from(u32::MAX) - NTP_EPOCH, stream })
+        (ntp != 0).then(|| Self { wall: unix_seconds(ntp), stream })
     }
 
     /// Age of a frame, seconds.
@@ -138,6 +139,11 @@ impl SenderClock {
         let captured = self.wall + frame.timestamp().elapsed_secs() - self.stream;
         Some(SystemTime::now().duration_since(UNIX_EPOCH).ok()?.as_secs_f64() - captured)
     }
+}
+
+/// Seconds since 1970 of an NTP timestamp, which has 32 bits before the point and 32 behind it.
+fn unix_seconds(ntp: u64) -> f64 {
+    ntp as f64 / 4_294_967_296.0 - NTP_EPOCH
 }
 
 /// What went wrong, in one line without address and password.
@@ -155,4 +161,17 @@ fn failure(error: &retina::Error, server: &Server) -> SourceError {
         }
     }
     SourceError::Connection(line)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_of_ntp_begin_in_1900() {
+        assert_eq!(unix_seconds(0x83aa_7e80_0000_0000), 0.0);
+        // 26 November 2026, 10:20:00.5 UTC.
+        let at = 1_795_688_400_u64 + 2_208_988_800;
+        assert!((unix_seconds(at << 32 | 1 << 31) - 1_795_688_400.5).abs() < 1e-6);
+    }
 }

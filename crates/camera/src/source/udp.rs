@@ -5,8 +5,8 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 use spf_core::time::Duration;
 
-use super::SourceError;
 use crate::clock::Unwrapper;
+use crate::failure::SourceError;
 use crate::feed::{Feed, Packets};
 use crate::rtp::Receiver;
 use crate::ts::TsReceiver;

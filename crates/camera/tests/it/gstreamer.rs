@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use spf_camera::CameraState;
+use spf_drone::frames::Frames as _;
 
 use crate::harness::{Program, camera, have, images, tcp_port, wait};
 
@@ -86,6 +87,11 @@ fn h264_by_tcp_and_udp() {
     images(&udp, 12, SIZE);
     assert_eq!(tcp.report().codec, Some("H.264"));
     assert_eq!(tcp.report().packets_lost, 0);
+    // The server's clock is ours, and the frames are captured by a program: they are young.
+    wait("the time by the camera's clock", &tcp, || tcp.report().own_clock);
+    let (meta, _) = tcp.frames().newest().unwrap();
+    let age = meta.received.since(meta.captured);
+    assert!(age < std::time::Duration::from_secs(1), "{age:?}");
 }
 
 #[test]

@@ -4,6 +4,7 @@
 #![allow(rustdoc::broken_intra_doc_links, reason = "`heading_deg[,pitch_deg]` is no link")]
 
 mod bench;
+mod camera;
 mod drones;
 mod ground;
 mod log;
@@ -18,6 +19,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
+pub(crate) use camera::{Camera, CameraArgs, CameraTest};
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use serve::Serve;
@@ -59,6 +61,9 @@ pub(crate) enum Command {
     /// DJI Tello tools: show the state, land, stop, calibrate the stick response
     #[command(subcommand)]
     Tello(Tello),
+    /// Cameras that are not part of a drone: test one
+    #[command(subcommand)]
+    Camera(Camera),
     /// The embedded simulator: render, list, view and serve scenes
     #[command(subcommand)]
     Sim(Sim),
@@ -94,9 +99,14 @@ impl Command {
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
             Self::Bench(Bench::Run(run)) => run.json,
-            Self::Bench(_) | Self::Sim(_) | Self::Tello(_) | Self::Log(_) | Self::Vlm(_) | Self::Track(_) | Self::Config(_) => {
-                false
-            }
+            Self::Bench(_)
+            | Self::Sim(_)
+            | Self::Tello(_)
+            | Self::Camera(_)
+            | Self::Log(_)
+            | Self::Vlm(_)
+            | Self::Track(_)
+            | Self::Config(_) => false,
         }
     }
 }
@@ -117,7 +127,7 @@ Examples:
 The oracle stands in for a VLM: it reads the simulator's own ID and depth images and adds errors (perfect, default, poor, or \
 a file). Oracle results are not VLM results.
 
-Every flag except --events, --json and --config can also be set in spf.toml or the environment: see `spf config show`.")]
+Every flag except --events, --camera and its kind, --json and --config can also be set in spf.toml or the environment: see `spf config show`.")]
 pub(crate) struct Fly {
     /// Instruction for the drone, in natural language
     pub(crate) instruction: String,
@@ -125,6 +135,8 @@ pub(crate) struct Fly {
     pub(crate) world: WorldArgs,
     #[command(flatten)]
     pub(crate) method: MethodArgs,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
     #[command(flatten)]
     pub(crate) limits: LimitArgs,
     #[command(flatten)]
@@ -358,6 +370,8 @@ pub(crate) struct Doctor {
     /// Scene of the simulated drone [default: city]
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<String>,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
     /// Detector model FILE.onnx, as for `spf fly --detector`
     #[arg(long, value_name = "FILE")]
     pub(crate) detector: Option<String>,

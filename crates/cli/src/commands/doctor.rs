@@ -5,10 +5,10 @@ use std::path::Path;
 use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::SceneLook;
 
-use super::detector;
 use super::fly::{real::NO_ORACLE, settings::options};
 use super::load_scene;
 use super::vlm::{Pace, is_human, pointing};
+use super::{camera, detector};
 use crate::args::Doctor;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -32,6 +32,9 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
             vec![doctor::simulator(&loaded)]
         }
     };
+    if let Some(url) = &args.camera.url {
+        checks.push(camera::check(url, &args.camera)?);
+    }
     checks.extend(vlm(&settings)?);
     checks.extend(detector::file(&settings).map(watch));
     checks.extend(doctor::disk(Path::new(".")));

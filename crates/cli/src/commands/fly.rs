@@ -196,6 +196,10 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     if args.world.tello_motion.is_some() {
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
+    if args.camera.url.is_some() {
+        return Err(CliError::usage("--camera requires a real drone")
+            .hint("the simulated craft sees the simulated scene; `spf camera test URL` tries a camera without a drone"));
+    }
     let (preset, policy) = preset_and_policy(settings)?;
     // A flight in virtual time is over before anyone could watch it.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();

@@ -1,6 +1,7 @@
 //! One module per command, each returning an exit code.
 
 pub(crate) mod bench;
+pub(crate) mod camera;
 pub(crate) mod config;
 mod detector;
 mod doctor;

@@ -23,7 +23,8 @@ impl Flags for args::Fly {
     }
 
     fn apply(&self, settings: &mut Settings) {
-        let Self { instruction: _, world, method, limits, output } = self;
+        // A camera's address may contain a password, which `spf config show` would print.
+        let Self { instruction: _, world, method, camera: _, limits, output } = self;
         world.apply(settings);
         method.apply(settings);
         limits.apply(settings);

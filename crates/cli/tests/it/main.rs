@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod bench;
+mod camera;
 mod circles;
 mod code_blocks;
 mod dataset;

@@ -20,6 +20,11 @@ fn help_of_fly() {
 }
 
 #[test]
+fn help_of_camera_test() {
+    insta::assert_snapshot!(help(&["camera", "test", "--help"]));
+}
+
+#[test]
 fn help_of_sim_render() {
     insta::assert_snapshot!(help(&["sim", "render", "--help"]));
 }

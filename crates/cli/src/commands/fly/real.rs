@@ -3,8 +3,10 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use spf_camera::WithCamera;
 use spf_core::executor::Motion;
 use spf_core::pilot::{AtEnd, QueryTiming};
+use spf_drone::Drone;
 use spf_drone::driver::{ConnectError, Connected, Target};
 use spf_drone::options::Options;
 use spf_flight::flight::{FlightPlan, Site};
@@ -18,8 +20,8 @@ use super::settings::{limits, method, options, preset_and_policy, prompt, script
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, sentence};
 use crate::args::Fly;
-use crate::commands::detector;
 use crate::commands::vlm::{Pace, Pointing, is_human, pointing};
+use crate::commands::{camera, detector};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
@@ -67,7 +69,12 @@ pub(super) fn ready(
     let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
+    let seen = camera::open(&args.camera, start, printer)?;
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
+    let drone: Box<dyn Drone> = match seen {
+        Some((camera, optics)) => Box::new(WithCamera::new(drone, camera, optics)),
+        None => drone,
+    };
     if own && !drone.capabilities().manoeuvres {
         return Err(CliError::usage("this Tello does not support --tello-motion go")
             .hint("its firmware has SDK 1.3, which cannot abort a move; update it in the Tello app, or use --tello-motion rc"));

@@ -14,6 +14,7 @@ use spf_vlm::Cancel;
 
 use super::{answerers, is_oracle};
 use crate::args::Ground;
+use crate::commands::camera;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
@@ -133,6 +134,9 @@ fn free_name(folder: &Path, name: &str) -> PathBuf {
 
 /// The images named by an argument.
 fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
+    if image.contains("://") {
+        return Ok(vec![ImageInput { name: "camera".to_owned(), image: Arc::new(camera::picture(image)?) }]);
+    }
     let path = Path::new(image);
     if image == "-" {
         return decoded("standard input", &bytes(std::io::stdin().lock(), image)?, args);

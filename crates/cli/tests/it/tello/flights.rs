@@ -60,6 +60,35 @@ fn fly(lab: &Lab, drone: &str, local: &str, server: &Server, args: &[&str]) -> (
     (run, printed)
 }
 
+/// The drone's own camera shows an office, and this one a chequered square.
+#[test]
+fn a_flight_by_another_camera_than_the_drone_s() {
+    let lab = Lab::new();
+    crate::track::film(&lab.path("square.mp4"), 400);
+    let served = Served::start(&lab, "127.0.0.143", &[]);
+    let server = model(1);
+    let camera = ["--camera", "file:square.mp4", "--camera-fov", "60", "--camera-tilt", "10", "--max-time", "60"];
+    let (run, summary) = fly(&lab, "127.0.0.143", "127.0.0.144", &server, &camera);
+    assert_eq!((&summary["outcome"], run.code), (&"reached".into(), Some(0)), "{}\n{}", run.stdout, run.stderr);
+    let told = "Camera file:square.mp4: 400×300, field of view 60° × 47°, tilt 10°.";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+    drop(served.end());
+}
+
+/// The film ends after three seconds: without new frames the pilot holds and then lands.
+#[test]
+#[ignore = "slow: waits until the pilot gives up"]
+fn a_camera_that_dies_in_flight_ends_the_flight() {
+    let lab = Lab::new();
+    crate::track::film(&lab.path("square.mp4"), 100);
+    let served = Served::start(&lab, "127.0.0.145", &[]);
+    let server = model(1000);
+    let camera = ["--camera", "file:square.mp4", "--camera-fov", "60", "--max-time", "60"];
+    let (run, summary) = fly(&lab, "127.0.0.145", "127.0.0.146", &server, &camera);
+    assert_eq!((&summary["outcome"], run.code), (&"failed".into(), Some(6)), "{}\n{}", run.stdout, run.stderr);
+    drop(served.end());
+}
+
 #[test]
 fn a_flight_over_real_sockets_sees_flies_and_lands() {
     let lab = Lab::new();

@@ -1,0 +1,81 @@
+//! What the threads of a camera share, and what is known about it.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use spf_core::time::{Duration, Time};
+use spf_drone::frames::FrameStore;
+
+use crate::inlet::Inlet;
+
+/// Interval at which waiting threads check whether to stop.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+
+/// What a camera is doing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum CameraState {
+    /// It is being connected, or nothing has arrived yet.
+    #[default]
+    Connecting,
+    /// Images arrive.
+    Receiving,
+    /// It failed for this reason, and is tried again.
+    Failed(String),
+    /// It has ended: a file that was played to its end.
+    Ended,
+}
+
+/// What is known about a camera.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CameraReport {
+    /// What it is doing.
+    pub state: CameraState,
+    /// The last failure, even if it was overcome.
+    pub last_failure: Option<String>,
+    /// Whether the failure does not pass by itself: a wrong password, a codec that cannot be decoded.
+    pub needs_attention: bool,
+    /// Codec of the images: `H.264` or `JPEG`.
+    pub codec: Option<&'static str>,
+    /// How often it was connected.
+    pub connections: u32,
+    /// Packets received, where they are counted.
+    pub packets: Option<u64>,
+    /// Packets lost, where they are numbered.
+    pub packets_lost: u64,
+    /// Whether the newest frame's time of capture comes from the camera's own clock.
+    pub own_clock: bool,
+}
+
+/// What the threads share.
+pub(crate) struct Shared {
+    pub(crate) inlet: Inlet,
+    pub(crate) frames: FrameStore,
+    pub(crate) stopped: AtomicBool,
+    pub(crate) report: Mutex<CameraReport>,
+    /// Flight time zero.
+    pub(crate) start: Instant,
+}
+
+impl Shared {
+    pub(crate) fn now(&self) -> Time {
+        Time::ZERO + self.start.elapsed()
+    }
+
+    pub(crate) fn stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn report(&self) -> MutexGuard<'_, CameraReport> {
+        // The value is consistent between calls.
+        self.report.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits, unless it is stopped.
+    pub(crate) fn wait(&self, time: Duration) {
+        let begun = Instant::now();
+        while begun.elapsed() < time && !self.stopped() {
+            std::thread::sleep(POLL_INTERVAL.min(time.saturating_sub(begun.elapsed())));
+        }
+    }
+}

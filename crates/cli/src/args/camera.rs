@@ -1,0 +1,70 @@
+//! Arguments of `spf camera`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+/// Cameras that are not part of a drone.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Camera {
+    /// Receive a camera for some seconds: frames per second, size, codec, losses, age of the frames, and one image
+    Test(CameraTest),
+}
+
+/// A camera in the place of the drone's own.
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Camera")]
+pub(crate) struct CameraArgs {
+    /// Camera in the place of the drone's own: rtsp://, rtsp+udp://, udp-rtp://, udp-ts://, http:// or file:VIDEO (see
+    /// docs/guide/cameras.md)
+    #[arg(long = "camera", value_name = "URL")]
+    pub(crate) url: Option<String>,
+    /// Calibration of that camera: a YAML file of OpenCV or ROS
+    #[arg(long = "camera-calibration", value_name = "FILE", requires = "url", conflicts_with = "fov")]
+    pub(crate) calibration: Option<PathBuf>,
+    /// Horizontal field of view of that camera, degrees, if it is not calibrated
+    #[arg(long = "camera-fov", value_name = "DEG", requires = "url", allow_negative_numbers = true)]
+    pub(crate) fov: Option<f64>,
+    /// Angle by which that camera looks below the drone's forward axis, degrees [default: 0]
+    #[arg(long = "camera-tilt", value_name = "DEG", requires = "url", allow_negative_numbers = true)]
+    pub(crate) tilt: Option<f64>,
+    /// Usual time from the capture of a frame to its arrival, seconds [default: 0.2]
+    #[arg(long = "camera-latency", value_name = "S", requires = "url", allow_negative_numbers = true)]
+    pub(crate) latency: Option<f64>,
+}
+
+/// Receives a camera for some seconds and reports what arrives; one image is written to a file.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf camera test rtsp://admin:secret@192.168.1.64/stream1
+  spf camera test rtsp+udp://192.168.1.64/stream1 --seconds 30
+  spf camera test udp-rtp://:5600
+  spf camera test udp-ts://239.1.2.3:1234
+  spf camera test http://192.168.1.70:8080/video -o porch.jpg
+  spf camera test file:holiday.mp4
+
+H.264 and MJPEG can be decoded; H.265 cannot. The age of a frame is the time from its capture to its arrival. If the camera does \
+not tell when a frame was captured, --latency is assumed, plus the time by which the frame arrived later than usual.
+
+A password on the command line can be read by other users of this machine. Without one in the address, that of the environment \
+variable CAMERA_PASSWORD is used (docs/guide/cameras.md).
+
+Exit codes: 0 images arrive, 1 the image cannot be written, 2 usage, 6 no image arrives.")]
+pub(crate) struct CameraTest {
+    /// Address of the camera
+    #[arg(value_name = "URL")]
+    pub(crate) url: String,
+    /// How long to watch after the first image, seconds
+    #[arg(long, value_name = "S", default_value_t = 5.0, allow_negative_numbers = true)]
+    pub(crate) seconds: f64,
+    /// Usual time from the capture of a frame to its arrival, seconds
+    #[arg(long, value_name = "S", default_value_t = 0.2, allow_negative_numbers = true)]
+    pub(crate) latency: f64,
+    /// JPEG file for the last image
+    #[arg(short, long, value_name = "FILE", default_value = "camera.jpg")]
+    pub(crate) output: PathBuf,
+    /// Replace the file
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}

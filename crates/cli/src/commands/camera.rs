@@ -1,0 +1,341 @@
+//! `spf camera`: cameras that are not part of a drone.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use spf_camera::address::FORMS;
+use spf_camera::calibration::{Calibration, Undistorter};
+use spf_camera::camera::USUAL_LATENCY;
+use spf_camera::{Camera, CameraReport, CameraSettings, CameraState, CameraUrl};
+use spf_core::camera::Camera as Optics;
+use spf_core::time::duration_from_secs;
+use spf_drone::examine::{Check, Finding};
+use spf_drone::frames::{FrameStats, Frames as _};
+use spf_media::{Jpeg, Rgb};
+
+use crate::args::{Camera as CameraCommand, CameraArgs, CameraTest};
+use crate::commands::read;
+use crate::error::CliError;
+use crate::exit::Exit;
+use crate::printer::{Printer, one_line, table};
+
+/// Maximum wait for the first image: a camera may send a key frame every 5 s, after connecting.
+const FIRST_FRAME: Duration = Duration::from_secs(15);
+/// Interval at which new frames are looked for.
+const POLL_INTERVAL: Duration = Duration::from_millis(2);
+/// Failed connections without an image after which there is no point in waiting; they take some four seconds.
+const MOST_FAILURES: u32 = 4;
+/// How long `spf doctor` watches.
+const CHECKED: Duration = Duration::from_secs(3);
+/// Relative difference of shapes beyond which a calibration is one of another image.
+const SHAPE: f64 = 0.02;
+/// Quality of the image that is written.
+const QUALITY: u8 = 90;
+/// The password of a camera whose address has none.
+const PASSWORD: &str = "CAMERA_PASSWORD";
+
+/// Runs the command.
+pub(crate) fn camera(command: &CameraCommand, printer: &Printer) -> Result<Exit, CliError> {
+    match command {
+        CameraCommand::Test(args) => test(args, printer),
+    }
+}
+
+/// Reads an address given for `what`. It is not quoted in errors, since it may contain a password.
+pub(crate) fn address(what: &str, text: &str) -> Result<CameraUrl, CliError> {
+    let mut url: CameraUrl = text.parse().map_err(|error| {
+        CliError::usage(format!("{what}: not the address of a camera"))
+            .because(&error)
+            .hint(format!("forms: {} (docs/guide/cameras.md)", FORMS.join(", ")))
+    })?;
+    if let Some(known) = url.credentials_mut()
+        && known.password.is_empty()
+        && let Ok(password) = std::env::var(PASSWORD)
+    {
+        known.password = password;
+    }
+    Ok(url)
+}
+
+/// Starts the camera in the place of a drone's own, if one is given, and waits for its first image; `start` is flight time
+/// zero. Returns it with the optics of its images.
+pub(crate) fn open(args: &CameraArgs, start: Instant, printer: &Printer) -> Result<Option<(Camera, Optics)>, CliError> {
+    let Some(url) = &args.url else { return Ok(None) };
+    let geometry = Geometry::of(args)?;
+    let (camera, shown) = geometry.start(url, args, start)?;
+    printer.log(&format!("Receiving {} …", one_line(&shown)));
+    let Some(size) = first_image(&camera) else { return Err(nothing(&camera.report(), &shown)) };
+    let optics = geometry.optics(size);
+    let (across, down) = optics.half_fov();
+    printer.log(&format!(
+        "Camera {}: {}×{}, field of view {:.0}° × {:.0}°, tilt {:.0}°{}.",
+        one_line(&shown),
+        size.0,
+        size.1,
+        2.0 * across.to_degrees(),
+        2.0 * down.to_degrees(),
+        optics.tilt.to_degrees(),
+        geometry.mismatch(size).map_or(String::new(), |words| format!("; {words}")),
+    ));
+    Ok(Some((camera, optics)))
+}
+
+/// Checks a camera for `spf doctor`.
+pub(crate) fn check(url: &str, args: &CameraArgs) -> Result<Check, CliError> {
+    let geometry = Geometry::of(args)?;
+    let (camera, shown) = geometry.start(url, args, Instant::now())?;
+    let watched = Watched::of(&camera, CHECKED);
+    let report = camera.report();
+    let Some(image) = &watched.image else {
+        let why = report.last_failure.as_deref().map_or_else(|| "no image".to_owned(), one_line);
+        let advice = "try it with `spf camera test`, and with another program";
+        return Ok(Check::new("camera", Finding::Bad, format!("{}: {why}", one_line(&shown)), Some(advice)));
+    };
+    let (rate, gaps, size) = (watched.rate(), watched.stats.video.gaps, (image.width(), image.height()));
+    let found = format!("{}×{}, {rate:.1} frames/s, {gaps} gaps", size.0, size.1);
+    Ok(match geometry.mismatch(size) {
+        Some(words) => Check::new("camera", Finding::Warning, format!("{found}; {words}"), Some("calibrate it at this size")),
+        None => {
+            let finding = if rate < 5.0 {
+                Finding::Bad
+            } else if gaps > 0 || rate < 10.0 {
+                Finding::Warning
+            } else {
+                Finding::Good
+            };
+            Check::new("camera", finding, found, Some("use a cable or a better link, or fewer pixels and a lower bit rate"))
+        }
+    })
+}
+
+/// One image of a camera.
+pub(crate) fn picture(url: &str) -> Result<Rgb, CliError> {
+    let url = address("IMAGE", url)?;
+    let shown = url.to_string();
+    let camera = start(url, &CameraSettings::default(), Instant::now(), Box::new(|image| image))?;
+    first_image(&camera);
+    let newest = camera.frames().newest().map(|(_, photo)| photo.pixels().as_ref().clone());
+    newest.ok_or_else(|| nothing(&camera.report(), &shown))
+}
+
+fn start(url: CameraUrl, settings: &CameraSettings, start: Instant, finish: Finish) -> Result<Camera, CliError> {
+    Camera::start_with(url, settings, start, finish).map_err(|error| CliError::internal("cannot receive").because(&error))
+}
+
+/// Completes a frame, such as by removing the distortion of a lens.
+type Finish = Box<dyn FnMut(Rgb) -> Rgb + Send>;
+
+/// Waits for the first image; its size.
+fn first_image(camera: &Camera) -> Option<(u32, u32)> {
+    let (frames, begun) = (camera.frames(), Instant::now());
+    while frames.newest().is_none() && begun.elapsed() < FIRST_FRAME && !is_over(camera) {
+        std::thread::sleep(POLL_INTERVAL);
+    }
+    frames.newest().map(|(meta, _)| (meta.width, meta.height))
+}
+
+/// How a camera sees and how it is mounted.
+struct Geometry {
+    calibration: Option<Calibration>,
+    /// Horizontal field of view without a calibration, radians.
+    fov: f64,
+    /// Radians, downwards positive.
+    tilt: f64,
+}
+
+impl Geometry {
+    fn of(args: &CameraArgs) -> Result<Self, CliError> {
+        let within = |flag: &str, value: f64, least: f64, most: f64| {
+            if (least..=most).contains(&value) {
+                return Ok(value);
+            }
+            Err(CliError::usage(format!("{flag}: `{value}` is not a number from {least} to {most}")))
+        };
+        let tilt = within("--camera-tilt", args.tilt.unwrap_or(0.0), -45.0, 90.0)?.to_radians();
+        within("--camera-latency", args.latency.unwrap_or(0.0), 0.0, 10.0)?;
+        let calibration = match &args.calibration {
+            Some(path) => {
+                let parsed = Calibration::parse(&read(path, "calibration")?);
+                Some(parsed.map_err(|error| {
+                    CliError::usage(format!("invalid calibration file `{}`", path.display()))
+                        .because(&error)
+                        .hint("the YAML of OpenCV's calibration sample and of ROS' camera_calibration can be read")
+                })?)
+            }
+            None => None,
+        };
+        let fov = match (&calibration, args.fov) {
+            (_, Some(fov)) => within("--camera-fov", fov, 5.0, 150.0)?.to_radians(),
+            (Some(_), None) => 0.0,
+            (None, None) => {
+                return Err(CliError::usage("--camera: how wide the camera sees is unknown")
+                    .hint("give --camera-calibration FILE, or --camera-fov with its horizontal field of view in degrees"));
+            }
+        };
+        Ok(Self { calibration, fov, tilt })
+    }
+
+    /// Starts the camera; also returns its address as it may be shown.
+    fn start(&self, url: &str, args: &CameraArgs, from: Instant) -> Result<(Camera, String), CliError> {
+        let url = address("--camera", url)?;
+        let shown = url.to_string();
+        let latency = args.latency.map_or(USUAL_LATENCY, duration_from_secs);
+        let finish: Finish = match &self.calibration {
+            Some(calibration) => {
+                let mut undistorter = Undistorter::new(calibration.clone());
+                Box::new(move |image| undistorter.undistort(image))
+            }
+            None => Box::new(|image| image),
+        };
+        Ok((start(url, &CameraSettings { latency }, from, finish)?, shown))
+    }
+
+    /// The camera that sees images of this size.
+    fn optics(&self, (width, height): (u32, u32)) -> Optics {
+        match &self.calibration {
+            Some(calibration) => calibration.camera(self.tilt).resized(width, height),
+            None => {
+                let high = f64::from(height) / f64::from(width) * libm::tan(0.5 * self.fov);
+                Optics::from_fov(width, height, self.fov, 2.0 * libm::atan(high), self.tilt)
+            }
+        }
+    }
+
+    /// Whether the images have another shape than those of the calibration.
+    fn mismatch(&self, (width, height): (u32, u32)) -> Option<String> {
+        let known = self.calibration.as_ref()?;
+        let shape = |width: u32, height: u32| f64::from(width) / f64::from(height);
+        let off = shape(width, height) / shape(known.width, known.height) - 1.0;
+        (off.abs() > SHAPE).then(|| format!("calibrated at {}×{}, which has another shape", known.width, known.height))
+    }
+}
+
+fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
+    let url = address("URL", &args.url)?;
+    for (flag, value, most) in [("--seconds", args.seconds, 3600.0), ("--latency", args.latency, 10.0)] {
+        if !(0.0..=most).contains(&value) {
+            return Err(CliError::usage(format!("{flag}: `{value}` is not a number of seconds from 0 to {most}")));
+        }
+    }
+    if !args.overwrite && args.output.symlink_metadata().is_ok() {
+        return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
+            .hint("use --overwrite to replace it, or another file with -o FILE"));
+    }
+    let settings = CameraSettings { latency: duration_from_secs(args.latency) };
+    let (begun, shown) = (Instant::now(), url.to_string());
+    let camera = start(url, &settings, begun, Box::new(|image| image))?;
+    printer.log(&format!("Receiving {} …", one_line(&shown)));
+    let watched = Watched::of(&camera, duration_from_secs(args.seconds));
+    let report = camera.report();
+    let Some(image) = &watched.image else { return Err(nothing(&report, &shown)) };
+    printer.result(&table(&watched.rows(&report, &args.output)));
+    write(&args.output, image)?;
+    if let CameraState::Failed(why) = &report.state {
+        printer.log(&format!("warning: the camera failed at last: {}", one_line(why)));
+    }
+    Ok(Exit::Success)
+}
+
+/// Why nothing arrived.
+fn nothing(report: &CameraReport, shown: &str) -> CliError {
+    let error = CliError::failed(format!("no image from the camera {}", one_line(shown)));
+    let (why, hint) = match &report.last_failure {
+        Some(why) => (one_line(why), "check address, user name and password with another program, such as ffplay or VLC"),
+        None => (
+            format!("no image within {} s", FIRST_FRAME.as_secs()),
+            "check that the camera sends to this machine and port, and that no firewall blocks UDP",
+        ),
+    };
+    error.because(&std::io::Error::other(why)).hint(hint)
+}
+
+/// What arrived while a camera was watched.
+struct Watched {
+    image: Option<Rgb>,
+    /// Time until the first image.
+    first: Duration,
+    /// Time watched after the first image, and frames in it.
+    watched: Duration,
+    frames: u32,
+    /// Ages of frames at their arrival, seconds, sorted.
+    ages: Vec<f64>,
+    stats: FrameStats,
+}
+
+impl Watched {
+    fn of(camera: &Camera, time: Duration) -> Self {
+        let store = camera.frames();
+        let begun = Instant::now();
+        first_image(camera);
+        let first = begun.elapsed();
+        let (since, mut ages, mut frames) = (Instant::now(), Vec::new(), 0);
+        let has_ended = || camera.report().state == CameraState::Ended;
+        while store.newest().is_some() && since.elapsed() < time && !has_ended() {
+            if let Some(meta) = store.take_new_frame() {
+                frames += 1;
+                ages.push(meta.received.since(meta.captured).as_secs_f64());
+            }
+            std::thread::sleep(POLL_INTERVAL);
+        }
+        ages.sort_by(f64::total_cmp);
+        let image = store.newest().map(|(_, photo)| photo.pixels().as_ref().clone());
+        Self { image, first, watched: since.elapsed(), frames, ages, stats: store.tally() }
+    }
+
+    /// Frames per second.
+    fn rate(&self) -> f64 {
+        let watched = self.watched.as_secs_f64();
+        if watched > 0.0 { f64::from(self.frames) / watched } else { 0.0 }
+    }
+
+    fn rows(&self, report: &CameraReport, output: &Path) -> Vec<Vec<String>> {
+        let row = |what: &str, found: String| vec![what.to_owned(), found];
+        let Self { first, watched, ages, stats, .. } = self;
+        let (width, height) = self.image.as_ref().map_or((0, 0), |image| (image.width(), image.height()));
+        let (watched, rate) = (watched.as_secs_f64(), self.rate());
+        let mut rows = vec![
+            row("image", format!("{width}×{height}, {}", report.codec.unwrap_or("unknown codec"))),
+            row("rate", format!("{rate:.1} frames/s in {watched:.1} s, first frame after {:.1} s", first.as_secs_f64())),
+        ];
+        if let (Some(median), Some(worst)) = (ages.get(ages.len() / 2), ages.last()) {
+            let basis = if report.own_clock { "by the camera's clock" } else { "assumed latency and delays" };
+            rows.push(row("age", format!("median {median:.2} s, worst {worst:.2} s at arrival ({basis})")));
+        }
+        let lost = match report.packets {
+            Some(received) => {
+                let all = (received + report.packets_lost).max(1);
+                format!("{} of {all} packets ({:.1} %)", report.packets_lost, 100.0 * report.packets_lost as f64 / all as f64)
+            }
+            None => format!("{} packets", report.packets_lost),
+        };
+        rows.push(row(
+            "loss",
+            format!(
+                "{lost}, {} gaps, {} images skipped until a key frame, {} damaged, {} rejected, {} unusable",
+                stats.video.gaps, stats.video.skipped, stats.video.damaged, stats.refused, stats.unusable
+            ),
+        ));
+        if report.connections > 1 {
+            rows.push(row("connections", format!("{} (last failure: {})", report.connections, failure(report))));
+        }
+        rows.push(row("picture", output.display().to_string()));
+        rows
+    }
+}
+
+fn failure(report: &CameraReport) -> String {
+    report.last_failure.as_deref().map_or_else(|| "none".to_owned(), one_line)
+}
+
+/// Whether nothing more is to be expected: the end of a file, a failure that does not pass by itself, or some in a row.
+fn is_over(camera: &Camera) -> bool {
+    let report = camera.report();
+    let failed = matches!(report.state, CameraState::Failed(_));
+    report.state == CameraState::Ended || failed && (report.needs_attention || report.connections >= MOST_FAILURES)
+}
+
+fn write(path: &Path, image: &Rgb) -> Result<(), CliError> {
+    let failed = |error: &dyn std::error::Error| CliError::internal(format!("cannot write `{}`", path.display())).because(error);
+    let jpeg = Jpeg::encode(image, QUALITY).map_err(|error| failed(&error))?;
+    std::fs::write(path, jpeg.bytes()).map_err(|error| failed(&error))
+}

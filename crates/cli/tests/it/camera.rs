@@ -1,0 +1,56 @@
+//! `spf camera`, and cameras of other commands.
+
+use crate::harness::Lab;
+use crate::track::film;
+
+#[test]
+fn a_film_is_tested_as_a_camera() {
+    let lab = Lab::new();
+    film(&lab.path("square.mp4"), 30);
+    let args = ["camera", "test", "file:square.mp4", "--seconds", "1", "-o", "seen.jpg"];
+    let run = lab.spf(&args);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows: Vec<&str> = run.stdout.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
+    assert_eq!(rows, ["image", "rate", "age", "loss", "picture"], "{}", run.stdout);
+    assert!(run.stdout.starts_with("image    400×300, H.264\n"), "{}", run.stdout);
+    assert!(lab.read("seen.jpg").starts_with(&[0xff, 0xd8]));
+    assert_eq!(lab.spf(&args).code, Some(2));
+    assert_eq!(lab.spf(&[&args[..], &["--overwrite"]].concat()).code, Some(0));
+}
+
+#[test]
+fn what_is_no_camera_is_refused_and_no_password_is_shown() {
+    let lab = Lab::new();
+    for (args, code, expected) in [
+        (&["camera", "test", "rtps://user:pa55word@cam/x"][..], 2, "has one of the forms"),
+        (&["camera", "test", "rtsp://user:pa55word@"], 2, "the host is missing"),
+        (&["camera", "test", "rtsp://user:pa55word@cam:pa55word/x"], 2, "the port is not a number"),
+        (&["camera", "test", "http://user:pa55word@127.0.0.1:1/x?pwd=pa55word"], 6, "http://…@127.0.0.1:1/x?…"),
+        (&["camera", "test", "file:none.mp4"], 6, "cannot read the video"),
+        (&["camera", "test", "file:none.mp4", "--seconds", "-1"], 2, "--seconds"),
+        (&["fly", "go", "--camera", "rtsp://user:pa55word@cam/x"], 2, "--camera requires a real drone"),
+        (&["doctor", "--drone", "tello@127.0.0.1", "--camera-fov", "60"], 2, "--camera <URL>"),
+        (&["doctor", "--camera", "rtsp://user:pa55word@cam/x"], 2, "how wide the camera sees is unknown"),
+        (&["doctor", "--camera", "udp-rtp://:5600", "--camera-fov", "300"], 2, "--camera-fov"),
+        (&["doctor", "--camera", "udp-rtp://:5600", "--camera-calibration", "none.yaml"], 2, "calibration file `none.yaml`"),
+    ] {
+        let run = lab.spf(args);
+        assert_eq!(run.code, Some(code), "{args:?}: {}", run.stderr);
+        assert!(run.stderr.contains(expected), "{args:?}: {}", run.stderr);
+        let shown = format!("{}{}", run.stdout, run.stderr);
+        assert!(!shown.contains("pa55word"), "{shown}");
+    }
+}
+
+#[test]
+fn the_doctor_watches_a_camera() {
+    let lab = Lab::new();
+    film(&lab.path("square.mp4"), 60);
+    lab.write(
+        "front.yaml",
+        "image_width: 800\nimage_height: 600\ncamera_matrix:\n  data: [700, 0, 400, 0, 700, 300, 0, 0, 1]\ndistortion_coefficients:\n  data: [-0.2, 0.1, 0, 0, 0]\n",
+    );
+    let run = lab.spf(&["doctor", "--camera", "file:square.mp4", "--camera-calibration", "front.yaml"]);
+    let line = run.stdout.lines().find(|line| line.contains("camera")).unwrap_or_else(|| panic!("{}{}", run.stdout, run.stderr));
+    assert!(line.contains("400×300") && line.contains("frames/s, 0 gaps"), "{line}");
+}
