@@ -18,7 +18,8 @@ pub(crate) fn image(width: u32, height: u32, number: u32) -> Rgb {
 
 /// Encoded images, ten a second, with a key frame every `key_interval` seconds. Encoded once for all tests.
 pub(crate) fn units(width: u32, height: u32, count: u32, key_interval: f64) -> Vec<AccessUnit> {
-    static MADE: Mutex<BTreeMap<(u32, u32, u32, u64), Vec<AccessUnit>>> = Mutex::new(BTreeMap::new());
+    type Made = BTreeMap<(u32, u32, u32, u64), Vec<AccessUnit>>;
+    static MADE: Mutex<Made> = Mutex::new(BTreeMap::new());
     let key = (width, height, count, (1000.0 * key_interval) as u64);
     MADE.lock().unwrap().entry(key).or_insert_with(|| encode(width, height, count, key_interval)).clone()
 }

@@ -126,7 +126,7 @@ fn the_size_may_change_in_flight() {
     for (width, height) in [(64, 48), (96, 64), (128, 96)] {
         let mut stream = packets(&units(width, height, 4, 1.0), sequence, 400);
         // The clock goes on.
-        stream.iter_mut().flatten().for_each(|packet| packet.timestamp = packet.timestamp.wrapping_add(u32::from(width) * 9000));
+        stream.iter_mut().flatten().for_each(|packet| packet.timestamp = packet.timestamp.wrapping_add(width * 9000));
         for packets in &stream {
             packets.iter().for_each(|packet| _ = socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)).unwrap());
             let meta = next_frame(&camera, &mut last);
@@ -187,8 +187,7 @@ fn a_server_that_restarts_is_found_again() {
 fn passwords_are_sent_when_they_are_asked_for_and_never_told() {
     let basic = "Basic dXNlcjp2ZXJ5LXNlY3JldA==";
     let (address, requests) = server(move |request, stream| {
-        let right =
-            request.lines().any(|line| line.to_ascii_lowercase() == format!("authorization: {basic}").to_ascii_lowercase());
+        let right = request.lines().any(|line| line.eq_ignore_ascii_case(&format!("authorization: {basic}")));
         let answer = if right {
             [HEAD.as_bytes(), &part(1)].concat()
         } else {

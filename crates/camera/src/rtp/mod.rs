@@ -124,7 +124,7 @@ impl Receiver {
     }
 
     fn drain(&mut self, units: &mut Vec<TimedUnit>) {
-        while let Some(ordered) = self.reorder.next() {
+        for ordered in self.reorder.by_ref() {
             match ordered {
                 Ordered::Packet(at, packet) => self.depacketizer.push(at, &packet, units),
                 Ordered::Lost => self.depacketizer.lost(),
