@@ -232,7 +232,7 @@ mod tests {
             let mut looming = Looming::default();
             let mut at = Time::ZERO;
             for (number, (step, points, north, heading)) in frames.into_iter().enumerate() {
-                at = at + Duration::from_millis(step / 10);
+                at += Duration::from_millis(step / 10);
                 let points = points.into_iter().map(|(id, u, v)| TrackedPoint(id, u, v)).collect();
                 let report = PointReport { frame: FrameId(number as u64), captured: at, points };
                 if let Some(ahead) = looming.observe(&report, &camera, pose(north, heading)) {
