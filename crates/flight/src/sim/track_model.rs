@@ -1,17 +1,12 @@
 //! A stand-in for the tracker, without pixels: for sweeps, in which rendering every frame takes too long.
 //!
 //! The target is the object with most pixels inside the start's box, in a small image of object ids. In each later frame the box
-//! of its pixels is reported, with errors. A target without any pixel is hidden: the box is kept for a while, then lost, and found
-//! again some frames after it has come back. Besides, a track is lost for good with a constant hazard.
-//!
-//! The constants are estimates: the hazard is that with which the tracker loses a quarter to a third of its targets in 8 s in
-//! rendered flights (`docs/guide/track.md`), the errors give overlaps with the visible part of about 0.9.
+//! of its pixels is reported, with the errors of `track_errors`.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::query::ImageBox;
-use spf_core::rng::RandomStream;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
 use spf_core::track::{TrackQuality, TrackReport, TrackStart};
@@ -19,24 +14,12 @@ use spf_drone::frames::Frames;
 use spf_render::RenderedImage;
 
 use super::loaded_scene::WorldSnapshot;
+use super::track_errors::{TargetSeen, TrackErrors};
 use super::world::SimWorld;
 use crate::tracking::{ASKED, Follow, INTERVAL, KEPT, Progress};
 
 /// Width of the id images, pixels.
 const WIDTH: u32 = 240;
-/// Probability per second that a visible target is lost for good.
-const LOSS_PER_S: f64 = 0.045;
-/// Error of each edge that stays the same for a track, standard deviation as a fraction of the box's side.
-const BIAS: f64 = 0.02;
-/// Error of each edge in each frame, in the same unit.
-const NOISE: f64 = 0.01;
-/// Frames without the target until it counts as lost.
-const COAST: u32 = 5;
-/// Frames in which a target that was lost must be visible again until it is found.
-const FIND: u32 = 3;
-/// The smallest side of a box that can be tracked, as a fraction of the image's width: 12 of 480 pixels.
-const SMALLEST: f64 = 12.0 / 480.0;
-
 /// Added to the distance from the target's surface, which is what its size in the image depends on, metres: half of its depth.
 const HALF_DEPTH: f64 = 0.3;
 
@@ -61,16 +44,9 @@ struct Task {
     over: bool,
     at: Time,
     frame: FrameId,
-    area: ImageBox,
+    errors: TrackErrors,
     /// Distance of the target in the frame of the start, metres.
     first_range: f64,
-    scale: f64,
-    /// Error of each edge, as a fraction of the side.
-    bias: [f64; 4],
-    /// Frames since the target was last visible, and since it is visible again.
-    missing: u32,
-    back: u32,
-    lost: bool,
 }
 
 impl TrackModel {
@@ -146,55 +122,25 @@ impl TrackModel {
     }
 
     fn quality(task: &Task) -> TrackQuality {
-        if task.lost || task.target.is_none() || task.missing > COAST {
-            TrackQuality::Lost
-        } else if task.over || side(&task.area) < SMALLEST {
-            TrackQuality::TooSmall
-        } else if task.missing > 0 {
-            TrackQuality::Coasting
-        } else {
-            TrackQuality::Good
+        if task.target.is_none() {
+            return TrackQuality::Lost;
         }
+        task.errors.quality()
     }
 
     /// Follows the target into a frame.
     fn advance(&mut self, task: &mut Task, index: usize) {
         let meta = self.frames[index].0;
         let seen = self.seen(index);
-        let key = [task.start.id.0, meta.id.0];
         let passed = meta.captured.since(task.at).as_secs_f64();
         (task.at, task.frame) = (meta.captured, meta.id);
-        let Some(area) = task.target.and_then(|target| seen.get(&target)) else {
-            task.missing += 1;
-            task.back = 0;
-            return;
-        };
-        task.back += 1;
-        if task.missing > COAST && task.back < FIND {
-            return;
-        }
-        task.missing = 0;
-        let mut noise = RandomStream::new(self.seed, "track error", &key);
-        let [left, top, right, bottom] = task.bias.map(|bias| bias + NOISE * noise.normal());
-        let (width, height) = (area.right - area.left, area.bottom - area.top);
-        task.area = ImageBox {
-            left: area.left + left * width,
-            top: area.top + top * height,
-            right: area.right + right * width,
-            bottom: area.bottom + bottom * height,
-        };
-        // From the distances: the edge of the image cuts off the mask, but not the points that a tracker follows.
-        let range = task.target.zip(self.world.capture(meta.id)).and_then(|(target, snapshot)| self.range(target, &snapshot));
-        if let Some(range) = range {
-            task.scale = task.first_range / range * (1.0 + right - left);
-        }
-        task.lost |= RandomStream::new(self.seed, "track loss", &key).chance(LOSS_PER_S * passed);
+        let seen = task.target.and_then(|target| {
+            let area = *seen.get(&target)?;
+            let range = self.world.capture(meta.id).and_then(|snapshot| self.range(target, &snapshot));
+            Some(TargetSeen { area, growth: range.map(|range| task.first_range / range) })
+        });
+        task.errors.next(meta.id.0, passed, seen);
     }
-}
-
-/// The shorter side, as a fraction of the image's width, for images of 4:3.
-fn side(area: &ImageBox) -> f64 {
-    (area.right - area.left).min(0.75 * (area.bottom - area.top))
 }
 
 impl Follow for TrackModel {
@@ -219,7 +165,6 @@ impl Follow for TrackModel {
     }
 
     fn start(&mut self, start: TrackStart) {
-        let mut bias = RandomStream::new(self.seed, "track bias", &[start.id.0]);
         let newest = self.frames.back().map_or((Time::ZERO, start.frame), |(meta, _)| (meta.captured, meta.id));
         self.task = Some(Task {
             start,
@@ -228,13 +173,8 @@ impl Follow for TrackModel {
             over: false,
             at: newest.0,
             frame: newest.1,
-            area: start.area,
+            errors: TrackErrors::new(self.seed, start.id.0, start.area),
             first_range: 1.0,
-            scale: 1.0,
-            bias: [(); 4].map(|()| BIAS * bias.normal()),
-            missing: 0,
-            back: 0,
-            lost: false,
         });
     }
 
@@ -256,10 +196,10 @@ impl Follow for TrackModel {
             (task, over) = self.begin(task);
         }
         let quality = Self::quality(&task);
-        task.over |= task.lost || quality == TrackQuality::TooSmall;
+        task.over |= task.errors.is_lost() || quality == TrackQuality::TooSmall;
         let behind = !over && !task.over && self.frames.back().is_some_and(|(newest, _)| newest.captured > task.at);
-        let report =
-            TrackReport { id: task.start.id, frame: task.frame, captured: task.at, area: task.area, scale: task.scale, quality };
+        let (area, scale) = (task.errors.area(), task.errors.scale());
+        let report = TrackReport { id: task.start.id, frame: task.frame, captured: task.at, area, scale, quality };
         self.task = Some(task);
         if behind { Progress::Behind } else { Progress::Report(report) }
     }
