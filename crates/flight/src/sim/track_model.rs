@@ -109,7 +109,10 @@ impl TrackModel {
             self.render(&snapshot);
             let boxes = self.boxes(&task.start.area);
             let most = boxes.into_iter().filter(|(_, (_, count))| *count > 0).max_by_key(|(_, (_, count))| *count);
-            if let Some((target, _)) = most {
+            if let Some((target, (area, _))) = most {
+                let object = self.world.loaded().scene.object(target);
+                let is_person = object.is_some_and(|object| object.tags.kind == "person");
+                task.errors = TrackErrors::new(self.seed, task.start.id.0, area, is_person);
                 task.target = Some(target);
                 task.first_range = self.range(target, &snapshot).unwrap_or(1.0);
                 task.at = spf_sim::frame_clock::FrameClock::default().captured(task.start.frame);
@@ -173,7 +176,7 @@ impl Follow for TrackModel {
             over: false,
             at: newest.0,
             frame: newest.1,
-            errors: TrackErrors::new(self.seed, start.id.0, start.area),
+            errors: TrackErrors::new(self.seed, start.id.0, start.area, false),
             first_range: 1.0,
         });
     }

@@ -1,0 +1,149 @@
+//! A clip that was followed, by the tracker and by its stand-in.
+
+use std::time::Instant;
+
+use spf_core::geometry::{Attitude, BodyDisplacement, wrap_angle};
+use spf_core::lift::{CameraDisplacement, Lifting, lift, lower};
+use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::track::TrackQuality;
+use spf_flight::sim::{TargetSeen, TrackErrors};
+use spf_media::Rgb;
+use spf_media::track::{PixelBox, Quality, Shift, TrackImage, Tracker};
+
+use super::film::Film;
+use super::flight::{Flight, INTERVAL, camera};
+use super::kinds::Number;
+use super::stage::{Sight, Stage, Target};
+
+/// As in a flight: the middle part of a box is tracked, unless it is smaller than this.
+const INNER: f64 = 0.6;
+const LEAST_INNER: f64 = 20.0;
+/// As in the stand-in: added to the distance from the target's surface, metres.
+const HALF_DEPTH: f64 = 0.3;
+
+/// A report on one image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Report {
+    pub(super) area: PixelBox,
+    pub(super) scale: f64,
+    pub(super) quality: TrackQuality,
+}
+
+impl Report {
+    pub(super) fn is_good(&self) -> bool {
+        self.quality == TrackQuality::Good
+    }
+}
+
+/// An image, with what is to be seen, and what was reported.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Image {
+    pub(super) sight: Sight,
+    /// The target's size divided by that in the first image, by the distances.
+    pub(super) growth: f64,
+    pub(super) pixels: Report,
+    pub(super) model: Report,
+}
+
+/// A clip after the trackers have followed its target.
+pub(super) struct Followed {
+    pub(super) number: Number,
+    /// The target's key in the scene.
+    pub(super) target: String,
+    /// Whether there was something to track.
+    pub(super) accepted: bool,
+    /// The second to the last image.
+    pub(super) images: Vec<Image>,
+    /// Milliseconds that the tracker took per image.
+    pub(super) millis: f64,
+    pub(super) quantiser: Option<u8>,
+}
+
+impl Followed {
+    /// Follows a flight's target through its images; `None` if no flight of the kind was found in the scene.
+    pub(super) fn new(stage: &Stage, number: Number, show: impl Fn(&Self, &[Rgb])) -> Option<Self> {
+        let flight = Flight::draw(stage, &number)?;
+        let film = Film::of(stage, &flight, &number);
+        let (camera, target) = (camera(), Target::new(stage, flight.id));
+        let sights: Vec<(Sight, f64, Attitude)> = (0..number.images)
+            .map(|image| {
+                let snapshot = flight.at(stage, flight.time(0.1 * image as f64)).unwrap();
+                let sight = target.sight(stage, &camera, &snapshot).0;
+                let range = stage.loaded.distance_to(flight.id, &snapshot.actors, snapshot.pose.position).unwrap();
+                (sight, range + HALF_DEPTH, snapshot.pose.attitude)
+            })
+            .collect();
+        let whole = sights[0].0.visible?;
+        let inner = if INNER * whole.side() >= LEAST_INNER { INNER } else { 1.0 };
+        let part = |area: PixelBox, of: f64| PixelBox::around(area.centre(), of * area.width(), of * area.height());
+        let mut tracker = Tracker::start(&TrackImage::of(&film.images[0]), part(whole, inner));
+        let is_person = stage.loaded.scene.object(flight.id)?.tags.kind == "person";
+        let mut errors = TrackErrors::new(number.seed, number.index as u64, fraction(&whole), is_person);
+        let mut followed = Self {
+            number,
+            target: stage.loaded.key(flight.id),
+            accepted: tracker.track().quality == Quality::Good,
+            images: Vec::new(),
+            millis: 0.0,
+            quantiser: film.quantiser,
+        };
+        let begun = Instant::now();
+        let tracks: Vec<_> = (1..number.images)
+            .map(|image| {
+                let shift = shift(tracker.track().area.centre(), sights[image - 1].2, sights[image].2);
+                tracker.next(&TrackImage::of(&film.images[image]), shift)
+            })
+            .collect();
+        followed.millis = 1000.0 * begun.elapsed().as_secs_f64() / (number.images - 1) as f64;
+        for (image, track) in (1..number.images).zip(tracks) {
+            let (sight, range, _) = sights[image];
+            let growth = sights[0].1 / range;
+            let seen = sight.visible.map(|area| TargetSeen { area: fraction(&area), growth: Some(growth) });
+            errors.next(image as u64, INTERVAL.as_secs_f64(), seen);
+            let quality = match track.quality {
+                Quality::Good => TrackQuality::Good,
+                Quality::Coasting => TrackQuality::Coasting,
+                Quality::TooSmall => TrackQuality::TooSmall,
+                _ => TrackQuality::Lost,
+            };
+            let pixels = Report { area: part(track.area, 1.0 / inner), scale: track.scale, quality };
+            let ImageBox { left, top, right, bottom } = errors.area();
+            let area = PixelBox { left, top, right, bottom }.in_image_scaled(480.0, 360.0);
+            let model = Report { area, scale: errors.scale(), quality: errors.quality() };
+            followed.images.push(Image { sight, growth, pixels, model });
+        }
+        show(&followed, &film.images);
+        Some(followed)
+    }
+}
+
+/// A box as a fraction of the image, at the stand-in's resolution: 240 pixels across.
+fn fraction(area: &PixelBox) -> ImageBox {
+    let low = |value: f64, of: f64| libm::floor(value / 2.0) * 2.0 / of;
+    let high = |value: f64, of: f64| libm::ceil(value / 2.0) * 2.0 / of;
+    ImageBox {
+        left: low(area.left, 480.0),
+        top: low(area.top, 360.0),
+        right: high(area.right, 480.0),
+        bottom: high(area.bottom, 360.0),
+    }
+}
+
+/// How far the turning of the camera moves a place, as the craft's attitude tells.
+fn shift((x, y): (f64, f64), before: Attitude, after: Attitude) -> Option<Shift> {
+    let camera = camera();
+    let (width, height) = (f64::from(camera.width), f64::from(camera.height));
+    let ray = camera.ray(ImagePoint { u: x / width, v: y / height });
+    let seen = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
+    let level = lift(seen, &camera, before, Lifting::Levelled);
+    let turned = wrap_angle(after.heading - before.heading);
+    let (sin, cos) = (libm::sin(turned), libm::cos(turned));
+    let level = BodyDisplacement {
+        right: level.right * cos - level.forward * sin,
+        forward: level.forward * cos + level.right * sin,
+        up: level.up,
+    };
+    let CameraDisplacement { right, forward, up } = lower(level, &camera, after, Lifting::Levelled);
+    let place = camera.project(right, forward, up)?;
+    Some(Shift { x: place.u * width - x, y: place.v * height - y })
+}
