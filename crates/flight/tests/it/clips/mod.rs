@@ -69,7 +69,7 @@ fn figures() {
     let clips = follow(&numbers, std::env::var_os("PICTURES").map(PathBuf::from).as_ref());
     println!("{} of {} clips", clips.len(), numbers.len());
     if std::env::var_os("EACH").is_some() {
-        clips.iter().for_each(each);
+        clips.iter().for_each(|clip| println!("{}", each(clip)));
     }
     println!("{}", Tally::HEAD);
     for walks in [false, true] {
@@ -95,11 +95,11 @@ fn figures() {
 }
 
 /// A line on a clip.
-fn each(clip: &Followed) {
+fn each(clip: &Followed) -> String {
     let one = Tally::of(core::iter::once(clip), By::Pixels);
     let number = clip.number;
     let last = clip.images.last().unwrap();
-    println!(
+    format!(
         "  {} {}{} {}@{} {}: good {}, off {}, at the end {:?}, seen {:.2}, overlap {:.2}; stand-in {:?}",
         number.index,
         number.condition.word(),
@@ -113,5 +113,5 @@ fn each(clip: &Followed) {
         last.sight.share,
         last.sight.visible.map_or(0.0, |area| area.overlap(&last.pixels.area)),
         last.model.quality,
-    );
+    )
 }
