@@ -11,11 +11,10 @@ use spf_media::track::PixelBox;
 use spf_scene::actors::{ActorPlace, Traffic};
 use spf_scene::geometry::ObjectId;
 
-use super::kinds::{Condition, Number};
+use super::kinds::{Condition, IMAGES, Number};
 use super::stage::{Sight, Stage, Target, around};
 
-/// Images of a clip, ten a second.
-pub(super) const IMAGES: usize = 80;
+/// Time between two images.
 pub(super) const INTERVAL: Duration = Duration::from_millis(100);
 /// Flights that are drawn until one suits: at so many times, and each time so many.
 const ROUNDS: usize = 8;

@@ -2,7 +2,8 @@
 
 use spf_scene::Object;
 
-use super::flight::IMAGES;
+/// Images of a clip, ten a second.
+pub(super) const IMAGES: usize = 80;
 
 /// What is hard about a clip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +98,7 @@ pub(super) struct Number {
     /// The scene and the seed of its variant.
     pub(super) scene: &'static str,
     pub(super) seed: u64,
-    /// How many images are followed, at most 80.
+    /// How many images are followed, at most [`IMAGES`].
     pub(super) images: usize,
 }
 
