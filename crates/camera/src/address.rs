@@ -160,6 +160,9 @@ pub enum AddressError {
     /// Spaces and control characters.
     #[error("an address contains no spaces and no control characters: write them as %20 and so on")]
     Character,
+    /// Characters of a user name or password that end the host.
+    #[error("in a user name or password, write # as %23, / as %2F, ? as %3F and @ as %40; in a path, @ as %40")]
+    Reserved,
     /// Too long.
     #[error("the address is longer than {LONGEST} characters")]
     Long,
@@ -224,9 +227,12 @@ fn port_number(text: &str) -> Result<u16, AddressError> {
 
 /// `[USER[:PASSWORD]@]HOST[:PORT][/PATH][?QUERY]`.
 fn server(scheme: &str, rest: &str) -> Result<Server, AddressError> {
-    let rest = rest.split('#').next().unwrap_or(rest);
     let end = rest.find(['/', '?']).unwrap_or(rest.len());
     let (authority, tail) = rest.split_at(end);
+    // Else a part of a password would pass for a host or a path, and be shown.
+    if rest.contains('#') || (tail.contains('@') && !authority.contains('@')) {
+        return Err(AddressError::Reserved);
+    }
     // A password may contain an unescaped `@`; a host cannot.
     let (credentials, host) = match authority.rsplit_once('@') {
         Some((before, host)) => (Some(credentials(before)), host),
@@ -269,7 +275,7 @@ mod tests {
         assert_eq!(read("udp-rtp://239.1.2.3:5600"), Ok(CameraUrl::UdpRtp("239.1.2.3:5600".parse().unwrap())));
         assert_eq!(read("udp-ts://[::1]:9"), Ok(CameraUrl::UdpTs("[::1]:9".parse().unwrap())));
         assert_eq!(read("file:my film.mp4"), Ok(CameraUrl::File("my film.mp4".into())));
-        let Ok(CameraUrl::Mjpeg(server)) = read("http://us%65r:pa%3Ass@w@cam.local:8080?channel=1#top") else { panic!() };
+        let Ok(CameraUrl::Mjpeg(server)) = read("http://us%65r:pa%3Ass@w@cam.local:8080?channel=1") else { panic!() };
         assert_eq!(server.url, "http://cam.local:8080/?channel=1");
         let credentials = server.credentials.unwrap();
         assert_eq!((credentials.user.as_str(), credentials.password.as_str()), ("user", "pa:ss@w"));
@@ -288,6 +294,9 @@ mod tests {
             ("", AddressError::Scheme),
             ("192.168.1.64", AddressError::Scheme),
             ("ftp://host/x", AddressError::Scheme),
+            ("rtsp://admin:2024#secret@192.168.1.64/s", AddressError::Reserved),
+            ("rtsp://admin:12/34@192.168.1.64/s", AddressError::Reserved),
+            ("http://admin?x@192.168.1.64/s", AddressError::Reserved),
             ("http:///mjpeg", AddressError::NoHost),
             ("http://user:password@/mjpeg", AddressError::NoHost),
             ("http://host:port/", AddressError::Port),

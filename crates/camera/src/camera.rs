@@ -33,6 +33,8 @@ pub struct CameraSettings {
     /// Usual time from the capture of a frame to its arrival. It is subtracted from the arrival if the camera does not tell
     /// when a frame was captured.
     pub latency: Duration,
+    /// Whether times of capture by the camera's own clock are used where it tells them.
+    pub own_clock: bool,
 }
 
 /// Latency that is assumed for a camera whose latency has not been measured: cameras with H.264 over a local network have
@@ -41,7 +43,7 @@ pub const USUAL_LATENCY: Duration = Duration::from_millis(200);
 
 impl Default for CameraSettings {
     fn default() -> Self {
-        Self { latency: USUAL_LATENCY }
+        Self { latency: USUAL_LATENCY, own_clock: true }
     }
 }
 
@@ -81,7 +83,7 @@ impl Camera {
         let mut camera = Self { shared: shared.clone(), threads: Vec::new() };
         // A film is decoded by the thread that plays it.
         if let CameraUrl::File(path) = url {
-            let feed = Feed::new(shared.clone(), settings.latency);
+            let feed = Feed::new(shared.clone(), settings.latency, settings.own_clock);
             camera.spawn("camera-file", move || {
                 let played = source::file::play(&path, &feed, &mut finish);
                 match played {
@@ -93,7 +95,7 @@ impl Camera {
         }
         let decoding = shared.clone();
         camera.spawn("camera-decode", move || decode(&decoding.inlet, &decoding.frames, &decoding.stopped, &mut finish))?;
-        let feed = Feed::new(shared, settings.latency);
+        let feed = Feed::new(shared, settings.latency, settings.own_clock);
         camera.spawn("camera-receive", move || receive(&url, feed))?;
         Ok(camera)
     }

@@ -2,7 +2,8 @@
 //!
 //! A frame is never younger than it is said to be, as far as this can be known:
 //!
-//! - If the camera tells the time of capture by a clock that agrees with ours (RTCP sender reports), that time is used.
+//! - If the camera tells the time of capture by a clock that agrees with ours (RTCP sender reports), that time is used, but no
+//!   frame counts as younger than the time by which it was held back.
 //! - Otherwise it is the arrival minus the usual latency, which somebody has measured or estimated, minus the time by which
 //!   this frame arrived later than usual. A stream with timestamps shows that: the difference between arrival and timestamp
 //!   is smallest for frames that were not held back. After a stall of one second, the frames of the burst that follows are
@@ -12,12 +13,14 @@ use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_drone::frames::delay::Delay;
 
 /// The smallest difference between arrival and timestamp is that of this time and the one before it. The clock of a camera
-/// differs from ours by some 50 parts in a million, thus by less than a millisecond in this time.
-const MEMORY: Duration = Duration::from_secs(10);
+/// differs from ours by some 50 parts in a million, thus by 30 ms in this time; a link that is too slow for the stream delays it
+/// by more, and must not be forgotten.
+const MEMORY: Duration = Duration::from_secs(600);
 /// A timestamp earlier than the last one by this much is no image out of order: the camera's clock was set.
 const BACKWARDS: i64 = 500_000_000;
-/// Greatest age at which a camera's own time of capture is believed. Cameras whose clock is not set are off by hours or years.
-const MOST_AGE: Duration = Duration::from_secs(2);
+/// Greatest age at which a camera's own time of capture is believed. Cameras whose clock is not set are off by hours or years; one
+/// that is off by seconds makes its frames too old to fly by, which is better than too young.
+const MOST_AGE: Duration = Duration::from_secs(60);
 /// Greatest delay. A stream later than that is of no use to a pilot, however late it is.
 const MOST_LATE: i64 = 60_000_000_000;
 
@@ -62,7 +65,7 @@ impl CaptureClock {
             None => self.delay.observe(at, follows),
         };
         let usual = at - self.latency - late;
-        age.filter(|age| is_plausible(*age)).map_or(usual, |age| at - duration_from_secs(age))
+        age.filter(|age| is_plausible(*age)).map_or(usual, |age| at - duration_from_secs(age).max(late))
     }
 
     /// How much later than usual a frame arrived.
@@ -151,15 +154,36 @@ mod tests {
             assert_eq!(ages(frames), vec![100; 40], "{jump}");
         }
         // A small step back cannot be told from a delay. It counts as one until it is forgotten.
-        let ages = ages((0..400_u64).map(|n| (1000 + 100 * n, 100 * n as i64 + if n < 20 { 0 } else { -300 })));
-        assert_eq!((ages[19], ages[20], ages[399]), (100, 400, 100));
+        let ages = ages((0..14_000_u64).map(|n| (1000 + 100 * n, 100 * n as i64 + if n < 20 { 0 } else { -300 })));
+        assert_eq!((ages[19], ages[20], ages[5000], ages[13_999]), (100, 400, 400, 100));
     }
 
     #[test]
     fn a_drifting_clock_is_followed() {
         // 100 parts in a million too slow, for an hour at one frame a second.
         let last = ages((0..3600_u64).map(|n| (1000 + 1000 * n, 1000 * n as i64 - n as i64 / 10))).pop();
-        assert!(last.is_some_and(|age| age <= 103), "{last:?}");
+        assert!(last.is_some_and(|age| age <= 100 + 120), "{last:?}");
+    }
+
+    #[test]
+    fn a_link_that_is_too_slow_makes_frames_older_and_older() {
+        // Each frame is held back by 3 ms more than the last, for five minutes; then the delay stays.
+        let delay = |n: u64| 3 * n.min(3000);
+        let ages = ages((0..4000_u64).map(|n| (1000 + 100 * n + delay(n), 100 * n as i64)));
+        assert_eq!((ages[1000], ages[3000], ages[3999]), (3100, 9100, 9100));
+    }
+
+    #[test]
+    fn a_camera_s_clock_makes_no_frame_younger_than_it_was_held_back() {
+        // Its clock is 1 s ahead: usually frames seem to come from the future; after a stall, from just now.
+        let mut clock = CaptureClock::new(LATENCY);
+        let mut age = |at: u64, stamp: i64| {
+            let (at, own) = (Time::from_millis(at), (at as f64 - stamp as f64) / 1000.0 - 1.0);
+            let arrival = Arrival { at, stamp: Some(stamp * 1_000_000), age: Some(own), follows: true };
+            at.since(clock.captured(arrival)).as_millis()
+        };
+        (1..20).for_each(|n| assert_eq!(age(100 * n + 200, 100 * n as i64), 100));
+        assert!(age(3200, 2000) >= 1000);
     }
 
     #[test]
@@ -167,7 +191,7 @@ mod tests {
         let mut clock = CaptureClock::new(LATENCY);
         let at = Time::from_millis(5000);
         let mut age = |age| at.since(clock.captured(Arrival { at, stamp: None, age: Some(age), follows: true })).as_millis();
-        assert_eq!([0.25, -0.01, 2.1, 3600.0, f64::NAN].map(&mut age), [250, 100, 100, 100, 100]);
+        assert_eq!([0.25, -0.01, 3.0, 3600.0, f64::NAN].map(&mut age), [250, 100, 3000, 100, 100]);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use spf_core::camera::Camera as Optics;
 use spf_core::command::Command;
 use spf_core::envelope::Cleared;
+use spf_core::frame::{FrameMeta, Unusable};
 use spf_core::time::Time;
 use spf_drone::frames::{FrameStore, Frames};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
@@ -14,7 +15,8 @@ use crate::Camera;
 /// A craft with a camera in the place of its own.
 ///
 /// What depends on the craft's own camera is not used: its frames, its depth images, its rangefinder, its gimbal and its zoom.
-/// While the camera sends nothing, there are no new frames, and the pilot holds.
+/// While the camera sends nothing, there are no new frames, and the pilot holds; images of another shape than that of the first are
+/// unusable.
 pub struct WithCamera {
     drone: Box<dyn Drone>,
     /// It is received as long as this lives.
@@ -28,6 +30,19 @@ impl WithCamera {
     #[must_use]
     pub fn new(drone: Box<dyn Drone>, camera: Camera, optics: Optics) -> Self {
         Self { drone, frames: camera.frames(), _camera: camera, optics }
+    }
+}
+
+/// Relative difference of shapes up to which images count as showing the same.
+pub const SHAPE: f64 = 0.02;
+
+impl WithCamera {
+    /// Whether a frame has the shape of the images that the optics are of. One of another shape is cropped, or squeezed: where its
+    /// points lie is unknown.
+    fn shows_the_same(&self, meta: &FrameMeta) -> bool {
+        let shape = |width: u32, height: u32| f64::from(width) / f64::from(height.max(1));
+        let off = shape(meta.width, meta.height) / shape(self.optics.width, self.optics.height) - 1.0;
+        off.abs() <= SHAPE
     }
 }
 
@@ -57,7 +72,10 @@ impl Drone for WithCamera {
                 None => break,
             }
         }
-        let meta = self.frames.take_new_frame()?;
+        let mut meta = self.frames.take_new_frame()?;
+        if !self.shows_the_same(&meta) {
+            meta.unusable = Some(Unusable::Resized);
+        }
         Some((meta.received, DroneEvent::Frame(meta)))
     }
 

@@ -16,6 +16,7 @@ use crate::shared::{CameraState, Shared};
 pub(crate) struct Feed {
     shared: Arc<Shared>,
     latency: Duration,
+    own_clock: bool,
     clock: CaptureClock,
     /// Losses of this connection, and of those before it.
     video: VideoStats,
@@ -42,10 +43,11 @@ impl Packets {
 }
 
 impl Feed {
-    pub(crate) fn new(shared: Arc<Shared>, latency: Duration) -> Self {
+    pub(crate) fn new(shared: Arc<Shared>, latency: Duration, own_clock: bool) -> Self {
         Self {
             shared,
             latency,
+            own_clock,
             clock: CaptureClock::new(latency),
             video: VideoStats::default(),
             video_before: VideoStats::default(),
@@ -99,6 +101,7 @@ impl Feed {
     fn put(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, coded: Coded) {
         let lost = self.video.gaps + self.video.skipped + self.video.damaged;
         let follows = std::mem::replace(&mut self.lost, lost) == lost;
+        let age = age.filter(|_| self.own_clock);
         let captured = self.clock.captured(Arrival { at, stamp, age, follows });
         let codec = match coded {
             Coded::H264(_) => "H.264",

@@ -51,6 +51,8 @@ pub enum Unusable {
     Placeholder,
     /// It could not be decoded.
     Undecodable,
+    /// It has another shape than the camera's images had when the flight began.
+    Resized,
     /// The reason is unknown: read from a log, which does not record it.
     Unrecorded,
 }

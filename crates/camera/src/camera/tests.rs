@@ -15,7 +15,7 @@ use crate::testing::{image, units};
 const PATIENCE: Duration = Duration::from_secs(20);
 
 fn settings() -> CameraSettings {
-    CameraSettings { latency: Duration::from_millis(50) }
+    CameraSettings { latency: Duration::from_millis(50), ..CameraSettings::default() }
 }
 
 fn start(url: &str) -> (Camera, Instant) {

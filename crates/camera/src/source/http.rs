@@ -54,8 +54,8 @@ async fn ask(server: &Server) -> Result<Response, SourceError> {
     let answer = match (&server.credentials, answer.status()) {
         (Some(credentials), StatusCode::UNAUTHORIZED) => {
             let authorization = authorization(&answer, credentials)?;
-            // The challenge is that of the server to which it redirected, which must be the same.
-            if answer.url().host_str() != url_host(&server.url).as_deref() {
+            // The challenge is that of the server to which it redirected, which must be the same, at the same port and as secret.
+            if reqwest::Url::parse(&server.url).is_ok_and(|url| url.origin() != answer.url().origin()) {
                 return Err(SourceError::Refused);
             }
             let again = client.get(answer.url().clone()).header(AUTHORIZATION, authorization);
@@ -68,10 +68,6 @@ async fn ask(server: &Server) -> Result<Response, SourceError> {
         StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => Err(SourceError::Refused),
         status => Err(SourceError::Status(status.to_string())),
     }
-}
-
-fn url_host(url: &str) -> Option<String> {
-    reqwest::Url::parse(url).ok()?.host_str().map(str::to_owned)
 }
 
 /// The header that answers the server's challenge (RFC 7617 and RFC 7616).

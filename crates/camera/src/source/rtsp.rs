@@ -154,7 +154,7 @@ fn failure(error: &retina::Error, server: &Server) -> SourceError {
         _ => {}
     }
     let text = error.to_string();
-    let mut line = text.lines().next().unwrap_or_default().replace(&server.url, "…");
+    let mut line = without_addresses(text.lines().next().unwrap_or_default());
     if let Some(known) = &server.credentials {
         for secret in [&known.password, &known.user].into_iter().filter(|secret| !secret.is_empty()) {
             line = line.replace(secret.as_str(), "…");
@@ -163,9 +163,22 @@ fn failure(error: &retina::Error, server: &Server) -> SourceError {
     SourceError::Connection(line)
 }
 
+/// A text without addresses, however they are spelled, and without whatever follows a question mark.
+fn without_addresses(text: &str) -> String {
+    let shown = |word| if str::contains(word, "://") { "…" } else { word.split('?').next().unwrap_or_default() };
+    text.split(' ').map(shown).collect::<Vec<_>>().join(" ")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_address_is_quoted() {
+        let text =
+            r#"DESCRIBE response at rtsp://cam/s?user=admin&pwd=gr%C3%BCn has bad Content-Base "rtsp://10.0.0.7:554/s" /s?pwd=x"#;
+        assert_eq!(without_addresses(text), "DESCRIBE response at … has bad Content-Base … /s");
+    }
 
     #[test]
     fn times_of_ntp_begin_in_1900() {

@@ -51,7 +51,7 @@ pub(crate) fn tcp_port() -> u16 {
 }
 
 pub(crate) fn camera(url: &str) -> Camera {
-    let settings = CameraSettings { latency: Duration::from_millis(100) };
+    let settings = CameraSettings { latency: Duration::from_millis(100), ..CameraSettings::default() };
     Camera::start(url.parse().unwrap(), &settings, Instant::now()).unwrap()
 }
 

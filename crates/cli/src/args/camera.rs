@@ -28,7 +28,8 @@ pub(crate) struct CameraArgs {
     /// Angle by which that camera looks below the drone's forward axis, degrees [default: 0]
     #[arg(long = "camera-tilt", value_name = "DEG", requires = "url", allow_negative_numbers = true)]
     pub(crate) tilt: Option<f64>,
-    /// Usual time from the capture of a frame to its arrival, seconds [default: 0.2]
+    /// Time from the capture of a frame to its arrival, seconds, instead of what the camera's clock says [default: 0.2, without a
+    /// clock]
     #[arg(long = "camera-latency", value_name = "S", requires = "url", allow_negative_numbers = true)]
     pub(crate) latency: Option<f64>,
 }
@@ -58,9 +59,10 @@ pub(crate) struct CameraTest {
     /// How long to watch after the first image, seconds
     #[arg(long, value_name = "S", default_value_t = 5.0, allow_negative_numbers = true)]
     pub(crate) seconds: f64,
-    /// Usual time from the capture of a frame to its arrival, seconds
-    #[arg(long, value_name = "S", default_value_t = 0.2, allow_negative_numbers = true)]
-    pub(crate) latency: f64,
+    /// Time from the capture of a frame to its arrival, seconds, instead of what the camera's clock says [default: 0.2, without a
+    /// clock]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) latency: Option<f64>,
     /// JPEG file for the last image
     #[arg(short, long, value_name = "FILE", default_value = "camera.jpg")]
     pub(crate) output: PathBuf,

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use spf_camera::address::FORMS;
 use spf_camera::calibration::{Calibration, Undistorter};
 use spf_camera::camera::USUAL_LATENCY;
+use spf_camera::craft::SHAPE;
 use spf_camera::{Camera, CameraReport, CameraSettings, CameraState, CameraUrl};
 use spf_core::camera::Camera as Optics;
 use spf_core::time::duration_from_secs;
@@ -27,8 +28,6 @@ const POLL_INTERVAL: Duration = Duration::from_millis(2);
 const MOST_FAILURES: u32 = 4;
 /// How long `spf doctor` watches.
 const CHECKED: Duration = Duration::from_secs(3);
-/// Relative difference of shapes beyond which a calibration is one of another image.
-const SHAPE: f64 = 0.02;
 /// Quality of the image that is written.
 const QUALITY: u8 = 90;
 /// The password of a camera whose address has none.
@@ -65,17 +64,20 @@ pub(crate) fn open(args: &CameraArgs, start: Instant, printer: &Printer) -> Resu
     let (camera, shown) = geometry.start(url, args, start)?;
     printer.log(&format!("Receiving {} …", one_line(&shown)));
     let Some(size) = first_image(&camera) else { return Err(nothing(&camera.report(), &shown)) };
+    if let Some(words) = geometry.mismatch(size) {
+        return Err(CliError::usage(format!("--camera-calibration: {words}; the images are {}×{}", size.0, size.1))
+            .hint("set the camera to the calibrated size, or calibrate it at this one"));
+    }
     let optics = geometry.optics(size);
     let (across, down) = optics.half_fov();
     printer.log(&format!(
-        "Camera {}: {}×{}, field of view {:.0}° × {:.0}°, tilt {:.0}°{}.",
+        "Camera {}: {}×{}, field of view {:.0}° × {:.0}°, tilt {:.0}°.",
         one_line(&shown),
         size.0,
         size.1,
         2.0 * across.to_degrees(),
         2.0 * down.to_degrees(),
         optics.tilt.to_degrees(),
-        geometry.mismatch(size).map_or(String::new(), |words| format!("; {words}")),
     ));
     Ok(Some((camera, optics)))
 }
@@ -116,6 +118,11 @@ pub(crate) fn picture(url: &str) -> Result<Rgb, CliError> {
     first_image(&camera);
     let newest = camera.frames().newest().map(|(_, photo)| photo.pixels().as_ref().clone());
     newest.ok_or_else(|| nothing(&camera.report(), &shown))
+}
+
+/// A latency that somebody has measured counts more than the camera's clock.
+fn settings(latency: Option<f64>) -> CameraSettings {
+    CameraSettings { latency: latency.map_or(USUAL_LATENCY, duration_from_secs), own_clock: latency.is_none() }
 }
 
 fn start(url: CameraUrl, settings: &CameraSettings, start: Instant, finish: Finish) -> Result<Camera, CliError> {
@@ -179,7 +186,6 @@ impl Geometry {
     fn start(&self, url: &str, args: &CameraArgs, from: Instant) -> Result<(Camera, String), CliError> {
         let url = address("--camera", url)?;
         let shown = url.to_string();
-        let latency = args.latency.map_or(USUAL_LATENCY, duration_from_secs);
         let finish: Finish = match &self.calibration {
             Some(calibration) => {
                 let mut undistorter = Undistorter::new(calibration.clone());
@@ -187,7 +193,7 @@ impl Geometry {
             }
             None => Box::new(|image| image),
         };
-        Ok((start(url, &CameraSettings { latency }, from, finish)?, shown))
+        Ok((start(url, &settings(args.latency), from, finish)?, shown))
     }
 
     /// The camera that sees images of this size.
@@ -212,7 +218,7 @@ impl Geometry {
 
 fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
     let url = address("URL", &args.url)?;
-    for (flag, value, most) in [("--seconds", args.seconds, 3600.0), ("--latency", args.latency, 10.0)] {
+    for (flag, value, most) in [("--seconds", args.seconds, 3600.0), ("--latency", args.latency.unwrap_or_default(), 10.0)] {
         if !(0.0..=most).contains(&value) {
             return Err(CliError::usage(format!("{flag}: `{value}` is not a number of seconds from 0 to {most}")));
         }
@@ -221,7 +227,7 @@ fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
         return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
             .hint("use --overwrite to replace it, or another file with -o FILE"));
     }
-    let settings = CameraSettings { latency: duration_from_secs(args.latency) };
+    let settings = settings(args.latency);
     let (begun, shown) = (Instant::now(), url.to_string());
     let camera = start(url, &settings, begun, Box::new(|image| image))?;
     printer.log(&format!("Receiving {} …", one_line(&shown)));
