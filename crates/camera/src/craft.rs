@@ -36,14 +36,11 @@ impl WithCamera {
 /// Relative difference of shapes up to which images count as showing the same.
 pub const SHAPE: f64 = 0.02;
 
-impl WithCamera {
-    /// Whether a frame has the shape of the images that the optics are of. One of another shape is cropped, or squeezed: where its
-    /// points lie is unknown.
-    fn shows_the_same(&self, meta: &FrameMeta) -> bool {
-        let shape = |width: u32, height: u32| f64::from(width) / f64::from(height.max(1));
-        let off = shape(meta.width, meta.height) / shape(self.optics.width, self.optics.height) - 1.0;
-        off.abs() <= SHAPE
-    }
+/// Whether a frame has the shape of the images that the optics are of. One of another shape is cropped, or squeezed: where its points
+/// lie is unknown.
+fn has_shape(meta: &FrameMeta, optics: &Optics) -> bool {
+    let shape = |width: u32, height: u32| f64::from(width) / f64::from(height.max(1));
+    (shape(meta.width, meta.height) / shape(optics.width, optics.height) - 1.0).abs() <= SHAPE
 }
 
 impl Drone for WithCamera {
@@ -73,7 +70,7 @@ impl Drone for WithCamera {
             }
         }
         let mut meta = self.frames.take_new_frame()?;
-        if !self.shows_the_same(&meta) {
+        if !has_shape(&meta, &self.optics) {
             meta.unusable = Some(Unusable::Resized);
         }
         Some((meta.received, DroneEvent::Frame(meta)))
@@ -81,5 +78,30 @@ impl Drone for WithCamera {
 
     fn next_event_at(&self) -> Option<Time> {
         self.drone.next_event_at()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use spf_core::frame::FrameId;
+
+    use super::*;
+
+    #[test]
+    fn an_image_of_another_size_has_the_same_shape_and_a_cropped_one_has_not() {
+        let optics = Optics::from_fov(1280, 720, 1.2, 0.73, 0.0);
+        let frame = |width, height| FrameMeta {
+            id: FrameId(1),
+            captured: Time::ZERO,
+            received: Time::ZERO,
+            capture_counter: 1,
+            width,
+            height,
+            unusable: None,
+        };
+        assert_eq!(
+            [(1280, 720), (640, 360), (854, 480), (640, 480), (0, 0)].map(|(w, h)| has_shape(&frame(w, h), &optics)),
+            [true, true, true, false, false]
+        );
     }
 }
