@@ -10,6 +10,12 @@
 pub const LONGEST_IMAGE: usize = 16 << 20;
 /// Maximum length of the header before an image, bytes; of a longer one, the end is read.
 const LONGEST_HEADER: usize = 4096;
+/// Maximum length of the white space that `Content-Length` includes after an image, bytes.
+const LONGEST_PADDING: usize = 64;
+/// After a damaged image, at least this part of the bytes that it seemed to have is skipped. Otherwise bytes full of
+/// beginnings would be followed from each of them to the same damage, which takes hours; so each byte is read about 16
+/// times at most.
+const SKIPPED_PART: usize = 16;
 
 /// An image of the stream.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,11 +30,13 @@ pub struct Part {
 #[derive(Clone, Debug, Default)]
 pub struct PartReader {
     buffer: Vec<u8>,
+    /// Everything in the buffer before this was read.
+    start: usize,
     image: Option<Open>,
     damaged: u64,
 }
 
-/// An image that has begun, at the start of the buffer.
+/// An image that has begun, at the start of what is not read.
 #[derive(Clone, Debug)]
 struct Open {
     /// Length by the header.
@@ -42,6 +50,11 @@ impl PartReader {
     pub fn push(&mut self, bytes: &[u8], parts: &mut Vec<Part>) {
         self.buffer.extend_from_slice(bytes);
         while self.step(parts) {}
+        // Each byte is moved once on average, whatever the length of what remains.
+        if self.start > self.buffer.len() / 2 {
+            self.buffer.drain(..self.start);
+            self.start = 0;
+        }
     }
 
     /// Images that were too long or damaged so far.
@@ -53,28 +66,28 @@ impl PartReader {
     /// Finds the next beginning or end of an image; false if that takes more bytes.
     fn step(&mut self, parts: &mut Vec<Part>) -> bool {
         let Some(open) = &mut self.image else { return self.begin() };
+        let bytes = &self.buffer[self.start..];
         let end = match open.length {
-            Some(length) if self.buffer.len() < length => None,
-            Some(length) if self.buffer[..length].trim_ascii_end().ends_with(&[0xff, 0xd9]) => Some(Ok(length)),
+            Some(length) if bytes.len() < length => None,
+            Some(length) if ends_an_image(&bytes[..length]) => Some(Ok(length)),
             Some(_) => {
                 open.length = None;
                 return true;
             }
-            None => open.walk.advance(&self.buffer),
+            None => open.walk.advance(bytes),
         };
         match end {
-            None if self.buffer.len() < LONGEST_IMAGE => false,
+            None if bytes.len() < LONGEST_IMAGE => false,
             Some(Ok(length)) => {
-                let rest = self.buffer.split_off(length);
-                let jpeg = std::mem::replace(&mut self.buffer, rest);
-                parts.push(Part { jpeg, timestamp: open.timestamp });
+                parts.push(Part { jpeg: bytes[..length].to_vec(), timestamp: open.timestamp });
+                self.start += length;
                 self.image = None;
                 true
             }
             None | Some(Err(Damaged)) => {
                 // The search goes on behind its beginning.
                 self.damaged += 1;
-                self.buffer.drain(..2);
+                self.start += (open.walk.at.min(bytes.len()) / SKIPPED_PART).max(2);
                 self.image = None;
                 true
             }
@@ -83,20 +96,25 @@ impl PartReader {
 
     /// Looks for the beginning of an image, and reads the header before it.
     fn begin(&mut self) -> bool {
-        let Some(at) = self.buffer.windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]) else {
-            let excess = self.buffer.len().saturating_sub(LONGEST_HEADER);
-            self.buffer.drain(..excess);
+        let bytes = &self.buffer[self.start..];
+        let Some(at) = bytes.windows(3).position(|bytes| bytes == [0xff, 0xd8, 0xff]) else {
+            self.start += bytes.len().saturating_sub(LONGEST_HEADER);
             return false;
         };
-        let header = String::from_utf8_lossy(&self.buffer[at.saturating_sub(LONGEST_HEADER)..at]).into_owned();
+        let header = String::from_utf8_lossy(&bytes[at.saturating_sub(LONGEST_HEADER)..at]);
         // A length that is not given counts as well as one that cannot be.
         let length = field(&header, "content-length").and_then(|text| text.parse().ok());
         let length = length.filter(|length| (4..=LONGEST_IMAGE).contains(length));
         let timestamp = field(&header, "x-timestamp").and_then(|text| text.parse().ok()).filter(|time: &f64| time.is_finite());
-        self.buffer.drain(..at);
+        self.start += at;
         self.image = Some(Open { length, timestamp, walk: Walk { at: 2, in_scan: false } });
         true
     }
+}
+
+/// Whether bytes end with the last marker of an image, and perhaps white space.
+fn ends_an_image(bytes: &[u8]) -> bool {
+    bytes[bytes.len().saturating_sub(LONGEST_PADDING)..].trim_ascii_end().ends_with(&[0xff, 0xd9])
 }
 
 /// The value of a field in the last header of a text.
@@ -249,6 +267,26 @@ mod tests {
         assert!(parts.is_empty() && reader.damaged() >= 1);
         reader.push(&jpeg(2), &mut parts);
         assert_eq!(parts.len(), 1);
+    }
+
+    /// With a time that grows with the square of the length, each of these takes many minutes.
+    #[test]
+    fn bytes_full_of_beginnings_are_read_in_linear_time() {
+        let long = "--b\r\nContent-Length: 16777216\r\n\r\n";
+        let beginnings = [0xff, 0xd8].repeat(LONGEST_IMAGE / 2);
+        // Each segment contains the beginning of another image.
+        let chains = [0xff, 0xd8, 0xff, 0xe1, 0, 6, 0, 0].repeat(LONGEST_IMAGE / 8);
+        let no_end = [&[0xff, 0xd8, 0xff, 0xda, 0xff, 0xff].repeat(10_000)[..], &vec![0; LONGEST_IMAGE]].concat();
+        let spaces =
+            [&[long.as_bytes(), &[0xff, 0xd8, 0xff, 0]].concat().repeat(100_000)[..], &vec![b' '; LONGEST_IMAGE]].concat();
+        let images = [0xff, 0xd8, 0xff, 0xd9].repeat(LONGEST_IMAGE / 16);
+        for bytes in [beginnings, chains, no_end, spaces, images] {
+            let stream = [long.as_bytes(), &[0xff, 0xd8, 0xff, 0xd8], &bytes].concat();
+            for size in [8192, stream.len()] {
+                let (parts, damaged) = read(&[&stream[..], &vec![0; LONGEST_IMAGE], &jpeg(1)].concat(), size);
+                assert!(damaged > 0 && parts.last().is_some_and(|part| part.jpeg == jpeg(1)));
+            }
+        }
     }
 
     proptest! {

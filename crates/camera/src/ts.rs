@@ -2,7 +2,7 @@
 
 use mpeg2ts_reader::StreamType;
 use mpeg2ts_reader::demultiplex::{self, Demultiplex, DemuxContext, FilterRequest, PacketFilter};
-use mpeg2ts_reader::packet::Packet;
+use mpeg2ts_reader::packet::{Packet, Pid};
 use mpeg2ts_reader::pes::{self, PesContents, PtsDts};
 use spf_core::time::Time;
 use spf_drone::frames::VideoStats;
@@ -50,7 +50,7 @@ struct Context {
     units: Vec<TimedUnit>,
     h265: bool,
     /// The stream that is read: the first one with H.264.
-    video: bool,
+    video: Option<Pid>,
 }
 
 impl DemuxContext for Context {
@@ -64,8 +64,14 @@ impl DemuxContext for Context {
         match request {
             FilterRequest::ByPid(mpeg2ts_reader::psi::pat::PAT_PID) => Filter::Programs(demultiplex::PatPacketFilter::default()),
             FilterRequest::Pmt { pid, program_number } => Filter::Streams(demultiplex::PmtPacketFilter::new(pid, program_number)),
-            FilterRequest::ByStream { stream_type: StreamType::H264, .. } => {
-                self.video = true;
+            FilterRequest::ByStream { stream_type: StreamType::H264, stream_info, .. } => {
+                let pid = stream_info.elementary_pid();
+                match self.video {
+                    None => self.video = Some(pid),
+                    // A new version of the table: the filter takes the place of one whose unit was not complete.
+                    Some(video) if video == pid => self.builder.lost(),
+                    Some(_) => return Filter::Ignored,
+                }
                 Filter::Video(pes::PesPacketFilter::new(VideoStream::default()))
             }
             FilterRequest::ByStream { stream_type, .. } => {
@@ -160,7 +166,7 @@ impl Default for TsReceiver {
             builder: UnitBuilder::default(),
             units: Vec::new(),
             h265: false,
-            video: false,
+            video: None,
         };
         Self { demultiplex: Demultiplex::new(&mut context), context, rest: Vec::new(), garbage: 0 }
     }
@@ -196,7 +202,7 @@ impl TsReceiver {
     /// Whether the stream has video in H.265 and none in H.264.
     #[must_use]
     pub fn is_h265(&self) -> bool {
-        self.context.h265 && !self.context.video
+        self.context.h265 && self.context.video.is_none()
     }
 }
 
@@ -214,14 +220,16 @@ mod tests {
         })
     }
 
-    /// A muxer with one video stream.
+    /// A muxer with one video stream, or two.
     #[derive(Default)]
     struct Muxer {
-        counters: [u8; 3],
+        counters: [u8; 4],
+        /// Version of the tables.
+        version: u8,
         bytes: Vec<u8>,
     }
 
-    const PIDS: [u16; 3] = [0, 0x100, 0x101];
+    const PIDS: [u16; 4] = [0, 0x100, 0x101, 0x102];
 
     impl Muxer {
         /// Payload in packets of the stream's; the last is filled by an adaptation field.
@@ -250,7 +258,7 @@ mod tests {
             let length = 0xb000 | (5 + body.len() as u16 + 4);
             let mut section = vec![id];
             section.extend(length.to_be_bytes());
-            section.extend([0, 1, 0xc1, 0, 0]);
+            section.extend([0, 1, 0xc1 | self.version << 1, 0, 0]);
             section.extend(body);
             section.extend(crc(&section).to_be_bytes());
             let mut payload = vec![0];
@@ -259,12 +267,15 @@ mod tests {
             self.packets(stream, &payload);
         }
 
-        fn tables(&mut self, kind: u8) {
+        /// Tables of the streams from 2 on, which are of these kinds.
+        fn tables(&mut self, kinds: &[u8]) {
             self.table(0, 0, &[0, 1, 0xe1, 0x00]);
-            self.table(1, 2, &[0xe1, 0x01, 0xf0, 0, kind, 0xe1, 0x01, 0xf0, 0]);
+            let mut body = vec![0xe1, 0x01, 0xf0, 0];
+            kinds.iter().zip(1..).for_each(|(kind, pid)| body.extend([*kind, 0xe1, pid, 0xf0, 0]));
+            self.table(1, 2, &body);
         }
 
-        fn unit(&mut self, timestamp: u64, annex_b: &[u8]) {
+        fn unit(&mut self, stream: usize, timestamp: u64, annex_b: &[u8]) {
             let time = [
                 0x21 | ((timestamp >> 29) as u8 & 0x0e),
                 (timestamp >> 22) as u8,
@@ -273,7 +284,7 @@ mod tests {
                 (timestamp << 1) as u8 | 1,
             ];
             let payload = [&[0, 0, 1, 0xe0, 0, 0, 0x80, 0x80, 5][..], &time, annex_b].concat();
-            self.packets(2, &payload);
+            self.packets(stream, &payload);
         }
     }
 
@@ -281,9 +292,9 @@ mod tests {
         let mut muxer = Muxer::default();
         for (number, unit) in units.iter().enumerate() {
             if number % 5 == 0 {
-                muxer.tables(kind);
+                muxer.tables(&[kind]);
             }
-            muxer.unit(9000 * number as u64 + (1 << 32), &unit.annex_b);
+            muxer.unit(2, 9000 * number as u64 + (1 << 32), &unit.annex_b);
         }
         muxer.bytes
     }
@@ -316,6 +327,27 @@ mod tests {
             assert_eq!(numbers.len(), came.len(), "what comes out is what went in");
             assert!(numbers.len() >= 13, "packet {lost}: {numbers:?}");
         }
+    }
+
+    #[test]
+    fn of_two_streams_the_first_is_read_also_after_new_tables() {
+        let (first, second) = (units(128, 96, 16, 0.5), units(64, 48, 16, 0.5));
+        let mut muxer = Muxer::default();
+        for (number, (one, two)) in first.iter().zip(&second).enumerate() {
+            if number % 4 == 0 {
+                muxer.version = number as u8 / 8;
+                muxer.tables(&[0x1b, 0x1b]);
+            }
+            muxer.unit(2, 9000 * number as u64, &one.annex_b);
+            muxer.unit(3, 9000 * number as u64, &two.annex_b);
+        }
+        let mut receiver = TsReceiver::default();
+        let came: Vec<AccessUnit> = receive(&mut receiver, &muxer.bytes, 1316).into_iter().map(|came| came.unit).collect();
+        let numbers: Vec<usize> = came.iter().map(|came| first.iter().position(|unit| unit == came).unwrap()).collect();
+        // The new tables cost the unit before them, and those after it up to the next key frame.
+        let next = (8..16).find(|number| first[*number].key).unwrap();
+        assert_eq!(numbers, (0..7).chain(next..15).collect::<Vec<_>>());
+        assert_eq!(receiver.tally().gaps, 1);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use super::Packet;
 const WINDOW: usize = 10;
 /// How long they wait.
 const PATIENCE: Duration = Duration::from_millis(50);
-/// A sequence number further away than this belongs to a sender that was restarted.
+/// A sequence number further away than this is a stray one, or that of a sender that was restarted.
 const JUMP: u16 = 1000;
 
 /// What comes next.
@@ -29,6 +29,8 @@ pub struct Reorder {
     expected: Option<u16>,
     /// Packets after a gap, by sequence number.
     waiting: Vec<(Time, Packet)>,
+    /// The last packet, if its number was far away.
+    stray: Option<(Time, Packet)>,
     ready: VecDeque<Ordered>,
     received: u64,
     lost: u64,
@@ -40,6 +42,7 @@ impl Reorder {
         self.received += 1;
         let expected = *self.expected.get_or_insert(packet.sequence);
         let ahead = packet.sequence.wrapping_sub(expected);
+        let stray = self.stray.take();
         if ahead == 0 {
             self.deliver(now, packet);
         } else if ahead < JUMP {
@@ -48,9 +51,16 @@ impl Reorder {
                 self.waiting.insert(at, (now, packet));
             }
         } else if expected.wrapping_sub(packet.sequence) > JUMP {
-            self.waiting.clear();
-            self.ready.push_back(Ordered::Lost);
-            self.deliver(now, packet);
+            // Two packets in a row make a restart, as in RFC 3550, A.1.
+            match stray.filter(|(_, stray)| stray.sequence.wrapping_add(1) == packet.sequence) {
+                None => self.stray = Some((now, packet)),
+                Some((at, stray)) => {
+                    self.waiting.clear();
+                    self.ready.push_back(Ordered::Lost);
+                    self.deliver(at, stray);
+                    self.deliver(now, packet);
+                }
+            }
         }
         // Otherwise it comes after its turn, or for the second time.
         self.follow();
@@ -149,6 +159,15 @@ mod tests {
 
     #[test]
     fn a_restarted_sender_begins_anew() {
-        assert_eq!(order(&[(0, 1), (0, 2), (0, 30_000), (0, 30_001), (0, 5)]), [1, 2, -1, 30_000, 30_001, -1, 5]);
+        let restarts = [(0, 1), (0, 2), (0, 30_000), (0, 30_001), (0, 65_535), (0, 0), (0, 1)];
+        assert_eq!(order(&restarts), [1, 2, -1, 30_000, 30_001, -1, 65_535, 0, 1]);
+    }
+
+    #[test]
+    fn stray_packets_interrupt_nothing() {
+        assert_eq!(order(&[(0, 1), (0, 30_000), (0, 2), (0, 30_001), (0, 3)]), [1, 2, 3]);
+        assert_eq!(order(&[(0, 1), (0, 30_000), (0, 40_000), (0, 30_000), (0, 2)]), [1, 2]);
+        // A packet that waits for another one goes on waiting.
+        assert_eq!(order(&[(0, 1), (0, 3), (0, 30_000), (0, 2)]), [1, 2, 3]);
     }
 }
