@@ -132,12 +132,13 @@ fn measure(scene: &str, flights: u64) -> Tally {
     tally
 }
 
-/// Figures of all scenes: `cargo test --release -p spf-render --test it looming::figures -- --ignored --nocapture`.
+/// Figures of all scenes: `FLIGHTS=40 cargo test --release -p spf-render --test it looming::figures -- --ignored --nocapture`.
 #[test]
 #[ignore = "prints figures; takes minutes"]
 fn figures() {
+    let flights = std::env::var("FLIGHTS").map_or(3, |flights| flights.parse().unwrap());
     for scene in ["city", "yard", "office", "park"] {
-        let Tally { at_something, in_time, free, false_stops, false_twice, mut errors } = measure(scene, 40);
+        let Tally { at_something, in_time, free, false_stops, false_twice, mut errors } = measure(scene, flights);
         let count = errors.len();
         let within = errors.iter().filter(|(miss, sd)| miss.abs() < *sd).count() as f64 / count.max(1) as f64;
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
