@@ -1,7 +1,7 @@
 //! H.264 in RTP packets (RFC 3550, RFC 6184). No I/O.
 //!
-//! [`Packet`] parses a datagram, [`Reorder`](reorder::Reorder) restores the order, and
-//! [`Depacketizer`](h264::Depacketizer) joins the payloads to access units. [`Receiver`] combines them.
+//! [`Packet`] parses a datagram, [`Reorder`] restores the order, and [`Depacketizer`] joins the payloads to access units.
+//! [`Receiver`] combines them.
 //!
 //! The crates that depacketise H.264 (webrtc-rs, `str0m`, `retina`) do so inside a WebRTC or RTSP session only, so the
 //! three payload formats that cameras send are read here.

@@ -5,7 +5,7 @@
 //! nothing was lost: the frames were held back, and the one that arrives is older by that time. Frames that then arrive
 //! faster than usual catch up. After a loss nothing was held back, so the delay is the usual one.
 //!
-//! A camera that paused looks the same as a delay, and counts as one. A delay that grows by less than [`LEAST`] at a
+//! A camera that paused looks the same as a delay, and counts as one. A delay that grows by less than `LEAST` at a
 //! time looks like a falling frame rate, and is not detected.
 
 use spf_core::time::{Duration, Time, duration_from_secs};
