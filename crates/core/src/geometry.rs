@@ -7,6 +7,7 @@
 
 use core::f64::consts::{PI, TAU};
 
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -82,6 +83,16 @@ pub fn wrap_angle(angle: f64) -> f64 {
 }
 
 impl EnuPosition {
+    /// East, north and up as a vector.
+    pub(crate) fn vector(self) -> DVec3 {
+        DVec3::new(self.east, self.north, self.up)
+    }
+
+    /// The position at the end of a vector from the origin.
+    pub(crate) fn of_vector(DVec3 { x: east, y: north, z: up }: DVec3) -> Self {
+        Self { east, north, up }
+    }
+
     /// The position `displacement` away, for a body whose heading is `heading`.
     #[must_use]
     pub fn displaced(self, displacement: BodyDisplacement, heading: f64) -> Self {

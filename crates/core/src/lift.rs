@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::camera::Camera;
-use crate::geometry::{Attitude, BodyDisplacement};
+use crate::geometry::{Attitude, BodyDisplacement, wrap_angle};
 use crate::query::ImagePoint;
 
 /// A displacement in camera axes, metres: the result of the paper's equation 2.
@@ -137,6 +137,25 @@ pub fn lower(displacement: BodyDisplacement, camera: &Camera, attitude: Attitude
     let (up, right) = turn(up, right, -attitude.roll);
     let (up, forward) = turn(up, forward, -camera.tilt);
     CameraDisplacement { right, forward, up }
+}
+
+/// Where something far away is in the image after the camera has turned from one attitude to another; the place may lie outside the
+/// image. `None` if it leaves the half of space before the lens.
+#[must_use]
+pub fn seen_after_turn(at: ImagePoint, camera: &Camera, before: Attitude, after: Attitude) -> Option<ImagePoint> {
+    let ray = camera.ray(at);
+    let seen = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
+    let level = lift(seen, camera, before, Lifting::Levelled);
+    // The level frame turns with the heading: what is ahead moves to the left when the nose turns to the right.
+    let turned = wrap_angle(after.heading - before.heading);
+    let (sin, cos) = (libm::sin(turned), libm::cos(turned));
+    let level = BodyDisplacement {
+        right: level.right * cos - level.forward * sin,
+        forward: level.forward * cos + level.right * sin,
+        up: level.up,
+    };
+    let CameraDisplacement { right, forward, up } = lower(level, camera, after, Lifting::Levelled);
+    camera.project(right, forward, up)
 }
 
 /// Projects the end of a body-frame displacement into the image: the inverse of [`unproject`] and [`lift`], for

@@ -5,7 +5,7 @@
 //! grows: between two frames, b metres apart, the angle between two of its points grows by the factor s = (r + b)/r, with the distance
 //! r that is left (Lee 1976, "A theory of visual control of braking based on information about time-to-collision"). Angles between
 //! rays do not depend on where the camera has turned, so neither heading nor its errors count. A wall without a pattern is found by
-//! what is at its edges: the window around the direction of flight widens until it has enough points.
+//! what is at its edges: the window around the direction of flight widens until enough points tell the same.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -29,7 +29,7 @@ const WINDOWS: [f64; 3] = [0.14, 0.24, 0.35];
 const AGREEING: usize = 3;
 /// Angles between two points, radians: 2° and 14°. Less is no more than their errors, more is hardly one thing.
 const PAIRS: core::ops::Range<f64> = 0.035..0.25;
-/// Three pairs of a point agree if their growths differ by less than this part: two standard deviations.
+/// Three pairs of a point agree if their growths differ by less than this part, more than the errors of one surface's.
 const ALIKE: f64 = 0.07;
 /// Standard deviation of the natural logarithm of s, and of the distance flown as a fraction of it. Fitted to flights
 /// (`crates/render/tests/it/looming.rs`).
@@ -70,7 +70,7 @@ impl Looming {
         self.views.clear();
     }
 
-    /// Takes the points of a frame that `camera` took at `pose`, and gives what the craft flies at; `None` if there is nothing near, or
+    /// Takes the points of a frame that `camera` took at `pose`, and returns what the craft flies at; `None` if there is nothing near, or
     /// nothing to tell by. Frames that are not newer than the last one, and poses that are not numbers, are ignored.
     pub fn observe(&mut self, report: &PointReport, camera: &Camera, pose: Pose) -> Option<Ahead> {
         let (place, attitude) = (pose.position, pose.attitude);

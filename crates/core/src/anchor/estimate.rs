@@ -34,7 +34,7 @@ impl Estimate {
         let RangeReading { ln_range, sigma } = sighting.range.unwrap_or(prior);
         let variance = variances(sighting, sigma, settings.extent, libm::exp(ln_range));
         Self {
-            origin: vector(sighting.from),
+            origin: sighting.from.vector(),
             direction: direction(sighting.direction),
             ln_range,
             covariance: DMat3::from_diagonal(variance),
@@ -42,7 +42,7 @@ impl Estimate {
     }
 
     pub(super) fn position(&self) -> EnuPosition {
-        position(self.place())
+        EnuPosition::of_vector(self.place())
     }
 
     pub(super) fn covariance(&self) -> [[f64; 3]; 3] {
@@ -73,7 +73,7 @@ impl Estimate {
     }
 
     pub(super) fn seen_from(&self, at: EnuPosition) -> AnchorView {
-        let ahead = self.place() - vector(at);
+        let ahead = self.place() - at.vector();
         let range = ahead.length();
         let covariance = self.place_covariance();
         let along = if range > 1e-9 { ahead / range } else { self.direction };
@@ -89,7 +89,7 @@ impl Estimate {
     }
 
     pub(super) fn nees(&self, truth: EnuPosition) -> f64 {
-        let ahead = vector(truth) - self.origin;
+        let ahead = truth.vector() - self.origin;
         let range = ahead.length();
         let along = ahead.dot(self.direction);
         if along <= 0.0 {
@@ -199,7 +199,7 @@ impl Measured {
     fn at(estimate: &Estimate, sighting: &Sighting, settings: &AnchorSettings) -> Option<Self> {
         let seen = direction(sighting.direction);
         let (right, up) = across(seen);
-        let ahead = estimate.place() - vector(sighting.from);
+        let ahead = estimate.place() - sighting.from.vector();
         let along = ahead.dot(seen);
         if along.is_nan() || along < LEAST_AHEAD {
             return None;
@@ -234,14 +234,6 @@ fn across(direction: DVec3) -> (DVec3, DVec3) {
     let level = DVec3::new(direction.y, -direction.x, 0.0);
     let right = if level.length_squared() > 1e-12 { level.normalize() } else { DVec3::X };
     (right, right.cross(direction))
-}
-
-pub(super) fn vector(at: EnuPosition) -> DVec3 {
-    DVec3::new(at.east, at.north, at.up)
-}
-
-fn position(at: DVec3) -> EnuPosition {
-    EnuPosition { east: at.x, north: at.y, up: at.z }
 }
 
 pub(super) fn direction(at: EnuDirection) -> DVec3 {

@@ -1,7 +1,7 @@
 //! Range of a target that stands still, from how much its track has grown over the metres flown.
 
 use super::RangeReading;
-use super::estimate::{direction, vector};
+use super::estimate::direction;
 use crate::geometry::{EnuDirection, EnuPosition};
 
 /// Growth from which a range is read: before, the error of the scale is most of it.
@@ -37,7 +37,7 @@ impl Growth {
             return None;
         }
         let before = core::mem::replace(self, Self::new(from, scale));
-        let b = vector(from) - vector(before.from);
+        let b = from.vector() - before.from.vector();
         let along = b.dot(direction(towards));
         // One that has grown though the craft has not come nearer does not stand still.
         if along <= 0.0 {

@@ -2,10 +2,10 @@
 //!
 //! It uses points in the world: those of the newest depth grid, the occupied cells of the obstacle map, and the place
 //! that looming says to be ahead. Along a direction, the speed is limited so that the craft comes to rest the margin
-//! before the nearest point in the corridor of the body. In directions that no working sensor shows (sideways, backwards, or with a dead, frozen or late sensor)
-//! it is also limited to the blind speed. A direction in the field of view without a return does not count as blind:
-//! open space gives none, and neither does glass. But where the ground should give a return in a part of the image and
-//! gives none, that part has failed, and what it would show is blind.
+//! before the nearest point in the corridor of the body. In directions that no working sensor shows (sideways,
+//! backwards, or with a dead, frozen or late sensor) it is also limited to the blind speed. A direction in the field of
+//! view without a return does not count as blind: open space gives none, and neither does glass. But where the ground
+//! should give a return in a part of the image and gives none, that part has failed, and what it would show is blind.
 
 use super::brake_limits::BrakeLimits;
 use super::reach::Braking;
@@ -138,7 +138,7 @@ impl Brake {
         self.ahead = [place.east, place.north, place.up].iter().all(|x| x.is_finite()).then_some((now, place));
     }
 
-    /// The places that count at `now`, in a world without the newest grid.
+    /// The places that count at `now` besides those of the newest grid.
     fn known(&self, now: Time) -> impl Iterator<Item = &EnuPosition> {
         let is_fresh = |told: Time| now.since(told) <= duration_from_secs(FRESH);
         self.remembered.iter().chain(self.ahead.as_ref().filter(|(told, _)| is_fresh(*told)).map(|(_, place)| place))

@@ -15,6 +15,8 @@ mod rotation;
 use std::collections::BTreeMap;
 use std::collections::VecDeque;
 
+use glam::{DMat3, DVec3};
+
 use self::rotation::{Correction, Errors};
 use crate::camera::Camera;
 use crate::depth::CameraAxes;
@@ -89,57 +91,29 @@ pub struct StaticPoint {
     pub log_sd: f64,
 }
 
-/// A vector in the world: east, north, up.
-type Vector = [f64; 3];
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn less(a: Vector, b: Vector) -> Vector {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-fn sum(a: Vector, b: Vector, times: f64) -> Vector {
-    [a[0] + times * b[0], a[1] + times * b[1], a[2] + times * b[2]]
-}
-
-fn length(a: Vector) -> f64 {
-    libm::sqrt(dot(a, a))
-}
-
 /// The direction of a vector; `None` for one without.
-fn unit(a: Vector) -> Option<Vector> {
-    let length = length(a);
-    (length > 1e-9 && length.is_finite()).then(|| [a[0] / length, a[1] / length, a[2] / length])
+fn unit(a: DVec3) -> Option<DVec3> {
+    let length = a.length();
+    (length > 1e-9 && length.is_finite()).then(|| a / length)
 }
 
-/// Solves a symmetric system given as xx, xy, xz, yy, yz, zz, and gives the inverse in the same form. `None` if it is singular.
-fn solve([xx, xy, xz, yy, yz, zz]: [f64; 6], b: Vector) -> Option<(Vector, [f64; 6])> {
-    let (a, c, e) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
-    let determinant = xx * a + xy * c + xz * e;
-    let size = xx.max(yy).max(zz);
+/// The solution of a system whose matrix is symmetric and not negative, and the inverse. `None` if it is singular.
+fn solve(matrix: DMat3, right: DVec3) -> Option<(DVec3, DMat3)> {
+    let size = matrix.x_axis.x.max(matrix.y_axis.y).max(matrix.z_axis.z);
     // Also false for what is no number.
-    let regular = determinant > 1e-12 * size * size * size;
-    if !regular {
-        return None;
-    }
-    let inverse = [a, c, e, xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy].map(|value| value / determinant);
-    let [ixx, ixy, ixz, iyy, iyz, izz] = inverse;
-    Some(([dot([ixx, ixy, ixz], b), dot([ixy, iyy, iyz], b), dot([ixz, iyz, izz], b)], inverse))
+    let regular = matrix.determinant() > 1e-12 * size * size * size;
+    let inverse = regular.then(|| matrix.inverse())?;
+    Some((inverse * right, inverse))
 }
 
 /// A ray that a point was seen along.
 #[derive(Clone, Copy, Debug)]
 struct Seen {
     at: Time,
-    from: Vector,
+    /// East, north, up.
+    from: DVec3,
     /// Unit vector, with the rotation corrected.
-    along: Vector,
+    along: DVec3,
 }
 
 /// A point that is followed.
@@ -199,7 +173,7 @@ impl Triangulation {
     /// north and up.
     #[must_use]
     pub fn corrections(&self) -> ([f64; 3], [f64; 3]) {
-        (self.correction.turned, self.correction.aim)
+        (self.correction.turned.to_array(), self.correction.aim.to_array())
     }
 
     /// Takes the points of a frame that `camera` took at `pose`, and gives the static ones. A frame that is not newer than the last
@@ -215,12 +189,11 @@ impl Triangulation {
             self.clear();
         }
         self.last = Some(report.captured);
-        let from = [place.east, place.north, place.up];
+        let from = place.vector();
         let axes = CameraAxes::new(camera, Pose { position: EnuPosition::default(), attitude });
         let along = |point: &TrackedPoint| {
             let ray = camera.ray(point.at());
-            let EnuPosition { east, north, up } = axes.place(ray.right, 1.0, ray.up);
-            unit([east, north, up])
+            unit(axes.place(ray.right, 1.0, ray.up).vector())
         };
         let mut rays = BTreeMap::new();
         for point in report.points.iter().take(POINTS) {
@@ -241,7 +214,7 @@ impl Triangulation {
         self.correction = correction;
         let mut before = core::mem::take(&mut self.tracks);
         for (id, along) in rays {
-            let Some(along) = unit(sum(along, cross(correction.turned, along), 1.0)) else { continue };
+            let Some(along) = unit(along + correction.turned.cross(along)) else { continue };
             let mut track = before.remove(&id).unwrap_or_default();
             track.add(Seen { at: report.captured, from, along });
             if let Some(point) = track.triangulate(id, error, &correction, self.error) {
@@ -270,56 +243,49 @@ impl Track {
     fn triangulate(&mut self, id: u32, ray_error: f64, correction: &Correction, motion: MotionError) -> Option<StaticPoint> {
         self.inverse = None;
         let (first, last) = (*self.seen.front()?, *self.seen.back()?);
-        if self.seen.len() < FEWEST || length(cross(first.along, last.along)) < PARALLAX {
+        if self.seen.len() < FEWEST || first.along.cross(last.along).length() < PARALLAX {
             return None;
         }
         // Relative to the last place, in the axes of the rays.
-        let from = |seen: &Seen| correction.displacement(less(seen.from, last.from));
+        let from = |seen: &Seen| correction.displacement(seen.from - last.from);
         let mut place = None;
-        let mut inverse = [0.0; 6];
+        let mut inverse = DMat3::ZERO;
         // Twice, because the weights depend on the distances.
         for _ in 0..2 {
-            let (mut matrix, mut right) = ([0.0; 6], [0.0; 3]);
+            let (mut matrix, mut right) = (DMat3::ZERO, DVec3::ZERO);
             for seen in &self.seen {
-                let distance = place.map_or(1.0, |place| length(less(place, from(seen))).max(0.1));
-                let weight = 1.0 / (distance * distance);
-                let [x, y, z] = seen.along;
-                let across = [1.0 - x * x, -x * y, -x * z, 1.0 - y * y, -y * z, 1.0 - z * z];
-                for (sum, value) in matrix.iter_mut().zip(across) {
-                    *sum += weight * value;
-                }
-                let ahead = dot(seen.along, from(seen));
-                for (sum, (from, along)) in right.iter_mut().zip(from(seen).into_iter().zip(seen.along)) {
-                    *sum += weight * (from - ahead * along);
-                }
+                let distance = place.map_or(1.0, |place: DVec3| (place - from(seen)).length().max(0.1));
+                let [x, y, z] = seen.along.to_array().map(|x| x * seen.along);
+                let across = (DMat3::IDENTITY - DMat3::from_cols(x, y, z)) * (1.0 / (distance * distance));
+                matrix += across;
+                right += across * from(seen);
             }
             let (next, of) = solve(matrix, right)?;
             (place, inverse) = (Some(next), of);
         }
         let place = place?;
-        let (range, away_first) = (length(place), less(place, from(&first)));
+        let (range, away_first) = (place.length(), place - from(&first));
         let along = unit(place)?;
-        if dot(along, last.along) <= 0.0 || dot(away_first, first.along) <= 0.0 {
+        if along.dot(last.along) <= 0.0 || away_first.dot(first.along) <= 0.0 {
             return None;
         }
         // How far the camera has moved across the line of sight, and how well that is known.
-        let across = self.seen.iter().map(|seen| length(cross(from(seen), along))).fold(0.0, f64::max).max(1e-6);
-        let flown = self.seen.iter().map(|seen| length(from(seen))).fold(0.0, f64::max);
-        let [xx, xy, xz, yy, yz, zz] = inverse;
-        let spread = dot(along, [dot([xx, xy, xz], along), dot([xy, yy, yz], along), dot([xz, yz, zz], along)]);
+        let across = self.seen.iter().map(|seen| from(seen).cross(along).length()).fold(0.0, f64::max).max(1e-6);
+        let flown = self.seen.iter().map(|seen| from(seen).length()).fold(0.0, f64::max);
+        let spread = along.dot(inverse * along);
         let rays = ray_error * ray_error * spread * (self.seen.len() as f64 / INDEPENDENT).max(1.0) / (range * range);
         let drifted = DRIFT * motion.velocity * last.at.since(first.at).as_secs_f64();
         let moved = libm::hypot(motion.relative, (libm::hypot(motion.least, drifted) + correction.aim_sd * flown) / across);
         let turned = correction.turned_sd * range / across;
         let log_sd = libm::sqrt(rays + moved * moved + turned * turned);
-        let inverse = 1.0 / length(away_first).max(0.1);
+        let inverse = 1.0 / away_first.length().max(0.1);
         self.inverse = Some((inverse, log_sd * inverse));
         // Rays that miss: besides their own error, that of the places they were seen from.
         let mut misses = 0.0;
         for seen in &self.seen {
-            let to = less(place, from(seen));
-            let (distance, miss) = (length(to).max(0.1), length(cross(seen.along, to)));
-            let moved = libm::hypot(motion.least, correction.aim_sd * length(from(seen)));
+            let to = place - from(seen);
+            let (distance, miss) = (to.length().max(0.1), seen.along.cross(to).length());
+            let moved = libm::hypot(motion.least, correction.aim_sd * from(seen).length());
             let variance = ray_error * ray_error * distance * distance + moved * moved;
             misses += miss * miss / variance;
         }
@@ -330,8 +296,8 @@ impl Track {
             return None;
         }
         let sure = log_sd < SURE && misses < STATIC && RANGES.contains(&range);
-        let [east, north, up] = sum(last.from, correction.direction(place), 1.0);
-        sure.then_some(StaticPoint { id, place: EnuPosition { east, north, up }, range, log_sd })
+        let place = EnuPosition::of_vector(last.from + correction.direction(place));
+        sure.then_some(StaticPoint { id, place, range, log_sd })
     }
 }
 

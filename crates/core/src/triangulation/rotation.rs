@@ -8,7 +8,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{MotionError, Track, Vector, cross, dot, length, less, sum, unit};
+use glam::DVec3;
+
+use super::{MotionError, Track, unit};
 use crate::time::Time;
 
 /// Standard deviation of a corrected rotation, radians, however many points there are.
@@ -32,34 +34,34 @@ const ITERATIONS: usize = 4;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Correction {
     /// The rotation of this frame's rays, a vector in the world, radians.
-    pub(super) turned: Vector,
+    pub(super) turned: DVec3,
     /// Its standard deviation about the axis that is known least, radians.
     pub(super) turned_sd: f64,
     /// The rotation of all displacements, and its standard deviation, radians.
-    pub(super) aim: Vector,
+    pub(super) aim: DVec3,
     pub(super) aim_sd: f64,
 }
 
 impl Default for Correction {
     fn default() -> Self {
-        Self { turned: [0.0; 3], turned_sd: CHANGE, aim: [0.0; 3], aim_sd: AIM_PRIOR }
+        Self { turned: DVec3::ZERO, turned_sd: CHANGE, aim: DVec3::ZERO, aim_sd: AIM_PRIOR }
     }
 }
 
 impl Correction {
     /// Whether telemetry may be wrong by as much.
     pub(super) fn is_plausible(&self) -> bool {
-        length(self.turned) < 3.0 * PRIOR && length(self.aim) < 3.0 * AIM_PRIOR
+        self.turned.length() < 3.0 * PRIOR && self.aim.length() < 3.0 * AIM_PRIOR
     }
 
     /// A displacement, turned to where the craft has flown in the axes of the rays.
-    pub(super) fn displacement(&self, displacement: Vector) -> Vector {
-        sum(displacement, cross(self.aim, displacement), 1.0)
+    pub(super) fn displacement(&self, displacement: DVec3) -> DVec3 {
+        displacement + self.aim.cross(displacement)
     }
 
     /// A direction in the axes of the rays, turned back to the axes of the displacements.
-    pub(super) fn direction(&self, direction: Vector) -> Vector {
-        sum(direction, cross(self.aim, direction), -1.0)
+    pub(super) fn direction(&self, direction: DVec3) -> DVec3 {
+        direction - self.aim.cross(direction)
     }
 }
 
@@ -81,12 +83,12 @@ struct Equation {
 /// The correction for a frame with these rays, seen at a time and from a place.
 pub(super) fn correction(
     tracks: &BTreeMap<u32, Track>,
-    rays: &BTreeMap<u32, Vector>,
-    from: (Time, Vector),
+    rays: &BTreeMap<u32, DVec3>,
+    from: (Time, DVec3),
     before: Correction,
     errors: Errors,
 ) -> Correction {
-    let compared: Vec<(&Track, Vector)> = rays.iter().filter_map(|(id, ray)| Some((tracks.get(id)?, *ray))).collect();
+    let compared: Vec<(&Track, DVec3)> = rays.iter().filter_map(|(id, ray)| Some((tracks.get(id)?, *ray))).collect();
     let mut equations = Vec::with_capacity(2 * compared.len());
     for (track, ray) in &compared {
         compare(track, *ray, from, &before, errors, compared.len() as f64, &mut equations);
@@ -123,9 +125,9 @@ pub(super) fn correction(
     }
     let [a, b, c, d, e, f] = found;
     Correction {
-        turned: [a, b, c],
+        turned: DVec3::new(a, b, c),
         turned_sd: libm::hypot(ERROR, deviations[0]),
-        aim: [d, e, f],
+        aim: DVec3::new(d, e, f),
         aim_sd: libm::hypot(AIM_ERROR, deviations[1]),
     }
 }
@@ -135,8 +137,8 @@ pub(super) fn correction(
 /// them, and it would grow without bound.
 fn compare(
     track: &Track,
-    seen: Vector,
-    (now, from): (Time, Vector),
+    seen: DVec3,
+    (now, from): (Time, DVec3),
     before: &Correction,
     Errors { ray, motion }: Errors,
     shared: f64,
@@ -144,28 +146,28 @@ fn compare(
 ) {
     let Some(first) = track.seen.front() else { return };
     // The direction in which it is expected, and in which its unknown range moves it.
-    let to_first = before.displacement(less(first.from, from));
+    let to_first = before.displacement(first.from - from);
     let (inverse, inverse_sd) = track.inverse.unwrap_or((INVERSE_RANGE, INVERSE_RANGE_SD));
-    let towards = sum(first.along, to_first, inverse);
+    let towards = first.along + inverse * to_first;
     let Some(expected) = unit(towards) else { return };
-    let slide = sum(to_first, expected, -dot(to_first, expected));
-    let Some(slides) = unit(slide).or_else(|| unit(cross(expected, [0.0, 0.0, 1.0]))) else { return };
-    let other = cross(expected, slides);
+    let slide = to_first - to_first.dot(expected) * expected;
+    let Some(slides) = unit(slide).or_else(|| unit(expected.cross(DVec3::Z))) else { return };
+    let other = expected.cross(slides);
     // The error of the direction is solved for, if the range is known.
     let moved = match track.inverse {
-        Some(_) => libm::hypot(motion.least, motion.relative * length(to_first)),
-        None => motion.of(length(to_first), now.since(first.at)),
+        Some(_) => libm::hypot(motion.least, motion.relative * to_first.length()),
+        None => motion.of(to_first.length(), now.since(first.at)),
     };
     let noise = 2.0 * ray * ray + moved * moved * inverse * inverse;
-    let unknown = length(slide) * inverse_sd;
-    let nearness = if track.inverse.is_some() { inverse / length(towards) } else { 0.0 };
+    let unknown = slide.length() * inverse_sd;
+    let nearness = if track.inverse.is_some() { inverse / towards.length() } else { 0.0 };
     for (axis, variance) in [(slides, noise + shared * unknown * unknown), (other, noise)] {
         // A small turn of the ray adds `axis · (turned × ray)`, one of the displacement takes `nearness axis · (aim × displacement)`
         // away: together they have to make up for what is missed. The displacement is turned by the last aim already.
-        let turn = cross(seen, axis);
-        let aim = cross(to_first, axis).map(|x| -nearness * x);
+        let turn = seen.cross(axis);
+        let aim = -nearness * to_first.cross(axis);
         let along = core::array::from_fn(|i| if i < 3 { turn[i] } else { aim[i - 3] });
-        equations.push(Equation { along, value: -dot(axis, seen) + dot(aim, before.aim), deviation: libm::sqrt(variance) });
+        equations.push(Equation { along, value: -axis.dot(seen) + aim.dot(before.aim), deviation: libm::sqrt(variance) });
     }
 }
 

@@ -32,14 +32,14 @@ struct Cloud {
     camera: Camera,
     noise: Noise,
     random: RandomStream,
-    places: Vec<Vector>,
+    places: Vec<DVec3>,
     walked: Vec<(f64, f64)>,
     seen: Vec<bool>,
     ids: Vec<u32>,
     next: u32,
-    off: Vector,
+    off: DVec3,
     scale: f64,
-    slip: Vector,
+    slip: DVec3,
     heading_off: f64,
     time: u64,
 }
@@ -47,12 +47,13 @@ struct Cloud {
 impl Cloud {
     fn new(seed: u64, noise: Noise, camera: Camera, error: MotionError) -> (Self, Triangulation) {
         let mut random = RandomStream::new(seed, "cloud", &[]);
-        let places: Vec<Vector> = (0..120)
+        let places: Vec<DVec3> = (0..120)
             .map(|_| [16.0 * (random.uniform() - 0.5), 1.0 + 14.0 * random.uniform(), 6.0 * (random.uniform() - 0.5)])
             .filter(|place| place[0].abs() > 0.8 || place[2].abs() > 0.8)
+            .map(DVec3::from_array)
             .collect();
         let count = places.len();
-        let slip = [0; 3].map(|_: i32| noise.velocity * random.normal());
+        let slip = DVec3::from_array([(); 3].map(|()| noise.velocity * random.normal()));
         let scale = 1.0 + noise.speed * random.normal();
         let heading_off = noise.heading * random.normal();
         let cloud = Self {
@@ -64,7 +65,7 @@ impl Cloud {
             seen: vec![false; count],
             ids: vec![0; count],
             next: 0,
-            off: [0.0; 3],
+            off: DVec3::ZERO,
             scale,
             slip,
             heading_off,
@@ -74,14 +75,13 @@ impl Cloud {
     }
 
     /// The report of the next frame, 0.1 s later, taken at a place and heading, and the pose that telemetry gives.
-    fn frame(&mut self, at: Vector, heading: f64) -> (PointReport, Pose) {
+    fn frame(&mut self, at: DVec3, heading: f64) -> (PointReport, Pose) {
         self.time += 100;
-        let position = |at: Vector| EnuPosition { east: at[0], north: at[1], up: at[2] };
         let attitude = Attitude { heading, ..Attitude::default() };
-        let axes = CameraAxes::new(&self.camera, Pose { position: position(at), attitude });
+        let axes = CameraAxes::new(&self.camera, Pose { position: EnuPosition::of_vector(at), attitude });
         let mut points = Vec::new();
         for (index, place) in self.places.iter().enumerate() {
-            let CameraDisplacement { right, forward, up } = axes.look(position(*place));
+            let CameraDisplacement { right, forward, up } = axes.look(EnuPosition::of_vector(*place));
             let shown = self.camera.project(right, forward, up).filter(|at| at.is_in_image() && forward > 0.2);
             let (walk, pixels) = (self.noise.walk, self.noise.pixels);
             let mut normal = |sigma: f64| sigma * self.random.normal();
@@ -98,24 +98,23 @@ impl Cloud {
             }
             self.seen[index] = at.is_some();
         }
-        for axis in &mut self.off {
-            *axis += self.noise.position * libm::sqrt(0.1) * self.random.normal();
-        }
+        let drift = self.noise.position * libm::sqrt(0.1);
+        self.off += drift * DVec3::from_array([(); 3].map(|()| self.random.normal()));
         self.heading_off += self.noise.heading * 0.08 * self.random.normal();
         let told = heading + self.heading_off;
         let step = self.noise.resolution;
         let heading = if step > 0.0 { step * libm::round(told / step) } else { told };
         let pose = Pose {
-            position: position(sum(sum(self.off, self.slip, 0.001 * self.time as f64), at, self.scale)),
+            position: EnuPosition::of_vector(self.off + 0.001 * self.time as f64 * self.slip + self.scale * at),
             attitude: Attitude { heading: wrap_angle(heading), ..Attitude::default() },
         };
         let captured = Time::from_millis(self.time);
         (PointReport { frame: FrameId(self.time), captured, points }, pose)
     }
 
-    fn true_range(&self, id: u32, at: Vector) -> f64 {
+    fn true_range(&self, id: u32, at: DVec3) -> f64 {
         let index = (0..self.ids.len()).find(|&index| self.seen[index] && self.ids[index] == id).unwrap();
-        length(less(self.places[index], at))
+        (self.places[index] - at).length()
     }
 }
 
@@ -126,7 +125,7 @@ fn errors(noise: Noise, camera: Camera, error: MotionError, speed: f64, aside: f
         let (mut cloud, mut triangulation) = Cloud::new(seed, noise, camera, error);
         for frame in 0..40 {
             let along = 0.1 * speed * f64::from(frame);
-            let (at, heading) = ([aside * along, along, 0.2 * aside * along], 0.3 * libm::sin(0.1 * f64::from(frame)));
+            let (at, heading) = (DVec3::new(aside * along, along, 0.2 * aside * along), 0.3 * libm::sin(0.1 * f64::from(frame)));
             let (report, pose) = cloud.frame(at, heading);
             let points = triangulation.observe(&report, &cloud.camera, pose).to_vec();
             if frame % 10 == 9 {
@@ -174,7 +173,7 @@ fn a_wrong_heading_is_corrected_by_the_points() {
     let exact = Noise { position: 0.0, speed: 0.0, velocity: 0.0, heading: 0.0, resolution: 0.0, pixels: 0.1, walk: 0.0 };
     let (mut cloud, mut triangulation) = Cloud::new(5, exact, Camera::quad(), MotionError::POSITION);
     for frame in 0..25 {
-        let (report, mut pose) = cloud.frame([0.0, 0.15 * f64::from(frame), 0.0], 0.0);
+        let (report, mut pose) = cloud.frame(0.15 * f64::from(frame) * DVec3::Y, 0.0);
         // Telemetry's heading begins to be off by 1.5°, clockwise.
         if frame >= 10 {
             pose.attitude.heading += 0.026;
@@ -191,7 +190,7 @@ fn a_turn_on_the_spot_gives_no_points() {
     for seed in 0..5 {
         let (mut cloud, mut triangulation) = Cloud::new(seed, QUAD, Camera::quad(), MotionError::POSITION);
         for frame in 0..40 {
-            let (report, pose) = cloud.frame([0.0; 3], 0.02 * f64::from(frame));
+            let (report, pose) = cloud.frame(DVec3::ZERO, 0.02 * f64::from(frame));
             let points = triangulation.observe(&report, &cloud.camera, pose);
             assert!(points.is_empty(), "{points:?}");
         }
@@ -204,14 +203,14 @@ fn a_thing_that_moves_is_refused() {
     // A person who crosses the path 5 m ahead, at 1 m/s, among static things.
     let walker = 0..6;
     for index in walker.clone() {
-        cloud.places[index] = [-2.0, 6.0, 0.4 * index as f64 - 1.0];
+        cloud.places[index] = DVec3::new(-2.0, 6.0, 0.4 * index as f64 - 1.0);
     }
     let (mut moving, mut fixed) = (0, 0);
     for frame in 0..40 {
         for index in walker.clone() {
             cloud.places[index][0] += 0.1;
         }
-        let (report, pose) = cloud.frame([0.0, 0.08 * f64::from(frame), 0.0], 0.0);
+        let (report, pose) = cloud.frame(0.08 * f64::from(frame) * DVec3::Y, 0.0);
         let ids: Vec<u32> = walker.clone().map(|index| cloud.ids[index]).collect();
         for point in triangulation.observe(&report, &cloud.camera, pose) {
             *(if ids.contains(&point.id) { &mut moving } else { &mut fixed }) += 1;

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use spf_core::camera::Camera;
-use spf_core::geometry::{Attitude, BodyDisplacement, wrap_angle};
-use spf_core::lift::{CameraDisplacement, Lifting, lift, lower};
+use spf_core::geometry::{Attitude, wrap_angle};
+use spf_core::lift::seen_after_turn;
 use spf_core::query::ImagePoint;
 use spf_core::time::{Duration, Time};
 use spf_media::track::Shift;
@@ -58,19 +58,7 @@ impl Attitudes {
     pub(super) fn shift(&self, camera: &Camera, (x, y): (f64, f64), from: Time, to: Time) -> Option<Shift> {
         let (before, after) = (self.at(from)?, self.at(to)?);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-        let ray = camera.ray(ImagePoint { u: x / width, v: y / height });
-        let seen = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
-        let level = lift(seen, camera, before, Lifting::Levelled);
-        // The level frame turns with the heading: what is ahead moves to the left when the nose turns to the right.
-        let turned = wrap_angle(after.heading - before.heading);
-        let (sin, cos) = (libm::sin(turned), libm::cos(turned));
-        let level = BodyDisplacement {
-            right: level.right * cos - level.forward * sin,
-            forward: level.forward * cos + level.right * sin,
-            up: level.up,
-        };
-        let CameraDisplacement { right, forward, up } = lower(level, camera, after, Lifting::Levelled);
-        let place = camera.project(right, forward, up)?;
+        let place = seen_after_turn(ImagePoint { u: x / width, v: y / height }, camera, before, after)?;
         Some(Shift { x: place.u * width - x, y: place.v * height - y })
     }
 }

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use spf_core::geometry::{Attitude, BodyDisplacement, wrap_angle};
-use spf_core::lift::{CameraDisplacement, Lifting, lift, lower};
+use spf_core::geometry::Attitude;
+use spf_core::lift::seen_after_turn;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::track::TrackQuality;
 use spf_flight::sim::{TargetSeen, TrackErrors};
@@ -133,17 +133,6 @@ fn fraction(area: &PixelBox) -> ImageBox {
 fn shift((x, y): (f64, f64), before: Attitude, after: Attitude) -> Option<Shift> {
     let camera = camera();
     let (width, height) = (f64::from(camera.width), f64::from(camera.height));
-    let ray = camera.ray(ImagePoint { u: x / width, v: y / height });
-    let seen = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
-    let level = lift(seen, &camera, before, Lifting::Levelled);
-    let turned = wrap_angle(after.heading - before.heading);
-    let (sin, cos) = (libm::sin(turned), libm::cos(turned));
-    let level = BodyDisplacement {
-        right: level.right * cos - level.forward * sin,
-        forward: level.forward * cos + level.right * sin,
-        up: level.up,
-    };
-    let CameraDisplacement { right, forward, up } = lower(level, &camera, after, Lifting::Levelled);
-    let place = camera.project(right, forward, up)?;
+    let place = seen_after_turn(ImagePoint { u: x / width, v: y / height }, &camera, before, after)?;
     Some(Shift { x: place.u * width - x, y: place.v * height - y })
 }
