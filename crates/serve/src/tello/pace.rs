@@ -53,7 +53,7 @@ const BUSY_RATE: u32 = 15;
 
 /// Chooses the quality from measured times.
 #[derive(Clone, Debug)]
-pub(super) struct Pace {
+pub(crate) struct Pace {
     quality: VideoQuality,
     draft: bool,
     /// Number of images in a row in favour of the other quality.
@@ -62,12 +62,12 @@ pub(super) struct Pace {
 }
 
 impl Pace {
-    pub(super) fn new(quality: VideoQuality) -> Self {
+    pub(crate) fn new(quality: VideoQuality) -> Self {
         Self { quality, draft: false, row: 0, patience: QUICK_IN_A_ROW.0 }
     }
 
     /// Quality of the next image.
-    pub(super) fn fineness(&self) -> RenderQuality {
+    pub(crate) fn fineness(&self) -> RenderQuality {
         match self.quality {
             VideoQuality::Always(fineness) => fineness,
             VideoQuality::Auto if self.draft => RenderQuality::Draft,
@@ -76,13 +76,13 @@ impl Pace {
     }
 
     /// Frame interval, if `fps` is requested.
-    pub(super) fn period(&self, fps: u32) -> Duration {
+    pub(crate) fn period(&self, fps: u32) -> Duration {
         let most = if self.draft { BUSY_RATE } else { u32::MAX };
         Duration::from_secs(1) / fps.clamp(1, most)
     }
 
     /// Records the time for rendering and encoding an image.
-    pub(super) fn took(&mut self, time: Duration) {
+    pub(crate) fn took(&mut self, time: Duration) {
         if self.quality != VideoQuality::Auto {
             return;
         }

@@ -21,8 +21,14 @@ pub(super) fn photograph(world: &SimWorld, at: Time, request: &VideoRequest, fin
     if request.downwards {
         return below(world, at, channels);
     }
+    forward(world, at, request.low_resolution.then_some((640, 480)), fineness)
+}
+
+/// The image of the forward camera at `at`, in its own size or another.
+pub(crate) fn forward(world: &SimWorld, at: Time, size: Option<(u32, u32)>, fineness: RenderQuality) -> Option<Rgb> {
+    let channels = channels(fineness);
     let shot = world.shot(at)?;
-    let (width, height) = if request.low_resolution { (640, 480) } else { (world.camera().width, world.camera().height) };
+    let (width, height) = size.unwrap_or((world.camera().width, world.camera().height));
     let drawn = if fineness == RenderQuality::Draft { (width / 2, height / 2) } else { (width, height) };
     let image = world.photograph_with(&shot, Some(drawn), channels);
     Some(if drawn == (width, height) { image } else { resize(&image, width, height) })

@@ -55,6 +55,7 @@ pub struct TelloService {
     _judge: Judge,
     server: Server,
     world: SimWorld,
+    start: Instant,
 }
 
 impl TelloService {
@@ -71,6 +72,7 @@ impl TelloService {
         // The first image in a scene prepares shadows and lamps, which takes seconds on a slow machine; do it before
         // anyone flies.
         drop(world.look(&world.now(), channels(RenderQuality::Draft)));
+        let from = Instant::now();
         let setup = Setup {
             listen,
             craft: world.shared_craft(),
@@ -87,11 +89,11 @@ impl TelloService {
             faults,
             seed,
             latency: LATENCY,
-            start: Instant::now(),
+            start: from,
         };
         let server = Server::start(setup)?;
         let judge = Judge::start(world.clone(), instruction, truth).map_err(ServerError::Thread)?;
-        Ok(Self { _judge: judge, server, world })
+        Ok(Self { _judge: judge, server, world, start: from })
     }
 
     /// The command address.
@@ -110,5 +112,10 @@ impl TelloService {
     #[must_use]
     pub fn world(&self) -> &SimWorld {
         &self.world
+    }
+    /// Wall-clock time of the world's time zero.
+    #[must_use]
+    pub fn start_time(&self) -> Instant {
+        self.start
     }
 }

@@ -1,14 +1,19 @@
 //! The virtual Tello and the endpoint, from outside. One binary, because each takes time to link. All run in virtual
-//! time or without any, and share neither ports nor variables, so they can run in parallel.
+//! time or without any, but for the RTSP server; they share neither ports nor variables, so they can run in parallel.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
 mod fault_matrix;
 mod flights;
+#[allow(dead_code, reason = "the tests of the cameras use the rest")]
+#[path = "../../../camera/tests/it/harness.rs"]
+mod harness;
 mod images;
+mod lens;
 mod matrix;
 mod memory;
 mod protocol;
 mod queues;
+mod rtsp;
 mod wired;

@@ -1,0 +1,207 @@
+//! The RTSP server with clients that others wrote (ffmpeg, GStreamer), with our own, and with what is no client.
+
+use std::io::{Read as _, Write as _};
+use std::net::{Ipv4Addr, SocketAddr, TcpStream};
+use std::process::Command;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant, SystemTime};
+
+use spf_core::time::Time;
+use spf_media::Rgb;
+use spf_media::h264::{Encoder, EncoderSettings};
+use spf_serve::rtsp::{Server, Unit};
+
+use crate::harness::{camera, have, images, wait};
+
+const SIZE: (u32, u32) = (320, 240);
+
+/// A server that shows a moving picture, 20 images a second while somebody watches.
+struct Shown {
+    server: Arc<Server>,
+    stopped: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Shown {
+    fn new() -> Self {
+        let server = Arc::new(Server::start(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), "/camera").unwrap());
+        let stopped = Arc::new(AtomicBool::new(false));
+        let (sending, ends) = (server.clone(), stopped.clone());
+        let thread = std::thread::spawn(move || {
+            let settings = EncoderSettings { key_interval: 60.0, ..EncoderSettings::for_size(SIZE.0, SIZE.1, 20.0) };
+            let mut encoder = Encoder::new(settings).unwrap();
+            for number in 0_u32.. {
+                if ends.load(Ordering::Relaxed) {
+                    return;
+                }
+                if sending.takes_key() {
+                    encoder.force_key();
+                }
+                if number == 0 || sending.is_watched() {
+                    let unit = encoder.encode(Time::from_millis(50 * u64::from(number)), &picture(number)).unwrap();
+                    sending.send(Unit { captured: SystemTime::now(), unit });
+                }
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        });
+        Self { server, stopped, thread: Some(thread) }
+    }
+
+    fn raw(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.server.address()).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
+        stream
+    }
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        self.stopped.store(true, Ordering::Relaxed);
+        drop(self.thread.take().unwrap().join());
+    }
+}
+
+/// Bars of all colours that move, with fine noise, so that an image takes several packets.
+fn picture(number: u32) -> Rgb {
+    let mut image = Rgb::new(SIZE.0, SIZE.1);
+    for y in 0..SIZE.1 {
+        for x in 0..SIZE.0 {
+            let bar = (x + 4 * number) / 40 % 6;
+            let noise = ((x * 7919 + y * 104_729 + number * 31) % 23) as u8;
+            let on = |bit: u32| if (bar + 1) >> bit & 1 == 1 { 230 + noise } else { noise };
+            image.set_pixel(x, y, [on(0), on(1), on(2)]);
+        }
+    }
+    image
+}
+
+#[test]
+fn our_own_receiver_plays_it_by_tcp_and_udp() {
+    let shown = Shown::new();
+    assert!(!shown.server.is_watched());
+    let tcp = camera(&shown.server.url());
+    images(&tcp, 10, SIZE);
+    let udp = camera(&shown.server.url().replace("rtsp://", "rtsp+udp://"));
+    images(&udp, 10, SIZE);
+    for camera in [&tcp, &udp] {
+        assert_eq!((camera.report().codec, camera.report().packets_lost), (Some("H.264"), 0));
+        // The image is as old as the time since it was drawn.
+        wait("the time by the camera's clock", camera, || camera.report().own_clock);
+        let (meta, _) = spf_drone::frames::Frames::newest(&camera.frames()).unwrap();
+        assert!(meta.received.since(meta.captured) < Duration::from_secs(1));
+    }
+    drop((tcp, udp));
+    let begun = Instant::now();
+    while shown.server.is_watched() {
+        assert!(begun.elapsed() < Duration::from_secs(20), "nobody watches any more");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn ffmpeg_plays_it_by_tcp_and_udp() {
+    if !have("ffprobe (Debian's package `ffmpeg`)", Command::new("ffprobe").arg("-version")) {
+        return;
+    }
+    let shown = Shown::new();
+    for transport in ["tcp", "udp"] {
+        let asked = [
+            "-v",
+            "error",
+            "-rtsp_transport",
+            transport,
+            "-i",
+            &shown.server.url(),
+            "-read_intervals",
+            "%+#12",
+            "-count_frames",
+            "-show_entries",
+            "stream=codec_name,width,height,nb_read_frames",
+            "-of",
+            "csv=p=0",
+        ];
+        let output = Command::new("timeout").args(["30", "ffprobe"]).args(asked).output().unwrap();
+        let (told, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let fields: Vec<&str> = told.trim().split(',').collect();
+        assert_eq!(fields[..3], ["h264", "320", "240"], "{transport}: {told}{errors}");
+        assert!(fields[3].parse::<u32>().unwrap() >= 10 && errors.is_empty(), "{transport}: {told}{errors}");
+    }
+}
+
+#[test]
+fn gstreamer_plays_it_by_tcp_and_udp() {
+    let ask = ["rtspsrc", "rtph264depay", "avdec_h264"];
+    let found = ask.map(|element| {
+        have(
+            &format!("GStreamer's {element} (Debian's gstreamer1.0-tools, gstreamer1.0-plugins-good, gstreamer1.0-libav)"),
+            Command::new("gst-inspect-1.0").arg(element),
+        )
+    });
+    if found.contains(&false) {
+        return;
+    }
+    let shown = Shown::new();
+    let folder = tempfile::tempdir().unwrap();
+    for transport in ["tcp", "udp"] {
+        let raw = folder.path().join(transport);
+        let pipeline = format!(
+            "rtspsrc location={} protocols={transport} latency=0 ! rtph264depay ! avdec_h264 ! videoconvert ! video/x-raw,format=RGB ! \
+             identity eos-after=11 ! filesink location={}",
+            shown.server.url(),
+            raw.display()
+        );
+        let output = Command::new("timeout").args(["30", "gst-launch-1.0", "-q"]).args(pipeline.split(' ')).output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let bytes = std::fs::read(&raw).unwrap();
+        let frame = (SIZE.0 * SIZE.1 * 3) as usize;
+        assert!(bytes.len() >= 8 * frame && bytes.len().is_multiple_of(frame), "{transport}: {} {errors}", bytes.len());
+        let last = &bytes[bytes.len() - frame..];
+        assert!((0..3).all(|channel| last.iter().skip(channel).step_by(3).any(|value| *value > 200)), "{transport}: no colours");
+    }
+}
+
+/// Reads until the server closes the connection.
+fn rest(mut stream: TcpStream) -> String {
+    let mut bytes = Vec::new();
+    stream.read_to_end(&mut bytes).unwrap();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[test]
+fn a_page_of_a_browser_and_garbage_are_turned_away() {
+    let shown = Shown::new();
+    for sent in [&b"POST /camera HTTP/1.1\r\nHost: localhost\r\n\r\n"[..], &[b'x'; 9000], b"PLAY x RTSP/1.0\r\n\r\n"] {
+        let mut stream = shown.raw();
+        stream.write_all(sent).unwrap();
+        assert_eq!(rest(stream), "RTSP/1.0 400 Bad Request\r\n\r\n");
+    }
+    // Others are served on.
+    images(&camera(&shown.server.url()), 2, SIZE);
+}
+
+/// A client that plays and never reads: the others are not delayed, and the images do not pile up.
+#[test]
+fn a_stalled_viewer_delays_nobody() {
+    let shown = Shown::new();
+    let mut stream = shown.raw();
+    let url = shown.server.url();
+    let mut ask = |text: String| {
+        stream.write_all(text.as_bytes()).unwrap();
+        let mut buffer = [0; 2048];
+        let length = stream.read(&mut buffer).unwrap();
+        String::from_utf8_lossy(&buffer[..length]).into_owned()
+    };
+    let told = ask(format!("SETUP {url}/video RTSP/1.0\r\nCSeq: 1\r\nTransport: RTP/AVP/TCP;interleaved=0-1\r\n\r\n"));
+    let session = told.split("Session: ").nth(1).and_then(|rest| rest.split(';').next()).unwrap().to_owned();
+    ask(format!("PLAY {url} RTSP/1.0\r\nCSeq: 2\r\nSession: {session}\r\n\r\n"));
+    let other = camera(&url);
+    images(&other, 30, SIZE);
+    let rate = {
+        let (begun, before) = (Instant::now(), spf_drone::frames::Frames::tally(&other.frames()).decoded);
+        std::thread::sleep(Duration::from_secs(1));
+        (spf_drone::frames::Frames::tally(&other.frames()).decoded - before) as f64 / begun.elapsed().as_secs_f64()
+    };
+    assert!(rate > 5.0, "{rate} images a second");
+}
