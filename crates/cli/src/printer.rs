@@ -63,6 +63,23 @@ impl Printer {
         }
     }
 
+    /// Whether standard error is a terminal.
+    pub(crate) fn has_terminal(&self) -> bool {
+        std::io::stderr().is_terminal()
+    }
+
+    /// Shows lines in black on white on standard error, a terminal; `over`: in the place of those shown last.
+    pub(crate) fn show_code(&self, lines: &[String], over: bool) {
+        let mut text = if over { format!("\x1b[{}A", lines.len()) } else { String::new() };
+        for line in lines {
+            // By number: a theme may show "black" and "white" otherwise.
+            text.push_str(&format!("\x1b[38;5;16;48;5;231m{line}\x1b[0m\n"));
+        }
+        // There is nobody to tell if this fails.
+        let mut terminal = std::io::stderr().lock();
+        drop(terminal.write_all(text.as_bytes()).and_then(|()| terminal.flush()));
+    }
+
     /// Replaces the live line's text.
     pub(crate) fn live(&self, text: &str) {
         if let Some(bar) = &self.live {

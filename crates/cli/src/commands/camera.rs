@@ -1,5 +1,7 @@
 //! `spf camera`: cameras that are not part of a drone.
 
+mod calibrate;
+
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -37,6 +39,7 @@ const PASSWORD: &str = "CAMERA_PASSWORD";
 pub(crate) fn camera(command: &CameraCommand, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         CameraCommand::Test(args) => test(args, printer),
+        CameraCommand::Calibrate(args) => calibrate::calibrate(args, printer),
     }
 }
 
@@ -61,7 +64,7 @@ pub(crate) fn address(what: &str, text: &str) -> Result<CameraUrl, CliError> {
 pub(crate) fn open(args: &CameraArgs, start: Instant, printer: &Printer) -> Result<Option<(Camera, Optics)>, CliError> {
     let Some(url) = &args.url else { return Ok(None) };
     let geometry = Geometry::of(args)?;
-    let (camera, shown) = geometry.start(url, args, start)?;
+    let (camera, shown) = geometry.start(url, start)?;
     printer.log(&format!("Receiving {} …", one_line(&shown)));
     let Some(size) = first_image(&camera) else { return Err(nothing(&camera.report(), &shown)) };
     if let Some(words) = geometry.mismatch(size) {
@@ -85,7 +88,7 @@ pub(crate) fn open(args: &CameraArgs, start: Instant, printer: &Printer) -> Resu
 /// Checks a camera for `spf doctor`.
 pub(crate) fn check(url: &str, args: &CameraArgs) -> Result<Check, CliError> {
     let geometry = Geometry::of(args)?;
-    let (camera, shown) = geometry.start(url, args, Instant::now())?;
+    let (camera, shown) = geometry.start(url, Instant::now())?;
     let watched = Watched::of(&camera, CHECKED);
     let report = camera.report();
     let Some(image) = &watched.image else {
@@ -108,6 +111,18 @@ pub(crate) fn check(url: &str, args: &CameraArgs) -> Result<Check, CliError> {
             Check::new("camera", finding, found, Some("use a cable or a better link, or fewer pixels and a lower bit rate"))
         }
     })
+}
+
+/// A camera that has shown its first image. `what` is the argument that names it.
+pub(crate) fn watch(what: &str, url: &str, printer: &Printer) -> Result<Camera, CliError> {
+    let url = address(what, url)?;
+    let shown = url.to_string();
+    let camera = start(url, &CameraSettings::default(), Instant::now(), Box::new(|image| image))?;
+    printer.log(&format!("Receiving {} …", one_line(&shown)));
+    match first_image(&camera) {
+        Some(_) => Ok(camera),
+        None => Err(nothing(&camera.report(), &shown)),
+    }
 }
 
 /// One image of a camera.
@@ -148,6 +163,8 @@ struct Geometry {
     fov: f64,
     /// Radians, downwards positive.
     tilt: f64,
+    /// Measured time from capture to arrival, s.
+    latency: Option<f64>,
 }
 
 impl Geometry {
@@ -159,7 +176,7 @@ impl Geometry {
             Err(CliError::usage(format!("{flag}: `{value}` is not a number from {least} to {most}")))
         };
         let tilt = within("--camera-tilt", args.tilt.unwrap_or(0.0), -45.0, 90.0)?.to_radians();
-        within("--camera-latency", args.latency.unwrap_or(0.0), 0.0, 10.0)?;
+        let latency = calibrate::latency("--camera-latency", args.latency.as_deref())?;
         let calibration = match &args.calibration {
             Some(path) => {
                 let parsed = Calibration::parse(&read(path, "calibration")?);
@@ -179,11 +196,11 @@ impl Geometry {
                     .hint("give --camera-calibration FILE, or --camera-fov with its horizontal field of view in degrees"));
             }
         };
-        Ok(Self { calibration, fov, tilt })
+        Ok(Self { calibration, fov, tilt, latency })
     }
 
     /// Starts the camera; also returns its address as it may be shown.
-    fn start(&self, url: &str, args: &CameraArgs, from: Instant) -> Result<(Camera, String), CliError> {
+    fn start(&self, url: &str, from: Instant) -> Result<(Camera, String), CliError> {
         let url = address("--camera", url)?;
         let shown = url.to_string();
         let finish: Finish = match &self.calibration {
@@ -193,7 +210,7 @@ impl Geometry {
             }
             None => Box::new(|image| image),
         };
-        Ok((start(url, &settings(args.latency), from, finish)?, shown))
+        Ok((start(url, &settings(self.latency), from, finish)?, shown))
     }
 
     /// The camera that sees images of this size.
@@ -218,16 +235,14 @@ impl Geometry {
 
 fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
     let url = address("URL", &args.url)?;
-    for (flag, value, most) in [("--seconds", args.seconds, 3600.0), ("--latency", args.latency.unwrap_or_default(), 10.0)] {
-        if !(0.0..=most).contains(&value) {
-            return Err(CliError::usage(format!("{flag}: `{value}` is not a number of seconds from 0 to {most}")));
-        }
+    if !(0.0..=3600.0).contains(&args.seconds) {
+        return Err(CliError::usage(format!("--seconds: `{}` is not a number of seconds from 0 to 3600", args.seconds)));
     }
+    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?);
     if !args.overwrite && args.output.symlink_metadata().is_ok() {
         return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
             .hint("use --overwrite to replace it, or another file with -o FILE"));
     }
-    let settings = settings(args.latency);
     let (begun, shown) = (Instant::now(), url.to_string());
     let camera = start(url, &settings, begun, Box::new(|image| image))?;
     printer.log(&format!("Receiving {} …", one_line(&shown)));

@@ -4,15 +4,21 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
+use spf_camera::CameraState;
 use spf_camera::film::{Film, FilmError, VideoFrame};
 use spf_core::time::{Time, duration_from_secs};
+use spf_drone::frames::Frames as _;
 use spf_media::marks::{Canvas, Colour, Point, Rect, TextStyle};
 use spf_media::track::{PixelBox, Quality, SMALLEST, TrackImage, Tracker};
 use spf_media::{Rgb, resize};
 use spf_record::VideoWriter;
 
 use crate::args::Track;
+use crate::commands::camera;
+use crate::commands::fly::signals::interrupts;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
@@ -25,6 +31,8 @@ const WORKING_SIDE: u32 = 480;
 const FILM_SIDE: u32 = 1920;
 const FORMATS: &str = "H.264 in MP4 (.mp4, .mov) and bare H.264 streams (.h264) can be read; convert others: ffmpeg -i VIDEO -c:v \
                        libx264 video.mp4";
+/// Interval at which new frames of a camera are looked for.
+const POLL_INTERVAL: Duration = Duration::from_millis(2);
 const QUALITIES: [Quality; 4] = [Quality::Good, Quality::Coasting, Quality::Lost, Quality::TooSmall];
 
 /// Tracks a box and writes film and table.
@@ -35,6 +43,12 @@ pub(crate) fn track(args: &Track, printer: &mut Printer) -> Result<Exit, CliErro
             return Err(CliError::usage(format!("{flag}: `{value}` is not a number of at least {least}"))
                 .hint("--from is in seconds, --rate in images per second: --from 8 --rate 10"));
         }
+    }
+    if let Some(url) = args.video.to_str().filter(|text| text.contains("://") || text.starts_with("file:")) {
+        return live(args, area, url, printer);
+    }
+    if args.seconds.is_some() {
+        return Err(CliError::usage("--seconds is for cameras").hint("a video is followed to its end"));
     }
     let bytes = spf_input::read(&args.video, LONGEST).map_err(|error| {
         CliError::usage(format!("cannot read the video `{}`", args.video.display()))
@@ -72,6 +86,17 @@ pub(crate) fn track(args: &Track, printer: &mut Printer) -> Result<Exit, CliErro
         return Err(CliError::usage(format!("--from: the video `{}` ends before {} s", args.video.display(), args.from))
             .hint("choose an earlier time"));
     };
+    report(&folder, counts, seconds, printer);
+    if let Err(error) = played {
+        return Err(CliError::failed(format!("the video `{}` could not be decoded to its end", args.video.display()))
+            .because(&error)
+            .hint("the files contain what was decoded"));
+    }
+    Ok(Exit::Success)
+}
+
+/// Says what was tracked.
+fn report(folder: &Path, counts: [u64; 4], seconds: f64, printer: &Printer) {
     let parts: Vec<String> = QUALITIES
         .iter()
         .zip(counts)
@@ -80,11 +105,40 @@ pub(crate) fn track(args: &Track, printer: &mut Printer) -> Result<Exit, CliErro
         .collect();
     let images: u64 = counts.iter().sum();
     printer.result(&format!("{}: {images} images, {seconds:.1} s: {}", folder.display(), parts.join(", ")));
-    if let Err(error) = played {
-        return Err(CliError::failed(format!("the video `{}` could not be decoded to its end", args.video.display()))
-            .because(&error)
-            .hint("the files contain what was decoded"));
+}
+
+/// Follows the box in the newest frames of a camera, until Ctrl-C, until the time is over, or until the camera ends.
+fn live(args: &Track, area: PixelBox, url: &str, printer: &Printer) -> Result<Exit, CliError> {
+    let seconds = args.seconds.unwrap_or(f64::INFINITY);
+    if !(seconds > 0.0) {
+        return Err(CliError::usage(format!("--seconds: `{seconds}` is not a number above 0")));
     }
+    if args.from > 0.0 {
+        return Err(CliError::usage("--from is for videos").hint("of a camera, the box is that in its first image"));
+    }
+    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("camera-track"));
+    let files = Files { table: folder.join("track.tsv"), film: folder.join("track.mp4") };
+    files.spare(args.overwrite)?;
+    let interrupts = interrupts()?;
+    let camera = camera::watch("VIDEO", url, printer)?;
+    let frames = camera.frames();
+    let mut run = Run { args, area, files: &files, folder: &folder, due: 0.0, began: None, counts: [0; 4] };
+    let (begun, mut first, mut seen) = (Instant::now(), None, None);
+    while interrupts.load(Ordering::Relaxed) == 0 && begun.elapsed().as_secs_f64() < seconds {
+        let newest = frames.newest().filter(|(meta, _)| seen != Some(meta.id));
+        match newest {
+            Some((meta, photo)) => {
+                seen = Some(meta.id);
+                let start = *first.get_or_insert(meta.captured);
+                run.take(&VideoFrame { at: meta.captured.since(start).as_secs_f64(), image: photo.pixels().as_ref().clone() })?;
+            }
+            None if camera.report().state == CameraState::Ended => break,
+            None => std::thread::sleep(POLL_INTERVAL),
+        }
+    }
+    let counts = run.counts;
+    let seconds = run.finish()?.unwrap_or(0.0);
+    report(&folder, counts, seconds, printer);
     Ok(Exit::Success)
 }
 

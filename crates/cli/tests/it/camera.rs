@@ -54,3 +54,38 @@ fn the_doctor_watches_a_camera() {
     let line = run.stdout.lines().find(|line| line.contains("camera")).unwrap_or_else(|| panic!("{}{}", run.stdout, run.stderr));
     assert!(line.contains("400×300") && line.contains("frames/s, 0 gaps"), "{line}");
 }
+
+/// A camera that films the terminal and sends its images 0.4 s later; ffmpeg adds its own time.
+#[test]
+#[ignore = "slow: films a clock for some seconds"]
+fn the_latency_of_a_camera_that_films_the_terminal_is_measured() {
+    let lab = Lab::new();
+    let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/filmed.py");
+    let port = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port() & !1;
+    let mut command = std::process::Command::new("timeout");
+    command.args(["-k", "5", "60", "python3"]).arg(script).args(["0.4", &port.to_string()]).arg(env!("CARGO_BIN_EXE_spf"));
+    command.args(["camera", "calibrate", &format!("udp-rtp://127.0.0.1:{port}"), "--seconds", "5"]).current_dir(lab.path(""));
+    let Ok(output) = command.output() else { return crate::harness::skip("python3") };
+    let run = crate::harness::Run::of(&output);
+    if run.stderr.contains("'ffmpeg'") {
+        return crate::harness::skip("ffmpeg");
+    }
+    assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+    let written = String::from_utf8(lab.read("camera-latency.toml")).unwrap();
+    let latency: f64 = written.lines().find_map(|line| line.strip_prefix("latency_s = ")).unwrap().parse().unwrap();
+    assert!((0.38..0.9).contains(&latency), "{written}{}", run.stdout);
+    // The file is taken where a number is.
+    film(&lab.path("square.mp4"), 30);
+    let run = lab.spf(&["camera", "test", "file:square.mp4", "--seconds", "1", "--latency", "camera-latency.toml"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    lab.write("camera-latency.toml", "latency_s = -1");
+    let run = lab.spf(&["camera", "test", "file:square.mp4", "--latency", "camera-latency.toml", "--overwrite"]);
+    assert!(run.code == Some(2) && run.stderr.contains("--latency: `-1` is not a number"), "{}", run.stderr);
+}
+
+#[test]
+fn a_clock_needs_a_terminal() {
+    let lab = Lab::new();
+    let run = lab.spf(&["camera", "calibrate", "udp-rtp://127.0.0.1:5600"]);
+    assert!(run.code == Some(2) && run.stderr.contains("no terminal to show the clock on"), "{}", run.stderr);
+}

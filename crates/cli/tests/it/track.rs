@@ -76,6 +76,29 @@ fn a_square_is_followed() {
     }
 }
 
+/// A film as a camera: followed while it plays.
+#[test]
+fn a_square_is_followed_in_the_images_of_a_camera() {
+    let lab = Lab::new();
+    film(&lab.path("square.mp4"), 25);
+    let run = lab.spf(&["track", "file:square.mp4", "--box", "40,80,100,140"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let rows = rows(&lab, "camera-track/track.tsv");
+    assert!(rows.len() >= 10 && rows.iter().all(|(_, quality)| quality == "good"), "{rows:?}");
+    for (numbers, _) in rows {
+        // The times are those of the film.
+        assert!((numbers[1] - 40.0 - 40.0 * numbers[0]).abs() < 3.0, "{numbers:?}");
+    }
+    for (args, expected) in [
+        (&["track", "file:square.mp4", "--box", "40,80,100,140", "--from", "1", "-o", "x"][..], "--from is for videos"),
+        (&["track", "square.mp4", "--box", "40,80,100,140", "--seconds", "1"], "--seconds is for cameras"),
+        (&["track", "rtsps://h/x", "--box", "40,80,100,140", "-o", "x"], "has one of the forms"),
+    ] {
+        let run = lab.spf(args);
+        assert!(run.code == Some(2) && run.stderr.contains(expected), "{}", run.stderr);
+    }
+}
+
 /// Exit code 2, one hint, no output and no files.
 fn refused(lab: &Lab, args: &[&str]) -> String {
     let before = lab.names(".");

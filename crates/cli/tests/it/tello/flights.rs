@@ -75,6 +75,26 @@ fn a_flight_by_another_camera_than_the_drone_s() {
     drop(served.end());
 }
 
+/// What the drone sees comes by RTSP, as from an IP camera, and is flown by.
+#[test]
+fn a_flight_by_the_drone_s_view_as_an_rtsp_camera() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.147", &["--rtsp=127.0.0.147:8554"]);
+    let url = "rtsp://127.0.0.147:8554/camera";
+    let tested = lab.spf(&["camera", "test", url, "--seconds", "1"]);
+    assert_eq!(tested.code, Some(0), "{}", tested.stderr);
+    assert!(tested.stdout.starts_with("image    960×720, H.264\n"), "{}", tested.stdout);
+    let server = model(1);
+    let camera = ["--camera", url, "--camera-fov", "55.4", "--camera-tilt", "5", "--max-time", "60"];
+    let (run, summary) = fly(&lab, "127.0.0.147", "127.0.0.148", &server, &camera);
+    assert_eq!((&summary["outcome"], run.code), (&"reached".into(), Some(0)), "{}\n{}", run.stdout, run.stderr);
+    let told = "Camera rtsp://127.0.0.147:8554/camera: 960×720, field of view 55° × 43°, tilt 5°.";
+    assert!(run.stderr.contains(told), "{}", run.stderr);
+    assert!(summary["glass_to_decision"]["median_s"].as_f64().unwrap() < 5.0, "{summary}");
+    let message = served.end();
+    assert!(message.contains("Serving the drone's view as a camera: spf fly … --camera rtsp://127.0.0.147:8554/camera"), "{message}");
+}
+
 /// The film ends after three seconds: without new frames the pilot holds and then lands.
 #[test]
 #[ignore = "slow: waits until the pilot gives up"]

@@ -1,5 +1,6 @@
 //! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
+mod rtsp;
 mod tello;
 mod vlm;
 
@@ -29,6 +30,8 @@ pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
         SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
     let service = args.tello.then(|| tello::start(args, onboard.clone(), shared_instruction.clone(), printer)).transpose()?;
+    let seen = service.as_ref().zip(args.rtsp.as_deref());
+    let _camera = seen.map(|(service, listen)| rtsp::start(args, listen, service, onboard.clone(), printer)).transpose()?;
     let flown = service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown {
         world: service.world().clone(),
         onboard,
