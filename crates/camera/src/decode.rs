@@ -41,7 +41,7 @@ pub(crate) fn decode(inlet: &Inlet, frames: &FrameStore, stopped: &AtomicBool, f
                 }),
                 Err(()) => {
                     frames.count(|tally| tally.refused += 1);
-                    inlet.refuse();
+                    inlet.reference_lost();
                     decoder = None;
                     break;
                 }

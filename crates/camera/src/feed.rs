@@ -78,7 +78,7 @@ impl Feed {
         self.lost = 0;
         self.shared.report().connections += 1;
         // What follows does not continue what came before.
-        self.shared.inlet.refuse();
+        self.shared.inlet.reference_lost();
     }
 
     pub(crate) fn fail(&self, error: &SourceError) {

@@ -110,7 +110,7 @@ impl Inlet {
     }
 
     /// Reports that an image could not be decoded: its successors up to the next key frame cannot be either.
-    pub(crate) fn refuse(&self) {
+    pub(crate) fn reference_lost(&self) {
         let mut waiting = self.waiting();
         // The queue starts with a key frame or follows the rejected image.
         if waiting.images.front().is_none_or(|image| !image.coded.is_key()) {
@@ -154,9 +154,9 @@ mod tests {
         put(&inlet, 0, true, 10);
         numbers(&inlet);
         put(&inlet, 1, false, 10);
-        inlet.refuse();
+        inlet.reference_lost();
         (2..12).for_each(|number| put(&inlet, number, number == 9, 10));
-        inlet.refuse();
+        inlet.reference_lost();
         assert_eq!((numbers(&inlet), inlet.tally()), (vec![9, 10, 11], (1, 7)));
     }
 

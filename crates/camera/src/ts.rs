@@ -4,11 +4,16 @@ use mpeg2ts_reader::StreamType;
 use mpeg2ts_reader::demultiplex::{self, Demultiplex, DemuxContext, FilterRequest, PacketFilter};
 use mpeg2ts_reader::packet::{Packet, Pid};
 use mpeg2ts_reader::pes::{self, PesContents, PtsDts};
-use spf_core::time::Time;
+use spf_core::time::{Duration, Time};
 use spf_drone::frames::VideoStats;
 use spf_media::h264::{AccessUnit, nal_units};
 
 use crate::unit::{LONGEST_UNIT, UnitBuilder};
+
+/// A video stream that is silent for this long, while others of the transport stream are not, is given up for another one.
+const SILENCE: Duration = Duration::from_secs(2);
+/// A pause of the whole transport stream, which is nobody's silence.
+const PAUSE: Duration = Duration::from_millis(500);
 
 /// A received access unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,6 +56,10 @@ struct Context {
     h265: bool,
     /// The stream that is read: the first one with H.264.
     video: Option<Pid>,
+    /// Arrival of its last packet.
+    heard: Time,
+    /// A stream that was given up, as long as another one is looked for.
+    given_up: Option<Pid>,
 }
 
 impl DemuxContext for Context {
@@ -67,6 +76,7 @@ impl DemuxContext for Context {
             FilterRequest::ByStream { stream_type: StreamType::H264, stream_info, .. } => {
                 let pid = stream_info.elementary_pid();
                 match self.video {
+                    None if self.given_up == Some(pid) => return Filter::Ignored,
                     None => self.video = Some(pid),
                     // A new version of the table: the filter takes the place of one whose unit was not complete.
                     Some(video) if video == pid => self.builder.lost(),
@@ -110,6 +120,7 @@ impl pes::ElementaryStreamConsumer<Context> for VideoStream {
     fn start_stream(&mut self, _: &mut Context) {}
 
     fn begin_packet(&mut self, context: &mut Context, header: pes::PesHeader<'_>) {
+        context.heard = context.now;
         self.end(context);
         let (payload, timestamp) = match header.contents() {
             PesContents::Parsed(Some(parsed)) => {
@@ -126,6 +137,7 @@ impl pes::ElementaryStreamConsumer<Context> for VideoStream {
     }
 
     fn continue_packet(&mut self, context: &mut Context, data: &[u8]) {
+        context.heard = context.now;
         let Some(open) = &mut self.open else { return };
         if open.bytes.len() + data.len() > LONGEST_UNIT {
             self.open = None;
@@ -167,6 +179,8 @@ impl Default for TsReceiver {
             units: Vec::new(),
             h265: false,
             video: None,
+            heard: Time::ZERO,
+            given_up: None,
         };
         Self { demultiplex: Demultiplex::new(&mut context), context, rest: Vec::new(), garbage: 0 }
     }
@@ -175,7 +189,14 @@ impl Default for TsReceiver {
 impl TsReceiver {
     /// Takes bytes, in pieces of any length, that arrived at `now`; appends the access units that they complete.
     pub fn push(&mut self, now: Time, bytes: &[u8], units: &mut Vec<TimedUnit>) {
+        if now.since(self.context.now) > PAUSE {
+            self.context.heard = now;
+        }
         self.context.now = now;
+        let has_chosen = self.context.video.is_some() || self.context.given_up.is_some();
+        if has_chosen && now.since(self.context.heard) > SILENCE {
+            self.choose_again();
+        }
         self.rest.extend_from_slice(bytes);
         let mut at = 0;
         while let Some(packet) = self.rest.get(at..at + Packet::SIZE) {
@@ -190,6 +211,15 @@ impl TsReceiver {
         }
         self.rest.drain(..at);
         units.append(&mut self.context.units);
+    }
+
+    /// Reads the tables anew: a program may move its video to another stream. The silent one is passed over once.
+    fn choose_again(&mut self) {
+        let silent = self.context.video.take();
+        self.context.given_up = silent.filter(|_| self.context.given_up.is_none());
+        self.context.builder.lost();
+        self.context.heard = self.context.now;
+        self.demultiplex = Demultiplex::new(&mut self.context);
     }
 
     /// Losses so far.
@@ -348,6 +378,36 @@ mod tests {
         let next = (8..16).find(|number| first[*number].key).unwrap();
         assert_eq!(numbers, (0..7).chain(next..15).collect::<Vec<_>>());
         assert_eq!(receiver.tally().gaps, 1);
+    }
+
+    /// Numbers of the units received of a program that sends `sent` in its second stream, after 10 images in its first; each image is
+    /// 0.1 s after the one before, but for a pause before the image `pause`.
+    fn moved(sent: &[AccessUnit], pause: usize) -> Vec<usize> {
+        let (mut receiver, mut came, mut now) = (TsReceiver::default(), Vec::new(), Time::ZERO);
+        let mut muxer = Muxer::default();
+        for (number, unit) in sent.iter().enumerate() {
+            now += Duration::from_millis(if number == pause { 20_000 } else { 100 });
+            muxer.tables(&[0x1b, 0x1b]);
+            muxer.unit(if number < 10 { 2 } else { 3 }, 9000 * number as u64, &unit.annex_b);
+            receiver.push(now, &std::mem::take(&mut muxer.bytes), &mut came);
+        }
+        came.iter().filter_map(|came| sent.iter().position(|unit| *unit == came.unit)).collect()
+    }
+
+    #[test]
+    fn video_that_moves_to_another_stream_is_found_there() {
+        let sent = units(128, 96, 60, 0.5);
+        let numbers = moved(&sent, usize::MAX);
+        // Two seconds later, and from a key frame on; the last image is not complete.
+        let first = numbers.iter().position(|number| *number >= 10).unwrap();
+        assert!((28..38).contains(&numbers[first]) && sent[numbers[first]].key, "{numbers:?}");
+        assert_eq!(numbers[first..], (numbers[first]..59).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_pause_of_everything_gives_up_no_stream() {
+        let sent = units(128, 96, 9, 0.5);
+        assert_eq!(moved(&sent, 5), (0..8).collect::<Vec<_>>());
     }
 
     #[test]

@@ -11,7 +11,7 @@ pub enum Lens {
         /// Radial coefficients of the numerator.
         k: [f64; 3],
         /// Radial coefficients of the denominator.
-        below: [f64; 3],
+        denominator: [f64; 3],
         /// Tangential coefficients.
         p: [f64; 2],
     },
@@ -26,7 +26,7 @@ impl Lens {
     /// From OpenCV's order of coefficients: k1, k2, p1, p2, k3, k4, k5, k6.
     #[must_use]
     pub const fn brown([k1, k2, p1, p2, k3, k4, k5, k6]: [f64; 8]) -> Self {
-        Self::Brown { k: [k1, k2, k3], below: [k4, k5, k6], p: [p1, p2] }
+        Self::Brown { k: [k1, k2, k3], denominator: [k4, k5, k6], p: [p1, p2] }
     }
 
     /// From OpenCV's order of coefficients.
@@ -73,13 +73,13 @@ impl Lens {
     pub fn distort(&self, x: f64, y: f64) -> Option<(f64, f64)> {
         let r2 = x * x + y * y;
         match self {
-            Self::Brown { k: [k1, k2, k3], below: [k4, k5, k6], p: [p1, p2] } => {
-                let above = |r2: f64| 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-                let below = |r2: f64| 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
-                let radial = above(r2) / below(r2);
+            Self::Brown { k: [k1, k2, k3], denominator: [k4, k5, k6], p: [p1, p2] } => {
+                let numerator = |r2: f64| 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                let denominator = |r2: f64| 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
+                let radial = numerator(r2) / denominator(r2);
                 // The radius in the image grows with the angle, up to where the polynomial is of no use any more.
                 let inner = 0.98 * 0.98 * r2;
-                if !(radial > 0.0 && radial >= 0.98 * above(inner) / below(inner)) {
+                if !(radial > 0.0 && radial >= 0.98 * numerator(inner) / denominator(inner)) {
                     return None;
                 }
                 Some((

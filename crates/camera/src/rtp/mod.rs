@@ -19,7 +19,7 @@ use self::reorder::{Ordered, Reorder};
 /// Length of the fixed header, bytes.
 const HEADER: usize = 12;
 /// A stream from another source replaces the present one after this many of its packets, with none of the present in between.
-const STRANGERS: u32 = 16;
+const PACKETS_TO_SWITCH: u32 = 16;
 
 /// An RTP packet (RFC 3550, section 5.1).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ pub struct TimedUnit {
 pub struct Receiver {
     source: Option<u32>,
     /// Another source, and the number of its packets since the last of the present one.
-    stranger: Option<(u32, u32)>,
+    other_source: Option<(u32, u32)>,
     reorder: Reorder,
     depacketizer: Depacketizer,
     damaged: u64,
@@ -99,16 +99,16 @@ impl Receiver {
             return;
         };
         if self.source.is_none_or(|source| source == packet.source) {
-            self.stranger = None;
+            self.other_source = None;
             self.source = Some(packet.source);
         } else {
             // A sender that restarts has a new source number; one that sends beside it must not interrupt the first.
-            let before = self.stranger.filter(|(source, _)| *source == packet.source).map_or(0, |(_, count)| count);
-            self.stranger = Some((packet.source, before + 1));
-            if before + 1 < STRANGERS {
+            let before = self.other_source.filter(|(source, _)| *source == packet.source).map_or(0, |(_, count)| count);
+            self.other_source = Some((packet.source, before + 1));
+            if before + 1 < PACKETS_TO_SWITCH {
                 return;
             }
-            self.stranger = None;
+            self.other_source = None;
             self.source = Some(packet.source);
             self.reorder = Reorder::default();
             self.depacketizer.restart();

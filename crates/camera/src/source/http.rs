@@ -38,7 +38,8 @@ async fn receive(server: &Server, feed: &mut Feed) -> Result<(), SourceError> {
         let at = feed.now();
         reader.push(&chunk, &mut parts);
         feed.tally(VideoStats { damaged: reader.damaged(), ..VideoStats::default() }, Packets::default());
-        for part in parts.drain(..) {
+        // What came together with a newer image is old.
+        if let Some(part) = parts.drain(..).next_back() {
             feed.jpeg(at, part.timestamp.map(|seconds| (seconds * 1e9) as i64), None, part.jpeg);
         }
     }

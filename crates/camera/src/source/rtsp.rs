@@ -45,12 +45,14 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
     let mut tally = VideoStats::default();
     let mut packets = Packets::default();
     let (mut awaits_key, mut clock) = (true, None);
+    let mut last_image = feed.now();
     loop {
         let Some(item) = unless_stopped(feed, stream.next(), SILENCE).await else { return Ok(()) };
         let item = item.ok_or(SourceError::Silent(SILENCE.as_secs()))?.ok_or(SourceError::Ended)?.map_err(explained)?;
         let at = feed.now();
         match item {
             CodecItem::VideoFrame(frame) => {
+                last_image = at;
                 let loss = u64::from(frame.loss());
                 packets.lost += loss;
                 tally.gaps += u64::from(loss > 0);
@@ -74,6 +76,8 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
                     }
                 }
             }
+            // Reports alone are silence, too. The library keeps the packets of an image that never ends; this is how many they can be.
+            CodecItem::Rtcp(_) if at.since(last_image) > SILENCE => return Err(SourceError::Silent(SILENCE.as_secs())),
             CodecItem::Rtcp(report) => clock = SenderClock::of(&report).or(clock),
             _ => {}
         }
@@ -103,6 +107,7 @@ async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -
             None => SourceError::Connection("the server has no video at this path".to_owned()),
         });
     };
+    let is_ordered = transport == Transport::Tcp;
     let transport = match transport {
         Transport::Tcp => RtspTransport::Tcp(TcpTransportOptions::default()),
         Transport::Udp => RtspTransport::Udp(UdpTransportOptions::default()),
@@ -110,7 +115,8 @@ async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -
     let setup = SetupOptions::default().transport(transport).frame_format(FrameFormat::SIMPLE);
     session.setup(index, setup).await.map_err(explained)?;
     let mut play = PlayOptions::default().unknown_rtcp_ssrc(UnknownRtcpSsrcPolicy::Default);
-    if let Some(jump) = NonZeroU32::new(JUMP_SECONDS) {
+    // By UDP, a report may overtake the image before it, whose timestamp then seems to jump back.
+    if let Some(jump) = NonZeroU32::new(JUMP_SECONDS).filter(|_| is_ordered) {
         play = play.enforce_timestamps_with_max_jump_secs(jump);
     }
     let stream = session.play(play).await.map_err(explained)?.demuxed().map_err(explained)?;

@@ -47,7 +47,8 @@ Examples:
   spf camera test http://192.168.1.70:8080/video -o porch.jpg
   spf camera test file:holiday.mp4
 
-H.264 and MJPEG can be decoded; H.265 cannot. The age of a frame is the time from its capture to its arrival. If the camera does \
+H.264 and MJPEG can be decoded; H.265 cannot. A file is played once, in real time, and its frames count as captured at the times \
+that it gives. The age of a frame is the time from its capture to its arrival. If the camera does \
 not tell when a frame was captured, --latency is assumed, plus the time by which the frame arrived later than usual.
 
 A password on the command line can be read by other users of this machine. Without one in the address, that of the environment \

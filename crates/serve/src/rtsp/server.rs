@@ -369,7 +369,9 @@ impl Client {
         let mut report = None;
         if Instant::now() >= self.next_report {
             self.next_report = Instant::now() + REPORTS;
-            report = Some(self.packetizer.sender_report(since_1970(SystemTime::now())));
+            // For the time of the image, not for now: by UDP it may arrive before the image, and receivers take none that is older than
+            // the last report.
+            report = Some(self.packetizer.sender_report(since_1970(unit.captured)));
         }
         match &self.outlet {
             Some(Outlet::Interleaved(rtp, rtcp)) => {
