@@ -4,19 +4,27 @@
     python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office [--only 3,7]
     python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office --faults
     python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office -- --tello-motion go
+    python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office --camera rtsp
+    python3 docs/trials/tello.py target/debug/spf docs/trials/office.txt OUT_FOLDER --scene office --camera-faults [--only 5]
 
 The drone and the oracle behind HTTP are one process (`spf sim serve --tello --vlm --truth`), the pilot another (`spf fly --drone
 tello`). The pilot's result is printed beside the server's ground truth. `--faults` flies the first instruction once under each
-fault, which begins 4 s after the first motion, and measures from then to the last stick that was not zero.
+fault, which begins 4 s after the first motion, and measures from then to the last stick that was not zero. With `--camera` the pilot
+sees by RTSP (`rtsp`, `rtsp+udp`) what the drone's camera sees, and not by the drone's own video. `--camera-faults` flies one
+instruction once under each fault of a camera: ffmpeg sends that video on by RTP, through a relay that loses or holds back packets
+from 4 s after the first motion on.
 """
 
 import argparse
 import json
 import os
+import random
 import re
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 
 DRONE, LOCAL = "127.0.0.71", "127.0.0.72"
@@ -34,20 +42,33 @@ FAULTS = {
     "reboot": '[[craft]]\nfault = "reboot"\n',
     "take-off refused": '[[craft]]\nfault = "take_off_refused"\n',
 }
+# Fraction of packets lost, seconds between key frames, and seconds in each five without packets, which then come at once.
+CAMERA_FAULTS = {
+    "none": (0.0, 1, 0.0),
+    "5 % of packets lost": (0.05, 1, 0.0),
+    "30 % of packets lost": (0.3, 1, 0.0),
+    "key frames 5 s apart": (0.0, 5, 0.0),
+    "key frames 5 s apart, 5 % lost": (0.05, 5, 0.0),
+    "1 s in 5 without packets, then a burst": (0.0, 1, 1.0),
+}
+RTP = 5600
 RC = re.compile(r"^\S*?(\d\d):(\d\d):(\d\d\.\d+)Z.*to the drone text=rc (-?\d+) (-?\d+) (-?\d+) (-?\d+)")
 
 
 class Served:
     """A drone, its oracle and its judge."""
 
-    def __init__(self, spf, scene, folder, seed):
+    def __init__(self, spf, scene, folder, seed, camera=None):
         self.fault, self.truth = os.path.join(folder, "fault.toml"), os.path.join(folder, "truth.jsonl")
         self.switch("")
         command = [spf, "sim", "serve", "--tello", "--listen", DRONE, "--vlm", "--instruction", "from-prompt", "--scene", scene]
         command += ["--seed", str(seed), "--truth", self.truth, "--fault", self.fault]
+        if camera:
+            command += [f"--rtsp={DRONE}:8554"]
         self.log = open(os.path.join(folder, "server.txt"), "w", encoding="utf-8")
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log, text=True)
         assert self.process.stdout.readline().startswith("tello@")
+        self.camera = self.process.stdout.readline().strip().replace("rtsp", camera) if camera else None
         self.url = self.process.stdout.readline().strip()
 
     def switch(self, text):
@@ -67,6 +88,50 @@ class Served:
         return (lines[0] if lines else {}), (video[0] if video else "no video")
 
 
+class Relay:
+    """Sends a camera's video on by RTP, with a fault once `faulty` is set."""
+
+    def __init__(self, url, lost, key_interval, held, seed):
+        self.lost, self.held, self.faulty, self.random = lost, held, False, random.Random(seed)
+        self.inlet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.inlet.bind(("127.0.0.1", RTP + 10))
+        self.inlet.settimeout(0.01)
+        codec = ["-c", "copy"]
+        if key_interval != 1:
+            # By time, not by frames, of which a busy machine has fewer; and without repeating any.
+            keys = ["-g", "9999", "-force_key_frames", f"expr:gte(t,n_forced*{key_interval})", "-vsync", "0"]
+            codec = ["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", *keys]
+        source = ["ffmpeg", "-v", "error", "-fflags", "nobuffer", "-rtsp_transport", "tcp", "-i", url]
+        self.ffmpeg = subprocess.Popen(source + codec + ["-f", "rtp", f"rtp://127.0.0.1:{RTP + 10}?pkt_size=1200"], stdout=subprocess.DEVNULL)
+        self.stopped = False
+        self.thread = threading.Thread(target=self.run)
+        self.thread.start()
+
+    def run(self):
+        waiting, began = [], None
+        while not self.stopped:
+            try:
+                packet = self.inlet.recv(2048)
+            except TimeoutError:
+                packet = None
+            if self.faulty and began is None:
+                began = time.monotonic()
+            if packet and not (self.faulty and self.random.random() < self.lost):
+                waiting.append(packet)
+            if self.faulty and (time.monotonic() - began) % 5.0 < self.held:
+                continue
+            for packet in waiting:
+                self.inlet.sendto(packet, ("127.0.0.1", RTP))
+            waiting = []
+
+    def end(self):
+        self.stopped = True
+        self.thread.join()
+        self.ffmpeg.kill()
+        self.ffmpeg.wait()
+        self.inlet.close()
+
+
 def sticks(line):
     """Seconds of the day, and the stick positions, in a log line of an `rc` command."""
     found = RC.match(re.sub(r"\x1b\[[0-9;]*m", "", line))
@@ -80,12 +145,17 @@ def fly(given, instruction, number, fault=None):
     """One flight; returns the client's result, the ground truth, the start of the fault and the time of the last commanded motion."""
     folder = os.path.join(given.out, f"{number:02d}")
     os.makedirs(folder)
-    served = Served(given.spf, given.scene, folder, number)
+    disturbed = CAMERA_FAULTS.get(fault) if given.camera_faults else None
+    served = Served(given.spf, given.scene, folder, number, "rtsp" if disturbed else given.camera)
+    relay = Relay(served.camera, *disturbed, number) if disturbed else None
     if fault == "take-off refused":
         served.switch(FAULTS[fault])
         time.sleep(0.6)
     command = [given.spf, "fly", instruction, "--drone", f"tello@{DRONE}", "--vlm", f"openai@{served.url}/v1", "--no-vlm-check", "--unattended"]
     command += ["--json", "--out", os.path.join(folder, "flight"), "--max-time", "120", *given.more]
+    if served.camera:
+        # What the server says of the Tello's camera.
+        command += ["--camera", f"udp-rtp://127.0.0.1:{RTP}" if relay else served.camera, "--camera-fov", "55.4", "--camera-tilt", "5"]
     env = {**os.environ, "OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": LOCAL, "RUST_LOG": "warn,spf_drone=trace"}
     began = moved = last = None
     with open(os.path.join(folder, "client.txt"), "w", encoding="utf-8") as log:
@@ -96,10 +166,15 @@ def fly(given, instruction, number, fault=None):
             if told and any(told[1]):
                 moved, last = moved or told[0], told[0]
             if fault and fault != "take-off refused" and began is None and told and moved and told[0] - moved >= 4.0:
-                served.switch(FAULTS[fault])
+                if relay:
+                    relay.faulty = True
+                else:
+                    served.switch(FAULTS[fault])
                 began = told[0]
         summary = client.stdout.read()
     client.wait()
+    if relay:
+        relay.end()
     truth, video = served.end()
     flown = json.loads(summary) if summary else {"outcome": f"exit code {client.returncode}", "decisions": 0, "cause": ""}
     with open(os.path.join(folder, "client.txt"), encoding="utf-8") as log:
@@ -133,6 +208,8 @@ def main():
     parser.add_argument("--scene", default="office")
     parser.add_argument("--only", type=lambda text: [int(number) for number in text.split(",")])
     parser.add_argument("--faults", action="store_true")
+    parser.add_argument("--camera-faults", action="store_true")
+    parser.add_argument("--camera", choices=["rtsp", "rtsp+udp"])
     ours = sys.argv[1:]
     end = ours.index("--") if "--" in ours else len(ours)
     given = parser.parse_args(ours[:end])
@@ -144,6 +221,14 @@ def main():
         for number, fault in enumerate(FAULTS):
             flown, truth, *_, after = fly(given, texts[0], number, fault)
             cells = [fault, flown["outcome"], flown["cause"], f"{after:.2f} s", verdict(truth), truth.get("ended_by", "–")]
+            print(f"| {' | '.join(cells)} |", flush=True)
+        return
+    if given.camera_faults:
+        print("| fault | client | frames too old to fly by | server's truth | client's video | load |\n|---|---|---|---|---|---|")
+        for number, fault in enumerate(CAMERA_FAULTS):
+            flown, truth, _, seen, stale, _ = fly(given, texts[(given.only or [1])[0] - 1], number, fault)
+            client = f"{flown['outcome']}: {flown['cause']}, {flown['decisions']} dec."
+            cells = [fault, client, str(stale), verdict(truth), seen.removeprefix("video: "), f"{os.getloadavg()[0]:.1f}"]
             print(f"| {' | '.join(cells)} |", flush=True)
         return
     print("| instruction | client | server's truth | lockstep | server's video | client's video | load |\n|---|---|---|---|---|---|---|")

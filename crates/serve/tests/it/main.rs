@@ -4,6 +4,7 @@
 
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
+mod delays;
 mod fault_matrix;
 mod flights;
 #[allow(dead_code, reason = "the tests of the cameras use the rest")]
