@@ -110,7 +110,7 @@ fn report(folder: &Path, counts: [u64; 4], seconds: f64, printer: &Printer) {
 /// Follows the box in the newest frames of a camera, until Ctrl-C, until the time is over, or until the camera ends.
 fn live(args: &Track, area: PixelBox, url: &str, printer: &Printer) -> Result<Exit, CliError> {
     let seconds = args.seconds.unwrap_or(f64::INFINITY);
-    if !(seconds > 0.0) {
+    if seconds.is_nan() || seconds <= 0.0 {
         return Err(CliError::usage(format!("--seconds: `{seconds}` is not a number above 0")));
     }
     if args.from > 0.0 {

@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn a_report_by_hand() {
         let mut packetizer = Packetizer::new(0x0102_0304_0000_fffe);
-        // 2 s after 1970, 12345 Hz-free: 180000 ticks.
+        // 2.5 s after 1970: 225000 ticks of the clock.
         let wall = Duration::from_millis(2500);
         drop(packetizer.packets(wall, &[0, 0, 0, 1, 0x65, 9, 9]));
         let report = packetizer.sender_report(wall);

@@ -1,5 +1,7 @@
 //! Delay from drawing to the frame, frames per second and processor time of each kind of camera, with a clock in the picture.
 
+#![allow(clippy::print_stdout, reason = "the table is for people")]
+
 use std::io::Write as _;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::process::{Child, Command, Stdio};

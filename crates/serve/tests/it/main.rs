@@ -1,6 +1,6 @@
 //! The virtual Tello and the endpoint, from outside. One binary, because each takes time to link. All run in virtual
 //! time or without any, but for the RTSP server; they share neither ports nor variables, so they can run in parallel.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+#![allow(clippy::print_stderr, clippy::unwrap_used, reason = "a test that cannot go on fails; a skipped one says so")]
 
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;

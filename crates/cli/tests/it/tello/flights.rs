@@ -92,7 +92,10 @@ fn a_flight_by_the_drone_s_view_as_an_rtsp_camera() {
     assert!(run.stderr.contains(told), "{}", run.stderr);
     assert!(summary["glass_to_decision"]["median_s"].as_f64().unwrap() < 5.0, "{summary}");
     let message = served.end();
-    assert!(message.contains("Serving the drone's view as a camera: spf fly … --camera rtsp://127.0.0.147:8554/camera"), "{message}");
+    assert!(
+        message.contains("Serving the drone's view as a camera: spf fly … --camera rtsp://127.0.0.147:8554/camera"),
+        "{message}"
+    );
 }
 
 /// The film ends after three seconds: without new frames the pilot holds and then lands.
