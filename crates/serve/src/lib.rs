@@ -1,14 +1,19 @@
 //! Servers that expose the simulator over the interfaces of real systems (`spf sim serve`).
 //!
-//! [`tello`] is a virtual drone for third-party clients and for the project's own driver. [`vlm`] is an endpoint
-//! compatible with vision-language model APIs. [`live_camera`] sends the view of a simulated craft by [`rtsp`]. All run on the wall clock and use the same
+//! [`tello`] and [`mavlink`] are virtual drones for third-party clients and for the project's own drivers. [`vlm`] is an endpoint
+//! compatible with vision-language model APIs. [`live_camera`] sends the view of a simulated craft by [`rtsp`]. All run on the
+//! wall clock and use the same
 //! [`SimWorld`](spf_flight::sim::SimWorld), whose behaviour still depends on the seed. [`truth`] evaluates flights made
 //! by others.
 //!
 //! This crate contains no pilot; complete flights are in `spf_flight`.
 
+<<<<<<< HEAD
 pub mod live_camera;
 pub mod rtsp;
+=======
+pub mod mavlink;
+>>>>>>> a18d9104 (Virtual PX4 and ArduPilot behind MAVLink; the driver in the registry)
 pub mod tello;
 pub mod truth;
 pub mod vlm;

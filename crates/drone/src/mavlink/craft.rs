@@ -13,13 +13,12 @@ use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::link::Link;
-use spf_mavlink::message;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
 
 use super::opening::{ConnectError, Found, find};
 use super::settings::MavlinkSettings;
-use super::vehicle::{Facts, Notice, Outgoing, Vehicle};
+use super::vehicle::{Facts, Notice, Vehicle};
 use crate::abandon::{self, EmergencyLand};
 use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
@@ -65,14 +64,8 @@ impl Shared {
         let mut encoder = lock(&self.encoder);
         let next = || self.vehicle().poll(self.now());
         while let Some(outgoing) = next() {
-            let message = match &outgoing {
-                Outgoing::Heartbeat => message::heartbeat_of_computer(),
-                Outgoing::Command(sent) => message::command(self.target, sent),
-                Outgoing::Setpoint(setpoint) => message::setpoint(self.target, self.now(), *setpoint),
-                Outgoing::ReadParameter(name) => message::read_parameter(self.target, name),
-            };
             tracing::trace!(?outgoing, "to the vehicle");
-            self.link.send(&encoder.frame(&message));
+            self.link.send(&encoder.frame(&outgoing.body(self.target, self.now())));
         }
         drop(encoder);
         let notice = || self.vehicle().take_notice();
@@ -107,8 +100,7 @@ fn tell(notice: &Notice) {
 
 impl EmergencyLand for Shared {
     fn abandon(&self) {
-        let now = self.now();
-        self.vehicle().leave(now);
+        self.vehicle().leave();
         let begun = Instant::now();
         while self.vehicle().is_ours() {
             if begun.elapsed() >= LANDING_TIME {
@@ -204,8 +196,7 @@ impl MavlinkCraft {
         let guarded = move || {
             // A panic must not leave the craft with its last velocity. The message was printed where it happened.
             if std::panic::catch_unwind(AssertUnwindSafe(work)).is_err() {
-                let now = shared.now();
-                shared.vehicle().fail(now);
+                shared.vehicle().fail();
                 // This thread may have been the one that sends.
                 while !shared.stopped.load(Ordering::Relaxed) {
                     shared.flush();

@@ -12,7 +12,7 @@ const SILENT_LAND: Duration = Duration::from_secs(5);
 
 impl Vehicle {
     /// Ends any motion and lands, unless it is on the ground or somebody else flies it. Used when the program exits.
-    pub fn leave(&mut self, now: Time) {
+    pub fn leave(&mut self) {
         if self.is_ours() {
             self.land();
         }
@@ -29,7 +29,7 @@ impl Vehicle {
     }
 
     /// Lands the craft because a part of the driver failed.
-    pub fn fail(&mut self, now: Time) {
+    pub fn fail(&mut self) {
         if self.is_ours() && !matches!(self.control, Control::Landing { .. } | Control::Stopping { .. }) {
             self.notices.push_back(Notice::Failed);
             self.land();

@@ -14,8 +14,10 @@ use spf_core::envelope::Cleared;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::command::{CommandResult, Commands, Transmission, VehicleCommand, ids};
+use spf_mavlink::message;
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::report::Report;
+use spf_mavlink::wire::Body;
 
 use self::control::Control;
 pub use self::facts::Facts;
@@ -87,6 +89,19 @@ pub enum Outgoing {
     Setpoint(Setpoint),
     /// A request for a parameter.
     ReadParameter(String),
+}
+
+impl Outgoing {
+    /// The message, to this system and component.
+    #[must_use]
+    pub fn body(&self, target: [u8; 2], now: Time) -> Body {
+        match self {
+            Self::Heartbeat => message::heartbeat_of_computer(),
+            Self::Command(sent) => message::command(target, sent),
+            Self::Setpoint(setpoint) => message::setpoint(target, now, *setpoint),
+            Self::ReadParameter(name) => message::read_parameter(target, name),
+        }
+    }
 }
 
 /// One vehicle. Sans-IO.

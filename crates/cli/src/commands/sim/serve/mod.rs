@@ -1,5 +1,6 @@
 //! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
+mod mavlink;
 mod tello;
 mod vlm;
 
@@ -21,14 +22,16 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs the requested servers until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
-    if args.vlm.is_none() && !args.tello {
-        return Err(CliError::usage("nothing to serve").hint("use --vlm, --tello or both"));
+    if args.vlm.is_none() && !args.tello && args.mavlink.is_none() {
+        return Err(CliError::usage("nothing to serve").hint("use --tello or --mavlink, and --vlm"));
     }
     let interrupts = interrupts()?;
     let shared_instruction =
         SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
     let service = args.tello.then(|| tello::start(args, onboard.clone(), shared_instruction.clone(), printer)).transpose()?;
+    let vehicle = args.mavlink.as_deref();
+    let _vehicle = vehicle.map(|name| mavlink::start(args, name, shared_instruction.clone(), printer)).transpose()?;
     let flown = service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown {
         world: service.world().clone(),
         onboard,
