@@ -166,7 +166,7 @@ pub struct LinkStats {
 }
 
 /// Numbers this far back belong to packets that were overtaken; farther back, the sender has restarted.
-const OVERTAKEN: u8 = 64;
+const OVERTAKEN: u8 = 127;
 
 /// The order of one sender's packets.
 #[derive(Clone, Copy, Debug, Default)]

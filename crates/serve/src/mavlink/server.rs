@@ -93,7 +93,7 @@ impl VehicleServer {
             links,
             transports: transports.clone(),
             decoders: BTreeMap::new(),
-            encoder: Encoder::new([1, 1]),
+            encoders: BTreeMap::new(),
             happened,
             done,
             watch,
@@ -139,7 +139,8 @@ struct Flight {
     links: Vec<Link>,
     transports: Arc<Mutex<Transports>>,
     decoders: BTreeMap<Peer, Decoder>,
-    encoder: Encoder,
+    /// Each client gets numbers of its own, by which it sees what is lost.
+    encoders: BTreeMap<Peer, Encoder>,
     happened: Receiver<Happened>,
     done: Receiver<Deed>,
     watch: Watch,
@@ -187,6 +188,7 @@ impl Flight {
             Happened::Left(peer) => {
                 self.vehicle.leave(peer);
                 self.decoders.remove(&peer);
+                self.encoders.remove(&peer);
             }
             Happened::Received(peer, bytes, _) if lock(&self.transports).is_datagram(peer.link) => {
                 self.links[peer.link].send(now, Stream::Commands, peer.address, &bytes);
@@ -207,6 +209,7 @@ impl Flight {
     fn decode(&mut self, now: Time, peer: Peer, bytes: &[u8], restarts: bool) {
         if self.decoders.len() >= DECODERS && !self.decoders.contains_key(&peer) {
             self.decoders.clear();
+            self.encoders.clear();
         }
         let decoder = self.decoders.entry(peer).or_default();
         if restarts {
@@ -226,7 +229,7 @@ impl Flight {
         let transports = self.transports.clone();
         let transports = lock(&transports);
         while let Some((peer, body)) = self.vehicle.poll() {
-            let frame = self.encoder.frame(&body);
+            let frame = self.encoders.entry(peer).or_insert_with(|| Encoder::new([1, 1])).frame(&body);
             if transports.is_datagram(peer.link) {
                 self.links[peer.link].send(now, Stream::Telemetry, peer.address, &frame);
             } else {

@@ -170,8 +170,8 @@ impl WiredVehicle {
         self.served.advance(now, &mut craft);
         drop(craft);
         while let Some((peer, body)) = self.served.poll() {
-            let frame = self.encoders[1].frame(&body);
             if peer == US {
+                let frame = self.encoders[1].frame(&body);
                 let passed = self.pass(Stream::Telemetry, &frame);
                 self.down.extend(passed);
             }
