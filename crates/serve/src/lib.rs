@@ -8,12 +8,9 @@
 //!
 //! This crate contains no pilot; complete flights are in `spf_flight`.
 
-<<<<<<< HEAD
 pub mod live_camera;
-pub mod rtsp;
-=======
 pub mod mavlink;
->>>>>>> a18d9104 (Virtual PX4 and ArduPilot behind MAVLink; the driver in the registry)
+pub mod rtsp;
 pub mod tello;
 pub mod truth;
 pub mod vlm;

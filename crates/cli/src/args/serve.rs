@@ -16,7 +16,7 @@ Examples:
     spf ground frame.jpg \"the red crane\" --vlm gemini@http://127.0.0.1:8080/v1
   spf sim serve --tello --scene office --listen 127.0.0.1
   spf sim serve --tello --vlm --vlm-listen 127.0.0.1:8080 --scene office --truth truth.jsonl
-  spf sim serve --mavlink px4 --scene city
+  spf sim serve --mavlink px4 --scene city --rtsp
   spf sim serve --mavlink ardupilot --scene park --mavlink-link tcpin:127.0.0.1:5760
 
 GET /frame.jpg returns an image from the camera in the scene, and PUT /pose moves the camera. The oracle answers questions \
@@ -70,6 +70,10 @@ pub(crate) struct Serve {
     /// Append a JSON line for each flight of the Tello to this file: verified, final_distance_m, collisions
     #[arg(long, value_name = "FILE")]
     pub(crate) truth: Option<PathBuf>,
+    /// Also send the drone's view by RTSP, as an IP camera does, with times of capture: rtsp://ADDR:PORT/camera [default with the
+    /// flag alone: 127.0.0.1:8554]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8554")]
+    pub(crate) rtsp: Option<String>,
     /// Wind for the Tello: M_S[,from=DEG][,gust=M_S][,gust_time=S] [default: still air]
     #[arg(long, value_name = "WIND", allow_hyphen_values = true)]
     pub(crate) wind: Option<String>,

@@ -165,9 +165,11 @@ impl VirtualVehicle {
             let [system, component] = command.target;
             // Another component of the vehicle answers for itself, or is not there.
             if matches!(system, 0 | 1) && matches!(component, 0 | 1) {
+                let before = self.out.len();
                 let result = self.execute(now, peer, &command, craft);
                 let to = [packet.system, packet.component];
-                self.send(peer, spf_mavlink::message::acknowledgement(to, command.id, result));
+                // Before whatever it led to: clients wait for one after the other.
+                self.out.insert(before, (peer, spf_mavlink::message::acknowledgement(to, command.id, result)));
                 if result == result::ACCEPTED && command.id == spf_mavlink::command::ids::ARM {
                     self.tell_state(now, craft);
                 }

@@ -1,6 +1,7 @@
 //! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
 mod mavlink;
+mod rtsp;
 mod tello;
 mod vlm;
 
@@ -31,12 +32,15 @@ pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
     let service = args.tello.then(|| tello::start(args, onboard.clone(), shared_instruction.clone(), printer)).transpose()?;
     let vehicle = args.mavlink.as_deref();
-    let _vehicle = vehicle.map(|name| mavlink::start(args, name, shared_instruction.clone(), printer)).transpose()?;
-    let flown = service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown {
-        world: service.world().clone(),
-        onboard,
-        shared_instruction,
-    });
+    let vehicle = vehicle.map(|name| mavlink::start(args, name, shared_instruction.clone(), printer)).transpose()?;
+    let flown = match (&service, &vehicle) {
+        (Some(service), _) => Some((service.world().clone(), service.start_time())),
+        (None, Some(vehicle)) => Some((vehicle.world().clone(), vehicle.start_time())),
+        (None, None) => None,
+    };
+    let seen = flown.clone().zip(args.rtsp.as_deref());
+    let _camera = seen.map(|(flown, listen)| rtsp::start(args, listen, flown, onboard.clone(), printer)).transpose()?;
+    let flown = flown.zip(onboard).map(|((world, _), onboard)| vlm::Flown { world, onboard, shared_instruction });
     let _endpoint = args.vlm.as_deref().map(|oracle| vlm::start(args, oracle, flown, printer)).transpose()?;
     while interrupts.load(Ordering::Relaxed) == 0 {
         std::thread::sleep(LOOK);
