@@ -231,8 +231,7 @@ mod tests {
     fn a_command_is_sent_four_times_and_then_counts_as_unanswered() {
         let mut commands = Commands::default();
         commands.submit(arm());
-        let sent: Vec<(u64, u8)> =
-            (0..400).filter_map(|n| Some((n * 10, commands.poll(at(n * 10))?.confirmation))).collect();
+        let sent: Vec<(u64, u8)> = (0..400).filter_map(|n| Some((n * 10, commands.poll(at(n * 10))?.confirmation))).collect();
         assert_eq!(sent, [(0, 0), (600, 1), (1200, 2), (1800, 3)]);
         assert_eq!(commands.take_ended(), Some((arm(), CommandResult::Unanswered)));
         assert!(commands.is_idle());

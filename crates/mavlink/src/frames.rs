@@ -66,8 +66,6 @@ pub fn setpoint_from_ned([north, east, down]: [f32; 3], yaw_rate: f32, heading: 
     }
 }
 
-
-
 /// A place on the globe: degrees, and metres above mean sea level.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GlobalPosition {
@@ -144,8 +142,11 @@ mod tests {
     /// One degree of latitude is 111.2 km on that sphere; at 60° north a degree of longitude is half of it.
     #[test]
     fn a_degree_is_as_long_as_on_the_globe() {
-        let there = GlobalPosition { latitude: 60.0, longitude: 10.0, altitude: 5.0 }
-            .offset(EnuPosition { east: 55_597.5, north: 111_194.9, up: 2.0 });
+        let there = GlobalPosition { latitude: 60.0, longitude: 10.0, altitude: 5.0 }.offset(EnuPosition {
+            east: 55_597.5,
+            north: 111_194.9,
+            up: 2.0,
+        });
         assert!((there.latitude - 61.0).abs() < 1e-5 && (there.longitude - 11.0).abs() < 1e-4, "{there:?}");
         assert_eq!(there.altitude, 7.0);
     }

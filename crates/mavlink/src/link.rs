@@ -66,9 +66,19 @@ struct Stream {
 
 enum Port {
     /// The peer is whoever sends first; a fixed one has been named by the user.
-    Udp { socket: UdpSocket, peer: Mutex<Peer>, fixed: bool },
-    TcpOut { at: SocketAddr, stream: Mutex<Stream> },
-    TcpIn { listener: TcpListener, stream: Mutex<Stream> },
+    Udp {
+        socket: UdpSocket,
+        peer: Mutex<Peer>,
+        fixed: bool,
+    },
+    TcpOut {
+        at: SocketAddr,
+        stream: Mutex<Stream>,
+    },
+    TcpIn {
+        listener: TcpListener,
+        stream: Mutex<Stream>,
+    },
     #[cfg(unix)]
     Serial(std::fs::File),
 }

@@ -1,8 +1,8 @@
 //! The messages that the driver sends, and what it reads from those of a vehicle.
 
 use mavlink::dialects::common::{
-    HEARTBEAT_DATA, MavAutopilot, MavFrame, MavMessage, MavModeFlag, MavState, MavSysStatusSensor, MavType, PARAM_REQUEST_READ_DATA,
-    PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
+    HEARTBEAT_DATA, MavAutopilot, MavFrame, MavMessage, MavModeFlag, MavState, MavSysStatusSensor, MavType,
+    PARAM_REQUEST_READ_DATA, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use spf_core::command::Setpoint;
 use spf_core::time::Time;

@@ -163,9 +163,7 @@ impl Mode {
 
     fn known(self) -> Option<&'static str> {
         match self.0 {
-            Autopilot::Px4 => {
-                PX4.iter().find(|(main, sub, _)| Self::px4(*main, *sub) == self).map(|(.., name)| *name)
-            }
+            Autopilot::Px4 => PX4.iter().find(|(main, sub, _)| Self::px4(*main, *sub) == self).map(|(.., name)| *name),
             Autopilot::ArduPilot => COPTER.iter().find(|(number, _)| *number == self.1).map(|(_, name)| *name),
         }
     }

@@ -16,11 +16,7 @@ impl ParameterEncoding {
     /// The encoding that `AUTOPILOT_VERSION.capabilities` declares; `None` if it declares neither.
     #[must_use]
     pub fn from_capabilities(capabilities: u64) -> Option<Self> {
-        if capabilities & 16 != 0 {
-            Some(Self::Bytewise)
-        } else {
-            (capabilities & 131_072 != 0).then_some(Self::Cast)
-        }
+        if capabilities & 16 != 0 { Some(Self::Bytewise) } else { (capabilities & 131_072 != 0).then_some(Self::Cast) }
     }
 }
 

@@ -169,7 +169,17 @@ mod tests {
 
     #[test]
     fn what_is_no_address_is_told_with_the_forms() {
-        for text in ["", "tello", "udpin", "http:1.2.3.4:5", "udpin:1.2.3.4:0", "udpin:a b:1", "tcp:[::g]:1", "serial:", "serial:/dev/x:9"] {
+        for text in [
+            "",
+            "tello",
+            "udpin",
+            "http:1.2.3.4:5",
+            "udpin:1.2.3.4:0",
+            "udpin:a b:1",
+            "tcp:[::g]:1",
+            "serial:",
+            "serial:/dev/x:9",
+        ] {
             assert!(read(text).contains("is no MAVLink address: use udpin:HOST:PORT"), "{text}: {}", read(text));
         }
     }

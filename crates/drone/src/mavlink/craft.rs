@@ -90,7 +90,9 @@ fn tell(notice: &Notice) {
             "the flight mode is now {mode}, which was not commanded here: another station, the radio or a failsafe has control, \
              and nothing more is sent"
         ),
-        Notice::NotOurs { what } => tracing::error!("no {what} is commanded: another station, the radio or a failsafe has control"),
+        Notice::NotOurs { what } => {
+            tracing::error!("no {what} is commanded: another station, the radio or a failsafe has control")
+        }
         Notice::TakingBack { mode } => tracing::warn!("the operator takes control back from {mode}"),
         Notice::Unattended { landing: false } => tracing::error!("the flight loop was silent for 2 s: the craft hovers"),
         Notice::Unattended { landing: true } => tracing::error!("the flight loop was silent for 5 s: landing the craft"),
@@ -184,7 +186,9 @@ impl MavlinkCraft {
             if vehicle.adopt(shared.now()) {
                 tracing::warn!("the craft is in the air in {mode}: it is flown from where it is");
             } else {
-                tracing::error!("the craft is in the air in {mode}: it is not flown until the operator resumes (docs/guide/px4.md)");
+                tracing::error!(
+                    "the craft is in the air in {mode}: it is not flown until the operator resumes (docs/guide/px4.md)"
+                );
             }
         }
         drop(vehicle);

@@ -7,7 +7,6 @@ use spf_mavlink::modes::Autopilot;
 use spf_mavlink::url::MavlinkUrl;
 
 use super::craft::MavlinkCraft;
-use super::driver::hint;
 use super::settings::MavlinkSettings;
 use super::vehicle::Facts;
 use crate::examine::{Check, Finding, battery};
@@ -32,7 +31,7 @@ pub(super) fn examine(url: &MavlinkUrl, settings: MavlinkSettings) -> Vec<Check>
         Err(error) => {
             let causes = core::iter::successors(std::error::Error::source(&error), |error| error.source());
             let text = causes.fold(error.to_string(), |text, cause| format!("{text}: {cause}"));
-            return vec![Check::new("drone", Finding::Bad, text, hint(&error).as_deref())];
+            return vec![Check::new("drone", Finding::Bad, text, error.hint().as_deref())];
         }
     };
     let (before, since, mut positions) = (drone.link_stats(), Instant::now(), 0_u32);
@@ -162,10 +161,13 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         Autopilot::ArduPilot => Vec::new(),
     };
     let (advice, names) = match facts.autopilot {
-        Autopilot::Px4 => ("set GF_MAX_HOR_DIST and GF_MAX_VER_DIST, a little beyond --max-distance and --max-altitude", "GF_ACTION"),
-        Autopilot::ArduPilot => {
-            ("set FENCE_ENABLE to 1, and FENCE_RADIUS and FENCE_ALT_MAX a little beyond --max-distance and --max-altitude", "FENCE_ACTION")
+        Autopilot::Px4 => {
+            ("set GF_MAX_HOR_DIST and GF_MAX_VER_DIST, a little beyond --max-distance and --max-altitude", "GF_ACTION")
         }
+        Autopilot::ArduPilot => (
+            "set FENCE_ENABLE to 1, and FENCE_RADIUS and FENCE_ALT_MAX a little beyond --max-distance and --max-altitude",
+            "FENCE_ACTION",
+        ),
     };
     checks.push(if fence.is_empty() {
         Check::new("fence", Finding::Warning, "the autopilot has none", Some(advice))

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
-use spf_mavlink::link::LinkError;
 use spf_mavlink::url::MavlinkUrl;
 
 use super::craft::{MavlinkCraft, craft};
@@ -64,34 +63,6 @@ fn warning(facts: &Facts) -> String {
 }
 
 /// The error with a hint on what to do.
-pub(super) fn explained(error: ConnectError) -> driver::ConnectError {
-    driver::ConnectError { craft: "the vehicle", hint: hint(&error), source: error.into() }
-}
-
-/// What to do about an error.
-pub(super) fn hint(error: &ConnectError) -> Option<String> {
-    Some(match error {
-        ConnectError::Link(LinkError::Bind { .. }) => {
-            "close the program that listens there (a ground station, another flight), or let a router such as mavlink-router or \
-             MAVProxy share the link"
-                .to_owned()
-        }
-        ConnectError::Link(LinkError::Serial { .. }) => {
-            "check the cable and the device's name, and that this user may open it (on Debian the group dialout)".to_owned()
-        }
-        ConnectError::Link(_) => "check the address, and that the vehicle, or its simulator, runs".to_owned(),
-        ConnectError::Silent { bytes: 0, .. } => {
-            "nothing arrives: check that the vehicle sends to this address and port (PX4's SITL to UDP 14540, ArduPilot's listens \
-             on TCP 5760), and the firewall"
-                .to_owned()
-        }
-        ConnectError::Silent { .. } => {
-            "bytes arrive, but no heartbeat: check the rate of the serial port, and that its protocol is MAVLink".to_owned()
-        }
-        ConnectError::NoPosition { texts, .. } if texts.is_empty() => {
-            "wait for satellite navigation, or another source of position, and try again".to_owned()
-        }
-        ConnectError::NoPosition { texts, .. } => format!("the autopilot says: {}", texts.join("; ")),
-        _ => return None,
-    })
+fn explained(error: ConnectError) -> driver::ConnectError {
+    driver::ConnectError { craft: "the vehicle", hint: error.hint(), source: error.into() }
 }

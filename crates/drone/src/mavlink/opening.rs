@@ -67,6 +67,37 @@ pub enum ConnectError {
     Start(#[source] std::io::Error),
 }
 
+impl ConnectError {
+    /// What to do about it.
+    #[must_use]
+    pub fn hint(&self) -> Option<String> {
+        Some(match self {
+            Self::Link(LinkError::Bind { .. }) => {
+                "close the program that listens there (a ground station, another flight), or let a router such as mavlink-router or \
+                 MAVProxy share the link"
+                    .to_owned()
+            }
+            Self::Link(LinkError::Serial { .. }) => {
+                "check the cable and the device's name, and that this user may open it (on Debian the group dialout)".to_owned()
+            }
+            Self::Link(_) => "check the address, and that the vehicle, or its simulator, runs".to_owned(),
+            Self::Silent { bytes: 0, .. } => {
+                "nothing arrives: check that the vehicle sends to this address and port (PX4's SITL to UDP 14540, ArduPilot's listens \
+                 on TCP 5760), and the firewall"
+                    .to_owned()
+            }
+            Self::Silent { .. } => {
+                "bytes arrive, but no heartbeat: check the rate of the serial port, and that its protocol is MAVLink".to_owned()
+            }
+            Self::NoPosition { texts, .. } if texts.is_empty() => {
+                "wait for satellite navigation, or another source of position, and try again".to_owned()
+            }
+            Self::NoPosition { texts, .. } => format!("the autopilot says: {}", texts.join("; ")),
+            _ => return None,
+        })
+    }
+}
+
 /// A vehicle that was heard of.
 pub(super) struct Found {
     pub(super) system: u8,

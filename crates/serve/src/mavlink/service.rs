@@ -56,7 +56,8 @@ impl VehicleService {
     /// # Errors
     /// [`VehicleServerError`] if the server cannot start.
     pub fn start(plan: VehiclePlan) -> Result<Self, VehicleServerError> {
-        let VehiclePlan { autopilot, links, parameters, loaded, start, flight_conditions, seed, faults, instruction, truth } = plan;
+        let VehiclePlan { autopilot, links, parameters, loaded, start, flight_conditions, seed, faults, instruction, truth } =
+            plan;
         let start = start.unwrap_or(loaded.scene.start);
         let world = SimWorld::under(&flight_conditions, loaded, CraftKind::Quad, start, seed);
         // The first image in a scene prepares shadows and lamps, which takes seconds on a slow machine; do it before anyone flies.

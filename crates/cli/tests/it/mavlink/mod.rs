@@ -80,7 +80,9 @@ fn pymavlink_arms_takes_off_and_lands_a_served_ardupilot_over_tcp() {
     let lab = Lab::new();
     let served = Served::start(&lab, "ardupilot", "tcpin:127.0.0.1:0", &["--scene", "park"], 1);
     let address = served.addresses[0].strip_prefix("mavlink@tcpout:").unwrap();
-    let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("tcp:{address}"), "ardupilot", "--short"]) else { return };
+    let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("tcp:{address}"), "ardupilot", "--short"]) else {
+        return;
+    };
     for (what, result) in [("unknown", 3), ("guided", 0), ("arm", 0), ("takeoff", 0), ("land", 0), ("missions", 0), ("set", 2)] {
         assert_eq!(seen[what].as_f64(), Some(f64::from(result)), "{what}: {seen}");
     }
@@ -96,7 +98,9 @@ fn pymavlink_flies_both_by_velocities_and_they_react_to_its_silence() {
     for (autopilot, silent) in [("px4", [0x0003_0000_u32, 0x0003_0000]), ("ardupilot", [4, 4])] {
         let port = port();
         let served = Served::start(&lab, autopilot, &format!("udpout:127.0.0.1:{port}"), &["--scene", "park"], 1);
-        let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("udpin:127.0.0.1:{port}"), autopilot]) else { return };
+        let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("udpin:127.0.0.1:{port}"), autopilot]) else {
+            return;
+        };
         assert!((seen["speed_m_s"].as_f64().unwrap() - 1.5).abs() < 0.3, "{seen}");
         assert!(seen["silent_m_s"].as_f64().unwrap() < 0.3, "{seen}");
         assert!(silent.contains(&(seen["silent_mode"].as_u64().unwrap() as u32)), "{seen}");

@@ -229,7 +229,8 @@ impl VirtualVehicle {
         } else if self.mode == self.autopilot.land() {
             return craft.apply(now, Command::Land, Time::MAX);
         } else {
-            self.goto.map_or(Setpoint::HOLD, |(to, yaw)| self.to(to, yaw.map_or(Yaw::Keep, |yaw| Yaw::Heading(yaw as f32)), craft))
+            self.goto
+                .map_or(Setpoint::HOLD, |(to, yaw)| self.to(to, yaw.map_or(Yaw::Keep, |yaw| Yaw::Heading(yaw as f32)), craft))
         };
         craft.apply(now, Command::Setpoint(setpoint), now + HOLDS);
     }
@@ -259,7 +260,9 @@ impl VirtualVehicle {
 
     fn vertical_limits(&self) -> [f64; 2] {
         match self.autopilot {
-            Autopilot::Px4 => [("MPC_Z_VEL_MAX_UP", 3.0), ("MPC_Z_VEL_MAX_DN", 1.5)].map(|(name, by)| self.parameters.number(name, by)),
+            Autopilot::Px4 => {
+                [("MPC_Z_VEL_MAX_UP", 3.0), ("MPC_Z_VEL_MAX_DN", 1.5)].map(|(name, by)| self.parameters.number(name, by))
+            }
             Autopilot::ArduPilot => {
                 [("WPNAV_SPEED_UP", 250.0), ("WPNAV_SPEED_DN", 150.0)].map(|(name, by)| 0.01 * self.parameters.number(name, by))
             }

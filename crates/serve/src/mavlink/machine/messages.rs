@@ -59,7 +59,12 @@ impl VirtualVehicle {
             }
             MavMessage::MISSION_REQUEST_LIST(it) => {
                 let [target_system, target_component] = sender;
-                let data = MISSION_COUNT_DATA { target_system, target_component, mission_type: it.mission_type, ..MISSION_COUNT_DATA::default() };
+                let data = MISSION_COUNT_DATA {
+                    target_system,
+                    target_component,
+                    mission_type: it.mission_type,
+                    ..MISSION_COUNT_DATA::default()
+                };
                 self.reply(from, &MavMessage::MISSION_COUNT(data));
             }
             MavMessage::MISSION_COUNT(it) => {
@@ -93,7 +98,8 @@ impl VirtualVehicle {
         result: MavMissionResult,
         mission_type: spf_mavlink::dialect::MavMissionType,
     ) {
-        let data = MISSION_ACK_DATA { target_system, target_component, mavtype: result, mission_type, ..MISSION_ACK_DATA::default() };
+        let data =
+            MISSION_ACK_DATA { target_system, target_component, mavtype: result, mission_type, ..MISSION_ACK_DATA::default() };
         self.reply(to, &MavMessage::MISSION_ACK(data));
     }
 
@@ -165,7 +171,11 @@ impl VirtualVehicle {
                     let [forward, right, down] = place.map(f64::from);
                     here.displaced(spf_core::geometry::BodyDisplacement { right, forward, up: -down }, heading)
                 }
-                _ => spf_core::geometry::EnuPosition { east: here.east + ned.east, north: here.north + ned.north, up: here.up + ned.up },
+                _ => spf_core::geometry::EnuPosition {
+                    east: here.east + ned.east,
+                    north: here.north + ned.north,
+                    up: here.up + ned.up,
+                },
             };
             Target::Position(place, yaw)
         } else if has_velocity {

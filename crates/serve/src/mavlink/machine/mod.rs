@@ -4,8 +4,6 @@ mod commands;
 mod fly;
 mod messages;
 mod streams;
-#[cfg(test)]
-mod tests;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;

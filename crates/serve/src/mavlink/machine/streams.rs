@@ -179,7 +179,9 @@ impl VirtualVehicle {
                 vel_acc: 50,
                 ..GPS_RAW_INT_DATA::default()
             }),
-            30 => MavMessage::ATTITUDE(ATTITUDE_DATA { time_boot_ms, roll, pitch, yaw, rollspeed: 0.0, pitchspeed: 0.0, yawspeed }),
+            30 => {
+                MavMessage::ATTITUDE(ATTITUDE_DATA { time_boot_ms, roll, pitch, yaw, rollspeed: 0.0, pitchspeed: 0.0, yawspeed })
+            }
             31 => {
                 let [q1, q2, q3, q4] = quaternion([attitude.roll, attitude.pitch, attitude.heading]);
                 MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
@@ -317,7 +319,8 @@ impl VirtualVehicle {
 
 /// The setpoint that is flown, as an echo.
 fn target_message(time_boot_ms: u32, target: Target) -> POSITION_TARGET_LOCAL_NED_DATA {
-    let empty = POSITION_TARGET_LOCAL_NED_DATA { time_boot_ms, coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED, ..Default::default() };
+    let empty =
+        POSITION_TARGET_LOCAL_NED_DATA { time_boot_ms, coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED, ..Default::default() };
     match target {
         Target::Velocity([vx, vy, vz], _) => {
             let type_mask = PositionTargetTypemask::from_bits_retain(0x0dc7);
@@ -333,11 +336,6 @@ fn target_message(time_boot_ms: u32, target: Target) -> POSITION_TARGET_LOCAL_NE
 /// Rotation from the body (forward, right, down) to north, east, down: w, x, y, z.
 fn quaternion(angles: [f64; 3]) -> [f32; 4] {
     let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| (libm::sin(0.5 * angle), libm::cos(0.5 * angle)));
-    [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
-    .map(|part| part as f32)
+    [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy]
+        .map(|part| part as f32)
 }

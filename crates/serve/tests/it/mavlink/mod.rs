@@ -1,6 +1,7 @@
 //! The MAVLink driver against the virtual vehicle: whole flights by language, somebody else who takes over, refusals, the death of
 //! the program, a radio that loses and repeats packets.
 
+mod protocol;
 mod wired;
 
 use std::sync::{Arc, Mutex, OnceLock};
@@ -145,7 +146,7 @@ fn a_flight_by_language_over_the_protocol_reaches_lands_and_disarms() {
 
 #[test]
 fn a_radio_that_loses_a_fifth_and_repeats_a_fifth_changes_nothing_but_the_time() {
-    let rules = [Stream::Telemetry, Stream::Commands]
+    let rules: Vec<Rule> = [Stream::Telemetry, Stream::Commands]
         .into_iter()
         .flat_map(|stream| {
             let rule = |fault| Rule { stream, from: 0.0, until: None, fault };
@@ -153,7 +154,7 @@ fn a_radio_that_loses_a_fifth_and_repeats_a_fifth_changes_nothing_but_the_time()
         })
         .collect();
     for autopilot in BOTH {
-        let flight = fly(autopilot, &[], FaultPlan { rules, ..FaultPlan::default() }, Vec::new(), "");
+        let flight = fly(autopilot, &[], FaultPlan { rules: rules.clone(), ..FaultPlan::default() }, Vec::new(), "");
         let (_, outcome, cause) = flight.seen.outcome.clone().unwrap();
         assert_eq!((outcome, flight.phase()), (Outcome::Reached, FlightPhase::OnGround), "{autopilot:?}: {cause}");
         assert!(!flight.has_notice(|it| matches!(it, Notice::LetGo { .. })), "{autopilot:?}: {:?}", flight.told.notices);
