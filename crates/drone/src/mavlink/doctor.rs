@@ -34,6 +34,8 @@ pub(super) fn examine(url: &MavlinkUrl, settings: MavlinkSettings) -> Vec<Check>
             return vec![Check::new("drone", Finding::Bad, text, error.hint().as_deref())];
         }
     };
+    // What arrived while connecting is not part of the rate.
+    while drone.next_event(Time::ZERO + begun.elapsed()).is_some() {}
     let (before, since, mut positions) = (drone.link_stats(), Instant::now(), 0_u32);
     while since.elapsed() < WATCHED {
         while let Some((_, event)) = drone.next_event(Time::ZERO + begun.elapsed()) {
