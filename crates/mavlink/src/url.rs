@@ -101,12 +101,17 @@ fn parse(text: &str) -> Option<MavlinkUrl> {
     Some(match scheme {
         // MAVSDK's `udp://` and pymavlink's `udp:` listen.
         "udpin" | "udp" => MavlinkUrl::UdpIn(host_port(rest, "0.0.0.0", OFFBOARD_PORT)?),
-        "udpout" => MavlinkUrl::UdpOut(host_port(rest, "127.0.0.1", OFFBOARD_PORT)?),
-        "tcpout" | "tcp" => MavlinkUrl::TcpOut(host_port(rest, "127.0.0.1", SITL_PORT)?),
+        "udpout" => MavlinkUrl::UdpOut(host_port(rest, "127.0.0.1", OFFBOARD_PORT).filter(has_port)?),
+        "tcpout" | "tcp" => MavlinkUrl::TcpOut(host_port(rest, "127.0.0.1", SITL_PORT).filter(has_port)?),
         "tcpin" => MavlinkUrl::TcpIn(host_port(rest, "0.0.0.0", SITL_PORT)?),
         "serial" => return serial(rest),
         _ => return None,
     })
+}
+
+/// A listener on port 0 gets a free one; nobody can be reached there.
+fn has_port(at: &HostPort) -> bool {
+    at.port != 0
 }
 
 /// `HOST:PORT`, `HOST`, `:PORT`, `[IPV6]:PORT`; a missing part has its default.
@@ -123,7 +128,7 @@ fn host_port(text: &str, host: &str, port: u16) -> Option<HostPort> {
     if name.len() > 253 || !name.chars().all(is_of_a_name) {
         return None;
     }
-    let port = number.map_or(Some(port), |number| number.parse().ok().filter(|port| *port != 0))?;
+    let port = number.map_or(Some(port), |number| number.parse().ok())?;
     Some(HostPort { host: if name.is_empty() { host } else { name }.to_owned(), port })
 }
 
@@ -174,7 +179,7 @@ mod tests {
             "tello",
             "udpin",
             "http:1.2.3.4:5",
-            "udpin:1.2.3.4:0",
+            "udpout:1.2.3.4:0",
             "udpin:a b:1",
             "tcp:[::g]:1",
             "serial:",

@@ -127,6 +127,7 @@ fn mavsdk_takes_off_flies_offboard_goes_somewhere_and_lands_a_served_px4() {
 
 /// The view of the vehicle by RTSP, the oracle of the same process as a model behind HTTP.
 #[test]
+#[ignore = "long: .ci/interop runs it"]
 fn a_flight_by_language_over_real_sockets_with_the_camera_by_rtsp() {
     let lab = Lab::new();
     let port = port();
