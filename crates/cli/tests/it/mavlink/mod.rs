@@ -4,6 +4,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, PoisonError};
 
 use serde_json::Value;
 
@@ -59,7 +60,12 @@ impl Drop for Served {
 
 /// Runs a script of ours on an unmodified library against a served vehicle; returns its last line.
 fn client(packages: &[&str], script: &str, args: &[&str]) -> Option<Value> {
-    let python = python::with(packages)?;
+    // Two tests at once would make the same environment.
+    static MAKING: Mutex<()> = Mutex::new(());
+    let python = {
+        let _making = MAKING.lock().unwrap_or_else(PoisonError::into_inner);
+        python::with(packages)?
+    };
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mavlink");
     let mut command = Command::new("timeout");
     command.args(["-k", "5", "150"]).arg(python).arg(here.join(script)).args(args);
@@ -78,7 +84,8 @@ const PYMAVLINK: [&str; 1] = ["pymavlink==2.4.50"];
 #[test]
 fn pymavlink_arms_takes_off_and_lands_a_served_ardupilot_over_tcp() {
     let lab = Lab::new();
-    let served = Served::start(&lab, "ardupilot", "tcpin:127.0.0.1:0", &["--scene", "park"], 1);
+    let served =
+        Served::start(&lab, "ardupilot", "tcpin:127.0.0.1:0", &["--scene", "park", "--mavlink-param", "DISARM_DELAY=2"], 1);
     let address = served.addresses[0].strip_prefix("mavlink@tcpout:").unwrap();
     let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("tcp:{address}"), "ardupilot", "--short"]) else {
         return;

@@ -200,9 +200,9 @@ impl Vehicle {
                 Control::Preparing { .. } | Control::Arming { .. } | Control::Climbing { .. } => {
                     self.control = Control::Refused { what, result, at: now };
                 }
-                Control::Entering { from, ask_at, tries, takes_off } if command.id == ids::SET_MODE => {
+                Control::Entering { from, tries, takes_off, .. } if command.id == ids::SET_MODE => {
                     if tries < TRIES {
-                        self.control = Control::Entering { from, ask_at: ask_at.max(now + AGAIN), tries, takes_off };
+                        self.control = Control::Entering { from, ask_at: now + AGAIN, tries, takes_off };
                     } else {
                         self.refuse(now, what, result);
                     }
