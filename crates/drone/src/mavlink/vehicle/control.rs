@@ -314,11 +314,11 @@ impl Vehicle {
                 self.control = Control::Idle;
                 self.report(now);
             }
-            Control::Entering { from, ask_at, tries, takes_off } if now >= ask_at && tries < TRIES => {
-                if !self.commands.has(ids::SET_MODE) {
-                    self.set_mode(self.autopilot.external());
-                    self.control = Control::Entering { from, ask_at: now + SHOWN_WITHIN, tries: tries + 1, takes_off };
-                }
+            Control::Entering { from, ask_at, tries, takes_off }
+                if now >= ask_at && tries < TRIES && !self.commands.has(ids::SET_MODE) =>
+            {
+                self.set_mode(self.autopilot.external());
+                self.control = Control::Entering { from, ask_at: now + SHOWN_WITHIN, tries: tries + 1, takes_off };
             }
             Control::Stopping { sent, at } if sent < STOPS && now >= at && self.armed => {
                 self.commands.interrupt(VehicleCommand::new(ids::ARM, &[0.0, FORCE]));

@@ -266,7 +266,7 @@ impl VirtualVehicle {
                 self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "No valid mission available");
                 return result::DENIED;
             }
-            (Autopilot::Px4, 0x0006_0000) if !self.target.is_some_and(|(at, _)| now.since(at) < STREAM) => {
+            (Autopilot::Px4, 0x0006_0000) if self.target.is_none_or(|(at, _)| now.since(at) >= STREAM) => {
                 self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "Switching to Offboard is currently not available");
                 return result::REJECTED;
             }
