@@ -136,7 +136,9 @@ fn host_port(text: &str, host: &str, port: u16) -> Option<HostPort> {
 fn serial(text: &str) -> Option<MavlinkUrl> {
     let (path, rate) = text.rsplit_once([':', ',']).map_or((text, None), |(path, rate)| (path, Some(rate)));
     let rate = rate.map_or(Some(SERIAL_RATE), |rate| rate.parse().ok().filter(|rate| (1200..=4_000_000).contains(rate)))?;
-    (!path.is_empty() && path.len() <= 4096).then(|| MavlinkUrl::Serial { path: path.to_owned(), rate })
+    // Two slashes begin nothing else than what follows a scheme.
+    (!path.is_empty() && path.len() <= 4096 && !path.starts_with("//"))
+        .then(|| MavlinkUrl::Serial { path: path.to_owned(), rate })
 }
 
 #[cfg(test)]
