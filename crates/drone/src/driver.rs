@@ -58,7 +58,7 @@ pub struct Connected {
     /// A sentence describing what was found.
     pub summary: String,
     /// A warning to show to the user before take-off.
-    pub warning: &'static str,
+    pub warning: String,
 }
 
 /// Why the connection failed.

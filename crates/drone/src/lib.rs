@@ -1,5 +1,5 @@
-//! The `Drone` interface: a craft that accepts cleared commands, reports telemetry, and has a camera; and the Tello
-//! driver.
+//! The `Drone` interface: a craft that accepts cleared commands, reports telemetry, and has a camera; and its
+//! drivers: Tello and MAVLink.
 //!
 //! Only the envelope can create a [`Cleared`] command, so no implementation of [`Drone`] can be moved without passing
 //! it. [`registry::connect`] connects to a craft by name, such as `tello@192.168.10.1`.
@@ -8,6 +8,7 @@ pub mod abandon;
 pub mod driver;
 pub mod examine;
 pub mod frames;
+pub mod mavlink;
 pub mod options;
 pub mod registry;
 pub mod tello;
@@ -72,6 +73,9 @@ pub enum DroneEvent {
     LinkLost,
     /// The link is back.
     LinkRestored,
+    /// Somebody else has taken control, by a radio or another station: the driver sends nothing more. The pilot holds, as if the
+    /// operator had said so; a setpoint that it sends after the operator has resumed takes control back.
+    TakenOver,
 }
 
 /// Why a command was not sent.

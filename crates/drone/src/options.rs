@@ -1,5 +1,6 @@
 //! Driver options.
 
+use crate::mavlink::settings::MavlinkSettings;
 use crate::tello::settings::TelloSettings;
 
 /// The options of all drivers.
@@ -7,4 +8,6 @@ use crate::tello::settings::TelloSettings;
 pub struct Options {
     /// Tello options.
     pub tello: TelloSettings,
+    /// MAVLink options.
+    pub mavlink: MavlinkSettings,
 }

@@ -92,6 +92,11 @@ impl SimCraft {
         self.dynamics.apply(now, command, valid_until);
     }
 
+    /// Sets the height of later take-offs, metres above the take-off point.
+    pub fn set_take_off_height(&mut self, height: f64) {
+        self.dynamics.set_take_off_height(height);
+    }
+
     /// Advances the world to the last tick that ends at or before `now`.
     pub fn advance_to(&mut self, now: Time) {
         while self.dynamics.time() + TICK <= now {

@@ -162,6 +162,11 @@ impl Dynamics {
         self.waiting.insert(place, Waiting { from_tick, command, expires: valid_until + self.dead_time });
     }
 
+    /// Sets the height of later take-offs, metres above the take-off point.
+    pub fn set_take_off_height(&mut self, height: f64) {
+        self.model.craft.take_off_height = height;
+    }
+
     /// One tick.
     pub fn step(&mut self, collider: &Collider) {
         let now = self.time();

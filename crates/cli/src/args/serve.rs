@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::ConditionArgs;
 
-/// Serves a simulated Tello or VLM endpoint to other programs, until Ctrl-C.
+/// Serves a simulated Tello, PX4 or ArduPilot, or a VLM endpoint to other programs, until Ctrl-C.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -17,6 +17,8 @@ Examples:
   spf sim serve --tello --scene office --listen 127.0.0.1
   spf sim serve --tello --vlm --vlm-listen 127.0.0.1:8080 --scene office --truth truth.jsonl
   spf sim serve --tello --scene office --rtsp
+  spf sim serve --mavlink px4 --scene city --rtsp
+  spf sim serve --mavlink ardupilot --scene park --mavlink-link tcpin:127.0.0.1:5760
 
 GET /frame.jpg returns an image from the camera in the scene, and PUT /pose moves the camera. The oracle answers questions \
 about images of the last 10 s, at any size; any other image returns HTTP status 422. The oracle is not a VLM. The endpoint is only \
@@ -53,7 +55,17 @@ pub(crate) struct Serve {
     /// machine keeps up, else draft)
     #[arg(long, value_name = "QUALITY", default_value = "auto")]
     pub(crate) quality: String,
-    /// Fault injection for the Tello (TOML, see docs/guide/tello.md); reloaded when the file changes
+    /// Serve a PX4 (px4) or an ArduPilot (ardupilot) by MAVLink (docs/guide/px4.md, docs/guide/ardupilot.md)
+    #[arg(long, value_name = "AUTOPILOT", conflicts_with = "tello")]
+    pub(crate) mavlink: Option<String>,
+    /// Links of the MAVLink vehicle, separated by commas: udpout:HOST:PORT (it sends first), udpin:, tcpin: or serial:DEVICE:RATE
+    /// [default: udpout:127.0.0.1:14540,udpout:127.0.0.1:14550; with ardupilot tcpin:127.0.0.1:5760,udpout:127.0.0.1:14550]
+    #[arg(long, value_name = "URLS", requires = "mavlink")]
+    pub(crate) mavlink_link: Option<String>,
+    /// Sets a parameter of the MAVLink vehicle; may be repeated
+    #[arg(long, value_name = "NAME=NUMBER", requires = "mavlink")]
+    pub(crate) mavlink_param: Vec<String>,
+    /// Fault injection for the drone (TOML, see docs/guide/tello.md); reloaded when the file changes
     #[arg(long, value_name = "FILE")]
     pub(crate) fault: Option<PathBuf>,
     /// Append a JSON line for each flight of the Tello to this file: verified, final_distance_m, collisions
@@ -61,14 +73,7 @@ pub(crate) struct Serve {
     pub(crate) truth: Option<PathBuf>,
     /// Also send the drone's view by RTSP, as an IP camera does, with times of capture: rtsp://ADDR:PORT/camera [default with the
     /// flag alone: 127.0.0.1:8554]
-    #[arg(
-        long,
-        value_name = "ADDR:PORT",
-        num_args = 0..=1,
-        require_equals = true,
-        default_missing_value = "127.0.0.1:8554",
-        requires = "tello"
-    )]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8554")]
     pub(crate) rtsp: Option<String>,
     /// Wind for the Tello: M_S[,from=DEG][,gust=M_S][,gust_time=S] [default: still air]
     #[arg(long, value_name = "WIND", allow_hyphen_values = true)]

@@ -43,7 +43,7 @@ fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
     let start = Instant::now();
     let Connected { drone, warning, .. } = real::connect(target.as_ref(), &options, start, printer)?;
     printer.log("Measuring for about 45 s: leave 3 m of free space ahead and 2 m above.");
-    printer.log(warning);
+    printer.log(&warning);
     match calibrate(drone, options.tello.calibration, start, interrupts) {
         Ok(measured) => {
             printer.result(&table(&measured));

@@ -19,6 +19,7 @@ mod json;
 mod log;
 #[cfg(unix)]
 mod manual;
+mod mavlink;
 mod operator;
 mod python;
 mod scenes;

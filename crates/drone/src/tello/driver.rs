@@ -81,7 +81,7 @@ impl Target for NamedTello {
         Ok(driver::Connected {
             drone: Box::new(drone),
             summary: format!("Connected to the Tello at {}: {firmware}, {battery}.", self.0.ip()),
-            warning: if options.tello.motion == TelloMotion::Go { OWN_WARNING } else { WARNING },
+            warning: if options.tello.motion == TelloMotion::Go { OWN_WARNING } else { WARNING }.to_owned(),
         })
     }
 

@@ -64,6 +64,7 @@ fn pilot_event(event: DroneEvent) -> Event {
             Event::Frame(frame)
         }
         DroneEvent::Depth(grid) => Event::Depth(grid),
+        DroneEvent::TakenOver => Event::Operator(OperatorEvent::Hold),
         DroneEvent::LinkLost => Event::LinkLost,
         DroneEvent::LinkRestored => Event::LinkRestored,
     }

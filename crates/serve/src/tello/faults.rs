@@ -21,7 +21,7 @@ pub enum FaultSource {
 }
 
 /// Loads the current faults.
-pub(super) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
+pub(crate) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
     match source {
         FaultSource::Plan(plan) => Ok(plan.clone()),
         FaultSource::File(path) => {
@@ -33,7 +33,7 @@ pub(super) fn read(source: &FaultSource) -> Result<FaultPlan, ServerError> {
 }
 
 /// Watches the fault file for changes.
-pub(super) struct Watch {
+pub(crate) struct Watch {
     source: FaultSource,
     seed: u64,
     seen: Option<SystemTime>,
@@ -41,7 +41,7 @@ pub(super) struct Watch {
 }
 
 impl Watch {
-    pub(super) fn new(source: FaultSource, seed: u64) -> Self {
+    pub(crate) fn new(source: FaultSource, seed: u64) -> Self {
         let mut watch = Self { source, seed, seen: None, look_at: Time::ZERO };
         watch.seen = watch.changed();
         watch
@@ -53,7 +53,7 @@ impl Watch {
     }
 
     /// The new faults, if the file has changed. An invalid file changes nothing.
-    pub(super) fn look(&mut self, now: Time) -> Option<FaultMachine> {
+    pub(crate) fn look(&mut self, now: Time) -> Option<FaultMachine> {
         if now < self.look_at {
             return None;
         }

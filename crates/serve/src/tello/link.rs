@@ -10,16 +10,16 @@ const MOST: usize = 1024;
 
 /// A datagram in transit.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Packet {
-    pub(super) at: Time,
-    pub(super) stream: Stream,
-    pub(super) peer: SocketAddr,
-    pub(super) bytes: Vec<u8>,
+pub(crate) struct Packet {
+    pub(crate) at: Time,
+    pub(crate) stream: Stream,
+    pub(crate) peer: SocketAddr,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// Datagrams in transit, in both directions.
 #[derive(Debug)]
-pub(super) struct Link {
+pub(crate) struct Link {
     faults: FaultMachine,
     /// Number of datagrams so far, from which the faults of each are derived.
     count: u64,
@@ -29,21 +29,21 @@ pub(super) struct Link {
 }
 
 impl Link {
-    pub(super) fn new(faults: FaultMachine) -> Self {
+    pub(crate) fn new(faults: FaultMachine) -> Self {
         Self { faults, count: 0, under_way: Vec::new(), frozen: Vec::new() }
     }
 
-    pub(super) fn faults(&self) -> &FaultMachine {
+    pub(crate) fn faults(&self) -> &FaultMachine {
         &self.faults
     }
 
     /// Sets new faults; datagrams in transit are not affected.
-    pub(super) fn set_faults(&mut self, faults: FaultMachine) {
+    pub(crate) fn set_faults(&mut self, faults: FaultMachine) {
         self.faults = faults;
     }
 
     /// Sends a datagram at `at`.
-    pub(super) fn send(&mut self, at: Time, stream: Stream, peer: SocketAddr, bytes: &[u8]) {
+    pub(crate) fn send(&mut self, at: Time, stream: Stream, peer: SocketAddr, bytes: &[u8]) {
         self.count += 1;
         if self.faults.has_fault(at, CraftFault::LinkCut) {
             return;
@@ -66,7 +66,7 @@ impl Link {
     }
 
     /// The next datagram that arrives by `now` and satisfies `wanted`; earliest first, equal times in order of sending.
-    pub(super) fn take(&mut self, now: Time, wanted: impl Fn(Stream) -> bool) -> Option<Packet> {
+    pub(crate) fn take(&mut self, now: Time, wanted: impl Fn(Stream) -> bool) -> Option<Packet> {
         let due = |packet: &&Packet| packet.at <= now && wanted(packet.stream);
         let at = self.under_way.iter().filter(due).map(|packet| packet.at).min()?;
         let index = self.under_way.iter().position(|packet| packet.at == at && wanted(packet.stream))?;
@@ -76,13 +76,13 @@ impl Link {
     }
 
     /// When the next datagram arrives.
-    pub(super) fn next_at(&self) -> Option<Time> {
+    pub(crate) fn next_at(&self) -> Option<Time> {
         self.under_way.iter().map(|packet| packet.at).min()
     }
 }
 
 /// Flips one bit in every 64 bytes, at least one.
-pub(super) fn corrupted(bytes: &[u8], number: u64) -> Vec<u8> {
+pub(crate) fn corrupted(bytes: &[u8], number: u64) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     let length = bytes.len();
     for round in 0..=length / 64 {

@@ -6,18 +6,18 @@
 
 pub mod command;
 mod error;
-mod faults;
+pub(crate) mod faults;
 mod figures;
 mod film;
 pub mod lens;
-mod link;
+pub(crate) mod link;
 mod machine;
 mod manoeuvre;
 pub(crate) mod pace;
 pub(crate) mod photograph;
 mod server;
 mod service;
-mod shared;
+pub(crate) mod shared;
 mod state;
 pub mod video;
 

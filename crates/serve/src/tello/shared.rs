@@ -66,6 +66,6 @@ impl Shared {
 
 /// Locks a mutex. After a panic elsewhere its contents are still consistent: every change is one assignment or one
 /// tick.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

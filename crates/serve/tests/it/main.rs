@@ -13,6 +13,7 @@ mod harness;
 mod images;
 mod lens;
 mod matrix;
+mod mavlink;
 mod memory;
 mod protocol;
 mod queues;

@@ -93,7 +93,7 @@ pub(super) fn ready(
     #[cfg(all(debug_assertions, unix))]
     let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning.to_owned()];
+    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning];
     if !attended {
         announcements
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());

@@ -11,6 +11,7 @@ use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
+use spf_drone::mavlink::settings::MavlinkSettings;
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
@@ -236,5 +237,5 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
         sink: configured.sink_m_s.get()?.unwrap_or(sink),
         yaw_rate: configured.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
     };
-    Ok(Options { tello })
+    Ok(Options { tello, mavlink: MavlinkSettings::default() })
 }

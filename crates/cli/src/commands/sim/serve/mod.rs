@@ -1,5 +1,6 @@
 //! `spf sim serve`: exposes the simulator over the interfaces of real systems.
 
+mod mavlink;
 mod rtsp;
 mod tello;
 mod vlm;
@@ -22,21 +23,24 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// Runs the requested servers until Ctrl-C.
 pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
-    if args.vlm.is_none() && !args.tello {
-        return Err(CliError::usage("nothing to serve").hint("use --vlm, --tello or both"));
+    if args.vlm.is_none() && !args.tello && args.mavlink.is_none() {
+        return Err(CliError::usage("nothing to serve").hint("use --tello or --mavlink, and --vlm"));
     }
     let interrupts = interrupts()?;
     let shared_instruction =
         SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
     let onboard = args.vlm.as_ref().map(|_| Arc::new(OnboardCamera::default()));
     let service = args.tello.then(|| tello::start(args, onboard.clone(), shared_instruction.clone(), printer)).transpose()?;
-    let seen = service.as_ref().zip(args.rtsp.as_deref());
-    let _camera = seen.map(|(service, listen)| rtsp::start(args, listen, service, onboard.clone(), printer)).transpose()?;
-    let flown = service.as_ref().zip(onboard).map(|(service, onboard)| vlm::Flown {
-        world: service.world().clone(),
-        onboard,
-        shared_instruction,
-    });
+    let vehicle = args.mavlink.as_deref();
+    let vehicle = vehicle.map(|name| mavlink::start(args, name, shared_instruction.clone(), printer)).transpose()?;
+    let flown = match (&service, &vehicle) {
+        (Some(service), _) => Some((service.world().clone(), service.start_time())),
+        (None, Some(vehicle)) => Some((vehicle.world().clone(), vehicle.start_time())),
+        (None, None) => None,
+    };
+    let seen = flown.clone().zip(args.rtsp.as_deref());
+    let _camera = seen.map(|(flown, listen)| rtsp::start(args, listen, flown, onboard.clone(), printer)).transpose()?;
+    let flown = flown.zip(onboard).map(|((world, _), onboard)| vlm::Flown { world, onboard, shared_instruction });
     let _endpoint = args.vlm.as_deref().map(|oracle| vlm::start(args, oracle, flown, printer)).transpose()?;
     while interrupts.load(Ordering::Relaxed) == 0 {
         std::thread::sleep(LOOK);

@@ -2,10 +2,12 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Instant;
 
+use spf_flight::sim::SimWorld;
 use spf_serve::live_camera::{LiveCamera, LiveCameraPlan};
 use spf_serve::rtsp::RtspError;
-use spf_serve::tello::{TelloService, VideoQuality};
+use spf_serve::tello::VideoQuality;
 use spf_serve::vlm::OnboardCamera;
 
 use crate::args::Serve;
@@ -16,18 +18,17 @@ use crate::printer::Printer;
 pub(super) fn start(
     args: &Serve,
     listen: &str,
-    service: &TelloService,
+    (world, start): (SimWorld, Instant),
     onboard: Option<Arc<OnboardCamera>>,
     printer: &Printer,
 ) -> Result<LiveCamera, CliError> {
     let address: SocketAddr = listen.parse().map_err(|_| {
         CliError::usage(format!("--rtsp: expected an address and a port, found `{listen}`")).hint("--rtsp=127.0.0.1:8554")
     })?;
-    let world = service.world().clone();
     let optics = *world.camera();
     // The name was checked when the drone was started.
     let quality = VideoQuality::from_name(&args.quality).unwrap_or_default();
-    let plan = LiveCameraPlan { quality, onboard, ..LiveCameraPlan::new(world, service.start_time(), address) };
+    let plan = LiveCameraPlan { quality, onboard, ..LiveCameraPlan::new(world, start, address) };
     let camera = LiveCamera::start(plan).map_err(|error| {
         let failure = CliError::usage("cannot serve the camera").because(&error);
         match error {

@@ -1,9 +1,12 @@
 //! The virtual Tello.
 
+use std::fs::File;
 use std::net::{IpAddr, SocketAddr};
+use std::path::Path;
 use std::sync::Arc;
 
 use spf_core::fault::FaultPlan;
+use spf_core::geometry::Pose;
 use spf_flight::sim::FlightConditions;
 use spf_serve::tello::{FaultSource, Firmware, ServerError, TelloPlan, TelloService, VideoQuality};
 use spf_serve::truth::{SharedInstruction, truth_file};
@@ -50,19 +53,17 @@ pub(super) fn print_video_stats(service: &TelloService, printer: &Printer) {
     }
 }
 
-fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
-    let wrong =
-        |flag: &str, value: &str, expected: &str| CliError::usage(format!("{flag}: expected {expected}, found `{value}`"));
-    let listen = address(&args.listen).ok_or_else(|| {
-        wrong("--listen", &args.listen, "an address")
-            .hint("use an IPv4 address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
-    })?;
-    let firmware = Firmware::from_name(&args.sdk).ok_or_else(|| wrong("--sdk", &args.sdk, "1.3, 2.0 or 3.0"))?;
-    let quality = VideoQuality::from_name(&args.quality).ok_or_else(|| {
-        wrong("--quality", &args.quality, &format!("one of {}", VideoQuality::NAMES.join(", ")))
-            .hint("auto adapts the quality to this machine")
-    })?;
-    let pose = args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected)));
+fn wrong(flag: &str, value: &str, expected: &str) -> CliError {
+    CliError::usage(format!("{flag}: expected {expected}, found `{value}`"))
+}
+
+/// Where the served drone starts; `None` for the scene's start.
+pub(super) fn start_pose(args: &Serve) -> Result<Option<Pose>, CliError> {
+    args.start.as_deref().map(|text| parse_pose(text).map_err(|expected| wrong("--start", text, &expected))).transpose()
+}
+
+/// Charge, wind and camera effects of the served drone.
+pub(super) fn flight_conditions(args: &Serve) -> Result<FlightConditions, CliError> {
     let mut flight_conditions = FlightConditions { battery: args.battery, ..FlightConditions::default() };
     if !(0.0..=1.0).contains(&args.battery) {
         return Err(wrong("--battery", &args.battery.to_string(), "a charge from 0 to 1"));
@@ -74,12 +75,30 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
     if let Some(effects) = &args.camera_effects {
         flight_conditions.effects = parse_effects(effects)?;
     }
-    let truth = args.truth.as_deref().map(|path| {
+    Ok(flight_conditions)
+}
+
+/// The file for the judge's results, if one was named.
+pub(super) fn truth(args: &Serve) -> Result<Option<File>, CliError> {
+    let open = |path: &Path| {
         truth_file(path).map_err(|error| CliError::usage(format!("cannot write `{}`", path.display())).because(&error))
-    });
+    };
+    args.truth.as_deref().map(open).transpose()
+}
+
+fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
+    let listen = address(&args.listen).ok_or_else(|| {
+        wrong("--listen", &args.listen, "an address")
+            .hint("use an IPv4 address of this machine, such as 127.0.0.1 or 127.0.0.1:8889")
+    })?;
+    let firmware = Firmware::from_name(&args.sdk).ok_or_else(|| wrong("--sdk", &args.sdk, "1.3, 2.0 or 3.0"))?;
+    let quality = VideoQuality::from_name(&args.quality).ok_or_else(|| {
+        wrong("--quality", &args.quality, &format!("one of {}", VideoQuality::NAMES.join(", ")))
+            .hint("auto adapts the quality to this machine")
+    })?;
     Ok(TelloPlan {
-        start: pose.transpose()?,
-        flight_conditions,
+        start: start_pose(args)?,
+        flight_conditions: flight_conditions(args)?,
         seed: args.seed,
         listen,
         firmware,
@@ -87,7 +106,7 @@ fn plan(args: &Serve) -> Result<TelloPlan, CliError> {
         faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
         instruction: SharedInstruction::default(),
         onboard: None,
-        truth: truth.transpose()?,
+        truth: truth(args)?,
         loaded: Arc::new(load_scene(args.scene.as_deref().unwrap_or("office"), &conditions(&args.conditions)?)?),
     })
 }

@@ -1,0 +1,317 @@
+//! A vehicle with its link and threads.
+
+use std::panic::AssertUnwindSafe;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{Builder, JoinHandle};
+use std::time::Instant;
+
+use spf_core::camera::Camera;
+use spf_core::command::Command;
+use spf_core::craft::Craft;
+use spf_core::envelope::Cleared;
+use spf_core::estimator::TelemetryAccuracy;
+use spf_core::time::{Duration, Time};
+use spf_mavlink::link::Link;
+use spf_mavlink::url::MavlinkUrl;
+use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
+
+use super::opening::{ConnectError, Found, find};
+use super::settings::MavlinkSettings;
+use super::vehicle::{Facts, Notice, Vehicle};
+use crate::abandon::{self, EmergencyLand};
+use crate::frames::{FrameStore, Frames};
+use crate::{Capabilities, Drone, DroneError, DroneEvent};
+
+/// Interval at which due transmissions are looked for.
+const SEND_INTERVAL: Duration = Duration::from_millis(5);
+/// Maximum wait for attitude, position and parameters.
+const STATE_WAIT: Duration = Duration::from_secs(8);
+/// Time allowed for a landing at shutdown: from 30 m at 0.7 m/s.
+const LANDING_TIME: Duration = Duration::from_secs(45);
+/// Standard deviation of the horizontal position that is assumed, and its bounds, metres.
+const ACCURACY: f64 = 0.3;
+const ACCURACIES: (f64, f64) = (0.05, 3.0);
+
+/// State shared by the threads.
+struct Shared {
+    vehicle: Mutex<Vehicle>,
+    /// Held while sending, so that frames leave in the order of their numbers.
+    encoder: Mutex<Encoder>,
+    stats: Mutex<LinkStats>,
+    link: Link,
+    target: [u8; 2],
+    start: Instant,
+    stopped: AtomicBool,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // The value is consistent between calls.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Shared {
+    fn now(&self) -> Time {
+        Time::ZERO + self.start.elapsed()
+    }
+
+    fn vehicle(&self) -> MutexGuard<'_, Vehicle> {
+        lock(&self.vehicle)
+    }
+
+    /// Sends what is due, and tells the user what there is to tell.
+    fn flush(&self) {
+        let mut encoder = lock(&self.encoder);
+        let next = || self.vehicle().poll(self.now());
+        while let Some(outgoing) = next() {
+            tracing::trace!(?outgoing, "to the vehicle");
+            self.link.send(&encoder.frame(&outgoing.body(self.target, self.now())));
+        }
+        drop(encoder);
+        let notice = || self.vehicle().take_notice();
+        while let Some(notice) = notice() {
+            tell(&notice);
+        }
+    }
+}
+
+fn tell(notice: &Notice) {
+    match notice {
+        Notice::Refused { what, result, texts } => {
+            let words = if texts.is_empty() { "without a reason".to_owned() } else { format!("it says: {}", texts.join("; ")) };
+            tracing::error!("the autopilot refused {what} ({}), {words}", result.words());
+        }
+        Notice::Says { severity, text } => match severity {
+            0..=3 => tracing::error!("the autopilot: {text}"),
+            4 => tracing::warn!("the autopilot: {text}"),
+            _ => tracing::info!("the autopilot: {text}"),
+        },
+        Notice::LetGo { mode } => tracing::error!(
+            "the flight mode is now {mode}, which was not commanded here: another station, the radio or a failsafe has control, \
+             and nothing more is sent"
+        ),
+        Notice::NotOurs { what } => {
+            tracing::error!("no {what} is commanded: another station, the radio or a failsafe has control")
+        }
+        Notice::TakingBack { mode } => tracing::warn!("the operator takes control back from {mode}"),
+        Notice::Unattended { landing: false } => tracing::error!("the flight loop was silent for 2 s: the craft hovers"),
+        Notice::Unattended { landing: true } => tracing::error!("the flight loop was silent for 5 s: landing the craft"),
+        Notice::Failed => tracing::error!("a part of the MAVLink driver failed: landing the craft"),
+    }
+}
+
+impl EmergencyLand for Shared {
+    fn abandon(&self) {
+        self.vehicle().leave();
+        let begun = Instant::now();
+        while self.vehicle().is_ours() {
+            if begun.elapsed() >= LANDING_TIME {
+                tracing::error!("the craft did not report a landing within {} s", LANDING_TIME.as_secs());
+                return;
+            }
+            self.flush();
+            std::thread::sleep(SEND_INTERVAL);
+        }
+    }
+}
+
+/// A PX4 or ArduPilot behind the [`Drone`] interface. It has no camera of its own.
+pub struct MavlinkCraft {
+    shared: Arc<Shared>,
+    frames: FrameStore,
+    accuracy: f64,
+    threads: Vec<JoinHandle<()>>,
+    polled: Time,
+}
+
+impl MavlinkCraft {
+    /// Connects to the autopilot at an address. `start` is flight time zero.
+    ///
+    /// # Errors
+    /// [`ConnectError`] if the link cannot be opened, or nothing usable arrives.
+    pub fn connect(url: &MavlinkUrl, settings: MavlinkSettings, start: Instant) -> Result<Self, ConnectError> {
+        let link = Link::open(url)?;
+        let mut decoder = Decoder::default();
+        let found = find(url, &link, &mut decoder, settings, craft().take_off_height, start)?;
+        let Found { system, component, vehicle, encoder } = found;
+        let autopilot = vehicle.facts().autopilot.name();
+        let shared = Arc::new(Shared {
+            vehicle: Mutex::new(vehicle),
+            encoder: Mutex::new(encoder),
+            stats: Mutex::default(),
+            link,
+            target: [system, component],
+            start,
+            stopped: AtomicBool::new(false),
+        });
+        let mut craft = Self {
+            shared: shared.clone(),
+            frames: FrameStore::default(),
+            accuracy: ACCURACY,
+            threads: Vec::new(),
+            polled: Time::ZERO,
+        };
+        let (one, two) = (shared.clone(), shared.clone());
+        craft.spawn("receiver", move || receive(&one, decoder))?;
+        craft.spawn("sender", move || {
+            while !two.stopped.load(Ordering::Relaxed) {
+                two.flush();
+                std::thread::sleep(SEND_INTERVAL);
+            }
+        })?;
+        let begun = Instant::now();
+        loop {
+            let now = shared.now();
+            let vehicle = shared.vehicle();
+            let flown = vehicle.is_oriented(now) && vehicle.is_placed();
+            if flown && (vehicle.is_read() || begun.elapsed() >= STATE_WAIT) {
+                break;
+            }
+            if begun.elapsed() >= STATE_WAIT {
+                let texts = vehicle.facts().last_words();
+                return Err(ConnectError::NoPosition { url: url.clone(), autopilot, wait: STATE_WAIT.as_secs(), texts });
+            }
+            drop(vehicle);
+            std::thread::sleep(SEND_INTERVAL);
+        }
+        let known = shared.vehicle().facts().clone();
+        let said = known.position_error.or(known.gps.and_then(|gps| gps.accuracy));
+        craft.accuracy = said.map_or(ACCURACY, |said| said.clamp(ACCURACIES.0, ACCURACIES.1));
+        // From here on it is landed if the program ends.
+        abandon::register(&(shared.clone() as Arc<dyn EmergencyLand>));
+        // A program that died may have left it in the air.
+        let mut vehicle = shared.vehicle();
+        if vehicle.is_flying() {
+            let mode = vehicle.mode();
+            if vehicle.adopt(shared.now()) {
+                tracing::warn!("the craft is in the air in {mode}: it is flown from where it is");
+            } else {
+                tracing::error!(
+                    "the craft is in the air in {mode}: it is not flown until the operator resumes (docs/guide/px4.md)"
+                );
+            }
+        }
+        drop(vehicle);
+        Ok(craft)
+    }
+
+    fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
+        let shared = self.shared.clone();
+        let guarded = move || {
+            // A panic must not leave the craft with its last velocity. The message was printed where it happened.
+            if std::panic::catch_unwind(AssertUnwindSafe(work)).is_err() {
+                shared.vehicle().fail();
+                // This thread may have been the one that sends.
+                while !shared.stopped.load(Ordering::Relaxed) {
+                    shared.flush();
+                    std::thread::sleep(SEND_INTERVAL);
+                }
+            }
+        };
+        self.threads.push(Builder::new().name(format!("mavlink {name}")).spawn(guarded).map_err(ConnectError::Start)?);
+        Ok(())
+    }
+
+    /// What is known about it.
+    #[must_use]
+    pub fn facts(&self) -> Facts {
+        self.shared.vehicle().facts().clone()
+    }
+
+    /// Its flight mode, and whether it is in the air.
+    #[must_use]
+    pub fn state(&self) -> (spf_mavlink::modes::Mode, bool) {
+        let vehicle = self.shared.vehicle();
+        (vehicle.mode(), vehicle.is_flying())
+    }
+
+    /// What the link delivered so far.
+    #[must_use]
+    pub fn link_stats(&self) -> LinkStats {
+        *lock(&self.shared.stats)
+    }
+
+    /// Number of setpoints sent.
+    #[must_use]
+    pub fn setpoints_sent(&self) -> u64 {
+        self.shared.vehicle().setpoints_sent()
+    }
+}
+
+/// The craft that is assumed: a general quadrotor.
+pub(super) fn craft() -> Craft {
+    Craft::quad()
+}
+
+fn receive(shared: &Shared, mut decoder: Decoder) {
+    let mut buffer = [0; spf_mavlink::link::LONGEST];
+    let mut sequence = Sequence::default();
+    while !shared.stopped.load(Ordering::Relaxed) {
+        let (length, restarts) = shared.link.receive(&mut buffer);
+        if restarts {
+            decoder.clear();
+        }
+        decoder.push(&buffer[..length]);
+        while let Some(packet) = decoder.next_packet() {
+            if [packet.system, packet.component] != shared.target {
+                if packet.is_ground_station() {
+                    lock(&shared.stats).other_stations = true;
+                }
+                continue;
+            }
+            // What came twice, or was overtaken: an old heartbeat would look like another station's change of mode.
+            if !sequence.accept(packet.sequence, &mut lock(&shared.stats)) {
+                continue;
+            }
+            let now = shared.now();
+            shared.vehicle().handle(now, &packet.report());
+        }
+    }
+}
+
+impl Drop for MavlinkCraft {
+    fn drop(&mut self) {
+        self.shared.abandon();
+        self.shared.stopped.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            drop(thread.join());
+        }
+    }
+}
+
+impl Drone for MavlinkCraft {
+    fn name(&self) -> &str {
+        "mavlink"
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        let senses = TelemetryAccuracy { position_noise: self.accuracy, ..TelemetryAccuracy::quad() };
+        Capabilities { position: true, ..Capabilities::of(craft(), Camera::quad(), senses) }
+    }
+
+    fn frames(&self) -> Arc<dyn Frames> {
+        Arc::new(self.frames.clone())
+    }
+
+    fn apply(&mut self, _now: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
+        // Use the link's clock, not the loop's: a setpoint expires on time however late it arrives here.
+        let now = self.shared.now();
+        let mut vehicle = self.shared.vehicle();
+        vehicle.heartbeat(now);
+        vehicle.apply(now, command);
+        Ok(())
+    }
+
+    fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
+        self.polled = until;
+        let now = self.shared.now();
+        let mut vehicle = self.shared.vehicle();
+        vehicle.heartbeat(now);
+        vehicle.take_event(now)
+    }
+
+    /// Unknown for a real craft; it is polled at this interval.
+    fn next_event_at(&self) -> Option<Time> {
+        Some(self.polled + SEND_INTERVAL)
+    }
+}

@@ -1,0 +1,68 @@
+//! The registration of the MAVLink driver.
+
+use std::time::Instant;
+
+use spf_core::craft::Craft;
+use spf_core::envelope::Limits;
+use spf_mavlink::url::MavlinkUrl;
+
+use super::craft::{MavlinkCraft, craft};
+use super::doctor;
+use super::opening::ConnectError;
+use super::vehicle::Facts;
+use crate::driver::{self, Driver, Target};
+use crate::examine::Check;
+use crate::options::Options;
+
+/// The driver.
+pub const DRIVER: Driver = Driver {
+    scheme: "mavlink",
+    form: "mavlink[@URL]",
+    about: "a PX4 or ArduPilot multicopter, with --camera; URL: udpin:HOST:PORT (default: udpin:0.0.0.0:14540), udpout:, tcpout:, \
+            tcpin: or serial:DEVICE:RATE; see docs/guide/px4.md and ardupilot.md",
+    target: |rest| {
+        let url = if rest.is_empty() { MavlinkUrl::default() } else { rest.strip_prefix('@')?.parse().ok()? };
+        Some(Box::new(NamedVehicle(url)) as Box<dyn Target>)
+    },
+};
+
+/// A vehicle at an address.
+struct NamedVehicle(MavlinkUrl);
+
+impl Target for NamedVehicle {
+    fn craft(&self) -> Craft {
+        craft()
+    }
+
+    fn limits(&self) -> Limits {
+        Limits { take_off_checks: true, ..Limits::for_craft(&self.craft()) }
+    }
+
+    fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
+        let drone = MavlinkCraft::connect(&self.0, options.mavlink, start).map_err(explained)?;
+        let facts = drone.facts();
+        Ok(driver::Connected {
+            summary: format!("Connected to {} at {}.", doctor::vehicle(&facts), self.0),
+            warning: warning(&facts),
+            drone: Box::new(drone),
+        })
+    }
+
+    fn examine(&self, options: &Options) -> Vec<Check> {
+        doctor::examine(&self.0, options.mavlink)
+    }
+}
+
+/// What happens when this program or the link dies, for the user before take-off.
+fn warning(facts: &Facts) -> String {
+    format!(
+        "If this program or the link dies: {}. A change of the flight mode by the radio or another station takes control away at \
+         once; r gives it back. Ctrl-C lands; a second Ctrl-C lands without finishing the files.",
+        facts.on_loss()
+    )
+}
+
+/// The error with a hint on what to do.
+fn explained(error: ConnectError) -> driver::ConnectError {
+    driver::ConnectError { craft: "the vehicle", hint: error.hint(), source: error.into() }
+}

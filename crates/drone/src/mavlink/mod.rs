@@ -1,0 +1,10 @@
+//! PX4 and ArduPilot by MAVLink.
+//!
+//! [`Vehicle`](vehicle::Vehicle) is the logic, without sockets; [`MavlinkCraft`](craft::MavlinkCraft) has a link and threads.
+
+pub mod craft;
+mod doctor;
+pub mod driver;
+pub mod opening;
+pub mod settings;
+pub mod vehicle;

@@ -1,0 +1,204 @@
+//! What is known about a vehicle besides its motion: firmware, battery, satellites, home, parameters, its last words.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use spf_core::geometry::EnuPosition;
+use spf_core::time::{Duration, Time};
+use spf_mavlink::modes::Autopilot;
+use spf_mavlink::parameter::{ParameterEncoding, ParameterValue};
+use spf_mavlink::report::{Gps, Report};
+
+/// A parameter is requested again after this long, at most this often.
+const AGAIN: Duration = Duration::from_millis(500);
+const TRIES: u8 = 5;
+/// Texts of this severity and worse explain a refusal.
+const WARNING: u8 = 4;
+/// Texts that are remembered, and for how long they explain something.
+const TEXTS: usize = 8;
+const RECENT: Duration = Duration::from_secs(4);
+/// Refusals to arm are repeated by the autopilot every 30 s or so, and stay true until then.
+const REASONS: [&str; 3] = ["PreArm:", "Arm:", "Preflight Fail"];
+
+/// The parameters that matter here, of PX4 and of ArduPilot.
+const PX4: &[&str] = &[
+    "COM_OF_LOSS_T",
+    "COM_OBL_RC_ACT",
+    "COM_RCL_EXCEPT",
+    "NAV_RCL_ACT",
+    "NAV_DLL_ACT",
+    "COM_LOW_BAT_ACT",
+    "GF_ACTION",
+    "GF_MAX_HOR_DIST",
+    "GF_MAX_VER_DIST",
+    "MIS_TAKEOFF_ALT",
+    "RTL_RETURN_ALT",
+    "MPC_XY_VEL_MAX",
+    "MPC_Z_VEL_MAX_UP",
+    "MPC_Z_VEL_MAX_DN",
+];
+const COPTER: &[&str] = &[
+    "GUID_TIMEOUT",
+    "FS_THR_ENABLE",
+    "FS_GCS_ENABLE",
+    "BATT_FS_LOW_ACT",
+    "FENCE_ENABLE",
+    "FENCE_ACTION",
+    "FENCE_RADIUS",
+    "FENCE_ALT_MAX",
+    "WPNAV_SPEED",
+    "WPNAV_SPEED_UP",
+    "WPNAV_SPEED_DN",
+];
+
+/// What is known about a vehicle.
+#[derive(Clone, Debug)]
+pub struct Facts {
+    /// Its autopilot.
+    pub autopilot: Autopilot,
+    /// Major, minor and patch number of its firmware, once known.
+    pub firmware: Option<[u8; 3]>,
+    /// Charge, 0..=1.
+    pub battery: Option<f64>,
+    /// Whether its arming checks pass; `None` if it does not say.
+    pub may_arm: Option<bool>,
+    /// Satellite navigation.
+    pub gps: Option<Gps>,
+    /// Where it returns to, relative to where its estimator started.
+    pub home: Option<EnuPosition>,
+    /// Standard deviation of its horizontal position, metres, if it says so.
+    pub position_error: Option<f64>,
+    encoding: ParameterEncoding,
+    parameters: BTreeMap<&'static str, ParameterValue>,
+    /// Names still to be read, with the number of requests.
+    missing: VecDeque<(&'static str, u8)>,
+    ask_at: Time,
+    texts: VecDeque<(Time, u8, String)>,
+}
+
+impl Facts {
+    pub(super) fn of(autopilot: Autopilot) -> Self {
+        let (names, encoding) = match autopilot {
+            Autopilot::Px4 => (PX4, ParameterEncoding::Bytewise),
+            Autopilot::ArduPilot => (COPTER, ParameterEncoding::Cast),
+        };
+        Self {
+            autopilot,
+            firmware: None,
+            battery: None,
+            may_arm: None,
+            gps: None,
+            home: None,
+            position_error: None,
+            encoding,
+            parameters: BTreeMap::new(),
+            missing: names.iter().map(|name| (*name, 0)).collect(),
+            ask_at: Time::ZERO,
+            texts: VecDeque::new(),
+        }
+    }
+
+    pub(super) fn observe(&mut self, report: &Report) {
+        match report {
+            Report::System { battery, may_arm } => (self.battery, self.may_arm) = (*battery, *may_arm),
+            Report::Gps(gps) => self.gps = Some(*gps),
+            Report::Home(home) => self.home = Some(*home),
+            Report::PositionError(error) => self.position_error = Some(*error).filter(|error| error.is_finite()),
+            Report::Version { capabilities, firmware } => {
+                self.firmware = Some(*firmware);
+                self.encoding = ParameterEncoding::from_capabilities(*capabilities).unwrap_or(self.encoding);
+            }
+            Report::Parameter { name, field, kind } => {
+                if let Some(index) = self.missing.iter().position(|(missing, _)| missing == name)
+                    && let Some(value) = ParameterValue::decode(*field, *kind, self.encoding)
+                {
+                    self.missing.remove(index).map(|(name, _)| self.parameters.insert(name, value));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    pub(super) fn said(&mut self, now: Time, severity: u8, text: &str) {
+        if self.texts.len() >= TEXTS {
+            self.texts.pop_front();
+        }
+        self.texts.push_back((now, severity, text.to_owned()));
+    }
+
+    /// What it has said lately that may explain a refusal, each text once.
+    pub(super) fn recent_words(&self, now: Time) -> Vec<String> {
+        let mut words: Vec<String> = Vec::new();
+        for (at, severity, text) in &self.texts {
+            let lasting = REASONS.iter().any(|reason| text.starts_with(reason));
+            if *severity <= WARNING && (lasting || now.since(*at) <= RECENT) && !words.contains(text) {
+                words.push(text.clone());
+            }
+        }
+        words
+    }
+
+    /// What it has said lately, whatever its severity.
+    #[must_use]
+    pub fn last_words(&self) -> Vec<String> {
+        self.texts.iter().map(|(.., text)| text.clone()).collect()
+    }
+
+    /// The next parameter to request, one at a time: a burst would be lost on a slow link.
+    pub(super) fn poll(&mut self, now: Time) -> Option<String> {
+        // How integers travel must be known first, if it can be.
+        if now < self.ask_at || (self.firmware.is_none() && now < Time::ZERO + AGAIN) {
+            return None;
+        }
+        let (name, tries) = self.missing.pop_front()?;
+        self.ask_at = now + AGAIN / 8;
+        if tries < TRIES {
+            // The answer to the last request may be under way.
+            self.missing.push_back((name, tries + 1));
+            return Some(name.to_owned());
+        }
+        None
+    }
+
+    /// Whether all parameters have arrived or were given up.
+    pub(super) fn is_read(&self) -> bool {
+        self.missing.is_empty()
+    }
+
+    /// A parameter, if the vehicle has it.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<f64> {
+        self.parameters.get(name).map(|value| value.number())
+    }
+
+    /// What the vehicle does when our setpoints end, as far as its parameters tell.
+    #[must_use]
+    pub fn on_loss(&self) -> String {
+        let number = |name| self.parameter(name);
+        match self.autopilot {
+            Autopilot::Px4 => {
+                let action = number("COM_OBL_RC_ACT").map(|action| match action as i64 {
+                    0 => "changes to Position mode, which needs a radio (without one it goes on to its next failsafe)",
+                    1 => "changes to Altitude mode, which needs a radio (without one it goes on to its next failsafe)",
+                    2 => "changes to Stabilized mode, which needs a radio (without one it goes on to its next failsafe)",
+                    3 => "returns home",
+                    4 => "lands",
+                    5 => "holds its position",
+                    6 => "stops its motors",
+                    7 => "disarms",
+                    _ => "does what COM_OBL_RC_ACT says",
+                });
+                match (number("COM_OF_LOSS_T"), action) {
+                    (Some(time), Some(action)) => format!("{time} s after the last setpoint PX4 {action} (COM_OBL_RC_ACT)"),
+                    _ => "what PX4 does then is unknown: COM_OF_LOSS_T and COM_OBL_RC_ACT could not be read".to_owned(),
+                }
+            }
+            Autopilot::ArduPilot => match number("GUID_TIMEOUT") {
+                Some(time) => format!(
+                    "{time} s after the last setpoint ArduPilot stops and hovers (GUID_TIMEOUT) until its battery failsafe, unless \
+                     the radio takes over"
+                ),
+                None => "what ArduPilot does then is unknown: GUID_TIMEOUT could not be read".to_owned(),
+            },
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! What the vehicle measures, as telemetry for the pilot.
+
+use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity};
+use spf_core::telemetry::{FlightPhase, Telemetry};
+use spf_core::time::{Duration, Time};
+use spf_mavlink::report::Report;
+
+/// Older values than this are not passed on.
+const FRESH: Duration = Duration::from_millis(1000);
+/// The same for the attitude, which frames depend on.
+const FRESH_ATTITUDE: Duration = Duration::from_millis(500);
+
+/// The newest values, with their times of arrival.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sensed {
+    attitude: Option<(Time, Attitude, f64)>,
+    position: Option<(Time, EnuPosition, EnuVelocity)>,
+    height: Option<(Time, f64)>,
+    clearance: Option<(Time, f64)>,
+}
+
+fn fresh<T: Copy>(now: Time, value: Option<(Time, T)>) -> Option<T> {
+    value.filter(|(at, _)| now.since(*at) < FRESH).map(|(_, value)| value)
+}
+
+impl Sensed {
+    /// Takes a report into account. Values that are not finite count as not reported.
+    pub(super) fn observe(&mut self, now: Time, report: &Report) {
+        match *report {
+            Report::Attitude { attitude, yaw_rate } => {
+                let Attitude { heading, pitch, roll } = attitude;
+                if [heading, pitch, roll, yaw_rate].iter().all(|value| value.is_finite()) {
+                    self.attitude = Some((now, attitude, yaw_rate));
+                }
+            }
+            Report::LocalPosition { position, velocity } => {
+                let (p, v) = (position, velocity);
+                if [p.east, p.north, p.up, v.east, v.north, v.up].iter().all(|value| value.is_finite()) {
+                    self.position = Some((now, position, velocity));
+                }
+            }
+            Report::Height(height) => self.height = Some((now, height)),
+            Report::GroundClearance(clearance) => self.clearance = clearance.map(|clearance| (now, clearance)),
+            _ => {}
+        }
+    }
+
+    /// Height above home, metres.
+    pub(super) fn height(&self, now: Time) -> Option<f64> {
+        fresh(now, self.height)
+    }
+
+    /// The state as telemetry; `None` without a fresh attitude and position.
+    pub(super) fn telemetry(&self, now: Time, phase: FlightPhase, battery: Option<f64>) -> Option<Telemetry> {
+        let (measured, attitude, yaw_rate) = self.attitude?;
+        let (at, position, velocity) = self.position?;
+        if now.since(measured) >= FRESH_ATTITUDE || now.since(at) >= FRESH {
+            return None;
+        }
+        Some(Telemetry {
+            time: at,
+            position: Some(position),
+            velocity: Some(velocity),
+            attitude,
+            yaw_rate: Some(yaw_rate),
+            height: self.height(now),
+            ground_clearance: fresh(now, self.clearance),
+            battery,
+            temperature: None,
+            phase,
+            crashed: false,
+            imu_error: false,
+        })
+    }
+}

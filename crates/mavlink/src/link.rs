@@ -1,0 +1,289 @@
+//! A link to one vehicle: UDP, TCP or a serial port, as bytes.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::url::{HostPort, MavlinkUrl};
+
+/// Maximum blocking time of [`Link::receive`].
+pub const POLL_INTERVAL: Duration = Duration::from_millis(10);
+/// Maximum blocking time of a transmission: what a full buffer does not take is lost.
+const SEND_TIME: Duration = Duration::from_millis(20);
+/// Interval between attempts to connect again, and the time for one.
+const RECONNECT: Duration = Duration::from_secs(1);
+/// A peer that has been silent for this long may be replaced by another one: a vehicle that restarted.
+const PEER_SILENT: Duration = Duration::from_secs(3);
+/// Longest datagram, bytes.
+pub const LONGEST: usize = 4096;
+
+/// Why a link could not be opened.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LinkError {
+    /// A local port cannot be bound.
+    #[error("cannot listen on {url}")]
+    Bind {
+        /// The address.
+        url: MavlinkUrl,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The address cannot be reached.
+    #[error("cannot reach {url}")]
+    Unreachable {
+        /// The address.
+        url: MavlinkUrl,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+    /// The serial port cannot be opened.
+    #[error("cannot open {url}")]
+    Serial {
+        /// The address.
+        url: MavlinkUrl,
+        /// The cause.
+        #[source]
+        source: std::io::Error,
+    },
+}
+
+/// The vehicle at the other end of a UDP socket.
+#[derive(Debug, Default)]
+struct Peer {
+    address: Option<SocketAddr>,
+    heard: Option<Instant>,
+}
+
+/// A TCP connection that is made again when it breaks.
+struct Stream {
+    stream: Option<TcpStream>,
+    tried: Option<Instant>,
+}
+
+enum Port {
+    /// The peer is whoever sends first; a fixed one has been named by the user.
+    Udp {
+        socket: UdpSocket,
+        peer: Mutex<Peer>,
+        fixed: bool,
+    },
+    TcpOut {
+        at: SocketAddr,
+        stream: Mutex<Stream>,
+    },
+    TcpIn {
+        listener: TcpListener,
+        stream: Mutex<Stream>,
+    },
+    #[cfg(unix)]
+    Serial(std::fs::File),
+}
+
+/// An open link. One thread may receive while others send.
+pub struct Link {
+    port: Port,
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // Every change is a single assignment.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Link {
+    /// Opens a link.
+    ///
+    /// # Errors
+    /// [`LinkError`] if a port cannot be bound or opened, or a host has no address or refuses.
+    pub fn open(url: &MavlinkUrl) -> Result<Self, LinkError> {
+        let bind = |source| LinkError::Bind { url: url.clone(), source };
+        let reach = |source| LinkError::Unreachable { url: url.clone(), source };
+        let port = match url {
+            MavlinkUrl::UdpIn(at) => {
+                let socket = UdpSocket::bind(address(at).map_err(bind)?).map_err(bind)?;
+                Port::Udp { socket: prepared(socket).map_err(bind)?, peer: Mutex::default(), fixed: false }
+            }
+            MavlinkUrl::UdpOut(at) => {
+                let peer = address(at).map_err(reach)?;
+                let local: SocketAddr = if peer.is_ipv4() { ([0; 4], 0).into() } else { ([0_u16; 8], 0).into() };
+                let socket = UdpSocket::bind(local).map_err(reach)?;
+                let peer = Peer { address: Some(peer), heard: None };
+                Port::Udp { socket: prepared(socket).map_err(reach)?, peer: Mutex::new(peer), fixed: true }
+            }
+            MavlinkUrl::TcpOut(at) => {
+                let at = address(at).map_err(reach)?;
+                let stream = connect(at).map_err(reach)?;
+                Port::TcpOut { at, stream: Mutex::new(Stream { stream: Some(stream), tried: None }) }
+            }
+            MavlinkUrl::TcpIn(at) => {
+                let listener = TcpListener::bind(address(at).map_err(bind)?).map_err(bind)?;
+                listener.set_nonblocking(true).map_err(bind)?;
+                Port::TcpIn { listener, stream: Mutex::new(Stream { stream: None, tried: None }) }
+            }
+            MavlinkUrl::Serial { path, rate } => {
+                let open = |source| LinkError::Serial { url: url.clone(), source };
+                #[cfg(unix)]
+                let port = Port::Serial(serial::open(path, *rate).map_err(open)?);
+                #[cfg(not(unix))]
+                let port = return Err(open(std::io::Error::new(ErrorKind::Unsupported, format!("{path} at {rate}"))));
+                port
+            }
+        };
+        Ok(Self { port })
+    }
+
+    /// Whether packets can be lost, reordered or come twice (UDP).
+    #[must_use]
+    pub fn is_datagram(&self) -> bool {
+        matches!(self.port, Port::Udp { .. })
+    }
+
+    /// Waits up to [`POLL_INTERVAL`] for bytes of the vehicle. Zero means that there are none yet. The flag is set where the bytes
+    /// do not continue those before: a datagram, a new connection.
+    pub fn receive(&self, buffer: &mut [u8]) -> (usize, bool) {
+        match &self.port {
+            Port::Udp { socket, peer, fixed } => {
+                let Ok((length, from)) = socket.recv_from(buffer) else { return (0, false) };
+                let mut peer = lock(peer);
+                let now = Instant::now();
+                let known = peer.address == Some(from);
+                let silent = peer.heard.is_none_or(|heard| now.duration_since(heard) >= PEER_SILENT);
+                // Nobody else may speak for the vehicle while it is there.
+                if !known && (*fixed || !silent) {
+                    return (0, false);
+                }
+                *peer = Peer { address: Some(from), heard: Some(now) };
+                (length, true)
+            }
+            Port::TcpOut { at, stream } => {
+                let again = || connect(*at).ok();
+                receive_stream(stream, buffer, again)
+            }
+            Port::TcpIn { listener, stream } => {
+                let accept = || {
+                    let (stream, _) = listener.accept().ok()?;
+                    timed(stream).ok()
+                };
+                receive_stream(stream, buffer, accept)
+            }
+            #[cfg(unix)]
+            Port::Serial(file) => {
+                let mut file: &std::fs::File = file;
+                match file.read(buffer) {
+                    Ok(0) | Err(_) => {
+                        // Without bytes it returns at once or after its own time; a port that was unplugged, with an error.
+                        std::thread::sleep(POLL_INTERVAL / 5);
+                        (0, false)
+                    }
+                    Ok(length) => (length, false),
+                }
+            }
+        }
+    }
+
+    /// Sends one frame. What cannot be sent is lost, as on the radio.
+    pub fn send(&self, frame: &[u8]) {
+        let sent = match &self.port {
+            Port::Udp { socket, peer, .. } => {
+                let to = lock(peer).address;
+                to.map_or(Ok(()), |to| socket.send_to(frame, to).map(|_| ()))
+            }
+            Port::TcpOut { stream, .. } | Port::TcpIn { stream, .. } => {
+                let writer = lock(stream).stream.as_ref().and_then(|stream| stream.try_clone().ok());
+                writer.map_or(Ok(()), |mut writer| writer.write_all(frame))
+            }
+            #[cfg(unix)]
+            Port::Serial(file) => {
+                let mut file: &std::fs::File = file;
+                file.write_all(frame)
+            }
+        };
+        if let Err(error) = sent {
+            tracing::debug!(%error, "not sent");
+        }
+    }
+}
+
+fn address(at: &HostPort) -> std::io::Result<SocketAddr> {
+    let HostPort { host, port } = at;
+    (host.as_str(), *port).to_socket_addrs()?.next().ok_or_else(|| std::io::Error::new(ErrorKind::NotFound, "no address"))
+}
+
+fn prepared(socket: UdpSocket) -> std::io::Result<UdpSocket> {
+    socket.set_read_timeout(Some(POLL_INTERVAL))?;
+    socket.set_write_timeout(Some(SEND_TIME))?;
+    Ok(socket)
+}
+
+fn connect(at: SocketAddr) -> std::io::Result<TcpStream> {
+    timed(TcpStream::connect_timeout(&at, RECONNECT)?)
+}
+
+fn timed(stream: TcpStream) -> std::io::Result<TcpStream> {
+    stream.set_nonblocking(false)?;
+    stream.set_read_timeout(Some(POLL_INTERVAL))?;
+    stream.set_write_timeout(Some(SEND_TIME))?;
+    stream.set_nodelay(true)?;
+    Ok(stream)
+}
+
+/// Receives from a connection; one that ended is made again, at most once a second.
+fn receive_stream(stream: &Mutex<Stream>, buffer: &mut [u8], again: impl Fn() -> Option<TcpStream>) -> (usize, bool) {
+    let current = lock(stream).stream.as_ref().and_then(|stream| stream.try_clone().ok());
+    let Some(mut reader) = current else {
+        let due = lock(stream).tried.is_none_or(|tried| tried.elapsed() >= RECONNECT);
+        if due {
+            let made = again();
+            let mut stream = lock(stream);
+            let (waits, found) = (made.is_none(), made.is_some());
+            *stream = Stream { stream: made, tried: waits.then(Instant::now).filter(|_| !found) };
+        } else {
+            std::thread::sleep(POLL_INTERVAL);
+        }
+        return (0, true);
+    };
+    match reader.read(buffer) {
+        Ok(0) => {
+            lock(stream).stream = None;
+            (0, true)
+        }
+        Ok(length) => (length, false),
+        Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) => (0, false),
+        Err(_) => {
+            lock(stream).stream = None;
+            (0, true)
+        }
+    }
+}
+
+/// Serial ports of Unix, without a library that needs udev.
+#[cfg(unix)]
+mod serial {
+    use std::fs::File;
+    use std::io::{Error, Result};
+    use std::os::unix::fs::OpenOptionsExt as _;
+
+    use rustix::fs::OFlags;
+    use rustix::termios::{ControlModes, OptionalActions, SpecialCodeIndex, tcgetattr, tcsetattr};
+
+    /// Opens a port for raw bytes: 8 data bits, no parity, no flow control. Reading waits for at most a tenth of a second.
+    pub(super) fn open(path: &str, rate: u32) -> Result<File> {
+        // Without NOCTTY a signal of the port would end the program; without NONBLOCK opening waits for a modem's carrier.
+        let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits() as i32;
+        let file = File::options().read(true).write(true).custom_flags(flags).open(path)?;
+        let mut port = tcgetattr(&file).map_err(Error::from)?;
+        port.make_raw();
+        port.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
+        port.control_modes -= ControlModes::CRTSCTS;
+        port.set_speed(rate).map_err(Error::from)?;
+        port.special_codes[SpecialCodeIndex::VMIN] = 0;
+        port.special_codes[SpecialCodeIndex::VTIME] = 1;
+        tcsetattr(&file, OptionalActions::Now, &port).map_err(Error::from)?;
+        let mode = rustix::fs::fcntl_getfl(&file).map_err(Error::from)?;
+        rustix::fs::fcntl_setfl(&file, mode - OFlags::NONBLOCK).map_err(Error::from)?;
+        Ok(file)
+    }
+}

@@ -1,0 +1,105 @@
+//! What a vehicle reports, with our frames and units; everything else in its messages is dropped.
+
+use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity};
+
+use crate::modes::Autopilot;
+
+/// A message of the vehicle.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Report {
+    /// `HEARTBEAT`.
+    Heartbeat(Heartbeat),
+    /// `SYS_STATUS`.
+    System {
+        /// Charge, 0..=1, if known.
+        battery: Option<f64>,
+        /// Whether the arming checks pass; `None` if the vehicle does not say.
+        may_arm: Option<bool>,
+    },
+    /// `GPS_RAW_INT`.
+    Gps(Gps),
+    /// `ATTITUDE`.
+    Attitude {
+        /// Attitude.
+        attitude: Attitude,
+        /// Yaw rate, rad/s, clockwise positive.
+        yaw_rate: f64,
+    },
+    /// `LOCAL_POSITION_NED`: relative to where the estimator started.
+    LocalPosition {
+        /// Position.
+        position: EnuPosition,
+        /// Velocity.
+        velocity: EnuVelocity,
+    },
+    /// `GLOBAL_POSITION_INT`: height above the home position, metres.
+    Height(f64),
+    /// `DISTANCE_SENSOR`: the distance to what is below, metres; `None` if it is out of range.
+    GroundClearance(Option<f64>),
+    /// `AUTOPILOT_VERSION`.
+    Version {
+        /// `MAV_PROTOCOL_CAPABILITY`.
+        capabilities: u64,
+        /// Major, minor and patch number of the firmware.
+        firmware: [u8; 3],
+    },
+    /// `HOME_POSITION`: where the vehicle returns to, relative to where the estimator started.
+    Home(EnuPosition),
+    /// `EXTENDED_SYS_STATE`: `MAV_LANDED_STATE`.
+    Landed(u8),
+    /// `STATUSTEXT`.
+    Text {
+        /// `MAV_SEVERITY`: 0 is an emergency, 7 for debugging.
+        severity: u8,
+        /// The text.
+        text: String,
+    },
+    /// `COMMAND_ACK` for us, or for everyone.
+    Acknowledgement {
+        /// The command.
+        command: u16,
+        /// `MAV_RESULT`.
+        result: u8,
+        /// System and component that gave the command; zero for anyone.
+        target: [u8; 2],
+    },
+    /// `PARAM_VALUE`.
+    Parameter {
+        /// Name.
+        name: String,
+        /// The float field.
+        field: f32,
+        /// `MAV_PARAM_TYPE`.
+        kind: u8,
+    },
+    /// `ESTIMATOR_STATUS`: standard deviation of the horizontal position, metres.
+    PositionError(f64),
+    /// Another message.
+    Other,
+}
+
+/// A heartbeat.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Heartbeat {
+    /// The autopilot; `None` for a camera, a ground station, another autopilot.
+    pub autopilot: Option<Autopilot>,
+    /// `MAV_TYPE`.
+    pub kind: u8,
+    /// Flight mode.
+    pub custom_mode: u32,
+    /// Whether the motors may turn.
+    pub armed: bool,
+}
+
+/// State of satellite navigation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gps {
+    /// `GPS_FIX_TYPE`: 3 and above is a position.
+    pub fix: u8,
+    /// Satellites in use, if known.
+    pub satellites: Option<u8>,
+    /// Horizontal dilution of precision, if known.
+    pub hdop: Option<f64>,
+    /// Standard deviation of the horizontal position, metres, if known.
+    pub accuracy: Option<f64>,
+}

@@ -1,0 +1,295 @@
+//! The virtual autopilot: modes, arming, setpoints, failsafes and what it sends.
+
+mod commands;
+mod fly;
+mod messages;
+mod streams;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::net::SocketAddr;
+
+use spf_core::command::Command;
+use spf_core::geometry::EnuPosition;
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_mavlink::dialect::{MavMessage, MavSeverity, STATUSTEXT_DATA};
+use spf_mavlink::frames::GlobalPosition;
+use spf_mavlink::modes::{Autopilot, Mode};
+use spf_mavlink::wire::{Body, Packet};
+use spf_sim::craft::SimCraft;
+
+use self::fly::Target;
+use self::streams::Streams;
+use super::parameters::Parameters;
+
+/// Interval at which the autopilot decides.
+const CONTROL: Duration = Duration::from_millis(20);
+/// Maximum number of clients, and of messages that wait to be sent.
+const PEERS: usize = 16;
+const WAITING: usize = 4096;
+/// Place of the origin: the usual one of PX4's simulators, in Zurich.
+const ORIGIN: GlobalPosition = GlobalPosition { latitude: 47.397_742, longitude: 8.545_594, altitude: 488.0 };
+/// After power-on the estimator needs this long.
+const ALIGNED: Duration = Duration::from_secs(2);
+/// A setpoint this recent counts as a stream.
+const STREAM: Duration = Duration::from_millis(500);
+
+/// Results of commands (`MAV_RESULT`).
+pub(super) mod result {
+    pub(crate) const ACCEPTED: u8 = 0;
+    pub(crate) const REJECTED: u8 = 1;
+    pub(crate) const DENIED: u8 = 2;
+    pub(crate) const UNSUPPORTED: u8 = 3;
+    pub(crate) const FAILED: u8 = 4;
+}
+
+/// A client: the link on which it was heard, and its address there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Peer {
+    /// Index of the link.
+    pub link: usize,
+    /// Address; of no meaning on a serial port.
+    pub address: SocketAddr,
+}
+
+/// The virtual vehicle's protocol. Sans-IO; see the [module](super).
+#[derive(Debug)]
+pub struct VirtualVehicle {
+    autopilot: Autopilot,
+    parameters: Parameters,
+    peers: BTreeMap<Peer, Streams>,
+    out: VecDeque<(Peer, Body)>,
+    mode: Mode,
+    armed: bool,
+    /// Since when it has been armed, or on the ground again.
+    since: Time,
+    /// Where its estimator started, and where it returns to.
+    origin: EnuPosition,
+    home: EnuPosition,
+    /// What another program wants, and when it said so.
+    target: Option<(Time, Target)>,
+    /// Since when [`Mode`] is that of other programs.
+    external_since: Time,
+    /// A stop because the other program is silent (ArduPilot).
+    stopped_silent: bool,
+    goto: Option<(EnuPosition, Option<f64>)>,
+    /// Height of the take-off, metres above home.
+    take_off_height: f64,
+    phase: FlightPhase,
+    /// Whether a low battery, and a breached fence, were noticed.
+    noticed: [bool; 2],
+    next_control: Time,
+    started: Time,
+}
+
+impl VirtualVehicle {
+    /// A vehicle switched on now, at the craft's time.
+    #[must_use]
+    pub fn new(autopilot: Autopilot, craft: &SimCraft) -> Self {
+        let now = craft.time();
+        let origin = craft.telemetry().position.unwrap_or_default();
+        Self {
+            autopilot,
+            parameters: Parameters::of(autopilot),
+            peers: BTreeMap::new(),
+            out: VecDeque::new(),
+            mode: match autopilot {
+                Autopilot::Px4 => autopilot.hold(),
+                Autopilot::ArduPilot => Mode(autopilot, 0),
+            },
+            armed: false,
+            since: now,
+            origin,
+            home: origin,
+            target: None,
+            external_since: now,
+            stopped_silent: false,
+            goto: None,
+            take_off_height: 0.0,
+            phase: craft.dynamics().phase(),
+            noticed: [false; 2],
+            next_control: now,
+            started: now,
+        }
+    }
+
+    /// Adds a client, to which it sends from now on. More than 16 are ignored.
+    pub fn join(&mut self, now: Time, peer: Peer) {
+        if self.peers.len() < PEERS {
+            self.peers.entry(peer).or_insert_with(|| Streams::new(self.autopilot, now));
+        }
+    }
+
+    /// Removes a client.
+    pub fn leave(&mut self, peer: Peer) {
+        self.peers.remove(&peer);
+    }
+
+    /// Its flight mode.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Whether it is armed.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.armed
+    }
+
+    /// Sets a parameter, as a ground station would; false if it has none of this name.
+    pub fn set_parameter(&mut self, name: &str, value: f64) -> bool {
+        self.parameters.set(name, value as f32, spf_mavlink::parameter::REAL32).is_some()
+    }
+
+    /// Its pilot changes the mode by the switch of the radio.
+    pub fn radio(&mut self, now: Time, mode: Mode, craft: &mut SimCraft) {
+        self.enter(now, mode, craft);
+    }
+
+    /// When [`advance`](Self::advance) is next needed.
+    #[must_use]
+    pub fn next_deadline(&self) -> Time {
+        self.next_control
+    }
+
+    /// Handles a packet of a client; the craft must have been advanced to `now`.
+    pub fn handle(&mut self, now: Time, peer: Peer, packet: &Packet, craft: &mut SimCraft) {
+        self.join(now, peer);
+        if !self.peers.contains_key(&peer) {
+            return;
+        }
+        if let Some(command) = packet.command() {
+            let [system, component] = command.target;
+            // Another component of the vehicle answers for itself, or is not there.
+            if matches!(system, 0 | 1) && matches!(component, 0 | 1) {
+                let before = self.out.len();
+                let result = self.execute(now, peer, &command, craft);
+                let to = [packet.system, packet.component];
+                // Before whatever it led to: clients wait for one after the other.
+                self.out.insert(before, (peer, spf_mavlink::message::acknowledgement(to, command.id, result)));
+                if result == result::ACCEPTED && command.id == spf_mavlink::command::ids::ARM {
+                    self.tell_state(now, craft);
+                }
+            }
+        } else if let Some(message) = packet.message() {
+            self.receive(now, peer, [packet.system, packet.component], &message, craft);
+        }
+    }
+
+    /// Advances to `now`: flies, and sends what is due.
+    pub fn advance(&mut self, now: Time, craft: &mut SimCraft) {
+        while self.next_control <= now {
+            let at = self.next_control;
+            craft.advance_to(at);
+            self.control(at, craft);
+            self.stream(at, craft);
+            self.next_control = at + CONTROL;
+        }
+        craft.advance_to(now);
+    }
+
+    /// The next message to send, with its client.
+    pub fn poll(&mut self) -> Option<(Peer, Body)> {
+        self.out.pop_front()
+    }
+
+    fn send(&mut self, peer: Peer, body: Body) {
+        if self.out.len() < WAITING {
+            self.out.push_back((peer, body));
+        }
+    }
+
+    fn broadcast(&mut self, body: &Body) {
+        let peers: Vec<Peer> = self.peers.keys().copied().collect();
+        for peer in peers {
+            self.send(peer, body.clone());
+        }
+    }
+
+    fn say(&mut self, severity: MavSeverity, text: &str) {
+        let data = STATUSTEXT_DATA { severity, text: text.into(), ..STATUSTEXT_DATA::default() };
+        self.broadcast(&Body::from(&MavMessage::STATUSTEXT(data)));
+    }
+
+    /// Heartbeat and landed state at once, since they have just changed.
+    fn tell_state(&mut self, now: Time, craft: &SimCraft) {
+        for id in [0, 245] {
+            if let Some(body) = self.message(id, now, craft) {
+                self.broadcast(&body);
+            }
+        }
+    }
+
+    /// Position relative to the estimator's origin, metres.
+    fn position(&self, craft: &SimCraft) -> EnuPosition {
+        relative(craft.telemetry().position.unwrap_or_default(), self.origin)
+    }
+
+    /// Height above home, metres.
+    fn height(&self, craft: &SimCraft) -> f64 {
+        craft.telemetry().position.unwrap_or_default().up - self.home.up
+    }
+
+    fn seconds(&self, name: &str, default: f64) -> Duration {
+        duration_from_secs(self.parameters.number(name, default).clamp(0.0, 3600.0))
+    }
+
+    fn is_ready(&self, now: Time) -> bool {
+        now.since(self.started) >= ALIGNED
+    }
+
+    /// Why it may not be armed; `None` if it may.
+    fn arming_refusal(&self, now: Time, craft: &SimCraft) -> Option<&'static str> {
+        let px4 = self.autopilot == Autopilot::Px4;
+        let battery = craft.telemetry().battery.unwrap_or(0.0);
+        if craft.dynamics().phase() == FlightPhase::Stopped {
+            Some(if px4 { "Preflight Fail: Attitude failure (roll)" } else { "Arm: Crash detected" })
+        } else if !self.is_ready(now) {
+            Some(if px4 { "Preflight Fail: ekf2 missing data" } else { "PreArm: Need Position Estimate" })
+        } else if battery < self.parameters.number("BAT_LOW_THR", 0.15) {
+            Some(if px4 { "Preflight Fail: low battery" } else { "PreArm: Battery 1 low voltage failsafe" })
+        } else {
+            None
+        }
+    }
+
+    /// Changes the mode, if it can be flown; the text says why not.
+    fn enter(&mut self, now: Time, mode: Mode, craft: &mut SimCraft) -> u8 {
+        if mode == self.mode && mode != self.autopilot.land() {
+            return result::ACCEPTED;
+        }
+        let flying = matches!(self.phase, FlightPhase::Flying | FlightPhase::Landing);
+        match (self.autopilot, mode.1) {
+            // Nothing was uploaded.
+            (Autopilot::Px4, 0x0404_0000) | (Autopilot::ArduPilot, 3) => {
+                self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "No valid mission available");
+                return result::DENIED;
+            }
+            (Autopilot::Px4, 0x0006_0000) if self.target.is_none_or(|(at, _)| now.since(at) >= STREAM) => {
+                self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "Switching to Offboard is currently not available");
+                return result::REJECTED;
+            }
+            _ => {}
+        }
+        (self.mode, self.goto, self.stopped_silent) = (mode, None, false);
+        if mode == self.autopilot.external() {
+            self.external_since = now;
+        } else {
+            self.target = None;
+        }
+        if flying {
+            if mode == self.autopilot.land() {
+                craft.apply(now, Command::Land, Time::MAX);
+            } else if self.phase == FlightPhase::Landing {
+                self.hold(now, craft);
+            }
+        }
+        self.tell_state(now, craft);
+        result::ACCEPTED
+    }
+}
+
+fn relative(position: EnuPosition, origin: EnuPosition) -> EnuPosition {
+    EnuPosition { east: position.east - origin.east, north: position.north - origin.north, up: position.up - origin.up }
+}

@@ -1,0 +1,341 @@
+//! What it sends by itself, to each client at that client's rates, and on request.
+
+use std::collections::BTreeMap;
+
+use spf_core::geometry::wrap_angle;
+use spf_core::telemetry::FlightPhase;
+use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_mavlink::dialect::*;
+use spf_mavlink::frames::{position_to_ned, velocity_to_ned};
+use spf_mavlink::modes::Autopilot;
+use spf_mavlink::wire::Body;
+use spf_sim::craft::SimCraft;
+
+use super::fly::Target;
+use super::{ORIGIN, Peer, VirtualVehicle, relative};
+
+/// Every message that can be requested, with its usual rate in Hz; zero for those that are only sent on request.
+pub(super) const DEFAULTS: [(u32, f32); 17] = [
+    (0, 1.0),
+    (1, 1.0),
+    (2, 1.0),
+    (24, 1.0),
+    (30, 20.0),
+    (31, 20.0),
+    (32, 20.0),
+    (33, 5.0),
+    (74, 5.0),
+    (85, 5.0),
+    (132, 5.0),
+    (147, 1.0),
+    (148, 0.0),
+    (162, 0.0),
+    (230, 1.0),
+    (242, 0.5),
+    (245, 2.0),
+];
+/// Shortest interval between two messages.
+const SHORTEST: Duration = Duration::from_millis(20);
+/// Cells of the battery, and their voltages when empty and full, mV.
+const CELLS: usize = 4;
+const VOLTAGES: (f64, f64) = (3500.0, 4150.0);
+/// Range of the rangefinder that looks down, cm.
+const RANGE: (u16, u16) = (10, 4000);
+
+/// When a client gets which message next.
+#[derive(Clone, Debug)]
+pub(super) struct Streams(BTreeMap<u32, (Duration, Time)>);
+
+impl Streams {
+    pub(super) fn new(autopilot: Autopilot, now: Time) -> Self {
+        let mut streams = Self(BTreeMap::new());
+        for (id, rate) in DEFAULTS {
+            if let Some(interval) = interval(rate).filter(|_| has(autopilot, id)) {
+                streams.0.insert(id, (interval, now));
+            }
+        }
+        streams
+    }
+
+    /// Sets an interval in microseconds: 0 for the usual one, negative for none.
+    pub(super) fn set(&mut self, id: u32, micros: f32, autopilot: Autopilot, now: Time) {
+        let usual = DEFAULTS.iter().find(|(known, _)| *known == id).map_or(0.0, |(_, rate)| *rate);
+        let wanted = if micros == 0.0 { interval(usual) } else { interval(1e6 / micros) };
+        match wanted.filter(|_| has(autopilot, id)) {
+            Some(wanted) => self.0.insert(id, (wanted, now)),
+            None => self.0.remove(&id),
+        };
+    }
+
+    /// One rate for all but the slow ones; zero stops everything but the heartbeat.
+    pub(super) fn set_all(&mut self, rate: u16, now: Time) {
+        for (id, (period, next)) in &mut self.0 {
+            if !matches!(id, 0 | 242) {
+                (*period, *next) = (interval(rate.into()).unwrap_or(Duration::from_secs(86_400)), now);
+            }
+        }
+    }
+
+    fn due(&mut self, now: Time) -> Vec<u32> {
+        let mut due = Vec::new();
+        for (id, (period, next)) in &mut self.0 {
+            if *next <= now {
+                *next = (*next + *period).max(now);
+                due.push(*id);
+            }
+        }
+        due
+    }
+}
+
+fn interval(rate: f32) -> Option<Duration> {
+    (rate > 0.0).then(|| duration_from_secs(1.0 / f64::from(rate.max(0.001))).max(SHORTEST))
+}
+
+fn has(autopilot: Autopilot, id: u32) -> bool {
+    match id {
+        162 => autopilot == Autopilot::ArduPilot,
+        230 => autopilot == Autopilot::Px4,
+        _ => true,
+    }
+}
+
+impl VirtualVehicle {
+    pub(super) fn stream(&mut self, now: Time, craft: &SimCraft) {
+        let mut due: Vec<(Peer, Vec<u32>)> = Vec::new();
+        for (peer, streams) in &mut self.peers {
+            due.push((*peer, streams.due(now)));
+        }
+        let mut made: BTreeMap<u32, Option<Body>> = BTreeMap::new();
+        for (peer, ids) in due {
+            for id in ids {
+                if let Some(body) = made.entry(id).or_insert_with(|| self.message(id, now, craft)).clone() {
+                    self.send(peer, body);
+                }
+            }
+        }
+    }
+
+    /// A message about the present state; `None` if it has no such message, or nothing to say yet.
+    pub(super) fn message(&self, id: u32, now: Time, craft: &SimCraft) -> Option<Body> {
+        let telemetry = craft.telemetry();
+        let time_boot_ms = (now.since(self.started).as_nanos() / 1_000_000) as u32;
+        let time_usec = now.as_nanos() / 1000;
+        let position = self.position(craft);
+        let velocity = telemetry.velocity.unwrap_or_default();
+        let global = ORIGIN.offset(position);
+        let [lat, lon] = global.e7();
+        let alt = (global.altitude * 1e3) as i32;
+        let ([x, y, z], [vx, vy, vz]) = (position_to_ned(position), velocity_to_ned(velocity));
+        let attitude = telemetry.attitude;
+        let [roll, pitch, yaw] = [attitude.roll, attitude.pitch, attitude.heading].map(|angle| angle as f32);
+        let yawspeed = telemetry.yaw_rate.unwrap_or(0.0) as f32;
+        let heading = (wrap_angle(attitude.heading).to_degrees() + 360.0) % 360.0;
+        let charge = telemetry.battery.unwrap_or(1.0);
+        let cell = (VOLTAGES.0 + charge * (VOLTAGES.1 - VOLTAGES.0)) as u16;
+        let current = if craft.dynamics().airborne() { 1500 } else { 50 };
+        let ready = self.is_ready(now);
+        // Without a position nothing of it is sent, as by an estimator that aligns.
+        if !ready && matches!(id, 32 | 33 | 85 | 230 | 242) {
+            return None;
+        }
+        Some(Body::from(&match id {
+            0 => MavMessage::HEARTBEAT(self.heartbeat()),
+            1 => {
+                let battery = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY.bits();
+                let all = 1 | 2 | 4 | 8 | 32 | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
+                let healthy = if ready { all } else { all & !32 };
+                let refused = !self.armed && self.arming_refusal(now, craft).is_some();
+                let healthy = if refused { healthy & !MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits() } else { healthy };
+                MavMessage::SYS_STATUS(SYS_STATUS_DATA {
+                    onboard_control_sensors_present: MavSysStatusSensor::from_bits_retain(all),
+                    onboard_control_sensors_enabled: MavSysStatusSensor::from_bits_retain(all),
+                    onboard_control_sensors_health: MavSysStatusSensor::from_bits_retain(healthy),
+                    load: 300,
+                    voltage_battery: cell * CELLS as u16,
+                    current_battery: current,
+                    battery_remaining: (charge * 100.0) as i8,
+                    onboard_control_sensors_present_extended: MavSysStatusSensorExtended::empty(),
+                    onboard_control_sensors_enabled_extended: MavSysStatusSensorExtended::empty(),
+                    onboard_control_sensors_health_extended: MavSysStatusSensorExtended::empty(),
+                    ..SYS_STATUS_DATA::default()
+                })
+            }
+            2 => MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA { time_unix_usec: 0, time_boot_ms }),
+            24 => MavMessage::GPS_RAW_INT(GPS_RAW_INT_DATA {
+                time_usec,
+                lat,
+                lon,
+                alt,
+                eph: 80,
+                epv: 110,
+                vel: (velocity.horizontal_speed() * 100.0) as u16,
+                cog: u16::MAX,
+                fix_type: if ready { GpsFixType::GPS_FIX_TYPE_3D_FIX } else { GpsFixType::GPS_FIX_TYPE_NO_FIX },
+                satellites_visible: if ready { 14 } else { 3 },
+                alt_ellipsoid: alt,
+                h_acc: 300,
+                v_acc: 500,
+                vel_acc: 50,
+                ..GPS_RAW_INT_DATA::default()
+            }),
+            30 => {
+                MavMessage::ATTITUDE(ATTITUDE_DATA { time_boot_ms, roll, pitch, yaw, rollspeed: 0.0, pitchspeed: 0.0, yawspeed })
+            }
+            31 => {
+                let [q1, q2, q3, q4] = quaternion([attitude.roll, attitude.pitch, attitude.heading]);
+                MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+                    time_boot_ms,
+                    q1,
+                    q2,
+                    q3,
+                    q4,
+                    yawspeed,
+                    ..ATTITUDE_QUATERNION_DATA::default()
+                })
+            }
+            32 => MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA { time_boot_ms, x, y, z, vx, vy, vz }),
+            33 => MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                time_boot_ms,
+                lat,
+                lon,
+                alt,
+                relative_alt: (self.height(craft) * 1e3) as i32,
+                vx: (vx * 100.0) as i16,
+                vy: (vy * 100.0) as i16,
+                vz: (vz * 100.0) as i16,
+                hdg: (heading * 100.0) as u16 % 36_000,
+            }),
+            74 => MavMessage::VFR_HUD(VFR_HUD_DATA {
+                airspeed: velocity.horizontal_speed() as f32,
+                groundspeed: velocity.horizontal_speed() as f32,
+                alt: global.altitude as f32,
+                climb: velocity.up as f32,
+                heading: heading as i16,
+                throttle: if craft.dynamics().airborne() { 50 } else { 0 },
+            }),
+            85 => {
+                let (_, target) = self.target.filter(|_| self.mode == self.autopilot.external())?;
+                MavMessage::POSITION_TARGET_LOCAL_NED(target_message(time_boot_ms, target))
+            }
+            132 => {
+                let truth = craft.dynamics().pose().position;
+                let below = craft.collider().ground_below(truth).map_or(f64::INFINITY, |ground| truth.up - ground.up);
+                MavMessage::DISTANCE_SENSOR(DISTANCE_SENSOR_DATA {
+                    time_boot_ms,
+                    min_distance: RANGE.0,
+                    max_distance: RANGE.1,
+                    current_distance: (below * 100.0).min(f64::from(RANGE.1)) as u16,
+                    mavtype: MavDistanceSensor::MAV_DISTANCE_SENSOR_LASER,
+                    orientation: MavSensorOrientation::MAV_SENSOR_ROTATION_PITCH_270,
+                    covariance: u8::MAX,
+                    ..DISTANCE_SENSOR_DATA::default()
+                })
+            }
+            147 => {
+                let mut voltages = [u16::MAX; 10];
+                voltages[..CELLS].fill(cell);
+                MavMessage::BATTERY_STATUS(BATTERY_STATUS_DATA {
+                    voltages,
+                    temperature: i16::MAX,
+                    current_battery: current,
+                    current_consumed: -1,
+                    energy_consumed: -1,
+                    battery_function: MavBatteryFunction::MAV_BATTERY_FUNCTION_ALL,
+                    mavtype: MavBatteryType::MAV_BATTERY_TYPE_LIPO,
+                    battery_remaining: (charge * 100.0) as i8,
+                    fault_bitmask: MavBatteryFault::empty(),
+                    ..BATTERY_STATUS_DATA::default()
+                })
+            }
+            148 => {
+                // PARAM_FLOAT, MISSION_INT, COMMAND_INT, SET_POSITION_TARGET_LOCAL_NED, MAVLINK2, and how integers travel.
+                let integers = if self.autopilot == Autopilot::Px4 { 16 } else { 131_072 };
+                let version: u32 = if self.autopilot == Autopilot::Px4 { 0x010f_02ff } else { 0x0405_07ff };
+                MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
+                    capabilities: MavProtocolCapability::from_bits_retain(2 | 4 | 8 | 128 | 8192 | integers),
+                    flight_sw_version: version,
+                    ..AUTOPILOT_VERSION_DATA::default()
+                })
+            }
+            230 if has(self.autopilot, id) => MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
+                time_usec,
+                pos_horiz_accuracy: 0.3,
+                pos_vert_accuracy: 0.4,
+                flags: EstimatorStatusFlags::from_bits_retain(0b11_0011_1111),
+                ..ESTIMATOR_STATUS_DATA::default()
+            }),
+            242 => {
+                let home = relative(self.home, self.origin);
+                let (place, [x, y, z]) = (ORIGIN.offset(home), position_to_ned(home));
+                let [latitude, longitude] = place.e7();
+                MavMessage::HOME_POSITION(HOME_POSITION_DATA {
+                    latitude,
+                    longitude,
+                    altitude: (place.altitude * 1e3) as i32,
+                    x,
+                    y,
+                    z,
+                    q: [1.0, 0.0, 0.0, 0.0],
+                    time_usec,
+                    ..HOME_POSITION_DATA::default()
+                })
+            }
+            245 => MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
+                vtol_state: MavVtolState::MAV_VTOL_STATE_UNDEFINED,
+                landed_state: match craft.dynamics().phase() {
+                    FlightPhase::TakingOff => MavLandedState::MAV_LANDED_STATE_TAKEOFF,
+                    FlightPhase::Flying | FlightPhase::Manoeuvring => MavLandedState::MAV_LANDED_STATE_IN_AIR,
+                    FlightPhase::Landing => MavLandedState::MAV_LANDED_STATE_LANDING,
+                    FlightPhase::OnGround | FlightPhase::Stopped => MavLandedState::MAV_LANDED_STATE_ON_GROUND,
+                },
+            }),
+            _ => return None,
+        }))
+    }
+
+    fn heartbeat(&self) -> HEARTBEAT_DATA {
+        let kind = if self.mode == self.autopilot.external() {
+            8 | 16
+        } else if self.mode.is_landing() || self.mode == self.autopilot.hold() || self.mode.is_take_off() {
+            4 | 8 | 16
+        } else {
+            16 | 64
+        };
+        let armed = if self.armed { 128 } else { 0 };
+        HEARTBEAT_DATA {
+            custom_mode: self.mode.1,
+            mavtype: MavType::MAV_TYPE_QUADROTOR,
+            autopilot: match self.autopilot {
+                Autopilot::Px4 => MavAutopilot::MAV_AUTOPILOT_PX4,
+                Autopilot::ArduPilot => MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            },
+            base_mode: MavModeFlag::from_bits_retain(1 | kind | armed),
+            system_status: if self.armed { MavState::MAV_STATE_ACTIVE } else { MavState::MAV_STATE_STANDBY },
+            mavlink_version: 3,
+        }
+    }
+}
+
+/// The setpoint that is flown, as an echo.
+fn target_message(time_boot_ms: u32, target: Target) -> POSITION_TARGET_LOCAL_NED_DATA {
+    let empty =
+        POSITION_TARGET_LOCAL_NED_DATA { time_boot_ms, coordinate_frame: MavFrame::MAV_FRAME_LOCAL_NED, ..Default::default() };
+    match target {
+        Target::Velocity([vx, vy, vz], _) => {
+            let type_mask = PositionTargetTypemask::from_bits_retain(0x0dc7);
+            POSITION_TARGET_LOCAL_NED_DATA { vx, vy, vz, type_mask, ..empty }
+        }
+        Target::Position(place, _) => {
+            let ([x, y, z], type_mask) = (position_to_ned(place), PositionTargetTypemask::from_bits_retain(0x0df8));
+            POSITION_TARGET_LOCAL_NED_DATA { x, y, z, type_mask, ..empty }
+        }
+    }
+}
+
+/// Rotation from the body (forward, right, down) to north, east, down: w, x, y, z.
+fn quaternion(angles: [f64; 3]) -> [f32; 4] {
+    let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(|angle| (libm::sin(0.5 * angle), libm::cos(0.5 * angle)));
+    [cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy]
+        .map(|part| part as f32)
+}
