@@ -49,6 +49,7 @@ function role(message) {
     return;
   }
   if (message.type !== "role") return message.text && orders.say(message.text, false);
+  if ((body.dataset.role === "pilot") !== message.pilot) byId("ack").textContent = "";
   body.dataset.role = message.pilot ? "pilot" : "spectator";
   const others = message.pages - 1;
   byId("role").textContent = message.pilot ? (others ? `You fly · ${others} more here` : "You fly") : "Watching";
@@ -118,7 +119,7 @@ function question({ query, confirm }) {
   if (query === undefined) return;
   byId("question-text").textContent = confirm
     ? "You said that we are there. Look again: confirm, or point."
-    : "Click in the picture, with the distance set below it.";
+    : "Click in the picture.";
 }
 
 function instruction(text) {

@@ -43,7 +43,9 @@ function list(flights) {
     const card = element("button", "", { type: "button", class: "card" });
     const picture = flight.film
       ? element("video", "", { muted: "", playsinline: "", preload: "metadata", "data-name": flight.name, "data-until": flight.time ?? 1, "aria-hidden": "true", tabindex: "-1" })
-      : element("span", "no film", { class: "blank" });
+      : flight.map
+        ? element("img", "", { src: file(flight.name, "trajectory.svg"), alt: "", loading: "lazy" })
+        : element("span", "no film", { class: "blank" });
     if (flight.film) looks.observe(picture);
     const text = element("div");
     const facts = [clock(flight.time), metres(flight.flown), `${flight.decisions ?? 0} decisions`].join(" · ");

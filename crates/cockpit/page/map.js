@@ -35,7 +35,7 @@ export class MapView {
     const [east, north] = this.state?.at ?? [0, 0];
     const points = [...this.path, this.state?.goal, this.state?.anchor?.at].filter(Boolean);
     const far = points.map(([e, n]) => Math.max(Math.abs(e - east), Math.abs(n - north)));
-    return Math.max(14, Math.min(250, 1.15 * Math.max(0, ...far)));
+    return Math.max(24, Math.min(250, 1.15 * Math.max(0, ...far)));
   }
 
   fly(state) {
@@ -60,13 +60,14 @@ export class MapView {
       if (closed) c.closePath();
     };
     const [de, dn] = this.offset;
+    const light = matchMedia("(prefers-color-scheme: light)").matches;
     c.lineJoin = "round";
     c.lineWidth = 1;
     for (const outline of this.outlines) {
       c.beginPath();
       for (const ring of outline.rings) trace(ring.map(([e, n]) => [e + de, n + dn]), true);
       c.fillStyle = outline.colour;
-      c.globalAlpha = 0.6;
+      c.globalAlpha = light ? 0.75 : 0.42;
       c.fill("evenodd");
       c.globalAlpha = 0.35;
       c.strokeStyle = colour("text");
@@ -151,7 +152,10 @@ export class MapView {
     c.moveTo(12, height - 14);
     c.lineTo(12 + round * scale, height - 14);
     c.stroke();
-    c.fillText(`${round} m`, 12, height - 20);
-    c.fillText("N ↑", 12, 20);
+    for (const [text, y] of [[`${round} m`, height - 20], ["N ↑", 20]]) {
+      [c.strokeStyle, c.lineWidth] = [colour("panel"), 3.5];
+      c.strokeText(text, 12, y);
+      c.fillText(text, 12, y);
+    }
   }
 }

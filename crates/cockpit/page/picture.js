@@ -13,7 +13,7 @@ export class Picture {
     this.arrived = 0;
     this.aim = null;
     this.marks = [];
-    new ResizeObserver(() => this.overlay()).observe(byId("stage"));
+    new ResizeObserver(() => this.fit()).observe(byId("stage"));
     setInterval(() => this.age(), 100);
   }
 
@@ -23,6 +23,7 @@ export class Picture {
     const bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
     if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
       [this.canvas.width, this.canvas.height] = [bitmap.width, bitmap.height];
+      this.fit();
     }
     this.context.drawImage(bitmap, 0, 0);
     bitmap.close();
@@ -70,6 +71,13 @@ export class Picture {
     const u = (event.clientX - stage.left - area.left) / area.width;
     const v = (event.clientY - stage.top - area.top) / area.height;
     return u >= 0 && u <= 1 && v >= 0 && v <= 1 ? { u, v } : null;
+  }
+
+  /** Gives the canvas the shape of the picture, as large as there is room. */
+  fit() {
+    const { width, height } = this.area();
+    [this.canvas.style.width, this.canvas.style.height] = [`${width}px`, `${height}px`];
+    this.overlay();
   }
 
   /** Remembers where somebody pointed, to show it for a while. */

@@ -70,8 +70,7 @@ impl Cockpit {
         let worker = Worker::start(hub.clone()).map_err(CockpitError::Start)?;
         let stop = watch::Sender::new(false);
         let shared = Arc::new(server::Shared { hub: hub.clone(), controls: controls.clone(), flights, stop: stop.subscribe() });
-        let runtime =
-            tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CockpitError::Start)?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CockpitError::Start)?;
         let (watched, stopped) = (controls.clone(), stop.subscribe());
         let thread = std::thread::Builder::new().name("cockpit".to_owned()).spawn(move || {
             runtime.block_on(async {

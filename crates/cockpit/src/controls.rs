@@ -344,7 +344,12 @@ impl Inner {
     fn setpoint(&self, right: f64, forward: f64, up: f64, turn: f64) -> OperatorEvent {
         let Some(craft) = self.flight.as_ref().map(|flight| flight.craft) else { return OperatorEvent::Hold };
         let (speed, climb, rate) = (0.5 * craft.cruise_speed, 0.5 * craft.climb_speed, 0.5 * craft.yaw_rate);
-        OperatorEvent::Setpoint(Setpoint { right: right * speed, forward: forward * speed, up: up * climb, yaw_rate: turn * rate })
+        OperatorEvent::Setpoint(Setpoint {
+            right: right * speed,
+            forward: forward * speed,
+            up: up * climb,
+            yaw_rate: turn * rate,
+        })
     }
 }
 

@@ -130,7 +130,9 @@ fn part(mut file: File, range: Option<&str>) -> Result<Response, StatusCode> {
     if asked.is_some() {
         *response.status_mut() = StatusCode::PARTIAL_CONTENT;
         let told = format!("bytes {from}-{}/{length}", to.saturating_sub(1));
-        response.headers_mut().insert(CONTENT_RANGE, HeaderValue::from_str(&told).map_err(|_| StatusCode::INTERNAL_SERVER_ERROR)?);
+        response
+            .headers_mut()
+            .insert(CONTENT_RANGE, HeaderValue::from_str(&told).map_err(|_| StatusCode::INTERNAL_SERVER_ERROR)?);
     }
     Ok(response)
 }
@@ -168,7 +170,8 @@ mod tests {
         assert_eq!(status("001-a", "video.mp4", None), 200);
         assert_eq!(status("001-a", "video.mp4", Some("bytes=10-19")), 206);
         assert_eq!(status("001-a", "video.mp4", Some("bytes=100-")), 416);
-        for (name, file) in [("..", "secret"), ("001-a", "../../secret"), ("001-a", "flight.mcap"), ("no-flight", "video.mp4"), ("", "video.mp4")]
+        for (name, file) in
+            [("..", "secret"), ("001-a", "../../secret"), ("001-a", "flight.mcap"), ("no-flight", "video.mp4"), ("", "video.mp4")]
         {
             assert_eq!(status(name, file, None), 404, "{name}/{file}");
         }

@@ -104,9 +104,9 @@ impl Instruments {
         let anchor = pilot.anchor_view(now).map(|seen| {
             json!({"at": [seen.position.east, seen.position.north], "sd": seen.range_sd.max(seen.lateral_sd), "range": seen.range})
         });
-        let path = pilot.guide().map(|guide| {
-            guide.path.iter().map(|cell| cell.middle()).map(|at| [at.east, at.north]).collect::<Vec<_>>()
-        });
+        let path = pilot
+            .guide()
+            .map(|guide| guide.path.iter().map(|cell| cell.middle()).map(|at| [at.east, at.north]).collect::<Vec<_>>());
         self.pointing.anchored(pilot.anchor().map(|_| self.instruction.as_str()));
         let state = json!({
             "type": "state",

@@ -163,7 +163,9 @@ mod tests {
         let read = |text: &str| ToControls::read(text);
         assert_eq!(read(r#"{"order":{"id":3,"do":"hold"}}"#), Ok(ToControls::Order { id: 3, order: Order::Hold }));
         assert_eq!(read(r#"{"hello":{}}"#), Ok(ToControls::Hello(Hello::default())));
-        let fly = |forward: &str| read(&format!(r#"{{"order":{{"id":1,"do":{{"fly":{{"right":0,"forward":{forward},"up":0,"turn":0}}}}}}}}"#));
+        let fly = |forward: &str| {
+            read(&format!(r#"{{"order":{{"id":1,"do":{{"fly":{{"right":0,"forward":{forward},"up":0,"turn":0}}}}}}}}"#))
+        };
         assert!(fly("1").is_ok() && fly("1.01").is_err() && fly("1e999").is_err() && fly("null").is_err());
         let point = |u: &str, depth: &str| {
             read(&format!(r#"{{"order":{{"id":1,"do":{{"point":{{"u":{u},"v":0.5,"depth":{depth},"frame":7}}}}}}}}"#))

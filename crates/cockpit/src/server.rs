@@ -106,11 +106,7 @@ async fn flights(State(shared): State<Arc<Shared>>) -> Response {
     }
 }
 
-async fn flight(
-    State(shared): State<Arc<Shared>>,
-    Path((name, file)): Path<(String, String)>,
-    headers: HeaderMap,
-) -> Response {
+async fn flight(State(shared): State<Arc<Shared>>, Path((name, file)): Path<(String, String)>, headers: HeaderMap) -> Response {
     match served(&shared) {
         Ok(flights) => flights.file(&name, &file, headers.get(header::RANGE).and_then(|range| range.to_str().ok())),
         Err(refused) => refused,

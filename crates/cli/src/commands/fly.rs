@@ -58,12 +58,7 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
 }
 
 /// Flies an instruction with these settings; a cockpit shows and controls the flight.
-pub(crate) fn flight(
-    args: &Fly,
-    mut settings: Settings,
-    cockpit: Option<&Cockpit>,
-    printer: Printer,
-) -> Result<Exit, CliError> {
+pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpit>, printer: Printer) -> Result<Exit, CliError> {
     let instruction = args.instruction.trim();
     if instruction.is_empty() || instruction.chars().count() > MAX_INSTRUCTION {
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))

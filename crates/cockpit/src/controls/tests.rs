@@ -18,7 +18,8 @@ impl Cabin {
         let token = keys.printed().0;
         let controls = Controls::new(keys, hub, Arc::default());
         let (operator, orders) = channel();
-        let read: ReadInstruction = Arc::new(|text| if text == "gibberish" { Err("not understood".into()) } else { Ok("reads".into()) });
+        let read: ReadInstruction =
+            Arc::new(|text| if text == "gibberish" { Err("not understood".into()) } else { Ok("reads".into()) });
         controls.begin(FlightControls { operator, craft: Craft::tello(), read, only });
         Self { controls, now: Instant::now(), token, orders }
     }
@@ -127,6 +128,7 @@ fn manual_flight_is_at_half_the_preset_speeds() {
     let order = Order::Fly { right: 0.0, forward: 1.0, up: -1.0, turn: 0.5 };
     assert!(cabin.controls.order(pilot, &order, cabin.now).is_ok());
     let craft = Craft::tello();
-    let expected = Setpoint { right: 0.0, forward: 0.5 * craft.cruise_speed, up: -0.5 * craft.climb_speed, yaw_rate: 0.25 * craft.yaw_rate };
+    let expected =
+        Setpoint { right: 0.0, forward: 0.5 * craft.cruise_speed, up: -0.5 * craft.climb_speed, yaw_rate: 0.25 * craft.yaw_rate };
     assert_eq!(cabin.sent(), [OperatorEvent::Setpoint(expected)]);
 }

@@ -20,7 +20,10 @@ fn a_point_is_followed_from_the_picture_where_it_was_set_to_the_one_asked_about(
     let Pointed::Point(turned, _) = moved(at, 5, &camera, pose(0.0, 0.0, 0.0), pose(0.0, 0.0, 20.0)) else { panic!("in view") };
     assert!(turned.u < 0.6, "{turned:?}");
     let look = |heading| moved(at, 5, &camera, pose(0.0, 0.0, 0.0), pose(0.0, 0.0, heading));
-    assert_eq!((look(90.0), look(-90.0), look(200.0)), (Pointed::Look(Look::Left), Pointed::Look(Look::Right), Pointed::Look(Look::Behind)));
+    assert_eq!(
+        (look(90.0), look(-90.0), look(200.0)),
+        (Pointed::Look(Look::Left), Pointed::Look(Look::Right), Pointed::Look(Look::Behind))
+    );
 }
 
 struct Blank;

@@ -94,7 +94,8 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
     assert_eq!((summary.outcome, summary.cause.as_str()), (Outcome::Aborted, "the operator cut the motors"));
     cockpit.end("aborted", &["aborted".to_owned()], "/home/somebody/flights/001");
     watch.wait("the end", |message| message["type"] == "end");
-    let files = |socket: &mut Socket| socket.wait("where the files are", |message| message["text"].to_string().contains("/home/"));
+    let files =
+        |socket: &mut Socket| socket.wait("where the files are", |message| message["text"].to_string().contains("/home/"));
     files(&mut watch);
     assert!(controls.order(json!("hold")).0["ok"] == json!(false), "the flight is over");
     drop(cockpit);
@@ -111,7 +112,9 @@ fn a_flight_whose_only_page_is_lost_holds() {
     phase(&mut watch, "take_off");
     controls.alive = false;
     let lost = Instant::now();
-    watch.wait("a hold", |message| message["text"].as_str().is_some_and(|text| text.contains("connection to the pilot's page lost")));
+    watch.wait("a hold", |message| {
+        message["text"].as_str().is_some_and(|text| text.contains("connection to the pilot's page lost"))
+    });
     assert!(lost.elapsed() < Duration::from_millis(1600), "{:?}", lost.elapsed());
     watch.wait("the pilot's note", |message| message["text"] == "operator: hold");
     // Another page with the address may take over, and ends it.

@@ -26,7 +26,8 @@ fn ask(address: SocketAddr, path: &str, headers: &str) -> String {
 fn pages_of_other_sites_and_other_names_are_refused_before_anything_else() {
     let cockpit = cockpit("127.0.0.1:0");
     let (address, port) = (cockpit.address(), cockpit.address().port());
-    let upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==";
+    let upgrade =
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==";
     for path in ["/control", "/watch"] {
         for head in [
             format!("Host: 127.0.0.1:{port}\r\nOrigin: https://evil.example"),
@@ -41,7 +42,9 @@ fn pages_of_other_sites_and_other_names_are_refused_before_anything_else() {
     let page = ask(address, "/", &format!("Host: 127.0.0.1:{port}"));
     let head = page.split("\r\n\r\n").next().unwrap().to_lowercase();
     assert!(page.starts_with("HTTP/1.1 200") && page.contains("<title>SPF cockpit</title>"));
-    for header in ["content-security-policy: default-src 'none'", "x-content-type-options: nosniff", "referrer-policy: no-referrer"] {
+    for header in
+        ["content-security-policy: default-src 'none'", "x-content-type-options: nosniff", "referrer-policy: no-referrer"]
+    {
         assert!(head.contains(header), "{head}");
     }
     assert!(!head.contains("unsafe") && !head.contains("access-control"), "{head}");
@@ -82,7 +85,9 @@ fn nonsense_ends_nothing_but_its_own_connection() {
     let cockpit = cockpit("127.0.0.1:0");
     let token = cockpit.urls().0.split_once('#').unwrap().1.to_owned();
     let (mut page, _) = greeted(&cockpit, json!({"token": token}));
-    for nonsense in [json!(7), json!({"order": {"id": 1, "do": "dance"}}), json!({"order": {"id": 1, "do": {"fly": {"right": 9}}}})] {
+    for nonsense in
+        [json!(7), json!({"order": {"id": 1, "do": "dance"}}), json!({"order": {"id": 1, "do": {"fly": {"right": 9}}}})]
+    {
         page.say(&nonsense);
         page.wait("a refusal", |message| message["type"] == "error");
     }

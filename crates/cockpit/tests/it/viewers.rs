@@ -44,8 +44,12 @@ impl Ticks {
 fn flown(cockpit: Option<&Cockpit>) -> Ticks {
     let mut site = Simulated::new(Arc::new(LoadedScene::load("yard").unwrap()), "yard");
     site.realtime = true;
-    let mut plan =
-        FlightPlan::new(Site::Simulated(site), "fly to the door", "oracle", oracle_factory("oracle".to_owned(), ErrorFile::default()));
+    let mut plan = FlightPlan::new(
+        Site::Simulated(site),
+        "fly to the door",
+        "oracle",
+        oracle_factory("oracle".to_owned(), ErrorFile::default()),
+    );
     plan.settings.max_time = Duration::from_secs(14);
     let (operator, inputs) = channel();
     plan.operator = Some(inputs);
@@ -86,7 +90,9 @@ fn eight_viewers_of_which_one_is_stuck_cost_the_flight_nothing() {
     drop(stuck);
     let seen: Vec<usize> = viewers.into_iter().map(|viewer| viewer.join().unwrap()).collect();
     let (alone, watched) = (without.percentile(0.99), with.percentile(0.99));
-    println!("time between commands, 99th percentile: {alone:.1} ms without, {watched:.1} ms with 8 viewers; pictures seen: {seen:?}");
+    println!(
+        "time between commands, 99th percentile: {alone:.1} ms without, {watched:.1} ms with 8 viewers; pictures seen: {seen:?}"
+    );
     assert!(seen.iter().all(|count| *count > 20), "{seen:?}");
     // Ten a second; the machine that tests may be busy with other things.
     assert!(watched < 1.1 * alone + 25.0, "{alone} ms without viewers, {watched} ms with");

@@ -2,9 +2,9 @@
 
 use std::net::SocketAddr;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Sender;
-use std::sync::Arc;
 use std::time::Duration;
 
 use spf_cockpit::{Cockpit, FlightControls, Flights};
@@ -88,7 +88,6 @@ pub(super) fn pointing(
     }
     let pointing = of_settings(settings, prompt, pace)?;
     let inner = pointing.vlm_factory;
-    let vlm_factory: VlmFactory =
-        Arc::new(move |world, seed| Ok(Box::new(pointers(Some(inner(world, seed)?))) as Box<dyn Vlm>));
+    let vlm_factory: VlmFactory = Arc::new(move |world, seed| Ok(Box::new(pointers(Some(inner(world, seed)?))) as Box<dyn Vlm>));
     Ok(Pointing { vlm_factory, ..pointing })
 }

@@ -1,7 +1,7 @@
 //! Signals during a flight: those that land it, and those that must not end it.
 
-use std::sync::{Arc, OnceLock};
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use spf_drone::abandon;
 
