@@ -17,6 +17,7 @@ use crate::hub::{Hub, Kept};
 use crate::instruments::Instruments;
 use crate::pointing::{Pointer, Pointing};
 use crate::server;
+use crate::shared::Shared;
 use crate::worker::Worker;
 
 /// How often the page that flies is checked.
@@ -69,7 +70,7 @@ impl Cockpit {
         let controls = Arc::new(Controls::new(keys, hub.clone(), pointing.clone()));
         let worker = Worker::start(hub.clone()).map_err(CockpitError::Start)?;
         let stop = watch::Sender::new(false);
-        let shared = Arc::new(server::Shared { hub: hub.clone(), controls: controls.clone(), flights, stop: stop.subscribe() });
+        let shared = Arc::new(Shared { hub: hub.clone(), controls: controls.clone(), flights, stop: stop.subscribe() });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CockpitError::Start)?;
         let (watched, stopped) = (controls.clone(), stop.subscribe());
         let thread = std::thread::Builder::new().name("cockpit".to_owned()).spawn(move || {

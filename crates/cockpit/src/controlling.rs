@@ -11,7 +11,7 @@ use tokio::time::{interval, timeout};
 use crate::controls::{Controls, TO_PAGE};
 use crate::hub::json;
 use crate::message::{Order, ToControls};
-use crate::server::Shared;
+use crate::shared::Shared;
 
 /// Time limit for the first message.
 const GREETING: Duration = Duration::from_secs(5);

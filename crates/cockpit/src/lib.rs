@@ -17,6 +17,7 @@ mod page;
 mod pointing;
 mod secret;
 mod server;
+mod shared;
 mod watching;
 mod worker;
 

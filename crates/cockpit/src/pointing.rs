@@ -194,10 +194,11 @@ impl Pointer {
         let query = request.query;
         let confirm = query.memory.confirming;
         let question = json!({"type": "question", "query": query.id.0, "frame": query.frame.0, "confirm": confirm});
-        self.hub.tell(Kept::Question, &question);
         let began = Instant::now();
+        // Open before anybody is told.
         let mut inner = self.shared.inner();
         (inner.open, inner.answer) = (true, None);
+        self.hub.tell(Kept::Question, &question);
         let result = loop {
             if let Some(given) = inner.answer.take() {
                 break Ok(inner.about(given, query.frame));

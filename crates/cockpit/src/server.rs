@@ -15,11 +15,10 @@ use axum::routing::{any, get};
 use spf_guard::Access;
 use tokio::sync::watch;
 
-use crate::controls::Controls;
 use crate::flights::Flights;
-use crate::hub::Hub;
 use crate::message::{Hello, LONGEST};
 use crate::page::{FILES, text};
+use crate::shared::Shared;
 use crate::{controlling, watching};
 
 /// Maximum number of connections: a pilot's two sockets, a score of spectators, and files.
@@ -31,14 +30,6 @@ const SHUTDOWN_GRACE: Duration = Duration::from_millis(700);
 /// No external resources, no scripts but the page's own, and no embedding by other sites.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self'; \
                       connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
-/// What the handlers need.
-pub(crate) struct Shared {
-    pub(crate) hub: Arc<Hub>,
-    pub(crate) controls: Arc<Controls>,
-    pub(crate) flights: Option<Flights>,
-    pub(crate) stop: watch::Receiver<bool>,
-}
 
 /// Serves until `stop`.
 pub(crate) async fn serve(

@@ -11,7 +11,7 @@ use tokio::time::{interval_at, timeout};
 
 use crate::hub::{Hub, News, json};
 use crate::message::{Hello, ToWatch};
-use crate::server::Shared;
+use crate::shared::Shared;
 
 /// Time limit for the first message.
 const GREETING: Duration = Duration::from_secs(5);
