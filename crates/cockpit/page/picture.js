@@ -133,7 +133,7 @@ export class Picture {
     c.rect(x(left), y(top), x(right) - x(left), y(bottom) - y(top));
     this.stroke(c, colour, 2);
     c.setLineDash([]);
-    if (label) this.text(c, label, x(left) + 2, y(top) - 5, colour);
+    if (label) this.text(c, label, x(left) + 6, y(top) - 4, colour, undefined, 12);
   }
 
   line(c, points, x, y, colour) {
@@ -164,12 +164,12 @@ export class Picture {
     this.stroke(c, colour, 2);
   }
 
-  text(c, text, px, py, colour, wide) {
-    c.font = "600 14px system-ui, sans-serif";
+  text(c, text, px, py, colour, wide, size = 14) {
+    c.font = `600 ${size}px system-ui, sans-serif`;
     const width = wide ?? c.measureText(text).width + 12;
     c.fillStyle = "rgb(6 9 14 / 78%)";
     c.beginPath();
-    c.roundRect(px - 8, py - 16, width, 23, 6);
+    c.roundRect(px - (wide ? 8 : 6), py - size - 2, width, size + 9, 6);
     c.fill();
     c.fillStyle = colour;
     c.fillText(text, px, py);
