@@ -4,7 +4,7 @@ import { Decisions } from "./decisions.js";
 import { Orders } from "./fly.js";
 import { byId, clock, element, metres, open } from "./look.js";
 import { MapView } from "./map.js";
-import { Picture } from "./picture.js";
+import { Picture, caption } from "./picture.js";
 import { Controls, Watch } from "./sockets.js";
 
 let watch;
@@ -151,7 +151,7 @@ function state(state) {
   text("flown", metres(state.flown));
   text("time", clock(state.t));
   const seen = picture.head?.overlay?.point;
-  byId("picture").setAttribute("aria-label", `Live picture: ${byId("phase").textContent}${seen ? `, flying to ${seen.label || "a point"} ${metres(seen.metres)} away` : ""}`);
+  byId("picture").setAttribute("aria-label", `Live picture: ${byId("phase").textContent}${seen ? `, ${seen.label && !seen.target ? `to ${seen.label}, ` : ""}${caption(seen)} away` : ""}`);
   map.fly(state);
 }
 

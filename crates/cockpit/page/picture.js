@@ -29,7 +29,8 @@ export class Picture {
     bitmap.close();
     [this.head, this.arrived] = [head, arrived];
     this.confirm();
-    this.drawn = performance.now() - arrived;
+    // From the frame's arrival at the program to its pixels, but for the way here: for measurements.
+    this.canvas.dataset.latency = Math.round(1000 * head.received + performance.now() - arrived);
     byId("empty").hidden = true;
     this.overlay();
   }
@@ -176,7 +177,8 @@ export class Picture {
   }
 }
 
-function caption({ label, metres: away }) {
+/** What the drone flies to: the place of its target, or the end of a step towards it. */
+export function caption({ label, metres: away, target }) {
   const far = away < 20 ? metres(away) : roughly(away);
-  return label ? `${label} · ${far}` : far;
+  return `${target ? label || "target" : "waypoint"} · ${far}`;
 }

@@ -44,6 +44,8 @@ struct Point {
     v: f64,
     label: String,
     metres: f64,
+    /// Whether it is the target's estimated place, and not the end of a step towards it.
+    target: bool,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -104,10 +106,11 @@ impl Drawn {
     }
 
     fn point(&self, pose: Pose, camera: &Camera, pilot: &Pilot) -> Option<Point> {
-        let place = pilot.anchor().map(|anchor| anchor.position()).or(self.goal)?;
+        let anchor = pilot.anchor().map(|anchor| anchor.position());
+        let place = anchor.or(self.goal)?;
         let metres = pose.position.distance(place);
         let at = project(place, pose, camera).filter(|_| metres >= SHOWN_FROM_M)?;
-        Some(Point { u: at.u, v: at.v, label: self.label.clone(), metres })
+        Some(Point { u: at.u, v: at.v, label: self.label.clone(), metres, target: anchor.is_some() })
     }
 }
 

@@ -105,6 +105,8 @@ def fly(browser):
     wait(lambda: page.locator("#list button").count() > 0, "a decision")
     wait(lambda: page.evaluate("document.getElementById('empty').hidden"), "a picture")
     shot(page, "laptop-dark-flying")
+    took = sorted(sample(page) for _ in range(30))
+    print(f"from a frame's arrival to its pixels: median {took[15]} ms, greatest {took[-1]} ms of 30")
     accessible(page, "flying")
     assert "m" in page.locator("#height").inner_text()
 
@@ -168,6 +170,11 @@ def fly(browser):
     assert program.end() == 5
     expect(page.locator("#alarm")).to_contain_text("ended")
     page.context.close()
+
+
+def sample(page):
+    page.wait_for_timeout(60)
+    return int(page.evaluate("document.getElementById('picture').dataset.latency"))
 
 
 def spectate(browser, program, pilot):
