@@ -188,7 +188,8 @@ impl Observer for Instruments {
                 "drone": head.drone,
                 "scene": head.sim.as_ref().map(|sim| sim.scene.rsplit(['/', '\\']).next().unwrap_or_default()),
                 "policy": head.policy,
-                "vlm": if head.vlm.starts_with("exec:") { "a program" } else { head.vlm.as_str() },
+                // Without the path of a program and the address of a server.
+                "vlm": if head.vlm.starts_with("exec:") { "exec" } else { head.vlm.split('@').next().unwrap_or_default() },
                 "points": head.policy.starts_with("spf"),
                 "camera": {"width": head.camera.width, "height": head.camera.height, "half_fov": [alpha, beta],
                            "tilt": head.camera.tilt},

@@ -37,6 +37,11 @@ impl Socket {
         self.socket.send(Message::text(message.to_string())).unwrap();
     }
 
+    /// Sends an answer; `None` if the server is gone.
+    fn answer(&mut self, message: &Value) -> Option<()> {
+        self.socket.send(Message::text(message.to_string())).ok()
+    }
+
     /// The next text; pictures are confirmed and kept, beats are answered. `None` at the end.
     pub(crate) fn next(&mut self) -> Option<Value> {
         let began = Instant::now();
@@ -48,7 +53,7 @@ impl Socket {
                         return Some(message);
                     }
                     if self.alive {
-                        self.say(&json!({"beat": message["n"]}));
+                        self.answer(&json!({"beat": message["n"]}))?;
                     }
                 }
                 Message::Binary(bytes) => {
@@ -57,7 +62,7 @@ impl Socket {
                     assert_eq!(&bytes[4 + length..6 + length], [0xff, 0xd8], "a JPEG");
                     self.pictures.push(head);
                     self.shown += 1;
-                    self.say(&json!({"shown": self.shown}));
+                    self.answer(&json!({"shown": self.shown}))?;
                 }
                 Message::Close(_) => return None,
                 _ => {}

@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
+use qrcode::QrCode;
+use qrcode::render::unicode::Dense1x2;
 use spf_cockpit::{Cockpit, FlightControls, Flights};
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
@@ -40,12 +42,20 @@ pub(crate) fn open(address: SocketAddr, flights: &Path, path: &str, printer: &Pr
         printer.log(&format!("Flights: open {}{path}", watch.split('#').next().unwrap_or_default()));
     }
     if !cockpit.address().ip().is_loopback() {
+        qr_code(&fly).iter().for_each(|line| printer.log(line));
         printer.log(&format!("To watch only: {watch}"));
         printer.log(
             "warning: the connection is not encrypted: use it in a network that only you use. The address to fly works once.",
         );
     }
     Ok(cockpit)
+}
+
+/// An address as a QR code, for a phone's camera; the lines of a dark terminal. None if the address is too long for one.
+fn qr_code(url: &str) -> Vec<String> {
+    let Ok(code) = QrCode::new(url) else { return Vec::new() };
+    let drawn = code.render::<Dense1x2>().dark_color(Dense1x2::Light).light_color(Dense1x2::Dark).build();
+    drawn.lines().map(str::to_owned).collect()
 }
 
 /// Waits until the page is open that will fly; false if the user ends the program first.
