@@ -50,7 +50,7 @@ fn flown(cockpit: Option<&Cockpit>) -> Ticks {
         "oracle",
         oracle_factory("oracle".to_owned(), ErrorFile::default()),
     );
-    plan.settings.max_time = Duration::from_secs(14);
+    plan.settings.max_time = Duration::from_secs(8);
     let (operator, inputs) = channel();
     plan.operator = Some(inputs);
     let mut ticks = Ticks::default();
