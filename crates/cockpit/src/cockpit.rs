@@ -117,7 +117,6 @@ impl Cockpit {
     }
 
     /// The same as a function, which outlives this borrow.
-    #[must_use]
     pub fn pointers(&self) -> impl Fn(Option<Box<dyn Vlm>>) -> Pointer + Send + Sync + 'static {
         let (pointing, hub) = (self.pointing.clone(), self.hub.clone());
         move |other| Pointer::new(pointing.clone(), hub.clone(), other)

@@ -81,25 +81,25 @@ async fn control(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -
 }
 
 /// The recorded flights, if they are served.
-fn served(shared: &Shared) -> Result<&Flights, Response> {
+fn served(shared: &Shared) -> Result<&Flights, (StatusCode, &'static str)> {
     // Recordings hold prompts, and browsers fetch films without our tokens.
     let hello = Hello::default();
     if shared.controls.may_watch(&hello, std::time::Instant::now()).is_err() {
-        return Err((StatusCode::FORBIDDEN, "flights are shown on this machine only\n").into_response());
+        return Err((StatusCode::FORBIDDEN, "flights are shown on this machine only\n"));
     }
-    shared.flights.as_ref().ok_or_else(|| (StatusCode::NOT_FOUND, "no flights are served\n").into_response())
+    shared.flights.as_ref().ok_or((StatusCode::NOT_FOUND, "no flights are served\n"))
 }
 
 async fn flights(State(shared): State<Arc<Shared>>) -> Response {
     match served(&shared) {
         Ok(flights) => ([(header::CONTENT_TYPE, "application/json")], flights.list()).into_response(),
-        Err(refused) => refused,
+        Err(refused) => refused.into_response(),
     }
 }
 
 async fn flight(State(shared): State<Arc<Shared>>, Path((name, file)): Path<(String, String)>, headers: HeaderMap) -> Response {
     match served(&shared) {
         Ok(flights) => flights.file(&name, &file, headers.get(header::RANGE).and_then(|range| range.to_str().ok())),
-        Err(refused) => refused,
+        Err(refused) => refused.into_response(),
     }
 }

@@ -1,11 +1,8 @@
 //! `spf cockpit`: flights that are instructed from the page, and recorded ones to look at.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
-
-use spf_cockpit::ReadInstruction;
 
 use super::fly::signals::interrupts;
 use super::fly::{flight, instruction_reader, page};
@@ -30,7 +27,6 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
     let mut exit = Exit::Success;
     loop {
         let (read, about) = instruction_reader(&settings)?;
-        let read: ReadInstruction = Arc::new(read);
         printer.log("Waiting for an instruction from the page. Ctrl-C ends.");
         let stopped = || interrupts.load(Ordering::Relaxed) > 0;
         let Some(instruction) = cockpit.wait_for_instruction(&about, read, stopped) else { return Ok(exit) };

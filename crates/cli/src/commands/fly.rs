@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 
 use serde::Serialize;
-use spf_cockpit::Cockpit;
+use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_core::pilot::{AtEnd, Outcome};
 use spf_drone::frames::Frames;
@@ -75,9 +75,7 @@ pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpi
 }
 
 /// How the settings' VLM reads an instruction before a flight: what was understood, or why nothing was; and what waits for one.
-pub(crate) fn instruction_reader(
-    settings: &Settings,
-) -> Result<(impl Fn(&str) -> Result<String, String> + Send + Sync + 'static, String), CliError> {
+pub(crate) fn instruction_reader(settings: &Settings) -> Result<(ReadInstruction, String), CliError> {
     let is_sim = matches!(settings.fly.drone.or_default()?, DroneName::Sim);
     let vlm = settings.fly.vlm.text_or_default();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
@@ -90,8 +88,7 @@ pub(crate) fn instruction_reader(
     let start = settings.fly.start.get()?;
     let is_oracle = vlm == "oracle" || vlm.starts_with("oracle:");
     let reader = loaded.filter(|_| is_oracle).map(|loaded| Reader::new(&loaded, start));
-    let read = move |text: &str| reader.as_ref().map_or_else(|| Ok(String::new()), |reader| reader.understood(text));
-    Ok((read, about))
+    Ok((page::read_by(reader), about))
 }
 
 /// A prepared flight.

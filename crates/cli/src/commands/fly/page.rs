@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
-use spf_cockpit::{Cockpit, FlightControls, Flights};
+use spf_cockpit::{Cockpit, FlightControls, Flights, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
 use spf_core::prompt::PromptText;
@@ -74,8 +74,13 @@ pub(super) fn wait_for_pilot(cockpit: &Cockpit, interrupts: &AtomicU32, printer:
 
 /// The operator's side of a flight, for the page.
 pub(super) fn controls(operator: Sender<OperatorEvent>, craft: Craft, reader: Option<Reader>, only: bool) -> FlightControls {
-    let read = Arc::new(move |text: &str| reader.as_ref().map_or_else(|| Ok(String::new()), |reader| reader.understood(text)));
+    let read = read_by(reader);
     FlightControls { operator, craft, read, only }
+}
+
+/// How an instruction is read; without a reader every one is flown.
+pub(super) fn read_by(reader: Option<Reader>) -> ReadInstruction {
+    Arc::new(move |text: &str| reader.as_ref().map_or_else(|| Ok(String::new()), |reader| reader.understood(text)))
 }
 
 /// The VLM of a flight. With a cockpit a person points in the page instead of typing, and may correct any other VLM.
