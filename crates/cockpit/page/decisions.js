@@ -25,9 +25,16 @@ export class Decisions {
   }
 
   line({ t, level, text }) {
+    const newest = this.list.firstElementChild;
+    if (newest?.said === text) {
+      newest.times += 1;
+      newest.lastElementChild.textContent = ` ×${newest.times}`;
+      return;
+    }
     const row = element("li", "", { class: `line ${level}` });
+    [row.said, row.times] = [text, 1];
     if (t !== undefined) row.append(element("time", clock(t)));
-    row.append(text);
+    row.append(text, element("span"));
     this.put(row);
   }
 
