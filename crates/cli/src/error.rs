@@ -24,6 +24,11 @@ impl CliError {
         Self { exit: Exit::Failed, ..Self::usage(message) }
     }
 
+    /// Ended by the user before anything happened.
+    pub(crate) fn aborted(message: impl Into<String>) -> Self {
+        Self { exit: Exit::Aborted, ..Self::usage(message) }
+    }
+
     /// A failure outside of the program (files, disk).
     pub(crate) fn internal(message: impl Into<String>) -> Self {
         Self { exit: Exit::Internal, ..Self::usage(message) }

@@ -30,7 +30,7 @@ use crate::printer::Printer;
 fn with_avoid_joined(arguments: impl Iterator<Item = OsString>) -> Vec<OsString> {
     let mut joined: Vec<OsString> = Vec::new();
     for argument in arguments {
-        let flies = joined.iter().any(|word| word == "fly");
+        let flies = joined.iter().any(|word| word == "fly" || word == "cockpit");
         match joined.last_mut() {
             Some(last) if flies && last == "--avoid" && ["on", "off", "auto"].iter().any(|word| argument == *word) => {
                 last.push("=");
@@ -81,6 +81,7 @@ fn main() -> ExitCode {
 fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
     match &cli.command {
         Command::Fly(args) => commands::fly::fly(args, printer),
+        Command::Cockpit(args) => commands::cockpit::cockpit(args, &printer),
         Command::Doctor(args) => commands::doctor(args, &printer),
         Command::Tello(command) => commands::tello(command, &printer),
         Command::Camera(command) => commands::camera::camera(command, &printer),

@@ -20,6 +20,7 @@ use crate::policy::PolicyKind;
 use crate::real::Real;
 use crate::recorder::{RecordPlan, Recorder};
 use crate::run::{Observer, World, run};
+use crate::sight::Sight;
 use crate::sim::{SimWorld, Simulated, StartError, TrackModel, VlmFactory, VlmFactoryError};
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
@@ -220,6 +221,8 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     };
     let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
     let mut pilot = pilot(&head, policy.as_ref(), prompt_text);
+    let sight = Sight::new(drone.frames(), frame_source.clone());
+    observers.iter_mut().for_each(|observer| observer.begin(&head, &sight));
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
     let mut around: Box<dyn World> = match clock {

@@ -27,6 +27,7 @@ pub mod recorder;
 pub mod replay;
 pub mod run;
 pub mod script;
+pub mod sight;
 pub mod sim;
 pub mod site;
 pub mod summary;

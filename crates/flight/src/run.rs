@@ -6,6 +6,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use spf_core::pilot::{Action, Event, Pilot};
 use spf_core::time::Time;
 
+use crate::log::FlightHeader;
+use crate::sight::Sight;
+
 /// The environment of a pilot: it waits, delivers events, and carries out actions.
 ///
 /// There are two implementations, [`Lockstep`](crate::world::Lockstep) in virtual time and [`Live`](crate::world::Live)
@@ -24,6 +27,11 @@ pub trait World {
 
 /// Observes a flight, for progress display and recording.
 pub trait Observer {
+    /// A flight is about to begin. Called once, before anything else and before take-off.
+    fn begin(&mut self, head: &FlightHeader, sight: &Sight) {
+        let _ = (head, sight);
+    }
+
     /// An event was passed to the pilot.
     fn event(&mut self, now: Time, event: &Event) {
         let _ = (now, event);

@@ -1,7 +1,7 @@
 //! Display text for outcomes, phases and decisions, in one place.
 
 use spf_core::avoid::Avoidance;
-use spf_core::pilot::{Around, Decision, OperatorEvent, Outcome, Passage, Phase};
+use spf_core::pilot::{Around, Decision, Note, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
 use spf_vlm::ORACLE_SERVED;
 
@@ -58,6 +58,22 @@ pub fn around(around: &Around) -> String {
         Passage::Under => "under",
     };
     format!("{side}: {}", around.name.as_deref().unwrap_or("an obstacle"))
+}
+
+/// Display text of a report of the pilot, one line.
+#[must_use]
+pub fn note(note: &Note) -> String {
+    match note {
+        Note::Phase(now) => phase(*now).to_owned(),
+        Note::Decision(made) => format!("{}. {}", made.number, decision(made)),
+        Note::Envelope(cause) => format!("envelope: {cause}"),
+        Note::Around(detour) => around(detour),
+        Note::Limited(why) => (*why).to_owned(),
+        Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
+        Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
+        Note::Operator(event) => format!("operator: {}", operator(event)),
+        Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", operator(event)),
+    }
 }
 
 /// Display text of a direction in which to look.

@@ -51,14 +51,29 @@ pub async fn serve(
     listener: TcpListener,
     router: Router,
     access: Access,
+    stop: watch::Receiver<bool>,
+    grace: Duration,
+) -> io::Result<()> {
+    serve_many(listener, router, access, stop, grace, CONNECTIONS).await
+}
+
+/// The same with up to `most` connections.
+///
+/// # Errors
+/// As for [`serve`].
+pub async fn serve_many(
+    listener: TcpListener,
+    router: Router,
+    access: Access,
     mut stop: watch::Receiver<bool>,
     grace: Duration,
+    most: usize,
 ) -> io::Result<()> {
     listener.set_nonblocking(true)?;
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let access = Arc::new(access);
     let router = router.layer(middleware::from_fn(move |request: Request, next: Next| admit(access.clone(), request, next)));
-    let (places, turned_away) = (ConnectionSlots::new(CONNECTIONS), Arc::new(AtomicUsize::new(0)));
+    let (places, turned_away) = (ConnectionSlots::new(most), Arc::new(AtomicUsize::new(0)));
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
@@ -73,7 +88,7 @@ pub async fn serve(
         let turn_out = out.clone();
         match places.enter(move || turn_out.notify_one()) {
             Some(place) => drop(tokio::spawn(converse(stream, place, out, router.clone(), stop.clone()))),
-            None => turn_away(stream, &turned_away),
+            None => turn_away(stream, &turned_away, most),
         }
     }
     drop(listener);
@@ -125,14 +140,14 @@ async fn converse(stream: TcpStream, place: Place, out: Arc<Notify>, router: Rou
 }
 
 /// Tells a client that there is no place, without a place for it.
-fn turn_away(mut stream: TcpStream, turned_away: &Arc<AtomicUsize>) {
+fn turn_away(mut stream: TcpStream, turned_away: &Arc<AtomicUsize>, most: usize) {
     if turned_away.fetch_add(1, Ordering::Relaxed) >= TURNED_AWAY {
         turned_away.fetch_sub(1, Ordering::Relaxed);
         return;
     }
     let turned_away = turned_away.clone();
     drop(tokio::spawn(async move {
-        let body = format!("all {CONNECTIONS} connections are in use: close a page or another client, or try again\n");
+        let body = format!("all {most} connections are in use: close a page or another client, or try again\n");
         let head = format!(
             "HTTP/1.1 503 Service Unavailable\r\ncontent-type: text/plain; charset=utf-8\r\ncontent-length: {}\r\nretry-after: 1\r\n\
              connection: close\r\n\r\n",

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde_json::{Map, Value, json};
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::query::{ImagePoint, QueryKind};
+use spf_core::query::{ImagePoint, Look, Query, QueryKind};
 use spf_core::reply::DEPTH_LABELS;
 use spf_core::time::Duration;
 use tempfile::TempDir;
@@ -52,10 +52,7 @@ impl Human {
 
     fn ask(&self, request: &QueryRequest<'_>, image: &mut dyn QueryImage, size: (u32, u32)) -> Result<String, VlmError> {
         let query = request.query;
-        let Some(schema) = reply_schema(&query.kind).filter(|_| matches!(query.kind, QueryKind::Point { .. })) else {
-            let reason = "`human` answers only where to fly: use --policy spf".to_owned();
-            return Err(VlmError::Refused { model: HUMAN.to_owned(), reason });
-        };
+        let schema = schema_of(query)?;
         let path = self.folder.path().join(format!("{}.jpg", query.frame.0));
         let written = std::fs::write(&path, image.jpeg(size, QUALITY)?);
         written.map_err(|error| VlmError::Image(format!("cannot write the image: {error}")))?;
@@ -94,7 +91,7 @@ impl Human {
                 // An order to the drone ends the query.
                 Ok(line) if ORDERS.contains(&line.trim()) => return Err(VlmError::Cancelled),
                 Ok(line) => match typed(&line, size) {
-                    Ok(typed) => return Ok(reply(&schema, typed, &pixels(size)).to_string()),
+                    Ok(pointed) => return Ok(reply(&schema, pointed, &pixels(size)).to_string()),
                     Err(why) => (self.say)(&format!("{why}. {HELP}")),
                 },
                 Err(RecvTimeoutError::Timeout) => {}
@@ -124,26 +121,48 @@ impl Vlm for Human {
     }
 }
 
-fn pixels((width, height): (u32, u32)) -> GroundingProfile {
+/// The reply of a person who has pointed, in the form that the query asks for and with the coordinates of `profile`.
+///
+/// # Errors
+/// [`VlmError::Refused`] if the query does not ask where to fly.
+pub fn reply_to(query: &Query, pointed: Pointed, profile: &GroundingProfile) -> Result<String, VlmError> {
+    Ok(reply(&schema_of(query)?, pointed, profile).to_string())
+}
+
+fn schema_of(query: &Query) -> Result<Value, VlmError> {
+    reply_schema(&query.kind).filter(|_| matches!(query.kind, QueryKind::Point { .. })).ok_or_else(|| {
+        let reason = "`human` answers only where to fly: use --policy spf".to_owned();
+        VlmError::Refused { model: HUMAN.to_owned(), reason }
+    })
+}
+
+/// The coordinates in which a person points, in an image of this size: pixels.
+#[must_use]
+pub fn pixels((width, height): (u32, u32)) -> GroundingProfile {
     GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width, height } }
 }
 
-/// What a person typed.
+/// What a person answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Typed {
+pub enum Pointed {
+    /// Fly towards this point; the depth label is from 1 to [`DEPTH_LABELS`].
     Point(ImagePoint, u8),
-    Look(&'static str),
+    /// The target is out of view, on this side.
+    Look(Look),
+    /// The instruction is fulfilled.
     Done,
 }
 
 /// Reads a typed line about an image of this size, pixels.
-fn typed(line: &str, (width, height): (u32, u32)) -> Result<Typed, String> {
-    const LOOKS: [&str; 5] = ["left", "right", "up", "down", "behind"];
+fn typed(line: &str, (width, height): (u32, u32)) -> Result<Pointed, String> {
+    const LOOKS: [(&str, Look); 5] =
+        [("left", Look::Left), ("right", Look::Right), ("up", Look::Up), ("down", Look::Down), ("behind", Look::Behind)];
     let words: Vec<&str> = line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();
     match words.as_slice() {
-        ["done"] => Ok(Typed::Done),
-        [word] if LOOKS.contains(word) => {
-            Ok(LOOKS.iter().find(|look| *look == word).map_or(Typed::Done, |look| Typed::Look(look)))
+        ["done"] => Ok(Pointed::Done),
+        [word] => {
+            let look = LOOKS.iter().find(|(name, _)| name == word).map(|(_, look)| Pointed::Look(*look));
+            look.ok_or_else(|| "not understood".to_owned())
         }
         [u, v, depth] => {
             let number = |word: &str| word.parse::<f64>().ok().filter(|value| *value >= 0.0);
@@ -157,7 +176,7 @@ fn typed(line: &str, (width, height): (u32, u32)) -> Result<Typed, String> {
             }
             let depth = depth.parse().ok().filter(|depth| (1..=DEPTH_LABELS).contains(depth));
             let depth = depth.ok_or_else(|| format!("the depth label must be a whole number from 1 to {DEPTH_LABELS}"))?;
-            Ok(Typed::Point(ImagePoint { u, v }, depth))
+            Ok(Pointed::Point(ImagePoint { u, v }, depth))
         }
         [] => Err("nothing was typed".to_owned()),
         _ => Err("not understood".to_owned()),
@@ -165,17 +184,17 @@ fn typed(line: &str, (width, height): (u32, u32)) -> Result<Typed, String> {
 }
 
 /// The reply in the form that the query's schema asks for: what was not typed is null or empty.
-fn reply(schema: &Value, typed: Typed, profile: &GroundingProfile) -> Value {
+fn reply(schema: &Value, pointed: Pointed, profile: &GroundingProfile) -> Value {
     let mut known = Map::new();
-    match typed {
-        Typed::Done => {
+    match pointed {
+        Pointed::Done => {
             known.insert("status".to_owned(), json!("done"));
         }
-        Typed::Look(way) => {
+        Pointed::Look(way) => {
             known.insert("status".to_owned(), json!("not_visible"));
             known.insert("look".to_owned(), json!(way));
         }
-        Typed::Point(point, depth) => {
+        Pointed::Point(point, depth) => {
             known.insert("status".to_owned(), json!("navigating"));
             known.insert("point".to_owned(), json!(profile.point_numbers(point)));
             known.insert("depth".to_owned(), json!(depth));
@@ -204,7 +223,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
     use spf_core::frame::FrameId;
-    use spf_core::query::{Look, Query, QueryId};
+    use spf_core::query::QueryId;
     use spf_core::reply::{Status, parse_reply};
 
     const SIZE: (u32, u32) = (960, 720);

@@ -14,7 +14,7 @@ pub(crate) enum Camera {
 }
 
 /// A camera in the place of the drone's own.
-#[derive(Debug, Default, Args)]
+#[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
     /// Camera in the place of the drone's own: rtsp://, rtsp+udp://, udp-rtp://, udp-ts://, http:// or file:VIDEO (see

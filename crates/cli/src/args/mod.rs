@@ -5,6 +5,7 @@
 
 mod bench;
 mod camera;
+mod cockpit;
 mod drones;
 mod ground;
 mod log;
@@ -20,6 +21,7 @@ use clap::{Args, Parser, Subcommand};
 
 pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
 pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest};
+pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
 pub(crate) use serve::Serve;
@@ -56,6 +58,8 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Fly a natural-language instruction
     Fly(Box<Fly>),
+    /// Fly, watch and point in a browser: wait for instructions, or look at recorded flights
+    Cockpit(Box<Cockpit>),
     /// Run pre-flight checks: drone, battery, video, light, VLM, disk
     Doctor(Doctor),
     /// DJI Tello tools: show the state, land, stop, calibrate the stick response
@@ -92,6 +96,7 @@ impl Command {
     pub(crate) fn is_json(&self) -> bool {
         match self {
             Self::Fly(fly) => fly.output.json,
+            Self::Cockpit(cockpit) => cockpit.output.json,
             Self::Doctor(doctor) => doctor.json,
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
@@ -121,6 +126,7 @@ Examples:
   spf fly \"Find the bridge\" --json | jq .outcome
   spf fly \"Fly to the tall white building\" --vlm oracle:poor --geofence fence.geojson
   spf fly \"Fly to the black car\" --vlm gemini
+  spf fly \"Fly to the red crane\" --cockpit
   spf fly \"Fly to the person with the green shirt\" --drone tello --vlm gemini
   spf fly \"Go to the bridge\" --wind 3,from=270,gust=1 --camera-effects blur,noise,lens=tello_ros
 
@@ -143,7 +149,7 @@ pub(crate) struct Fly {
     pub(crate) output: OutputArgs,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "World")]
 pub(crate) struct WorldArgs {
     /// Scene to fly in: a built-in name, scene file or .glb; city@17 is a variant [default: city]
@@ -187,7 +193,7 @@ pub(crate) struct WorldArgs {
     pub(crate) realtime: bool,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct ConditionArgs {
     /// Light: day, overcast, dusk or night [default: the scene's]
     #[arg(long, value_name = "LIGHT")]
@@ -197,7 +203,7 @@ pub(crate) struct ConditionArgs {
     pub(crate) weather: Option<String>,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Method")]
 pub(crate) struct MethodArgs {
     /// VLM: NAME[#MODEL][@URL] (see `spf vlm list`), auto (the first with an API key set), exec:COMMAND (a program of your own),
@@ -293,7 +299,7 @@ pub(crate) struct MethodArgs {
     pub(crate) detector: Option<String>,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Limits")]
 pub(crate) struct LimitArgs {
     /// When the instruction has ended: land, or hover for up to 60 s and accept a new instruction [default: land; hover with a
@@ -331,7 +337,7 @@ pub(crate) struct LimitArgs {
     pub(crate) max_speed: Option<String>,
 }
 
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Output")]
 pub(crate) struct OutputArgs {
     /// Output folder for the flight's files; must be new or empty [default: flights/NNN-instruction]
@@ -346,6 +352,10 @@ pub(crate) struct OutputArgs {
     /// Allow pages from this origin to connect to the live view, besides Foxglove's
     #[arg(long, value_name = "URL")]
     pub(crate) live_origin: Option<String>,
+    /// Open the cockpit, a page to watch, point, stop and instruct, at http://127.0.0.1:8700 or the given address; flies in real
+    /// time (see docs/guide/cockpit.md)
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = COCKPIT)]
+    pub(crate) cockpit: Option<String>,
     /// Print only the summary, as one JSON object, on standard output
     #[arg(long)]
     pub(crate) json: bool,
@@ -353,6 +363,9 @@ pub(crate) struct OutputArgs {
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
 }
+
+/// Where the cockpit is served if nothing else is said.
+pub(crate) const COCKPIT: &str = "127.0.0.1:8700";
 
 #[derive(Debug, Args)]
 #[command(after_help = "\

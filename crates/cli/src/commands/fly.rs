@@ -3,6 +3,7 @@
 #[cfg(all(debug_assertions, unix))]
 mod drill;
 mod manual;
+pub(crate) mod page;
 mod reading;
 pub(crate) mod real;
 pub(crate) mod settings;
@@ -11,15 +12,18 @@ pub(crate) mod signals;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::mpsc::channel;
 
 use serde::Serialize;
+use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
-use spf_core::pilot::Outcome;
+use spf_core::pilot::{AtEnd, Outcome};
 use spf_drone::frames::Frames;
 use spf_flight::flight::{FlightError, FlightPlan, Site};
 use spf_flight::frame_age::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::recorder::RecordPlan;
+use spf_flight::run::Observer;
 use spf_flight::sim::Simulated;
 use spf_flight::summary::{Summary, Touch};
 use spf_flight::words;
@@ -34,7 +38,7 @@ use self::settings::{flight_conditions, limits, method, preset_and_policy, promp
 use self::signals::flight_interrupts;
 use crate::args::Fly;
 use crate::background::PrintThread;
-use crate::commands::vlm::{Pace, console, is_human, pointing};
+use crate::commands::vlm::{Pace, console, is_human};
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -47,7 +51,14 @@ const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::of(args, &printer)?;
+    let settings = Settings::of(args, &printer)?;
+    let address = settings.fly.cockpit.get()?;
+    let cockpit = address.map(|address| page::open(address, Path::new(page::FLIGHTS), "", &printer)).transpose()?;
+    flight(args, settings, cockpit.as_ref(), printer)
+}
+
+/// Flies an instruction with these settings; a cockpit shows and controls the flight.
+pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpit>, printer: Printer) -> Result<Exit, CliError> {
     let instruction = args.instruction.trim();
     if instruction.is_empty() || instruction.chars().count() > MAX_INSTRUCTION {
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
@@ -56,11 +67,28 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
     let ready = match settings.fly.drone.or_default()? {
         DroneName::Real(_, target) => {
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
-            real::ready(args, &settings, instruction, target.as_ref(), &printer)?
+            real::ready(args, &settings, instruction, target.as_ref(), cockpit, &printer)?
         }
-        DroneName::Sim => simulated(args, &settings, instruction)?,
+        DroneName::Sim => simulated(args, &settings, instruction, cockpit)?,
     };
-    take_off(ready, &settings, instruction, printer)
+    take_off(ready, &settings, instruction, cockpit, printer)
+}
+
+/// How the settings' VLM reads an instruction before a flight: what was understood, or why nothing was; and what waits for one.
+pub(crate) fn instruction_reader(settings: &Settings) -> Result<(ReadInstruction, String), CliError> {
+    let is_sim = matches!(settings.fly.drone.or_default()?, DroneName::Sim);
+    let vlm = settings.fly.vlm.text_or_default();
+    let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
+    let scene = settings.fly.scene.text_or_default();
+    let loaded = is_sim.then(|| load_scene(scene, &conditions).map(Arc::new)).transpose()?;
+    let about = loaded.as_ref().map_or_else(
+        || format!("drone {}", settings.fly.drone.text_or_default()),
+        |loaded| format!("simulated craft in {}", loaded.scene.name),
+    );
+    let start = settings.fly.start.get()?;
+    let is_oracle = vlm == "oracle" || vlm.starts_with("oracle:");
+    let reader = loaded.filter(|_| is_oracle).map(|loaded| Reader::new(&loaded, start));
+    Ok((page::read_by(reader), about))
 }
 
 /// A prepared flight.
@@ -80,20 +108,36 @@ struct Ready {
 }
 
 /// Flies, reports the result, and writes the files.
-fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: Printer) -> Result<Exit, CliError> {
+fn take_off(
+    ready: Ready,
+    settings: &Settings,
+    instruction: &str,
+    cockpit: Option<&Cockpit>,
+    mut printer: Printer,
+) -> Result<Exit, CliError> {
     let Ready { plan, announcements, by_hand, reader, attended, camera } = ready;
     // A flight on the wall clock never waits for a terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(|address| live_view(address, settings.fly.live_origin.get()?)).transpose()?;
     let out = out_dir(settings, instruction)?;
     // Who types answers types no keys: standard input is read by lines, orders to the drone included.
-    let typing = is_human(&plan.vlm);
-    let (manual, operator) = match by_hand {
-        _ if typing => (Manual::none().0, console()),
-        Some(craft) => Manual::start(craft, reader),
-        None => Manual::none(),
+    let typing = is_human(&plan.vlm) && cockpit.is_none();
+    if let Some(cockpit) = cockpit
+        && !page::wait_for_pilot(cockpit, &plan.interrupts, &printer)
+    {
+        give_back(&out);
+        return Err(CliError::aborted("ended before take-off: nobody opened the page"));
+    }
+    let (send, inputs) = channel();
+    let manual = match by_hand {
+        Some(craft) if !typing => Manual::start(craft, reader.clone(), send.clone()),
+        _ => Manual::none(),
     };
-    if attended && !manual.is_on() && !typing {
+    if let (Some(cockpit), Some(craft)) = (cockpit, by_hand) {
+        cockpit.begin(page::controls(send, craft, reader, !manual.is_on()));
+    }
+    let operator = if typing { console() } else { Some(inputs) };
+    if attended && !manual.is_on() && !typing && cockpit.is_none() {
         give_back(&out);
         return Err(no_keys());
     }
@@ -114,7 +158,12 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
         false => Control::None,
     };
     let mut progress = Progress::new(lines, control);
-    let flown = spf_flight::flight::fly(plan, &mut [&mut progress]);
+    let mut instruments = cockpit.map(Cockpit::instruments);
+    let mut observers: Vec<&mut dyn Observer> = vec![&mut progress];
+    if let Some(instruments) = &mut instruments {
+        observers.push(instruments);
+    }
+    let flown = spf_flight::flight::fly(plan, &mut observers);
     drop(manual);
     drop(progress);
     let mut printer = talk.finish();
@@ -139,6 +188,10 @@ fn take_off(ready: Ready, settings: &Settings, instruction: &str, mut printer: P
              {} superseded by newer ones",
             tally.decoded, tally.video.gaps, tally.video.skipped, tally.refused, tally.unusable, tally.superseded
         ));
+    }
+    if let Some(cockpit) = cockpit {
+        let folder = out.path().display().to_string();
+        cockpit.end(words::outcome(flown.summary.outcome), &result(&flown.summary), &folder);
     }
     report(&flown.summary, out.path(), &printer)?;
     let exit = Exit::of(flown.summary.outcome, flown.summary.verified);
@@ -192,7 +245,7 @@ fn sentence(points: &str, craft: &Craft) -> String {
 }
 
 /// A flight in the simulator.
-fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready, CliError> {
+fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option<&Cockpit>) -> Result<Ready, CliError> {
     if args.world.tello_motion.is_some() {
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
@@ -202,12 +255,16 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str) -> Result<Ready
     }
     let (preset, policy) = preset_and_policy(settings)?;
     // A flight in virtual time is over before anyone could watch it.
-    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some();
+    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();
     let pace = if realtime { Pace::Wall } else { Pace::Virtual };
-    let (policy, method) = detector::policy_and_settings(settings, policy, method(settings, preset, pace)?)?;
+    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, pace)?)?;
+    if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
+        // Whoever watches may give the next instruction.
+        method.at_end = AtEnd::Hover;
+    }
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let (pointing, detector) = detector::combine(settings, policy, pointing(settings, prompt.clone(), pace)?)?;
+    let (pointing, detector) = detector::combine(settings, policy, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
@@ -267,6 +324,24 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
         printer.data(&printed);
         return Ok(());
     }
+    result(summary).iter().for_each(|line| printer.result(line));
+    printer.result(&format!("files: {}", out_dir.display()));
+    if summary.collisions > 0 && !summary.scene.is_empty() && !summary.settings.guidance.sensor {
+        printer.log(
+            "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)",
+        );
+    }
+    // A real flight has neither scene nor ground truth.
+    if summary.targets.is_empty() && !summary.scene.is_empty() {
+        printer.log(
+            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects",
+        );
+    }
+    Ok(())
+}
+
+/// The result of a flight in words.
+fn result(summary: &Summary) -> Vec<String> {
     // The verdict is about a reported arrival; for a flight that gave up or was ended it would be meaningless.
     let verified = match summary.verified.filter(|_| summary.outcome == Outcome::Reached) {
         Some(true) => ", verified by the simulator's ground truth",
@@ -286,39 +361,27 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     } else {
         &summary.cause
     };
-    printer.result(&format!("{}{verified}: {cause}{except}", words::outcome(summary.outcome)));
+    let mut lines = vec![format!("{}{verified}: {cause}{except}", words::outcome(summary.outcome))];
     if let Some(followed) = &summary.followed {
-        printer.result(&followed.words());
+        lines.push(followed.words());
     }
     let time = summary.completion_time_s.map_or("no motion".to_owned(), |time| format!("{time:.1} s from first motion"));
     let distance = summary.final_distance_m.map_or(String::new(), |metres| format!(", {metres:.1} m from the target's surface"));
     let touched: Vec<String> = summary.touched.iter().map(Touch::words).collect();
     let touched = if touched.is_empty() { String::new() } else { format!(" (with {})", touched.join(", ")) };
-    printer.result(&format!(
+    lines.push(format!(
         "{time}, {:.1} m flown, {}, {}{touched}{distance}",
         summary.path_length_m,
         counted(summary.decisions, "decision"),
         counted(summary.collisions, "collision"),
     ));
     if let Some(GlassToDecision { median_s, worst_s }) = summary.glass_to_decision {
-        printer.result(&format!("frame-to-decision latency: median {median_s:.2} s, worst {worst_s:.2} s"));
+        lines.push(format!("frame-to-decision latency: median {median_s:.2} s, worst {worst_s:.2} s"));
     }
     if let Some(used) = &summary.vlm_use {
-        printer.result(&words::vlm_use(used));
+        lines.push(words::vlm_use(used));
     }
-    printer.result(&format!("files: {}", out_dir.display()));
-    if summary.collisions > 0 && !summary.scene.is_empty() && !summary.settings.guidance.sensor {
-        printer.log(
-            "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)",
-        );
-    }
-    // A real flight has neither scene nor ground truth.
-    if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.log(
-            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects",
-        );
-    }
-    Ok(())
+    lines
 }
 
 fn counted(number: u32, what: &str) -> String {

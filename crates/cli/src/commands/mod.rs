@@ -2,6 +2,7 @@
 
 pub(crate) mod bench;
 pub(crate) mod camera;
+pub(crate) mod cockpit;
 pub(crate) mod config;
 mod detector;
 mod doctor;

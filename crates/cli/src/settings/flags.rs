@@ -155,11 +155,12 @@ impl LimitArgs {
 
 impl OutputArgs {
     fn apply(&self, Settings { fly, .. }: &mut Settings) {
-        let Self { out, no_video, live, live_origin, json: _, config: _ } = self;
+        let Self { out, no_video, live, live_origin, cockpit, json: _, config: _ } = self;
         fly.out.flag(out.as_deref());
         fly.video.switch(*no_video);
         fly.live.flag(live.as_deref());
         fly.live_origin.flag(live_origin.as_deref());
+        fly.cockpit.flag(cockpit.as_deref());
     }
 }
 

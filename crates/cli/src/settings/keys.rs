@@ -109,6 +109,8 @@ settings! {
         live: SocketAddr = "", Parsed("an address and a port, such as 127.0.0.1:8765"), "SPF_LIVE", "--live";
         /// origin of pages that may connect to the live view, besides Foxglove's: SCHEME://HOST[:PORT]; empty: none
         live_origin: String = "", Text, "SPF_LIVE_ORIGIN", "--live-origin";
+        /// address and port of the cockpit's page, such as 127.0.0.1:8700; empty: none
+        cockpit: SocketAddr = "", Parsed("an address and a port, such as 127.0.0.1:8700"), "SPF_COCKPIT", "--cockpit";
         /// folder for the flight's files; empty: flights/NNN-instruction
         out: String = "", Text, "SPF_OUT", "--out";
     }

@@ -97,6 +97,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("needs a drone; module tello flies a virtual one")
     } else if starts(&["sim", "serve"]) || starts(&["sim", "view"]) {
         Some("runs until it is ended; modules serve and view do that")
+    } else if has(&["--cockpit"]) || starts(&["cockpit"]) {
+        Some("waits for its page; module cockpit opens that")
     } else if has(&["yolov8n.onnx"]) {
         Some("needs the feature onnx and a model; the tests of the crate detect have small ones")
     } else if has(&["results/part*"]) {

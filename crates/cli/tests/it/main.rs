@@ -4,6 +4,7 @@
 mod bench;
 mod camera;
 mod circles;
+mod cockpit;
 mod code_blocks;
 mod dataset;
 mod determinism;

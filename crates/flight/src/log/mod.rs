@@ -228,21 +228,15 @@ impl FlightLog {
     }
 
     fn note(&mut self, now: Time, note: &Note) {
-        let (level, line) = match note {
-            Note::Phase(phase) => (Level::Info, words::phase(*phase).to_owned()),
-            Note::Decision(decision) => {
-                self.plan(now, decision);
-                (Level::Info, format!("{}. {}", decision.number, words::decision(decision)))
-            }
-            Note::Envelope(cause) => (Level::Warning, format!("envelope: {cause}")),
-            Note::Around(around) => (Level::Info, words::around(around)),
-            Note::Limited(why) => (Level::Warning, (*why).to_owned()),
-            Note::LateReply(id) => (Level::Warning, format!("the reply to query {} came too late and is ignored", id.0)),
-            Note::QueryFailed { reason, .. } => (Level::Error, format!("no usable reply: {reason}")),
-            Note::Operator(event) => (Level::Info, format!("operator: {}", words::operator(event))),
-            Note::OperatorIgnored(event, why) => (Level::Warning, format!("operator: {} ignored: {why}", words::operator(event))),
+        let level = match note {
+            Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::Operator(_) => Level::Info,
+            Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => Level::Warning,
+            Note::QueryFailed { .. } => Level::Error,
         };
-        self.line(now, level, line);
+        if let Note::Decision(decision) = note {
+            self.plan(now, decision);
+        }
+        self.line(now, level, words::note(note));
     }
 
     fn plan(&mut self, now: Time, decision: &Decision) {

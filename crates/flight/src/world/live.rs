@@ -17,8 +17,8 @@ use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::TrackingThread;
 
-/// Maximum reaction time to Ctrl-C when nothing else happens.
-const MAX_WAIT: Duration = Duration::from_millis(50);
+/// Maximum reaction time to Ctrl-C and the operator when nothing else happens.
+const MAX_WAIT: Duration = Duration::from_millis(20);
 
 /// Time for which the link counts as lost after the loop did not run: data waiting in the sockets is read by then.
 const PAUSE_OVER: Duration = Duration::from_secs(1);

@@ -1,6 +1,6 @@
 //! Manual flight from the terminal: only keys typed in it, and only during a flight on the wall clock.
 
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::Sender;
 
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
@@ -12,8 +12,8 @@ pub(super) struct Manual(Option<platform::Raw>);
 
 impl Manual {
     /// Nothing is listened to.
-    pub(super) fn none() -> (Self, Option<Receiver<OperatorEvent>>) {
-        (Self(None), None)
+    pub(super) fn none() -> Self {
+        Self(None)
     }
 
     /// Whether there is a terminal to listen to.
@@ -26,12 +26,9 @@ impl Manual {
         self.0.is_some()
     }
 
-    /// Listens to the terminal, if there is one; the second value is the text being typed. A `reader` checks the instructions in it.
-    pub(super) fn start(craft: Craft, reader: Option<Reader>) -> (Self, Option<Receiver<OperatorEvent>>) {
-        match platform::listen(craft, reader) {
-            Some((raw, events)) => (Self(Some(raw)), Some(events)),
-            None => (Self(None), None),
-        }
+    /// Listens to the terminal, if there is one, and sends what the keys mean. A `reader` checks typed instructions.
+    pub(super) fn start(craft: Craft, reader: Option<Reader>, events: Sender<OperatorEvent>) -> Self {
+        Self(platform::listen(craft, reader, events))
     }
 }
 
@@ -44,7 +41,7 @@ pub(crate) fn restore() {
 mod platform {
     use std::io::{IsTerminal, Read, Write, stderr, stdin};
     use std::sync::Mutex;
-    use std::sync::mpsc::{Receiver, Sender, channel};
+    use std::sync::mpsc::Sender;
     use std::time::Instant;
 
     use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
@@ -80,7 +77,7 @@ mod platform {
         stdin().is_terminal() && stderr().is_terminal()
     }
 
-    pub(super) fn listen(craft: Craft, reader: Option<Reader>) -> Option<(Raw, Receiver<OperatorEvent>)> {
+    pub(super) fn listen(craft: Craft, reader: Option<Reader>, events: Sender<OperatorEvent>) -> Option<Raw> {
         if !is_possible() {
             return None;
         }
@@ -91,10 +88,9 @@ mod platform {
         *BEFORE.lock().ok()? = Some(before);
         let raw = Raw;
         tcsetattr(stdin(), OptionalActions::Now, &modes).ok()?;
-        let (send, receive) = channel();
         // It ends with the process: a read from a terminal cannot be cancelled.
-        std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, reader.as_ref(), &send)).ok()?;
-        Some((raw, receive))
+        std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, reader.as_ref(), &events)).ok()?;
+        Some(raw)
     }
 
     fn read(craft: Craft, reader: Option<&Reader>, events: &Sender<OperatorEvent>) {
@@ -134,7 +130,7 @@ mod platform {
 
 #[cfg(not(unix))]
 mod platform {
-    use std::sync::mpsc::Receiver;
+    use std::sync::mpsc::Sender;
 
     use spf_core::craft::Craft;
     use spf_core::pilot::OperatorEvent;
@@ -149,7 +145,7 @@ mod platform {
         false
     }
 
-    pub(super) fn listen(_craft: Craft, _reader: Option<Reader>) -> Option<(Raw, Receiver<OperatorEvent>)> {
+    pub(super) fn listen(_craft: Craft, _reader: Option<Reader>, _events: Sender<OperatorEvent>) -> Option<Raw> {
         None
     }
 }

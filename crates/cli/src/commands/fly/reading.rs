@@ -53,6 +53,7 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
 }
 
 /// Reads the instructions that are given in flight.
+#[derive(Clone)]
 pub(super) struct Reader {
     loaded: Arc<LoadedScene>,
     start: Option<Pose>,
@@ -62,6 +63,11 @@ impl Reader {
     /// A reader for a scene. The objects are those that are there at the start of the flight, seen from there.
     pub(super) fn new(loaded: &Arc<LoadedScene>, start: Option<Pose>) -> Self {
         Self { loaded: loaded.clone(), start }
+    }
+
+    /// How an instruction is read, one line; or why it is not flown, in words for a person.
+    pub(super) fn understood(&self, text: &str) -> Result<String, String> {
+        lines(text, &self.loaded, self.start).map(|lines| lines.join("; ")).map_err(|error| error.to_string())
     }
 
     /// The lines for an instruction that a script gives at this time.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use spf_camera::WithCamera;
+use spf_cockpit::Cockpit;
 use spf_core::executor::Motion;
 use spf_core::pilot::{AtEnd, QueryTiming};
 use spf_drone::Drone;
@@ -18,9 +19,9 @@ use spf_vlm::check::{Verdict, check};
 use super::manual::Manual;
 use super::settings::{limits, method, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
-use super::{Ready, no_keys, sentence};
+use super::{Ready, no_keys, page, sentence};
 use crate::args::Fly;
-use crate::commands::vlm::{Pace, Pointing, is_human, pointing};
+use crate::commands::vlm::{Pace, Pointing, is_human};
 use crate::commands::{camera, detector};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
@@ -35,6 +36,7 @@ pub(super) fn ready(
     settings: &Settings,
     instruction: &str,
     target: &dyn Target,
+    cockpit: Option<&Cockpit>,
     printer: &Printer,
 ) -> Result<Ready, CliError> {
     let (preset, policy) = preset_and_policy(settings)?;
@@ -52,14 +54,14 @@ pub(super) fn ready(
     let limits = limits(settings, target.limits())?;
     let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let pointing = pointing(settings, prompt.clone(), Pace::Wall)?;
+    let pointing = page::pointing(cockpit, settings, prompt.clone(), Pace::Wall)?;
     if pointing.is_oracle {
         return Err(
             CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md describes how to choose one")
         );
     }
     let attended = !settings.fly.unattended.is_on()?;
-    if attended && !Manual::is_possible() {
+    if attended && !Manual::is_possible() && cockpit.is_none() {
         return Err(no_keys());
     }
     if attended && settings.fly.at_end.get()?.is_none() {
@@ -100,7 +102,7 @@ pub(super) fn ready(
     }
     if method.at_end == AtEnd::Hover {
         // Who answers by typing lines can type no instruction.
-        let also = if is_human(&pointing.name) { "" } else { " and accepts a new instruction" };
+        let also = if is_human(&pointing.name) && cockpit.is_none() { "" } else { " and accepts a new instruction" };
         announcements.push(format!("After the instruction the drone hovers for up to 60 s{also} (--at-end)."));
     }
     let plan = FlightPlan {

@@ -1,7 +1,7 @@
 //! Signals during a flight: those that land it, and those that must not end it.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use spf_drone::abandon;
 
@@ -10,20 +10,32 @@ use crate::background;
 use crate::error::CliError;
 use crate::exit::Exit;
 
+/// The count of this process, once something listens; its handlers stay for good.
+static COUNT: OnceLock<Arc<AtomicU32>> = OnceLock::new();
+/// Whether other signals are listened to.
+static OTHERS: OnceLock<()> = OnceLock::new();
+
 /// Counts Ctrl-C presses, SIGTERM and SIGHUP. The first one ends the work in an orderly fashion; the second one exits
 /// without waiting for the files, after landing a real drone; the third one exits at once.
 pub(crate) fn interrupts() -> Result<Arc<AtomicU32>, CliError> {
+    if let Some(count) = COUNT.get() {
+        return Ok(count.clone());
+    }
     let count = Arc::new(AtomicU32::new(0));
     let counted = count.clone();
     ctrlc::set_handler(move || interrupt(&counted)).map_err(|error| cannot_listen(&error))?;
-    Ok(count)
+    Ok(COUNT.get_or_init(|| count).clone())
 }
 
 /// The same for a flight, which SIGQUIT lands too. Other signals that would end the process, and with a `real` drone those
 /// that would suspend it, are ignored.
 pub(crate) fn flight_interrupts(real: bool) -> Result<Arc<AtomicU32>, CliError> {
     let count = interrupts()?;
-    others(real, count.clone()).map_err(|error| cannot_listen(&error))?;
+    // A program flies with one drone, real or not, also if it flies several times.
+    if OTHERS.get().is_none() {
+        others(real, count.clone()).map_err(|error| cannot_listen(&error))?;
+        OTHERS.get_or_init(|| ());
+    }
     Ok(count)
 }
 

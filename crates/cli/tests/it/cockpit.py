@@ -1,0 +1,311 @@
+"""Flies in the cockpit with a browser: instruct, watch, hold, point, hand over, lose the connection, land; looks at recorded flights.
+
+Arguments: the program, and optionally a folder for pictures of every state.
+"""
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import expect, sync_playwright
+
+SPF = sys.argv[1]
+SHOTS = pathlib.Path(sys.argv[2]) if len(sys.argv) > 2 else None
+LAPTOP, PHONE, ACROSS = {"width": 1280, "height": 800}, {"width": 390, "height": 844}, {"width": 844, "height": 390}
+
+
+class Program:
+    """A running `spf`, its lines, and the address that it prints."""
+
+    def __init__(self, *args):
+        self.process = subprocess.Popen([SPF, *args], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, stdin=subprocess.DEVNULL, text=True)
+        self.lines = []
+        threading.Thread(target=self.read, daemon=True).start()
+        self.url = wait(lambda: next((m[1] for m in (re.search(r"open (http://\S+)", line) for line in self.lines) if m), None), "an address")
+
+    def read(self):
+        for line in self.process.stderr:
+            self.lines.append(line.rstrip())
+
+    def end(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        return self.process.wait(timeout=30)
+
+
+def wait(what, name, seconds=20):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        found = what()
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"never: {name}")
+
+
+complaints = []
+
+
+def page_of(browser, size=LAPTOP, scheme="dark", **options):
+    page = browser.new_context(viewport=size, color_scheme=scheme, reduced_motion="reduce", **options).new_page()
+    page.on("console", lambda message: complaints.append(message.text) if message.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    return page
+
+
+def shot(page, name):
+    if SHOTS:
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=SHOTS / f"{name}.png")
+
+
+def accessible(page, state):
+    results = Axe().run(page)
+    found = [(violation["id"], violation["nodes"][0]["html"]) for violation in results.response["violations"]]
+    assert not found, f"{state}: {found}"
+
+
+def phase(page, words, seconds=25):
+    expect(page.locator("#phase")).to_have_text(re.compile(words), timeout=1000 * seconds)
+
+
+def complain(state, allowed=""):
+    """No console error and no violation of the content security policy so far."""
+    found = [text for text in complaints if not (allowed and re.search(allowed, text))]
+    complaints.clear()
+    assert not found, f"{state}: {found}"
+
+
+def fly(browser):
+    program = Program("cockpit", "--cockpit=127.0.0.1:0", "--vlm", "oracle:perfect", "--seed", "3")
+    page = page_of(browser)
+    page.goto(program.url)
+    assert "#" in program.url and "#" not in page.url, "the address shows no secret"
+    phase(page, "ready")
+    expect(page.locator("#role")).to_have_text("You fly")
+    shot(page, "laptop-dark-ready")
+    accessible(page, "ready")
+
+    # What is not understood is not flown.
+    page.get_by_label("Instruction").fill("qwertzuiop")
+    page.keyboard.press("Enter")
+    expect(page.locator("#reading")).to_contain_text("unknown word")
+
+    page.get_by_label("Instruction").fill("fly to the red crane")
+    page.keyboard.press("Enter")
+    phase(page, "taking off")
+    phase(page, "flying")
+    page.wait_for_timeout(500)
+    wait(lambda: page.locator("#list button").count() > 0, "a decision")
+    wait(lambda: page.evaluate("document.getElementById('empty').hidden"), "a picture")
+    shot(page, "laptop-dark-flying")
+    took = sorted(sample(page) for _ in range(30))
+    print(f"from a frame's arrival to its pixels: median {took[15]} ms, greatest {took[-1]} ms of 30")
+    accessible(page, "flying")
+    assert "m" in page.locator("#height").inner_text()
+
+    # Space holds, wherever the focus is, and the text box keeps its spaces.
+    page.locator("#list button").first.focus()
+    began = time.monotonic()
+    page.keyboard.press("Space")
+    phase(page, "held", 2)
+    print(f"held {1000 * (time.monotonic() - began):.0f} ms after the key, {page.locator('#ack').inner_text()!r}")
+    shot(page, "laptop-dark-held")
+    accessible(page, "held")
+    page.locator("#list button").first.click()
+    expect(page.locator("#opened-detail")).to_contain_text("Prompt")
+    page.wait_for_timeout(400)
+    shot(page, "laptop-dark-decision")
+    accessible(page, "decision opened")
+    page.get_by_role("button", name="Close", exact=True).click()
+
+    # A click that changes where it goes: the left edge, whatever the model wants.
+    before = page.locator("#list button").count()
+    page.get_by_text("Not that one, this").click()
+    box = page.locator("#picture").bounding_box()
+    page.mouse.click(box["x"] + 0.15 * box["width"], box["y"] + 0.5 * box["height"])
+    wait(lambda: page.locator("#list button").count() > before, "the decision by the click")
+    decided = page.locator("#list button").first.inner_text()
+    print("by the click:", decided)
+    assert re.search(r"at \(0\.[0-3]", decided), decided
+    shot(page, "laptop-dark-pointed")
+
+    spectate(browser, program, page)
+    lose(program, page)
+
+    # By hand: as long as a key is held.
+    page.get_by_text("Fly by hand").click()
+    page.locator("h2").first.click()
+    page.keyboard.down("KeyD")
+    phase(page, "by hand", 3)
+    page.wait_for_timeout(300)
+    shot(page, "laptop-dark-by-hand")
+    accessible(page, "by hand")
+    page.keyboard.up("KeyD")
+    page.get_by_role("button", name="Resume").click()
+    phase(page, "flying", 5)
+
+    # Cutting the motors takes two steps; after three seconds it is back to one.
+    page.get_by_role("button", name="Cut motors").click()
+    expect(page.get_by_role("button", name="Confirm: it falls")).to_be_visible()
+    expect(page.get_by_role("button", name="Cut motors")).to_be_visible(timeout=5000)
+
+    # Escape lands.
+    page.locator("h2").first.click()
+    page.keyboard.press("Escape")
+    phase(page, "landing", 3)
+    expect(page.locator("#ended")).to_be_visible(timeout=30000)
+    expect(page.locator("#ended-lines")).to_contain_text("operator")
+    shot(page, "laptop-dark-ended")
+    accessible(page, "ended")
+    page.get_by_role("button", name="Close", exact=True).click()
+    phase(page, "ready")
+    complain("flight", "Failed to load resource")
+    assert program.end() == 5
+    expect(page.locator("#alarm")).to_contain_text("ended")
+    page.context.close()
+
+
+def sample(page):
+    page.wait_for_timeout(60)
+    return int(page.evaluate("document.getElementById('picture').dataset.latency"))
+
+
+def spectate(browser, program, pilot):
+    """Another page watches, asks, and gets the controls by consent."""
+    other = page_of(browser, PHONE, "light", is_mobile=True, has_touch=True)
+    other.goto(program.url.split("#")[0])
+    expect(other.locator("#role")).to_have_text("Watching")
+    assert not other.locator("#hold").is_visible() and not other.locator("#instruction").is_visible()
+    wait(lambda: other.evaluate("document.getElementById('empty').hidden"), "a picture for the spectator")
+    shot(other, "phone-light-watching")
+    accessible(other, "watching")
+    other.get_by_role("button", name="Ask for the controls").click()
+    expect(pilot.locator("#handover")).to_be_visible()
+    shot(pilot, "laptop-dark-handover")
+    accessible(pilot, "handover")
+    pilot.get_by_role("button", name="Hand over").click()
+    expect(other.locator("#role")).to_contain_text("You fly")
+    expect(pilot.locator("#role")).to_have_text("Watching")
+    phase(other, "held")
+    for stop in ("#hold", "#land", "#cut"):
+        size = other.locator(stop).bounding_box()
+        assert size["height"] >= 44 and size["width"] >= 44, (stop, size)
+    wide = other.evaluate("document.documentElement.scrollWidth")
+    assert wide <= PHONE["width"], f"the page is {wide} px wide on a phone"
+    shot(other, "phone-light-flying")
+    accessible(other, "phone")
+    other.set_viewport_size(ACROSS)
+    other.wait_for_timeout(300)
+    shot(other, "phone-light-across")
+    other.get_by_role("button", name="Resume").tap()
+    # And back.
+    pilot.get_by_role("button", name="Ask for the controls").click()
+    other.get_by_role("button", name="Hand over").tap()
+    expect(pilot.locator("#role")).to_contain_text("You fly")
+    other.context.close()
+    pilot.get_by_role("button", name="Resume").click()
+
+
+def lose(program, page):
+    """A program that says nothing is noticed within a second."""
+    program.process.send_signal(signal.SIGSTOP)
+    began = time.monotonic()
+    expect(page.locator("#alarm")).to_be_visible(timeout=3000)
+    noticed = time.monotonic() - began
+    print(f"lost connection shown after {noticed:.2f} s")
+    assert noticed < 1.6, noticed
+    shot(page, "laptop-dark-lost")
+    accessible(page, "lost")
+    program.process.send_signal(signal.SIGCONT)
+    expect(page.locator("#alarm")).to_be_hidden(timeout=8000)
+    page.wait_for_timeout(1500)
+    if page.get_by_role("button", name="Resume").is_visible():
+        page.get_by_role("button", name="Resume").click()
+
+
+def point(browser):
+    """See, Point, Fly without a model: a phone, in the light, by tapping only."""
+    program = Program("fly", "fly to the church", "--cockpit=127.0.0.1:0", "--vlm", "human", "--no-video")
+    page = page_of(browser, PHONE, "light", is_mobile=True, has_touch=True)
+    page.goto(program.url)
+    expect(page.locator("#question")).to_be_visible(timeout=30000)
+    shot(page, "phone-light-question")
+    accessible(page, "question")
+    box = page.locator("#picture").bounding_box()
+    page.touchscreen.tap(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"])
+    wait(lambda: page.locator("#list button").count() > 0, "a decision")
+    assert re.search(r"0\.7", page.locator("#list button").first.inner_text())
+    expect(page.locator("#question")).to_be_visible(timeout=30000)
+    # With the keyboard: aim, and point.
+    page.locator("#picture").focus()
+    for _ in range(5):
+        page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("Enter")
+    wait(lambda: page.locator("#list button").count() > 1, "a decision by keys")
+    shot(page, "phone-light-tapped")
+    page.locator("#land").tap()
+    phase(page, "landing", 3)
+    assert program.process.wait(timeout=30) == 5
+    complain("by tapping")
+    page.context.close()
+
+
+def look(browser):
+    program = Program("cockpit", "--view", "flights", "--cockpit=127.0.0.1:0")
+    for size, scheme in ((LAPTOP, "light"), (PHONE, "dark")):
+        page = page_of(browser, size, scheme)
+        page.goto(program.url)
+        name = f"{'laptop' if size is LAPTOP else 'phone'}-{scheme}"
+        expect(page.locator(".card").first).to_be_visible()
+        page.wait_for_timeout(1500)
+        shot(page, f"{name}-flights")
+        accessible(page, "flights")
+        page.locator(".card").filter(has_text="red crane").first.click()
+        expect(page.locator("#steps button").first).to_be_visible()
+        page.locator("#steps button").last.click()
+        page.wait_for_timeout(1200)
+        at = page.evaluate("document.getElementById('film').currentTime")
+        assert at > 1, f"the film is at {at} s"
+        shot(page, f"{name}-flight")
+        accessible(page, "a flight")
+        page.context.close()
+    complain("flights")
+    assert program.end() == 0
+
+
+def strange(browser):
+    """Another site's page, a rebound name: refused."""
+    program = Program("cockpit", "--cockpit=127.0.0.1:0", "--scene", "yard")
+    port = re.search(r":(\d+)/", program.url)[1]
+    page = browser.new_context().new_page()
+    assert page.goto(f"http://rebound.example:{port}/").status == 403
+    page.goto("about:blank")
+    told = page.evaluate(f"""new Promise((tell) => {{
+        const socket = new WebSocket("ws://127.0.0.1:{port}/control");
+        socket.onopen = () => tell("open");
+        socket.onerror = () => tell("refused");
+    }})""")
+    assert told == "refused", told
+    page.context.close()
+    program.end()
+
+
+with sync_playwright() as playwright:
+    browser = playwright.chromium.launch(
+        executable_path="/usr/bin/chromium",
+        args=["--no-sandbox", "--host-resolver-rules=MAP rebound.example 127.0.0.1", "--autoplay-policy=no-user-gesture-required"],
+    )
+    only = os.environ.get("SPF_COCKPIT_ONLY", "").split()
+    for part in (fly, point, look, strange):
+        if not only or part.__name__ in only:
+            began = time.monotonic()
+            part(browser)
+            print(f"{part.__name__}: {time.monotonic() - began:.1f} s")
+    browser.close()

@@ -1,0 +1,38 @@
+//! The cockpit in Debian's Chromium, by Playwright, with axe-core.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::harness::{Lab, skip};
+use crate::python;
+
+#[test]
+#[ignore = "slow: a browser"]
+fn a_flight_is_watched_pointed_and_stopped_in_a_browser() {
+    if Command::new("chromium").arg("--version").output().is_err() {
+        return skip("the cockpit in a browser (no chromium)");
+    }
+    let Some(python) = python::with(&["playwright", "axe-playwright-python"]) else { return };
+    let lab = Lab::new();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/cockpit.py");
+    let mut command = Command::new(python);
+    command.arg(script).arg(env!("CARGO_BIN_EXE_spf")).current_dir(lab.path("."));
+    // A folder for pictures of every state, to be looked at.
+    if let Some(shots) = std::env::var_os("SPF_COCKPIT_SHOTS") {
+        command.arg(shots);
+    }
+    let output = command.output().unwrap();
+    let told = format!("{}\n{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{told}");
+}
+
+#[test]
+fn the_cockpit_ends_with_ctrl_c_and_a_folder_of_flights_is_needed_to_look_at_one() {
+    let lab = Lab::new();
+    let run = lab.spf(&["cockpit", "--view", "nowhere"]);
+    assert_eq!(run.code, Some(2));
+    assert!(run.stderr.contains("no folder `nowhere`"), "{}", run.stderr);
+    std::fs::create_dir(lab.path("flights")).unwrap();
+    let run = lab.spf(&["cockpit", "--view", "flights", "--cockpit=0.0.0.0:0"]);
+    assert!(run.code == Some(2) && run.stderr.contains("this machine only"), "{}", run.stderr);
+}

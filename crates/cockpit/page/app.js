@@ -1,0 +1,192 @@
+// The cockpit: joins what is seen and what is ordered.
+
+import { Decisions } from "./decisions.js";
+import { Orders } from "./fly.js";
+import { byId, clock, element, metres, open } from "./look.js";
+import { MapView } from "./map.js";
+import { Picture, caption } from "./picture.js";
+import { Controls, Watch } from "./sockets.js";
+
+let watch;
+const picture = new Picture(() => watch?.confirm());
+const map = new MapView();
+const decisions = new Decisions((query) => watch?.open(query));
+const controls = new Controls({ message: role, welcome: see, lost });
+const orders = new Orders(controls, picture);
+const body = document.body;
+
+/** Opens the other connection, once it is known who this page is. */
+function see() {
+  if (watch) return watch.connection.again();
+  watch = new Watch({ message, picture: binary });
+}
+
+function binary(data) {
+  const length = new DataView(data).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  const jpeg = new Uint8Array(data, 4 + length);
+  if (head.query === undefined) picture.show(head, jpeg);
+  else decisions.picture(head, jpeg);
+}
+
+function lost(is, over, reason) {
+  const alarm = byId("alarm");
+  alarm.hidden = !is;
+  if (!is) return;
+  orders.release();
+  const flying = body.dataset.flight === "on";
+  alarm.textContent = over
+    ? (reason || "The program has ended.")
+    : `Connection lost. ${flying ? "The drone holds if only this page controls it, and lands after 20 s. " : ""}Trying again …`;
+  if (over && byId("ended").open) alarm.hidden = true;
+}
+
+function role(message) {
+  if (message.type === "refused") {
+    byId("alarm").hidden = false;
+    byId("alarm").textContent = message.why;
+    picture.clear("");
+    return;
+  }
+  if (message.type !== "role") return message.text && orders.say(message.text, false);
+  if ((body.dataset.role === "pilot") !== message.pilot) byId("ack").textContent = "";
+  body.dataset.role = message.pilot ? "pilot" : "spectator";
+  const others = message.pages - 1;
+  byId("role").textContent = message.pilot ? (others ? `You fly · ${others} more here` : "You fly") : "Watching";
+  byId("ask").hidden = message.pilot;
+  byId("ask").disabled = message.asking;
+  byId("ask").textContent = message.asking ? "Asked …" : message.someone ? "Ask for the controls" : "Take the controls";
+  if (message.asked) open(byId("handover"));
+  else byId("handover").close();
+  orders.arms();
+}
+
+const handlers = {
+  flight(flight) {
+    body.dataset.flight = "on";
+    for (const part of [map, decisions]) part.clear();
+    [map.outlines, map.fence] = [flight.outlines, flight.fence];
+    orders.human = flight.vlm === "human";
+    byId("point").hidden = orders.human;
+    byId("point").disabled = !flight.points;
+    byId("answers").hidden = !orders.human;
+    byId("instruction").placeholder = "Change the instruction";
+    byId("send").textContent = "Change";
+    byId("ended").close();
+    picture.clear("Waiting for the first picture …");
+    question({});
+    instruction(flight.instruction);
+    orders.arms();
+    map.draw();
+  },
+  path: ({ path }) => (map.path = path),
+  offset: ({ offset }) => (map.offset = offset),
+  obstacles: ({ cells }) => (map.cells = cells),
+  line: (line) => decisions.line(line),
+  decision(decision) {
+    decisions.decision(decision);
+    map.decisions.push(decision.at);
+    byId("step").textContent = decision.text;
+  },
+  question,
+  waiting({ about }) {
+    body.dataset.flight = "none";
+    byId("send").textContent = "Fly";
+    byId("instruction").placeholder = "Say what the drone should do";
+    picture.clear(`Ready: ${about}. What should the drone do?`);
+    byId("phase").textContent = "ready";
+    byId("step").textContent = "";
+    if (body.dataset.role === "pilot" && !byId("ended").open) byId("instruction").focus();
+  },
+  state,
+  opened: (message) => decisions.detail(message),
+  end({ outcome, result }) {
+    body.dataset.flight = "over";
+    byId("phase").textContent = outcome;
+    question({});
+    byId("ended-lines").replaceChildren(...result.map((line) => element("p", line)));
+    open(byId("ended"));
+  },
+};
+
+function message(message) {
+  handlers[message.type]?.(message);
+}
+
+/** The query that waits for a person. */
+function question({ query, confirm }) {
+  byId("question").hidden = query === undefined;
+  if (query === undefined) return;
+  byId("question-text").textContent = confirm
+    ? "You said that we are there. Look again: confirm, or point."
+    : "Click in the picture.";
+}
+
+function instruction(text) {
+  if (document.title !== `${text} – SPF cockpit`) document.title = `${text} – SPF cockpit`;
+  byId("reading").textContent = `Instruction: ${text}`;
+  byId("reading").className = "";
+}
+
+let said = "";
+
+function state(state) {
+  body.dataset.flight = "on";
+  const phases = { ground: "on the ground", take_off: "taking off", flying: "flying", held: "held", manual: "by hand", hovering: "hovering", landing: "landing", ended: "ended" };
+  byId("phase").textContent = phases[state.phase] ?? state.phase;
+  byId("resume").hidden = !["held", "manual"].includes(state.phase);
+  if (state.instruction !== said) instruction((said = state.instruction));
+  const asked = state.asked && !orders.human ? ` – asked ${state.asked.for.toFixed(0)} s ago` : "";
+  byId("age").title = asked;
+  const text = (id, value, kind = "") => {
+    byId(id).textContent = value;
+    byId(id).className = kind;
+  };
+  text("height", metres(state.height));
+  text("speed", state.speed === null ? "–" : `${state.speed.toFixed(1)} m/s`);
+  text("battery", state.battery === null ? "–" : `${Math.round(100 * state.battery)} %`, state.battery !== null && state.battery < 0.2 ? "bad" : "");
+  text("link", state.link ? "good" : "LOST", state.link ? "" : "bad");
+  text("frame-age", state.frame_age === null ? "–" : `${state.frame_age.toFixed(2)} s`, state.frame_age > 1 ? "bad" : state.frame_age > 0.5 ? "warn" : "");
+  text("heading", `${String(Math.round(state.heading) % 360).padStart(3, "0")}°`);
+  text("flown", metres(state.flown));
+  text("time", clock(state.t));
+  const seen = picture.head?.overlay?.point;
+  byId("picture").setAttribute("aria-label", `Live picture: ${byId("phase").textContent}${seen ? `, ${seen.label && !seen.target ? `to ${seen.label}, ` : ""}${caption(seen)} away` : ""}`);
+  map.fly(state);
+}
+
+byId("say").onsubmit = async (event) => {
+  event.preventDefault();
+  const box = byId("instruction");
+  const text = box.value.trim();
+  if (!text) return;
+  const answer = await controls.order({ instruction: text });
+  byId("reading").className = answer.ok ? "" : "no";
+  byId("reading").textContent = answer.ok ? `${text}${answer.text ? ` — ${answer.text}` : ""}` : answer.text;
+  if (answer.ok) {
+    said = text;
+    remember(text);
+    box.value = "";
+    box.blur();
+  }
+};
+
+/** Earlier instructions, by the arrow keys in the box. */
+const earlier = [];
+let at = 0;
+function remember(text) {
+  earlier.push(text);
+  at = earlier.length;
+}
+byId("instruction").addEventListener("keydown", (event) => {
+  const step = { ArrowUp: -1, ArrowDown: 1 }[event.key];
+  if (!step || earlier.length === 0) return;
+  event.preventDefault();
+  at = Math.max(0, Math.min(earlier.length, at + step));
+  event.target.value = earlier[at] ?? "";
+});
+
+byId("ask").onclick = () => orders.give("ask");
+byId("give").onclick = () => orders.give({ give: true });
+byId("keep").onclick = () => orders.give({ give: false });
+byId("ended-close").onclick = () => byId("ended").close();

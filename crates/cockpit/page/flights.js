@@ -1,0 +1,140 @@
+// Recorded flights: the list, and one of them with film and decisions in step.
+
+import { byId, clock, element, metres } from "./look.js";
+
+const file = (name, which) => `/flight/${encodeURIComponent(name)}/${which}`;
+
+async function start() {
+  const answer = await fetch("/flights.json");
+  if (!answer.ok) {
+    byId("told").textContent = (await answer.text()).trim();
+    return;
+  }
+  const flights = await answer.json();
+  const wanted = decodeURIComponent(location.hash.slice(1));
+  const flight = flights.find(({ name }) => name === wanted);
+  for (const id of ["cards", "flight"]) byId(id).hidden = (id === "flight") !== Boolean(flight);
+  byId("back").hidden = !flight;
+  byId("told").textContent = flights.length ? "" : "No flights are recorded here yet.";
+  if (flight) await show(flight);
+  else list(flights);
+}
+
+function outcome({ outcome, verified }) {
+  const words = String(outcome ?? "unfinished").replaceAll("_", " ");
+  return verified === true ? `${words}, verified` : verified === false && outcome === "reached" ? `${words}, NOT verified` : words;
+}
+
+function kind(flight) {
+  return flight.outcome === "reached" && flight.verified !== false ? "reached" : "other";
+}
+
+function list(flights) {
+  document.title = "Flights – SPF cockpit";
+  byId("title").textContent = `Flights (${flights.length})`;
+  const looks = new IntersectionObserver((entries) => {
+    for (const { isIntersecting, target } of entries) {
+      if (!isIntersecting || target.src) continue;
+      // Its last second shows what was reached.
+      target.src = `${file(target.dataset.name, "video.mp4")}#t=${Math.max(0.1, Number(target.dataset.until) - 1).toFixed(1)}`;
+    }
+  });
+  const cards = flights.map((flight) => {
+    const card = element("button", "", { type: "button", class: "card" });
+    const picture = flight.film
+      ? element("video", "", { muted: "", playsinline: "", preload: "metadata", "data-name": flight.name, "data-until": flight.time ?? 1, "aria-hidden": "true", tabindex: "-1" })
+      : flight.map
+        ? element("img", "", { src: file(flight.name, "trajectory.svg"), alt: "", loading: "lazy" })
+        : element("span", "no film", { class: "blank" });
+    if (flight.film) looks.observe(picture);
+    const text = element("div");
+    const facts = [clock(flight.time), metres(flight.flown), `${flight.decisions ?? 0} decisions`].join(" · ");
+    text.append(
+      element("strong", flight.instruction ?? flight.name),
+      element("span", outcome(flight), { class: `outcome ${kind(flight)}` }),
+      element("span", facts, { class: "faint" }),
+      element("span", `${flight.scene || flight.drone || ""} · ${flight.vlm ?? ""} · ${new Date(1000 * flight.written).toLocaleString()}`, { class: "faint" }),
+    );
+    card.append(picture, text);
+    card.onclick = () => (location.hash = encodeURIComponent(flight.name));
+    const item = element("li");
+    item.append(card);
+    return item;
+  });
+  byId("cards").replaceChildren(...cards);
+}
+
+async function show(flight) {
+  document.title = `${flight.instruction} – SPF cockpit`;
+  byId("title").textContent = flight.instruction ?? flight.name;
+  byId("outcome").textContent = outcome(flight);
+  byId("outcome").className = `outcome ${kind(flight)}`;
+  byId("cause").textContent = flight.cause ?? "";
+  const facts = [
+    ["time", clock(flight.time)], ["flown", metres(flight.flown)], ["decisions", flight.decisions],
+    ["from the target", metres(flight.distance)], ["collisions", flight.collisions], ["scene", flight.scene || "–"], ["VLM", flight.vlm],
+  ];
+  byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [element("dt", name), element("dd", String(value ?? "–"))]));
+  const film = byId("film");
+  film.hidden = !flight.film;
+  byId("no-film").hidden = flight.film;
+  if (flight.film) film.src = file(flight.name, "video.mp4");
+  else film.removeAttribute("src");
+  byId("map-panel").hidden = !flight.map;
+  if (flight.map) byId("map-image").src = file(flight.name, "trajectory.svg");
+  const files = [["video.mp4", "Film", flight.film], ["flight.mcap", "Flight log", flight.log], ["decisions.jsonl", "Decisions", true], ["summary.json", "Summary", true]];
+  byId("files").replaceChildren(...files.filter(([, , there]) => there).map(([name, text]) => element("a", `↓ ${text}`, { class: "plain", href: file(flight.name, name), download: `${flight.name}-${name}` })));
+  byId("detail").hidden = true;
+  await steps(flight, film);
+}
+
+async function steps(flight, film) {
+  const answer = await fetch(file(flight.name, "decisions.jsonl"));
+  const text = answer.ok ? await answer.text() : "";
+  const rows = text.split("\n").filter(Boolean).map((line) => JSON.parse(line));
+  const buttons = rows.map((row) => {
+    const button = element("button", "", { type: "button" });
+    button.append(element("b", `${row.number}. `), element("time", `${clock(seconds(row.answered))} `), said(row));
+    button.onclick = () => {
+      if (flight.film) film.currentTime = seconds(row.answered);
+      mark(row);
+      detail(row);
+    };
+    return button;
+  });
+  byId("steps").replaceChildren(...buttons.map((button) => {
+    const item = element("li");
+    item.append(button);
+    return item;
+  }));
+  const mark = (row) => buttons.forEach((button, i) => button.setAttribute("aria-current", String(rows[i] === row)));
+  // The film runs in flight time.
+  film.ontimeupdate = () => {
+    const now = rows.findLast((row) => seconds(row.answered) <= film.currentTime + 0.05);
+    mark(now);
+  };
+}
+
+/** Flight times are written in nanoseconds. */
+function seconds(time) {
+  return time / 1e9;
+}
+
+function said(row) {
+  const reply = row.reading?.reply;
+  if (row.reading?.refused) return `refused: ${JSON.stringify(row.reading.refused)}`;
+  if (!reply) return (row.reading?.actions ?? []).join(", ");
+  if (!reply.point) return [reply.status, reply.look].filter(Boolean).join(", ").replaceAll("_", " ");
+  const point = reply.point;
+  return `${reply.target ?? "target"} at (${point.u.toFixed(2)}, ${point.v.toFixed(2)}), depth label ${reply.depth ?? "–"}`;
+}
+
+function detail(row) {
+  const parts = [["Reply", row.reply], ["Prompt", row.query?.prompt ?? row.prompt]];
+  const shown = parts.filter(([, text]) => text).flatMap(([name, text]) => [element("h2", name), element("pre", text, { tabindex: "0" })]);
+  byId("detail").replaceChildren(element("p", `Decision ${row.number}: answered after ${row.latency_s?.toFixed(2)} s, its frame was ${row.frame_age_s?.toFixed(2)} s old.`), ...shown);
+  byId("detail").hidden = false;
+}
+
+addEventListener("hashchange", start);
+start();

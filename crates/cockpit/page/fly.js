@@ -1,0 +1,227 @@
+// Orders: to stop, to point, to fly by hand.
+
+import { METRES, byId, isTyping, roughly } from "./look.js";
+
+/** Manual flight is sent anew this often; the drone holds if it comes no more. */
+const REPEAT = 100;
+const KEYS = {
+  ArrowUp: ["forward", 1], ArrowDown: ["forward", -1], ArrowLeft: ["right", -1], ArrowRight: ["right", 1],
+  KeyW: ["up", 1], KeyS: ["up", -1], KeyA: ["turn", -1], KeyD: ["turn", 1],
+};
+
+export class Orders {
+  constructor(controls, picture) {
+    [this.controls, this.picture, this.held, this.asked, this.human] = [controls, picture, new Map(), null, false];
+    byId("hold").onclick = () => this.stop("hold", "hold");
+    byId("land").onclick = () => this.stop("land", "land");
+    byId("resume").onclick = () => this.give("resume");
+    byId("cut").onclick = () => this.arm();
+    byId("cut-confirm").onclick = () => this.stop("cut", "cut-confirm");
+    document.addEventListener("keydown", (event) => this.key(event));
+    document.addEventListener("keyup", (event) => {
+      if (event.code === "Space" && !isTyping(event.target)) event.preventDefault();
+      this.let(event.code);
+    });
+    this.pointing();
+    this.manual();
+  }
+
+  get flies() {
+    return document.body.dataset.role === "pilot";
+  }
+
+  say(text, ok = true) {
+    const ack = byId("ack");
+    [ack.textContent, ack.className] = [text, ok ? "yes" : "no"];
+    clearTimeout(this.fading);
+    this.fading = setTimeout(() => (ack.textContent = ""), 6000);
+  }
+
+  async give(what) {
+    const answer = await this.controls.order(what);
+    if (answer.text || !answer.ok) this.say(answer.text, answer.ok);
+    return answer;
+  }
+
+  /** An order to stop: the button shows that it was sent, and then that it was received. */
+  async stop(what, button) {
+    const pressed = byId(button);
+    this.release();
+    byId("point").setAttribute("aria-pressed", "false");
+    pressed.classList.add("sent");
+    const answer = await this.controls.order(what);
+    pressed.classList.remove("sent");
+    pressed.classList.toggle("done", answer.ok);
+    setTimeout(() => pressed.classList.remove("done"), 1200);
+    const words = { hold: "Hold: received", land: "Land: received", cut: "Motors cut" };
+    this.say(answer.ok ? `${words[what]} after ${Math.round(answer.ms)} ms` : answer.text, answer.ok);
+    if (what === "cut") this.disarm();
+  }
+
+  async arm() {
+    const answer = await this.give("arm_cut");
+    if (!answer.ok) return;
+    byId("cut").hidden = true;
+    byId("cut-confirm").hidden = false;
+    byId("cut-confirm").focus();
+    clearTimeout(this.armed);
+    this.armed = setTimeout(() => this.disarm(), 3000);
+  }
+
+  disarm() {
+    clearTimeout(this.armed);
+    const focused = document.activeElement === byId("cut-confirm");
+    byId("cut").hidden = false;
+    byId("cut-confirm").hidden = true;
+    if (focused) byId("cut").focus();
+  }
+
+  key(event) {
+    if (!this.flies || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (isTyping(event.target)) {
+      if (event.key === "Escape") event.target.blur();
+      return;
+    }
+    if (event.code === "Space") {
+      event.preventDefault();
+      if (!event.repeat) this.stop("hold", "hold");
+    } else if (event.key === "Escape") {
+      event.preventDefault();
+      if (!event.repeat) this.stop("land", "land");
+    } else if (document.activeElement === byId("picture") && this.aims(event)) {
+      event.preventDefault();
+    } else if (byId("manual").open && KEYS[event.code] && !(event.target instanceof HTMLInputElement)) {
+      event.preventDefault();
+      if (!event.repeat) this.press(event.code, ...KEYS[event.code]);
+    }
+  }
+
+  // Pointing.
+
+  pointing() {
+    const [point, distance, canvas] = [byId("point"), byId("distance"), byId("picture")];
+    point.onclick = () => {
+      const on = point.getAttribute("aria-pressed") !== "true";
+      point.setAttribute("aria-pressed", String(on));
+      this.arms();
+    };
+    const tell = () => {
+      const text = roughly(METRES[distance.value - 1]) + (distance.value === "10" ? " or more" : "");
+      byId("distance-out").textContent = text;
+      distance.setAttribute("aria-valuetext", text);
+    };
+    distance.oninput = tell;
+    tell();
+    canvas.addEventListener("click", (event) => {
+      const at = this.picture.at(event);
+      if (at && this.armed_to_point) this.send(at);
+    });
+    canvas.addEventListener("wheel", (event) => {
+      if (!this.armed_to_point) return;
+      event.preventDefault();
+      distance.value = Number(distance.value) + (event.deltaY < 0 ? 1 : -1);
+      tell();
+    }, { passive: false });
+    canvas.addEventListener("focus", () => {
+      if (this.armed_to_point) this.picture.aim ??= { u: 0.5, v: 0.5 };
+      document.body.classList.toggle("aiming", this.armed_to_point);
+      this.picture.overlay();
+    });
+    canvas.addEventListener("blur", () => {
+      this.picture.aim = null;
+      document.body.classList.remove("aiming");
+      this.picture.overlay();
+    });
+    for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => this.give({ look: button.dataset.look });
+    byId("done").onclick = () => this.give("done");
+  }
+
+  get armed_to_point() {
+    return this.flies && (this.human || byId("point").getAttribute("aria-pressed") === "true");
+  }
+
+  /** Shows whether a click in the picture points. */
+  arms() {
+    const on = this.armed_to_point;
+    document.body.classList.toggle("points", on);
+    if (on) byId("picture").tabIndex = 0;
+    else byId("picture").removeAttribute("tabindex");
+  }
+
+  aims(event) {
+    const step = event.shiftKey ? 0.1 : 0.02;
+    const moves = { ArrowUp: [0, -step], ArrowDown: [0, step], ArrowLeft: [-step, 0], ArrowRight: [step, 0] };
+    if (event.key === "Enter" && this.picture.aim && this.armed_to_point) {
+      this.send(this.picture.aim);
+      return true;
+    }
+    if (!moves[event.key] || !this.picture.aim) return false;
+    const clamp = (value) => Math.max(0, Math.min(1, value));
+    const [du, dv] = moves[event.key];
+    this.picture.aim = { u: clamp(this.picture.aim.u + du), v: clamp(this.picture.aim.v + dv) };
+    this.picture.overlay();
+    return true;
+  }
+
+  async send({ u, v }) {
+    const head = this.picture.head;
+    if (!head) return;
+    this.picture.pointed({ u, v });
+    const answer = await this.give({ point: { u, v, depth: Number(byId("distance").value), frame: head.frame } });
+    if (answer.ok) byId("point").setAttribute("aria-pressed", "false");
+    this.arms();
+  }
+
+  // Manual flight: as long as something is held.
+
+  manual() {
+    for (const button of document.querySelectorAll("[data-fly]")) {
+      const name = `${button.dataset.fly}${button.dataset.way}`;
+      button.addEventListener("pointerdown", (event) => {
+        button.setPointerCapture(event.pointerId);
+        this.press(name, button.dataset.fly, Number(button.dataset.way), button);
+      });
+      for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) button.addEventListener(end, () => this.let(name));
+      button.addEventListener("contextmenu", (event) => event.preventDefault());
+      button.addEventListener("keydown", (event) => {
+        if (event.key === "Enter" && !event.repeat) this.press(name, button.dataset.fly, Number(button.dataset.way), button);
+      });
+      button.addEventListener("keyup", (event) => event.key === "Enter" && this.let(name));
+    }
+    addEventListener("blur", () => this.release());
+    document.addEventListener("visibilitychange", () => document.hidden && this.release());
+    byId("manual").addEventListener("toggle", () => this.release());
+  }
+
+  press(name, axis, way, button) {
+    if (!this.flies) return;
+    button?.classList.add("held");
+    this.held.set(name, { axis, way, button });
+    this.steer();
+    this.steering ??= setInterval(() => this.steer(), REPEAT);
+  }
+
+  let(name) {
+    const held = this.held.get(name);
+    if (!held) return;
+    held.button?.classList.remove("held");
+    this.held.delete(name);
+    if (this.held.size === 0) this.release();
+    else this.steer();
+  }
+
+  release() {
+    for (const { button } of this.held.values()) button?.classList.remove("held");
+    this.held.clear();
+    if (!this.steering) return;
+    clearInterval(this.steering);
+    this.steering = undefined;
+    this.steer();
+  }
+
+  steer() {
+    const fly = { right: 0, forward: 0, up: 0, turn: 0 };
+    for (const { axis, way } of this.held.values()) fly[axis] = Math.max(-1, Math.min(1, fly[axis] + way));
+    this.controls.order({ fly }).then((answer) => answer.ok || this.say(answer.text, false));
+  }
+}

@@ -1,0 +1,160 @@
+// The two connections: one for pictures and state, one for the controls alone, so that neither waits for the other.
+
+const LOST_AFTER = 1000;
+const CONFIRMED_WITHIN = 1500;
+
+/** What gives the right to fly: from the address, then from the session that it opened. Kept for this tab only. */
+const secrets = {
+  token: location.hash.slice(1),
+  get session() { return sessionStorage.getItem("session") ?? ""; },
+  set session(value) { sessionStorage.setItem("session", value); },
+};
+if (secrets.token) {
+  // A new address goes over an old session.
+  sessionStorage.removeItem("session");
+  sessionStorage.setItem("token", secrets.token);
+  history.replaceState(null, "", location.pathname);
+} else {
+  secrets.token = sessionStorage.getItem("token") ?? "";
+}
+
+function hello() {
+  if (secrets.session) return { session: secrets.session, ...(secrets.token && { token: secrets.token }) };
+  return secrets.token ? { token: secrets.token } : {};
+}
+
+/** A connection that is opened again when it is lost, until it is refused. */
+class Connection {
+  constructor(path, on) {
+    [this.path, this.on, this.wait, this.over] = [path, on, 100, false];
+    this.connect();
+  }
+
+  connect() {
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.path}`);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => this.send({ hello: hello() });
+    socket.onmessage = ({ data }) => {
+      if (this.socket !== socket) return;
+      this.heard = performance.now();
+      if (typeof data !== "string") return this.on.picture?.(data);
+      const message = JSON.parse(data);
+      if (message.type === "refused") this.over = true;
+      else this.wait = 100;
+      this.on.message(message);
+    };
+    socket.onclose = ({ code, reason }) => {
+      if (this.socket !== socket) return;
+      if (code === 1001) this.over = true;
+      this.on.closed?.(this.over, reason);
+      if (!this.over) setTimeout(() => this.connect(), this.wait);
+      this.wait = Math.min(2000, this.wait * 1.6);
+    };
+  }
+
+  /** Gives a connection up that says nothing, and opens another. */
+  again() {
+    const stale = this.socket;
+    stale.onopen = stale.onmessage = stale.onclose = null;
+    stale.close();
+    this.connect();
+  }
+
+  send(message) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+}
+
+/** Pictures and state. */
+export class Watch {
+  constructor(on) {
+    this.shown = 0;
+    const closed = (over, reason) => {
+      this.shown = 0;
+      on.closed?.(over, reason);
+    };
+    this.connection = new Connection("/watch", { ...on, closed });
+  }
+
+  /** A picture is on the screen: the next one may come. */
+  confirm() {
+    this.shown += 1;
+    this.connection.send({ shown: this.shown });
+  }
+
+  open(query) {
+    this.connection.send({ open: query });
+  }
+}
+
+/** The controls. */
+export class Controls {
+  constructor(on) {
+    [this.on, this.open, this.next, this.lost] = [on, new Map(), 1, true];
+    this.since = performance.now();
+    this.connection = new Connection("/control", {
+      message: (message) => this.message(message),
+      closed: (over, reason) => {
+        for (const [, settle] of this.open) settle({ ok: false, text: "not sent: the connection is lost" });
+        this.open.clear();
+        this.say(true, over, reason);
+      },
+    });
+    // A connection can fall silent without being closed.
+    setInterval(() => {
+      const quiet = performance.now() - (this.connection.heard ?? this.since);
+      if (quiet > LOST_AFTER) this.say(true, this.connection.over);
+      if (quiet > 4 * LOST_AFTER && !this.connection.over && this.connection.socket.readyState !== WebSocket.CONNECTING) {
+        this.connection.heard = performance.now();
+        this.connection.again();
+      }
+    }, 100);
+  }
+
+  say(lost, over = false, reason = "") {
+    if (lost === this.lost && !over) return;
+    this.lost = lost;
+    this.on.lost(lost, over, reason);
+  }
+
+  message(message) {
+    switch (message.type) {
+      case "welcome":
+        if (message.session) secrets.session = message.session;
+        this.say(false);
+        this.on.welcome();
+        break;
+      case "session":
+        secrets.session = message.session;
+        this.on.welcome();
+        break;
+      case "beat":
+        this.connection.send({ beat: message.n });
+        this.say(false);
+        break;
+      case "ack":
+        this.open.get(message.id)?.(message);
+        this.open.delete(message.id);
+        break;
+      default:
+        this.on.message(message);
+    }
+  }
+
+  /** Sends an order. Resolves to what the server answered, or that it did not. */
+  order(what) {
+    const [id, began] = [this.next++, performance.now()];
+    return new Promise((resolve) => {
+      const settle = (answer) => resolve({ ...answer, ms: performance.now() - began });
+      if (this.connection.socket.readyState !== WebSocket.OPEN) {
+        return settle({ ok: false, text: "not sent: no connection" });
+      }
+      this.open.set(id, settle);
+      this.connection.send({ order: { id, do: what } });
+      setTimeout(() => {
+        if (this.open.delete(id)) settle({ ok: false, text: "not confirmed: no answer" });
+      }, CONFIRMED_WITHIN);
+    });
+  }
+}

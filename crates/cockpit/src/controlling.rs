@@ -1,0 +1,128 @@
+//! The socket of the controls: orders and their acknowledgement, apart from the pictures, so that neither waits for the other.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
+use serde_json::json;
+use tokio::sync::mpsc;
+use tokio::time::{interval, timeout};
+
+use crate::controls::{Controls, TO_PAGE};
+use crate::hub::json;
+use crate::message::{Order, ToControls};
+use crate::shared::Shared;
+
+/// Time limit for the first message.
+const GREETING: Duration = Duration::from_secs(5);
+/// Time limit for sending, after which a page counts as disconnected.
+const SEND: Duration = Duration::from_secs(2);
+/// Interval of beats, which the page answers. The server asks, because browsers slow the timers of hidden pages down, but not
+/// their sockets.
+const BEAT: Duration = Duration::from_millis(250);
+/// A page that answers nothing for this long is disconnected.
+const SILENCE: Duration = Duration::from_secs(10);
+/// Maximum number of messages within a second: manual flight needs twenty.
+const MESSAGES: u32 = 60;
+/// With more than this the page is disconnected; up to it every order to stop counts.
+const FLOOD: u32 = 600;
+
+/// Leaves the controls at every end.
+struct AtControls<'a> {
+    controls: &'a Controls,
+    number: u64,
+}
+
+impl Drop for AtControls<'_> {
+    fn drop(&mut self) {
+        self.controls.leave(self.number, Instant::now());
+    }
+}
+
+/// Serves a page until it disconnects or the server ends.
+pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared) {
+    let Ok(Some(Ok(Message::Text(first)))) = timeout(GREETING, socket.recv()).await else { return };
+    let Ok(ToControls::Hello(hello)) = ToControls::read(&first) else { return };
+    let (to_page, mut messages) = mpsc::channel::<Arc<str>>(TO_PAGE);
+    let (number, session) = match shared.controls.enter(&hello, to_page, Instant::now()) {
+        Ok(entered) => entered,
+        Err(refused) => {
+            let _ = send(&mut socket, &json(&json!({"type": "refused", "why": refused.to_string()}))).await;
+            return;
+        }
+    };
+    let at = AtControls { controls: &shared.controls, number };
+    let welcome = json(&json!({"type": "welcome", "session": session}));
+    if send(&mut socket, &welcome).await.is_some() {
+        let _ = talk(&mut socket, &at, &mut messages, shared).await;
+    }
+}
+
+/// `None` once the page is gone.
+async fn send(socket: &mut WebSocket, text: &str) -> Option<()> {
+    timeout(SEND, socket.send(Message::text(text))).await.ok()?.ok()
+}
+
+async fn talk(
+    socket: &mut WebSocket,
+    at: &AtControls<'_>,
+    messages: &mut mpsc::Receiver<Arc<str>>,
+    shared: &Shared,
+) -> Option<()> {
+    let (mut stop, mut beat, mut beats) = (shared.stop.clone(), interval(BEAT), 0_u64);
+    let (mut heard, mut counted, mut since) = (Instant::now(), 0, Instant::now());
+    loop {
+        tokio::select! {
+            // Orders come first.
+            biased;
+            received = socket.recv() => {
+                let text = match received {
+                    Some(Ok(Message::Text(text))) => text,
+                    Some(Ok(Message::Ping(_) | Message::Pong(_))) => continue,
+                    _ => return None,
+                };
+                let now = Instant::now();
+                if now.duration_since(since) > Duration::from_secs(1) {
+                    (counted, since) = (0, now);
+                }
+                counted += 1;
+                if counted > FLOOD {
+                    return None;
+                }
+                match ToControls::read(&text) {
+                    Ok(ToControls::Beat(_)) => {
+                        heard = now;
+                        at.controls.heard(at.number, now);
+                    }
+                    Ok(ToControls::Order { id, order }) => {
+                        let stops = matches!(order, Order::Hold | Order::Land | Order::ArmCut | Order::Cut);
+                        let done = if counted > MESSAGES && !stops {
+                            Err("too many orders within a second".to_owned())
+                        } else {
+                            at.controls.order(at.number, &order, now)
+                        };
+                        let (ok, text) = match done {
+                            Ok(text) => (true, text),
+                            Err(why) => (false, why),
+                        };
+                        send(socket, &json(&json!({"type": "ack", "id": id, "ok": ok, "text": text}))).await?;
+                    }
+                    Ok(ToControls::Hello(_)) => {}
+                    Err(why) => send(socket, &json(&json!({"type": "error", "text": why}))).await?,
+                }
+            }
+            message = messages.recv() => send(socket, &message?).await?,
+            _ = beat.tick() => {
+                if heard.elapsed() > SILENCE {
+                    return None;
+                }
+                beats += 1;
+                send(socket, &format!(r#"{{"type":"beat","n":{beats}}}"#)).await?;
+            }
+            () = async { drop(stop.wait_for(|stop| *stop).await) } => {
+                let frame = CloseFrame { code: close_code::AWAY, reason: "the program has ended".into() };
+                return timeout(SEND, socket.send(Message::Close(Some(frame)))).await.ok()?.ok();
+            }
+        }
+    }
+}

@@ -1,0 +1,357 @@
+//! Who flies, and what becomes of an order. One page has the controls, any number watch; they are handed over by consent.
+//!
+//! Every order ends as an [`OperatorEvent`] in the flight's operator channel, like a key of the terminal.
+
+mod keys;
+
+use std::collections::BTreeMap;
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use spf_core::command::Setpoint;
+use spf_core::pilot::OperatorEvent;
+use tokio::sync::mpsc;
+
+use crate::flight_controls::{FlightControls, ReadInstruction};
+use crate::hub::{Hub, Kept, json};
+use crate::message::{Hello, Order};
+use crate::pointing::{Given, Pointing};
+pub(crate) use keys::{Keys, May, Refused};
+
+/// A page that says nothing for this long is lost.
+pub(crate) const LOST_AFTER: Duration = Duration::from_secs(1);
+/// A flight that only a lost page controls lands after this time of holding.
+const LAND_AFTER: Duration = Duration::from_secs(20);
+/// The second step of cutting the motors counts within this time.
+const CUT_WITHIN: Duration = Duration::from_secs(3);
+/// Maximum number of messages queued for a page of the controls.
+pub(crate) const TO_PAGE: usize = 64;
+
+/// The controls of the cockpit.
+pub(crate) struct Controls {
+    inner: Mutex<Inner>,
+    hub: Arc<Hub>,
+    pointing: Arc<Pointing>,
+}
+
+struct Inner {
+    keys: Keys,
+    pages: BTreeMap<u64, Page>,
+    next: u64,
+    /// The page that flies.
+    pilot: Option<u64>,
+    /// The session of the page that flew last; it may come back.
+    last_session: Option<u64>,
+    /// When the page that flies was lost, and what was done about it.
+    lost: Option<(Instant, Lost)>,
+    /// The page that asks for the controls.
+    asking: Option<u64>,
+    armed: Option<(u64, Instant)>,
+    flight: Option<FlightControls>,
+    waiting: Option<Waiting>,
+}
+
+/// Where the first instruction goes, and how it is read.
+struct Waiting {
+    instruction: Sender<String>,
+    read: ReadInstruction,
+}
+
+struct Page {
+    session: Option<u64>,
+    heard: Instant,
+    to_page: mpsc::Sender<Arc<str>>,
+}
+
+/// What was done about a lost page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    Noticed,
+    Held,
+    Landing,
+}
+
+impl Controls {
+    pub(crate) fn new(keys: Keys, hub: Arc<Hub>, pointing: Arc<Pointing>) -> Self {
+        let inner = Inner {
+            keys,
+            pages: BTreeMap::new(),
+            next: 0,
+            pilot: None,
+            last_session: None,
+            lost: None,
+            asking: None,
+            armed: None,
+            flight: None,
+            waiting: None,
+        };
+        Self { inner: Mutex::new(inner), hub, pointing }
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        // Consistent between calls.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether the sender of this greeting may watch; true in the second place if it may also know prompts.
+    pub(crate) fn may_watch(&self, hello: &Hello, now: Instant) -> Result<bool, Refused> {
+        let mut inner = self.inner();
+        inner.keys.look(hello, now).map(|may| may == May::Fly)
+    }
+
+    /// A page connects to the controls. It flies if it may and nobody else does. Returns its number and the secret of its session.
+    pub(crate) fn enter(
+        &self,
+        hello: &Hello,
+        to_page: mpsc::Sender<Arc<str>>,
+        now: Instant,
+    ) -> Result<(u64, Option<String>), Refused> {
+        let mut inner = self.inner();
+        let session = inner.keys.enter(hello, now)?;
+        let number = inner.next;
+        inner.next += 1;
+        let id = session.as_ref().map(|(id, _)| *id);
+        inner.pages.insert(number, Page { session: id, heard: now, to_page });
+        // The same session again: the page was loaded anew, or its tab was doubled; the newest one flies.
+        let same = inner.pilot.is_some_and(|pilot| inner.pages.get(&pilot).and_then(|page| page.session) == id);
+        if id.is_some() && (inner.pilot.is_none() || same) {
+            self.give(&mut inner, number);
+        }
+        self.tell_roles(&mut inner);
+        Ok((number, session.map(|(_, secret)| secret)))
+    }
+
+    /// A page of the controls is gone.
+    pub(crate) fn leave(&self, number: u64, now: Instant) {
+        let mut inner = self.inner();
+        inner.pages.remove(&number);
+        let _ = inner.asking.take_if(|asking| *asking == number);
+        if inner.pilot == Some(number) {
+            inner.pilot = None;
+            inner.lost.get_or_insert((now, Lost::Noticed));
+        }
+        self.tell_roles(&mut inner);
+    }
+
+    /// A page has answered a beat.
+    pub(crate) fn heard(&self, number: u64, now: Instant) {
+        let mut inner = self.inner();
+        if let Some(page) = inner.pages.get_mut(&number) {
+            page.heard = now;
+        }
+        if inner.pilot == Some(number) && inner.lost.take().is_some() {
+            self.tell_roles(&mut inner);
+        }
+    }
+
+    /// Makes a page the one that flies.
+    fn give(&self, inner: &mut Inner, number: u64) {
+        let Some(page) = inner.pages.get_mut(&number) else { return };
+        let fresh = page.session.is_none();
+        if fresh && let Ok((id, secret)) = inner.keys.session() {
+            page.session = Some(id);
+            drop(page.to_page.try_send(json(&json!({"type": "session", "session": secret}))));
+        }
+        page.heard = Instant::now();
+        inner.last_session = page.session;
+        (inner.pilot, inner.lost, inner.asking, inner.armed) = (Some(number), None, None, None);
+    }
+
+    /// Tells every page of the controls what it may do.
+    fn tell_roles(&self, inner: &mut Inner) {
+        let (pilot, asking, watching) = (inner.pilot, inner.asking, inner.pages.len());
+        let lost = inner.lost.is_some();
+        for (number, page) in &inner.pages {
+            let flies = pilot == Some(*number);
+            let role = json!({
+                "type": "role", "pilot": flies, "someone": pilot.is_some() && !lost, "pages": watching,
+                "asked": flies && asking.is_some(), "asking": asking == Some(*number),
+            });
+            drop(page.to_page.try_send(json(&role)));
+        }
+    }
+
+    /// Watches over the page that flies. Returns a new secret to print, if the one-time address was used and its page is gone.
+    pub(crate) fn check(&self, now: Instant) -> Option<String> {
+        let mut inner = self.inner();
+        if let Some(pilot) = inner.pilot
+            && inner.lost.is_none()
+            && inner.pages.get(&pilot).is_none_or(|page| now.duration_since(page.heard) >= LOST_AFTER)
+        {
+            inner.lost = Some((now, Lost::Noticed));
+            self.tell_roles(&mut inner);
+        }
+        let (since, done) = inner.lost?;
+        let away = now.duration_since(since);
+        let only = inner.flight.as_ref().is_some_and(|flight| flight.only);
+        let next = match done {
+            // A page that is loaded anew is back by then.
+            Lost::Noticed if only && (inner.pilot.is_some() || away >= LOST_AFTER) => Some((Lost::Held, OperatorEvent::Hold)),
+            Lost::Held if away >= LAND_AFTER => Some((Lost::Landing, OperatorEvent::Land)),
+            _ => None,
+        };
+        if let Some((done, event)) = next {
+            inner.lost = Some((since, done));
+            let what = if done == Lost::Held { "holds; it lands in 20 s" } else { "lands" };
+            self.say(&format!("connection to the pilot's page lost: the drone {what}"), "warning");
+            inner.send(event);
+        }
+        if inner.pilot.is_none() { inner.keys.renew(away) } else { None }
+    }
+
+    fn say(&self, text: &str, level: &str) {
+        self.hub.tell(Kept::Row, &json!({"type": "line", "level": level, "text": text}));
+    }
+
+    /// Carries out an order of a page. The result is shown there: what was done, or why not.
+    pub(crate) fn order(&self, number: u64, order: &Order, now: Instant) -> Result<String, String> {
+        let mut inner = self.inner();
+        match order {
+            Order::Ask => return self.ask(&mut inner, number),
+            _ if inner.pilot != Some(number) => return Err("this page only watches: ask for the controls first".to_owned()),
+            Order::Give(yes) => return self.answer(&mut inner, *yes),
+            Order::Instruction(text) => return inner.instruct(text.trim()),
+            _ => {}
+        }
+        if inner.flight.is_none() {
+            return Err("no flight is under way".to_owned());
+        }
+        let armed = inner.armed.take();
+        let events = match order {
+            Order::Hold => vec![OperatorEvent::Hold],
+            Order::Resume => vec![OperatorEvent::Resume],
+            Order::Land => vec![OperatorEvent::Land],
+            Order::ArmCut => {
+                inner.armed = Some((number, now));
+                return Ok("motors: confirm within 3 s; the drone falls".to_owned());
+            }
+            Order::Cut => match armed {
+                Some((by, at)) if by == number && now.duration_since(at) <= CUT_WITHIN => vec![OperatorEvent::CutMotors],
+                _ => return Err("motors not cut: confirm within 3 s of the first step".to_owned()),
+            },
+            Order::Fly { right, forward, up, turn } => vec![inner.setpoint(*right, *forward, *up, *turn)],
+            Order::Point { u, v, depth, frame } => return self.point(&inner, Given::point(*u, *v, *depth, *frame)),
+            Order::Look(side) => return self.point(&inner, Given::look(*side)),
+            Order::Done => return self.point(&inner, Given::done()),
+            Order::Instruction(_) | Order::Ask | Order::Give(_) => Vec::new(),
+        };
+        for event in events {
+            if !inner.send(event) {
+                return Err("the flight is over".to_owned());
+            }
+        }
+        Ok(String::new())
+    }
+
+    /// Answers the open query, or corrects whoever answers: the next answer is this one.
+    fn point(&self, inner: &Inner, given: Given) -> Result<String, String> {
+        if self.pointing.answer(given)? {
+            return Ok("answered".to_owned());
+        }
+        self.pointing.correct(given)?;
+        // Open queries are cancelled, and the next one is about a fresh frame.
+        let again = match self.pointing.instruction_to_repeat() {
+            Some(instruction) => vec![OperatorEvent::Instruction(instruction), OperatorEvent::Resume],
+            None => vec![OperatorEvent::Hold, OperatorEvent::Resume],
+        };
+        match again.into_iter().all(|event| inner.send(event)) {
+            true => Ok("your point is the next answer".to_owned()),
+            false => Err("the flight is over".to_owned()),
+        }
+    }
+
+    fn ask(&self, inner: &mut Inner, number: u64) -> Result<String, String> {
+        if inner.pilot == Some(number) {
+            return Ok("you fly".to_owned());
+        }
+        let known = inner.pages.get(&number).is_some_and(|page| page.session.is_some());
+        if known && (inner.pilot.is_none() || inner.lost.is_some()) {
+            self.give(inner, number);
+            self.tell_roles(inner);
+            return Ok("you fly: the other page is gone".to_owned());
+        }
+        if inner.pilot.is_none() {
+            return Err("open the address that the terminal shows, with what follows the `#`".to_owned());
+        }
+        inner.asking = Some(number);
+        self.tell_roles(inner);
+        Ok("asked: the pilot must agree".to_owned())
+    }
+
+    fn answer(&self, inner: &mut Inner, yes: bool) -> Result<String, String> {
+        let Some(asking) = inner.asking.take() else { return Err("nobody asks for the controls".to_owned()) };
+        if yes {
+            // What the new pilot does not know of must not go on.
+            inner.send(OperatorEvent::Hold);
+            self.give(inner, asking);
+            self.say("the controls were handed over: the drone holds", "info");
+        }
+        self.tell_roles(inner);
+        Ok(if yes { "handed over" } else { "kept" }.to_owned())
+    }
+
+    /// A flight begins.
+    pub(crate) fn begin(&self, flight: FlightControls) {
+        let mut inner = self.inner();
+        inner.waiting = None;
+        inner.flight = Some(flight);
+    }
+
+    /// The flight is over.
+    pub(crate) fn end(&self) {
+        self.inner().flight = None;
+        self.pointing.forget();
+    }
+
+    /// Whether the page is open that flies.
+    pub(crate) fn has_pilot(&self) -> bool {
+        self.inner().pilot.is_some()
+    }
+
+    /// Instructions go here until a flight begins.
+    pub(crate) fn wait(&self, instruction: Sender<String>, read: ReadInstruction) {
+        self.inner().waiting = Some(Waiting { instruction, read });
+    }
+
+    /// The secret of a page that may fly, for the address to print.
+    pub(crate) fn secrets(&self) -> (String, Option<String>) {
+        self.inner().keys.printed()
+    }
+}
+
+impl Inner {
+    /// Passes an input to the flight; false if it is over.
+    fn send(&self, event: OperatorEvent) -> bool {
+        self.flight.as_ref().is_some_and(|flight| flight.operator.send(event).is_ok())
+    }
+
+    fn instruct(&mut self, text: &str) -> Result<String, String> {
+        if let Some(flight) = &self.flight {
+            let read = (flight.read)(text)?;
+            let sent = self.send(OperatorEvent::Instruction(text.to_owned())) && self.send(OperatorEvent::Resume);
+            return if sent { Ok(read) } else { Err("the flight is over".to_owned()) };
+        }
+        let Some(waiting) = &self.waiting else { return Err("no flight is under way".to_owned()) };
+        let read = (waiting.read)(text)?;
+        let sent = waiting.instruction.send(text.to_owned());
+        self.waiting = None;
+        sent.map(|()| read).map_err(|_| "the program ends".to_owned())
+    }
+
+    /// Half the preset speeds at most, as with the keys of the terminal.
+    fn setpoint(&self, right: f64, forward: f64, up: f64, turn: f64) -> OperatorEvent {
+        let Some(craft) = self.flight.as_ref().map(|flight| flight.craft) else { return OperatorEvent::Hold };
+        let (speed, climb, rate) = (0.5 * craft.cruise_speed, 0.5 * craft.climb_speed, 0.5 * craft.yaw_rate);
+        OperatorEvent::Setpoint(Setpoint {
+            right: right * speed,
+            forward: forward * speed,
+            up: up * climb,
+            yaw_rate: turn * rate,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,183 @@
+//! Tokens in printed addresses, and the sessions that they open.
+
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+use crate::message::Hello;
+use crate::secret::Secret;
+
+/// Maximum number of sessions; the oldest is forgotten.
+const SESSIONS: usize = 32;
+/// So many wrong tokens within a minute, and no token is looked at until they are a minute old.
+const WRONG: usize = 10;
+const WRONG_WITHIN: Duration = Duration::from_secs(60);
+/// A used one-time address is replaced after its page was away for this long.
+const RENEW_AFTER: Duration = Duration::from_secs(5);
+
+/// Why a page was refused.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum Refused {
+    #[error("this address needs the part after the `#`: open it as the terminal shows it")]
+    NoToken,
+    #[error("this address was used already: it works once; the terminal shows a new one when its page is gone")]
+    Used,
+    #[error("unknown token: open the address as the terminal shows it")]
+    Unknown,
+    #[error("too many wrong tokens: try again in a minute")]
+    TooMany,
+    #[error("no random numbers from the operating system")]
+    NoRandom,
+}
+
+/// What somebody may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum May {
+    Watch,
+    Fly,
+}
+
+/// The secrets of the cockpit.
+#[derive(Debug)]
+pub(crate) struct Keys {
+    /// On this machine only: everybody here may watch, and the address that flies can be opened again.
+    loopback: bool,
+    fly: Secret,
+    /// The token that flies was used.
+    used: bool,
+    /// For spectators elsewhere.
+    watch: Secret,
+    sessions: VecDeque<(u64, Secret)>,
+    next: u64,
+    wrong: VecDeque<Instant>,
+}
+
+impl Keys {
+    pub(crate) fn new(loopback: bool) -> std::io::Result<Self> {
+        let (fly, watch) = (Secret::new()?, Secret::new()?);
+        Ok(Self { loopback, fly, used: false, watch, sessions: VecDeque::new(), next: 0, wrong: VecDeque::new() })
+    }
+
+    /// The secrets of the addresses to print: to fly, and to watch if that needs one.
+    pub(crate) fn printed(&self) -> (String, Option<String>) {
+        (self.fly.text().to_owned(), (!self.loopback).then(|| self.watch.text().to_owned()))
+    }
+
+    /// What the sender of a greeting may see. It uses no token up.
+    pub(crate) fn look(&mut self, hello: &Hello, now: Instant) -> Result<May, Refused> {
+        if let Some(session) = &hello.session
+            && self.sessions.iter().any(|(_, secret)| secret.is(session))
+        {
+            return Ok(May::Fly);
+        }
+        match &hello.token {
+            Some(token) => self.token(token, now).map(|_| May::Watch),
+            None if self.loopback => Ok(May::Watch),
+            None => Err(Refused::NoToken),
+        }
+    }
+
+    /// The session of the sender of a greeting; `None` for a spectator.
+    pub(crate) fn enter(&mut self, hello: &Hello, now: Instant) -> Result<Option<(u64, String)>, Refused> {
+        if let Some(session) = &hello.session
+            && let Some((id, secret)) = self.sessions.iter().find(|(_, secret)| secret.is(session))
+        {
+            return Ok(Some((*id, secret.text().to_owned())));
+        }
+        match &hello.token {
+            Some(token) if self.token(token, now)? == May::Fly => {
+                if self.used && !self.loopback {
+                    return Err(Refused::Used);
+                }
+                let session = self.session()?;
+                self.used = true;
+                Ok(Some(session))
+            }
+            None if !self.loopback => Err(Refused::NoToken),
+            _ => Ok(None),
+        }
+    }
+
+    /// A new session: its number and secret.
+    pub(crate) fn session(&mut self) -> Result<(u64, String), Refused> {
+        let secret = Secret::new().map_err(|_| Refused::NoRandom)?;
+        let (id, text) = (self.next, secret.text().to_owned());
+        self.next += 1;
+        if self.sessions.len() >= SESSIONS {
+            self.sessions.pop_front();
+        }
+        self.sessions.push_back((id, secret));
+        Ok((id, text))
+    }
+
+    fn token(&mut self, token: &str, now: Instant) -> Result<May, Refused> {
+        while self.wrong.front().is_some_and(|at| now.duration_since(*at) > WRONG_WITHIN) {
+            self.wrong.pop_front();
+        }
+        if self.wrong.len() >= WRONG {
+            return Err(Refused::TooMany);
+        }
+        match (self.fly.is(token), self.watch.is(token)) {
+            (true, _) => Ok(May::Fly),
+            (false, true) => Ok(May::Watch),
+            (false, false) => {
+                self.wrong.push_back(now);
+                Err(Refused::Unknown)
+            }
+        }
+    }
+
+    /// A new secret that flies, if the one-time one was used and its page has been away for this long.
+    pub(crate) fn renew(&mut self, away: Duration) -> Option<String> {
+        if self.loopback || !self.used || away < RENEW_AFTER {
+            return None;
+        }
+        self.fly = Secret::new().ok()?;
+        self.used = false;
+        Some(self.fly.text().to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn token(token: &str) -> Hello {
+        Hello { token: Some(token.to_owned()), session: None }
+    }
+
+    #[test]
+    fn a_token_of_a_network_works_once_and_a_session_again() {
+        let mut keys = Keys::new(false).unwrap();
+        let now = Instant::now();
+        let (fly, watch) = keys.printed();
+        assert_eq!(keys.look(&Hello::default(), now), Err(Refused::NoToken));
+        assert_eq!(keys.look(&token(&watch.clone().unwrap()), now), Ok(May::Watch));
+        assert_eq!(keys.enter(&token(&watch.unwrap()), now), Ok(None));
+        let (id, session) = keys.enter(&token(&fly), now).unwrap().unwrap();
+        assert_eq!(keys.enter(&token(&fly), now), Err(Refused::Used), "replayed");
+        let again = Hello { token: None, session: Some(session.clone()) };
+        assert_eq!(keys.enter(&again, now), Ok(Some((id, session))));
+        assert_eq!(keys.look(&again, now), Ok(May::Fly));
+        assert_eq!(keys.renew(Duration::from_secs(1)), None);
+        let renewed = keys.renew(RENEW_AFTER).unwrap();
+        assert_eq!(keys.enter(&token(&fly), now), Err(Refused::Unknown));
+        assert!(keys.enter(&token(&renewed), now).unwrap().is_some());
+    }
+
+    #[test]
+    fn on_this_machine_everybody_watches_and_the_address_opens_again() {
+        let mut keys = Keys::new(true).unwrap();
+        let (now, (fly, watch)) = (Instant::now(), keys.printed());
+        assert_eq!((watch, keys.enter(&Hello::default(), now)), (None, Ok(None)));
+        assert!(keys.enter(&token(&fly), now).unwrap().is_some() && keys.enter(&token(&fly), now).unwrap().is_some());
+    }
+
+    #[test]
+    fn guessing_is_slow() {
+        let mut keys = Keys::new(true).unwrap();
+        let (now, (fly, _)) = (Instant::now(), keys.printed());
+        (0..WRONG).for_each(|_| assert_eq!(keys.enter(&token("0"), now), Err(Refused::Unknown)));
+        assert_eq!(keys.enter(&token(&fly), now), Err(Refused::TooMany));
+        assert!(keys.enter(&token(&fly), now + WRONG_WITHIN + Duration::from_secs(1)).is_ok());
+    }
+}

@@ -1,0 +1,134 @@
+use std::sync::mpsc::{Receiver, channel};
+
+use spf_core::craft::Craft;
+
+use super::*;
+
+struct Cabin {
+    controls: Controls,
+    now: Instant,
+    token: String,
+    orders: Receiver<OperatorEvent>,
+}
+
+impl Cabin {
+    fn new(only: bool) -> Self {
+        let hub = Hub::new();
+        let keys = Keys::new(true).unwrap();
+        let token = keys.printed().0;
+        let controls = Controls::new(keys, hub, Arc::default());
+        let (operator, orders) = channel();
+        let read: ReadInstruction =
+            Arc::new(|text| if text == "gibberish" { Err("not understood".into()) } else { Ok("reads".into()) });
+        controls.begin(FlightControls { operator, craft: Craft::tello(), read, only });
+        Self { controls, now: Instant::now(), token, orders }
+    }
+
+    fn page(&self, token: bool) -> (u64, mpsc::Receiver<Arc<str>>) {
+        let (send, messages) = mpsc::channel(TO_PAGE);
+        let hello = Hello { token: token.then(|| self.token.clone()), session: None };
+        (self.controls.enter(&hello, send, self.now).unwrap().0, messages)
+    }
+
+    fn after(&self, ms: u64) -> Instant {
+        self.now + Duration::from_millis(ms)
+    }
+
+    fn sent(&self) -> Vec<OperatorEvent> {
+        self.orders.try_iter().collect()
+    }
+}
+
+#[test]
+fn one_page_flies_and_others_only_watch() {
+    let cabin = Cabin::new(false);
+    let (pilot, _one) = cabin.page(true);
+    let (second, _two) = cabin.page(true);
+    let (spectator, _three) = cabin.page(false);
+    for other in [second, spectator] {
+        for order in [Order::Hold, Order::Land, Order::Cut, Order::Instruction("go".to_owned()), Order::Give(true)] {
+            assert!(cabin.controls.order(other, &order, cabin.now).is_err());
+        }
+    }
+    assert_eq!(cabin.sent(), []);
+    assert!(cabin.controls.order(pilot, &Order::Hold, cabin.now).is_ok());
+    assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+    assert!(cabin.controls.order(pilot, &Order::Instruction("gibberish".to_owned()), cabin.now).is_err());
+    assert_eq!(cabin.sent(), []);
+    assert_eq!(cabin.controls.order(pilot, &Order::Instruction("go".to_owned()), cabin.now), Ok("reads".to_owned()));
+    assert_eq!(cabin.sent(), [OperatorEvent::Instruction("go".to_owned()), OperatorEvent::Resume]);
+}
+
+#[test]
+fn the_controls_are_handed_over_by_consent_and_the_drone_holds() {
+    let cabin = Cabin::new(false);
+    let ((pilot, _one), (spectator, mut told)) = (cabin.page(true), cabin.page(false));
+    assert!(cabin.controls.order(spectator, &Order::Ask, cabin.now).is_ok());
+    assert!(cabin.controls.order(spectator, &Order::Hold, cabin.now).is_err(), "asking is not enough");
+    assert!(cabin.controls.order(pilot, &Order::Give(false), cabin.now).is_ok());
+    assert!(cabin.controls.order(pilot, &Order::Give(true), cabin.now).is_err(), "nobody asks any more");
+    assert!(cabin.controls.order(spectator, &Order::Ask, cabin.now).is_ok());
+    assert!(cabin.controls.order(pilot, &Order::Give(true), cabin.now).is_ok());
+    assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+    assert!(cabin.controls.order(pilot, &Order::Resume, cabin.now).is_err());
+    assert!(cabin.controls.order(spectator, &Order::Resume, cabin.now).is_ok());
+    let messages: Vec<Arc<str>> = std::iter::from_fn(|| told.try_recv().ok()).collect();
+    assert!(messages.iter().any(|message| message.contains("\"session\"")), "it may come back");
+}
+
+#[test]
+fn motors_are_cut_in_two_steps_within_three_seconds() {
+    let cabin = Cabin::new(false);
+    let (pilot, _page) = cabin.page(true);
+    let order = |order: Order, ms: u64| cabin.controls.order(pilot, &order, cabin.after(ms)).is_ok();
+    assert!(!order(Order::Cut, 0));
+    assert!(order(Order::ArmCut, 0) && !order(Order::Cut, 3001), "too late");
+    assert!(order(Order::ArmCut, 4000) && order(Order::Hold, 4100) && !order(Order::Cut, 4200), "something else came between");
+    assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+    assert!(order(Order::ArmCut, 5000) && order(Order::Cut, 5500));
+    assert_eq!(cabin.sent(), [OperatorEvent::CutMotors]);
+}
+
+#[test]
+fn a_flight_that_only_a_lost_page_controls_holds_and_then_lands() {
+    let cabin = Cabin::new(true);
+    let (pilot, _page) = cabin.page(true);
+    let check = |ms| {
+        cabin.controls.check(cabin.after(ms));
+        cabin.sent()
+    };
+    cabin.controls.heard(pilot, cabin.after(900));
+    assert_eq!(check(1800), []);
+    // The page answers nothing from 0.9 s on.
+    assert_eq!(check(1900), [OperatorEvent::Hold]);
+    assert_eq!((check(2500), check(21_800)), (vec![], vec![]));
+    cabin.controls.heard(pilot, cabin.after(21_850));
+    assert_eq!(check(21_900), [], "it is back");
+    cabin.controls.leave(pilot, cabin.after(22_000));
+    assert_eq!((check(22_100), check(23_100)), (vec![], vec![OperatorEvent::Hold]), "a page loaded anew takes a moment");
+    assert_eq!(check(42_100), [OperatorEvent::Land]);
+    assert_eq!(check(60_000), []);
+}
+
+#[test]
+fn with_keys_in_the_terminal_a_lost_page_stops_nothing() {
+    let cabin = Cabin::new(false);
+    let (pilot, _page) = cabin.page(true);
+    cabin.controls.leave(pilot, cabin.now);
+    cabin.controls.check(cabin.after(30_000));
+    assert_eq!(cabin.sent(), []);
+    let (back, _again) = cabin.page(true);
+    assert!(cabin.controls.order(back, &Order::Hold, cabin.now).is_ok(), "whoever has the address flies");
+}
+
+#[test]
+fn manual_flight_is_at_half_the_preset_speeds() {
+    let cabin = Cabin::new(false);
+    let (pilot, _page) = cabin.page(true);
+    let order = Order::Fly { right: 0.0, forward: 1.0, up: -1.0, turn: 0.5 };
+    assert!(cabin.controls.order(pilot, &order, cabin.now).is_ok());
+    let craft = Craft::tello();
+    let expected =
+        Setpoint { right: 0.0, forward: 0.5 * craft.cruise_speed, up: -0.5 * craft.climb_speed, yaw_rate: 0.25 * craft.yaw_rate };
+    assert_eq!(cabin.sent(), [OperatorEvent::Setpoint(expected)]);
+}

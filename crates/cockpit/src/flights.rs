@@ -1,0 +1,188 @@
+//! Recorded flights: the list of a folder, and the files of one of them.
+
+use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use axum::body::Body;
+use axum::http::header::{ACCEPT_RANGES, CONTENT_DISPOSITION, CONTENT_RANGE, CONTENT_TYPE};
+use axum::http::{HeaderValue, StatusCode};
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+
+/// Maximum number of flights listed, the newest.
+const LISTED: usize = 500;
+/// Maximum size of a summary that is read for the list, and of a part of a film sent at once, bytes.
+const SUMMARY: u64 = 1 << 20;
+const PART: u64 = 2 << 20;
+
+/// The files of a flight that are served: their names and types, and whether a browser shows them.
+const FILES: [(&str, &str, bool); 5] = [
+    ("video.mp4", "video/mp4", true),
+    ("trajectory.svg", "image/svg+xml", true),
+    ("decisions.jsonl", "application/jsonl; charset=utf-8", true),
+    ("summary.json", "application/json", true),
+    ("flight.mcap", "application/octet-stream", false),
+];
+
+/// A folder with folders of flights.
+#[derive(Clone, Debug)]
+pub struct Flights {
+    folder: PathBuf,
+}
+
+impl Flights {
+    /// The flights in a folder, which need not exist yet. A folder that is a flight itself is a list of one.
+    #[must_use]
+    pub fn of(folder: &Path) -> Self {
+        Self { folder: folder.to_owned() }
+    }
+
+    /// The folders of flights, with the names under which they are served; newest first.
+    fn found(&self) -> Vec<(String, PathBuf)> {
+        let is_flight = |path: &Path| path.join("summary.json").is_file();
+        if is_flight(&self.folder) {
+            let name = self.folder.file_name().map_or_else(|| "flight".to_owned(), |name| name.to_string_lossy().into_owned());
+            return vec![(name, self.folder.clone())];
+        }
+        let entries = std::fs::read_dir(&self.folder).into_iter().flatten().map_while(Result::ok);
+        let mut found: Vec<(u64, String, PathBuf)> = entries
+            .filter(|entry| is_flight(&entry.path()))
+            .filter_map(|entry| Some((written(&entry.path()), entry.file_name().into_string().ok()?, entry.path())))
+            .collect();
+        found.sort_by(|a, b| (b.0, &b.1).cmp(&(a.0, &a.1)));
+        found.into_iter().take(LISTED).map(|(_, name, path)| (name, path)).collect()
+    }
+
+    /// The list, JSON.
+    pub(crate) fn list(&self) -> String {
+        let flight = |(name, path): (String, PathBuf)| {
+            let summary = summary(&path);
+            let has = |file: &str| path.join(file).is_file();
+            let get = |key: &str| summary.get(key).cloned().unwrap_or(Value::Null);
+            json!({
+                "name": name, "written": written(&path), "instruction": get("instruction"), "outcome": get("outcome"),
+                "verified": get("verified"), "cause": get("cause"), "scene": get("scene"), "drone": get("drone"), "vlm": get("vlm"),
+                "time": get("finished_at_s"), "flown": get("path_length_m"), "decisions": get("decisions"),
+                "distance": get("final_distance_m"), "collisions": get("collisions"),
+                "film": has("video.mp4"), "map": has("trajectory.svg"), "log": has("flight.mcap"),
+            })
+        };
+        Value::Array(self.found().into_iter().map(flight).collect()).to_string()
+    }
+
+    /// A file of a flight, or the part of it that is asked for. Names are compared with what is there, never joined to a path.
+    pub(crate) fn file(&self, name: &str, file: &str, range: Option<&str>) -> Response {
+        let missing = || (StatusCode::NOT_FOUND, "no such flight or file\n").into_response();
+        let Some((file, kind, shown)) = FILES.into_iter().find(|(known, ..)| *known == file) else { return missing() };
+        let Some((name, folder)) = self.found().into_iter().find(|(known, _)| known == name) else { return missing() };
+        let Ok(open) = spf_input_file(&folder.join(file)) else { return missing() };
+        let mut response = match part(open, range) {
+            Ok(response) => response,
+            Err(status) => return (status, "the file cannot be read\n").into_response(),
+        };
+        let headers = response.headers_mut();
+        headers.insert(CONTENT_TYPE, HeaderValue::from_static(kind));
+        headers.insert(ACCEPT_RANGES, HeaderValue::from_static("bytes"));
+        if !shown {
+            let plain: String = name.chars().filter(|c| c.is_ascii_alphanumeric() || matches!(c, '-' | '_')).collect();
+            if let Ok(value) = HeaderValue::from_str(&format!("attachment; filename=\"{plain}.mcap\"")) {
+                headers.insert(CONTENT_DISPOSITION, value);
+            }
+        }
+        response
+    }
+}
+
+/// A regular file; a pipe would never end.
+fn spf_input_file(path: &Path) -> std::io::Result<File> {
+    if !std::fs::metadata(path)?.is_file() {
+        return Err(std::io::Error::other("not a regular file"));
+    }
+    File::open(path)
+}
+
+/// Seconds since 1970 at which the flight ended; 0 if unknown.
+fn written(flight: &Path) -> u64 {
+    let at = std::fs::metadata(flight.join("summary.json")).and_then(|data| data.modified()).ok();
+    at.and_then(|at| at.duration_since(UNIX_EPOCH).ok()).map_or(0, |since| since.as_secs())
+}
+
+fn summary(flight: &Path) -> Value {
+    let Ok(file) = spf_input_file(&flight.join("summary.json")) else { return Value::Null };
+    serde_json::from_reader(file.take(SUMMARY)).unwrap_or(Value::Null)
+}
+
+/// The whole of a file, or the part that a browser asks for to jump within a film.
+fn part(mut file: File, range: Option<&str>) -> Result<Response, StatusCode> {
+    let failed = |_| StatusCode::INTERNAL_SERVER_ERROR;
+    let length = file.metadata().map_err(failed)?.len();
+    let asked = match range {
+        Some(range) => Some(ranged(range, length).ok_or(StatusCode::RANGE_NOT_SATISFIABLE)?),
+        None => None,
+    };
+    let (from, to) = asked.unwrap_or((0, length));
+    let mut bytes = Vec::new();
+    file.seek(SeekFrom::Start(from)).map_err(failed)?;
+    file.take(to - from).read_to_end(&mut bytes).map_err(failed)?;
+    let mut response = Body::from(bytes).into_response();
+    if asked.is_some() {
+        *response.status_mut() = StatusCode::PARTIAL_CONTENT;
+        let told = format!("bytes {from}-{}/{length}", to.saturating_sub(1));
+        response
+            .headers_mut()
+            .insert(CONTENT_RANGE, HeaderValue::from_str(&told).map_err(|_| StatusCode::INTERNAL_SERVER_ERROR)?);
+    }
+    Ok(response)
+}
+
+/// The first byte and the one after the last of a `Range` header with a single range, at most [`PART`] bytes.
+fn ranged(header: &str, length: u64) -> Option<(u64, u64)> {
+    let (from, to) = header.strip_prefix("bytes=")?.split_once('-')?;
+    let (from, to) = match (from, to) {
+        ("", last) => (length.saturating_sub(last.parse().ok()?), length),
+        (from, "") => (from.parse().ok()?, length),
+        (from, to) => (from.parse().ok()?, to.parse::<u64>().ok()?.checked_add(1)?.min(length)),
+    };
+    (from < to).then(|| (from, to.min(from.saturating_add(PART))))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn only_files_of_flights_are_served() {
+        let folder = tempfile::tempdir().unwrap();
+        let flight = folder.path().join("001-a");
+        std::fs::create_dir(&flight).unwrap();
+        std::fs::create_dir(folder.path().join("no-flight")).unwrap();
+        std::fs::write(flight.join("summary.json"), r#"{"instruction":"go <b>","outcome":"reached"}"#).unwrap();
+        std::fs::write(flight.join("video.mp4"), [7; 100]).unwrap();
+        std::fs::write(folder.path().join("secret"), "x").unwrap();
+        let flights = Flights::of(folder.path());
+        let list: Value = serde_json::from_str(&flights.list()).unwrap();
+        assert_eq!((list.as_array().unwrap().len(), &list[0]["instruction"]), (1, &json!("go <b>")));
+        let status = |name: &str, file: &str, range| flights.file(name, file, range).status().as_u16();
+        assert_eq!(status("001-a", "video.mp4", None), 200);
+        assert_eq!(status("001-a", "video.mp4", Some("bytes=10-19")), 206);
+        assert_eq!(status("001-a", "video.mp4", Some("bytes=100-")), 416);
+        for (name, file) in
+            [("..", "secret"), ("001-a", "../../secret"), ("001-a", "flight.mcap"), ("no-flight", "video.mp4"), ("", "video.mp4")]
+        {
+            assert_eq!(status(name, file, None), 404, "{name}/{file}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_range_lies_within_the_file(header in "bytes=[0-9]{0,20}-[0-9]{0,20}|.{0,30}", length in 0_u64..10_000_000) {
+            if let Some((from, to)) = ranged(&header, length) {
+                prop_assert!(from < to && to <= length && to - from <= PART);
+            }
+        }
+    }
+}

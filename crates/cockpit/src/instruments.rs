@@ -1,0 +1,286 @@
+//! Observes a flight for the page. It copies what is small into slots that others read; drawing and sending happen elsewhere.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use spf_core::camera::Camera;
+use spf_core::frame::FrameMeta;
+use spf_core::geometry::EnuPosition;
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Phase, Pilot};
+use spf_core::telemetry::Telemetry;
+use spf_core::time::{Duration, Time};
+use spf_flight::log::FlightHeader;
+use spf_flight::run::Observer;
+use spf_flight::sight::Sight;
+use spf_flight::words;
+
+use crate::hub::{Hub, Kept, json};
+use crate::overlay::Drawn;
+use crate::pointing::Pointing;
+use crate::worker::{Job, LivePicture, Worker};
+
+/// Intervals of states, of points of the flown path, and of the obstacle map.
+const STATE_EVERY: Duration = Duration::from_millis(100);
+const PATH_EVERY: Duration = Duration::from_millis(250);
+const MAP_EVERY: Duration = Duration::from_millis(500);
+/// Maximum number of obstacle cells shown, and the half height of the slice of the map, cells.
+const CELLS: usize = 1500;
+const SLICE: i32 = 3;
+
+/// An observer of a flight that shows it in the cockpit.
+pub struct Instruments {
+    hub: Arc<Hub>,
+    pointing: Arc<Pointing>,
+    worker: Arc<Worker>,
+    sight: Option<Sight>,
+    camera: Camera,
+    drawn: Drawn,
+    /// A frame that is not shown yet.
+    fresh: Option<FrameMeta>,
+    newest: Option<FrameMeta>,
+    telemetry: Option<Telemetry>,
+    link_lost: bool,
+    instruction: String,
+    /// The open query, and when it was sent.
+    asked: Option<(u64, Time)>,
+    /// The end of the plan.
+    goal: Option<EnuPosition>,
+    flown: f64,
+    last: Option<EnuPosition>,
+    /// Whether the map was moved to where the craft counts its position from.
+    placed: bool,
+    next_state: Time,
+    next_path: Time,
+    next_map: Time,
+}
+
+impl Instruments {
+    pub(crate) fn new(hub: Arc<Hub>, pointing: Arc<Pointing>, worker: Arc<Worker>) -> Self {
+        Self {
+            hub,
+            pointing,
+            worker,
+            sight: None,
+            camera: Camera::quad(),
+            drawn: Drawn::default(),
+            fresh: None,
+            newest: None,
+            telemetry: None,
+            link_lost: false,
+            instruction: String::new(),
+            asked: None,
+            goal: None,
+            flown: 0.0,
+            last: None,
+            placed: false,
+            next_state: Time::ZERO,
+            next_path: Time::ZERO,
+            next_map: Time::ZERO,
+        }
+    }
+
+    fn line(&self, now: Time, level: &str, text: &str) {
+        self.hub.tell(Kept::Row, &json!({"type": "line", "t": now.as_secs_f64(), "level": level, "text": text}));
+    }
+
+    /// Hands the newest frame over to be drawn, with what belongs over it.
+    fn picture(&mut self, now: Time, pilot: &Pilot) {
+        let Some(meta) = self.fresh.take() else { return };
+        let pose = pilot.pose_at(meta.captured).unwrap_or_else(|| pilot.known_pose(now));
+        self.pointing.frame(meta.id, pose);
+        if !self.worker.is_watched() {
+            return;
+        }
+        let Some(photo) = self.sight.as_ref().and_then(|sight| sight.photo(meta.id)) else { return };
+        let overlay = self.drawn.seen(now, meta.captured, pose, &self.camera, pilot);
+        self.worker.show(LivePicture { meta, photo, overlay, now, at: Instant::now() });
+    }
+
+    fn state(&mut self, now: Time, pilot: &Pilot) {
+        let pose = pilot.known_pose(now);
+        let telemetry = self.telemetry.as_ref();
+        let speed = telemetry.and_then(|telemetry| telemetry.velocity).map(|velocity| velocity.horizontal_speed());
+        let anchor = pilot.anchor_view(now).map(|seen| {
+            json!({"at": [seen.position.east, seen.position.north], "sd": seen.range_sd.max(seen.lateral_sd), "range": seen.range})
+        });
+        let path = pilot
+            .guide()
+            .map(|guide| guide.path.iter().map(|cell| cell.middle()).map(|at| [at.east, at.north]).collect::<Vec<_>>());
+        self.pointing.anchored(pilot.anchor().map(|_| self.instruction.as_str()));
+        let state = json!({
+            "type": "state",
+            "t": now.as_secs_f64(),
+            "phase": pilot.phase(),
+            "phase_text": words::phase(pilot.phase()),
+            "instruction": self.instruction,
+            "height": telemetry.and_then(|telemetry| telemetry.height).unwrap_or(pose.position.up),
+            "clearance": telemetry.and_then(|telemetry| telemetry.ground_clearance),
+            "at": [pose.position.east, pose.position.north],
+            "heading": pose.attitude.heading.to_degrees().rem_euclid(360.0),
+            "speed": speed,
+            "battery": telemetry.and_then(|telemetry| telemetry.battery),
+            "link": !self.link_lost,
+            "frame_age": self.newest.map(|meta| now.since(meta.captured).as_secs_f64()),
+            "telemetry_age": telemetry.map(|telemetry| now.since(telemetry.time).as_secs_f64()),
+            "decisions": pilot.decisions(),
+            "flown": self.flown,
+            "sigma": pilot.is_dead_reckoned().then(|| pilot.position_error()),
+            "asked": self.asked.map(|(query, at)| json!({"query": query, "for": now.since(at).as_secs_f64()})),
+            "goal": self.goal.map(|goal| [goal.east, goal.north]),
+            "anchor": anchor,
+            "path": path,
+        });
+        self.hub.state.send_replace(json(&state));
+    }
+
+    /// Occupied cells at about the craft's height.
+    fn obstacles(&self, now: Time, pilot: &Pilot) {
+        let Some(map) = pilot.obstacle_map() else { return };
+        let level = spf_core::obstacle_map::Cell::of(pilot.known_pose(now).position).up;
+        let near = map.occupied().filter(|cell| (cell.up - level).abs() <= SLICE).take(CELLS);
+        let cells: Vec<[f64; 2]> = near.map(|cell| cell.middle()).map(|at| [rounded(at.east), rounded(at.north)]).collect();
+        self.hub.tell(Kept::No, &json!({"type": "obstacles", "cells": cells}));
+    }
+
+    /// Tells where the scene's map lies for a craft that counts its position from its take-off point.
+    fn place(&mut self, now: Time, pilot: &Pilot) {
+        if self.placed || pilot.phase() != Phase::Ground {
+            return;
+        }
+        let truth = self.sight.as_ref().and_then(Sight::place_on_map);
+        if let Some(truth) = truth.filter(|_| pilot.is_dead_reckoned()) {
+            let known = pilot.known_pose(now).position;
+            let offset = [known.east - truth.east, known.north - truth.north];
+            self.hub.tell(Kept::Row, &json!({"type": "offset", "offset": offset}));
+            self.placed = true;
+        }
+    }
+}
+
+fn rounded(metres: f64) -> f64 {
+    (metres * 100.0).round() / 100.0
+}
+
+fn outlines(sight: &Sight) -> Vec<Value> {
+    let outline = |outline: spf_record::trajectory::Outline| {
+        let [red, green, blue] = outline.colour;
+        let rings: Vec<Vec<[f64; 2]>> = outline.polygons;
+        json!({"name": outline.name, "colour": format!("rgb({red} {green} {blue})"), "rings": rings})
+    };
+    sight.outlines().into_iter().map(outline).collect()
+}
+
+impl Observer for Instruments {
+    fn begin(&mut self, head: &FlightHeader, sight: &Sight) {
+        (self.camera, self.sight) = (head.camera, Some(sight.clone()));
+        self.instruction.clone_from(&head.instruction);
+        self.pointing.begin(head.camera);
+        let (alpha, beta) = head.camera.half_fov();
+        let fence: Vec<Vec<(f64, f64)>> =
+            head.limits.geofence.iter().flat_map(|fence| fence.outlines()).map(<[_]>::to_vec).collect();
+        self.hub.picture.send_replace(None);
+        self.hub.tell(
+            Kept::Flight,
+            &json!({
+                "type": "flight",
+                "instruction": head.instruction,
+                "drone": head.drone,
+                "scene": head.sim.as_ref().map(|sim| sim.scene.rsplit(['/', '\\']).next().unwrap_or_default()),
+                "policy": head.policy,
+                // Without the path of a program and the address of a server.
+                "vlm": if head.vlm.starts_with("exec:") { "exec" } else { head.vlm.split('@').next().unwrap_or_default() },
+                "points": head.policy.starts_with("spf"),
+                "camera": {"width": head.camera.width, "height": head.camera.height, "half_fov": [alpha, beta],
+                           "tilt": head.camera.tilt},
+                "max_distance": head.limits.max_distance,
+                "fence": fence,
+                "outlines": outlines(sight),
+            }),
+        );
+    }
+
+    fn event(&mut self, _now: Time, event: &Event) {
+        match event {
+            Event::Frame(meta) if meta.unusable.is_none() => (self.fresh, self.newest) = (Some(*meta), Some(*meta)),
+            Event::Telemetry(telemetry) => self.telemetry = Some(*telemetry),
+            Event::LinkLost => self.link_lost = true,
+            Event::LinkRestored => self.link_lost = false,
+            _ => {}
+        }
+    }
+
+    fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
+        self.picture(now, pilot);
+        self.drawn.note(now, action, &self.camera);
+        match action {
+            Action::Ask(query) => {
+                self.asked = Some((query.id.0, now));
+                if let Some(meta) = self.newest.filter(|meta| meta.id == query.frame)
+                    && let Some(pose) = pilot.pose_at(meta.captured)
+                {
+                    self.pointing.asked(meta.id, pose);
+                }
+                if let Some(photo) = self.sight.as_ref().and_then(|sight| sight.photo(query.frame)) {
+                    self.worker.give(Job::Asked(query.clone(), photo));
+                }
+            }
+            Action::Cancel(_) => self.asked = None,
+            Action::Note(Note::Decision(decision)) => {
+                (self.asked, self.goal) = (None, decision.goal.filter(|_| !decision.passed).map(|goal| goal.position));
+                self.worker.give(Job::Decided(decision.clone()));
+            }
+            Action::Note(Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _)) => {}
+            Action::Note(note) => {
+                if let Note::Operator(OperatorEvent::Instruction(text)) = note {
+                    self.instruction.clone_from(text);
+                }
+                let level = match note {
+                    Note::QueryFailed { .. } => "error",
+                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) | Note::LateReply(_) => "warning",
+                    _ => "info",
+                };
+                if matches!(note, Note::QueryFailed { .. }) {
+                    self.asked = None;
+                }
+                // A reason may name programs and servers.
+                let closed = matches!(note, Note::QueryFailed { .. });
+                let line = json!({"type": "line", "t": now.as_secs_f64(), "level": level, "text": words::note(note)});
+                self.hub.tell_some(Kept::Row, &line, closed);
+                // What the operator did shows at once.
+                if matches!(note, Note::Operator(_) | Note::Phase(_)) {
+                    self.next_state = now;
+                }
+            }
+            Action::Finished(ending) => {
+                self.goal = None;
+                self.line(now, "info", &format!("{}: {}", words::outcome(ending.outcome), ending.cause));
+            }
+            Action::Track(_) | Action::Untrack | Action::Command(_) => {}
+        }
+        if now >= self.next_state {
+            self.next_state = now + STATE_EVERY;
+            self.state(now, pilot);
+        }
+    }
+
+    fn time(&mut self, now: Time, pilot: &Pilot) {
+        self.place(now, pilot);
+        self.picture(now, pilot);
+        if now >= self.next_state {
+            self.next_state = now + STATE_EVERY;
+            self.state(now, pilot);
+        }
+        if now >= self.next_path && pilot.phase() != Phase::Ground {
+            self.next_path = now + PATH_EVERY;
+            let at = pilot.known_pose(now).position;
+            self.flown += self.last.map_or(0.0, |last| last.distance(at));
+            self.last = Some(at);
+            self.hub.flown([rounded(at.east), rounded(at.north)]);
+        }
+        if now >= self.next_map {
+            self.next_map = now + MAP_EVERY;
+            self.obstacles(now, pilot);
+        }
+    }
+}

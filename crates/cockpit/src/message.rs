@@ -1,0 +1,186 @@
+//! What a page sends, as JSON texts.
+
+use serde::Deserialize;
+use serde_json::error::Category;
+
+/// Maximum length of a message, bytes.
+pub(crate) const LONGEST: usize = 16 * 1024;
+/// Maximum length of an instruction, characters, as on the command line.
+pub(crate) const LONGEST_INSTRUCTION: usize = 2000;
+
+/// Who connects. Without a token or a session: a spectator on the same machine.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Hello {
+    /// From the address that was printed.
+    #[serde(default)]
+    pub(crate) token: Option<String>,
+    /// From an earlier welcome.
+    #[serde(default)]
+    pub(crate) session: Option<String>,
+}
+
+/// A message on the socket of the controls.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum ToControls {
+    /// The first message.
+    Hello(Hello),
+    /// The answer to a beat: the page is alive.
+    Beat(u64),
+    /// An order, with a number by which it is acknowledged.
+    Order {
+        /// The number.
+        id: u64,
+        /// What to do.
+        #[serde(rename = "do")]
+        order: Order,
+    },
+}
+
+/// What a page may order.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum Order {
+    /// Stop and stay in the air.
+    Hold,
+    /// Go on with the instruction.
+    Resume,
+    /// Land here.
+    Land,
+    /// The first step of cutting the motors.
+    ArmCut,
+    /// The second one, within three seconds.
+    Cut,
+    /// A new instruction.
+    Instruction(String),
+    /// Manual flight, each axis from −1 to 1 of the speeds of manual flight.
+    Fly {
+        /// Rightwards.
+        right: f64,
+        /// Forward.
+        forward: f64,
+        /// Upwards.
+        up: f64,
+        /// Clockwise.
+        turn: f64,
+    },
+    /// Fly towards a point of a picture.
+    Point {
+        /// 0 left edge to 1 right edge.
+        u: f64,
+        /// 0 top edge to 1 bottom edge.
+        v: f64,
+        /// Depth label, 1 to 10.
+        depth: u8,
+        /// The frame in which it was pointed.
+        frame: u64,
+    },
+    /// Answer an open query: the target is out of view, on this side.
+    Look(Side),
+    /// Answer an open query: the instruction is fulfilled.
+    Done,
+    /// Ask the pilot for the controls.
+    Ask,
+    /// Hand the controls over to who asks, or not.
+    Give(bool),
+}
+
+/// A side of the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Side {
+    /// To the left.
+    Left,
+    /// To the right.
+    Right,
+    /// Above.
+    Up,
+    /// Below.
+    Down,
+    /// Behind.
+    Behind,
+}
+
+/// A message on the socket of pictures and state.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub(crate) enum ToWatch {
+    /// The first message.
+    Hello(Hello),
+    /// A picture was shown: the next one may come.
+    Shown(u64),
+    /// Everything about the decision on this query.
+    Open(u64),
+}
+
+impl ToControls {
+    /// Reads a message.
+    pub(crate) fn read(text: &str) -> Result<Self, String> {
+        let message: Self = read(text)?;
+        let finite = match &message {
+            Self::Order { order: Order::Fly { right, forward, up, turn }, .. } => {
+                [right, forward, up, turn].iter().all(|axis| (-1.0..=1.0).contains(*axis))
+            }
+            Self::Order { order: Order::Point { u, v, depth, .. }, .. } => {
+                (0.0..=1.0).contains(u) && (0.0..=1.0).contains(v) && (1..=10).contains(depth)
+            }
+            Self::Order { order: Order::Instruction(text), .. } => {
+                !text.trim().is_empty() && text.chars().count() <= LONGEST_INSTRUCTION && !text.contains(char::is_control)
+            }
+            _ => true,
+        };
+        if finite { Ok(message) } else { Err("a value is outside its range".to_owned()) }
+    }
+}
+
+impl ToWatch {
+    /// Reads a message.
+    pub(crate) fn read(text: &str) -> Result<Self, String> {
+        read(text)
+    }
+}
+
+/// The text of an error never quotes the message, which may hold a token.
+fn read<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, String> {
+    serde_json::from_str(text).map_err(|error| {
+        match error.classify() {
+            Category::Data => "a message of an unknown form; reload the page",
+            Category::Io | Category::Syntax | Category::Eof => "a message that is not JSON",
+        }
+        .to_owned()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn orders_are_read_and_others_refused() {
+        let read = |text: &str| ToControls::read(text);
+        assert_eq!(read(r#"{"order":{"id":3,"do":"hold"}}"#), Ok(ToControls::Order { id: 3, order: Order::Hold }));
+        assert_eq!(read(r#"{"hello":{}}"#), Ok(ToControls::Hello(Hello::default())));
+        let fly = |forward: &str| {
+            read(&format!(r#"{{"order":{{"id":1,"do":{{"fly":{{"right":0,"forward":{forward},"up":0,"turn":0}}}}}}}}"#))
+        };
+        assert!(fly("1").is_ok() && fly("1.01").is_err() && fly("1e999").is_err() && fly("null").is_err());
+        let point = |u: &str, depth: &str| {
+            read(&format!(r#"{{"order":{{"id":1,"do":{{"point":{{"u":{u},"v":0.5,"depth":{depth},"frame":7}}}}}}}}"#))
+        };
+        assert!(point("0.5", "10").is_ok() && point("1.5", "5").is_err() && point("0.5", "11").is_err());
+        let say = |text: &str| read(&serde_json::json!({"order": {"id": 1, "do": {"instruction": text}}}).to_string());
+        assert!(say("go on").is_ok() && say("  ").is_err() && say("a\u{1b}[2J").is_err() && say(&"x".repeat(2001)).is_err());
+        let secret = "5ec2e7";
+        assert!(!read(&format!(r#"{{"hello":{{"tokn":"{secret}"}}}}"#)).unwrap_err().contains(secret));
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "\\PC{0,200}|[{}\":,a-z0-9.]{0,80}") {
+            let _ = crate::read_page_message(&text);
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! A person who points in the picture: as the one who answers (`--vlm human`), or as a correction that outranks a model once.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use serde_json::json;
+use spf_core::camera::Camera;
+use spf_core::frame::FrameId;
+use spf_core::geometry::Pose;
+use spf_core::grounding::GroundingProfile;
+use spf_core::lift::{CameraDisplacement, Lifting, lift, project_displacement, range_of_label};
+use spf_core::query::{ImagePoint, Look, Query, QueryKind};
+use spf_vlm::human::{HUMAN, Pointed, pixels, reply_to};
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
+
+use crate::hub::{Hub, Kept};
+use crate::message::Side;
+
+/// A correction that no query has taken by then is forgotten.
+const FRESH: Duration = Duration::from_secs(20);
+/// How often a wait looks at the cancellation.
+const LOOK_UP: Duration = Duration::from_millis(20);
+/// Frames whose poses are remembered: half a minute of them.
+const POSES: usize = 1000;
+/// So many frames asked about are remembered besides, for a person may think for long.
+const ASKED: usize = 16;
+
+/// What a person has given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Given {
+    pointed: Pointed,
+    /// The frame in which it was pointed.
+    frame: Option<FrameId>,
+}
+
+impl Given {
+    pub(crate) fn point(u: f64, v: f64, depth: u8, frame: u64) -> Self {
+        Self { pointed: Pointed::Point(ImagePoint { u, v }, depth), frame: Some(FrameId(frame)) }
+    }
+
+    pub(crate) fn look(side: Side) -> Self {
+        let look = match side {
+            Side::Left => Look::Left,
+            Side::Right => Look::Right,
+            Side::Up => Look::Up,
+            Side::Down => Look::Down,
+            Side::Behind => Look::Behind,
+        };
+        Self { pointed: Pointed::Look(look), frame: None }
+    }
+
+    pub(crate) fn done() -> Self {
+        Self { pointed: Pointed::Done, frame: None }
+    }
+}
+
+#[derive(Default)]
+struct Inner {
+    camera: Option<Camera>,
+    poses: VecDeque<(FrameId, Pose)>,
+    asked: VecDeque<(FrameId, Pose)>,
+    /// Whether a query waits for a person.
+    open: bool,
+    answer: Option<Given>,
+    correction: Option<(Given, Instant)>,
+    /// Whether the pilot keeps the target's place, which a correction must make it forget.
+    anchored: Option<String>,
+}
+
+/// What is pointed, between the page and whoever answers the pilot.
+#[derive(Default)]
+pub(crate) struct Pointing {
+    inner: Mutex<Inner>,
+    answered: Condvar,
+}
+
+impl Pointing {
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        // Consistent between calls.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(crate) fn begin(&self, camera: Camera) {
+        *self.inner() = Inner { camera: Some(camera), ..Inner::default() };
+    }
+
+    pub(crate) fn forget(&self) {
+        *self.inner() = Inner::default();
+    }
+
+    /// Remembers from where a frame was taken.
+    pub(crate) fn frame(&self, id: FrameId, pose: Pose) {
+        let mut inner = self.inner();
+        if inner.poses.len() >= POSES {
+            inner.poses.pop_front();
+        }
+        inner.poses.push_back((id, pose));
+    }
+
+    /// A frame is asked about.
+    pub(crate) fn asked(&self, id: FrameId, pose: Pose) {
+        let mut inner = self.inner();
+        if inner.asked.len() >= ASKED {
+            inner.asked.pop_front();
+        }
+        inner.asked.push_back((id, pose));
+    }
+
+    /// The instruction with which the pilot must start afresh for a correction to count, if it keeps the target's place.
+    pub(crate) fn anchored(&self, instruction: Option<&str>) {
+        let mut inner = self.inner();
+        if inner.anchored.as_deref() != instruction {
+            inner.anchored = instruction.map(str::to_owned);
+        }
+    }
+
+    pub(crate) fn instruction_to_repeat(&self) -> Option<String> {
+        self.inner().anchored.clone()
+    }
+
+    /// Answers the open query; false if none waits for a person.
+    pub(crate) fn answer(&self, given: Given) -> Result<bool, String> {
+        let mut inner = self.inner();
+        if !inner.open {
+            return Ok(false);
+        }
+        inner.answer = Some(given);
+        self.answered.notify_all();
+        Ok(true)
+    }
+
+    /// The next query is answered with this, whoever else would answer.
+    pub(crate) fn correct(&self, given: Given) -> Result<(), String> {
+        let mut inner = self.inner();
+        if inner.camera.is_none() {
+            return Err("no flight is under way".to_owned());
+        }
+        inner.correction = Some((given, Instant::now()));
+        Ok(())
+    }
+
+    /// A correction that waits, as an answer about this frame.
+    fn take_correction(&self, frame: FrameId) -> Option<Pointed> {
+        let mut inner = self.inner();
+        let (given, at) = inner.correction.take()?;
+        (at.elapsed() < FRESH).then(|| inner.about(given, frame))
+    }
+}
+
+impl Inner {
+    fn pose(&self, frame: FrameId) -> Option<Pose> {
+        self.poses.iter().rev().chain(self.asked.iter().rev()).find(|(id, _)| *id == frame).map(|(_, pose)| *pose)
+    }
+
+    /// What was pointed at in one frame, in another one: the same place in the world, at the distance that the label means.
+    fn about(&self, given: Given, frame: FrameId) -> Pointed {
+        let Pointed::Point(point, depth) = given.pointed else { return given.pointed };
+        let places = given.frame.and_then(|from| Some((self.pose(from)?, self.pose(frame)?)));
+        let (Some((from, to)), Some(camera)) = (places, self.camera) else { return given.pointed };
+        moved(point, depth, &camera, from, to)
+    }
+}
+
+/// Where a point seen from one pose is seen from another; a side to look at if that is outside the image.
+fn moved(point: ImagePoint, depth: u8, camera: &Camera, from: Pose, to: Pose) -> Pointed {
+    let ray = camera.ray(point);
+    let scale = range_of_label(f64::from(depth)) / (1.0 + ray.right * ray.right + ray.up * ray.up).sqrt();
+    let along = CameraDisplacement { right: ray.right * scale, forward: scale, up: ray.up * scale };
+    let place = from.position.displaced(lift(along, camera, from.attitude, Lifting::Levelled), from.attitude.heading);
+    let ahead = to.position.displacement_to(place, to.attitude.heading);
+    match project_displacement(ahead, camera, to.attitude, Lifting::Levelled) {
+        Some(seen) if seen.is_in_image() => Pointed::Point(seen, depth),
+        Some(seen) if (0.0..=1.0).contains(&seen.u) => Pointed::Look(if seen.v < 0.0 { Look::Up } else { Look::Down }),
+        _ if ahead.forward < 0.0 && ahead.right.abs() < -ahead.forward => Pointed::Look(Look::Behind),
+        _ => Pointed::Look(if ahead.right < 0.0 { Look::Left } else { Look::Right }),
+    }
+}
+
+/// Answers the pilot with what a person points at in the cockpit, and else with what another VLM says.
+pub struct Pointer {
+    shared: Arc<Pointing>,
+    hub: Arc<Hub>,
+    other: Option<Box<dyn Vlm>>,
+}
+
+impl Pointer {
+    pub(crate) fn new(shared: Arc<Pointing>, hub: Arc<Hub>, other: Option<Box<dyn Vlm>>) -> Self {
+        Self { shared, hub, other }
+    }
+
+    /// Waits for a person's answer.
+    fn wait(&self, request: &QueryRequest<'_>) -> Result<Pointed, VlmError> {
+        let query = request.query;
+        let confirm = query.memory.confirming;
+        let question = json!({"type": "question", "query": query.id.0, "frame": query.frame.0, "confirm": confirm});
+        let began = Instant::now();
+        // Open before anybody is told.
+        let mut inner = self.shared.inner();
+        (inner.open, inner.answer) = (true, None);
+        self.hub.tell(Kept::Question, &question);
+        let result = loop {
+            if let Some(given) = inner.answer.take() {
+                break Ok(inner.about(given, query.frame));
+            }
+            if request.cancel.is_cancelled() {
+                break Err(VlmError::Cancelled);
+            }
+            if began.elapsed() >= request.time_left {
+                let stage = "nobody pointed".to_owned();
+                break Err(VlmError::Deadline { host: HUMAN.to_owned(), waited: began.elapsed(), stage });
+            }
+            inner = self.shared.answered.wait_timeout(inner, LOOK_UP).unwrap_or_else(PoisonError::into_inner).0;
+        };
+        inner.open = false;
+        drop(inner);
+        self.hub.tell(Kept::Question, &json!({"type": "question"}));
+        result
+    }
+}
+
+impl Vlm for Pointer {
+    fn name(&self) -> &str {
+        self.other.as_ref().map_or(HUMAN, |other| other.name())
+    }
+
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        let own = || ImageSpec { grounding: pixels(camera), image_size: None };
+        self.other.as_ref().map_or_else(own, |other| other.image_spec(camera))
+    }
+
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        let began = Instant::now();
+        let points = matches!(request.query.kind, QueryKind::Point { .. });
+        let corrected = if points { self.shared.take_correction(request.query.frame) } else { None };
+        let grounding = self.image_spec(image.size()).grounding;
+        let pointed = match (corrected, &mut self.other) {
+            (Some(pointed), _) => Ok(pointed),
+            (None, Some(other)) => return other.answer(request, image),
+            (None, None) => self.wait(request),
+        };
+        let text = pointed.and_then(|pointed| told(request.query, pointed, &grounding));
+        Answer { text, latency: began.elapsed(), model: HUMAN.to_owned(), account: Usage { requests: 1, ..Usage::default() } }
+    }
+}
+
+fn told(query: &Query, pointed: Pointed, grounding: &GroundingProfile) -> Result<String, VlmError> {
+    reply_to(query, pointed, grounding)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,94 @@
+//! A page without a browser.
+
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::{Message, WebSocket};
+
+/// Maximum wait for anything.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// One of a page's two sockets.
+pub(crate) struct Socket {
+    socket: WebSocket<TcpStream>,
+    orders: u64,
+    shown: u64,
+    /// Pictures seen: the head of each.
+    pub(crate) pictures: Vec<Value>,
+    /// Whether beats are answered.
+    pub(crate) alive: bool,
+}
+
+impl Socket {
+    /// Connects to `/watch` or `/control`, and greets.
+    pub(crate) fn open(address: SocketAddr, path: &str, hello: Value) -> Self {
+        let request = format!("ws://{address}{path}").into_client_request().unwrap();
+        let stream = TcpStream::connect(address).unwrap();
+        stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        let (socket, _) = tungstenite::client(request, stream).unwrap();
+        let mut page = Self { socket, orders: 0, shown: 0, pictures: Vec::new(), alive: true };
+        page.say(&json!({"hello": hello}));
+        page
+    }
+
+    pub(crate) fn say(&mut self, message: &Value) {
+        self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    /// Sends an answer; `None` if the server is gone.
+    fn answer(&mut self, message: &Value) -> Option<()> {
+        self.socket.send(Message::text(message.to_string())).ok()
+    }
+
+    /// The next text; pictures are confirmed and kept, beats are answered. `None` at the end.
+    pub(crate) fn next(&mut self) -> Option<Value> {
+        let began = Instant::now();
+        while began.elapsed() < PATIENCE {
+            match self.socket.read().ok()? {
+                Message::Text(text) => {
+                    let message: Value = serde_json::from_str(&text).unwrap();
+                    if message["type"] != "beat" {
+                        return Some(message);
+                    }
+                    if self.alive {
+                        self.answer(&json!({"beat": message["n"]}))?;
+                    }
+                }
+                Message::Binary(bytes) => {
+                    let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
+                    let head: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
+                    assert_eq!(&bytes[4 + length..6 + length], [0xff, 0xd8], "a JPEG");
+                    self.pictures.push(head);
+                    self.shown += 1;
+                    self.answer(&json!({"shown": self.shown}))?;
+                }
+                Message::Close(_) => return None,
+                _ => {}
+            }
+        }
+        panic!("nothing for {} s", PATIENCE.as_secs());
+    }
+
+    /// The next message that fits; others are skipped.
+    pub(crate) fn wait(&mut self, what: &str, fits: impl Fn(&Value) -> bool) -> Value {
+        let began = Instant::now();
+        while began.elapsed() < PATIENCE {
+            let message = self.next().unwrap_or_else(|| panic!("closed before: {what}"));
+            if fits(&message) {
+                return message;
+            }
+        }
+        panic!("never: {what}");
+    }
+
+    /// Gives an order; returns its acknowledgement, and the time until it came.
+    pub(crate) fn order(&mut self, what: Value) -> (Value, Duration) {
+        self.orders += 1;
+        let (id, began) = (self.orders, Instant::now());
+        self.say(&json!({"order": {"id": id, "do": what}}));
+        let answer = self.wait("an acknowledgement", |message| message["type"] == "ack" && message["id"] == id);
+        (answer, began.elapsed())
+    }
+}

@@ -1,0 +1,7 @@
+//! The cockpit from the page's side, over real sockets, with the embedded simulator.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod client;
+mod flight;
+mod strangers;
+mod viewers;
