@@ -8,7 +8,7 @@ use spf_core::actions::ActForm;
 use spf_core::executor::{Ending, Motion};
 use spf_core::guidance::Guidance;
 use spf_core::lift::Lifting;
-use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
+use spf_core::pilot::{AskWhen, PilotSettings, Preset, QueryTiming};
 use spf_core::step::StepRule;
 use thiserror::Error;
 
@@ -115,6 +115,8 @@ pub struct BenchSettings {
     pub ending: Option<Ending>,
     /// Whether the craft holds while the VLM thinks.
     pub think: Option<QueryTiming>,
+    /// Whether the VLM is asked always, or when something is new.
+    pub ask: Option<AskWhen>,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: Option<bool>,
     /// Whether obstacle mode is on in every task, not only in those that require it.
@@ -173,6 +175,7 @@ impl BenchSettings {
             motion: self.motion.unwrap_or(preset.motion),
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
+            ask: self.ask.unwrap_or(preset.ask),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
             guidance: Guidance {
                 anchor: self.anchor,

@@ -232,6 +232,7 @@ impl Trial {
         // What is off is left out: a trial without it is the one that it was before it could be switched on.
         let settings = settings
             .replace("slow_anchor: false, ", "")
+            .replace("ask: Always, ", "")
             .replace(", points: false, looming: false }", " }")
             .replace(", track: false }", " }")
             .replace(", keep_m: 2.5, follow_time: None", "")

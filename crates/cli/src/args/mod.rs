@@ -265,6 +265,10 @@ pub(crate) struct MethodArgs {
     /// While waiting for the VLM, hold position (stop) or keep flying the last plan (continuous) [default: the preset's]
     #[arg(long, value_name = "THINK")]
     pub(crate) think: Option<String>,
+    /// When to ask the VLM while flying on: again as soon as it has answered (always), or when something is new, or its answer
+    /// will be needed (news: fewer queries) [default: always]
+    #[arg(long, value_name = "WHEN")]
+    pub(crate) ask: Option<String>,
     /// Setpoint rate, 5 to 100 Hz [default: 10]
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub(crate) rate: Option<String>,

@@ -86,6 +86,7 @@ impl MethodArgs {
             near,
             motion,
             think,
+            ask,
             rate,
             avoid,
             anchor,
@@ -114,6 +115,7 @@ impl MethodArgs {
         fly.near_m.flag(near.as_deref());
         fly.motion.flag(motion.as_deref());
         fly.think.flag(think.as_deref());
+        fly.ask.flag(ask.as_deref());
         fly.rate_hz.flag(rate.as_deref());
         fly.avoid.flag(avoid.as_deref());
         fly.anchor.flag(anchor.as_deref());

@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr};
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{AtEnd, Preset, QueryTiming};
+use spf_core::pilot::{AskWhen, AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
@@ -53,6 +53,8 @@ settings! {
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
         /// whether the craft holds while it waits for a reply (stop) or flies on (continuous); empty: the preset's
         think: QueryTiming = "", Word, "SPF_THINK", "--think";
+        /// in continuous, blended motion, when the VLM is asked: always (again as soon as it has answered) or news (when something is new, or the answer will be needed)
+        ask: AskWhen = "always", Word, "SPF_ASK", "--ask";
         /// setpoint rate, 5 to 100 Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: on, off, or auto (on with the policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:)

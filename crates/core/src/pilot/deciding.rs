@@ -55,6 +55,9 @@ impl Pilot {
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;
         }
+        if !self.has_news(now, &view) {
+            return;
+        }
         if self.counted_decisions() >= self.settings.max_decisions {
             if self.executing {
                 return; // The last plan is flown to its end.
@@ -65,6 +68,7 @@ impl Pilot {
         }
         self.used = Some(view.frame.id);
         self.needs_rest = false;
+        self.note_asked(&view);
         let step = self.policy.handle(PolicyEvent::Frame(&view));
         self.carry_out(now, step, &view);
     }
@@ -86,6 +90,7 @@ impl Pilot {
         self.learn(now, &waiting, &step);
         self.track_reply(&waiting, &step);
         let (goal, passed) = self.planned(now, &step);
+        self.note_goal(goal.filter(|_| !passed));
         let decision = self.decision(now, &waiting, text, &step, goal, passed);
         self.note(Note::Decision(Box::new(decision)));
         self.carry_out(now, step, &waiting.view);

@@ -96,6 +96,11 @@ impl AnswerAges {
         }
     }
 
+    /// The longest of them.
+    fn longest(&self) -> Duration {
+        self.0.iter().copied().max().unwrap_or_default()
+    }
+
     /// Whether most of the last answers were slow.
     fn are_slow(&self) -> bool {
         self.0.iter().filter(|&&age| age > SLOW_ANSWERS).count() > Self::KEPT / 2
@@ -183,6 +188,16 @@ impl Guiding {
         self.map.as_mut()
     }
 
+    /// Whether the craft gets out of where it was stuck.
+    pub(super) fn is_escaping(&self) -> bool {
+        self.course.as_ref().is_some_and(|course| course.escape.is_some())
+    }
+
+    /// The longest of the last few times from a frame to the answer about it.
+    pub(super) fn longest_answer(&self) -> Duration {
+        self.ages.longest()
+    }
+
     pub(super) fn is_under_way(&self) -> bool {
         self.course.is_some()
     }
@@ -219,7 +234,7 @@ impl Pilot {
         self.settings.guidance.track && self.is_guided()
     }
 
-    fn is_guided(&self) -> bool {
+    pub(super) fn is_guided(&self) -> bool {
         self.settings.think == QueryTiming::Continuous && self.settings.motion == Motion::Blended
     }
 

@@ -18,6 +18,7 @@ mod event;
 mod following;
 mod guiding;
 mod moving;
+mod news;
 mod operator;
 mod points;
 mod reactions;
@@ -29,7 +30,7 @@ mod unseen;
 mod view_height;
 
 pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
-pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
+pub use settings::{AskWhen, AtEnd, PilotSettings, Preset, QueryTiming};
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -90,6 +91,7 @@ pub struct Pilot {
     points: points::Points,
     following: following::Following,
     boxes: boxes::Boxes,
+    news: news::News,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -177,6 +179,7 @@ impl Pilot {
             points: points::Points::default(),
             following: following::Following::default(),
             boxes: boxes::Boxes::default(),
+            news: news::News::default(),
             executing: false,
             pending: None,
             needs_rest: true,

@@ -21,6 +21,26 @@ pub enum QueryTiming {
     Continuous,
 }
 
+/// How often the VLM is asked while the craft flies on as its last answer has told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AskWhen {
+    /// Again as soon as an answer has arrived.
+    #[default]
+    Always,
+    /// When something is new: the view has turned by half of the field, half of the range is flown, the target's track has been
+    /// lost, the craft is stuck or about to arrive, or 3 s are over.
+    News,
+}
+
+impl AskWhen {
+    /// Whether it is asked always, which serialisation omits.
+    #[must_use]
+    pub fn is_always(&self) -> bool {
+        *self == Self::Always
+    }
+}
+
 /// A named set of method choices. Every result records which one was used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -55,6 +75,9 @@ pub struct PilotSettings {
     pub ending: MotionEnding,
     /// Whether the craft holds while the VLM thinks.
     pub think: QueryTiming,
+    /// How often the VLM is asked in continuous, blended motion.
+    #[serde(default, skip_serializing_if = "AskWhen::is_always")]
+    pub ask: AskWhen,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
     /// Whether obstacle mode is on.
@@ -119,6 +142,7 @@ impl PilotSettings {
             motion: if paper { Motion::Sequential } else { Motion::Blended },
             ending: if paper { MotionEnding::Timed } else { MotionEnding::Measured },
             think: if paper { QueryTiming::Stop } else { QueryTiming::Continuous },
+            ask: AskWhen::Always,
             confirm_done: !paper,
             avoid: false,
             guidance: Guidance::default(),

@@ -82,6 +82,7 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
         ("lifting = \"paper\"", PilotSettings { lifting: Lifting::Paper, ..preset }),
         ("motion = \"sequential\"", PilotSettings { motion: Motion::Sequential, ..preset }),
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
+        ("ask = \"news\"", PilotSettings { ask: AskWhen::News, ..preset }),
         ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
         ("track = \"pixels\"", PilotSettings { guidance: Guidance { track: true, ..Guidance::default() }, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
@@ -162,7 +163,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 10]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 11]>()).prop_map(
         |(
             preset,
             step,
@@ -171,7 +172,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming],
+            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming, news],
         )| {
             BenchSettings {
                 preset,
@@ -180,6 +181,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 motion,
                 ending,
                 think,
+                ask: news.then_some(AskWhen::News),
                 confirm_done,
                 avoid,
                 anchor,

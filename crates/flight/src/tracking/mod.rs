@@ -63,10 +63,6 @@ pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 pub(crate) const ASKED: usize = 8;
 /// Width of the images, pixels.
 const WIDTH: u32 = 480;
-/// The middle part of a box is tracked, as a fraction of its sides: what lies behind a person shows on either side of them in
-/// their box, and moves otherwise. Not of a box whose middle part is smaller than this, pixels.
-const INNER: f64 = 0.6;
-const LEAST_INNER: f64 = 20.0;
 /// Number of frames that may arrive while a tracker catches up, before it skips every other one; twice as many, and it takes every
 /// third one; and so on, so that it arrives in any case.
 const PATIENCE: u64 = 10;
@@ -129,8 +125,6 @@ struct Task {
     caught_up: bool,
     /// Number of frames that have arrived since the start.
     arrived: u64,
-    /// The part of the target's box that is tracked, as a fraction of its sides.
-    inner: f64,
 }
 
 enum State {
@@ -194,7 +188,7 @@ impl Tracking {
             height: 0,
             unusable: None,
         });
-        self.task = Some(Task { start, state: State::New, at, caught_up: false, arrived: 0, inner: 1.0 });
+        self.task = Some(Task { start, state: State::New, at, caught_up: false, arrived: 0 });
     }
 
     /// Tracks nothing any more.
@@ -221,9 +215,7 @@ impl Tracking {
                     task.state = State::Over;
                     return Progress::Report(task.report(task.start.area, 1.0, TrackQuality::Lost));
                 };
-                let whole = pixels(&task.start.area, image.size());
-                task.inner = if inner(&whole).side() >= LEAST_INNER { INNER } else { 1.0 };
-                let tracker = Tracker::start(&image, if task.inner < 1.0 { inner(&whole) } else { whole });
+                let tracker = Tracker::start_in_middle(&image, pixels(&task.start.area, image.size()));
                 task.at = meta;
                 task.state = State::Running(Box::new(tracker));
                 self.progress()
@@ -257,8 +249,7 @@ impl Tracking {
             task.state = State::Over;
         }
         task.caught_up = true;
-        let whole = PixelBox::around(track.area.centre(), track.area.width() / task.inner, track.area.height() / task.inner);
-        Progress::Report(task.report(fraction(&whole, size), track.scale, quality(track.quality)))
+        Progress::Report(task.report(fraction(&track.area, size), track.scale, quality(track.quality)))
     }
 }
 
@@ -302,11 +293,6 @@ fn quality(quality: Quality) -> TrackQuality {
         // Whatever else there may be one day is no place to fly to.
         _ => TrackQuality::Lost,
     }
-}
-
-/// The inner part of a box.
-fn inner(whole: &PixelBox) -> PixelBox {
-    PixelBox::around(whole.centre(), INNER * whole.width(), INNER * whole.height())
 }
 
 /// A box in pixels of an image of this size.

@@ -69,6 +69,14 @@ impl PixelBox {
         if either > 0.0 { both / either } else { 0.0 }
     }
 
+    /// Scaled about the centre; the same bits if it is not.
+    pub(super) fn scaled(&self, scale: f64) -> Self {
+        if scale == 1.0 {
+            return *self;
+        }
+        Self::around(self.centre(), self.width() * scale, self.height() * scale)
+    }
+
     /// Moved, and scaled about the centre.
     pub(super) fn moved(&self, shift: Shift, scale: f64) -> Self {
         let (x, y) = self.centre();

@@ -38,8 +38,12 @@ use colour::{Colours, Map, Model, in_common};
 use grey::Pyramid;
 use template::{Match, Template};
 
-/// The shortest side of a box that can be tracked, pixels: below, there are no corners and no pattern.
+/// The shortest side of a target's box that can be tracked, pixels: below, there are no corners and no pattern.
 pub const SMALLEST: f64 = 12.0;
+/// The middle part of a box that is tracked by [`Tracker::start_in_middle`], as a fraction of its sides, and the smallest such
+/// part, pixels.
+const MIDDLE: f64 = 0.6;
+const LEAST_MIDDLE: f64 = 20.0;
 /// The weakest pattern that can be tracked, standard deviation in grey levels.
 const CONTRAST: f64 = 5.0;
 /// Images without the target until it counts as lost.
@@ -123,7 +127,9 @@ pub struct Track {
 #[derive(Clone, Debug)]
 pub struct Tracker {
     before: Pyramid,
+    /// The box that is tracked: the middle part of the target's, as a fraction of its sides.
     area: PixelBox,
+    part: f64,
     scale: f64,
     quality: Quality,
     /// The motion from one image to the next, pixels, besides what was predicted.
@@ -161,10 +167,23 @@ impl Tracker {
     /// Begins with the target's box in an image. [`Tracker::track`] tells whether there is something to track.
     #[must_use]
     pub fn start(image: &TrackImage, area: PixelBox) -> Self {
+        Self::start_part(image, area, 1.0)
+    }
+
+    /// The same, but tracks the middle part of the box, unless that is too small: what lies behind a person shows on either side
+    /// of them in their box, and moves otherwise. The box of each [`Track`] is the whole one.
+    #[must_use]
+    pub fn start_in_middle(image: &TrackImage, whole: PixelBox) -> Self {
+        Self::start_part(image, whole, if MIDDLE * whole.side() >= LEAST_MIDDLE { MIDDLE } else { 1.0 })
+    }
+
+    fn start_part(image: &TrackImage, whole: PixelBox, part: f64) -> Self {
+        let area = whole.scaled(part);
         let before = Pyramid::of(&image.grey);
         let mut tracker = Self {
             before,
             area,
+            part,
             scale: 1.0,
             quality: Quality::Lost,
             velocity: Shift::default(),
@@ -179,7 +198,7 @@ impl Tracker {
         if !area.is_sound() || area.inside(image.size()) < 0.5 || image.size().0.min(image.size().1) < 24 {
             return tracker;
         }
-        if area.side() < SMALLEST {
+        if whole.side() < SMALLEST {
             tracker.quality = Quality::TooSmall;
             return tracker;
         }
@@ -197,8 +216,8 @@ impl Tracker {
 
     /// The target in the last image.
     #[must_use]
-    pub const fn track(&self) -> Track {
-        Track { area: self.area, scale: self.scale, quality: self.quality }
+    pub fn track(&self) -> Track {
+        Track { area: self.area.scaled(1.0 / self.part), scale: self.scale, quality: self.quality }
     }
 
     /// Whether nothing is tracked any more: the box is below [`SMALLEST`], or had nothing to track from the start. No later
@@ -233,7 +252,7 @@ impl Tracker {
             if self.count.is_multiple_of(LOOK_EVERY) {
                 self.look_around();
             }
-            if self.area.side() < SMALLEST {
+            if self.area.side() < SMALLEST * self.part {
                 self.quality = Quality::TooSmall;
                 self.patches.clear();
             }

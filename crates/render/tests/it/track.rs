@@ -91,7 +91,6 @@ fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
                 TrackImage::of(&Rgb::from_raw(480, 360, rgb).unwrap())
             };
             let shown = image_of(rendered.rgb.unwrap());
-            let inner = |area: &PixelBox| PixelBox::around(area.centre(), 0.6 * area.width(), 0.6 * area.height());
             let Some(tracker) = &mut tracker else {
                 let Some((area, pixels)) = truth else { break };
                 // Standing free in view.
@@ -102,7 +101,7 @@ fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
                 {
                     break;
                 }
-                let begun = Tracker::start(&shown, inner(&area));
+                let begun = Tracker::start_in_middle(&shown, area);
                 tally.targets += 1;
                 tally.refused += u32::from(begun.track().quality != Quality::Good);
                 tracker = Some(begun);
@@ -111,9 +110,7 @@ fn people(scene: &Scene, renderer: &Renderer, images: u32, tally: &mut Tally) {
             let before = past(&person.bounds, range, side, image - 1).attitude.heading;
             let turned = pose.attitude.heading - before;
             let track = tracker.next(&shown, Some(Shift { x: -camera.fx * turned, y: 0.0 }));
-            let on = truth.is_some_and(|(area, _)| {
-                area.overlap(&PixelBox::around(track.area.centre(), track.area.width() / 0.6, track.area.height() / 0.6)) >= 0.5
-            });
+            let on = truth.is_some_and(|(area, _)| area.overlap(&track.area) >= 0.5);
             let is_good = track.quality == Quality::Good;
             tally.images += 1;
             tally.good += u32::from(is_good);

@@ -101,6 +101,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(think) = fly.think.get()? {
         method.think = think;
     }
+    method.ask = fly.ask.or_default()?;
     let sensor = fly.depth_sensor.or_default()?.0.is_some();
     let lists_boxes =
         preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();

@@ -14,6 +14,7 @@ mod following;
 mod guided;
 mod manoeuvres;
 mod motion;
+mod news;
 mod operator;
 mod search;
 mod take_over;

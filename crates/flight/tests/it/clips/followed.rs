@@ -15,9 +15,6 @@ use super::flight::{Flight, INTERVAL, camera};
 use super::kinds::Number;
 use super::stage::{Sight, Stage, Target};
 
-/// As in a flight: the middle part of a box is tracked, unless it is smaller than this.
-const INNER: f64 = 0.6;
-const LEAST_INNER: f64 = 20.0;
 /// As in the stand-in: added to the distance from the target's surface, metres.
 const HALF_DEPTH: f64 = 0.3;
 
@@ -74,9 +71,7 @@ impl Followed {
             })
             .collect();
         let whole = sights[0].0.visible?;
-        let inner = if INNER * whole.side() >= LEAST_INNER { INNER } else { 1.0 };
-        let part = |area: PixelBox, of: f64| PixelBox::around(area.centre(), of * area.width(), of * area.height());
-        let mut tracker = Tracker::start(&TrackImage::of(&film.images[0]), part(whole, inner));
+        let mut tracker = Tracker::start_in_middle(&TrackImage::of(&film.images[0]), whole);
         let is_person = stage.loaded.scene.object(flight.id)?.tags.kind == "person";
         let mut errors = TrackErrors::new(number.seed, number.index as u64, fraction(&whole), is_person);
         let mut followed = Self {
@@ -106,7 +101,7 @@ impl Followed {
                 Quality::TooSmall => TrackQuality::TooSmall,
                 _ => TrackQuality::Lost,
             };
-            let pixels = Report { area: part(track.area, 1.0 / inner), scale: track.scale, quality };
+            let pixels = Report { area: track.area, scale: track.scale, quality };
             let ImageBox { left, top, right, bottom } = errors.area();
             let area = PixelBox { left, top, right, bottom }.in_image_scaled(480.0, 360.0);
             let model = Report { area, scale: errors.scale(), quality: errors.quality() };
