@@ -35,11 +35,8 @@ const HIDDEN: f64 = 0.4;
 const COAST: u32 = 5;
 /// Frames in which a target that was lost must be visible again until it is found.
 const FIND: u32 = 3;
-/// The smallest side of a box that can be tracked, as a fraction of the image's width: 12 of 480 pixels, and 20 pixels if the
-/// tracker follows the middle part of the box, as it does from 34 pixels on.
+/// The smallest side of a box that can be tracked, as a fraction of the image's width: 12 of 480 pixels.
 const SMALLEST: f64 = 12.0 / 480.0;
-const SMALLEST_INNER: f64 = 20.0 / 480.0;
-const INNER_FROM: f64 = 34.0 / 480.0;
 
 /// What a frame shows of the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -150,10 +147,9 @@ impl TrackErrors {
     /// The quality that is reported.
     #[must_use]
     pub fn quality(&self) -> TrackQuality {
-        let smallest = if side(&self.first) >= INNER_FROM { SMALLEST_INNER } else { SMALLEST };
         if self.lost || self.missing > COAST {
             TrackQuality::Lost
-        } else if side(&self.area) < smallest {
+        } else if side(&self.area) < SMALLEST {
             TrackQuality::TooSmall
         } else if self.missing > 0 {
             TrackQuality::Coasting

@@ -26,6 +26,9 @@ pub(super) fn serve(args: &Serve, printer: &Printer) -> Result<Exit, CliError> {
     if args.vlm.is_none() && !args.tello && args.mavlink.is_none() {
         return Err(CliError::usage("nothing to serve").hint("use --tello or --mavlink, and --vlm"));
     }
+    if args.rtsp.is_some() && !args.tello && args.mavlink.is_none() {
+        return Err(CliError::usage("--rtsp sends the view of a craft, and none is served").hint("add --tello or --mavlink"));
+    }
     let interrupts = interrupts()?;
     let shared_instruction =
         SharedInstruction::new(Mutex::new(Some(args.instruction.clone()).filter(|text| text != vlm::FROM_PROMPT)));
