@@ -18,8 +18,10 @@ const AHEAD: Duration = Duration::from_millis(300);
 /// What is known about the last query.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct News {
-    /// Capture time and pose of its frame, and whether the target's track was good then.
-    asked: Option<(Time, Pose, bool)>,
+    /// Capture time and pose of its frame.
+    asked: Option<(Time, Pose)>,
+    /// Whether the target's track has been good since its answer, or, without one yet, since it was sent.
+    tracked: bool,
     /// Where the motion ends that its answer has given.
     goal: Option<EnuPosition>,
 }
@@ -27,12 +29,18 @@ pub(super) struct News {
 impl Pilot {
     /// Notes that a query about this view is sent.
     pub(super) fn note_asked(&mut self, view: &View) {
-        self.news = News { asked: Some((view.frame.captured, view.pose, self.has_good_track())), goal: None };
+        self.news = News { asked: Some((view.frame.captured, view.pose)), tracked: self.has_good_track(), goal: None };
     }
 
-    /// Notes where an answer leads.
+    /// Notes where an answer leads. Its box begins a new track.
     pub(super) fn note_goal(&mut self, goal: Option<Pose>) {
         self.news.goal = goal.map(|goal| goal.position);
+        self.news.tracked = false;
+    }
+
+    /// Notes that a report on the track has arrived.
+    pub(super) fn note_track(&mut self) {
+        self.news.tracked |= self.has_good_track();
     }
 
     /// Whether to ask about a view now: always, unless the settings say otherwise.
@@ -40,20 +48,23 @@ impl Pilot {
         if self.settings.ask == AskWhen::Always || !self.executing || !self.is_guided() {
             return true;
         }
-        let Some((captured, pose, tracked)) = self.news.asked else { return true };
+        // Beside somebody who walks the brake knows other people by the boxes of the last answers alone, for 3 s.
+        if self.guiding.is_following() {
+            return true;
+        }
+        let Some((captured, pose)) = self.news.asked else { return true };
         // A search, a second look, a reply that was refused.
         let Some(reply) = self.policy.reading().reply.filter(|reply| reply.status.leads_to_a_point()) else { return true };
         let turned = wrap_angle(view.pose.attitude.heading - pose.attitude.heading).abs();
         let flown = view.pose.position.distance(pose.position);
         let range = reply.label().map_or(0.0, range_of_label);
-        let is_new = now.since(captured) >= LONGEST
+        now.since(captured) >= LONGEST
             || turned > view.camera.half_fov().0
             || flown >= CLOSER * range
-            || tracked && !self.has_good_track()
+            || self.news.tracked && !self.has_good_track()
             || view.expected == Expected::Aside
-            || self.guiding.is_escaping();
-        // Who follows somebody has no goal to arrive at.
-        is_new || !self.guiding.is_following() && self.time_left(now) <= self.guiding.longest_answer() + AHEAD
+            || self.guiding.is_escaping()
+            || self.time_left(now) <= self.guiding.longest_answer() + AHEAD
     }
 
     /// Time until the motion ends, at the least.

@@ -39,6 +39,9 @@ pub(super) struct Malformed;
 pub(super) fn read(bytes: &[u8]) -> Result<Option<(Incoming, usize)>, Malformed> {
     // Empty lines before a request are ignored (section 4.1 of RFC 2616).
     let blank = bytes.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
+    if blank > LONGEST_HEAD {
+        return Err(Malformed);
+    }
     let rest = &bytes[blank..];
     if rest.first() == Some(&b'$') {
         let Some(head) = rest.get(..4) else { return Ok(None) };
@@ -116,6 +119,7 @@ mod tests {
             assert_eq!(read(text.as_bytes()), Err(Malformed), "{text}");
         }
         assert_eq!(read(&[b'x'; LONGEST_HEAD + 1]), Err(Malformed));
+        assert_eq!(read(&[b'\n'; LONGEST_HEAD + 1]), Err(Malformed));
     }
 
     proptest! {

@@ -1,6 +1,8 @@
 //! Queries only when something is new.
 
 use super::*;
+use crate::guidance::Guidance;
+use crate::track::{TrackQuality, TrackReport, TrackStart};
 
 fn asking(ask: AskWhen) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
@@ -46,4 +48,32 @@ fn a_search_asks_as_often_as_ever() {
         flight.queries.len()
     };
     assert_eq!(count(AskWhen::Always), count(AskWhen::News));
+}
+
+/// Seconds from an answer to the next query, if a tracker at 10 Hz loses its target `good` seconds after the answer.
+fn next_query_after_a_track_of(good: f64) -> f64 {
+    let mut setup = asking(AskWhen::News);
+    setup.settings.guidance = Guidance { track: true, ..Guidance::default() };
+    let mut flight = setup.fly(perfect(target(0.0, 400.0, 4.0), 0.3));
+    flight.until("a track begun by the third answer", |flight| flight.tracked.len() >= 3);
+    let (_, start) = *flight.tracked.last().unwrap();
+    let TrackStart { id, frame, area } = start.unwrap();
+    let (queries, mut tenths) = (flight.queries.len(), 0);
+    while flight.queries.len() == queries {
+        assert!(tenths < 100, "no query");
+        let passed = 0.1 * f64::from(tenths);
+        let quality = if passed < good { TrackQuality::Good } else { TrackQuality::Lost };
+        let captured = flight.now;
+        flight.tell(Event::Track(TrackReport { id, frame, captured, area, scale: 1.0, quality }));
+        flight.pass(0.1);
+        tenths += 1;
+    }
+    0.1 * f64::from(tenths)
+}
+
+/// A track that an answer has begun is missed as soon as it is lost.
+#[test]
+fn a_lost_track_is_news() {
+    let (lost, held) = (next_query_after_a_track_of(0.5), next_query_after_a_track_of(10.0));
+    assert!((0.5..0.9).contains(&lost) && held > lost + 0.3, "{lost} {held}");
 }
