@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::url::{HostPort, MavlinkUrl};
+use crate::wire::Decoder;
 
 /// Maximum blocking time of [`Link::receive`].
 pub const POLL_INTERVAL: Duration = Duration::from_millis(10);
@@ -65,7 +66,7 @@ struct Stream {
 }
 
 enum Port {
-    /// The peer is whoever sends first; a fixed one has been named by the user.
+    /// The peer is the autopilot that is heard first; a fixed one has been named by the user.
     Udp {
         socket: UdpSocket,
         peer: Mutex<Peer>,
@@ -151,8 +152,8 @@ impl Link {
                 let now = Instant::now();
                 let known = peer.address == Some(from);
                 let silent = peer.heard.is_none_or(|heard| now.duration_since(heard) >= PEER_SILENT);
-                // Nobody else may speak for the vehicle while it is there.
-                if !known && (*fixed || !silent) {
+                // Nobody else may speak for the vehicle while it is there, and no other than an autopilot for it at any time.
+                if !known && (*fixed || !silent || !is_of_autopilot(&buffer[..length])) {
                     return (0, false);
                 }
                 *peer = Peer { address: Some(from), heard: Some(now) };
@@ -205,6 +206,15 @@ impl Link {
             tracing::debug!(%error, "not sent");
         }
     }
+}
+
+/// Whether a datagram contains the heartbeat of an autopilot (component 1), with its checksum.
+fn is_of_autopilot(datagram: &[u8]) -> bool {
+    let mut decoder = Decoder::default();
+    decoder.push(datagram);
+    // 8 is `MAV_AUTOPILOT_INVALID`: ground stations, cameras, computers.
+    core::iter::from_fn(|| decoder.next_packet())
+        .any(|packet| packet.component == 1 && packet.system != 0 && packet.autopilot().is_some_and(|number| number != 8))
 }
 
 fn address(at: &HostPort) -> std::io::Result<SocketAddr> {
@@ -285,5 +295,45 @@ mod serial {
         let mode = rustix::fs::fcntl_getfl(&file).map_err(Error::from)?;
         rustix::fs::fcntl_setfl(&file, mode - OFlags::NONBLOCK).map_err(Error::from)?;
         Ok(file)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::wire::{Body, Encoder};
+
+    /// A heartbeat: mode, type, autopilot, base mode, state, version.
+    fn heartbeat(component: u8, autopilot: u8) -> Vec<u8> {
+        let payload = vec![0, 0, 0, 0, 2, autopilot, 1, 4, 3];
+        Encoder::new([1, component]).frame(&Body { id: 0, payload })
+    }
+
+    #[test]
+    fn only_the_heartbeat_of_an_autopilot_makes_a_peer() {
+        let mut broken = heartbeat(1, 12);
+        broken[12] ^= 1;
+        let attitude = Encoder::new([1, 1]).frame(&Body { id: 30, payload: vec![1; 28] });
+        for other in [&b"hello"[..], &heartbeat(100, 12), &heartbeat(1, 8), &broken, &attitude, &[]] {
+            assert!(!is_of_autopilot(other), "{other:?}");
+        }
+        assert!(is_of_autopilot(&heartbeat(1, 12)) && is_of_autopilot(&[attitude, heartbeat(1, 3)].concat()));
+        let probe = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let port = probe.local_addr().unwrap().port();
+        drop(probe);
+        let link = Link::open(&format!("udpin:127.0.0.1:{port}").parse().unwrap()).unwrap();
+        let [stranger, vehicle] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
+        let arrives = |from: &UdpSocket, bytes: &[u8]| {
+            from.send_to(bytes, ("127.0.0.1", port)).unwrap();
+            let mut buffer = [0; LONGEST];
+            // What was dropped has been received by the second call.
+            [(); 2].map(|()| link.receive(&mut buffer).0).into_iter().sum::<usize>()
+        };
+        assert_eq!(arrives(&stranger, b"hello"), 0);
+        let beat = heartbeat(1, 12);
+        assert_eq!((arrives(&vehicle, &beat), arrives(&stranger, &beat)), (beat.len(), 0));
+        vehicle.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+        link.send(b"to the vehicle");
+        assert_eq!(vehicle.recv(&mut [0; 64]).unwrap(), 14);
     }
 }
