@@ -71,8 +71,8 @@ pub fn command(target: [u8; 2], sent: &Transmission) -> Body {
     let mut payload = Vec::with_capacity(35);
     payload.extend([p1, p2, p3, p4].iter().flat_map(|value| value.to_le_bytes()));
     if sent.as_int {
-        // Without a place: nothing here is commanded to one.
-        payload.extend([p5, p6].iter().flat_map(|value| if value.is_finite() { *value as i32 } else { 0 }.to_le_bytes()));
+        // Without a place, which is the largest number: nothing here is commanded to one, and zero is one off Africa.
+        payload.extend([p5, p6].iter().flat_map(|value| if value.is_finite() { *value as i32 } else { i32::MAX }.to_le_bytes()));
         payload.extend(p7.to_le_bytes());
         payload.extend(sent.command.id.to_le_bytes());
         payload.extend([target[0], target[1], 0, 0, 0]);
@@ -241,6 +241,11 @@ mod tests {
         let int = super::command([1, 2], &Transmission { command, confirmation: 0, as_int: true });
         let read = packet(&int).command().unwrap();
         assert_eq!((read.id, read.frame, read.target), (ids::ARM, Some(0), [1, 2]));
+        // No place is no place in both forms.
+        let land = VehicleCommand { id: ids::LAND, parameters: [0.0, 0.0, 0.0, f32::NAN, f32::NAN, f32::NAN, 0.0] };
+        let int = super::command([1, 2], &Transmission { command: land, confirmation: 0, as_int: true });
+        assert_eq!(int.payload[16..24], [0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff, 0x7f]);
+        assert!(packet(&int).command().unwrap().place.iter().all(|value| value.is_nan()));
         // One that no dialect has is acknowledged all the same.
         let ack = packet(&acknowledgement([255, 190], 54_321, 3)).report();
         assert_eq!(ack, Report::Acknowledgement { command: 54_321, result: 3, target: [255, 190] });
