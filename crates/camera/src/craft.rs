@@ -76,6 +76,10 @@ impl Drone for WithCamera {
         Some((meta.received, DroneEvent::Frame(meta)))
     }
 
+    fn resume(&mut self, now: Time) {
+        self.drone.resume(now);
+    }
+
     fn next_event_at(&self) -> Option<Time> {
         self.drone.next_event_at()
     }

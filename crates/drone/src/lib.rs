@@ -74,7 +74,7 @@ pub enum DroneEvent {
     /// The link is back.
     LinkRestored,
     /// Somebody else has taken control, by a radio or another station: the driver sends nothing more. The pilot holds, as if the
-    /// operator had said so; a setpoint that it sends after the operator has resumed takes control back.
+    /// operator had said so. Only after [`Drone::resume`] does a setpoint that moves take control back.
     TakenOver,
 }
 
@@ -116,6 +116,12 @@ pub trait Drone: Send {
     /// every 50 ms, and each time until it returns `None`. A driver receives in threads of its own and returns here what
     /// has arrived.
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)>;
+
+    /// The operator resumes: the only thing that lets a driver take control back from somebody else
+    /// ([`DroneEvent::TakenOver`]).
+    fn resume(&mut self, now: Time) {
+        let _ = now;
+    }
 
     /// Time of the next event, for a craft that knows it (a simulated one); for any other the time by which it is to be
     /// polled again, or `None` for the flight loop's 50 ms.

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
-use spf_core::pilot::{Action, Event, OperatorEvent};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
@@ -221,6 +221,8 @@ impl World for Live {
                     cancel.cancel();
                 }
             }
+            // The operator, and nothing that the pilot sends, lets a driver take control back.
+            Action::Note(Note::Operator(OperatorEvent::Resume)) => self.drone.resume(self.now),
             Action::Track(_) | Action::Untrack | Action::Note(_) | Action::Finished(_) => {}
             Action::Command(command) => {
                 if let Err(error) = self.drone.apply(self.now, command) {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
 
-use spf_core::pilot::{Action, Event, OperatorEvent};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
@@ -122,6 +122,8 @@ impl World for Lockstep {
         }
         match action {
             Action::Ask(query) => self.ask(query),
+            // The operator, and nothing that the pilot sends, lets a driver take control back.
+            Action::Note(Note::Operator(OperatorEvent::Resume)) => self.drone.resume(self.now),
             // The reply to a cancelled query still arrives, as from a real model; the pilot counts it.
             Action::Cancel(_) | Action::Track(_) | Action::Untrack | Action::Note(_) | Action::Finished(_) => {}
             Action::Command(command) => {

@@ -52,6 +52,10 @@ impl Drone for Drill {
         self.0.next_event(until)
     }
 
+    fn resume(&mut self, now: Time) {
+        self.0.resume(now);
+    }
+
     fn next_event_at(&self) -> Option<Time> {
         self.0.next_event_at()
     }

@@ -157,6 +157,10 @@ impl Drone for Faulty {
         (first.0 <= until).then(|| self.queue.remove(&first).map(|event| (first.0, event)))?
     }
 
+    fn resume(&mut self, now: Time) {
+        self.drone.resume(now);
+    }
+
     fn next_event_at(&self) -> Option<Time> {
         let queued = self.queue.first_key_value().map(|((at, _), _)| *at);
         [self.drone.next_event_at(), queued].into_iter().flatten().min()
