@@ -103,9 +103,13 @@ impl VirtualVehicle {
 
     fn take_off(&mut self, now: Time, altitude: f32, craft: &mut SimCraft) -> u8 {
         if !self.armed || self.phase != FlightPhase::OnGround {
-            // Sent again although it has begun.
+            // Sent again although it has begun: PX4 takes it, ArduPilot does not.
             let again = self.armed && self.phase == FlightPhase::TakingOff;
-            return if again { result::ACCEPTED } else { result::REJECTED };
+            return match self.autopilot {
+                Autopilot::Px4 if again => result::ACCEPTED,
+                Autopilot::Px4 => result::REJECTED,
+                Autopilot::ArduPilot => result::FAILED,
+            };
         }
         let height = match self.autopilot {
             Autopilot::Px4 if altitude.is_nan() || altitude == 0.0 => self.parameters.number("MIS_TAKEOFF_ALT", 2.5),

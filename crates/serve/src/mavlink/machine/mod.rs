@@ -79,6 +79,7 @@ pub struct VirtualVehicle {
     /// Whether a low battery, and a breached fence, were noticed.
     noticed: [bool; 2],
     next_control: Time,
+    strict_beat: bool,
     started: Time,
 }
 
@@ -109,6 +110,7 @@ impl VirtualVehicle {
             phase: craft.dynamics().phase(),
             noticed: [false; 2],
             next_control: now,
+            strict_beat: false,
             started: now,
         }
     }
@@ -212,9 +214,14 @@ impl VirtualVehicle {
         self.broadcast(&Body::from(&MavMessage::STATUSTEXT(data)));
     }
 
+    /// From now on its heartbeat comes once a second only, as that of a real autopilot, and not also at a change of its state.
+    pub fn beat_strictly(&mut self) {
+        self.strict_beat = true;
+    }
+
     /// Heartbeat and landed state at once, since they have just changed.
     fn tell_state(&mut self, now: Time, craft: &SimCraft) {
-        for id in [0, 245] {
+        for id in [0, 245].into_iter().skip(usize::from(self.strict_beat)) {
             if let Some(body) = self.message(id, now, craft) {
                 self.broadcast(&body);
             }
