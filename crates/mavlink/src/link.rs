@@ -197,15 +197,31 @@ impl Link {
                 writer.map_or(Ok(()), |mut writer| writer.write_all(frame))
             }
             #[cfg(unix)]
-            Port::Serial(file) => {
-                let mut file: &std::fs::File = file;
-                file.write_all(frame)
-            }
+            Port::Serial(file) => write_within(file, frame, SEND_TIME),
         };
         if let Err(error) = sent {
             tracing::debug!(%error, "not sent");
         }
     }
+}
+
+/// Writes to a port that does not block: one that takes nothing for this long, for its flow is stopped or its device is gone,
+/// must not keep a landing waiting.
+#[cfg(unix)]
+fn write_within(mut file: &std::fs::File, mut bytes: &[u8], time: Duration) -> std::io::Result<()> {
+    let begun = Instant::now();
+    while !bytes.is_empty() {
+        match file.write(bytes) {
+            Ok(0) => return Err(ErrorKind::WriteZero.into()),
+            Ok(written) => bytes = &bytes[written..],
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) if error.kind() == ErrorKind::WouldBlock && begun.elapsed() < time => {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
 }
 
 /// Whether a datagram contains the heartbeat of an autopilot (component 1), with its checksum.
@@ -279,7 +295,7 @@ mod serial {
     use rustix::fs::OFlags;
     use rustix::termios::{ControlModes, OptionalActions, SpecialCodeIndex, tcgetattr, tcsetattr};
 
-    /// Opens a port for raw bytes: 8 data bits, no parity, no flow control. Reading waits for at most a tenth of a second.
+    /// Opens a port for raw bytes: 8 data bits, no parity, no flow control. Neither reading nor writing waits.
     pub(super) fn open(path: &str, rate: u32) -> Result<File> {
         // Without NOCTTY a signal of the port would end the program; without NONBLOCK opening waits for a modem's carrier.
         let flags = (OFlags::NOCTTY | OFlags::NONBLOCK).bits() as i32;
@@ -290,10 +306,8 @@ mod serial {
         port.control_modes -= ControlModes::CRTSCTS;
         port.set_speed(rate).map_err(Error::from)?;
         port.special_codes[SpecialCodeIndex::VMIN] = 0;
-        port.special_codes[SpecialCodeIndex::VTIME] = 1;
+        port.special_codes[SpecialCodeIndex::VTIME] = 0;
         tcsetattr(&file, OptionalActions::Now, &port).map_err(Error::from)?;
-        let mode = rustix::fs::fcntl_getfl(&file).map_err(Error::from)?;
-        rustix::fs::fcntl_setfl(&file, mode - OFlags::NONBLOCK).map_err(Error::from)?;
         Ok(file)
     }
 }
@@ -335,5 +349,21 @@ mod tests {
         vehicle.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
         link.send(b"to the vehicle");
         assert_eq!(vehicle.recv(&mut [0; 64]).unwrap(), 14);
+    }
+
+    /// A port that takes nothing any more, as with a cable that is stuck.
+    #[cfg(unix)]
+    #[test]
+    fn a_port_that_takes_nothing_does_not_block() {
+        let (ours, theirs) = std::os::unix::net::UnixStream::pair().unwrap();
+        ours.set_nonblocking(true).unwrap();
+        let file = std::fs::File::from(std::os::fd::OwnedFd::from(ours));
+        let frame = [7; 4096];
+        while write_within(&file, &frame, Duration::ZERO).is_ok() {}
+        let link = Link { port: Port::Serial(file) };
+        let begun = Instant::now();
+        link.send(&frame);
+        assert!((SEND_TIME..SEND_TIME * 25).contains(&begun.elapsed()), "{:?}", begun.elapsed());
+        drop(theirs);
     }
 }
