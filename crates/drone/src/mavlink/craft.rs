@@ -87,12 +87,18 @@ fn tell(notice: &Notice) {
             _ => tracing::info!("the autopilot: {text}"),
         },
         Notice::LetGo { mode } => tracing::error!(
-            "the flight mode is now {mode}, which was not commanded here: another station, the radio or a failsafe has control, \
+            "the flight mode is now {mode}, which was not commanded here: another station, the RC transmitter or a failsafe has control, \
              and nothing more is sent"
         ),
         Notice::NotOurs { what } => {
-            tracing::error!("no {what} is commanded: another station, the radio or a failsafe has control")
+            tracing::error!(
+                "no {what} is commanded: another station, the RC transmitter or a failsafe has control, until you resume (r)"
+            )
         }
+        Notice::UnknownHeight => tracing::error!(
+            "no take-off: PX4 climbs to MIS_TAKEOFF_ALT, which could not be read, so that it cannot be checked against \
+             --max-altitude; connect again, or improve the link"
+        ),
         Notice::TakingBack { mode } => tracing::warn!("the operator takes control back from {mode}"),
         Notice::Unattended { landing: false } => tracing::error!("the flight loop was silent for 2 s: the craft hovers"),
         Notice::Unattended { landing: true } => tracing::error!("the flight loop was silent for 5 s: landing the craft"),
@@ -102,7 +108,8 @@ fn tell(notice: &Notice) {
 
 impl EmergencyLand for Shared {
     fn abandon(&self) {
-        self.vehicle().leave();
+        let now = self.now();
+        self.vehicle().leave(now);
         let begun = Instant::now();
         while self.vehicle().is_ours() {
             if begun.elapsed() >= LANDING_TIME {
@@ -125,7 +132,8 @@ pub struct MavlinkCraft {
 }
 
 impl MavlinkCraft {
-    /// Connects to the autopilot at an address. `start` is flight time zero.
+    /// Connects to the autopilot at an address, and watches it: nothing is commanded until [`engage`](Self::engage). `start` is
+    /// flight time zero.
     ///
     /// # Errors
     /// [`ConnectError`] if the link cannot be opened, or nothing usable arrives.
@@ -177,22 +185,28 @@ impl MavlinkCraft {
         let known = shared.vehicle().facts().clone();
         let said = known.position_error.or(known.gps.and_then(|gps| gps.accuracy));
         craft.accuracy = said.map_or(ACCURACY, |said| said.clamp(ACCURACIES.0, ACCURACIES.1));
-        // From here on it is landed if the program ends.
-        abandon::register(&(shared.clone() as Arc<dyn EmergencyLand>));
-        // A program that died may have left it in the air.
-        let mut vehicle = shared.vehicle();
-        if vehicle.is_flying() {
-            let mode = vehicle.mode();
-            if vehicle.adopt(shared.now()) {
-                tracing::warn!("the craft is in the air in {mode}: it is flown from where it is");
-            } else {
-                tracing::error!(
-                    "the craft is in the air in {mode}: it is not flown until the operator resumes (docs/guide/px4.md)"
-                );
-            }
-        }
-        drop(vehicle);
         Ok(craft)
+    }
+
+    /// Begins to fly it: until then it is only watched. From here on it is landed if the program ends.
+    pub fn engage(&self) {
+        let now = self.shared.now();
+        let alone = !lock(&self.shared.stats).other_stations;
+        let mut vehicle = self.shared.vehicle();
+        let (mode, flying) = (vehicle.mode(), vehicle.is_flying());
+        let flown = vehicle.engage(now, alone);
+        drop(vehicle);
+        abandon::register(&(self.shared.clone() as Arc<dyn EmergencyLand>));
+        match (flying, flown) {
+            (true, true) => {
+                tracing::warn!("the craft hovers in {mode} without a program that flies it: it is flown from where it is")
+            }
+            (true, false) => tracing::error!(
+                "the craft is in the air in {mode}: somebody may have paused it, or flies it, so that nothing is sent until you \
+                 resume (r)"
+            ),
+            _ => {}
+        }
     }
 
     fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
@@ -200,7 +214,8 @@ impl MavlinkCraft {
         let guarded = move || {
             // A panic must not leave the craft with its last velocity. The message was printed where it happened.
             if std::panic::catch_unwind(AssertUnwindSafe(work)).is_err() {
-                shared.vehicle().fail();
+                let now = shared.now();
+                shared.vehicle().fail(now);
                 // This thread may have been the one that sends.
                 while !shared.stopped.load(Ordering::Relaxed) {
                     shared.flush();
@@ -286,7 +301,10 @@ impl Drone for MavlinkCraft {
 
     fn capabilities(&self) -> Capabilities {
         let senses = TelemetryAccuracy { position_noise: self.accuracy, ..TelemetryAccuracy::quad() };
-        Capabilities { position: true, ..Capabilities::of(craft(), Camera::quad(), senses) }
+        let usual = craft();
+        let take_off_height = self.shared.vehicle().climbs_to().unwrap_or(usual.take_off_height);
+        let craft = Craft { take_off_height, ..usual };
+        Capabilities { position: true, ..Capabilities::of(craft, Camera::quad(), senses) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {
@@ -308,6 +326,11 @@ impl Drone for MavlinkCraft {
         let mut vehicle = self.shared.vehicle();
         vehicle.heartbeat(now);
         vehicle.take_event(now)
+    }
+
+    fn resume(&mut self, _now: Time) {
+        let now = self.shared.now();
+        self.shared.vehicle().resume(now);
     }
 
     /// Unknown for a real craft; it is polled at this interval.

@@ -141,12 +141,13 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         },
         Autopilot::ArduPilot => number("GUID_TIMEOUT").map_or(Finding::Warning, |_| Finding::Good),
     };
-    checks.push(Check::new(
-        "loss",
-        loss,
-        facts.on_loss(),
-        Some("set COM_OBL_RC_ACT to 5 (hold) or 4 (land) and COM_OF_LOSS_T to 1, so that it works without a radio too"),
-    ));
+    let advice = match facts.autopilot {
+        Autopilot::Px4 => {
+            "set COM_OBL_RC_ACT to 5 (hold) or 4 (land) and COM_OF_LOSS_T to 1, so that it works without an RC transmitter too"
+        }
+        Autopilot::ArduPilot => "read GUID_TIMEOUT with a ground station: it must be a few seconds",
+    };
+    checks.push(Check::new("loss", loss, facts.on_loss(), Some(advice)));
     let fence = match facts.autopilot {
         Autopilot::Px4 => [("GF_MAX_HOR_DIST", "distance"), ("GF_MAX_VER_DIST", "height")]
             .map(|(name, what)| number(name).filter(|limit| *limit > 0.0).map(|limit| format!("{what} {limit} m")))
@@ -186,7 +187,14 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         let found = if action == 0.0 { "the autopilot only warns".to_owned() } else { format!("{} {action}", low.0) };
         checks.push(Check::new("low battery", finding, found, Some(low.1)));
     }
-    let take_off = number("MIS_TAKEOFF_ALT").filter(|_| facts.autopilot == Autopilot::Px4);
-    checks.extend(take_off.map(|height| Check::new("take-off", Finding::Good, format!("to {height} m (MIS_TAKEOFF_ALT)"), None)));
+    if facts.autopilot == Autopilot::Px4 {
+        checks.push(match number("MIS_TAKEOFF_ALT") {
+            Some(height) => Check::new("take-off", Finding::Good, format!("to {height} m (MIS_TAKEOFF_ALT)"), None),
+            None => {
+                let advice = "without it a take-off is refused; improve the link, and try again";
+                Check::new("take-off", Finding::Bad, "its height, MIS_TAKEOFF_ALT, could not be read", Some(advice))
+            }
+        });
+    }
     checks
 }

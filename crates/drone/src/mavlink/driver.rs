@@ -40,6 +40,7 @@ impl Target for NamedVehicle {
 
     fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
         let drone = MavlinkCraft::connect(&self.0, options.mavlink, start).map_err(explained)?;
+        drone.engage();
         let facts = drone.facts();
         Ok(driver::Connected {
             summary: format!("Connected to {} at {}.", doctor::vehicle(&facts), self.0),
@@ -56,7 +57,7 @@ impl Target for NamedVehicle {
 /// What happens when this program or the link dies, for the user before take-off.
 fn warning(facts: &Facts) -> String {
     format!(
-        "If this program or the link dies: {}. A change of the flight mode by the radio or another station takes control away at \
+        "If this program or the link dies: {}. A change of the flight mode by the RC transmitter or another station takes control away at \
          once; r gives it back. Ctrl-C lands; a second Ctrl-C lands without finishing the files.",
         facts.on_loss()
     )

@@ -10,7 +10,6 @@ use spf_mavlink::command::{CommandResult, FORCE, VehicleCommand, ids};
 use spf_mavlink::modes::{Autopilot, Mode};
 
 use super::{Notice, Vehicle};
-use crate::DroneEvent;
 
 /// PX4 wants setpoints for about a second before it accepts the mode in which it follows them.
 const STREAM_FIRST: Duration = Duration::from_millis(1200);
@@ -19,18 +18,26 @@ const AGAIN: Duration = Duration::from_millis(700);
 const TRIES: u8 = 4;
 /// Maximum time for a step to show in the vehicle's state after its command was accepted.
 const SHOWN_WITHIN: Duration = Duration::from_secs(4);
+/// How long a mode that we commanded may take to appear in a heartbeat, of which there is one a second.
+const UNDER_WAY: Duration = Duration::from_millis(2500);
 /// What the vehicle says about a refusal may arrive after it.
 const WORDS_WITHIN: Duration = Duration::from_millis(700);
 /// A take-off is complete at this part of its height.
 const UP: f64 = 0.93;
-/// The pilot's commands from before it knew that somebody else flies have arrived by then.
-const KNOWS_AFTER: Duration = Duration::from_millis(300);
-/// `stop` of the motors is repeated this often.
-const STOPS: u8 = 5;
+/// PX4 ends its take-off up to 0.8 m (`NAV_MC_ALT_RAD`) below its height; a hold below this part of it was commanded by others.
+const STOPPED_BELOW: f64 = 0.6;
+/// After this many commands to land without effect the setpoints end, so that the autopilot's own action for their loss comes.
+const LANDING_TRIES: u8 = 5;
+/// The take-off of a PX4 whose own height is unknown.
+const NO_HEIGHT: &str = "a take-off to an unknown height";
+/// The vehicle shows within this time after arming or take-off was last sent whether it took the command.
+const MAY_START: Duration = Duration::from_secs(12);
 
 /// Who flies, and at which step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Control {
+    /// It is only looked at: nothing is commanded.
+    Watching,
     /// On the ground, disarmed or waiting.
     Idle,
     /// Take-off: the mode is requested (ArduPilot), from this mode.
@@ -38,17 +45,18 @@ pub(super) enum Control {
     /// Take-off: arming is requested.
     Arming { from: Mode, until: Time },
     /// Take-off: it is commanded or flown; whether the vehicle has shown its mode for it.
-    Climbing { from: Mode, since: Time, shown: bool },
+    Climbing { from: Mode, since: Time, shown: bool, result: CommandResult },
     /// A take-off was refused; what the vehicle says about it is awaited.
     Refused { what: &'static str, result: CommandResult, at: Time },
     /// Setpoints are sent; the mode in which they count is requested.
     Entering { from: Mode, ask_at: Time, tries: u8, takes_off: bool },
     /// It flies by our setpoints.
     Flying,
-    /// It lands because we said so, from this mode.
-    Landing { from: Mode },
-    /// The motors are cut.
-    Stopping { sent: u8, at: Time },
+    /// It lands because we said so, from this mode; whether the vehicle has shown its mode for it, when the command is sent
+    /// again, how often it was sent, and whether the pilot may end the landing, which it began.
+    Landing { from: Mode, since: Time, shown: bool, again: Time, tries: u8, interruptible: bool },
+    /// The motors are cut, until it is disarmed.
+    Stopping { at: Time },
     /// Somebody else flies.
     Released,
 }
@@ -65,9 +73,9 @@ impl Vehicle {
             Control::Entering { takes_off: true, .. } => FlightPhase::TakingOff,
             Control::Entering { .. } | Control::Flying => FlightPhase::Flying,
             Control::Landing { .. } => FlightPhase::Landing,
-            Control::Idle | Control::Released if !self.is_flying() => FlightPhase::OnGround,
-            Control::Idle | Control::Released if self.mode.is_landing() => FlightPhase::Landing,
-            Control::Idle | Control::Released => FlightPhase::Flying,
+            _ if !self.is_flying() => FlightPhase::OnGround,
+            _ if self.mode.is_landing() => FlightPhase::Landing,
+            Control::Watching | Control::Idle | Control::Released => FlightPhase::Flying,
         }
     }
 
@@ -76,23 +84,13 @@ impl Vehicle {
         match self.control {
             Control::Entering { .. } | Control::Flying => true,
             // Until it lands by itself: without setpoints its failsafe would come first.
-            Control::Landing { .. } => self.mode == self.autopilot.external() && self.armed,
+            // One that does not follow is left to that failsafe.
+            Control::Landing { tries, .. } => self.mode == self.autopilot.external() && self.armed && tries <= LANDING_TRIES,
             _ => false,
         }
     }
 
-    /// Takes over a vehicle that was found in the air in a mode in which no person flies it. False if somebody flies it.
-    pub fn adopt(&mut self, now: Time) -> bool {
-        let free = self.mode == self.autopilot.external() || self.mode == self.autopilot.hold();
-        self.control = if free { self.entering(now, false) } else { Control::Released };
-        if !free {
-            // The pilot holds, until the operator says otherwise.
-            self.events.push_back((now, DroneEvent::TakenOver));
-        }
-        free
-    }
-
-    fn entering(&mut self, now: Time, takes_off: bool) -> Control {
+    pub(super) fn entering(&mut self, now: Time, takes_off: bool) -> Control {
         (self.setpoint, self.next_setpoint) = (None, now);
         let wait = if self.mode == self.autopilot.external() || self.autopilot == Autopilot::ArduPilot {
             Duration::ZERO
@@ -102,33 +100,50 @@ impl Vehicle {
         Control::Entering { from: self.mode, ask_at: now + wait, tries: 0, takes_off }
     }
 
-    fn set_mode(&mut self, mode: Mode) {
+    /// Remembers a mode that the vehicle may show because of us.
+    pub(super) fn expect(&mut self, now: Time, mode: Mode) {
+        self.commanded = [Some((now, mode)), self.commanded[0].filter(|(_, before)| *before != mode).or(self.commanded[1])];
+    }
+
+    /// Whether a mode was commanded here so recently that the vehicle may show it now.
+    pub(super) fn is_under_way(&self, now: Time, mode: Mode) -> bool {
+        self.commanded.iter().flatten().any(|(at, commanded)| *commanded == mode && now.since(*at) <= UNDER_WAY)
+    }
+
+    fn set_mode(&mut self, now: Time, mode: Mode) {
+        self.expect(now, mode);
         let [main, sub] = mode.parameters();
         let armed = if self.armed { 128.0 } else { 0.0 };
         self.commands.submit(VehicleCommand::new(ids::SET_MODE, &[1.0 + armed, main, sub]));
     }
 
     pub(super) fn take_off(&mut self, now: Time) {
-        if !matches!(self.control, Control::Idle | Control::Released) || self.is_flying() {
+        if self.control != Control::Idle || self.is_flying() {
             return;
+        }
+        if self.climbs_to.is_none() {
+            return self.give_up(now, NO_HEIGHT, CommandResult::Denied);
         }
         let (from, until) = (self.mode, now + SHOWN_WITHIN);
         if self.autopilot == Autopilot::ArduPilot && self.mode != self.autopilot.external() {
             self.control = Control::Preparing { from, until };
-            self.set_mode(self.autopilot.external());
+            self.set_mode(now, self.autopilot.external());
         } else {
-            self.arm(from, until);
+            self.arm(now, from, until);
         }
     }
 
-    fn arm(&mut self, from: Mode, until: Time) {
-        self.control = Control::Arming { from, until };
+    fn arm(&mut self, now: Time, from: Mode, until: Time) {
+        (self.control, self.started) = (Control::Arming { from, until }, Some(now));
         // Never with the number that skips the checks.
         self.commands.submit(VehicleCommand::new(ids::ARM, &[1.0]));
     }
 
     fn climb(&mut self, now: Time, from: Mode) {
-        self.control = Control::Climbing { from, since: now, shown: false };
+        (self.control, self.started) = (self.climbing(now, from), Some(now));
+        if self.autopilot == Autopilot::Px4 {
+            self.expect(now, Mode::px4(4, 2));
+        }
         let nan = f32::NAN;
         // PX4 climbs to its own take-off altitude; a number would be metres above the sea.
         let parameters = match self.autopilot {
@@ -138,48 +153,26 @@ impl Vehicle {
         self.commands.submit(VehicleCommand { id: ids::TAKE_OFF, parameters });
     }
 
+    fn climbing(&self, now: Time, from: Mode) -> Control {
+        Control::Climbing { from, since: now, shown: self.mode.is_take_off(), result: CommandResult::Accepted }
+    }
+
     pub(super) fn fly(&mut self, now: Time, setpoint: Setpoint, until: Time) {
         match self.control {
             Control::Flying => self.setpoint = Some((setpoint, until)),
-            // A hold, and nothing else, interrupts a landing of ours.
-            Control::Landing { .. } if setpoint.is_hold() && self.armed => {
+            // A hold, and nothing else, interrupts a landing that the pilot began; never one of the driver's own.
+            Control::Landing { interruptible: true, .. } if setpoint.is_hold() && self.armed => {
                 self.commands.clear();
                 self.control = self.entering(now, false);
             }
-            // Once it knows that somebody else flies, the pilot holds; whatever else it sends is the operator's will.
-            Control::Released
-                if !setpoint.is_hold() && self.is_flying() && self.told.is_some_and(|told| now.since(told) >= KNOWS_AFTER) =>
-            {
-                self.notices.push_back(Notice::TakingBack { mode: self.mode });
-                self.control = self.entering(now, false);
-            }
+            Control::Released if !setpoint.is_hold() => self.take_back(now),
             _ => {}
-        }
-    }
-
-    pub(super) fn land(&mut self) {
-        match self.control {
-            Control::Released => {
-                if !core::mem::replace(&mut self.said_not_ours, true) {
-                    self.notices.push_back(Notice::NotOurs { what: "landing" });
-                }
-            }
-            Control::Idle | Control::Stopping { .. } | Control::Refused { .. } => {}
-            Control::Landing { .. } if self.mode == self.autopilot.land() || self.commands.has(ids::LAND) => {}
-            _ => {
-                self.setpoint = None;
-                if !matches!(self.control, Control::Landing { .. }) {
-                    self.control = Control::Landing { from: self.mode };
-                }
-                let nan = f32::NAN;
-                self.commands.interrupt(VehicleCommand { id: ids::LAND, parameters: [0.0, 0.0, 0.0, nan, nan, nan, 0.0] });
-            }
         }
     }
 
     pub(super) fn stop_motors(&mut self, now: Time) {
         self.setpoint = None;
-        self.control = Control::Stopping { sent: 0, at: now };
+        self.control = Control::Stopping { at: now };
     }
 
     /// Handles the results of commands.
@@ -197,20 +190,34 @@ impl Vehicle {
                 _ => continue,
             };
             match self.control {
-                Control::Preparing { .. } | Control::Arming { .. } | Control::Climbing { .. } => {
-                    self.control = Control::Refused { what, result, at: now };
+                Control::Preparing { .. } if command.id == ids::SET_MODE => self.give_up(now, what, result),
+                // Without an answer it may be armed all the same: its state tells.
+                Control::Arming { .. } if command.id == ids::ARM && result != CommandResult::Unanswered => {
+                    self.give_up(now, what, result);
+                }
+                // A repeated take-off is refused in the air: the state tells whether this one is.
+                Control::Climbing { from, since, shown, .. } if command.id == ids::TAKE_OFF => {
+                    self.control = Control::Climbing { from, since, shown, result };
                 }
                 Control::Entering { from, tries, takes_off, .. } if command.id == ids::SET_MODE => {
-                    if tries < TRIES {
-                        self.control = Control::Entering { from, ask_at: now + AGAIN, tries, takes_off };
-                    } else {
+                    // After the last one, `advance` decides.
+                    self.control = Control::Entering { from, ask_at: now + AGAIN, tries, takes_off };
+                    if tries >= TRIES {
                         self.refuse(now, what, result);
                     }
                 }
-                Control::Landing { .. } if command.id == ids::LAND => self.refuse(now, what, result),
+                Control::Landing { tries, .. } if command.id == ids::LAND && tries <= LANDING_TRIES => {
+                    self.refuse(now, what, result)
+                }
                 _ => {}
             }
         }
+    }
+
+    /// Ends a take-off; nothing of it that still waits may be sent.
+    fn give_up(&mut self, now: Time, what: &'static str, result: CommandResult) {
+        self.commands.clear();
+        self.control = Control::Refused { what, result, at: now };
     }
 
     fn refuse(&mut self, now: Time, what: &'static str, result: CommandResult) {
@@ -221,35 +228,43 @@ impl Vehicle {
     /// Follows the state that the vehicle reports.
     pub(super) fn follow(&mut self, now: Time) {
         let (mode, external) = (self.mode, self.autopilot.external());
-        if let Some(allowed) = self.allowed()
-            && !allowed.contains(&mode)
-        {
+        if !self.is_allowed(now, mode) {
             return self.let_go(now);
         }
         match self.control {
-            Control::Preparing { from, .. } if mode == external => self.arm(from, now + SHOWN_WITHIN),
+            Control::Preparing { from, .. } if mode == external => self.arm(now, from, now + SHOWN_WITHIN),
             Control::Arming { from, .. } if self.armed => self.climb(now, from),
             // Armed and disarmed again: the vehicle gave up, and says why.
             Control::Climbing { .. } if !self.armed => {
-                self.control = Control::Refused { what: "take-off", result: CommandResult::Failed, at: now };
+                self.give_up(now, "take-off", CommandResult::Failed);
             }
-            Control::Climbing { from, since, .. } if mode.is_take_off() => {
-                self.control = Control::Climbing { from, since, shown: true };
+            Control::Climbing { from, since, result, .. } if mode.is_take_off() => {
+                self.control = Control::Climbing { from, since, shown: true, result };
             }
-            // It may have held in the same mode on the ground.
-            Control::Climbing { since, shown, .. }
-                if self.autopilot == Autopilot::Px4
-                    && (shown || now.since(since) >= SHOWN_WITHIN)
-                    && self.landed == 2
-                    && mode == self.autopilot.hold() =>
-            {
-                self.control = self.entering(now, true);
+            // Off the ground after a command that seemed to be lost or refused.
+            Control::Idle | Control::Refused { .. } if self.is_flying() => {
+                let ours = self.started.is_some_and(|at| now.since(at) < MAY_START)
+                    && (mode.is_take_off()
+                        || mode == external
+                        || (self.autopilot == Autopilot::Px4 && mode == self.autopilot.hold()));
+                if !ours {
+                    return self.let_go(now);
+                }
+                self.commands.clear();
+                self.control = self.climbing(now, mode);
             }
             Control::Entering { .. } if mode == external && self.armed => {
                 self.commands.clear();
                 self.told = None;
                 (self.control, self.next_setpoint) = (Control::Flying, self.next_setpoint.max(now));
             }
+            // A mode of ours that was still under way when this one was entered.
+            Control::Flying if self.armed && mode != external => self.control = self.entering(now, false),
+            Control::Landing { from, since, again, tries, interruptible, shown: false } if mode == self.autopilot.land() => {
+                self.control = Control::Landing { from, since, again, tries, interruptible, shown: true };
+            }
+            // A cut-off take-off may arm it yet.
+            Control::Landing { .. } if !self.armed && self.started.is_some_and(|at| now.since(at) < SHOWN_WITHIN) => {}
             Control::Entering { .. } | Control::Flying | Control::Landing { .. } | Control::Released if !self.armed => {
                 self.commands.clear();
                 (self.control, self.setpoint) = (Control::Idle, None);
@@ -258,41 +273,29 @@ impl Vehicle {
         }
     }
 
-    /// ArduPilot stays in its mode after a take-off: the height shows its end.
+    /// Follows the height: it shows the end of a take-off. ArduPilot stays in its mode then; PX4 holds.
     pub(super) fn follow_height(&mut self, now: Time) {
-        if let Control::Climbing { .. } = self.control
-            && self.autopilot == Autopilot::ArduPilot
-            && self.armed
-            && self.sensed.height(now).is_some_and(|height| height >= UP * self.take_off_height)
-        {
-            (self.control, self.setpoint, self.next_setpoint) = (Control::Flying, None, now);
-        }
-    }
-
-    /// The modes that do not mean that somebody else flies; `None` if any may be.
-    fn allowed(&self) -> Option<[Mode; 4]> {
-        let it = self.autopilot;
-        let (external, hold, land) = (it.external(), it.hold(), it.land());
-        match self.control {
-            Control::Idle | Control::Released | Control::Stopping { .. } | Control::Refused { .. } => None,
-            Control::Preparing { from, .. } | Control::Arming { from, .. } => Some([from, external, hold, from]),
-            Control::Climbing { from, .. } if it == Autopilot::Px4 => Some([from, Mode::px4(4, 2), hold, external]),
-            Control::Climbing { .. } => Some([external; 4]),
-            Control::Entering { from, .. } => Some([from, external, from, external]),
-            Control::Flying => Some([external; 4]),
-            Control::Landing { from } => Some([from, land, external, hold]),
-        }
-    }
-
-    fn let_go(&mut self, now: Time) {
-        self.commands.clear();
-        (self.control, self.setpoint, self.told) = (Control::Released, None, None);
-        self.said_not_ours = false;
-        self.notices.push_back(Notice::LetGo { mode: self.mode });
-        if self.is_flying() && !self.mode.is_landing() {
-            self.events.push_back((now, DroneEvent::TakenOver));
-        } else {
-            self.told = Some(now);
+        let Control::Climbing { since, shown, .. } = self.control else { return };
+        let Some(height) = self.sensed.height(now).filter(|_| self.armed) else { return };
+        let part = height / self.climbs_to.unwrap_or(self.take_off_height);
+        match self.autopilot {
+            Autopilot::ArduPilot if part >= UP => {
+                (self.control, self.setpoint, self.next_setpoint) = (Control::Flying, None, now);
+            }
+            // It may have held in the same mode on the ground.
+            Autopilot::Px4
+                if self.landed == 2
+                    && self.mode == self.autopilot.hold()
+                    && self.sensed.has_height_since(self.mode_since)
+                    && (shown || now.since(since) >= SHOWN_WITHIN) =>
+            {
+                if part < STOPPED_BELOW {
+                    self.let_go(now);
+                } else {
+                    self.control = self.entering(now, true);
+                }
+            }
+            _ => {}
         }
     }
 
@@ -300,13 +303,22 @@ impl Vehicle {
     pub(super) fn advance(&mut self, now: Time) {
         match self.control {
             Control::Preparing { until, .. } if now >= until && !self.commands.has(ids::SET_MODE) => {
-                self.control = Control::Refused { what: "the flight mode", result: CommandResult::Failed, at: now };
+                self.give_up(now, "the flight mode", CommandResult::Failed);
             }
             Control::Arming { until, .. } if now >= until && !self.commands.has(ids::ARM) => {
-                self.control = Control::Refused { what: "arming", result: CommandResult::Failed, at: now };
+                self.give_up(now, "arming", CommandResult::Unanswered);
+            }
+            Control::Climbing { since, result, .. }
+                if result != CommandResult::Accepted && self.landed == 1 && now.since(since) >= SHOWN_WITHIN =>
+            {
+                self.give_up(now, "take-off", result);
             }
             Control::Refused { what, result, at } if now.since(at) >= WORDS_WITHIN => {
-                self.refuse(now, what, result);
+                if what == NO_HEIGHT {
+                    self.notices.push_back(Notice::UnknownHeight);
+                } else {
+                    self.refuse(now, what, result);
+                }
                 // A vehicle that was armed, and does not take off, disarms by itself; this is sooner.
                 if self.armed && !self.is_flying() {
                     self.commands.submit(VehicleCommand::new(ids::ARM, &[0.0]));
@@ -317,12 +329,21 @@ impl Vehicle {
             Control::Entering { from, ask_at, tries, takes_off }
                 if now >= ask_at && tries < TRIES && !self.commands.has(ids::SET_MODE) =>
             {
-                self.set_mode(self.autopilot.external());
+                self.set_mode(now, self.autopilot.external());
                 self.control = Control::Entering { from, ask_at: now + SHOWN_WITHIN, tries: tries + 1, takes_off };
             }
-            Control::Stopping { sent, at } if sent < STOPS && now >= at && self.armed => {
+            // In vain: a craft that we took up is landed; one that others flew is left to them.
+            Control::Entering { ask_at, tries, takes_off, .. } if now >= ask_at && tries >= TRIES => {
+                if takes_off {
+                    self.land_for_good(now);
+                } else {
+                    self.let_go(now);
+                }
+            }
+            Control::Landing { .. } => self.advance_landing(now),
+            Control::Stopping { at } if now >= at && self.armed => {
                 self.commands.interrupt(VehicleCommand::new(ids::ARM, &[0.0, FORCE]));
-                self.control = Control::Stopping { sent: sent + 1, at: now + AGAIN };
+                self.control = Control::Stopping { at: now + AGAIN };
             }
             _ => {}
         }

@@ -177,9 +177,11 @@ impl Facts {
         match self.autopilot {
             Autopilot::Px4 => {
                 let action = number("COM_OBL_RC_ACT").map(|action| match action as i64 {
-                    0 => "changes to Position mode, which needs a radio (without one it goes on to its next failsafe)",
-                    1 => "changes to Altitude mode, which needs a radio (without one it goes on to its next failsafe)",
-                    2 => "changes to Stabilized mode, which needs a radio (without one it goes on to its next failsafe)",
+                    0 => "changes to Position mode, which needs an RC transmitter (without one it goes on to its next failsafe)",
+                    1 => "changes to Altitude mode, which needs an RC transmitter (without one it goes on to its next failsafe)",
+                    2 => {
+                        "changes to Stabilized mode, which needs an RC transmitter (without one it goes on to its next failsafe)"
+                    }
                     3 => "returns home",
                     4 => "lands",
                     5 => "holds its position",
@@ -195,7 +197,7 @@ impl Facts {
             Autopilot::ArduPilot => match number("GUID_TIMEOUT") {
                 Some(time) => format!(
                     "{time} s after the last setpoint ArduPilot stops and hovers (GUID_TIMEOUT) until its battery failsafe, unless \
-                     the radio takes over"
+                     the RC transmitter takes over"
                 ),
                 None => "what ArduPilot does then is unknown: GUID_TIMEOUT could not be read".to_owned(),
             },

@@ -1,7 +1,8 @@
-//! Landing by the driver itself: when the program ends, and when nobody calls it any more. Everything here slows or lands the
-//! craft, and nothing of it happens while somebody else flies.
+//! Landing: by the pilot, and by the driver itself when the program ends, when nobody calls it any more, or when a part of it
+//! failed. Everything here slows or lands the craft, and nothing of it happens while somebody else flies.
 
 use spf_core::time::{Duration, Time};
+use spf_mavlink::command::{VehicleCommand, ids};
 
 use super::control::Control;
 use super::{Notice, Vehicle};
@@ -9,12 +10,73 @@ use super::{Notice, Vehicle};
 /// Without a call of the pilot for this long the craft holds, and later lands.
 const SILENT_HOLD: Duration = Duration::from_secs(2);
 const SILENT_LAND: Duration = Duration::from_secs(5);
+/// A landing that the vehicle does not show is commanded again after this long.
+const LAND_AGAIN: Duration = Duration::from_secs(1);
+/// A craft that has been on the ground for this long, and did not disarm by itself, is disarmed.
+const DISARMED_AFTER: Duration = Duration::from_secs(5);
 
 impl Vehicle {
+    /// The pilot lands the craft; a hold of the pilot ends such a landing.
+    pub(super) fn land(&mut self, now: Time) {
+        self.begin_landing(now, true);
+    }
+
+    /// A landing of the driver itself, which nothing but the cutting of the motors ends.
+    pub(super) fn land_for_good(&mut self, now: Time) {
+        self.begin_landing(now, false);
+    }
+
+    fn begin_landing(&mut self, now: Time, by_pilot: bool) {
+        let flying = self.is_flying();
+        match &mut self.control {
+            Control::Released => self.say_not_ours("landing"),
+            Control::Watching | Control::Stopping { .. } => {}
+            Control::Idle | Control::Refused { .. } if !flying => {}
+            Control::Preparing { .. } if !self.armed => {
+                self.commands.clear();
+                self.control = Control::Idle;
+            }
+            // Commanded again until the vehicle shows it.
+            Control::Landing { interruptible, .. } => *interruptible &= by_pilot,
+            _ => {
+                let from = self.mode;
+                self.setpoint = None;
+                self.commands.clear();
+                self.control = Control::Landing { from, since: now, shown: false, again: now, tries: 0, interruptible: by_pilot };
+                self.advance_landing(now);
+            }
+        }
+    }
+
+    /// Commands a landing until the vehicle shows it, and disarms it on the ground.
+    pub(super) fn advance_landing(&mut self, now: Time) {
+        let Control::Landing { from, since, shown, again, tries, interruptible } = self.control else { return };
+        if now < again {
+            return;
+        }
+        let again = now + LAND_AGAIN;
+        let grounded = self.grounded.filter(|_| self.landed == 1).map(|at| now.since(at.max(since)));
+        if !self.armed {
+            // The arming may be under way.
+            self.commands.interrupt(VehicleCommand::new(ids::ARM, &[0.0]));
+        } else if grounded.is_some_and(|long| long >= DISARMED_AFTER) {
+            // Never with the number that skips the checks: in the air it is refused.
+            self.commands.interrupt(VehicleCommand::new(ids::ARM, &[0.0]));
+        } else if self.mode != self.autopilot.land() || tries == 0 {
+            self.expect(now, self.autopilot.land());
+            let nan = f32::NAN;
+            self.commands.interrupt(VehicleCommand { id: ids::LAND, parameters: [0.0, 0.0, 0.0, nan, nan, nan, 0.0] });
+            let tries = tries.saturating_add(1);
+            self.control = Control::Landing { from, since, shown, again, tries, interruptible };
+            return;
+        }
+        self.control = Control::Landing { from, since, shown, again, tries, interruptible };
+    }
+
     /// Ends any motion and lands, unless it is on the ground or somebody else flies it. Used when the program exits.
-    pub fn leave(&mut self) {
+    pub fn leave(&mut self, now: Time) {
         if self.is_ours() {
-            self.land();
+            self.land_for_good(now);
         }
     }
 
@@ -22,28 +84,33 @@ impl Vehicle {
     #[must_use]
     pub fn is_ours(&self) -> bool {
         match self.control {
-            Control::Idle | Control::Released | Control::Refused { .. } => false,
+            Control::Watching | Control::Released => false,
+            Control::Idle | Control::Refused { .. } => self.is_flying(),
             Control::Stopping { .. } => self.armed,
             _ => true,
         }
     }
 
     /// Lands the craft because a part of the driver failed.
-    pub fn fail(&mut self) {
-        if self.is_ours() && !matches!(self.control, Control::Landing { .. } | Control::Stopping { .. }) {
+    pub fn fail(&mut self, now: Time) {
+        if self.is_ours() && !matches!(self.control, Control::Stopping { .. }) {
             self.notices.push_back(Notice::Failed);
-            self.land();
+            self.land_for_good(now);
         }
     }
 
     /// Reacts to a pilot that does not call any more.
     pub(super) fn check_pilot(&mut self, now: Time) {
-        let flies = self.is_ours() && !matches!(self.control, Control::Landing { .. } | Control::Stopping { .. });
+        let flies =
+            self.is_ours() && !matches!(self.control, Control::Landing { interruptible: false, .. } | Control::Stopping { .. });
         let Some(silent) = self.beat.map(|beat| now.since(beat)).filter(|_| flies) else { return };
         if silent >= SILENT_LAND {
             self.notices.push_back(Notice::Unattended { landing: true });
-            self.land();
-        } else if silent >= SILENT_HOLD && !core::mem::replace(&mut self.held_silent, true) {
+            self.land_for_good(now);
+        } else if silent >= SILENT_HOLD
+            && !matches!(self.control, Control::Landing { .. })
+            && !core::mem::replace(&mut self.held_silent, true)
+        {
             self.notices.push_back(Notice::Unattended { landing: false });
             self.setpoint = None;
         }

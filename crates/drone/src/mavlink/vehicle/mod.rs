@@ -3,6 +3,7 @@
 mod control;
 mod facts;
 mod leaving;
+mod taking_over;
 mod telemetry;
 #[cfg(test)]
 mod tests;
@@ -64,6 +65,8 @@ pub enum Notice {
         /// What was to be done.
         what: &'static str,
     },
+    /// A take-off was refused: PX4's own height for it (`MIS_TAKEOFF_ALT`) is unknown.
+    UnknownHeight,
     /// The operator takes control again.
     TakingBack {
         /// The mode that it had.
@@ -112,11 +115,20 @@ pub struct Vehicle {
     own: [u8; 2],
     /// Height of the take-off, metres above home, where the program decides it (ArduPilot).
     take_off_height: f64,
+    climbs_to: Option<f64>,
     slow: bool,
     commands: Commands,
     control: Control,
     mode: Mode,
+    /// Since when it has been in this mode, as far as it was heard.
+    mode_since: Time,
     armed: bool,
+    /// The last two modes that were commanded here.
+    commanded: [Option<(Time, Mode)>; 2],
+    /// When arming or take-off was last commanded.
+    started: Option<Time>,
+    /// Since when it has been on the ground.
+    grounded: Option<Time>,
     /// `MAV_LANDED_STATE`: 1 on the ground, 2 in the air, 3 taking off, 4 landing.
     landed: u8,
     sensed: Sensed,
@@ -133,6 +145,8 @@ pub struct Vehicle {
     held_silent: bool,
     /// Whether the pilot has been told that somebody else flies, and since when it knows.
     told: Option<Time>,
+    /// Whether the operator has resumed since.
+    resumed: bool,
     said_not_ours: bool,
     events: VecDeque<(Time, DroneEvent)>,
     notices: VecDeque<Notice>,
@@ -153,18 +167,23 @@ const RATES: [(u32, f32, f32); 9] = [
 ];
 
 impl Vehicle {
-    /// A vehicle that has just been heard of in this mode. `own` is our system and component, `slow` a link of low rate.
+    /// A vehicle that has just been heard of in this mode. It is only watched until [`engage`](Self::engage). `own` is our system and component, `slow` a link of low rate.
     #[must_use]
     pub fn new(now: Time, mode: Mode, own: [u8; 2], take_off_height: f64, slow: bool) -> Self {
         let mut vehicle = Self {
             autopilot: mode.0,
             own,
             take_off_height,
+            climbs_to: None,
             slow,
             commands: Commands::default(),
-            control: Control::Idle,
+            control: Control::Watching,
             mode,
+            mode_since: now,
             armed: false,
+            commanded: [None; 2],
+            started: None,
+            grounded: None,
             landed: 0,
             sensed: Sensed::default(),
             facts: Facts::of(mode.0),
@@ -177,6 +196,7 @@ impl Vehicle {
             beat: None,
             held_silent: false,
             told: None,
+            resumed: false,
             said_not_ours: false,
             events: VecDeque::new(),
             notices: VecDeque::new(),
@@ -185,6 +205,13 @@ impl Vehicle {
         vehicle.commands.submit(VehicleCommand::new(ids::REQUEST, &[148.0]));
         vehicle.request_rates(now);
         vehicle
+    }
+
+    /// Height to which it takes off, metres above home, once it is [engaged](Self::engage); `None` if PX4's own is unknown, and
+    /// a take-off is then refused.
+    #[must_use]
+    pub fn climbs_to(&self) -> Option<f64> {
+        self.climbs_to
     }
 
     fn request_rates(&mut self, now: Time) {
@@ -265,7 +292,7 @@ impl Vehicle {
             Command::Setpoint(setpoint) => self.fly(now, setpoint, command.valid_until()),
             // Not announced in the capabilities.
             Command::Manoeuvre(_) => {}
-            Command::Land => self.land(),
+            Command::Land => self.land(now),
             Command::EmergencyStop => self.stop_motors(now),
         }
     }
@@ -279,12 +306,17 @@ impl Vehicle {
         match report {
             Report::Heartbeat(heartbeat) => {
                 if heartbeat.autopilot == Some(self.autopilot) {
-                    (self.mode, self.armed) = (Mode(self.autopilot, heartbeat.custom_mode), heartbeat.armed);
+                    let mode = Mode(self.autopilot, heartbeat.custom_mode);
+                    if core::mem::replace(&mut self.mode, mode) != mode {
+                        self.mode_since = now;
+                    }
+                    self.armed = heartbeat.armed;
                     self.follow(now);
                 }
             }
             Report::Landed(landed) if *landed != 0 => {
                 self.landed = *landed;
+                self.grounded = if *landed == 1 { self.grounded.or(Some(now)) } else { None };
                 self.follow(now);
             }
             Report::Acknowledgement { command, result, target } => {

@@ -50,6 +50,17 @@ impl Sensed {
         fresh(now, self.height)
     }
 
+    /// Whether the height was measured at or after this time.
+    pub(super) fn has_height_since(&self, since: Time) -> bool {
+        self.height.is_some_and(|(at, _)| at >= since)
+    }
+
+    /// Speed, m/s.
+    pub(super) fn speed(&self, now: Time) -> Option<f64> {
+        let (at, _, velocity) = self.position?;
+        (now.since(at) < FRESH).then(|| velocity.speed())
+    }
+
     /// The state as telemetry; `None` without a fresh attitude and position.
     pub(super) fn telemetry(&self, now: Time, phase: FlightPhase, battery: Option<f64>) -> Option<Telemetry> {
         let (measured, attitude, yaw_rate) = self.attitude?;

@@ -1,3 +1,5 @@
+mod safety;
+
 use spf_core::geometry::{EnuPosition, EnuVelocity};
 use spf_mavlink::report::Heartbeat;
 
@@ -7,8 +9,33 @@ fn at(ms: u64) -> Time {
     Time::from_millis(ms)
 }
 
+/// Its take-off height is 2.5 m.
+fn watched() -> Vehicle {
+    let mut vehicle = Vehicle::new(Time::ZERO, Autopilot::Px4.hold(), [1, 191], 3.0, false);
+    for (name, field) in [("MIS_TAKEOFF_ALT", 2.5), ("COM_OF_LOSS_T", 1.0)] {
+        vehicle.handle(at(0), &Report::Parameter { name: name.to_owned(), field, kind: 9 });
+    }
+    vehicle
+}
+
 fn px4() -> Vehicle {
-    Vehicle::new(Time::ZERO, Autopilot::Px4.hold(), [1, 191], 3.0, false)
+    let mut vehicle = watched();
+    vehicle.handle(at(0), &Report::Landed(1));
+    assert!(vehicle.engage(at(0), true));
+    vehicle
+}
+
+fn copter() -> Vehicle {
+    let mut vehicle = Vehicle::new(Time::ZERO, Mode(Autopilot::ArduPilot, 0), [1, 191], 3.0, false);
+    vehicle.handle(at(0), &Report::Landed(1));
+    assert!(vehicle.engage(at(0), true));
+    vehicle
+}
+
+/// It hovers.
+fn still(vehicle: &mut Vehicle, now: Time) {
+    let (position, velocity) = (EnuPosition::default(), EnuVelocity::default());
+    vehicle.handle(now, &Report::LocalPosition { position, velocity });
 }
 
 fn beat(mode: Mode, armed: bool) -> Report {
@@ -53,6 +80,7 @@ fn a_take_off_goes_step_by_step_as_the_state_shows_it() {
     vehicle.handle(at(2000), &Report::Landed(2));
     assert!(run(&mut vehicle, 2000, 2500, true).iter().all(|(_, sent)| !matches!(sent, Outgoing::Setpoint(_))));
     vehicle.handle(at(2500), &beat(Autopilot::Px4.hold(), true));
+    vehicle.handle(at(2500), &Report::Height(2.4));
     let sent = run(&mut vehicle, 2500, 4000, true);
     // A stream first, then the mode.
     let first = sent.iter().position(|(_, sent)| matches!(sent, Outgoing::Command(_))).unwrap();
@@ -63,10 +91,11 @@ fn a_take_off_goes_step_by_step_as_the_state_shows_it() {
 }
 
 fn flying() -> Vehicle {
-    let mut vehicle = px4();
+    let mut vehicle = watched();
     vehicle.handle(at(0), &beat(Autopilot::Px4.external(), true));
     vehicle.handle(at(0), &Report::Landed(2));
-    assert!(vehicle.adopt(at(0)));
+    still(&mut vehicle, at(0));
+    assert!(vehicle.engage(at(0), true));
     vehicle.handle(at(0), &beat(Autopilot::Px4.external(), true));
     assert_eq!(vehicle.phase(), FlightPhase::Flying);
     vehicle
@@ -92,10 +121,14 @@ fn another_mode_means_that_somebody_else_flies_until_the_operator_says_otherwise
     let forward = Setpoint { forward: 1.0, ..Setpoint::HOLD };
     // What the pilot had already decided changes nothing, nor does its landing.
     vehicle.fly(at(120), forward, at(600));
-    vehicle.land();
+    vehicle.land(at(120));
     assert!(commands(&run(&mut vehicle, 120, 2000, true)).is_empty());
     assert!(matches!(vehicle.take_event(at(2000)), Some((_, DroneEvent::TakenOver))));
     vehicle.fly(at(2100), forward, at(2500));
+    // Keys that are held, for however long, are no word of the operator; nor is one from before it could know.
+    vehicle.resume(at(2100));
+    vehicle.fly(at(2400), forward, at(2500));
+    vehicle.resume(at(2400));
     vehicle.fly(at(2400), Setpoint::HOLD, at(2500));
     assert_eq!(run(&mut vehicle, 2400, 2500, true).iter().filter(|(_, sent)| matches!(sent, Outgoing::Setpoint(_))).count(), 0);
     vehicle.fly(at(2500), forward, at(2900));
@@ -113,21 +146,25 @@ fn a_failsafe_that_returns_is_a_landing_that_is_not_ours() {
     let mut vehicle = flying();
     vehicle.handle(at(100), &beat(Autopilot::Px4.return_home(), true));
     assert_eq!(vehicle.phase(), FlightPhase::Landing);
-    vehicle.land();
+    vehicle.land(at(100));
+    // The pilot is told, and not even the operator takes it out of its return.
+    assert!(matches!(vehicle.take_event(at(100)), Some((_, DroneEvent::TakenOver))));
+    vehicle.resume(at(600));
+    vehicle.fly(at(700), Setpoint { forward: 1.0, ..Setpoint::HOLD }, at(3000));
     assert!(commands(&run(&mut vehicle, 100, 3000, true)).is_empty() && !vehicle.is_ours());
 }
 
 #[test]
 fn a_landing_is_confirmed_by_the_state_and_ends_on_the_ground() {
     let mut vehicle = flying();
-    vehicle.land();
+    vehicle.land(at(0));
     assert_eq!(commands(&run(&mut vehicle, 0, 900, true)), [ids::LAND]);
-    // Not shown: the pilot repeats it.
-    vehicle.land();
-    assert_eq!(commands(&run(&mut vehicle, 900, 1000, true)), [ids::LAND]);
-    vehicle.handle(at(1000), &beat(Autopilot::Px4.land(), true));
-    vehicle.land();
-    assert!(commands(&run(&mut vehicle, 1000, 2000, true)).is_empty());
+    // Not shown: it is repeated, whether or not the pilot does.
+    vehicle.land(at(900));
+    assert_eq!(commands(&run(&mut vehicle, 900, 1100, true)), [ids::LAND]);
+    vehicle.handle(at(1100), &beat(Autopilot::Px4.land(), true));
+    vehicle.land(at(1100));
+    assert!(commands(&run(&mut vehicle, 1100, 2100, true)).is_empty());
     assert_eq!(vehicle.phase(), FlightPhase::Landing);
     vehicle.handle(at(9000), &beat(Autopilot::Px4.land(), false));
     assert_eq!((vehicle.phase(), vehicle.is_ours()), (FlightPhase::OnGround, false));

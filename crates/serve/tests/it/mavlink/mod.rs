@@ -257,3 +257,100 @@ fn hovering(autopilot: Autopilot, parameters: &[(&str, f64)]) -> (WiredVehicle, 
     }
     (drone, world)
 }
+
+/// With a heartbeat a second, a mode that we commanded before the last one is still shown: it is ours all the same.
+#[test]
+fn a_landing_soon_after_the_take_off_and_a_hold_soon_after_the_landing_are_ours() {
+    let passes = |drone: &mut WiredVehicle, seconds: f64| {
+        let until = drone.now + spf_core::time::duration_from_secs(seconds);
+        while drone.now < until {
+            drone.driver.heartbeat(drone.now);
+            drone.step();
+        }
+    };
+    let commands = |drone: &WiredVehicle, id: u16| {
+        let told = drone.told.lock().unwrap();
+        told.sent.iter().filter(|(_, sent)| matches!(sent, Outgoing::Command(sent) if sent.command.id == id)).count()
+    };
+    let lets_go = |drone: &WiredVehicle| {
+        drone.told.lock().unwrap().notices.iter().any(|(_, notice)| matches!(notice, Notice::LetGo { .. }))
+    };
+    for autopilot in BOTH {
+        let (mut drone, world) = hovering(autopilot, &[]);
+        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        drone.beat_strictly();
+        passes(&mut drone, 1.3);
+        let land = envelope.clear(drone.now, spf_core::command::Command::Land).unwrap();
+        drone.apply(drone.now, &land.cleared).unwrap();
+        passes(&mut drone, 0.3);
+        let hold = envelope.clear(drone.now, spf_core::command::Command::Setpoint(spf_core::command::Setpoint::HOLD)).unwrap();
+        drone.apply(drone.now, &hold.cleared).unwrap();
+        passes(&mut drone, 6.0);
+        assert!(!lets_go(&drone) && drone.driver.is_ours(), "{autopilot:?}");
+        assert_eq!((drone.driver.mode(), world.truth().phase), (autopilot.external(), FlightPhase::Flying));
+        let land = envelope.clear(drone.now, spf_core::command::Command::Land).unwrap();
+        drone.apply(drone.now, &land.cleared).unwrap();
+        passes(&mut drone, 25.0);
+        assert_eq!((world.truth().phase, drone.driver.is_ours(), lets_go(&drone)), (FlightPhase::OnGround, false, false));
+        // And up again, for half a second.
+        let take_offs = commands(&drone, ids::TAKE_OFF);
+        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        while let Some((_, event)) = drone.next_event(drone.now) {
+            if let spf_drone::DroneEvent::Telemetry(telemetry) = event {
+                envelope.observe_telemetry(drone.now, &telemetry);
+            }
+        }
+        let take_off = envelope.clear(drone.now, spf_core::command::Command::TakeOff).unwrap();
+        drone.apply(drone.now, &take_off.cleared).unwrap();
+        while commands(&drone, ids::TAKE_OFF) == take_offs {
+            assert!(drone.now < Time::from_secs_f64(90.0), "{:?}", drone.told.lock().unwrap().notices);
+            passes(&mut drone, 0.05);
+        }
+        passes(&mut drone, 0.5);
+        let land = envelope.clear(drone.now, spf_core::command::Command::Land).unwrap();
+        drone.apply(drone.now, &land.cleared).unwrap();
+        passes(&mut drone, 25.0);
+        assert_eq!((world.truth().phase, drone.driver.is_ours(), lets_go(&drone)), (FlightPhase::OnGround, false, false));
+    }
+}
+
+/// The acknowledgement of the take-off is lost, and ArduPilot refuses it the second time: it is flown, and lands.
+#[test]
+fn a_take_off_whose_acknowledgement_is_lost_is_flown() {
+    for autopilot in BOTH {
+        let loaded = park();
+        let start = loaded.scene.start;
+        let world = SimWorld::new(loaded, CraftKind::Quad, start, 5);
+        // Telemetry is lost for a second and a half from when the take-off may be sent: heartbeats, states, acknowledgements.
+        let lost = Rule { stream: Stream::Telemetry, from: 6.2, until: Some(7.7), fault: Fault::Drop { p: 1.0 } };
+        let faults = FaultPlan { rules: vec![lost], ..FaultPlan::default() };
+        let mut drone = WiredVehicle::new(world.clone(), autopilot, &[], faults, Vec::new());
+        drone.get_ready();
+        assert!(drone.now < Time::from_secs_f64(6.0));
+        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        let (mut asked, mut phase) = (false, FlightPhase::OnGround);
+        while phase != FlightPhase::Flying {
+            assert!(drone.now < Time::from_secs_f64(40.0), "{autopilot:?} {:?}", drone.told.lock().unwrap().notices);
+            let until = drone.now + Duration::from_millis(5);
+            while let Some((_, event)) = drone.next_event(until) {
+                if let spf_drone::DroneEvent::Telemetry(telemetry) = event {
+                    envelope.observe_telemetry(drone.now, &telemetry);
+                    phase = telemetry.phase;
+                }
+            }
+            if drone.now >= Time::from_secs_f64(6.17) && !core::mem::replace(&mut asked, true) {
+                let clearance = envelope.clear(drone.now, spf_core::command::Command::TakeOff).unwrap();
+                drone.apply(drone.now, &clearance.cleared).unwrap();
+            }
+        }
+        let sent = drone
+            .told
+            .lock()
+            .unwrap()
+            .sent
+            .iter()
+            .filter(|(_, sent)| matches!(sent, Outgoing::Command(sent) if sent.command.id == ids::TAKE_OFF))
+            .count();
+        assert!(drone.driver.is_ours() && sent >= 1, "{autopilot:?} {sent}");
+    }
+}

@@ -119,6 +119,12 @@ impl WiredVehicle {
             assert!(self.now < Time::from_secs_f64(10.0), "not ready: {:?}", self.driver.facts());
             self.step();
         }
+        self.driver.engage(self.now, true);
+    }
+
+    /// From now on its heartbeat comes once a second only.
+    pub(super) fn beat_strictly(&mut self) {
+        self.served.beat_strictly();
     }
 
     fn pass(&mut self, stream: Stream, frame: &[u8]) -> Vec<Flying> {
@@ -231,6 +237,10 @@ impl Drone for WiredVehicle {
             }
             self.step();
         }
+    }
+
+    fn resume(&mut self, _now: Time) {
+        self.driver.resume(self.now);
     }
 
     fn next_event_at(&self) -> Option<Time> {

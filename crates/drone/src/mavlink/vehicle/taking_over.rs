@@ -1,0 +1,110 @@
+//! Somebody else flies: a radio, another station, a failsafe. Then nothing is sent, until the operator takes control back.
+
+use spf_core::time::{Duration, Time};
+use spf_mavlink::modes::{Autopilot, Mode};
+
+use super::control::Control;
+use super::{Notice, Vehicle};
+use crate::DroneEvent;
+
+/// The pilot's commands from before it knew that somebody else flies have arrived by then.
+const KNOWS_AFTER: Duration = Duration::from_millis(300);
+/// A craft that moves slower than this hovers, m/s.
+const HOVERS: f64 = 0.3;
+
+impl Vehicle {
+    /// Begins to fly a vehicle that was only watched. One that is in the air is taken only if it hovers in the mode for
+    /// setpoints and nobody sends any, as a program that died leaves it; `alone` says that no other station was heard.
+    /// Otherwise somebody may have paused it, or flies it: the pilot holds until the operator resumes. Returns whether it is
+    /// flown.
+    pub fn engage(&mut self, now: Time, alone: bool) -> bool {
+        // PX4 climbs to a height of its own. One that arrives later is not that which the envelope has checked.
+        self.climbs_to = match self.autopilot {
+            Autopilot::Px4 => self.facts.parameter("MIS_TAKEOFF_ALT"),
+            Autopilot::ArduPilot => Some(self.take_off_height),
+        };
+        if !self.is_flying() {
+            self.control = Control::Idle;
+            return true;
+        }
+        if self.mode == self.autopilot.external() && alone && self.is_left_alone(now) {
+            self.control = self.entering(now, false);
+            return true;
+        }
+        self.release(now);
+        false
+    }
+
+    /// Whether a vehicle in the mode for setpoints seems to get none.
+    fn is_left_alone(&self, now: Time) -> bool {
+        let hovers = self.sensed.speed(now).is_some_and(|speed| speed < HOVERS);
+        // PX4 leaves the mode without setpoints: one that has been in it for longer gets them from somebody.
+        let ours = match (self.autopilot, self.facts.parameter("COM_OF_LOSS_T")) {
+            (Autopilot::Px4, Some(loss)) => now.since(self.mode_since).as_secs_f64() < loss,
+            (Autopilot::Px4, None) => false,
+            (Autopilot::ArduPilot, _) => true,
+        };
+        hovers && ours
+    }
+
+    /// Whether a mode does not mean that somebody else flies.
+    pub(super) fn is_allowed(&self, now: Time, mode: Mode) -> bool {
+        let it = self.autopilot;
+        let (external, hold, land, take_off) = (it.external(), it.hold(), it.land(), Mode::px4(4, 2));
+        let allowed = match self.control {
+            Control::Watching | Control::Idle | Control::Released | Control::Stopping { .. } | Control::Refused { .. } => {
+                return true;
+            }
+            Control::Preparing { from, .. } | Control::Arming { from, .. } => [from, external, hold],
+            // That the hold is the end of the take-off, the height must show.
+            Control::Climbing { shown: true, .. } => [take_off, hold, hold],
+            Control::Climbing { from, .. } if it == Autopilot::Px4 => [from, take_off, hold],
+            Control::Climbing { .. } | Control::Flying => [external; 3],
+            Control::Entering { from, .. } => [from, external, external],
+            Control::Landing { shown: true, .. } => [land; 3],
+            Control::Landing { from, .. } => return [from, land, external, hold].contains(&mode) || self.is_under_way(now, mode),
+        };
+        allowed.contains(&mode) || self.is_under_way(now, mode)
+    }
+
+    /// Somebody else has changed the mode: nothing is sent any more.
+    pub(super) fn let_go(&mut self, now: Time) {
+        self.notices.push_back(Notice::LetGo { mode: self.mode });
+        self.release(now);
+    }
+
+    fn release(&mut self, now: Time) {
+        self.commands.clear();
+        (self.control, self.setpoint, self.told, self.resumed) = (Control::Released, None, None, false);
+        self.commanded = [None; 2];
+        self.said_not_ours = false;
+        self.events.push_back((now, DroneEvent::TakenOver));
+    }
+
+    /// The operator resumes: the next setpoint that moves may take control back.
+    pub fn resume(&mut self, now: Time) {
+        if self.control == Control::Released {
+            self.resumed = self.told.is_some_and(|told| now.since(told) >= KNOWS_AFTER);
+        }
+    }
+
+    /// A setpoint that moves, while somebody else flies. It takes control back if the operator has resumed; keys that were held,
+    /// and decisions under way, do not.
+    pub(super) fn take_back(&mut self, now: Time) {
+        if !self.resumed {
+            return self.say_not_ours("setpoint");
+        }
+        if self.is_flying() && !self.mode.is_landing() {
+            self.resumed = false;
+            self.notices.push_back(Notice::TakingBack { mode: self.mode });
+            self.control = self.entering(now, false);
+        }
+    }
+
+    /// Tells once that a command of the pilot is not carried out.
+    pub(super) fn say_not_ours(&mut self, what: &'static str) {
+        if !core::mem::replace(&mut self.said_not_ours, true) {
+            self.notices.push_back(Notice::NotOurs { what });
+        }
+    }
+}
