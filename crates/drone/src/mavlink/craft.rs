@@ -13,6 +13,7 @@ use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::link::Link;
+use spf_mavlink::modes::Autopilot;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
 
@@ -32,6 +33,9 @@ const LANDING_TIME: Duration = Duration::from_secs(45);
 /// Standard deviation of the horizontal position that is assumed, and its bounds, metres.
 const ACCURACY: f64 = 0.3;
 const ACCURACIES: (f64, f64) = (0.05, 3.0);
+
+/// Acceleration of a craft whose autopilot does not tell, m/s².
+const ACCELERATION: f64 = 2.0;
 
 /// State shared by the threads.
 struct Shared {
@@ -258,6 +262,26 @@ pub(super) fn craft() -> Craft {
     Craft::quad()
 }
 
+/// The craft with the limits that its autopilot sets, metres and seconds. Its acceleration decides where it comes to rest: one that
+/// is unknown counts as low.
+fn limited(usual: Craft, facts: &Facts, take_off_height: Option<f64>) -> Craft {
+    // ArduPilot's are in cm.
+    let (names, unit) = match facts.autopilot {
+        Autopilot::Px4 => (["MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_ACC_HOR"], 1.0),
+        Autopilot::ArduPilot => (["WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WPNAV_ACCEL"], 0.01),
+    };
+    let [level, up, down, acceleration] =
+        names.map(|name| facts.parameter(name).map(|value| value.abs() * unit).filter(|value| *value > 0.0));
+    let vertical = up.unwrap_or(f64::INFINITY).min(down.unwrap_or(f64::INFINITY));
+    Craft {
+        cruise_speed: usual.cruise_speed.min(level.unwrap_or(f64::INFINITY)),
+        climb_speed: usual.climb_speed.min(vertical),
+        acceleration: usual.acceleration.min(acceleration.unwrap_or(ACCELERATION)),
+        take_off_height: take_off_height.unwrap_or(usual.take_off_height),
+        ..usual
+    }
+}
+
 fn receive(shared: &Shared, mut decoder: Decoder) {
     let mut buffer = [0; spf_mavlink::link::LONGEST];
     let mut sequence = Sequence::default();
@@ -301,9 +325,9 @@ impl Drone for MavlinkCraft {
 
     fn capabilities(&self) -> Capabilities {
         let senses = TelemetryAccuracy { position_noise: self.accuracy, ..TelemetryAccuracy::quad() };
-        let usual = craft();
-        let take_off_height = self.shared.vehicle().climbs_to().unwrap_or(usual.take_off_height);
-        let craft = Craft { take_off_height, ..usual };
+        let vehicle = self.shared.vehicle();
+        let craft = limited(craft(), vehicle.facts(), vehicle.climbs_to());
+        drop(vehicle);
         Capabilities { position: true, ..Capabilities::of(craft, Camera::quad(), senses) }
     }
 
@@ -325,16 +349,49 @@ impl Drone for MavlinkCraft {
         let now = self.shared.now();
         let mut vehicle = self.shared.vehicle();
         vehicle.heartbeat(now);
-        vehicle.take_event(now)
+        vehicle.take_event()
     }
 
     fn resume(&mut self, _now: Time) {
-        let now = self.shared.now();
-        self.shared.vehicle().resume(now);
+        self.shared.vehicle().resume();
     }
 
     /// Unknown for a real craft; it is polled at this interval.
     fn next_event_at(&self) -> Option<Time> {
         Some(self.polled + SEND_INTERVAL)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use spf_mavlink::modes::Mode;
+    use spf_mavlink::report::Report;
+
+    use super::*;
+
+    #[test]
+    fn the_autopilot_s_own_limits_are_those_of_the_craft() {
+        let facts = |mode: Mode, parameters: &[(&str, f32)]| {
+            let mut vehicle = Vehicle::new(Time::ZERO, mode, [1, 191], 3.0, false);
+            for (name, field) in parameters {
+                vehicle.handle(Time::ZERO, &Report::Parameter { name: (*name).to_owned(), field: *field, kind: 9 });
+            }
+            vehicle.facts().clone()
+        };
+        let (px4, copter) = (Autopilot::Px4.hold(), Autopilot::ArduPilot.hold());
+        let of = |facts: &Facts| {
+            let it = limited(Craft::quad(), facts, None);
+            [it.cruise_speed, it.climb_speed, it.acceleration, it.take_off_height]
+        };
+        assert_eq!(of(&facts(px4, &[])), [3.0, 1.0, 2.0, 3.0]);
+        assert_eq!(
+            of(&facts(px4, &[("MPC_XY_VEL_MAX", 1.5), ("MPC_Z_VEL_MAX_DN", 0.5), ("MPC_ACC_HOR", 3.0)])),
+            [1.5, 0.5, 3.0, 3.0]
+        );
+        assert_eq!(
+            of(&facts(copter, &[("WPNAV_SPEED", 200.0), ("WPNAV_SPEED_UP", 50.0), ("WPNAV_ACCEL", 100.0)])),
+            [2.0, 0.5, 1.0, 3.0]
+        );
+        assert_eq!(limited(Craft::quad(), &facts(px4, &[]), Some(2.5)).take_off_height, 2.5);
     }
 }

@@ -255,7 +255,7 @@ impl Vehicle {
             }
             Control::Entering { .. } if mode == external && self.armed => {
                 self.commands.clear();
-                self.told = None;
+                self.told = false;
                 (self.control, self.next_setpoint) = (Control::Flying, self.next_setpoint.max(now));
             }
             // A mode of ours that was still under way when this one was entered.

@@ -143,8 +143,8 @@ pub struct Vehicle {
     /// Last call of the pilot.
     beat: Option<Time>,
     held_silent: bool,
-    /// Whether the pilot has been told that somebody else flies, and since when it knows.
-    told: Option<Time>,
+    /// Whether the pilot has been told that somebody else flies.
+    told: bool,
     /// Whether the operator has resumed since.
     resumed: bool,
     said_not_ours: bool,
@@ -195,7 +195,7 @@ impl Vehicle {
             rates_at: now,
             beat: None,
             held_silent: false,
-            told: None,
+            told: false,
             resumed: false,
             said_not_ours: false,
             events: VecDeque::new(),
@@ -265,10 +265,10 @@ impl Vehicle {
     }
 
     /// The next event for the pilot.
-    pub fn take_event(&mut self, now: Time) -> Option<(Time, DroneEvent)> {
+    pub fn take_event(&mut self) -> Option<(Time, DroneEvent)> {
         let event = self.events.pop_front();
         if matches!(event, Some((_, DroneEvent::TakenOver))) {
-            self.told = Some(now);
+            self.told = true;
         }
         event
     }

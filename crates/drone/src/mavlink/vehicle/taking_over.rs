@@ -1,14 +1,12 @@
 //! Somebody else flies: a radio, another station, a failsafe. Then nothing is sent, until the operator takes control back.
 
-use spf_core::time::{Duration, Time};
+use spf_core::time::Time;
 use spf_mavlink::modes::{Autopilot, Mode};
 
 use super::control::Control;
 use super::{Notice, Vehicle};
 use crate::DroneEvent;
 
-/// The pilot's commands from before it knew that somebody else flies have arrived by then.
-const KNOWS_AFTER: Duration = Duration::from_millis(300);
 /// A craft that moves slower than this hovers, m/s.
 const HOVERS: f64 = 0.3;
 
@@ -75,17 +73,16 @@ impl Vehicle {
 
     fn release(&mut self, now: Time) {
         self.commands.clear();
-        (self.control, self.setpoint, self.told, self.resumed) = (Control::Released, None, None, false);
+        (self.control, self.setpoint, self.told, self.resumed) = (Control::Released, None, false, false);
         self.commanded = [None; 2];
         self.said_not_ours = false;
         self.events.push_back((now, DroneEvent::TakenOver));
     }
 
-    /// The operator resumes: the next setpoint that moves may take control back.
-    pub fn resume(&mut self, now: Time) {
-        if self.control == Control::Released {
-            self.resumed = self.told.is_some_and(|told| now.since(told) >= KNOWS_AFTER);
-        }
+    /// The operator resumes: the next setpoint that moves may take control back. A resume from before the pilot was told means
+    /// something else.
+    pub fn resume(&mut self) {
+        self.resumed = self.control == Control::Released && self.told;
     }
 
     /// A setpoint that moves, while somebody else flies. It takes control back if the operator has resumed; keys that were held,

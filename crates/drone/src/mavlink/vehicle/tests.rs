@@ -123,12 +123,12 @@ fn another_mode_means_that_somebody_else_flies_until_the_operator_says_otherwise
     vehicle.fly(at(120), forward, at(600));
     vehicle.land(at(120));
     assert!(commands(&run(&mut vehicle, 120, 2000, true)).is_empty());
-    assert!(matches!(vehicle.take_event(at(2000)), Some((_, DroneEvent::TakenOver))));
-    vehicle.fly(at(2100), forward, at(2500));
     // Keys that are held, for however long, are no word of the operator; nor is one from before it could know.
-    vehicle.resume(at(2100));
-    vehicle.fly(at(2400), forward, at(2500));
-    vehicle.resume(at(2400));
+    vehicle.resume();
+    assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::TakenOver))));
+    vehicle.fly(at(2100), forward, at(2500));
+    assert!(commands(&run(&mut vehicle, 2100, 2400, true)).is_empty());
+    vehicle.resume();
     vehicle.fly(at(2400), Setpoint::HOLD, at(2500));
     assert_eq!(run(&mut vehicle, 2400, 2500, true).iter().filter(|(_, sent)| matches!(sent, Outgoing::Setpoint(_))).count(), 0);
     vehicle.fly(at(2500), forward, at(2900));
@@ -148,8 +148,8 @@ fn a_failsafe_that_returns_is_a_landing_that_is_not_ours() {
     assert_eq!(vehicle.phase(), FlightPhase::Landing);
     vehicle.land(at(100));
     // The pilot is told, and not even the operator takes it out of its return.
-    assert!(matches!(vehicle.take_event(at(100)), Some((_, DroneEvent::TakenOver))));
-    vehicle.resume(at(600));
+    assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::TakenOver))));
+    vehicle.resume();
     vehicle.fly(at(700), Setpoint { forward: 1.0, ..Setpoint::HOLD }, at(3000));
     assert!(commands(&run(&mut vehicle, 100, 3000, true)).is_empty() && !vehicle.is_ours());
 }
@@ -210,13 +210,13 @@ fn telemetry_needs_a_fresh_attitude_and_position() {
     let mut vehicle = px4();
     let position = Report::LocalPosition { position: EnuPosition::default(), velocity: EnuVelocity::default() };
     vehicle.handle(at(0), &position);
-    assert!(vehicle.take_event(at(0)).is_none());
+    assert!(vehicle.take_event().is_none());
     vehicle.handle(at(10), &Report::Attitude { attitude: Default::default(), yaw_rate: 0.0 });
     vehicle.handle(at(20), &position);
-    assert!(matches!(vehicle.take_event(at(20)), Some((_, DroneEvent::Telemetry(_)))));
+    assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::Telemetry(_)))));
     // The attitude is old by now.
     vehicle.handle(at(700), &position);
-    assert!(vehicle.take_event(at(700)).is_none());
+    assert!(vehicle.take_event().is_none());
 }
 
 #[test]
@@ -232,6 +232,6 @@ fn a_silent_link_is_lost_after_two_seconds_and_a_silent_pilot_ends_in_a_landing(
     }
     assert!(landed.is_some_and(|ms| (5000..5200).contains(&ms)), "{landed:?}");
     run(&mut vehicle, 8000, 10_500, false);
-    let events: Vec<_> = core::iter::from_fn(|| vehicle.take_event(at(10_500))).collect();
+    let events: Vec<_> = core::iter::from_fn(|| vehicle.take_event()).collect();
     assert!(events.iter().any(|(when, event)| *event == DroneEvent::LinkLost && *when >= at(9950)), "{events:?}");
 }

@@ -229,7 +229,7 @@ impl Drone for WiredVehicle {
     fn next_event(&mut self, until: Time) -> Option<(Time, DroneEvent)> {
         self.driver.heartbeat(self.now);
         loop {
-            if let Some(event) = self.driver.take_event(self.now).or_else(|| self.events.pop_front()) {
+            if let Some(event) = self.driver.take_event().or_else(|| self.events.pop_front()) {
                 return Some(event);
             }
             if self.now + STEP > until {
@@ -240,7 +240,7 @@ impl Drone for WiredVehicle {
     }
 
     fn resume(&mut self, _now: Time) {
-        self.driver.resume(self.now);
+        self.driver.resume();
     }
 
     fn next_event_at(&self) -> Option<Time> {

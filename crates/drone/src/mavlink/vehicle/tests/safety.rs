@@ -136,7 +136,7 @@ fn a_pause_in_mid_climb_is_a_take_over_and_so_is_the_mode_from_before() {
         vehicle.handle(at(1900), &Report::Height(height));
         vehicle.handle(at(2000), &beat(mode, true));
         vehicle.handle(at(2000), &Report::Height(height));
-        assert!(matches!(vehicle.take_event(at(2000)), Some((_, DroneEvent::TakenOver))), "{mode}");
+        assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::TakenOver))), "{mode}");
         assert!(run(&mut vehicle, 2000, 4000, true).iter().all(|(_, sent)| !matches!(sent, Outgoing::Setpoint(_))), "{mode}");
     }
 }
@@ -162,7 +162,7 @@ fn nothing_is_commanded_to_a_vehicle_that_is_watched_and_one_that_somebody_pause
         vehicle.handle(at(100), &beat(mode, true));
         still(&mut vehicle, at(100));
         assert!(!vehicle.engage(at(200), alone));
-        assert!(matches!(vehicle.take_event(at(200)), Some((_, DroneEvent::TakenOver))));
+        assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::TakenOver))));
         assert!(commands(&run(&mut vehicle, 200, 3000, true)).is_empty());
     }
 }
