@@ -102,7 +102,8 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
     let heading = |watch: &mut Socket| phase(watch, "manual")["heading"].as_f64().unwrap();
     std::thread::sleep(Duration::from_secs(2));
     let turned = stopped_at(&mut watch, heading);
-    assert!(turned < 0.5, "it turned by {turned}° in the last states");
+    // While ordered it would turn by tens of degrees meanwhile; gusts turn it a little.
+    assert!(turned < 4.0, "it turned by {turned}° in the last states");
     // Motors are cut in two steps, and not in one.
     assert_eq!(controls.order(json!("cut")).0["ok"], json!(false));
     assert_eq!(controls.order(json!("arm_cut")).0["ok"], json!(true));
