@@ -11,9 +11,15 @@ let watch;
 const picture = new Picture(() => watch?.confirm());
 const map = new MapView();
 const decisions = new Decisions((query) => watch?.open(query));
-const controls = new Controls({ message: role, welcome: see, lost });
+const controls = new Controls({ message: role, welcome, lost });
 const orders = new Orders(controls, picture);
 const body = document.body;
+
+/** Who this page is. Recorded flights are shown on the program's own machine only. */
+function welcome({ flights }) {
+  if (flights !== undefined) for (const id of ["past", "ended-flights"]) byId(id).hidden = !flights;
+  see();
+}
 
 /** Opens the other connection, once it is known who this page is. */
 function see() {
@@ -41,6 +47,9 @@ function lost(is, over, reason) {
   if (over && byId("ended").open) alarm.hidden = true;
 }
 
+/** The page that asks this one for the controls. */
+let asked = null;
+
 function role(message) {
   if (message.type === "refused") {
     byId("alarm").hidden = false;
@@ -56,8 +65,10 @@ function role(message) {
   byId("ask").hidden = message.pilot;
   byId("ask").disabled = message.asking;
   byId("ask").textContent = message.asking ? "Asked …" : message.someone ? "Ask for the controls" : "Take the controls";
-  if (message.asked) open(byId("handover"));
-  else byId("handover").close();
+  // What is answered is about the page that was shown to ask.
+  if (message.asked !== asked) byId("handover").close();
+  asked = message.asked;
+  if (asked !== null) open(byId("handover"));
   orders.arms();
 }
 
@@ -128,13 +139,23 @@ function instruction(text) {
   byId("reading").className = "";
 }
 
+/** What a screen reader says of the picture; set only if it differs. */
+function label(text) {
+  if (byId("picture").getAttribute("aria-label") !== text) byId("picture").setAttribute("aria-label", text);
+}
+
+/** Changes a text only if it differs: screen readers say what changes. */
+function show(id, text) {
+  if (byId(id).textContent !== text) byId(id).textContent = text;
+}
+
 let said = "";
 
 function state(state) {
   body.dataset.flight = "on";
   const phases = { ground: "on the ground", take_off: "taking off", flying: "flying", held: "held", manual: "by hand", hovering: "hovering", landing: "landing", ended: "ended" };
-  byId("phase").textContent = phases[state.phase] ?? state.phase;
-  byId("resume").hidden = !["held", "manual"].includes(state.phase);
+  show("phase", (phases[state.phase] ?? state.phase) + (state.will_hold ? ", will hold" : ""));
+  byId("resume").hidden = !["held", "manual"].includes(state.phase) && !state.will_hold;
   if (state.instruction !== said) instruction((said = state.instruction));
   const asked = state.asked && !orders.human ? ` – asked ${state.asked.for.toFixed(0)} s ago` : "";
   byId("age").title = asked;
@@ -151,7 +172,7 @@ function state(state) {
   text("flown", metres(state.flown));
   text("time", clock(state.t));
   const seen = picture.head?.overlay?.point;
-  byId("picture").setAttribute("aria-label", `Live picture: ${byId("phase").textContent}${seen ? `, ${seen.label && !seen.target ? `to ${seen.label}, ` : ""}${caption(seen)} away` : ""}`);
+  label(`Live picture: ${byId("phase").textContent}${seen ? `, ${seen.label && !seen.target ? `to ${seen.label}, ` : ""}${caption(seen)} away` : ""}`);
   map.fly(state);
 }
 
@@ -187,6 +208,6 @@ byId("instruction").addEventListener("keydown", (event) => {
 });
 
 byId("ask").onclick = () => orders.give("ask");
-byId("give").onclick = () => orders.give({ give: true });
-byId("keep").onclick = () => orders.give({ give: false });
+byId("give").onclick = () => orders.give({ give: { page: asked, yes: true } });
+byId("keep").onclick = () => orders.give({ give: { page: asked, yes: false } });
 byId("ended-close").onclick = () => byId("ended").close();

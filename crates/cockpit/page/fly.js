@@ -17,8 +17,12 @@ export class Orders {
     byId("resume").onclick = () => this.give("resume");
     byId("cut").onclick = () => this.arm();
     byId("cut-confirm").onclick = () => this.stop("cut", "cut-confirm");
-    document.addEventListener("keydown", (event) => this.key(event));
+    document.addEventListener("keydown", (event) => {
+      this.chord(event);
+      this.key(event);
+    });
     document.addEventListener("keyup", (event) => {
+      this.chord(event);
       if (event.code === "Space" && !isTyping(event.target)) event.preventDefault();
       this.let(event.code);
     });
@@ -74,6 +78,11 @@ export class Orders {
     byId("cut").hidden = false;
     byId("cut-confirm").hidden = true;
     if (focused) byId("cut").focus();
+  }
+
+  /** With Meta, Control or Alt held, browsers may send no keyup for other keys: nothing is flown on. */
+  chord(event) {
+    if (event.metaKey || event.ctrlKey || event.altKey || ["Meta", "Control", "Alt"].includes(event.key)) this.release();
   }
 
   key(event) {
@@ -166,8 +175,8 @@ export class Orders {
   async send({ u, v }) {
     const head = this.picture.head;
     if (!head) return;
-    this.picture.pointed({ u, v });
     const answer = await this.give({ point: { u, v, depth: Number(byId("distance").value), frame: head.frame } });
+    if (answer.ok) this.picture.pointed({ u, v });
     if (answer.ok) byId("point").setAttribute("aria-pressed", "false");
     this.arms();
   }

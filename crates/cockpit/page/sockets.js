@@ -123,11 +123,11 @@ export class Controls {
       case "welcome":
         if (message.session) secrets.session = message.session;
         this.say(false);
-        this.on.welcome();
+        this.on.welcome(message);
         break;
       case "session":
         secrets.session = message.session;
-        this.on.welcome();
+        this.on.welcome(message);
         break;
       case "beat":
         this.connection.send({ beat: message.n });

@@ -4,13 +4,13 @@ use std::net::{IpAddr, SocketAddr, TcpListener, UdpSocket};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use serde_json::{Value, json};
+use serde_json::json;
 use spf_vlm::Vlm;
 use tokio::sync::watch;
 
-use crate::controls::{Controls, Keys};
+use crate::controls::{CHECK, Controls, Keys};
 use crate::flight_controls::{FlightControls, ReadInstruction};
 use crate::flights::Flights;
 use crate::hub::{Hub, Kept};
@@ -19,9 +19,6 @@ use crate::pointing::{Pointer, Pointing};
 use crate::server;
 use crate::shared::Shared;
 use crate::worker::Worker;
-
-/// How often the page that flies is checked.
-const CHECK: Duration = Duration::from_millis(100);
 
 /// Says something to the user, such as a new address.
 pub type Announce = Arc<dyn Fn(&str) + Send + Sync>;
@@ -56,7 +53,8 @@ pub struct Cockpit {
 }
 
 impl Cockpit {
-    /// Serves at `address`; port 0 selects a free one. `flights` are those that can be looked at, for whoever may fly.
+    /// Serves at `address`; port 0 selects a free one. `flights` are those that can be looked at, by everybody on
+    /// this machine and, if the address is not of this machine only, by nobody.
     /// `announce` is told a new address if a one-time address was used and its page is gone.
     ///
     /// # Errors
@@ -122,7 +120,7 @@ impl Cockpit {
         move |other| Pointer::new(pointing.clone(), hub.clone(), other)
     }
 
-    /// Whether the page is open that flies.
+    /// Whether the page is open that flies, and was heard within a second.
     #[must_use]
     pub fn has_pilot(&self) -> bool {
         self.controls.has_pilot()
@@ -160,8 +158,9 @@ impl Cockpit {
     /// Says why the last instruction could not be flown.
     pub fn refuse(&self, why: &str) {
         self.controls.end();
-        let message: Value = json!({"type": "line", "level": "error", "text": why});
-        self.hub.tell(Kept::Row, &message);
+        // It may name files and servers.
+        self.hub.tell_some(Kept::Row, &json!({"type": "line", "level": "error", "text": why}), true);
+        self.hub.tell(Kept::Row, &json!({"type": "line", "level": "error", "text": "the instruction could not be flown"}));
     }
 }
 

@@ -1,5 +1,6 @@
 //! The socket of the controls: orders and their acknowledgement, apart from the pictures, so that neither waits for the other.
 
+use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -40,11 +41,11 @@ impl Drop for AtControls<'_> {
 }
 
 /// Serves a page until it disconnects or the server ends.
-pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared) {
+pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared, peer: IpAddr) {
     let Ok(Some(Ok(Message::Text(first)))) = timeout(GREETING, socket.recv()).await else { return };
     let Ok(ToControls::Hello(hello)) = ToControls::read(&first) else { return };
     let (to_page, mut messages) = mpsc::channel::<Arc<str>>(TO_PAGE);
-    let (number, session) = match shared.controls.enter(&hello, to_page, Instant::now()) {
+    let (number, session) = match shared.controls.enter(&hello, peer, to_page, Instant::now()) {
         Ok(entered) => entered,
         Err(refused) => {
             let _ = send(&mut socket, &json(&json!({"type": "refused", "why": refused.to_string()}))).await;
@@ -52,7 +53,7 @@ pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared) {
         }
     };
     let at = AtControls { controls: &shared.controls, number };
-    let welcome = json(&json!({"type": "welcome", "session": session}));
+    let welcome = json(&json!({"type": "welcome", "session": session, "flights": shared.shows_flights(peer)}));
     if send(&mut socket, &welcome).await.is_some() {
         let _ = talk(&mut socket, &at, &mut messages, shared).await;
     }

@@ -5,6 +5,7 @@
 mod keys;
 
 use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -26,6 +27,14 @@ pub(crate) const LOST_AFTER: Duration = Duration::from_secs(1);
 const LAND_AFTER: Duration = Duration::from_secs(20);
 /// The second step of cutting the motors counts within this time.
 const CUT_WITHIN: Duration = Duration::from_secs(3);
+/// The page that flies is checked this often.
+pub(crate) const CHECK: Duration = Duration::from_millis(100);
+/// A check that is later than this does not count the time against the page: its answers waited for the same thread.
+const LATE: Duration = Duration::from_millis(250);
+/// A point so soon after an order to stop was set before it was seen.
+const STOPPED: Duration = Duration::from_secs(1);
+/// A page that was refused may ask again after this time.
+const ASK_AGAIN: Duration = Duration::from_secs(30);
 /// Maximum number of messages queued for a page of the controls.
 pub(crate) const TO_PAGE: usize = 64;
 
@@ -49,6 +58,9 @@ struct Inner {
     /// The page that asks for the controls.
     asking: Option<u64>,
     armed: Option<(u64, Instant)>,
+    /// When the flight was last ordered to stop and not to go on.
+    stopped: Option<Instant>,
+    checked: Option<Instant>,
     flight: Option<FlightControls>,
     waiting: Option<Waiting>,
 }
@@ -62,6 +74,10 @@ struct Waiting {
 struct Page {
     session: Option<u64>,
     heard: Instant,
+    /// Time that does not count, since it was heard.
+    forgiven: Duration,
+    /// When the pilot refused to hand over to it.
+    refused: Option<Instant>,
     to_page: mpsc::Sender<Arc<str>>,
 }
 
@@ -84,6 +100,8 @@ impl Controls {
             lost: None,
             asking: None,
             armed: None,
+            stopped: None,
+            checked: None,
             flight: None,
             waiting: None,
         };
@@ -96,27 +114,29 @@ impl Controls {
     }
 
     /// Whether the sender of this greeting may watch; true in the second place if it may also know prompts.
-    pub(crate) fn may_watch(&self, hello: &Hello, now: Instant) -> Result<bool, Refused> {
+    pub(crate) fn may_watch(&self, hello: &Hello, peer: IpAddr, now: Instant) -> Result<bool, Refused> {
         let mut inner = self.inner();
-        inner.keys.look(hello, now).map(|may| may == May::Fly)
+        inner.keys.look(hello, peer, now).map(|may| may == May::Fly)
     }
 
-    /// A page connects to the controls. It flies if it may and nobody else does. Returns its number and the secret of its session.
+    /// A page connects to the controls. It flies if it may and nobody has flown yet, or if it flew last; others ask. Returns its number and the secret of its session.
     pub(crate) fn enter(
         &self,
         hello: &Hello,
+        peer: IpAddr,
         to_page: mpsc::Sender<Arc<str>>,
         now: Instant,
     ) -> Result<(u64, Option<String>), Refused> {
         let mut inner = self.inner();
-        let session = inner.keys.enter(hello, now)?;
+        let session = inner.keys.enter(hello, peer, now)?;
         let number = inner.next;
         inner.next += 1;
         let id = session.as_ref().map(|(id, _)| *id);
-        inner.pages.insert(number, Page { session: id, heard: now, to_page });
+        inner.pages.insert(number, Page { session: id, heard: now, forgiven: Duration::ZERO, refused: None, to_page });
         // The same session again: the page was loaded anew, or its tab was doubled; the newest one flies.
         let same = inner.pilot.is_some_and(|pilot| inner.pages.get(&pilot).and_then(|page| page.session) == id);
-        if id.is_some() && (inner.pilot.is_none() || same) {
+        let back = inner.pilot.is_none() && inner.last_session.is_none_or(|last| Some(last) == id);
+        if id.is_some() && (back || same) {
             self.give(&mut inner, number);
         }
         self.tell_roles(&mut inner);
@@ -139,7 +159,7 @@ impl Controls {
     pub(crate) fn heard(&self, number: u64, now: Instant) {
         let mut inner = self.inner();
         if let Some(page) = inner.pages.get_mut(&number) {
-            page.heard = now;
+            (page.heard, page.forgiven) = (now, Duration::ZERO);
         }
         if inner.pilot == Some(number) && inner.lost.take().is_some() {
             self.tell_roles(&mut inner);
@@ -154,7 +174,7 @@ impl Controls {
             page.session = Some(id);
             drop(page.to_page.try_send(json(&json!({"type": "session", "session": secret}))));
         }
-        page.heard = Instant::now();
+        (page.heard, page.forgiven) = (Instant::now(), Duration::ZERO);
         inner.last_session = page.session;
         (inner.pilot, inner.lost, inner.asking, inner.armed) = (Some(number), None, None, None);
     }
@@ -167,7 +187,7 @@ impl Controls {
             let flies = pilot == Some(*number);
             let role = json!({
                 "type": "role", "pilot": flies, "someone": pilot.is_some() && !lost, "pages": watching,
-                "asked": flies && asking.is_some(), "asking": asking == Some(*number),
+                "asked": asking.filter(|_| flies), "asking": asking == Some(*number),
             });
             drop(page.to_page.try_send(json(&role)));
         }
@@ -176,9 +196,10 @@ impl Controls {
     /// Watches over the page that flies. Returns a new secret to print, if the one-time address was used and its page is gone.
     pub(crate) fn check(&self, now: Instant) -> Option<String> {
         let mut inner = self.inner();
+        inner.forgive(now);
         if let Some(pilot) = inner.pilot
             && inner.lost.is_none()
-            && inner.pages.get(&pilot).is_none_or(|page| now.duration_since(page.heard) >= LOST_AFTER)
+            && inner.pages.get(&pilot).is_none_or(|page| now.duration_since(page.heard) >= LOST_AFTER + page.forgiven)
         {
             inner.lost = Some((now, Lost::Noticed));
             self.tell_roles(&mut inner);
@@ -192,9 +213,16 @@ impl Controls {
             Lost::Held if away >= LAND_AFTER => Some((Lost::Landing, OperatorEvent::Land)),
             _ => None,
         };
+        // On the ground a hold would only be in effect after take-off.
+        let grounded = next.is_some() && self.pointing.is_on_ground();
+        let next = next.map(|next| if grounded { (Lost::Landing, OperatorEvent::Land) } else { next });
         if let Some((done, event)) = next {
             inner.lost = Some((since, done));
-            let what = if done == Lost::Held { "holds; it lands in 20 s" } else { "lands" };
+            let what = match done {
+                _ if grounded => "does not take off",
+                Lost::Held => "holds; it lands in 20 s",
+                _ => "lands",
+            };
             self.say(&format!("connection to the pilot's page lost: the drone {what}"), "warning");
             inner.send(event);
         }
@@ -209,9 +237,9 @@ impl Controls {
     pub(crate) fn order(&self, number: u64, order: &Order, now: Instant) -> Result<String, String> {
         let mut inner = self.inner();
         match order {
-            Order::Ask => return self.ask(&mut inner, number),
+            Order::Ask => return self.ask(&mut inner, number, now),
             _ if inner.pilot != Some(number) => return Err("this page only watches: ask for the controls first".to_owned()),
-            Order::Give(yes) => return self.answer(&mut inner, *yes),
+            Order::Give { page, yes } => return self.answer(&mut inner, *page, *yes, now),
             Order::Instruction(text) => return inner.instruct(text.trim()),
             _ => {}
         }
@@ -232,10 +260,10 @@ impl Controls {
                 _ => return Err("motors not cut: confirm within 3 s of the first step".to_owned()),
             },
             Order::Fly { right, forward, up, turn } => vec![inner.setpoint(*right, *forward, *up, *turn)],
-            Order::Point { u, v, depth, frame } => return self.point(&inner, Given::point(*u, *v, *depth, *frame)),
-            Order::Look(side) => return self.point(&inner, Given::look(*side)),
-            Order::Done => return self.point(&inner, Given::done()),
-            Order::Instruction(_) | Order::Ask | Order::Give(_) => Vec::new(),
+            Order::Point { u, v, depth, frame } => return self.point(&mut inner, Given::point(*u, *v, *depth, *frame), now),
+            Order::Look(side) => return self.point(&mut inner, Given::look(*side), now),
+            Order::Done => return self.point(&mut inner, Given::done(), now),
+            Order::Instruction(_) | Order::Ask | Order::Give { .. } => Vec::new(),
         };
         for event in events {
             if !inner.send(event) {
@@ -246,7 +274,14 @@ impl Controls {
     }
 
     /// Answers the open query, or corrects whoever answers: the next answer is this one.
-    fn point(&self, inner: &Inner, given: Given) -> Result<String, String> {
+    fn point(&self, inner: &mut Inner, given: Given, now: Instant) -> Result<String, String> {
+        if let Some(why) = self.pointing.refusal() {
+            return Err(why.to_owned());
+        }
+        // What the flight does about it is not known here yet.
+        if inner.stopped.is_some_and(|at| now.duration_since(at) < STOPPED) {
+            return Err("the drone was just ordered to stop: Resume first".to_owned());
+        }
         if self.pointing.answer(given)? {
             return Ok("answered".to_owned());
         }
@@ -262,31 +297,48 @@ impl Controls {
         }
     }
 
-    fn ask(&self, inner: &mut Inner, number: u64) -> Result<String, String> {
+    fn ask(&self, inner: &mut Inner, number: u64, now: Instant) -> Result<String, String> {
         if inner.pilot == Some(number) {
             return Ok("you fly".to_owned());
         }
         let known = inner.pages.get(&number).is_some_and(|page| page.session.is_some());
         if known && (inner.pilot.is_none() || inner.lost.is_some()) {
+            // What the new pilot does not know of must not go on.
+            let held = inner.send(OperatorEvent::Hold);
             self.give(inner, number);
             self.tell_roles(inner);
-            return Ok("you fly: the other page is gone".to_owned());
+            let held = if held { "; the drone holds" } else { "" };
+            return Ok(format!("you fly: the other page is gone{held}"));
         }
         if inner.pilot.is_none() {
             return Err("open the address that the terminal shows, with what follows the `#`".to_owned());
+        }
+        match inner.asking {
+            Some(asking) if asking == number => return Ok("asked: the pilot must agree".to_owned()),
+            Some(_) => return Err("another page asks for the controls already".to_owned()),
+            None => {}
+        }
+        let refused = inner.pages.get(&number).and_then(|page| page.refused);
+        if refused.is_some_and(|at| now.duration_since(at) < ASK_AGAIN) {
+            return Err("the pilot keeps the controls: ask again in half a minute".to_owned());
         }
         inner.asking = Some(number);
         self.tell_roles(inner);
         Ok("asked: the pilot must agree".to_owned())
     }
 
-    fn answer(&self, inner: &mut Inner, yes: bool) -> Result<String, String> {
-        let Some(asking) = inner.asking.take() else { return Err("nobody asks for the controls".to_owned()) };
+    fn answer(&self, inner: &mut Inner, page: u64, yes: bool, now: Instant) -> Result<String, String> {
+        let Some(asking) = inner.asking.take_if(|asking| *asking == page) else {
+            return Err("that page no longer asks for the controls".to_owned());
+        };
         if yes {
             // What the new pilot does not know of must not go on.
             inner.send(OperatorEvent::Hold);
             self.give(inner, asking);
             self.say("the controls were handed over: the drone holds", "info");
+        }
+        if let Some(page) = inner.pages.get_mut(&asking).filter(|_| !yes) {
+            page.refused = Some(now);
         }
         self.tell_roles(inner);
         Ok(if yes { "handed over" } else { "kept" }.to_owned())
@@ -295,7 +347,7 @@ impl Controls {
     /// A flight begins.
     pub(crate) fn begin(&self, flight: FlightControls) {
         let mut inner = self.inner();
-        inner.waiting = None;
+        (inner.waiting, inner.stopped) = (None, None);
         inner.flight = Some(flight);
     }
 
@@ -305,9 +357,11 @@ impl Controls {
         self.pointing.forget();
     }
 
-    /// Whether the page is open that flies.
+    /// Whether the page is open that flies, and heard.
     pub(crate) fn has_pilot(&self) -> bool {
-        self.inner().pilot.is_some()
+        let inner = self.inner();
+        let page = inner.pilot.and_then(|pilot| inner.pages.get(&pilot));
+        inner.lost.is_none() && page.is_some_and(|page| page.heard.elapsed() < LOST_AFTER)
     }
 
     /// Instructions go here until a flight begins.
@@ -322,14 +376,29 @@ impl Controls {
 }
 
 impl Inner {
+    /// Does not count the time in which this thread itself was late, up to as long as a page may be silent.
+    fn forgive(&mut self, now: Instant) {
+        let late = self.checked.replace(now).map_or(Duration::ZERO, |last| now.duration_since(last));
+        if late > LATE {
+            for page in self.pages.values_mut() {
+                let more = (late - CHECK).min(LOST_AFTER - page.forgiven);
+                page.forgiven += more;
+            }
+        }
+    }
+
     /// Passes an input to the flight; false if it is over.
-    fn send(&self, event: OperatorEvent) -> bool {
+    fn send(&mut self, event: OperatorEvent) -> bool {
+        self.stopped = match event {
+            OperatorEvent::Resume | OperatorEvent::Instruction(_) => None,
+            _ => Some(Instant::now()),
+        };
         self.flight.as_ref().is_some_and(|flight| flight.operator.send(event).is_ok())
     }
 
     fn instruct(&mut self, text: &str) -> Result<String, String> {
-        if let Some(flight) = &self.flight {
-            let read = (flight.read)(text)?;
+        if let Some(read) = self.flight.as_ref().map(|flight| flight.read.clone()) {
+            let read = read(text)?;
             let sent = self.send(OperatorEvent::Instruction(text.to_owned())) && self.send(OperatorEvent::Resume);
             return if sent { Ok(read) } else { Err("the flight is over".to_owned()) };
         }

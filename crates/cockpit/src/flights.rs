@@ -3,19 +3,30 @@
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::time::UNIX_EPOCH;
+use std::pin::Pin;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::task::{Context, Poll};
+use std::time::{Duration, Instant, UNIX_EPOCH};
 
-use axum::body::Body;
+use axum::body::{Body, HttpBody};
 use axum::http::header::{ACCEPT_RANGES, CONTENT_DISPOSITION, CONTENT_RANGE, CONTENT_TYPE};
 use axum::http::{HeaderValue, StatusCode};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
+use hyper::body::{Frame, SizeHint};
 use serde_json::{Value, json};
+use tokio::sync::mpsc;
 
 /// Maximum number of flights listed, the newest.
 const LISTED: usize = 500;
 /// Maximum size of a summary that is read for the list, and of a part of a film sent at once, bytes.
 const SUMMARY: u64 = 1 << 20;
 const PART: u64 = 2 << 20;
+/// Size of the pieces in which a file is read, bytes, and how many of them wait to be sent at most.
+const PIECE: usize = 64 << 10;
+const PIECES: usize = 4;
+/// The folder is read anew after this time.
+const FRESH: Duration = Duration::from_secs(2);
 
 /// The files of a flight that are served: their names and types, and whether a browser shows them.
 const FILES: [(&str, &str, bool); 5] = [
@@ -30,13 +41,22 @@ const FILES: [(&str, &str, bool); 5] = [
 #[derive(Clone, Debug)]
 pub struct Flights {
     folder: PathBuf,
+    known: Arc<Mutex<Option<Known>>>,
+}
+
+/// What the folder held a moment ago.
+#[derive(Clone, Debug)]
+struct Known {
+    at: Instant,
+    found: Arc<[(String, PathBuf)]>,
+    list: Arc<str>,
 }
 
 impl Flights {
     /// The flights in a folder, which need not exist yet. A folder that is a flight itself is a list of one.
     #[must_use]
     pub fn of(folder: &Path) -> Self {
-        Self { folder: folder.to_owned() }
+        Self { folder: folder.to_owned(), known: Arc::default() }
     }
 
     /// The folders of flights, with the names under which they are served; newest first.
@@ -55,28 +75,27 @@ impl Flights {
         found.into_iter().take(LISTED).map(|(_, name, path)| (name, path)).collect()
     }
 
-    /// The list, JSON.
-    pub(crate) fn list(&self) -> String {
-        let flight = |(name, path): (String, PathBuf)| {
-            let summary = summary(&path);
-            let has = |file: &str| path.join(file).is_file();
-            let get = |key: &str| summary.get(key).cloned().unwrap_or(Value::Null);
-            json!({
-                "name": name, "written": written(&path), "instruction": get("instruction"), "outcome": get("outcome"),
-                "verified": get("verified"), "cause": get("cause"), "scene": get("scene"), "drone": get("drone"), "vlm": get("vlm"),
-                "time": get("finished_at_s"), "flown": get("path_length_m"), "decisions": get("decisions"),
-                "distance": get("final_distance_m"), "collisions": get("collisions"),
-                "film": has("video.mp4"), "map": has("trajectory.svg"), "log": has("flight.mcap"),
-            })
-        };
-        Value::Array(self.found().into_iter().map(flight).collect()).to_string()
+    /// What the folder holds. Whoever asks meanwhile waits for the same answer.
+    fn known(&self) -> Known {
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = known.as_ref().filter(|known| known.at.elapsed() < FRESH) {
+            return known.clone();
+        }
+        let found = self.found();
+        let list = listed(&found).into();
+        known.insert(Known { at: Instant::now(), found: found.into(), list }).clone()
     }
 
-    /// A file of a flight, or the part of it that is asked for. Names are compared with what is there, never joined to a path.
+    /// The list, JSON. It reads files: not for a thread that must not wait.
+    pub(crate) fn list(&self) -> String {
+        self.known().list.to_string()
+    }
+
+    /// A file of a flight, or the part of it that is asked for; within a runtime that reads it on. Names are compared with what is there, never joined to a path.
     pub(crate) fn file(&self, name: &str, file: &str, range: Option<&str>) -> Response {
         let missing = || (StatusCode::NOT_FOUND, "no such flight or file\n").into_response();
         let Some((file, kind, shown)) = FILES.into_iter().find(|(known, ..)| *known == file) else { return missing() };
-        let Some((name, folder)) = self.found().into_iter().find(|(known, _)| known == name) else { return missing() };
+        let Some((name, folder)) = self.known().found.iter().find(|(known, _)| known == name).cloned() else { return missing() };
         let Ok(open) = spf_input_file(&folder.join(file)) else { return missing() };
         let mut response = match part(open, range) {
             Ok(response) => response,
@@ -93,6 +112,23 @@ impl Flights {
         }
         response
     }
+}
+
+/// The list of these flights, JSON.
+fn listed(found: &[(String, PathBuf)]) -> String {
+    let flight = |(name, path): &(String, PathBuf)| {
+        let summary = summary(path);
+        let has = |file: &str| path.join(file).is_file();
+        let get = |key: &str| summary.get(key).cloned().unwrap_or(Value::Null);
+        json!({
+            "name": name, "written": written(path), "instruction": get("instruction"), "outcome": get("outcome"),
+            "verified": get("verified"), "cause": get("cause"), "scene": get("scene"), "drone": get("drone"), "vlm": get("vlm"),
+            "time": get("finished_at_s"), "flown": get("path_length_m"), "decisions": get("decisions"),
+            "distance": get("final_distance_m"), "collisions": get("collisions"),
+            "film": has("video.mp4"), "map": has("trajectory.svg"), "log": has("flight.mcap"),
+        })
+    };
+    Value::Array(found.iter().map(flight).collect()).to_string()
 }
 
 /// A regular file; a pipe would never end.
@@ -123,10 +159,8 @@ fn part(mut file: File, range: Option<&str>) -> Result<Response, StatusCode> {
         None => None,
     };
     let (from, to) = asked.unwrap_or((0, length));
-    let mut bytes = Vec::new();
     file.seek(SeekFrom::Start(from)).map_err(failed)?;
-    file.take(to - from).read_to_end(&mut bytes).map_err(failed)?;
-    let mut response = Body::from(bytes).into_response();
+    let mut response = Body::new(Pieces::of(file, to - from)).into_response();
     if asked.is_some() {
         *response.status_mut() = StatusCode::PARTIAL_CONTENT;
         let told = format!("bytes {from}-{}/{length}", to.saturating_sub(1));
@@ -135,6 +169,49 @@ fn part(mut file: File, range: Option<&str>) -> Result<Response, StatusCode> {
             .insert(CONTENT_RANGE, HeaderValue::from_str(&told).map_err(|_| StatusCode::INTERNAL_SERVER_ERROR)?);
     }
     Ok(response)
+}
+
+/// A part of a file that is read piece by piece, as it is sent.
+struct Pieces {
+    left: u64,
+    pieces: mpsc::Receiver<std::io::Result<Bytes>>,
+}
+
+impl Pieces {
+    /// The next `length` bytes of a file; the sender's time limit ends a read that nobody takes.
+    fn of(mut file: File, length: u64) -> Self {
+        let (send, pieces) = mpsc::channel(PIECES);
+        drop(tokio::task::spawn_blocking(move || {
+            let mut left = length;
+            while left > 0 {
+                let mut piece = vec![0; PIECE.min(usize::try_from(left).unwrap_or(PIECE))];
+                let read = file.read_exact(&mut piece).map(|()| Bytes::from(piece));
+                let (read_on, size) = (read.is_ok(), read.as_ref().map_or(0, Bytes::len));
+                if send.blocking_send(read).is_err() || !read_on {
+                    return;
+                }
+                left -= size as u64;
+            }
+        }));
+        Self { left: length, pieces }
+    }
+}
+
+impl HttpBody for Pieces {
+    type Data = Bytes;
+    type Error = std::io::Error;
+
+    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<std::io::Result<Frame<Bytes>>>> {
+        self.pieces.poll_recv(cx).map(|piece| {
+            let piece = piece?;
+            self.left -= piece.as_ref().map_or(0, |piece| piece.len() as u64);
+            Some(piece.map(Frame::data))
+        })
+    }
+
+    fn size_hint(&self) -> SizeHint {
+        SizeHint::with_exact(self.left)
+    }
 }
 
 /// The first byte and the one after the last of a `Range` header with a single range, at most [`PART`] bytes.
@@ -156,6 +233,8 @@ mod tests {
 
     #[test]
     fn only_files_of_flights_are_served() {
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let _within = runtime.enter();
         let folder = tempfile::tempdir().unwrap();
         let flight = folder.path().join("001-a");
         std::fs::create_dir(&flight).unwrap();
@@ -169,6 +248,14 @@ mod tests {
         let status = |name: &str, file: &str, range| flights.file(name, file, range).status().as_u16();
         assert_eq!(status("001-a", "video.mp4", None), 200);
         assert_eq!(status("001-a", "video.mp4", Some("bytes=10-19")), 206);
+        let whole: Vec<u8> = (0..300_000_u32).map(|at| (at % 251) as u8).collect();
+        std::fs::write(flight.join("flight.mcap"), &whole).unwrap();
+        let sent = |range| {
+            let body = flights.file("001-a", "flight.mcap", range).into_body();
+            runtime.block_on(axum::body::to_bytes(body, usize::MAX)).unwrap()
+        };
+        assert!(sent(None) == whole && sent(Some("bytes=100000-299998")) == whole[100_000..299_999]);
+        std::fs::remove_file(flight.join("flight.mcap")).unwrap();
         assert_eq!(status("001-a", "video.mp4", Some("bytes=100-")), 416);
         for (name, file) in
             [("..", "secret"), ("001-a", "../../secret"), ("001-a", "flight.mcap"), ("no-flight", "video.mp4"), ("", "video.mp4")]

@@ -151,9 +151,15 @@ impl Hub {
     /// All that a new page must learn, and what comes after it.
     pub(crate) fn subscribe(&self) -> (Vec<News>, broadcast::Receiver<News>) {
         let past = self.past();
-        let path = News { text: json(&serde_json::json!({"type": "path", "path": past.path})), closed: false };
-        let known = past.flight.iter().chain([&path]).chain(&past.rows).chain(&past.question).chain(&past.end);
-        (known.cloned().collect(), self.news.subscribe())
+        let path = past.path.clone();
+        let mut known: Vec<News> = past.flight.iter().cloned().collect();
+        let at = known.len();
+        known.extend(past.rows.iter().chain(&past.question).chain(&past.end).cloned());
+        let later = self.news.subscribe();
+        // The flight waits for this lock, and a long path takes a while to write.
+        drop(past);
+        known.insert(at, News { text: json(&serde_json::json!({"type": "path", "path": path})), closed: false });
+        (known, later)
     }
 }
 

@@ -14,6 +14,7 @@ use spf_flight::log::FlightHeader;
 use spf_flight::run::Observer;
 use spf_flight::sight::Sight;
 use spf_flight::words;
+use spf_vlm::human::HUMAN;
 
 use crate::hub::{Hub, Kept, json};
 use crate::overlay::Drawn;
@@ -46,6 +47,8 @@ pub struct Instruments {
     asked: Option<(u64, Time)>,
     /// The end of the plan.
     goal: Option<EnuPosition>,
+    /// The operator has ordered to hold, which on the ground is in effect after take-off.
+    holds: bool,
     flown: f64,
     last: Option<EnuPosition>,
     /// Whether the map was moved to where the craft counts its position from.
@@ -71,6 +74,7 @@ impl Instruments {
             instruction: String::new(),
             asked: None,
             goal: None,
+            holds: false,
             flown: 0.0,
             last: None,
             placed: false,
@@ -112,6 +116,7 @@ impl Instruments {
             "type": "state",
             "t": now.as_secs_f64(),
             "phase": pilot.phase(),
+            "will_hold": self.holds && matches!(pilot.phase(), Phase::Ground | Phase::TakeOff),
             "phase_text": words::phase(pilot.phase()),
             "instruction": self.instruction,
             "height": telemetry.and_then(|telemetry| telemetry.height).unwrap_or(pose.position.up),
@@ -175,7 +180,7 @@ impl Observer for Instruments {
     fn begin(&mut self, head: &FlightHeader, sight: &Sight) {
         (self.camera, self.sight) = (head.camera, Some(sight.clone()));
         self.instruction.clone_from(&head.instruction);
-        self.pointing.begin(head.camera);
+        self.pointing.begin(head.camera, head.vlm == HUMAN);
         let (alpha, beta) = head.camera.half_fov();
         let fence: Vec<Vec<(f64, f64)>> =
             head.limits.geofence.iter().flat_map(|fence| fence.outlines()).map(<[_]>::to_vec).collect();
@@ -211,6 +216,7 @@ impl Observer for Instruments {
     }
 
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
+        self.pointing.phase(pilot.phase());
         self.picture(now, pilot);
         self.drawn.note(now, action, &self.camera);
         match action {
@@ -232,8 +238,11 @@ impl Observer for Instruments {
             }
             Action::Note(Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _)) => {}
             Action::Note(note) => {
-                if let Note::Operator(OperatorEvent::Instruction(text)) = note {
-                    self.instruction.clone_from(text);
+                match note {
+                    Note::Operator(OperatorEvent::Instruction(text)) => self.instruction.clone_from(text),
+                    Note::Operator(OperatorEvent::Hold) => self.holds = true,
+                    Note::Operator(OperatorEvent::Resume) => self.holds = false,
+                    _ => {}
                 }
                 let level = match note {
                     Note::QueryFailed { .. } => "error",
@@ -265,6 +274,7 @@ impl Observer for Instruments {
     }
 
     fn time(&mut self, now: Time, pilot: &Pilot) {
+        self.pointing.phase(pilot.phase());
         self.place(now, pilot);
         self.picture(now, pilot);
         if now >= self.next_state {

@@ -83,7 +83,12 @@ pub(crate) enum Order {
     /// Ask the pilot for the controls.
     Ask,
     /// Hand the controls over to who asks, or not.
-    Give(bool),
+    Give {
+        /// The page that was asked about.
+        page: u64,
+        /// Whether it gets them.
+        yes: bool,
+    },
 }
 
 /// A side of the picture.

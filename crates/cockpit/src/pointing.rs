@@ -10,6 +10,7 @@ use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{CameraDisplacement, Lifting, lift, project_displacement, range_of_label};
+use spf_core::pilot::Phase;
 use spf_core::query::{ImagePoint, Look, Query, QueryKind};
 use spf_vlm::human::{HUMAN, Pointed, pixels, reply_to};
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
@@ -58,6 +59,9 @@ impl Given {
 #[derive(Default)]
 struct Inner {
     camera: Option<Camera>,
+    /// Whether a person answers every query.
+    human: bool,
+    phase: Option<Phase>,
     poses: VecDeque<(FrameId, Pose)>,
     asked: VecDeque<(FrameId, Pose)>,
     /// Whether a query waits for a person.
@@ -81,12 +85,33 @@ impl Pointing {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn begin(&self, camera: Camera) {
-        *self.inner() = Inner { camera: Some(camera), ..Inner::default() };
+    pub(crate) fn begin(&self, camera: Camera, human: bool) {
+        *self.inner() = Inner { camera: Some(camera), human, ..Inner::default() };
     }
 
     pub(crate) fn forget(&self) {
         *self.inner() = Inner::default();
+    }
+
+    /// The phase of the flight.
+    pub(crate) fn phase(&self, phase: Phase) {
+        self.inner().phase = Some(phase);
+    }
+
+    /// Whether the craft waits on the ground for take-off.
+    pub(crate) fn is_on_ground(&self) -> bool {
+        self.inner().phase == Some(Phase::Ground)
+    }
+
+    /// Why nothing can be pointed at now. A person who answers every query clicks often, and a click must not undo a hold.
+    pub(crate) fn refusal(&self) -> Option<&'static str> {
+        let inner = self.inner();
+        match inner.phase? {
+            Phase::Ended => Some("the flight is over"),
+            Phase::Landing => Some("the drone lands: Hold and Resume first"),
+            Phase::Held | Phase::Manual if inner.human => Some("the drone holds: Resume first"),
+            _ => None,
+        }
     }
 
     /// Remembers from where a frame was taken.

@@ -1,10 +1,9 @@
 //! The HTTP server of the page.
 
-use std::net::{SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, Request, State};
 use axum::http::header::{self, HeaderName};
@@ -12,11 +11,12 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode};
 use axum::middleware::{self, Next};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
-use spf_guard::Access;
+use axum::{Extension, Router};
+use spf_guard::{Access, Peer};
 use tokio::sync::watch;
 
 use crate::flights::Flights;
-use crate::message::{Hello, LONGEST};
+use crate::message::LONGEST;
 use crate::page::{FILES, text};
 use crate::shared::Shared;
 use crate::{controlling, watching};
@@ -70,36 +70,50 @@ async fn headed(request: Request, next: Next) -> Response {
     response
 }
 
-async fn watch(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
+async fn watch(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>, upgrade: WebSocketUpgrade) -> Response {
     let limited = upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).write_buffer_size(0);
-    limited.on_upgrade(async move |socket| watching::converse(socket, &shared).await)
+    limited.on_upgrade(async move |socket| watching::converse(socket, &shared, peer).await)
 }
 
-async fn control(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {
+async fn control(
+    State(shared): State<Arc<Shared>>,
+    Extension(Peer(peer)): Extension<Peer>,
+    upgrade: WebSocketUpgrade,
+) -> Response {
     let limited = upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).write_buffer_size(0);
-    limited.on_upgrade(async move |socket| controlling::converse(socket, &shared).await)
+    limited.on_upgrade(async move |socket| controlling::converse(socket, &shared, peer).await)
 }
 
 /// The recorded flights, if they are served.
-fn served(shared: &Shared) -> Result<&Flights, (StatusCode, &'static str)> {
+fn served(shared: &Shared, peer: IpAddr) -> Result<Flights, (StatusCode, &'static str)> {
     // Recordings hold prompts, and browsers fetch films without our tokens.
-    let hello = Hello::default();
-    if shared.controls.may_watch(&hello, std::time::Instant::now()).is_err() {
+    if !shared.is_open_to(peer) {
         return Err((StatusCode::FORBIDDEN, "flights are shown on this machine only\n"));
     }
-    shared.flights.as_ref().ok_or((StatusCode::NOT_FOUND, "no flights are served\n"))
+    shared.flights.clone().ok_or((StatusCode::NOT_FOUND, "no flights are served\n"))
 }
 
-async fn flights(State(shared): State<Arc<Shared>>) -> Response {
-    match served(&shared) {
-        Ok(flights) => ([(header::CONTENT_TYPE, "application/json")], flights.list()).into_response(),
-        Err(refused) => refused.into_response(),
-    }
+/// Reads files in another thread: a slow disk must not delay the controls.
+async fn read(shared: &Shared, peer: IpAddr, reading: impl FnOnce(&Flights) -> Response + Send + 'static) -> Response {
+    let flights = match served(shared, peer) {
+        Ok(flights) => flights,
+        Err(refused) => return refused.into_response(),
+    };
+    let read = tokio::task::spawn_blocking(move || reading(&flights)).await;
+    read.unwrap_or_else(|_| (StatusCode::INTERNAL_SERVER_ERROR, "the flights cannot be read\n").into_response())
 }
 
-async fn flight(State(shared): State<Arc<Shared>>, Path((name, file)): Path<(String, String)>, headers: HeaderMap) -> Response {
-    match served(&shared) {
-        Ok(flights) => flights.file(&name, &file, headers.get(header::RANGE).and_then(|range| range.to_str().ok())),
-        Err(refused) => refused.into_response(),
-    }
+async fn flights(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>) -> Response {
+    let list = |flights: &Flights| ([(header::CONTENT_TYPE, "application/json")], flights.list()).into_response();
+    read(&shared, peer, list).await
+}
+
+async fn flight(
+    State(shared): State<Arc<Shared>>,
+    Extension(Peer(peer)): Extension<Peer>,
+    Path((name, file)): Path<(String, String)>,
+    headers: HeaderMap,
+) -> Response {
+    let range = headers.get(header::RANGE).and_then(|range| range.to_str().ok()).map(str::to_owned);
+    read(&shared, peer, move |flights| flights.file(&name, &file, range.as_deref())).await
 }

@@ -1,5 +1,6 @@
 //! The socket of pictures and state: the newest ones only, at the pace of the page.
 
+use std::net::IpAddr;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -42,13 +43,13 @@ impl Drop for Viewer<'_> {
 }
 
 /// Serves a page until it disconnects or the server ends.
-pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared) {
+pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared, peer: IpAddr) {
     let Ok(Some(Ok(Message::Text(first)))) = timeout(GREETING, socket.recv()).await else { return };
     let hello = match ToWatch::read(&first) {
         Ok(ToWatch::Hello(hello)) => hello,
         _ => Hello::default(),
     };
-    match shared.controls.may_watch(&hello, Instant::now()) {
+    match shared.controls.may_watch(&hello, peer, Instant::now()) {
         Ok(knows) => drop(show(&mut socket, shared, knows).await),
         Err(refused) => {
             let text = json(&json!({"type": "refused", "why": refused.to_string()}));

@@ -1,6 +1,7 @@
 //! The places of a server's connections.
 
 use std::collections::BTreeMap;
+use std::net::IpAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,6 +19,8 @@ struct Taken {
 
 struct Occupant {
     settled: Arc<AtomicBool>,
+    /// The address of whoever keeps the connection, once it is a WebSocket.
+    keeper: Option<IpAddr>,
     turn_out: Box<dyn FnOnce() + Send>,
 }
 
@@ -57,7 +60,7 @@ impl ConnectionSlots {
         let id = taken.next;
         taken.next += 1;
         let settled = Arc::new(AtomicBool::new(false));
-        taken.by_age.insert(id, Occupant { settled: settled.clone(), turn_out: Box::new(turn_out) });
+        taken.by_age.insert(id, Occupant { settled: settled.clone(), keeper: None, turn_out: Box::new(turn_out) });
         drop(taken);
         if let Some(occupant) = leaving {
             (occupant.turn_out)();
@@ -76,6 +79,20 @@ impl Place {
     /// Keeps the place until the connection ends: its request is complete, and its sender may ask.
     pub fn settle(&self) {
         self.0.settled.store(true, Ordering::Relaxed);
+    }
+
+    /// Keeps the place for a WebSocket; false if this address keeps `most` of them already.
+    #[must_use]
+    pub fn keep(&self, keeper: IpAddr, most: usize) -> bool {
+        let mut taken = self.0.places.taken();
+        if taken.by_age.values().filter(|occupant| occupant.keeper == Some(keeper)).count() >= most {
+            return false;
+        }
+        if let Some(occupant) = taken.by_age.get_mut(&self.0.id) {
+            occupant.keeper = Some(keeper);
+        }
+        self.settle();
+        true
     }
 }
 
@@ -124,6 +141,18 @@ mod tests {
         drop(third);
         assert!(enter("sixth").is_some());
         assert_eq!((out.lock().unwrap().len(), places.count()), (1, 1));
+    }
+
+    #[test]
+    fn one_address_does_not_keep_all_places() {
+        let places = ConnectionSlots::new(8);
+        let enter = || places.enter(|| {}).unwrap();
+        let [one, other] = [IpAddr::from([192, 0, 2, 1]), IpAddr::from([192, 0, 2, 2])];
+        let kept: Vec<Place> = (0..4).map(|_| enter()).collect();
+        assert!(kept.iter().take(3).all(|place| place.keep(one, 3)));
+        assert!(!kept[3].keep(one, 3) && kept[3].keep(other, 3));
+        drop(kept);
+        assert!(enter().keep(one, 3), "free again");
     }
 
     proptest! {

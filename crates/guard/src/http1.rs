@@ -4,7 +4,7 @@
 
 use std::convert::Infallible;
 use std::io;
-use std::net::TcpListener;
+use std::net::{IpAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -36,8 +36,14 @@ const ACCEPT_AGAIN: Duration = Duration::from_millis(100);
 /// Maximum number of clients that are told that there is no place, and the time limit for it; others are disconnected.
 const TURNED_AWAY: usize = 8;
 const TURNING_AWAY: Duration = Duration::from_secs(1);
+/// Maximum number of WebSockets from one address other than this machine's, so that one stranger does not take all places.
+const KEPT: usize = 16;
 /// Interval at which the end of the connections is checked at shutdown.
 const GLANCE: Duration = Duration::from_millis(10);
+
+/// The address from which a request comes: an extension of every request.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer(pub IpAddr);
 
 /// Serves `router` until `stop` is true or its sender is gone, then closes the connections and waits up to `grace` for
 /// them.
@@ -80,14 +86,16 @@ pub async fn serve_many(
             // A dropped sender also means the end.
             _ = stop.wait_for(|stop| *stop) => break,
         };
-        let Ok((stream, _)) = accepted else {
+        let Ok((stream, peer)) = accepted else {
             tokio::time::sleep(ACCEPT_AGAIN).await;
             continue;
         };
         let out = Arc::new(Notify::new());
         let turn_out = out.clone();
         match places.enter(move || turn_out.notify_one()) {
-            Some(place) => drop(tokio::spawn(converse(stream, place, out, router.clone(), stop.clone()))),
+            Some(place) => {
+                drop(tokio::spawn(converse(stream, Peer(peer.ip().to_canonical()), place, out, router.clone(), stop.clone())))
+            }
             None => turn_away(stream, &turned_away, most),
         }
     }
@@ -102,11 +110,19 @@ pub async fn serve_many(
 }
 
 /// One connection, until it ends or must give up its place.
-async fn converse(stream: TcpStream, place: Place, out: Arc<Notify>, router: Router, mut stop: watch::Receiver<bool>) {
+async fn converse(
+    stream: TcpStream,
+    peer: Peer,
+    place: Place,
+    out: Arc<Notify>,
+    router: Router,
+    mut stop: watch::Receiver<bool>,
+) {
     drop(stream.set_nodelay(true));
     let held = place.clone();
     let service = service_fn(move |mut request: hyper::Request<Incoming>| {
         request.extensions_mut().insert(held.clone());
+        request.extensions_mut().insert(peer);
         let routed = TowerToHyperService::new(router.clone());
         async move { hyper::service::Service::call(&routed, request.map(Body::new)).await.map_err(|never: Infallible| never) }
     });
@@ -189,6 +205,12 @@ async fn check(access: Arc<Access>, request: Request, next: Next) -> Response {
     let place = request.extensions().get::<Place>().cloned();
     let settle = || place.iter().for_each(Place::settle);
     if request.headers().contains_key(UPGRADE) {
+        let peer = request.extensions().get::<Peer>().map(|peer| peer.0).filter(|peer| !peer.is_loopback());
+        if let (Some(place), Some(peer)) = (&place, peer)
+            && !place.keep(peer, KEPT)
+        {
+            return refused(StatusCode::TOO_MANY_REQUESTS, &format!("more than {KEPT} connections from {peer}: close a page"));
+        }
         settle();
         return next.run(request).await;
     }

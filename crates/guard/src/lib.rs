@@ -15,7 +15,7 @@ use std::time::Duration;
 pub use access::{Access, OriginError, Refusal};
 pub use connection_slots::{ConnectionSlots, Place};
 pub use deadline_stream::DeadlineStream;
-pub use http1::{serve, serve_many};
+pub use http1::{Peer, serve, serve_many};
 
 /// Maximum number of connections of one server.
 pub const CONNECTIONS: usize = 8;

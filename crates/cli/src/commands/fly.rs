@@ -82,7 +82,8 @@ pub(crate) fn instruction_reader(settings: &Settings) -> Result<(ReadInstruction
     let scene = settings.fly.scene.text_or_default();
     let loaded = is_sim.then(|| load_scene(scene, &conditions).map(Arc::new)).transpose()?;
     let about = loaded.as_ref().map_or_else(
-        || format!("drone {}", settings.fly.drone.text_or_default()),
+        // Without its address, which is not for spectators.
+        || format!("drone {}", settings.fly.drone.text_or_default().split([':', '@', '#']).next().unwrap_or_default()),
         |loaded| format!("simulated craft in {}", loaded.scene.name),
     );
     let start = settings.fly.start.get()?;

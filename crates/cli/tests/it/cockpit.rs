@@ -1,5 +1,6 @@
 //! The cockpit in Debian's Chromium, by Playwright, with axe-core.
 
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Command;
 
@@ -35,4 +36,17 @@ fn the_cockpit_ends_with_ctrl_c_and_a_folder_of_flights_is_needed_to_look_at_one
     std::fs::create_dir(lab.path("flights")).unwrap();
     let run = lab.spf(&["cockpit", "--view", "flights", "--cockpit=0.0.0.0:0"]);
     assert!(run.code == Some(2) && run.stderr.contains("this machine only"), "{}", run.stderr);
+    ends_with_ctrl_c(&lab, &["cockpit", "--view", "flights", "--cockpit=127.0.0.1:0"], "Ctrl-C ends.");
+    ends_with_ctrl_c(&lab, &["cockpit", "--cockpit=127.0.0.1:0", "--scene", "yard"], "Waiting for an instruction");
+}
+
+/// Starts it, waits until it says `ready`, and sends it SIGINT.
+fn ends_with_ctrl_c(lab: &Lab, args: &[&str], ready: &str) {
+    let mut child = lab.command(args).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.contains(ready)), "it ended before `{ready}`");
+    let kill = format!("kill -INT {}", child.id());
+    assert!(Command::new("sh").args(["-c", &kill]).status().unwrap().success());
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(0), "{rest:?}");
 }

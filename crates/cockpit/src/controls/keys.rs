@@ -1,6 +1,7 @@
 //! Tokens in printed addresses, and the sessions that they open.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::net::IpAddr;
 use std::time::{Duration, Instant};
 
 use crate::message::Hello;
@@ -8,8 +9,10 @@ use crate::secret::Secret;
 
 /// Maximum number of sessions; the oldest is forgotten.
 const SESSIONS: usize = 32;
-/// So many wrong tokens within a minute, and no token is looked at until they are a minute old.
+/// So many wrong tokens of one address within a minute, and it is told no more until the minute is over.
 const WRONG: usize = 10;
+/// Maximum number of addresses whose wrong tokens are counted.
+const WRONG_FROM: usize = 256;
 const WRONG_WITHIN: Duration = Duration::from_secs(60);
 /// A used one-time address is replaced after its page was away for this long.
 const RENEW_AFTER: Duration = Duration::from_secs(5);
@@ -48,13 +51,14 @@ pub(crate) struct Keys {
     watch: Secret,
     sessions: VecDeque<(u64, Secret)>,
     next: u64,
-    wrong: VecDeque<Instant>,
+    /// Wrong tokens of an address: how many, since when.
+    wrong: BTreeMap<IpAddr, (usize, Instant)>,
 }
 
 impl Keys {
     pub(crate) fn new(loopback: bool) -> std::io::Result<Self> {
         let (fly, watch) = (Secret::new()?, Secret::new()?);
-        Ok(Self { loopback, fly, used: false, watch, sessions: VecDeque::new(), next: 0, wrong: VecDeque::new() })
+        Ok(Self { loopback, fly, used: false, watch, sessions: VecDeque::new(), next: 0, wrong: BTreeMap::new() })
     }
 
     /// The secrets of the addresses to print: to fly, and to watch if that needs one.
@@ -63,28 +67,28 @@ impl Keys {
     }
 
     /// What the sender of a greeting may see. It uses no token up.
-    pub(crate) fn look(&mut self, hello: &Hello, now: Instant) -> Result<May, Refused> {
+    pub(crate) fn look(&mut self, hello: &Hello, peer: IpAddr, now: Instant) -> Result<May, Refused> {
         if let Some(session) = &hello.session
             && self.sessions.iter().any(|(_, secret)| secret.is(session))
         {
             return Ok(May::Fly);
         }
         match &hello.token {
-            Some(token) => self.token(token, now).map(|_| May::Watch),
+            Some(token) => self.token(token, peer, now).map(|_| May::Watch),
             None if self.loopback => Ok(May::Watch),
             None => Err(Refused::NoToken),
         }
     }
 
     /// The session of the sender of a greeting; `None` for a spectator.
-    pub(crate) fn enter(&mut self, hello: &Hello, now: Instant) -> Result<Option<(u64, String)>, Refused> {
+    pub(crate) fn enter(&mut self, hello: &Hello, peer: IpAddr, now: Instant) -> Result<Option<(u64, String)>, Refused> {
         if let Some(session) = &hello.session
             && let Some((id, secret)) = self.sessions.iter().find(|(_, secret)| secret.is(session))
         {
             return Ok(Some((*id, secret.text().to_owned())));
         }
         match &hello.token {
-            Some(token) if self.token(token, now)? == May::Fly => {
+            Some(token) if self.token(token, peer, now)? == May::Fly => {
                 if self.used && !self.loopback {
                     return Err(Refused::Used);
                 }
@@ -109,21 +113,21 @@ impl Keys {
         Ok((id, text))
     }
 
-    fn token(&mut self, token: &str, now: Instant) -> Result<May, Refused> {
-        while self.wrong.front().is_some_and(|at| now.duration_since(*at) > WRONG_WITHIN) {
-            self.wrong.pop_front();
-        }
-        if self.wrong.len() >= WRONG {
-            return Err(Refused::TooMany);
-        }
+    fn token(&mut self, token: &str, peer: IpAddr, now: Instant) -> Result<May, Refused> {
+        // First of all: whoever has it is not locked out by those who guess.
         match (self.fly.is(token), self.watch.is(token)) {
-            (true, _) => Ok(May::Fly),
-            (false, true) => Ok(May::Watch),
-            (false, false) => {
-                self.wrong.push_back(now);
-                Err(Refused::Unknown)
-            }
+            (true, _) => return Ok(May::Fly),
+            (false, true) => return Ok(May::Watch),
+            (false, false) => {}
         }
+        self.wrong.retain(|_, (_, since)| now.duration_since(*since) <= WRONG_WITHIN);
+        if self.wrong.len() >= WRONG_FROM && !self.wrong.contains_key(&peer) {
+            let oldest = self.wrong.iter().min_by_key(|(_, (_, since))| *since).map(|(peer, _)| *peer);
+            oldest.and_then(|oldest| self.wrong.remove(&oldest));
+        }
+        let (count, _) = self.wrong.entry(peer).or_insert((0, now));
+        *count += 1;
+        Err(if *count > WRONG { Refused::TooMany } else { Refused::Unknown })
     }
 
     /// A new secret that flies, if the one-time one was used and its page has been away for this long.
@@ -139,7 +143,11 @@ impl Keys {
 
 #[cfg(test)]
 mod tests {
+    use std::net::Ipv4Addr;
+
     use super::*;
+
+    const HERE: IpAddr = IpAddr::V4(Ipv4Addr::LOCALHOST);
 
     fn token(token: &str) -> Hello {
         Hello { token: Some(token.to_owned()), session: None }
@@ -150,34 +158,41 @@ mod tests {
         let mut keys = Keys::new(false).unwrap();
         let now = Instant::now();
         let (fly, watch) = keys.printed();
-        assert_eq!(keys.look(&Hello::default(), now), Err(Refused::NoToken));
-        assert_eq!(keys.look(&token(&watch.clone().unwrap()), now), Ok(May::Watch));
-        assert_eq!(keys.enter(&token(&watch.unwrap()), now), Ok(None));
-        let (id, session) = keys.enter(&token(&fly), now).unwrap().unwrap();
-        assert_eq!(keys.enter(&token(&fly), now), Err(Refused::Used), "replayed");
+        assert_eq!(keys.look(&Hello::default(), HERE, now), Err(Refused::NoToken));
+        assert_eq!(keys.look(&token(&watch.clone().unwrap()), HERE, now), Ok(May::Watch));
+        assert_eq!(keys.enter(&token(&watch.unwrap()), HERE, now), Ok(None));
+        let (id, session) = keys.enter(&token(&fly), HERE, now).unwrap().unwrap();
+        assert_eq!(keys.enter(&token(&fly), HERE, now), Err(Refused::Used), "replayed");
         let again = Hello { token: None, session: Some(session.clone()) };
-        assert_eq!(keys.enter(&again, now), Ok(Some((id, session))));
-        assert_eq!(keys.look(&again, now), Ok(May::Fly));
+        assert_eq!(keys.enter(&again, HERE, now), Ok(Some((id, session))));
+        assert_eq!(keys.look(&again, HERE, now), Ok(May::Fly));
         assert_eq!(keys.renew(Duration::from_secs(1)), None);
         let renewed = keys.renew(RENEW_AFTER).unwrap();
-        assert_eq!(keys.enter(&token(&fly), now), Err(Refused::Unknown));
-        assert!(keys.enter(&token(&renewed), now).unwrap().is_some());
+        assert_eq!(keys.enter(&token(&fly), HERE, now), Err(Refused::Unknown));
+        assert!(keys.enter(&token(&renewed), HERE, now).unwrap().is_some());
     }
 
     #[test]
     fn on_this_machine_everybody_watches_and_the_address_opens_again() {
         let mut keys = Keys::new(true).unwrap();
         let (now, (fly, watch)) = (Instant::now(), keys.printed());
-        assert_eq!((watch, keys.enter(&Hello::default(), now)), (None, Ok(None)));
-        assert!(keys.enter(&token(&fly), now).unwrap().is_some() && keys.enter(&token(&fly), now).unwrap().is_some());
+        assert_eq!((watch, keys.enter(&Hello::default(), HERE, now)), (None, Ok(None)));
+        assert!(keys.enter(&token(&fly), HERE, now).unwrap().is_some() && keys.enter(&token(&fly), HERE, now).unwrap().is_some());
     }
 
     #[test]
     fn guessing_is_slow() {
         let mut keys = Keys::new(true).unwrap();
         let (now, (fly, _)) = (Instant::now(), keys.printed());
-        (0..WRONG).for_each(|_| assert_eq!(keys.enter(&token("0"), now), Err(Refused::Unknown)));
-        assert_eq!(keys.enter(&token(&fly), now), Err(Refused::TooMany));
-        assert!(keys.enter(&token(&fly), now + WRONG_WITHIN + Duration::from_secs(1)).is_ok());
+        let other = IpAddr::from([192, 0, 2, 7]);
+        (0..WRONG).for_each(|_| assert_eq!(keys.enter(&token("0"), HERE, now), Err(Refused::Unknown)));
+        assert_eq!(keys.enter(&token("0"), HERE, now), Err(Refused::TooMany));
+        assert_eq!(keys.enter(&token("0"), other, now), Err(Refused::Unknown), "another address");
+        assert!(keys.enter(&token(&fly), HERE, now).is_ok(), "the right one is never locked out");
+        assert_eq!(keys.enter(&token("0"), HERE, now + WRONG_WITHIN + Duration::from_secs(1)), Err(Refused::Unknown));
+        for count in 0..2000_u32 {
+            assert_eq!(keys.enter(&token("0"), IpAddr::from(count.to_be_bytes()), now), Err(Refused::Unknown));
+        }
+        assert!(keys.wrong.len() <= WRONG_FROM);
     }
 }

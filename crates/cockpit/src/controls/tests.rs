@@ -1,11 +1,16 @@
 use std::sync::mpsc::{Receiver, channel};
 
+use spf_core::camera::Camera;
 use spf_core::craft::Craft;
+use spf_core::pilot::Phase;
 
 use super::*;
 
+const HERE: IpAddr = IpAddr::V4(std::net::Ipv4Addr::LOCALHOST);
+
 struct Cabin {
     controls: Controls,
+    pointing: Arc<Pointing>,
     now: Instant,
     token: String,
     orders: Receiver<OperatorEvent>,
@@ -16,18 +21,23 @@ impl Cabin {
         let hub = Hub::new();
         let keys = Keys::new(true).unwrap();
         let token = keys.printed().0;
-        let controls = Controls::new(keys, hub, Arc::default());
+        let pointing = Arc::<Pointing>::default();
+        let controls = Controls::new(keys, hub, pointing.clone());
         let (operator, orders) = channel();
         let read: ReadInstruction =
             Arc::new(|text| if text == "gibberish" { Err("not understood".into()) } else { Ok("reads".into()) });
         controls.begin(FlightControls { operator, craft: Craft::tello(), read, only });
-        Self { controls, now: Instant::now(), token, orders }
+        Self { controls, pointing, now: Instant::now(), token, orders }
     }
 
     fn page(&self, token: bool) -> (u64, mpsc::Receiver<Arc<str>>) {
         let (send, messages) = mpsc::channel(TO_PAGE);
         let hello = Hello { token: token.then(|| self.token.clone()), session: None };
-        (self.controls.enter(&hello, send, self.now).unwrap().0, messages)
+        (self.controls.enter(&hello, HERE, send, self.now).unwrap().0, messages)
+    }
+
+    fn order(&self, page: u64, order: Order, ms: u64) -> Result<String, String> {
+        self.controls.order(page, &order, self.after(ms))
     }
 
     fn after(&self, ms: u64) -> Instant {
@@ -46,7 +56,9 @@ fn one_page_flies_and_others_only_watch() {
     let (second, _two) = cabin.page(true);
     let (spectator, _three) = cabin.page(false);
     for other in [second, spectator] {
-        for order in [Order::Hold, Order::Land, Order::Cut, Order::Instruction("go".to_owned()), Order::Give(true)] {
+        for order in
+            [Order::Hold, Order::Land, Order::Cut, Order::Instruction("go".to_owned()), Order::Give { page: 1, yes: true }]
+        {
             assert!(cabin.controls.order(other, &order, cabin.now).is_err());
         }
     }
@@ -65,10 +77,14 @@ fn the_controls_are_handed_over_by_consent_and_the_drone_holds() {
     let ((pilot, _one), (spectator, mut told)) = (cabin.page(true), cabin.page(false));
     assert!(cabin.controls.order(spectator, &Order::Ask, cabin.now).is_ok());
     assert!(cabin.controls.order(spectator, &Order::Hold, cabin.now).is_err(), "asking is not enough");
-    assert!(cabin.controls.order(pilot, &Order::Give(false), cabin.now).is_ok());
-    assert!(cabin.controls.order(pilot, &Order::Give(true), cabin.now).is_err(), "nobody asks any more");
-    assert!(cabin.controls.order(spectator, &Order::Ask, cabin.now).is_ok());
-    assert!(cabin.controls.order(pilot, &Order::Give(true), cabin.now).is_ok());
+    let (third, _third) = cabin.page(false);
+    assert!(cabin.order(third, Order::Ask, 0).is_err(), "the first one's turn");
+    assert!(cabin.order(pilot, Order::Give { page: third, yes: true }, 0).is_err(), "not the one asked about");
+    assert!(cabin.order(pilot, Order::Give { page: spectator, yes: false }, 0).is_ok());
+    assert!(cabin.order(pilot, Order::Give { page: spectator, yes: true }, 0).is_err(), "nobody asks any more");
+    assert!(cabin.order(spectator, Order::Ask, 29_000).is_err(), "refused a moment ago");
+    assert!(cabin.order(spectator, Order::Ask, 30_000).is_ok());
+    assert!(cabin.order(pilot, Order::Give { page: spectator, yes: true }, 30_000).is_ok());
     assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
     assert!(cabin.controls.order(pilot, &Order::Resume, cabin.now).is_err());
     assert!(cabin.controls.order(spectator, &Order::Resume, cabin.now).is_ok());
@@ -118,7 +134,10 @@ fn with_keys_in_the_terminal_a_lost_page_stops_nothing() {
     cabin.controls.check(cabin.after(30_000));
     assert_eq!(cabin.sent(), []);
     let (back, _again) = cabin.page(true);
-    assert!(cabin.controls.order(back, &Order::Hold, cabin.now).is_ok(), "whoever has the address flies");
+    assert!(cabin.order(back, Order::Hold, 0).is_err(), "it did not fly before");
+    assert!(cabin.order(back, Order::Ask, 0).is_ok(), "whoever has the address may take over");
+    assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+    assert!(cabin.order(back, Order::Resume, 0).is_ok());
 }
 
 #[test]
@@ -131,4 +150,81 @@ fn manual_flight_is_at_half_the_preset_speeds() {
     let expected =
         Setpoint { right: 0.0, forward: 0.5 * craft.cruise_speed, up: -0.5 * craft.climb_speed, yaw_rate: 0.25 * craft.yaw_rate };
     assert_eq!(cabin.sent(), [OperatorEvent::Setpoint(expected)]);
+}
+
+#[test]
+fn only_the_page_that_flew_last_takes_the_controls_by_itself() {
+    let cabin = Cabin::new(true);
+    let enter = |hello: &Hello| {
+        let (send, messages) = mpsc::channel(TO_PAGE);
+        let (number, session) = cabin.controls.enter(hello, HERE, send, cabin.now).unwrap();
+        (number, Hello { token: None, session }, messages)
+    };
+    let token = Hello { token: Some(cabin.token.clone()), session: None };
+    let ((first, first_session, _one), (second, second_session, _two)) = (enter(&token), enter(&token));
+    assert!(cabin.order(second, Order::Ask, 0).is_ok());
+    assert!(cabin.order(first, Order::Give { page: second, yes: true }, 0).is_ok());
+    cabin.controls.leave(first, cabin.now);
+    cabin.controls.leave(second, cabin.now);
+    assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+    // The tab of the former pilot connects again by itself.
+    let (former, _, _former) = enter(&first_session);
+    assert!(cabin.order(former, Order::Land, 0).is_err());
+    let (back, _, _back) = enter(&second_session);
+    assert!(cabin.order(back, Order::Hold, 0).is_ok());
+    assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+}
+
+#[test]
+fn a_click_undoes_no_hold_and_no_landing() {
+    let cabin = Cabin::new(false);
+    let (pilot, _page) = cabin.page(true);
+    let point = |ms| cabin.order(pilot, Order::Point { u: 0.5, v: 0.5, depth: 5, frame: 1 }, ms);
+    for human in [true, false] {
+        cabin.pointing.begin(Camera::quad(), human);
+        for (phase, refused) in
+            [(Phase::Flying, false), (Phase::Held, human), (Phase::Manual, human), (Phase::Landing, true), (Phase::Ended, true)]
+        {
+            cabin.pointing.phase(phase);
+            let told = point(5000);
+            assert_eq!(told.is_err(), refused, "{human} {phase:?}: {told:?}");
+            assert_eq!(cabin.sent().is_empty(), refused, "{human} {phase:?}");
+        }
+        // Clicked before the hold could be seen.
+        cabin.pointing.phase(Phase::Flying);
+        assert!(cabin.order(pilot, Order::Hold, 0).is_ok() && point(100).is_err());
+        assert_eq!(cabin.sent(), [OperatorEvent::Hold]);
+        assert!(cabin.order(pilot, Order::Resume, 0).is_ok() && point(200).is_ok());
+        cabin.sent();
+    }
+}
+
+#[test]
+fn a_late_check_does_not_count_against_the_page() {
+    let cabin = Cabin::new(true);
+    let (pilot, _page) = cabin.page(true);
+    let check = |ms| {
+        cabin.controls.check(cabin.after(ms));
+        cabin.sent()
+    };
+    cabin.controls.heard(pilot, cabin.after(0));
+    assert_eq!((check(100), check(1150)), (vec![], vec![]), "its answers wait to be read");
+    cabin.controls.heard(pilot, cabin.after(1160));
+    assert_eq!((check(1250), check(2100)), (vec![], vec![]));
+    // However late the checks are, two seconds without an answer are the limit.
+    assert_eq!((check(2900), check(3100)), (vec![], vec![]));
+    assert_eq!(check(3200), [OperatorEvent::Hold]);
+}
+
+#[test]
+fn without_its_page_a_drone_does_not_take_off() {
+    let cabin = Cabin::new(true);
+    let (pilot, _page) = cabin.page(true);
+    assert!(cabin.controls.has_pilot());
+    cabin.pointing.phase(Phase::Ground);
+    cabin.controls.check(cabin.after(1100));
+    assert_eq!(cabin.sent(), [OperatorEvent::Land]);
+    assert!(!cabin.controls.has_pilot());
+    cabin.controls.heard(pilot, cabin.after(1200));
+    assert!(cabin.controls.has_pilot());
 }

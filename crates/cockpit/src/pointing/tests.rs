@@ -61,7 +61,7 @@ fn a_correction_outranks_a_model_once() {
     let (shared, hub) = (Arc::new(Pointing::default()), Hub::new());
     let mut pointer = Pointer::new(shared.clone(), hub, Some(Box::new(Model)));
     assert!(shared.correct(Given::done()).is_err(), "without a flight there is nothing to correct");
-    shared.begin(Camera::quad());
+    shared.begin(Camera::quad(), false);
     assert_eq!(shared.answer(Given::done()), Ok(false), "no query waits for a person");
     shared.correct(Given::point(0.25, 0.5, 4, 9)).unwrap();
     let query = query();
@@ -76,7 +76,7 @@ fn a_correction_outranks_a_model_once() {
 #[test]
 fn a_person_answers_and_a_cancelled_query_waits_no_longer() {
     let (shared, hub) = (Arc::new(Pointing::default()), Hub::new());
-    shared.begin(Camera::quad());
+    shared.begin(Camera::quad(), false);
     let mut pointer = Pointer::new(shared.clone(), hub, None);
     let person = std::thread::spawn(move || while shared.answer(Given::point(0.25, 0.5, 4, 9)) != Ok(true) {});
     let query = query();

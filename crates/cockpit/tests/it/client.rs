@@ -17,8 +17,10 @@ pub(crate) struct Socket {
     shown: u64,
     /// Pictures seen: the head of each.
     pub(crate) pictures: Vec<Value>,
-    /// Whether beats are answered.
+    /// Whether beats are answered, and pictures confirmed when they are read.
     pub(crate) alive: bool,
+    /// When the last one was.
+    pub(crate) answered: Instant,
 }
 
 impl Socket {
@@ -28,13 +30,19 @@ impl Socket {
         let stream = TcpStream::connect(address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
-        let mut page = Self { socket, orders: 0, shown: 0, pictures: Vec::new(), alive: true };
+        let mut page = Self { socket, orders: 0, shown: 0, pictures: Vec::new(), alive: true, answered: Instant::now() };
         page.say(&json!({"hello": hello}));
         page
     }
 
     pub(crate) fn say(&mut self, message: &Value) {
         self.socket.send(Message::text(message.to_string())).unwrap();
+    }
+
+    /// Says that all pictures were shown, and reads none of them.
+    pub(crate) fn pretend(&mut self) {
+        // The server may have given it up.
+        let _ = self.answer(&json!({"shown": u64::MAX}));
     }
 
     /// Sends an answer; `None` if the server is gone.
@@ -53,6 +61,7 @@ impl Socket {
                         return Some(message);
                     }
                     if self.alive {
+                        self.answered = Instant::now();
                         self.answer(&json!({"beat": message["n"]}))?;
                     }
                 }
@@ -62,7 +71,9 @@ impl Socket {
                     assert_eq!(&bytes[4 + length..6 + length], [0xff, 0xd8], "a JPEG");
                     self.pictures.push(head);
                     self.shown += 1;
-                    self.answer(&json!({"shown": self.shown}))?;
+                    if self.alive {
+                        self.answer(&json!({"shown": self.shown}))?;
+                    }
                 }
                 Message::Close(_) => return None,
                 _ => {}

@@ -44,6 +44,18 @@ fn flown(cockpit: &Cockpit, only: bool) -> JoinHandle<Flown> {
     std::thread::spawn(move || fly(plan, &mut [&mut instruments]).unwrap())
 }
 
+/// How much a figure changes over ten states.
+fn stopped_at(watch: &mut Socket, figure: impl Fn(&mut Socket) -> f64) -> f64 {
+    // States that waited while nobody read come first.
+    let until = Instant::now() + Duration::from_millis(500);
+    while Instant::now() < until {
+        figure(watch);
+    }
+    let first = figure(watch);
+    let later: Vec<f64> = (0..10).map(|_| figure(watch)).collect();
+    later.iter().map(|value| (value - first).abs()).fold(0.0, f64::max)
+}
+
 fn phase(watch: &mut Socket, phase: &str) -> Value {
     watch.wait(phase, |message| message["type"] == "state" && message["phase"] == phase)
 }
@@ -86,6 +98,12 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
     // Manual flight is held by itself when nothing more comes.
     controls.order(json!({"fly": {"right": 0, "forward": 0, "up": 0, "turn": 1}}));
     phase(&mut watch, "manual");
+    // The dead man's stop: no further order comes, and it turns no more.
+    let heading = |watch: &mut Socket| phase(watch, "manual")["heading"].as_f64().unwrap();
+    std::thread::sleep(Duration::from_secs(2));
+    let turned = stopped_at(&mut watch, heading);
+    // While ordered it would turn by tens of degrees meanwhile; gusts turn it a little.
+    assert!(turned < 4.0, "it turned by {turned}° in the last states");
     // Motors are cut in two steps, and not in one.
     assert_eq!(controls.order(json!("cut")).0["ok"], json!(false));
     assert_eq!(controls.order(json!("arm_cut")).0["ok"], json!(true));
@@ -110,8 +128,10 @@ fn a_flight_whose_only_page_is_lost_holds() {
     let (cockpit, mut controls, mut watch) = opened();
     let flight = flown(&cockpit, true);
     phase(&mut watch, "take_off");
+    // Until now it has answered every beat.
+    controls.order(json!({"give": {"page": 0, "yes": false}}));
+    let lost = controls.answered;
     controls.alive = false;
-    let lost = Instant::now();
     watch.wait("a hold", |message| {
         message["text"].as_str().is_some_and(|text| text.contains("connection to the pilot's page lost"))
     });

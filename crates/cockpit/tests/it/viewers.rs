@@ -72,8 +72,16 @@ fn eight_viewers_of_which_one_is_stuck_cost_the_flight_nothing() {
     let mut without = flown(None);
     let cockpit = Cockpit::open("127.0.0.1:0".parse().unwrap(), None, Arc::new(|_| {})).unwrap();
     let over = Arc::new(AtomicBool::new(false));
-    // Greets, and then neither reads nor closes.
-    let stuck = Socket::open(cockpit.address(), "/watch", json!({}));
+    // Pictures are sent to it, and it reads none of them.
+    let (address, until) = (cockpit.address(), over.clone());
+    let stuck = std::thread::spawn(move || {
+        let mut stuck = Socket::open(address, "/watch", json!({}));
+        while !until.load(Ordering::Relaxed) {
+            stuck.pretend();
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        stuck
+    });
     let viewers: Vec<_> = (0..7)
         .map(|_| {
             let (address, over) = (cockpit.address(), over.clone());
@@ -86,8 +94,12 @@ fn eight_viewers_of_which_one_is_stuck_cost_the_flight_nothing() {
         .collect();
     let mut with = flown(Some(&cockpit));
     over.store(true, Ordering::Relaxed);
+    let mut stuck = stuck.join().unwrap();
+    stuck.alive = false;
+    while stuck.pictures.len() <= 20 {
+        assert!(stuck.next().is_some(), "only {} pictures waited for the stuck viewer", stuck.pictures.len());
+    }
     drop(cockpit);
-    drop(stuck);
     let seen: Vec<usize> = viewers.into_iter().map(|viewer| viewer.join().unwrap()).collect();
     let (alone, watched) = (without.percentile(0.99), with.percentile(0.99));
     println!(

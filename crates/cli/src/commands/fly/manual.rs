@@ -40,8 +40,8 @@ pub(crate) fn restore() {
 #[cfg(unix)]
 mod platform {
     use std::io::{IsTerminal, Read, Write, stderr, stdin};
-    use std::sync::Mutex;
     use std::sync::mpsc::Sender;
+    use std::sync::{Mutex, MutexGuard, PoisonError};
     use std::time::Instant;
 
     use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
@@ -56,10 +56,14 @@ mod platform {
     /// The original modes of the terminal.
     static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
 
+    /// Who listens to the keys of the process.
+    static KEYBOARD: Keyboard = Keyboard::new();
+
     pub(super) struct Raw;
 
     impl Drop for Raw {
         fn drop(&mut self) {
+            KEYBOARD.inner().listener = None;
             restore();
         }
     }
@@ -87,30 +91,87 @@ mod platform {
         modes.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
         *BEFORE.lock().ok()? = Some(before);
         let raw = Raw;
-        tcsetattr(stdin(), OptionalActions::Now, &modes).ok()?;
-        // It ends with the process: a read from a terminal cannot be cancelled.
-        std::thread::Builder::new().name("keys".to_owned()).spawn(move || read(craft, reader.as_ref(), &events)).ok()?;
+        // What was typed before the flight is not for it.
+        tcsetattr(stdin(), OptionalActions::Flush, &modes).ok()?;
+        if KEYBOARD.listen(Listener::new(craft, reader, events)) {
+            // It goes on from flight to flight: a read from a terminal cannot be cancelled, and a second reader would take
+            // the first one's keys.
+            std::thread::Builder::new().name("keys".to_owned()).spawn(|| KEYBOARD.read(stdin())).ok()?;
+        }
         Some(raw)
     }
 
-    fn read(craft: Craft, reader: Option<&Reader>, events: &Sender<OperatorEvent>) {
-        let (mut keys, mut buffer, mut input, start) = (Keys::new(craft), [0; 256], stdin(), Instant::now());
-        while let Ok(length) = input.read(&mut buffer) {
-            if length == 0 {
-                return;
+    /// The keys of a process: one thread reads them, for the flight that is under way.
+    struct Keyboard(Mutex<Inner>);
+
+    struct Inner {
+        /// Whether the thread runs that reads.
+        is_read: bool,
+        listener: Option<Listener>,
+    }
+
+    impl Keyboard {
+        const fn new() -> Self {
+            Self(Mutex::new(Inner { is_read: false, listener: None }))
+        }
+
+        fn inner(&self) -> MutexGuard<'_, Inner> {
+            // Consistent between calls.
+            self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        }
+
+        /// From now on keys are for this flight. True if they are not read yet: then [`Keyboard::read`] must run.
+        fn listen(&self, listener: Listener) -> bool {
+            let mut inner = self.inner();
+            inner.listener = Some(listener);
+            !std::mem::replace(&mut inner.is_read, true)
+        }
+
+        /// Reads keys until the input ends. Between flights they mean nothing.
+        fn read(&self, mut input: impl Read) {
+            let mut buffer = [0; 256];
+            loop {
+                let length = input.read(&mut buffer).unwrap_or(0);
+                let mut inner = self.inner();
+                if length == 0 {
+                    // The next flight tries again.
+                    inner.is_read = false;
+                    return;
+                }
+                if let Some(listener) = &mut inner.listener {
+                    listener.pressed(&buffer[..length]);
+                }
             }
-            let typing = keys.typed().is_some();
-            let pressed = keys.read(Time::ZERO + start.elapsed(), &keys_of(&buffer[..length]));
-            let (admitted, lines) = match reader {
+        }
+    }
+
+    /// What keys mean to one flight.
+    struct Listener {
+        keys: Keys,
+        reader: Option<Reader>,
+        events: Sender<OperatorEvent>,
+        start: Instant,
+    }
+
+    impl Listener {
+        fn new(craft: Craft, reader: Option<Reader>, events: Sender<OperatorEvent>) -> Self {
+            Self { keys: Keys::new(craft), reader, events, start: Instant::now() }
+        }
+
+        fn pressed(&mut self, bytes: &[u8]) {
+            let typing = self.keys.typed().is_some();
+            let pressed = self.keys.read(Time::ZERO + self.start.elapsed(), &keys_of(bytes));
+            let (admitted, lines) = match &self.reader {
                 Some(reader) => reader.admit(pressed),
                 None => (pressed.events, pressed.hint.map(str::to_owned).into_iter().collect()),
             };
             for event in admitted {
-                if events.send(event).is_err() {
+                // The flight may be over.
+                if self.events.send(event).is_err() {
                     return;
                 }
             }
-            show(typing, keys.typed());
+            show(typing, self.keys.typed());
             lines.iter().for_each(|line| background::say(line));
         }
     }
@@ -125,6 +186,38 @@ mod platform {
             None => Ok(()),
         });
         drop(out.flush());
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use std::io::Write as _;
+        use std::os::unix::net::UnixStream;
+        use std::sync::mpsc::channel;
+        use std::time::Duration;
+
+        use super::*;
+
+        #[test]
+        fn the_first_key_of_each_flight_is_its_own() {
+            static KEYS: Keyboard = Keyboard::new();
+            let (mut terminal, input) = UnixStream::pair().unwrap();
+            let mut reader = None;
+            for flight in 0..3 {
+                let (send, events) = channel();
+                if KEYS.listen(Listener::new(Craft::tello(), None, send)) {
+                    let input = input.try_clone().unwrap();
+                    assert!(reader.replace(std::thread::spawn(|| KEYS.read(input))).is_none(), "a second reader takes keys");
+                }
+                terminal.write_all(b" ").unwrap();
+                assert_eq!(events.recv_timeout(Duration::from_secs(10)), Ok(OperatorEvent::Hold), "flight {flight}");
+                KEYS.inner().listener = None;
+            }
+            // The end of the input ends the reader, and the next flight starts another.
+            drop(terminal);
+            reader.unwrap().join().unwrap();
+            let (send, _events) = channel();
+            assert!(KEYS.listen(Listener::new(Craft::tello(), None, send)));
+        }
     }
 }
 
