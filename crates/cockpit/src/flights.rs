@@ -96,7 +96,7 @@ impl Flights {
         let missing = || (StatusCode::NOT_FOUND, "no such flight or file\n").into_response();
         let Some((file, kind, shown)) = FILES.into_iter().find(|(known, ..)| *known == file) else { return missing() };
         let Some((name, folder)) = self.known().found.iter().find(|(known, _)| known == name).cloned() else { return missing() };
-        let Ok(open) = spf_input_file(&folder.join(file)) else { return missing() };
+        let Ok(open) = spf_input::open(&folder.join(file)) else { return missing() };
         let mut response = match part(open, range) {
             Ok(response) => response,
             Err(status) => return (status, "the file cannot be read\n").into_response(),
@@ -131,14 +131,6 @@ fn listed(found: &[(String, PathBuf)]) -> String {
     Value::Array(found.iter().map(flight).collect()).to_string()
 }
 
-/// A regular file; a pipe would never end.
-fn spf_input_file(path: &Path) -> std::io::Result<File> {
-    if !std::fs::metadata(path)?.is_file() {
-        return Err(std::io::Error::other("not a regular file"));
-    }
-    File::open(path)
-}
-
 /// Seconds since 1970 at which the flight ended; 0 if unknown.
 fn written(flight: &Path) -> u64 {
     let at = std::fs::metadata(flight.join("summary.json")).and_then(|data| data.modified()).ok();
@@ -146,8 +138,8 @@ fn written(flight: &Path) -> u64 {
 }
 
 fn summary(flight: &Path) -> Value {
-    let Ok(file) = spf_input_file(&flight.join("summary.json")) else { return Value::Null };
-    serde_json::from_reader(file.take(SUMMARY)).unwrap_or(Value::Null)
+    let text = spf_input::read(&flight.join("summary.json"), SUMMARY);
+    text.ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or(Value::Null)
 }
 
 /// The whole of a file, or the part that a browser asks for to jump within a film.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{CameraArgs, Fly, LimitArgs, MethodArgs, OutputArgs, WorldArgs};
+use super::{FlightArgs, Fly};
 
 /// Opens the cockpit and flies what is typed there, one flight after the other, until Ctrl-C.
 #[derive(Debug, Args)]
@@ -20,27 +20,12 @@ pub(crate) struct Cockpit {
     #[arg(long, value_name = "DIR")]
     pub(crate) view: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) world: WorldArgs,
-    #[command(flatten)]
-    pub(crate) method: MethodArgs,
-    #[command(flatten)]
-    pub(crate) camera: CameraArgs,
-    #[command(flatten)]
-    pub(crate) limits: LimitArgs,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
+    pub(crate) flight: FlightArgs,
 }
 
 impl Cockpit {
     /// The flight of an instruction with these flags.
     pub(crate) fn flight(&self, instruction: String) -> Fly {
-        Fly {
-            instruction,
-            world: self.world.clone(),
-            method: self.method.clone(),
-            camera: self.camera.clone(),
-            limits: self.limits.clone(),
-            output: self.output.clone(),
-        }
+        Fly { instruction, flight: self.flight.clone() }
     }
 }

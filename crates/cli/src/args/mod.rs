@@ -95,8 +95,8 @@ impl Command {
     /// Whether standard output carries JSON only.
     pub(crate) fn is_json(&self) -> bool {
         match self {
-            Self::Fly(fly) => fly.output.json,
-            Self::Cockpit(cockpit) => cockpit.output.json,
+            Self::Fly(fly) => fly.flight.output.json,
+            Self::Cockpit(cockpit) => cockpit.flight.output.json,
             Self::Doctor(doctor) => doctor.json,
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
@@ -137,6 +137,13 @@ Every flag except --events, --camera and its kind, --json and --config can also 
 pub(crate) struct Fly {
     /// Instruction for the drone, in natural language
     pub(crate) instruction: String,
+    #[command(flatten)]
+    pub(crate) flight: FlightArgs,
+}
+
+// No doc comment: clap would show it in place of the command's own.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct FlightArgs {
     #[command(flatten)]
     pub(crate) world: WorldArgs,
     #[command(flatten)]

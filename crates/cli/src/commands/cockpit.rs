@@ -30,7 +30,7 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
         printer.log("Waiting for an instruction from the page. Ctrl-C ends.");
         let stopped = || interrupts.load(Ordering::Relaxed) > 0;
         let Some(instruction) = cockpit.wait_for_instruction(&about, read, stopped) else { return Ok(exit) };
-        let flown = flight(&args.flight(instruction), settings, Some(&cockpit), Printer::new(args.output.json));
+        let flown = flight(&args.flight(instruction), settings, Some(&cockpit), Printer::new(args.flight.output.json));
         match flown {
             Ok(code) => exit = code,
             Err(error) => {
@@ -44,7 +44,7 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
 
 /// The settings, with an address for the page.
 fn with_cockpit(args: &Cockpit, printer: &Printer) -> Result<Settings, CliError> {
-    let mut settings = Settings::of(&args.flight(String::new()), printer)?;
+    let mut settings = Settings::of(&args.flight, printer)?;
     settings.fly.cockpit.default_to(COCKPIT);
     Ok(settings)
 }

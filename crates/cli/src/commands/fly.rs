@@ -51,7 +51,7 @@ const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(args, &printer)?;
+    let settings = Settings::of(&args.flight, &printer)?;
     let address = settings.fly.cockpit.get()?;
     let cockpit = address.map(|address| page::open(address, Path::new(page::FLIGHTS), "", &printer)).transpose()?;
     flight(args, settings, cockpit.as_ref(), printer)
@@ -247,10 +247,10 @@ fn sentence(points: &str, craft: &Craft) -> String {
 
 /// A flight in the simulator.
 fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option<&Cockpit>) -> Result<Ready, CliError> {
-    if args.world.tello_motion.is_some() {
+    if args.flight.world.tello_motion.is_some() {
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
     }
-    if args.camera.url.is_some() {
+    if args.flight.camera.url.is_some() {
         return Err(CliError::usage("--camera requires a real drone")
             .hint("the simulated craft sees the simulated scene; `spf camera test URL` tries a camera without a drone"));
     }
@@ -269,7 +269,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
-    let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
+    let script = args.flight.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let flight_conditions = flight_conditions(settings)?;
     // All input files are checked before the scene is loaded, so that errors come at once.

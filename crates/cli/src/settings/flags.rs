@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use super::Settings;
-use crate::args::{self, ConditionArgs, LimitArgs, MethodArgs, OutputArgs, WorldArgs};
+use crate::args::{self, ConditionArgs, FlightArgs, LimitArgs, MethodArgs, OutputArgs, WorldArgs};
 
 /// Arguments of a command that reads the configuration.
 pub(crate) trait Flags {
@@ -17,14 +17,14 @@ pub(crate) trait Flags {
     fn apply(&self, settings: &mut Settings);
 }
 
-impl Flags for args::Fly {
+impl Flags for FlightArgs {
     fn file(&self) -> Option<&Path> {
         self.output.config.as_deref()
     }
 
     fn apply(&self, settings: &mut Settings) {
         // A camera's address may contain a password, which `spf config show` would print.
-        let Self { instruction: _, world, method, camera: _, limits, output } = self;
+        let Self { world, method, camera: _, limits, output } = self;
         world.apply(settings);
         method.apply(settings);
         limits.apply(settings);

@@ -28,7 +28,7 @@ fn check_all(settings: &Settings) -> Vec<CliError> {
 fn fly(settings: &mut Settings, flags: &[&str]) {
     let cli = Cli::try_parse_from(["spf", "fly", "x"].iter().chain(flags)).unwrap();
     let Command::Fly(args) = cli.command else { panic!("{flags:?}") };
-    args.apply(settings);
+    args.flight.apply(settings);
 }
 
 fn row<'a>(settings: &'a Settings, name: &str) -> &'a dyn Row {

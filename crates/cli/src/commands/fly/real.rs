@@ -52,7 +52,7 @@ pub(super) fn ready(
         return Err(CliError::usage("--depth-sensor is for the simulated craft").hint("no driver reads a depth sensor yet"));
     }
     let limits = limits(settings, target.limits())?;
-    let script = args.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
+    let script = args.flight.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let pointing = page::pointing(cockpit, settings, prompt.clone(), Pace::Wall)?;
     if pointing.is_oracle {
@@ -71,7 +71,7 @@ pub(super) fn ready(
     let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
-    let seen = camera::open(&args.camera, start, printer)?;
+    let seen = camera::open(&args.flight.camera, start, printer)?;
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     let drone: Box<dyn Drone> = match seen {
         Some((camera, optics)) => Box::new(WithCamera::new(drone, camera, optics)),
