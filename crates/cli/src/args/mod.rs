@@ -313,8 +313,8 @@ pub(crate) struct MethodArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Limits")]
 pub(crate) struct LimitArgs {
-    /// When the instruction has ended: land, or hover for up to 60 s and accept a new instruction [default: land; hover with a
-    /// real drone and a terminal]
+    /// When the instruction has ended: land; hover for up to 60 s and accept a new instruction; or rtl, return home by the
+    /// drone's own navigation and land there [default: land; hover with a real drone and a terminal]
     #[arg(long, value_name = "ACTION")]
     pub(crate) at_end: Option<String>,
     /// Fly a real drone without a terminal, and so without keyboard control: Ctrl-C and SIGTERM land it

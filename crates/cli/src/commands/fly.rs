@@ -263,6 +263,10 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         // Whoever watches may give the next instruction.
         method.at_end = AtEnd::Hover;
     }
+    if method.at_end == AtEnd::Return {
+        return Err(CliError::usage("the simulated craft cannot return by itself")
+            .hint("--at-end rtl is for PX4 and ArduPilot (--drone mavlink), simulated ones too; use land or hover"));
+    }
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let (pointing, detector) = detector::combine(settings, policy, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;

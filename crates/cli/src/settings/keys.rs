@@ -85,7 +85,7 @@ settings! {
         wind: Wind = "", Explained("a wind such as 3,from=270,gust=1"), "SPF_WIND", "--wind";
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY", "--battery";
-        /// when the instruction has ended, land or hover; empty: hover with a real drone and a terminal, else land
+        /// when the instruction has ended, land, hover, or rtl (return by itself and land); empty: hover with a real drone and a terminal, else land
         at_end: AtEnd = "", Word, "SPF_AT_END", "--at-end";
         /// fly a real drone without a terminal: true or false
         unattended: bool = "false", Word, "SPF_UNATTENDED", "--unattended" sets "true";

@@ -249,7 +249,7 @@ impl Words for AskWhen {
 
 impl Words for AtEnd {
     fn words() -> Vec<(&'static str, Self)> {
-        vec![("land", Self::Land), ("hover", Self::Hover)]
+        vec![("land", Self::Land), ("hover", Self::Hover), ("rtl", Self::Return)]
     }
 }
 

@@ -18,6 +18,7 @@ mod limits;
 mod manoeuvre;
 mod person;
 mod reach;
+mod returning;
 mod watch;
 
 pub use brake_limits::BrakeLimits;
@@ -281,12 +282,13 @@ impl Envelope {
     /// landing and emergency stop always pass.
     ///
     /// # Errors
-    /// A [`Refusal`] of a take-off; no other command is ever refused.
+    /// A [`Refusal`] of a take-off or a return; no other command is ever refused.
     pub fn clear(&mut self, now: Time, command: Command) -> Result<ClearedCommand, Refusal> {
         match command {
             Command::Setpoint(setpoint) => Ok(self.clear_setpoint(now, setpoint)),
             Command::Manoeuvre(manoeuvre) => Ok(self.clear_manoeuvre(now, manoeuvre)),
             Command::TakeOff => self.take_off(now),
+            Command::Return => self.clear_return(now),
             Command::Land | Command::EmergencyStop => {
                 self.advance(now);
                 self.commanded = None;

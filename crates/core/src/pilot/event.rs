@@ -198,6 +198,9 @@ pub enum Phase {
     Manual,
     /// The instruction has ended; the craft hovers for a while before it lands, and accepts a new instruction.
     Hovering,
+    /// Returning home by the craft's own navigation, which also lands it: nothing is commanded meanwhile. The outcome is settled,
+    /// unless the operator takes over.
+    Returning,
     /// Descending to the ground. The outcome is settled, unless the operator takes over.
     Landing,
     /// Ended: on the ground, or motors cut.

@@ -8,7 +8,7 @@
 //!                            │
 //!                            ├─ due? frame ─► policy ─► query ─► reply ─► policy ─► move ─► executor ─► envelope ─► command
 //!                            ▼
-//!                        Finished ──► (hovering) ──► landing ──► ended
+//!                        Finished ──► (hovering, returning) ──► landing ──► ended
 //! ```
 
 mod boxes;
@@ -22,6 +22,7 @@ mod news;
 mod operator;
 mod points;
 mod reactions;
+mod returning;
 mod settings;
 mod take_over;
 mod tracked_target;

@@ -34,6 +34,8 @@ const LANDING_TIME: Duration = Duration::from_secs(45);
 const ACCURACY: f64 = 0.3;
 const ACCURACIES: (f64, f64) = (0.05, 3.0);
 
+/// A return that ends farther from home than this is warned of, metres.
+const NEAR_HOME: f64 = 3.0;
 /// Acceleration of a craft whose autopilot does not tell, m/s².
 const ACCELERATION: f64 = 2.0;
 
@@ -103,6 +105,13 @@ fn tell(notice: &Notice) {
             "no take-off: PX4 climbs to MIS_TAKEOFF_ALT, which could not be read, so that it cannot be checked against \
              --max-altitude; connect again, or improve the link"
         ),
+        Notice::Returned { off: Some(off) } if *off > NEAR_HOME => {
+            tracing::warn!("the craft has returned, landed and disarmed, {off:.1} m from its home position")
+        }
+        Notice::Returned { off } => {
+            let off = off.map_or(String::new(), |off| format!(", {off:.1} m from its home position"));
+            tracing::info!("the craft has returned, landed and disarmed{off}");
+        }
         Notice::TakingBack { mode } => tracing::warn!("the operator takes control back from {mode}"),
         Notice::Unattended { landing: false } => tracing::error!("the flight loop was silent for 2 s: the craft hovers"),
         Notice::Unattended { landing: true } => tracing::error!("the flight loop was silent for 5 s: landing the craft"),
@@ -278,6 +287,7 @@ fn limited(usual: Craft, facts: &Facts, take_off_height: Option<f64>) -> Craft {
         climb_speed: usual.climb_speed.min(vertical),
         acceleration: usual.acceleration.min(acceleration.unwrap_or(ACCELERATION)),
         take_off_height: take_off_height.unwrap_or(usual.take_off_height),
+        return_height: facts.return_height().ok(),
         ..usual
     }
 }

@@ -187,6 +187,10 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         let found = if action == 0.0 { "the autopilot only warns".to_owned() } else { format!("{} {action}", low.0) };
         checks.push(Check::new("low battery", finding, found, Some(low.1)));
     }
+    checks.push(match facts.return_height() {
+        Ok(height) => Check::new("return", Finding::Good, format!("climbs to {height} m at most, then lands at home"), None),
+        Err(why) => Check::new("return", Finding::Warning, why, Some("--at-end rtl is refused until then")),
+    });
     if facts.autopilot == Autopilot::Px4 {
         checks.push(match number("MIS_TAKEOFF_ALT") {
             Some(height) => Check::new("take-off", Finding::Good, format!("to {height} m (MIS_TAKEOFF_ALT)"), None),

@@ -300,6 +300,7 @@ pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)>
                     CommandRow { manoeuvre: Some(manoeuvre), valid_until, ..row(CommandName::Manoeuvre) }
                 }
                 Command::Land => row(CommandName::Land),
+                Command::Return => row(CommandName::Return),
                 Command::EmergencyStop => row(CommandName::EmergencyStop),
             };
             (Channel::Command, serde_json::to_vec(&row))

@@ -141,6 +141,8 @@ pub enum CommandName {
     Manoeuvre,
     /// Descend to the ground.
     Land,
+    /// Return home by the craft's own navigation.
+    Return,
     /// Cut the motors.
     EmergencyStop,
 }

@@ -43,6 +43,7 @@ pub(super) fn ready(
     let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, Pace::Wall)?)?;
     let prompt = prompt(settings, policy)?;
     let options = options(settings)?;
+    let mut announcements = Vec::new();
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
     if own {
         // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
@@ -81,6 +82,14 @@ pub(super) fn ready(
         return Err(CliError::usage("this Tello does not support --tello-motion go")
             .hint("its firmware has SDK 1.3, which cannot abort a move; update it in the Tello app, or use --tello-motion rc"));
     }
+    if method.at_end == AtEnd::Return {
+        let height = limits.check_return(&drone.capabilities().craft).map_err(|refusal| {
+            CliError::usage(refusal.to_string())
+                .hint("`spf doctor` shows what a drone does to return; --at-end land lands where it is")
+        })?;
+        announcements
+            .push(format!("After the instruction the drone returns by itself, at up to {height:.0} m, and lands (--at-end)."));
+    }
     let flying = format!(
         "Flying \"{}\", policy {}, preset {}.",
         one_line(instruction),
@@ -95,7 +104,7 @@ pub(super) fn ready(
     #[cfg(all(debug_assertions, unix))]
     let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning];
+    announcements.splice(0..0, [flying, sentence(&pointing.sentence, &craft), bounds, warning]);
     if !attended {
         announcements
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());

@@ -32,6 +32,7 @@ const PX4: &[&str] = &[
     "GF_MAX_VER_DIST",
     "MIS_TAKEOFF_ALT",
     "RTL_RETURN_ALT",
+    "RTL_LAND_DELAY",
     "MPC_ACC_HOR",
     "MPC_XY_VEL_MAX",
     "MPC_Z_VEL_MAX_UP",
@@ -46,6 +47,10 @@ const COPTER: &[&str] = &[
     "FENCE_ACTION",
     "FENCE_RADIUS",
     "FENCE_ALT_MAX",
+    "RTL_ALT",
+    "RTL_ALT_FINAL",
+    "RTL_ALT_M",
+    "RTL_ALT_FINAL_M",
     "WPNAV_ACCEL",
     "WPNAV_SPEED",
     "WPNAV_SPEED_UP",
@@ -170,6 +175,30 @@ impl Facts {
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<f64> {
         self.parameters.get(name).map(|value| value.number())
+    }
+
+    /// Height above home to which it climbs at most before it returns by itself, metres, from where it lands at home.
+    ///
+    /// # Errors
+    /// Why it cannot be sent home: what it would do is unknown, or it would not land.
+    pub fn return_height(&self) -> Result<f64, &'static str> {
+        let number = |name| self.parameter(name);
+        match self.autopilot {
+            Autopilot::Px4 => match (number("RTL_RETURN_ALT"), number("RTL_LAND_DELAY")) {
+                (Some(_), Some(delay)) if delay < 0.0 => Err("RTL_LAND_DELAY is negative: it would hover over home for ever"),
+                (Some(height), Some(_)) => Ok(height),
+                _ => Err("RTL_RETURN_ALT and RTL_LAND_DELAY could not be read"),
+            },
+            // From firmware 4.7 on in metres, and with other names.
+            Autopilot::ArduPilot => {
+                let either = |cm, metres| number(cm).map(|value| 0.01 * value).or_else(|| number(metres));
+                match (either("RTL_ALT", "RTL_ALT_M"), either("RTL_ALT_FINAL", "RTL_ALT_FINAL_M")) {
+                    (Some(_), Some(last)) if last != 0.0 => Err("RTL_ALT_FINAL is not 0: it would hover over home for ever"),
+                    (Some(height), Some(_)) => Ok(height),
+                    _ => Err("RTL_ALT and RTL_ALT_FINAL could not be read"),
+                }
+            }
+        }
     }
 
     /// What the vehicle does when our setpoints end, as far as its parameters tell.

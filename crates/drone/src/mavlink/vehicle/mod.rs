@@ -3,6 +3,7 @@
 mod control;
 mod facts;
 mod leaving;
+mod returning;
 mod taking_over;
 mod telemetry;
 #[cfg(test)]
@@ -67,6 +68,11 @@ pub enum Notice {
     },
     /// A take-off was refused: PX4's own height for it (`MIS_TAKEOFF_ALT`) is unknown.
     UnknownHeight,
+    /// It has returned, landed and disarmed.
+    Returned {
+        /// Horizontal distance from home, metres, if both places are known.
+        off: Option<f64>,
+    },
     /// The operator takes control again.
     TakingBack {
         /// The mode that it had.
@@ -293,6 +299,7 @@ impl Vehicle {
             // Not announced in the capabilities.
             Command::Manoeuvre(_) => {}
             Command::Land => self.land(now),
+            Command::Return => self.return_home(now),
             Command::EmergencyStop => self.stop_motors(now),
         }
     }

@@ -55,6 +55,12 @@ impl Sensed {
         self.height.is_some_and(|(at, _)| at >= since)
     }
 
+    /// Position relative to where the estimator started.
+    pub(super) fn position(&self, now: Time) -> Option<EnuPosition> {
+        let (at, position, _) = self.position?;
+        (now.since(at) < FRESH).then_some(position)
+    }
+
     /// Speed, m/s.
     pub(super) fn speed(&self, now: Time) -> Option<f64> {
         let (at, _, velocity) = self.position?;

@@ -1,3 +1,4 @@
+mod returning;
 mod safety;
 
 use spf_core::geometry::{EnuPosition, EnuVelocity};

@@ -223,8 +223,12 @@ impl VirtualVehicle {
             self.target.map_or(Setpoint::HOLD, |(_, target)| self.towards_target(target, craft))
         } else if self.mode.is_returning() {
             match self.home_setpoint(craft) {
-                Some(setpoint) => setpoint,
-                None => return craft.apply(now, Command::Land, Time::MAX),
+                Some(setpoint) => {
+                    self.arrived = None;
+                    setpoint
+                }
+                None if self.lands_at_home(now) => return craft.apply(now, Command::Land, Time::MAX),
+                None => self.over_home(craft),
             }
         } else if self.mode == self.autopilot.land() {
             return craft.apply(now, Command::Land, Time::MAX);
@@ -285,6 +289,30 @@ impl VirtualVehicle {
         let ned = [north * speed, east * speed, -climb].map(|value| value as f32);
         let setpoint = setpoint_from_ned(ned, 0.0, craft.telemetry().attitude.heading);
         Setpoint { yaw_rate: self.yaw_rate(yaw, craft), ..setpoint }
+    }
+
+    /// Whether a return has waited over home, and ends in a landing.
+    fn lands_at_home(&mut self, now: Time) -> bool {
+        let waited = now.since(*self.arrived.get_or_insert(now));
+        let (waits, lands) = match self.autopilot {
+            Autopilot::Px4 => (self.seconds("RTL_LAND_DELAY", 0.0), self.parameters.number("RTL_LAND_DELAY", 0.0) >= 0.0),
+            Autopilot::ArduPilot => {
+                let waits = Duration::from_millis(self.parameters.number("RTL_LOIT_TIME", 5000.0).clamp(0.0, 60_000.0) as u64);
+                (waits, self.parameters.number("RTL_ALT_FINAL", 0.0) == 0.0)
+            }
+        };
+        lands && waited >= waits
+    }
+
+    /// Over home, where a return waits, or ends without a landing.
+    fn over_home(&self, craft: &SimCraft) -> Setpoint {
+        let (here, home) = (self.position(craft), super::relative(self.home, self.origin));
+        let last = match self.autopilot {
+            Autopilot::Px4 => self.parameters.number("RTL_DESCEND_ALT", 30.0),
+            Autopilot::ArduPilot => 0.01 * self.parameters.number("RTL_ALT_FINAL", 0.0),
+        };
+        let up = if last > 0.0 { here.up.min(home.up + last) } else { here.up };
+        self.to(EnuPosition { up, ..home }, Yaw::Keep, craft)
     }
 
     /// On the way home: up, over, then `None` for the landing.

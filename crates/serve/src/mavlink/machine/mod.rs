@@ -73,6 +73,8 @@ pub struct VirtualVehicle {
     /// A stop because the other program is silent (ArduPilot).
     stopped_silent: bool,
     goto: Option<(EnuPosition, Option<f64>)>,
+    /// Since when it has been over home in a return.
+    arrived: Option<Time>,
     /// Height of the take-off, metres above home.
     take_off_height: f64,
     phase: FlightPhase,
@@ -106,6 +108,7 @@ impl VirtualVehicle {
             external_since: now,
             stopped_silent: false,
             goto: None,
+            arrived: None,
             take_off_height: 0.0,
             phase: craft.dynamics().phase(),
             noticed: [false; 2],
@@ -279,7 +282,7 @@ impl VirtualVehicle {
             }
             _ => {}
         }
-        (self.mode, self.goto, self.stopped_silent) = (mode, None, false);
+        (self.mode, self.goto, self.arrived, self.stopped_silent) = (mode, None, None, false);
         if mode == self.autopilot.external() {
             self.external_since = now;
         } else {

@@ -2,6 +2,7 @@
 //! the program, a radio that loses and repeats packets.
 
 mod protocol;
+mod returning;
 mod wired;
 
 use std::sync::{Arc, Mutex, OnceLock};
@@ -9,7 +10,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 use spf_core::craft::{Craft, CraftKind};
 use spf_core::envelope::Limits;
 use spf_core::fault::{Fault, FaultPlan, Rule, Stream};
-use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
+use spf_core::pilot::{Action, AtEnd, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone as _;
@@ -86,7 +87,7 @@ impl Flight {
 }
 
 fn fly(autopilot: Autopilot, parameters: &[(&str, f64)], faults: FaultPlan, deeds: Vec<(f64, Deed)>, events: &str) -> Flight {
-    fly_charged(autopilot, parameters, faults, deeds, events, 1.0)
+    fly_charged(autopilot, parameters, faults, deeds, events, (1.0, AtEnd::Land))
 }
 
 fn fly_charged(
@@ -95,7 +96,7 @@ fn fly_charged(
     faults: FaultPlan,
     deeds: Vec<(f64, Deed)>,
     events: &str,
-    battery: f64,
+    (battery, at_end): (f64, AtEnd),
 ) -> Flight {
     let loaded = park();
     let start = loaded.scene.start;
@@ -109,7 +110,7 @@ fn fly_charged(
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(model.lock().unwrap().take().unwrap()));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
     let script = Script::from_toml(events).unwrap();
-    let settings = PilotSettings { max_time: Duration::from_secs(120), ..PilotSettings::preset(Preset::Default) };
+    let settings = PilotSettings { max_time: Duration::from_secs(120), at_end, ..PilotSettings::preset(Preset::Default) };
     // The envelope of a small battery would refuse first.
     let limits = Limits { take_off_battery: 0.0, low_battery: 0.0, ..Limits::for_craft(&Craft::quad()) };
     let plan = FlightPlan { settings, script, limits, ..FlightPlan::new(site, GOAL, "oracle", vlm_factory) };
@@ -197,7 +198,7 @@ fn a_landing_by_the_radio_ends_the_flight() {
 #[test]
 fn a_refusal_to_arm_ends_the_flight_with_the_autopilot_s_own_words() {
     for (autopilot, words) in BOTH.into_iter().zip(["Preflight Fail: low battery", "PreArm: Battery 1 low voltage failsafe"]) {
-        let flight = fly_charged(autopilot, &[], none(), Vec::new(), "", 0.12);
+        let flight = fly_charged(autopilot, &[], none(), Vec::new(), "", (0.12, AtEnd::Land));
         let (_, outcome, cause) = flight.seen.outcome.clone().unwrap();
         assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "the craft refused to take off"));
         let refused = flight.told.notices.iter().find_map(|(_, notice)| match notice {

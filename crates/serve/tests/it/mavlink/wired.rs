@@ -213,7 +213,8 @@ impl Drone for WiredVehicle {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { position: true, ..Capabilities::of(Craft::quad(), *self.world.camera(), TelemetryAccuracy::quad()) }
+        let craft = Craft { return_height: self.driver.facts().return_height().ok(), ..Craft::quad() };
+        Capabilities { position: true, ..Capabilities::of(craft, *self.world.camera(), TelemetryAccuracy::quad()) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {
