@@ -254,6 +254,11 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         return Err(CliError::usage("--camera requires a real drone")
             .hint("the simulated craft sees the simulated scene; `spf camera test URL` tries a camera without a drone"));
     }
+    if settings.mavlink.upload_fence.is_on()? {
+        return Err(
+            CliError::usage("--upload-fence requires --drone mavlink").hint("the simulated craft keeps to --geofence itself")
+        );
+    }
     let (preset, policy) = preset_and_policy(settings)?;
     // A flight in virtual time is over before anyone could watch it.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();

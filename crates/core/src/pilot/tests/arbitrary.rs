@@ -328,6 +328,7 @@ impl Chaos {
     fn command(&mut self, cleared: &Cleared<Command>) {
         match *cleared.get() {
             Command::TakeOff => self.phase = FlightPhase::TakingOff,
+            Command::Tilt(tilt) => assert!(tilt.is_finite()),
             Command::Land | Command::Return => (self.phase, self.own_until) = (FlightPhase::Landing, None),
             Command::EmergencyStop => (self.phase, self.own_until) = (FlightPhase::Stopped, None),
             Command::Manoeuvre(manoeuvre) => {

@@ -196,7 +196,15 @@ impl Vehicle {
                 ids::LAND => "landing",
                 ids::RETURN => "the return",
                 ids::SET_MODE => "the flight mode",
-                // Rates and requests, which some vehicles do not support.
+                ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW => {
+                    self.gimbal_is_old(now);
+                    continue;
+                }
+                ids::INTERVAL if command.parameters[0] == super::rates::ATTITUDE => {
+                    self.request_streams();
+                    continue;
+                }
+                // Other rates, and requests, which some vehicles do not support.
                 _ => continue,
             };
             match self.control {

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};
+use spf_mavlink::fence::FenceShape;
+use spf_mavlink::frames::GlobalPosition;
 use spf_mavlink::modes::Autopilot;
 use spf_mavlink::parameter::{ParameterEncoding, ParameterValue};
 use spf_mavlink::report::{Gps, Report};
@@ -19,6 +21,8 @@ const RECENT: Duration = Duration::from_secs(4);
 /// Refusals to arm are repeated by the autopilot every 30 s or so, and stay true until then.
 const REASONS: [&str; 3] = ["PreArm:", "Arm:", "Preflight Fail"];
 
+/// `MAV_PROTOCOL_CAPABILITY_MISSION_FENCE`.
+const TAKES_FENCE: u64 = 16_384;
 /// The parameters that matter here, of PX4 and of ArduPilot.
 const PX4: &[&str] = &[
     "COM_OF_LOSS_T",
@@ -72,6 +76,16 @@ pub struct Facts {
     pub gps: Option<Gps>,
     /// Where it returns to, relative to where its estimator started.
     pub home: Option<EnuPosition>,
+    /// When a sensor around it was last heard.
+    pub ranged: Option<Time>,
+    /// Where its estimator started, on the globe.
+    pub origin: Option<GlobalPosition>,
+    /// Whether it takes a fence over the mission protocol.
+    pub takes_fence: bool,
+    /// Whether a fence is in force, if it says so.
+    pub fenced: Option<bool>,
+    /// The fence of points that it has; `None` until it was read.
+    pub fence: Option<Vec<FenceShape>>,
     /// Standard deviation of its horizontal position, metres, if it says so.
     pub position_error: Option<f64>,
     encoding: ParameterEncoding,
@@ -95,6 +109,11 @@ impl Facts {
             may_arm: None,
             gps: None,
             home: None,
+            ranged: None,
+            origin: None,
+            takes_fence: false,
+            fenced: None,
+            fence: None,
             position_error: None,
             encoding,
             parameters: BTreeMap::new(),
@@ -106,12 +125,19 @@ impl Facts {
 
     pub(super) fn observe(&mut self, report: &Report) {
         match report {
-            Report::System { battery, may_arm } => (self.battery, self.may_arm) = (*battery, *may_arm),
+            Report::System { battery, may_arm, fenced } => {
+                (self.battery, self.may_arm, self.fenced) = (*battery, *may_arm, *fenced);
+            }
             Report::Gps(gps) => self.gps = Some(*gps),
-            Report::Home(home) => self.home = Some(*home),
-            Report::PositionError(error) => self.position_error = Some(*error).filter(|error| error.is_finite()),
+            Report::Home(home, place) => {
+                self.home = Some(*home);
+                let back = EnuPosition { east: -home.east, north: -home.north, up: -home.up };
+                self.origin = Some(place.offset(back));
+            }
+            Report::PositionError(error) => self.position_error = Some(*error).filter(|error| !error.is_nan()),
             Report::Version { capabilities, firmware } => {
                 self.firmware = Some(*firmware);
+                self.takes_fence = capabilities & TAKES_FENCE != 0;
                 self.encoding = ParameterEncoding::from_capabilities(*capabilities).unwrap_or(self.encoding);
             }
             Report::Parameter { name, field, kind } => {
@@ -201,6 +227,22 @@ impl Facts {
         }
     }
 
+    /// Its own fence in words: of points, and of parameters.
+    #[must_use]
+    pub fn fence_in_words(&self) -> Vec<String> {
+        let number = |name| self.parameter(name).filter(|limit| *limit > 0.0);
+        let mut parts: Vec<String> = self.fence.iter().flatten().map(shape_in_words).collect();
+        let limits = match self.autopilot {
+            Autopilot::Px4 => [(number("GF_MAX_HOR_DIST"), "distance"), (number("GF_MAX_VER_DIST"), "height")],
+            Autopilot::ArduPilot if number("FENCE_ENABLE").is_some() || self.fenced == Some(true) => {
+                [(number("FENCE_RADIUS"), "distance"), (number("FENCE_ALT_MAX"), "height")]
+            }
+            Autopilot::ArduPilot => [(None, ""); 2],
+        };
+        parts.extend(limits.into_iter().filter_map(|(limit, what)| limit.map(|limit| format!("{what} {limit} m"))));
+        parts
+    }
+
     /// What the vehicle does when our setpoints end, as far as its parameters tell.
     #[must_use]
     pub fn on_loss(&self) -> String {
@@ -233,5 +275,13 @@ impl Facts {
                 None => "what ArduPilot does then is unknown: GUID_TIMEOUT could not be read".to_owned(),
             },
         }
+    }
+}
+
+fn shape_in_words(shape: &FenceShape) -> String {
+    let side = |inside: &bool| if *inside { "inside" } else { "outside" };
+    match shape {
+        FenceShape::Polygon { inside, corners } => format!("{} a polygon of {} corners", side(inside), corners.len()),
+        FenceShape::Circle { inside, radius, .. } => format!("{} a circle of {radius:.0} m", side(inside)),
     }
 }

@@ -255,7 +255,7 @@ impl Link {
             }
             Command::Manoeuvre(_) => {}
             // Not announced in the capabilities.
-            Command::Return => {}
+            Command::Return | Command::Tilt(_) => {}
             // A repeated `Land` of the pilot is the same landing.
             Command::Land if self.land_again.is_some() => {}
             Command::Land => {

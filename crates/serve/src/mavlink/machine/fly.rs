@@ -63,6 +63,9 @@ impl VirtualVehicle {
 
     /// Every [`CONTROL`].
     pub(super) fn control(&mut self, now: Time, craft: &mut SimCraft) {
+        if let Some(gimbal) = &mut self.gimbal {
+            gimbal.turn();
+        }
         let phase = craft.dynamics().phase();
         let before = core::mem::replace(&mut self.phase, phase);
         if phase != before {
@@ -158,7 +161,8 @@ impl VirtualVehicle {
             ([0.0; 2], "FENCE_ACTION")
         };
         let outside = (limits[0] > 0.0 && self.home.horizontal_distance(position) > limits[0])
-            || (limits[1] > 0.0 && position.up - self.home.up > limits[1]);
+            || (limits[1] > 0.0 && position.up - self.home.up > limits[1])
+            || (self.is_fenced() && self.fence.forbids(self.autopilot, self.position(craft)));
         if outside != core::mem::replace(&mut self.noticed[1], outside) && outside {
             self.say(MavSeverity::MAV_SEVERITY_CRITICAL, if px4 { "Geofence violation" } else { "Fence Breached" });
             let mode = match (px4, self.parameters.number(action, 0.0) as i64) {
@@ -175,6 +179,11 @@ impl VirtualVehicle {
         if self.mode == self.autopilot.external() {
             self.silent_program(now, craft);
         }
+    }
+
+    /// Whether its fence of points is in force.
+    pub(super) fn is_fenced(&self) -> bool {
+        !self.fence.is_empty() && (self.autopilot == Autopilot::Px4 || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0)
     }
 
     /// The program that sends setpoints is silent.

@@ -8,7 +8,7 @@ fn return_from(autopilot: Autopilot, deeds: Vec<(f64, Deed)>, events: &str) -> F
         Autopilot::Px4 => ("RTL_RETURN_ALT", 8.0),
         Autopilot::ArduPilot => ("RTL_ALT", 800.0),
     };
-    fly_charged(autopilot, &[low], none(), deeds, events, (1.0, AtEnd::Return))
+    fly_charged(autopilot, &[low], none(), deeds, events, (1.0, AtEnd::Return, None))
 }
 
 /// When the pilot began to wait for the return.
@@ -68,7 +68,7 @@ fn during_the_return_the_operator_lands_it_or_holds_and_goes_on() {
 /// A return that would climb above the ceiling is not begun: it is landed where it is.
 #[test]
 fn a_return_that_the_envelope_does_not_clear_is_a_landing() {
-    let flight = fly_charged(Autopilot::Px4, &[("RTL_RETURN_ALT", 900.0)], none(), Vec::new(), "", (1.0, AtEnd::Return));
+    let flight = fly_charged(Autopilot::Px4, &[("RTL_RETURN_ALT", 900.0)], none(), Vec::new(), "", (1.0, AtEnd::Return, None));
     assert_eq!((flight.seen.outcome.as_ref().unwrap().1, flight.phase()), (Outcome::Reached, FlightPhase::OnGround));
     assert_eq!(flight.told.modes.last().unwrap().1, Autopilot::Px4.land());
     assert!(flight.entered(Phase::Returning).is_empty());

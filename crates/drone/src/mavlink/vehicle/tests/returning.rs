@@ -3,7 +3,7 @@
 use super::*;
 
 fn at_home(vehicle: &mut Vehicle, now: Time) {
-    vehicle.handle(now, &Report::Home(EnuPosition { east: 1.0, north: 0.0, up: 0.0 }));
+    vehicle.handle(now, &Report::Home(EnuPosition { east: 1.0, north: 0.0, up: 0.0 }, Default::default()));
     still(vehicle, now);
 }
 
