@@ -130,14 +130,15 @@ fn glass_to_setpoint() {
         let settings = EncoderSettings { key_interval: 1.0, ..EncoderSettings::for_size(SIZE.0, SIZE.1, RATE.into()) };
         let mut encoder = Video::new(settings).unwrap();
         let mut image = Rgb::new(SIZE.0, SIZE.1);
-        let (mut next, mut shown) = (Instant::now(), None);
+        let (mut next, mut shown, mut number) = (Instant::now(), None, 0);
         while !ended.load(Ordering::Relaxed) {
             let bright = (start.elapsed().as_millis() / CHANGES.as_millis()) % 2 == 1;
             for (index, value) in image.data_mut().iter_mut().enumerate() {
                 let (x, y) = (index / 3 % SIZE.0 as usize, index / 3 / SIZE.0 as usize);
-                // With structure everywhere, and no two rows or columns alike: else the frame counts as unusable.
-                *value = ((3 * x + 5 * y + x * y / 40) % 60) as u8 + if bright { 150 } else { 30 };
+                // With structure everywhere, no two rows or columns alike, and no two frames: else they count as unusable or frozen.
+                *value = ((3 * x + 5 * y + x * y / 40 + 7 * number) % 60) as u8 + if bright { 150 } else { 30 };
             }
+            number += 1;
             let captured = SystemTime::now();
             if shown.replace(bright) != Some(bright) {
                 drawn.lock().unwrap().push((Instant::now(), bright));
