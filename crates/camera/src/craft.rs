@@ -6,6 +6,7 @@ use spf_core::camera::Camera as Optics;
 use spf_core::command::Command;
 use spf_core::envelope::Cleared;
 use spf_core::frame::{FrameMeta, Unusable};
+use spf_core::ranges::RangeScan;
 use spf_core::time::Time;
 use spf_drone::frames::{FrameStore, Frames};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
@@ -14,7 +15,7 @@ use crate::Camera;
 
 /// A craft with a camera in the place of its own.
 ///
-/// What depends on the craft's own camera is not used: its frames, its depth images, its rangefinder, its gimbal and its zoom.
+/// What depends on the craft's own camera is not used: its frames, its depth images, its rangefinder and its zoom.
 /// While the camera sends nothing, there are no new frames, and the pilot holds; images of another shape than that of the first are
 /// unusable.
 pub struct WithCamera {
@@ -50,7 +51,8 @@ impl Drone for WithCamera {
 
     fn capabilities(&self) -> Capabilities {
         let own = self.drone.capabilities();
-        Capabilities { camera: self.optics, depth: None, rangefinder: None, gimbal: None, zoom: None, ..own }
+        // A gimbal of the craft is that of this camera.
+        Capabilities { camera: self.optics, depth: None, rangefinder: None, zoom: None, ..own }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {
@@ -78,6 +80,14 @@ impl Drone for WithCamera {
 
     fn resume(&mut self, now: Time) {
         self.drone.resume(now);
+    }
+
+    fn wants_surroundings(&self) -> bool {
+        self.drone.wants_surroundings()
+    }
+
+    fn surroundings(&mut self, now: Time, scan: &RangeScan) {
+        self.drone.surroundings(now, scan);
     }
 
     fn next_event_at(&self) -> Option<Time> {

@@ -153,7 +153,7 @@ let said = "";
 
 function state(state) {
   body.dataset.flight = "on";
-  const phases = { ground: "on the ground", take_off: "taking off", flying: "flying", held: "held", manual: "by hand", hovering: "hovering", landing: "landing", ended: "ended" };
+  const phases = { ground: "on the ground", take_off: "taking off", flying: "flying", held: "held", manual: "by hand", hovering: "hovering", returning: "returning home", landing: "landing", ended: "ended" };
   show("phase", (phases[state.phase] ?? state.phase) + (state.will_hold ? ", will hold" : ""));
   byId("resume").hidden = !["held", "manual"].includes(state.phase) && !state.will_hold;
   if (state.instruction !== said) instruction((said = state.instruction));

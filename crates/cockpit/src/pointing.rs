@@ -108,6 +108,7 @@ impl Pointing {
         let inner = self.inner();
         match inner.phase? {
             Phase::Ended => Some("the flight is over"),
+            Phase::Returning => Some("the drone returns: Hold and Resume first"),
             Phase::Landing => Some("the drone lands: Hold and Resume first"),
             Phase::Held | Phase::Manual if inner.human => Some("the drone holds: Resume first"),
             _ => None,

@@ -113,6 +113,10 @@ pub enum Command {
     Manoeuvre(Manoeuvre),
     /// Descend to the ground and stop the motors.
     Land,
+    /// Fly home by the craft's own navigation ([`Craft::return_height`](crate::craft::Craft::return_height)), and land there.
+    Return,
+    /// Tilt the camera by its gimbal, radians below the horizon. The craft is not moved.
+    Tilt(f64),
     /// Cut the motors now, wherever the craft is.
     EmergencyStop,
 }

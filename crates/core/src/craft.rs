@@ -28,6 +28,9 @@ pub struct Craft {
     pub radius: f64,
     /// Height above ground after take-off, m.
     pub take_off_height: f64,
+    /// Height above home to which it climbs at most before it returns by its own navigation, m; `None` if it cannot return.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub return_height: Option<f64>,
 }
 
 impl Craft {
@@ -45,6 +48,7 @@ impl Craft {
             dead_time: 0.1,
             radius: 0.3,
             take_off_height: 3.0,
+            return_height: None,
         }
     }
 
@@ -62,6 +66,7 @@ impl Craft {
             dead_time: 0.35,
             radius: 0.15,
             take_off_height: 0.8,
+            return_height: None,
         }
     }
 }

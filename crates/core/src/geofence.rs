@@ -137,6 +137,14 @@ impl Geofence {
         self.areas.iter().map(Area::width).fold(0.0, f64::max)
     }
 
+    /// The outer ring of the only polygon, then its holes, metres east and north, first point not repeated; `None` if there are
+    /// several polygons.
+    #[must_use]
+    pub fn only_polygon(&self) -> Option<impl Iterator<Item = &[(f64, f64)]>> {
+        let [area] = self.areas.as_slice() else { return None };
+        Some(area.rings.iter().map(Vec::as_slice))
+    }
+
     /// The outer rings and holes, for maps: metres east and north, first point not repeated.
     pub fn outlines(&self) -> impl Iterator<Item = &[(f64, f64)]> {
         self.areas.iter().flat_map(|a| a.rings.iter().map(Vec::as_slice))

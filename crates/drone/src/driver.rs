@@ -40,6 +40,11 @@ pub trait Target: Send + Sync {
         None
     }
 
+    /// Whether it has a fence of its own that can be replaced (`options.mavlink.fence`).
+    fn takes_fence(&self) -> bool {
+        false
+    }
+
     /// Connects to the craft. `start` is flight time zero.
     ///
     /// # Errors

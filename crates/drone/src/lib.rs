@@ -22,6 +22,8 @@ use spf_core::depth::DepthGrid;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameMeta;
+use spf_core::gimbal::GimbalReport;
+use spf_core::ranges::RangeScan;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
 
@@ -43,6 +45,8 @@ pub struct Capabilities {
     pub manoeuvres: bool,
     /// Range of its depth camera, metres; `None` without one.
     pub depth: Option<f64>,
+    /// Whether sensors around it measure ranges.
+    pub ranges: bool,
     /// Range of its rangefinder along the camera axis, metres; `None` without one.
     pub rangefinder: Option<f64>,
     /// Minimum and maximum camera tilt of its gimbal, radians, downwards positive; `None` for a fixed camera.
@@ -55,8 +59,8 @@ impl Capabilities {
     /// A craft with a fixed camera and no optional equipment.
     #[must_use]
     pub fn of(craft: Craft, camera: Camera, senses: TelemetryAccuracy) -> Self {
-        let (position, manoeuvres) = (false, false);
-        Self { craft, camera, senses, position, manoeuvres, depth: None, rangefinder: None, gimbal: None, zoom: None }
+        let (position, manoeuvres, ranges) = (false, false, false);
+        Self { craft, camera, senses, position, manoeuvres, depth: None, ranges, rangefinder: None, gimbal: None, zoom: None }
     }
 }
 
@@ -69,6 +73,10 @@ pub enum DroneEvent {
     Frame(FrameMeta),
     /// A depth grid arrived.
     Depth(Box<DepthGrid>),
+    /// The gimbal points the camera there.
+    Gimbal(GimbalReport),
+    /// A sensor around the craft has measured ranges.
+    Ranges(Box<RangeScan>),
     /// The link is lost.
     LinkLost,
     /// The link is back.
@@ -121,6 +129,16 @@ pub trait Drone: Send {
     /// ([`DroneEvent::TakenOver`]).
     fn resume(&mut self, now: Time) {
         let _ = now;
+    }
+
+    /// Whether it wants to know what is around it ([`surroundings`](Self::surroundings)).
+    fn wants_surroundings(&self) -> bool {
+        false
+    }
+
+    /// What the pilot's map shows around it, as often as five times a second.
+    fn surroundings(&mut self, now: Time, scan: &RangeScan) {
+        let _ = (now, scan);
     }
 
     /// Time of the next event, for a craft that knows it (a simulated one); for any other the time by which it is to be

@@ -236,6 +236,8 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Telemetry => Event::Telemetry(row(entry)?),
         Channel::Frame => Event::Frame(row(entry)?),
         Channel::Depth => Event::Depth(row(entry)?),
+        Channel::Gimbal => Event::Gimbal(row(entry)?),
+        Channel::Ranges => Event::Ranges(row(entry)?),
         Channel::Track => Event::Track(row(entry)?),
         Channel::Points => Event::Points(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),

@@ -23,6 +23,11 @@ pub trait World {
 
     /// Carries out an action: sends a query, cancels one, or passes a cleared command to the craft.
     fn apply(&mut self, action: &Action);
+
+    /// Lets a craft that wants it know what the pilot's map shows around it. Called after the actions of each instant.
+    fn surroundings(&mut self, pilot: &Pilot) {
+        let _ = pilot;
+    }
 }
 
 /// Observes a flight, for progress display and recording.
@@ -86,6 +91,7 @@ pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn O
             world.apply(&action);
             observers.each(|observer| observer.action(now, &action, pilot));
         }
+        world.surroundings(pilot);
         let Some(deadline) = pilot.next_deadline() else { return observers.failures };
         let event = world.wait(deadline);
         let now = world.now();

@@ -30,6 +30,7 @@ pub fn phase(phase: Phase) -> &'static str {
         Phase::Held => "held by the operator",
         Phase::Manual => "under manual control",
         Phase::Hovering => "hovering",
+        Phase::Returning => "returning home",
         Phase::Landing => "landing",
         Phase::Ended => "ended",
     }

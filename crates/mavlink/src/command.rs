@@ -32,6 +32,14 @@ pub mod ids {
     pub const REPOSITION: u16 = 192;
     /// `DO_PAUSE_CONTINUE`.
     pub const PAUSE: u16 = 193;
+    /// `DO_FENCE_ENABLE`.
+    pub const FENCE_ENABLE: u16 = 207;
+    /// `DO_MOUNT_CONTROL`.
+    pub const MOUNT_CONTROL: u16 = 205;
+    /// `DO_GIMBAL_MANAGER_PITCHYAW`.
+    pub const GIMBAL_PITCHYAW: u16 = 1000;
+    /// `DO_GIMBAL_MANAGER_CONFIGURE`.
+    pub const GIMBAL_CONFIGURE: u16 = 1001;
     /// `COMPONENT_ARM_DISARM`.
     pub const ARM: u16 = 400;
     /// `SET_MESSAGE_INTERVAL`.

@@ -3,11 +3,14 @@
 //! Everything but [`link`] does no I/O. Messages are those of the crate `mavlink`, dialect `common`.
 
 pub mod command;
+pub mod fence;
 pub mod frames;
+pub mod gimbal;
 pub mod link;
 pub mod message;
 pub mod modes;
 pub mod parameter;
+pub mod ranges;
 pub mod report;
 pub mod url;
 pub mod wire;

@@ -8,11 +8,13 @@ use spf_core::command::Setpoint;
 use spf_core::time::Time;
 
 use crate::command::Transmission;
-use crate::frames::{VELOCITY_AND_YAW_RATE, attitude, position_from_ned, setpoint_to_body, velocity_from_ned};
+use crate::fence::FenceMessage;
+use crate::frames::{GlobalPosition, VELOCITY_AND_YAW_RATE, attitude, position_from_ned, setpoint_to_body, velocity_from_ned};
 use crate::modes::Autopilot;
 use crate::parameter::{name_bytes, name_of};
+use crate::ranges::{looks_down, of_rangefinder, of_sectors};
 use crate::report::{Gps, Heartbeat, Report};
-use crate::wire::{Body, Packet};
+use crate::wire::{Body, EKF_STATUS_REPORT, Packet};
 
 /// `COMMAND_INT` and `COMMAND_LONG`.
 const COMMAND_INT: u32 = 75;
@@ -20,6 +22,7 @@ const COMMAND_INT: u32 = 75;
 const COMMAND_LONG: u32 = 76;
 const COMMAND_ACK: u32 = 77;
 const HEARTBEAT: u32 = 0;
+const REQUEST_DATA_STREAM: u32 = 66;
 
 /// The heartbeat of an onboard computer.
 #[must_use]
@@ -51,6 +54,13 @@ pub fn setpoint(target: [u8; 2], now: Time, setpoint: Setpoint) -> Body {
         coordinate_frame: MavFrame::MAV_FRAME_BODY_NED,
         ..SET_POSITION_TARGET_LOCAL_NED_DATA::default()
     }))
+}
+
+/// A request for a group of messages (`MAV_DATA_STREAM`) at a rate in Hz, as firmware without `SET_MESSAGE_INTERVAL` takes it.
+#[must_use]
+pub fn request_stream(target: [u8; 2], stream: u8, rate: u16) -> Body {
+    let [low, high] = rate.to_le_bytes();
+    Body { id: REQUEST_DATA_STREAM, payload: vec![low, high, target[0], target[1], stream, 1] }
 }
 
 /// A request for a parameter.
@@ -139,10 +149,21 @@ impl Packet {
         (self.id == HEARTBEAT).then(|| self.bytes::<1>(5)[0])
     }
 
-    /// Whether it is the heartbeat of a ground station.
+    /// Whether it is the heartbeat of a ground station, or of an onboard computer: of somebody who may command the vehicle.
     #[must_use]
-    pub fn is_ground_station(&self) -> bool {
-        self.id == HEARTBEAT && self.bytes::<1>(4) == [6]
+    pub fn is_controller(&self) -> bool {
+        self.id == HEARTBEAT && matches!(self.bytes::<1>(4), [6 | 18])
+    }
+
+    /// What ArduPilot's estimator tells about its horizontal position, as a standard deviation: `pos_horiz_variance` is the innovation
+    /// as a part of its gate of 5 standard deviations (`EK3_POS_I_GATE`) of a measurement (`EK3_POSNE_M_NSE`, 0.5 m).
+    fn position_error(&self) -> f64 {
+        const HAS_POSITION: u16 = 16;
+        const GATE: f64 = 5.0;
+        const MEASUREMENT: f64 = 0.5;
+        let part = f64::from(f32::from_le_bytes(self.bytes(4)));
+        let flags = u16::from_le_bytes(self.bytes(20));
+        if flags & HAS_POSITION == 0 || !part.is_finite() { f64::INFINITY } else { MEASUREMENT * (GATE * part).max(1.0) }
     }
 
     /// What it reports.
@@ -151,18 +172,20 @@ impl Packet {
         // From their bytes: types and commands that the dialect does not know are no reason to drop them.
         match self.id {
             HEARTBEAT => {
-                let [kind, autopilot, base_mode] = self.bytes(4);
+                let [kind, autopilot, base_mode, state] = self.bytes(4);
                 return Report::Heartbeat(Heartbeat {
                     autopilot: Autopilot::from_heartbeat(autopilot),
                     kind,
                     custom_mode: u32::from_le_bytes(self.bytes(0)),
                     armed: base_mode & 128 != 0,
+                    state,
                 });
             }
             COMMAND_ACK => {
                 let (command, [result]) = (u16::from_le_bytes(self.bytes(0)), self.bytes(2));
                 return Report::Acknowledgement { command, result, target: self.bytes(8) };
             }
+            EKF_STATUS_REPORT => return Report::PositionError(self.position_error()),
             _ => {}
         }
         self.message().map_or(Report::Other, |message| read(&message))
@@ -173,11 +196,16 @@ fn read(message: &MavMessage) -> Report {
     match message {
         MavMessage::SYS_STATUS(status) => {
             let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+            let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
             let says = status.onboard_control_sensors_present.contains(check);
             let charge = u8::try_from(status.battery_remaining).ok().filter(|charge| *charge <= 100);
             Report::System {
                 battery: charge.map(|charge| f64::from(charge) * 0.01),
                 may_arm: says.then(|| status.onboard_control_sensors_health.contains(check)),
+                fenced: status
+                    .onboard_control_sensors_present
+                    .contains(fence)
+                    .then(|| status.onboard_control_sensors_enabled.contains(fence)),
             }
         }
         MavMessage::GPS_RAW_INT(gps) => Report::Gps(Gps {
@@ -187,15 +215,18 @@ fn read(message: &MavMessage) -> Report {
             accuracy: (gps.h_acc != 0).then(|| f64::from(gps.h_acc) * 1e-3),
         }),
         MavMessage::ATTITUDE(it) => {
-            Report::Attitude { attitude: attitude([it.roll, it.pitch, it.yaw]), yaw_rate: it.yawspeed.into() }
+            let boot_ms = it.time_boot_ms;
+            Report::Attitude { attitude: attitude([it.roll, it.pitch, it.yaw]), yaw_rate: it.yawspeed.into(), boot_ms }
         }
         MavMessage::LOCAL_POSITION_NED(it) => Report::LocalPosition {
             position: position_from_ned([it.x, it.y, it.z]),
             velocity: velocity_from_ned([it.vx, it.vy, it.vz]),
+            boot_ms: it.time_boot_ms,
         },
-        MavMessage::GLOBAL_POSITION_INT(it) => Report::Height(f64::from(it.relative_alt) * 1e-3),
-        // Of several sensors the one that looks down (`MAV_SENSOR_ROTATION_PITCH_270`).
-        MavMessage::DISTANCE_SENSOR(it) if it.orientation as u8 == 25 => {
+        MavMessage::GLOBAL_POSITION_INT(it) => Report::Height(f64::from(it.relative_alt) * 1e-3, it.time_boot_ms),
+        MavMessage::DISTANCE_SENSOR(it) if !looks_down(it) => of_rangefinder(it).map_or(Report::Other, Report::Ranges),
+        MavMessage::OBSTACLE_DISTANCE(it) => Report::Ranges(of_sectors(it)),
+        MavMessage::DISTANCE_SENSOR(it) => {
             let valid = it.current_distance >= it.min_distance.max(1) && it.current_distance < it.max_distance;
             Report::GroundClearance(valid.then(|| f64::from(it.current_distance) * 0.01))
         }
@@ -203,7 +234,14 @@ fn read(message: &MavMessage) -> Report {
             let [_, patch, minor, major] = it.flight_sw_version.to_le_bytes();
             Report::Version { capabilities: it.capabilities.bits(), firmware: [major, minor, patch] }
         }
-        MavMessage::HOME_POSITION(it) => Report::Home(position_from_ned([it.x, it.y, it.z])),
+        MavMessage::HOME_POSITION(it) => {
+            let place = GlobalPosition {
+                latitude: f64::from(it.latitude) * 1e-7,
+                longitude: f64::from(it.longitude) * 1e-7,
+                altitude: f64::from(it.altitude) * 1e-3,
+            };
+            Report::Home(position_from_ned([it.x, it.y, it.z]), place)
+        }
         MavMessage::EXTENDED_SYS_STATE(it) => Report::Landed(it.landed_state as u8),
         MavMessage::STATUSTEXT(it) => {
             // Printable characters only: the text goes to a terminal.
@@ -216,7 +254,7 @@ fn read(message: &MavMessage) -> Report {
             None => Report::Other,
         },
         MavMessage::ESTIMATOR_STATUS(it) => Report::PositionError(it.pos_horiz_accuracy.into()),
-        _ => Report::Other,
+        other => FenceMessage::read(other).map_or(Report::Other, |(message, target)| Report::Fence(message, target)),
     }
 }
 
@@ -249,6 +287,22 @@ mod tests {
         // One that no dialect has is acknowledged all the same.
         let ack = packet(&acknowledgement([255, 190], 54_321, 3)).report();
         assert_eq!(ack, Report::Acknowledgement { command: 54_321, result: 3, target: [255, 190] });
+    }
+
+    /// Bytes as pymavlink 2.4 packs them: five floats, the flags, one more float.
+    #[test]
+    fn what_ardupilot_s_estimator_says_becomes_a_standard_deviation() {
+        let report = |part: f32, flags: u16| {
+            let floats = [0.1, part, 0.3, 0.4, 0.5].into_iter().flat_map(f32::to_le_bytes);
+            let payload = floats.chain(flags.to_le_bytes()).chain(0.0_f32.to_le_bytes()).collect();
+            let mut decoder = crate::wire::Decoder::default();
+            decoder.push(&crate::wire::Encoder::new([1, 1]).frame(&Body { id: EKF_STATUS_REPORT, payload }));
+            decoder.next_packet().unwrap().report()
+        };
+        assert_eq!(report(0.1, 831), Report::PositionError(0.5));
+        assert_eq!(report(0.5, 831), Report::PositionError(1.25));
+        assert_eq!(report(0.1, 128), Report::PositionError(f64::INFINITY));
+        assert_eq!(report(f32::NAN, 831), Report::PositionError(f64::INFINITY));
     }
 
     #[test]

@@ -2,7 +2,10 @@
 
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity};
 
+use crate::fence::FenceMessage;
+use crate::frames::GlobalPosition;
 use crate::modes::Autopilot;
+use crate::ranges::Ranges;
 
 /// A message of the vehicle.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +18,8 @@ pub enum Report {
         battery: Option<f64>,
         /// Whether the arming checks pass; `None` if the vehicle does not say.
         may_arm: Option<bool>,
+        /// Whether a fence is in force; `None` if the vehicle does not say.
+        fenced: Option<bool>,
     },
     /// `GPS_RAW_INT`.
     Gps(Gps),
@@ -24,6 +29,8 @@ pub enum Report {
         attitude: Attitude,
         /// Yaw rate, rad/s, clockwise positive.
         yaw_rate: f64,
+        /// The vehicle's clock, ms since it was switched on.
+        boot_ms: u32,
     },
     /// `LOCAL_POSITION_NED`: relative to where the estimator started.
     LocalPosition {
@@ -31,9 +38,11 @@ pub enum Report {
         position: EnuPosition,
         /// Velocity.
         velocity: EnuVelocity,
+        /// The vehicle's clock, ms since it was switched on.
+        boot_ms: u32,
     },
-    /// `GLOBAL_POSITION_INT`: height above the home position, metres.
-    Height(f64),
+    /// `GLOBAL_POSITION_INT`: height above the home position, metres, and the vehicle's clock, ms since it was switched on.
+    Height(f64, u32),
     /// `DISTANCE_SENSOR`: the distance to what is below, metres; `None` if it is out of range.
     GroundClearance(Option<f64>),
     /// `AUTOPILOT_VERSION`.
@@ -43,8 +52,8 @@ pub enum Report {
         /// Major, minor and patch number of the firmware.
         firmware: [u8; 3],
     },
-    /// `HOME_POSITION`: where the vehicle returns to, relative to where the estimator started.
-    Home(EnuPosition),
+    /// `HOME_POSITION`: where the vehicle returns to, relative to where the estimator started, and on the globe.
+    Home(EnuPosition, GlobalPosition),
     /// `EXTENDED_SYS_STATE`: `MAV_LANDED_STATE`.
     Landed(u8),
     /// `STATUSTEXT`.
@@ -72,8 +81,13 @@ pub enum Report {
         /// `MAV_PARAM_TYPE`.
         kind: u8,
     },
-    /// `ESTIMATOR_STATUS`: standard deviation of the horizontal position, metres.
+    /// `ESTIMATOR_STATUS`, or what `EKF_STATUS_REPORT` lets infer: standard deviation of the horizontal position, metres. Infinite
+    /// if there is no position.
     PositionError(f64),
+    /// `DISTANCE_SENSOR` that looks elsewhere than down, or `OBSTACLE_DISTANCE`.
+    Ranges(Ranges),
+    /// A message about its fence, with the system and component that it is for; zero for anyone.
+    Fence(FenceMessage, [u8; 2]),
     /// Another message.
     Other,
 }
@@ -89,6 +103,8 @@ pub struct Heartbeat {
     pub custom_mode: u32,
     /// Whether the motors may turn.
     pub armed: bool,
+    /// `MAV_STATE`: 3 standby, 4 active.
+    pub state: u8,
 }
 
 /// State of satellite navigation.

@@ -188,6 +188,21 @@ impl Collider {
         Some(Ground { object, up: point.up - toi })
     }
 
+    /// Distance along the segment between two points to the first solid surface, metres; `None` if there is none.
+    #[must_use]
+    pub fn range(&self, from: EnuPosition, to: EnuPosition) -> Option<f64> {
+        let length = from.distance(to);
+        if length <= 0.0 {
+            return None;
+        }
+        let direction = narrow(EnuPosition {
+            east: (to.east - from.east) / length,
+            north: (to.north - from.north) / length,
+            up: (to.up - from.up) / length,
+        });
+        self.cast(from, direction, length as f32).map(|(_, along)| along)
+    }
+
     /// The first object that intersects the segment between two points; `None` if the line of sight is free.
     #[must_use]
     pub fn segment_blocked(&self, from: EnuPosition, to: EnuPosition) -> Option<ObjectId> {

@@ -173,6 +173,12 @@ pub(crate) struct WorldArgs {
     /// moves that the Tello ends by itself; replaces --motion, and sets --think stop) [default: rc]
     #[arg(long, value_name = "MODE")]
     pub(crate) tello_motion: Option<String>,
+    /// Replace the fence of a PX4 or ArduPilot by --geofence (one polygon), or by a circle of --max-distance around home
+    #[arg(long)]
+    pub(crate) upload_fence: bool,
+    /// Pitch of the gimbal of a PX4 or ArduPilot at the start, degrees, negative downwards; off if --camera is not on it
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
+    pub(crate) gimbal: Option<String>,
     /// Craft to simulate: quad or tello [default: the scene's]
     #[arg(long, value_name = "MODEL")]
     pub(crate) drone_model: Option<String>,
@@ -313,8 +319,8 @@ pub(crate) struct MethodArgs {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Limits")]
 pub(crate) struct LimitArgs {
-    /// When the instruction has ended: land, or hover for up to 60 s and accept a new instruction [default: land; hover with a
-    /// real drone and a terminal]
+    /// When the instruction has ended: land; hover for up to 60 s and accept a new instruction; or rtl, return home by the
+    /// drone's own navigation and land there [default: land; hover with a real drone and a terminal]
     #[arg(long, value_name = "ACTION")]
     pub(crate) at_end: Option<String>,
     /// Fly a real drone without a terminal, and so without keyboard control: Ctrl-C and SIGTERM land it

@@ -65,6 +65,10 @@ pub(crate) struct Serve {
     /// Sets a parameter of the MAVLink vehicle; may be repeated
     #[arg(long, value_name = "NAME=NUMBER", requires = "mavlink")]
     pub(crate) mavlink_param: Vec<String>,
+    /// What the MAVLink vehicle carries: ranges (rangefinders ahead, left and right, and a proximity
+    /// sensor), gimbal (of its camera); may be repeated
+    #[arg(long, value_name = "NAME", requires = "mavlink")]
+    pub(crate) mavlink_equipment: Vec<String>,
     /// Fault injection for the drone (TOML, see docs/guide/tello.md); reloaded when the file changes
     #[arg(long, value_name = "FILE")]
     pub(crate) fault: Option<PathBuf>,

@@ -254,6 +254,11 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         return Err(CliError::usage("--camera requires a real drone")
             .hint("the simulated craft sees the simulated scene; `spf camera test URL` tries a camera without a drone"));
     }
+    if settings.mavlink.upload_fence.is_on()? {
+        return Err(
+            CliError::usage("--upload-fence requires --drone mavlink").hint("the simulated craft keeps to --geofence itself")
+        );
+    }
     let (preset, policy) = preset_and_policy(settings)?;
     // A flight in virtual time is over before anyone could watch it.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();
@@ -262,6 +267,10 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
         // Whoever watches may give the next instruction.
         method.at_end = AtEnd::Hover;
+    }
+    if method.at_end == AtEnd::Return {
+        return Err(CliError::usage("the simulated craft cannot return by itself")
+            .hint("--at-end rtl is for PX4 and ArduPilot (--drone mavlink), simulated ones too; use land or hover"));
     }
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;

@@ -33,13 +33,15 @@ impl Flags for FlightArgs {
 }
 
 impl WorldArgs {
-    fn apply(&self, Settings { fly, camera, tello, .. }: &mut Settings) {
+    fn apply(&self, Settings { fly, camera, tello, mavlink, .. }: &mut Settings) {
         let Self {
             scene,
             conditions: ConditionArgs { light, weather },
             start,
             drone,
             tello_motion,
+            upload_fence,
+            gimbal,
             drone_model,
             seed,
             wind,
@@ -55,6 +57,8 @@ impl WorldArgs {
         fly.start.flag(start.as_deref());
         fly.drone.flag(drone.as_deref());
         tello.motion.flag(tello_motion.as_deref());
+        mavlink.upload_fence.switch(*upload_fence);
+        mavlink.gimbal.flag(gimbal.as_deref());
         fly.drone_model.flag(drone_model.as_deref());
         fly.seed.flag(seed.as_deref());
         fly.wind.flag(wind.as_deref());

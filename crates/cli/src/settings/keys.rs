@@ -18,6 +18,7 @@ use spf_sim::wind::Wind;
 use spf_vlm::setup::KeyHost;
 use spf_vlm::table::PerMillion;
 
+use super::reading::GimbalPitch;
 use super::reading::{Count, DepthSense, Drone, DroneName, Explained, Joined, Number, Parsed, Start, Step, Switch, Text, Word};
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
@@ -85,7 +86,7 @@ settings! {
         wind: Wind = "", Explained("a wind such as 3,from=270,gust=1"), "SPF_WIND", "--wind";
         /// battery charge at the start, 0 to 1
         battery: f64 = "1", Number(0.0, 1.0), "SPF_BATTERY", "--battery";
-        /// when the instruction has ended, land or hover; empty: hover with a real drone and a terminal, else land
+        /// when the instruction has ended, land, hover, or rtl (return by itself and land); empty: hover with a real drone and a terminal, else land
         at_end: AtEnd = "", Word, "SPF_AT_END", "--at-end";
         /// fly a real drone without a terminal: true or false
         unattended: bool = "false", Word, "SPF_UNATTENDED", "--unattended" sets "true";
@@ -167,6 +168,14 @@ settings! {
         sink_m_s: f64 = "0.8", Number(0.1, 10.0), "SPF_TELLO_SINK_M_S";
         /// yaw rate of `rc 0 0 0 100`, degrees per second
         yaw_deg_s: f64 = "95", Number(10.0, 360.0), "SPF_TELLO_YAW_DEG_S";
+    }
+
+    /// A PX4 or ArduPilot: `[mavlink]`.
+    mavlink: Mavlink {
+        /// replace the autopilot's fence by the geofence, or by a circle of the maximum distance: true or false
+        upload_fence: bool = "false", Word, "SPF_MAVLINK_UPLOAD_FENCE", "--upload-fence" sets "true";
+        /// pitch of the camera's gimbal at the start, degrees, negative downwards; off: the camera is not on the gimbal; empty: left as it is
+        gimbal: GimbalPitch = "", Parsed("a pitch in degrees, such as -15, or off"), "SPF_MAVLINK_GIMBAL", "--gimbal";
     }
 
     /// Limits of the safety envelope: `[envelope]`.

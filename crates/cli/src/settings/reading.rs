@@ -11,6 +11,7 @@ use spf_core::pilot::{AskWhen, AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::driver::{Driver, Target};
+use spf_drone::mavlink::settings::GimbalUse;
 use spf_drone::registry::{DRIVERS, alternatives, forms, named};
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
@@ -247,9 +248,25 @@ impl Words for AskWhen {
     }
 }
 
+/// Pitch of a gimbal, or that the camera is not on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct GimbalPitch(pub(crate) GimbalUse);
+
+impl FromStr for GimbalPitch {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        if text == "off" {
+            return Ok(Self(GimbalUse::Off));
+        }
+        let pitch: f64 = text.parse().map_err(|_| ())?;
+        if (-90.0..=45.0).contains(&pitch) { Ok(Self(GimbalUse::At(-pitch.to_radians()))) } else { Err(()) }
+    }
+}
+
 impl Words for AtEnd {
     fn words() -> Vec<(&'static str, Self)> {
-        vec![("land", Self::Land), ("hover", Self::Hover)]
+        vec![("land", Self::Land), ("hover", Self::Hover), ("rtl", Self::Return)]
     }
 }
 

@@ -7,13 +7,16 @@
 //! view without a return does not count as blind: open space gives none, and neither does glass. But where the ground
 //! should give a return in a part of the image and gives none, that part has failed, and what it would show is blind.
 
+use std::collections::BTreeMap;
+
 use super::brake_limits::BrakeLimits;
 use super::reach::Braking;
 use crate::camera::Camera;
 use crate::depth::{CameraAxes, DepthGrid};
 use crate::geometry::{EnuPosition, EnuVelocity, Pose};
 use crate::lift::CameraDisplacement;
-use crate::time::{Time, duration_from_secs};
+use crate::ranges::{MOST_RAYS, RangeScan};
+use crate::time::{Duration, Time, duration_from_secs};
 
 /// Added to the body's radius on either side of the path, metres.
 const BESIDE: f64 = 0.1;
@@ -31,6 +34,10 @@ const BLOCK: usize = 4;
 const SIGHT: f64 = 12.0;
 /// A motion estimate, or a thing ahead, older than this is not used, s.
 const FRESH: f64 = 0.5;
+/// What a sensor around the craft has measured counts for this long: over a slow link it comes twice a second.
+const RANGED: Duration = Duration::from_secs(1);
+/// Maximum number of sensors around the craft.
+const SENSORS: usize = 32;
 
 /// The known obstacles and motion.
 #[derive(Clone, Debug, Default)]
@@ -44,6 +51,8 @@ pub(super) struct Brake {
     remembered: Vec<EnuPosition>,
     /// The place of something that the craft flies at, and when it was told.
     ahead: Option<(Time, EnuPosition)>,
+    /// The places that the sensors around the craft have hit last, with the time of measurement, by sensor.
+    ranges: BTreeMap<u32, (Time, Vec<EnuPosition>)>,
     /// Position and heading according to the motion estimate that depth and map are based on.
     motion: Option<(Time, EnuPosition, f64)>,
 }
@@ -133,6 +142,18 @@ impl Brake {
         self.remembered.extend(places.filter(|p| [p.east, p.north, p.up].iter().all(|x| x.is_finite())));
     }
 
+    /// Takes a scan of a sensor around the craft, measured at `pose`: it replaces the one before of the same sensor.
+    pub(super) fn ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
+        self.ranges.retain(|_, (captured, _)| now.since(*captured) <= RANGED);
+        let older = self.ranges.get(&scan.sensor).is_some_and(|(captured, _)| *captured > scan.captured);
+        if older || (self.ranges.len() >= SENSORS && !self.ranges.contains_key(&scan.sensor)) {
+            return;
+        }
+        let rays = scan.rays.iter().take(MOST_RAYS).filter(|ray| ray.is_valid());
+        let places = rays.flat_map(|ray| ray.hits(pose)).filter(|place| place.distance(pose.position) <= SIGHT).collect();
+        self.ranges.insert(scan.sensor, (scan.captured.min(now), places));
+    }
+
     /// Takes the place of something that the craft flies at.
     pub(super) fn ahead(&mut self, now: Time, place: EnuPosition) {
         self.ahead = [place.east, place.north, place.up].iter().all(|x| x.is_finite()).then_some((now, place));
@@ -141,7 +162,12 @@ impl Brake {
     /// The places that count at `now` besides those of the newest grid.
     fn known(&self, now: Time) -> impl Iterator<Item = &EnuPosition> {
         let is_fresh = |told: Time| now.since(told) <= duration_from_secs(FRESH);
-        self.remembered.iter().chain(self.ahead.as_ref().filter(|(told, _)| is_fresh(*told)).map(|(_, place)| place))
+        let ranged = self.ranges.values().filter(move |(captured, _)| now.since(*captured) <= RANGED);
+        let ranged = ranged.flat_map(|(_, places)| places);
+        self.remembered
+            .iter()
+            .chain(ranged)
+            .chain(self.ahead.as_ref().filter(|(told, _)| is_fresh(*told)).map(|(_, place)| place))
     }
 
     /// Takes the position according to the motion estimate that depth and map are based on, and the heading.

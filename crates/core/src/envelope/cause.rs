@@ -127,7 +127,7 @@ impl Reaction {
     }
 }
 
-/// Why a take-off was refused.
+/// Why a take-off or a return was refused.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
@@ -186,4 +186,20 @@ pub enum Refusal {
         /// Take-off height, m.
         height: f64,
     },
+    /// The craft cannot return by itself, or does not tell how high it would fly.
+    #[error("return refused: the craft cannot return and land by itself, or does not tell how high it would fly")]
+    NoReturn,
+    /// The return would climb above the ceiling.
+    #[error(
+        "return refused: the craft would climb to {height:.1} m, above the altitude limit {limit:.1} m; lower it there, or raise `max_altitude`"
+    )]
+    ReturnTooHigh {
+        /// Height of the return, m.
+        height: f64,
+        /// Ceiling, m.
+        limit: f64,
+    },
+    /// The straight path home leaves the geofence.
+    #[error("return refused: the straight path home leaves the geofence")]
+    ReturnOutsideGeofence,
 }

@@ -18,6 +18,7 @@ mod limits;
 mod manoeuvre;
 mod person;
 mod reach;
+mod returning;
 mod watch;
 
 pub use brake_limits::BrakeLimits;
@@ -37,9 +38,12 @@ use crate::estimator::MotionEstimate;
 use crate::frame::FrameMeta;
 use crate::geometry::{EnuPosition, EnuVelocity, Pose, Spread};
 use crate::query::VerticalRoom;
+use crate::ranges::RangeScan;
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Time, duration_from_secs};
 
+/// Greatest tilt of a camera, radians.
+const STRAIGHT_DOWN: f64 = core::f64::consts::FRAC_PI_2;
 /// Vertical search moves keep this distance from floor and ceiling, metres.
 const LOOK_MARGIN: f64 = 0.5;
 
@@ -212,6 +216,15 @@ impl Envelope {
         self.brake.depth(now, grid, pose, height)
     }
 
+    /// Takes a scan of a sensor around the craft that arrived at `now`, measured at `pose` according to the motion estimate. It
+    /// counts for a second. Ignored without [`Limits::brake`].
+    pub fn observe_ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
+        let now = self.advance(now);
+        if self.limits.brake.is_some() {
+            self.brake.ranges(now, scan, pose);
+        }
+    }
+
     /// Replaces the remembered obstacles: occupied places near the craft, according to the motion estimate. Ignored without
     /// [`Limits::brake`], as is the next.
     pub fn observe_obstacles(&mut self, places: impl Iterator<Item = EnuPosition>) {
@@ -281,12 +294,18 @@ impl Envelope {
     /// landing and emergency stop always pass.
     ///
     /// # Errors
-    /// A [`Refusal`] of a take-off; no other command is ever refused.
+    /// A [`Refusal`] of a take-off or a return; no other command is ever refused.
     pub fn clear(&mut self, now: Time, command: Command) -> Result<ClearedCommand, Refusal> {
         match command {
             Command::Setpoint(setpoint) => Ok(self.clear_setpoint(now, setpoint)),
             Command::Manoeuvre(manoeuvre) => Ok(self.clear_manoeuvre(now, manoeuvre)),
             Command::TakeOff => self.take_off(now),
+            Command::Return => self.clear_return(now),
+            // Moves no craft; what is no angle looks ahead.
+            Command::Tilt(tilt) => {
+                let tilt = if tilt.is_finite() { tilt.clamp(-STRAIGHT_DOWN, STRAIGHT_DOWN) } else { 0.0 };
+                Ok(passed(Command::Tilt(tilt)))
+            }
             Command::Land | Command::EmergencyStop => {
                 self.advance(now);
                 self.commanded = None;

@@ -12,6 +12,7 @@ mod boxes;
 mod depth;
 mod line;
 mod points;
+mod ranges;
 mod views;
 
 use std::collections::VecDeque;

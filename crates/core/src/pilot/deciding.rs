@@ -27,7 +27,7 @@ impl Pilot {
         let newer = self
             .view
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
-        if let Some(known) = self.estimator.pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
+        if let Some(known) = self.camera_pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
             self.seen.frame(frame.captured, known);
             self.map_frame(now, frame.captured, known);
             let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
@@ -37,7 +37,7 @@ impl Pilot {
 
     /// Passes the newest frame to the policy when a decision is due.
     pub(super) fn decide(&mut self, now: Time) {
-        if self.phase != Phase::Flying || self.link_lost || !self.waiting.is_empty() {
+        if self.phase != Phase::Flying || self.link_lost || !self.waiting.is_empty() || self.is_tilting() {
             return;
         }
         // Only a good reply ends a hold for failed replies, so one must be requested.

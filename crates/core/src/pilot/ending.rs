@@ -41,7 +41,7 @@ impl Pilot {
             (Phase::TakeOff, FlightPhase::OnGround) if matches!(before, FlightPhase::TakingOff | FlightPhase::Landing) => {
                 self.finish(now, Outcome::Failed, "the craft refused to take off".to_owned());
             }
-            (Phase::Landing, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),
+            (Phase::Landing | Phase::Returning, FlightPhase::OnGround | FlightPhase::Stopped) => self.enter(now, Phase::Ended),
             // The craft lands or has stopped by itself (its own battery or link protection): follow it, never fight it.
             (
                 Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering,
@@ -70,6 +70,7 @@ impl Pilot {
                 self.finish(now, Outcome::Timeout, format!("the flight time limit of {limit} s was reached{held_back}"));
             }
             Phase::Hovering if waited >= HOVER_TIME => self.land(now),
+            Phase::Returning => self.follow_return(now, waited),
             Phase::Landing if waited >= LANDING_TIME => self.enter(now, Phase::Ended),
             Phase::Landing if now >= self.next_tick => self.command(now, Command::Land),
             _ => {}
@@ -126,7 +127,7 @@ impl Pilot {
     pub(super) fn spent(&mut self, now: Time, reason: String) {
         match self.phase {
             Phase::Ground => self.end_before_take_off(now, Outcome::Aborted, reason),
-            Phase::Landing | Phase::Ended => {}
+            Phase::Landing | Phase::Returning | Phase::Ended => {}
             _ => self.finish(now, Outcome::Aborted, reason),
         }
     }
@@ -140,7 +141,7 @@ impl Pilot {
     }
 
     /// Begins the landing of a flight whose outcome is settled.
-    fn land(&mut self, now: Time) {
+    pub(super) fn land(&mut self, now: Time) {
         if !matches!(self.phase, Phase::Landing | Phase::Ended) {
             self.enter(now, Phase::Landing);
             self.command(now, Command::Land);

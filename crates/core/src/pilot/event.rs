@@ -9,9 +9,11 @@ use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
+use crate::gimbal::GimbalReport;
 use crate::points::PointReport;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
+use crate::ranges::RangeScan;
 use crate::telemetry::Telemetry;
 use crate::time::Time;
 use crate::track::{TrackReport, TrackStart};
@@ -51,6 +53,10 @@ pub enum Event {
         /// The reason, as text for a person.
         reason: String,
     },
+    /// The gimbal points the camera there.
+    Gimbal(GimbalReport),
+    /// A sensor around the craft has measured ranges.
+    Ranges(Box<RangeScan>),
     /// The operator intervened.
     Operator(OperatorEvent),
     /// A budget of the flight, such as money, is exhausted: hold and land.
@@ -198,6 +204,9 @@ pub enum Phase {
     Manual,
     /// The instruction has ended; the craft hovers for a while before it lands, and accepts a new instruction.
     Hovering,
+    /// Returning home by the craft's own navigation, which also lands it: nothing is commanded meanwhile. The outcome is settled,
+    /// unless the operator takes over.
+    Returning,
     /// Descending to the ground. The outcome is settled, unless the operator takes over.
     Landing,
     /// Ended: on the ground, or motors cut.

@@ -91,7 +91,7 @@ impl Pilot {
 
     /// Takes a report on the target to follow.
     pub(super) fn follow_report(&mut self, now: Time, report: &TrackReport) {
-        let pose = self.estimator.pose_at(report.captured);
+        let pose = self.camera_pose_at(report.captured);
         let (Some(follower), Some(pose)) = (&mut self.following.follower, pose) else { return };
         follower.report(report, pose);
         // The step of the reply that was flown so far needs no end.

@@ -22,6 +22,7 @@ use crate::obstacle_map::{CELL, Cell, MapPoint, Mobility, ObstacleMap};
 use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach, escape};
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
+use crate::ranges::RangeScan;
 use crate::reply::{Reply, Status};
 use crate::telemetry::Telemetry;
 use crate::time::{Duration, Time};
@@ -288,6 +289,13 @@ impl Pilot {
             map.advance(now, pose.position);
             map.depth(grid, pose);
             self.guiding.depth_at = Some(now);
+        }
+    }
+
+    pub(super) fn map_ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.ranges(scan, pose);
         }
     }
 

@@ -8,7 +8,7 @@
 //!                            │
 //!                            ├─ due? frame ─► policy ─► query ─► reply ─► policy ─► move ─► executor ─► envelope ─► command
 //!                            ▼
-//!                        Finished ──► (hovering) ──► landing ──► ended
+//!                        Finished ──► (hovering, returning) ──► landing ──► ended
 //! ```
 
 mod boxes;
@@ -16,12 +16,14 @@ mod deciding;
 mod ending;
 mod event;
 mod following;
+mod gimbal;
 mod guiding;
 mod moving;
 mod news;
 mod operator;
 mod points;
 mod reactions;
+mod returning;
 mod settings;
 mod take_over;
 mod tracked_target;
@@ -44,6 +46,7 @@ use crate::executor::Executor;
 use crate::frame::FrameId;
 use crate::policy::{Move, Policy, PolicyEvent, View};
 use crate::query::QueryId;
+use crate::ranges::RangeScan;
 use crate::telemetry::{FlightPhase, Telemetry};
 use crate::time::{Duration, Time, duration_from_secs};
 
@@ -91,6 +94,7 @@ pub struct Pilot {
     points: points::Points,
     following: following::Following,
     boxes: boxes::Boxes,
+    gimbal: gimbal::GimbalState,
     news: news::News,
     executing: bool,
     pending: Option<Move>,
@@ -179,6 +183,7 @@ impl Pilot {
             points: points::Points::default(),
             following: following::Following::default(),
             boxes: boxes::Boxes::default(),
+            gimbal: gimbal::GimbalState::default(),
             news: news::News::default(),
             executing: false,
             pending: None,
@@ -216,6 +221,8 @@ impl Pilot {
             Event::Frame(frame) => self.frame(now, frame),
             Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
             Event::Depth(grid) => self.depth(now, &grid),
+            Event::Gimbal(report) => self.gimbal.reports.observe(report),
+            Event::Ranges(scan) => self.ranges(now, &scan),
             Event::Track(report) => self.track_report(now, report),
             Event::Points(report) => self.point_report(now, &report),
             Event::Reply { id, text } => self.reply(now, id, &text),
@@ -351,6 +358,14 @@ impl Pilot {
         }
     }
 
+    /// Passes a scan of a sensor around the craft to brake and map, with the pose at its capture.
+    fn ranges(&mut self, now: Time, scan: &RangeScan) {
+        if let Some(pose) = self.estimator.pose_at(scan.captured.min(now)) {
+            self.envelope.observe_ranges(now, scan, pose);
+            self.map_ranges(now, scan, pose);
+        }
+    }
+
     fn clock(&mut self, now: Time) -> Time {
         self.now = self.now.max(now);
         self.now
@@ -375,6 +390,7 @@ impl Pilot {
         }
         self.react(now);
         self.limits(now);
+        self.follow_gimbal(now);
         self.decide(now);
         if now >= self.next_tick {
             self.tick(now);

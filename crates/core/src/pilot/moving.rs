@@ -78,6 +78,9 @@ impl Pilot {
             self.guiding.end();
             return self.refuse_move(now);
         }
+        if self.look_by_gimbal(now, &motion) {
+            return;
+        }
         let Some(motion) = self.admissible(now, motion) else {
             self.guiding.end();
             return self.refuse_move(now);

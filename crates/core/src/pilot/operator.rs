@@ -16,12 +16,12 @@ impl Pilot {
     pub(super) fn operator(&mut self, now: Time, event: OperatorEvent) {
         let is_setpoint = matches!(event, OperatorEvent::Setpoint(_));
         // A key that was held when the landing began would undo the landing that a signal, or the other hand, asked for.
-        let still_held =
-            is_setpoint && self.phase == Phase::Landing && self.last_setpoint.is_some_and(|last| now.since(last) < HELD_KEY);
+        let ends = matches!(self.phase, Phase::Landing | Phase::Returning);
+        let still_held = is_setpoint && ends && self.last_setpoint.is_some_and(|last| now.since(last) < HELD_KEY);
         if is_setpoint {
             self.last_setpoint = Some(now);
         }
-        let held = still_held.then_some("landing: let go of the key, and press it again to take over");
+        let held = still_held.then_some("landing or returning: let go of the key, and press it again to take over");
         if let Some(why) = self.ignored(&event).or(held) {
             return self.note(Note::OperatorIgnored(event, why));
         }
@@ -57,7 +57,7 @@ impl Pilot {
             (Phase::Ended, CutMotors) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
             (Phase::Ended, _) => Some("the flight is over"),
             (Phase::Landing, Land) => Some("already landing"),
-            (Phase::Landing, Hold | Resume | Setpoint(_) | Instruction(_)) => self.landing_is_final(),
+            (Phase::Landing | Phase::Returning, Hold | Resume | Setpoint(_) | Instruction(_)) => self.landing_is_final(),
             (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
             (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("no hold is in effect"),
             _ => None,
@@ -78,7 +78,7 @@ impl Pilot {
 
     fn resume(&mut self, now: Time) {
         self.hold_after_take_off = false;
-        if matches!(self.phase, Phase::Held | Phase::Manual | Phase::Hovering | Phase::Landing) {
+        if matches!(self.phase, Phase::Held | Phase::Manual | Phase::Hovering | Phase::Returning | Phase::Landing) {
             self.manual = None;
             self.rest_from(now);
             self.needs_rest = true;
@@ -99,7 +99,7 @@ impl Pilot {
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;
         // Held by the operator it waits for `Resume`, also if the previous instruction had ended.
-        if matches!(self.phase, Phase::Hovering | Phase::Landing) {
+        if matches!(self.phase, Phase::Hovering | Phase::Returning | Phase::Landing) {
             self.resume(now);
         }
     }

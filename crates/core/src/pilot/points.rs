@@ -67,7 +67,7 @@ impl Pilot {
         if !self.settings.guidance.follows_points() || !self.craft_phase.is_flying() {
             return;
         }
-        let Some(pose) = self.estimator.pose_at(captured) else { return };
+        let Some(pose) = self.camera_pose_at(captured) else { return };
         let report = PointReport { captured, ..report.clone() };
         if self.settings.guidance.looming {
             self.points.ahead = self.points.looming.observe(&report, &self.camera, pose);

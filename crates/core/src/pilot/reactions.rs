@@ -10,6 +10,12 @@ use crate::time::Time;
 impl Pilot {
     /// Obeys the envelope's current reaction.
     pub(super) fn react(&mut self, now: Time) {
+        if self.phase == Phase::Returning {
+            // Told, and nothing else: the craft's own navigation goes on, and has failsafes of its own.
+            let cause = self.envelope.manual_reaction(now).cause();
+            let last = core::mem::replace(&mut self.last_reaction, cause);
+            return self.note_change(cause, last);
+        }
         if !matches!(self.phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering | Phase::TakeOff) {
             return;
         }

@@ -60,6 +60,8 @@ pub enum AtEnd {
     Land,
     /// Hover and accept a new instruction; land after 60 s, or when the envelope demands it.
     Hover,
+    /// Return home by the craft's own navigation, and land there; land at once if the envelope does not clear that.
+    Return,
 }
 
 /// Pilot settings.

@@ -13,10 +13,12 @@ const OBEYS_WITHIN: Duration = Duration::from_secs(2);
 const AT_THE_KEYS: Duration = Duration::from_secs(60);
 
 impl Pilot {
-    /// Ends the current instruction: the outcome is settled, and the craft lands or hovers.
+    /// Ends the current instruction: the outcome is settled, and the craft lands, hovers or returns.
     pub(super) fn end_instruction(&mut self, now: Time, outcome: Outcome, cause: String) {
-        if self.settings.at_end == AtEnd::Land || self.phase != Phase::Flying {
-            return self.finish(now, outcome, cause);
+        match self.settings.at_end {
+            AtEnd::Hover if self.phase == Phase::Flying => {}
+            AtEnd::Return if self.phase == Phase::Flying => return self.return_home(now, outcome, cause),
+            _ => return self.finish(now, outcome, cause),
         }
         self.cancel_queries();
         self.stop_motion(now);
@@ -33,9 +35,9 @@ impl Pilot {
         }
     }
 
-    /// Interrupts a landing in progress: from now on the craft holds in `phase`, unless it reports otherwise.
+    /// Interrupts a landing or return in progress: from now on the craft holds in `phase`, unless it reports otherwise.
     pub(super) fn interrupt_landing(&mut self, now: Time, phase: Phase) {
-        if self.phase == Phase::Landing {
+        if matches!(self.phase, Phase::Landing | Phase::Returning) {
             self.taken_over = Some(now);
             self.rest_from(now);
         }

@@ -54,7 +54,7 @@ impl Pilot {
 
     /// Whether the report fits, or shows nothing new.
     fn sight(&mut self, now: Time, report: &TrackReport, tracked: &mut TrackedTarget) -> bool {
-        let Some(pose) = self.estimator.pose_at(report.captured) else { return true };
+        let Some(pose) = self.camera_pose_at(report.captured) else { return true };
         let odometry = self.estimator.odometry_at(report.captured);
         let Some(anchor) = self.guiding.anchors.anchor().filter(|_| self.is_anchored()) else { return true };
         let ImageBox { left, top, right, bottom } = report.area;

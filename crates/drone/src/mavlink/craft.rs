@@ -8,18 +8,19 @@ use std::time::Instant;
 
 use spf_core::camera::Camera;
 use spf_core::command::Command;
-use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
+use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::link::Link;
-use spf_mavlink::modes::Autopilot;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
 
-use super::opening::{ConnectError, Found, find};
-use super::settings::MavlinkSettings;
-use super::vehicle::{Facts, Notice, Vehicle};
+use super::limits::{craft, limited};
+use super::opening::{COMPONENT, ConnectError, Found, find};
+use super::settings::{GimbalUse, MavlinkSettings};
+use super::telling::tell;
+use super::vehicle::{Facts, Vehicle};
 use crate::abandon::{self, EmergencyLand};
 use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
@@ -34,9 +35,6 @@ const LANDING_TIME: Duration = Duration::from_secs(45);
 const ACCURACY: f64 = 0.3;
 const ACCURACIES: (f64, f64) = (0.05, 3.0);
 
-/// Acceleration of a craft whose autopilot does not tell, m/s².
-const ACCELERATION: f64 = 2.0;
-
 /// State shared by the threads.
 struct Shared {
     vehicle: Mutex<Vehicle>,
@@ -45,6 +43,7 @@ struct Shared {
     stats: Mutex<LinkStats>,
     link: Link,
     target: [u8; 2],
+    own: [u8; 2],
     start: Instant,
     stopped: AtomicBool,
 }
@@ -79,37 +78,6 @@ impl Shared {
     }
 }
 
-fn tell(notice: &Notice) {
-    match notice {
-        Notice::Refused { what, result, texts } => {
-            let words = if texts.is_empty() { "without a reason".to_owned() } else { format!("it says: {}", texts.join("; ")) };
-            tracing::error!("the autopilot refused {what} ({}), {words}", result.words());
-        }
-        Notice::Says { severity, text } => match severity {
-            0..=3 => tracing::error!("the autopilot: {text}"),
-            4 => tracing::warn!("the autopilot: {text}"),
-            _ => tracing::info!("the autopilot: {text}"),
-        },
-        Notice::LetGo { mode } => tracing::error!(
-            "the flight mode is now {mode}, which was not commanded here: another station, the RC transmitter or a failsafe has control, \
-             and nothing more is sent"
-        ),
-        Notice::NotOurs { what } => {
-            tracing::error!(
-                "no {what} is commanded: another station, the RC transmitter or a failsafe has control, until you resume (r)"
-            )
-        }
-        Notice::UnknownHeight => tracing::error!(
-            "no take-off: PX4 climbs to MIS_TAKEOFF_ALT, which could not be read, so that it cannot be checked against \
-             --max-altitude; connect again, or improve the link"
-        ),
-        Notice::TakingBack { mode } => tracing::warn!("the operator takes control back from {mode}"),
-        Notice::Unattended { landing: false } => tracing::error!("the flight loop was silent for 2 s: the craft hovers"),
-        Notice::Unattended { landing: true } => tracing::error!("the flight loop was silent for 5 s: landing the craft"),
-        Notice::Failed => tracing::error!("a part of the MAVLink driver failed: landing the craft"),
-    }
-}
-
 impl EmergencyLand for Shared {
     fn abandon(&self) {
         let now = self.now();
@@ -131,6 +99,7 @@ pub struct MavlinkCraft {
     shared: Arc<Shared>,
     frames: FrameStore,
     accuracy: f64,
+    gimbal: GimbalUse,
     threads: Vec<JoinHandle<()>>,
     polled: Time,
 }
@@ -141,11 +110,14 @@ impl MavlinkCraft {
     ///
     /// # Errors
     /// [`ConnectError`] if the link cannot be opened, or nothing usable arrives.
-    pub fn connect(url: &MavlinkUrl, settings: MavlinkSettings, start: Instant) -> Result<Self, ConnectError> {
+    pub fn connect(url: &MavlinkUrl, settings: &MavlinkSettings, start: Instant) -> Result<Self, ConnectError> {
         let link = Link::open(url)?;
         let mut decoder = Decoder::default();
         let found = find(url, &link, &mut decoder, settings, craft().take_off_height, start)?;
-        let Found { system, component, vehicle, encoder } = found;
+        let Found { system, component, mut vehicle, encoder } = found;
+        if settings.gimbal == GimbalUse::Off {
+            vehicle.ignore_gimbal();
+        }
         let autopilot = vehicle.facts().autopilot.name();
         let shared = Arc::new(Shared {
             vehicle: Mutex::new(vehicle),
@@ -153,6 +125,7 @@ impl MavlinkCraft {
             stats: Mutex::default(),
             link,
             target: [system, component],
+            own: [settings.system.unwrap_or(system), COMPONENT],
             start,
             stopped: AtomicBool::new(false),
         });
@@ -160,6 +133,7 @@ impl MavlinkCraft {
             shared: shared.clone(),
             frames: FrameStore::default(),
             accuracy: ACCURACY,
+            gimbal: settings.gimbal,
             threads: Vec::new(),
             polled: Time::ZERO,
         };
@@ -199,6 +173,9 @@ impl MavlinkCraft {
         let mut vehicle = self.shared.vehicle();
         let (mode, flying) = (vehicle.mode(), vehicle.is_flying());
         let flown = vehicle.engage(now, alone);
+        if let GimbalUse::At(tilt) = self.gimbal {
+            vehicle.tilt(now, tilt);
+        }
         drop(vehicle);
         abandon::register(&(self.shared.clone() as Arc<dyn EmergencyLand>));
         match (flying, flown) {
@@ -231,6 +208,12 @@ impl MavlinkCraft {
         Ok(())
     }
 
+    /// Its logic, with the present time.
+    pub(super) fn with_vehicle<T>(&self, work: impl FnOnce(&mut Vehicle, Time) -> T) -> T {
+        let now = self.shared.now();
+        work(&mut self.shared.vehicle(), now)
+    }
+
     /// What is known about it.
     #[must_use]
     pub fn facts(&self) -> Facts {
@@ -257,31 +240,6 @@ impl MavlinkCraft {
     }
 }
 
-/// The craft that is assumed: a general quadrotor.
-pub(super) fn craft() -> Craft {
-    Craft::quad()
-}
-
-/// The craft with the limits that its autopilot sets, metres and seconds. Its acceleration decides where it comes to rest: one that
-/// is unknown counts as low.
-fn limited(usual: Craft, facts: &Facts, take_off_height: Option<f64>) -> Craft {
-    // ArduPilot's are in cm.
-    let (names, unit) = match facts.autopilot {
-        Autopilot::Px4 => (["MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN", "MPC_ACC_HOR"], 1.0),
-        Autopilot::ArduPilot => (["WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN", "WPNAV_ACCEL"], 0.01),
-    };
-    let [level, up, down, acceleration] =
-        names.map(|name| facts.parameter(name).map(|value| value.abs() * unit).filter(|value| *value > 0.0));
-    let vertical = up.unwrap_or(f64::INFINITY).min(down.unwrap_or(f64::INFINITY));
-    Craft {
-        cruise_speed: usual.cruise_speed.min(level.unwrap_or(f64::INFINITY)),
-        climb_speed: usual.climb_speed.min(vertical),
-        acceleration: usual.acceleration.min(acceleration.unwrap_or(ACCELERATION)),
-        take_off_height: take_off_height.unwrap_or(usual.take_off_height),
-        ..usual
-    }
-}
-
 fn receive(shared: &Shared, mut decoder: Decoder) {
     let mut buffer = [0; spf_mavlink::link::LONGEST];
     let mut sequence = Sequence::default();
@@ -292,8 +250,16 @@ fn receive(shared: &Shared, mut decoder: Decoder) {
         }
         decoder.push(&buffer[..length]);
         while let Some(packet) = decoder.next_packet() {
+            // A gimbal may be a component of its own.
+            if packet.system == shared.target[0]
+                && let Some(news) = packet.gimbal()
+            {
+                let now = shared.now();
+                shared.vehicle().handle_gimbal(now, news);
+            }
             if [packet.system, packet.component] != shared.target {
-                if packet.is_ground_station() {
+                // Our own, as a router sends them back, are not another's.
+                if packet.is_controller() && [packet.system, packet.component] != shared.own {
                     lock(&shared.stats).other_stations = true;
                 }
                 continue;
@@ -327,8 +293,10 @@ impl Drone for MavlinkCraft {
         let senses = TelemetryAccuracy { position_noise: self.accuracy, ..TelemetryAccuracy::quad() };
         let vehicle = self.shared.vehicle();
         let craft = limited(craft(), vehicle.facts(), vehicle.climbs_to());
+        let ranges = vehicle.measures_ranges(self.shared.now());
+        let gimbal = vehicle.gimbal_range();
         drop(vehicle);
-        Capabilities { position: true, ..Capabilities::of(craft, Camera::quad(), senses) }
+        Capabilities { position: true, ranges, gimbal, ..Capabilities::of(craft, Camera::quad(), senses) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {
@@ -356,42 +324,16 @@ impl Drone for MavlinkCraft {
         self.shared.vehicle().resume();
     }
 
+    fn wants_surroundings(&self) -> bool {
+        self.shared.vehicle().wants_surroundings()
+    }
+
+    fn surroundings(&mut self, _now: Time, scan: &RangeScan) {
+        self.shared.vehicle().tell_surroundings(scan);
+    }
+
     /// Unknown for a real craft; it is polled at this interval.
     fn next_event_at(&self) -> Option<Time> {
         Some(self.polled + SEND_INTERVAL)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use spf_mavlink::modes::Mode;
-    use spf_mavlink::report::Report;
-
-    use super::*;
-
-    #[test]
-    fn the_autopilot_s_own_limits_are_those_of_the_craft() {
-        let facts = |mode: Mode, parameters: &[(&str, f32)]| {
-            let mut vehicle = Vehicle::new(Time::ZERO, mode, [1, 191], 3.0, false);
-            for (name, field) in parameters {
-                vehicle.handle(Time::ZERO, &Report::Parameter { name: (*name).to_owned(), field: *field, kind: 9 });
-            }
-            vehicle.facts().clone()
-        };
-        let (px4, copter) = (Autopilot::Px4.hold(), Autopilot::ArduPilot.hold());
-        let of = |facts: &Facts| {
-            let it = limited(Craft::quad(), facts, None);
-            [it.cruise_speed, it.climb_speed, it.acceleration, it.take_off_height]
-        };
-        assert_eq!(of(&facts(px4, &[])), [3.0, 1.0, 2.0, 3.0]);
-        assert_eq!(
-            of(&facts(px4, &[("MPC_XY_VEL_MAX", 1.5), ("MPC_Z_VEL_MAX_DN", 0.5), ("MPC_ACC_HOR", 3.0)])),
-            [1.5, 0.5, 3.0, 3.0]
-        );
-        assert_eq!(
-            of(&facts(copter, &[("WPNAV_SPEED", 200.0), ("WPNAV_SPEED_UP", 50.0), ("WPNAV_ACCEL", 100.0)])),
-            [2.0, 0.5, 1.0, 3.0]
-        );
-        assert_eq!(limited(Craft::quad(), &facts(px4, &[]), Some(2.5)).take_off_height, 2.5);
     }
 }

@@ -24,7 +24,7 @@ const HDOP: f64 = 1.5;
 const SATELLITES: u8 = 8;
 
 /// Checks the vehicle at an address.
-pub(super) fn examine(url: &MavlinkUrl, settings: MavlinkSettings) -> Vec<Check> {
+pub(super) fn examine(url: &MavlinkUrl, settings: &MavlinkSettings) -> Vec<Check> {
     let begun = Instant::now();
     let mut drone = match MavlinkCraft::connect(url, settings, begun) {
         Ok(drone) => drone,
@@ -69,12 +69,15 @@ pub(super) fn examine(url: &MavlinkUrl, settings: MavlinkSettings) -> Vec<Check>
         checks.push(Check::new(
             "ground station",
             Finding::Warning,
-            "another ground station is on this link",
+            "another ground station or onboard computer is on this link",
             Some("it can change the flight mode at any time; this program then lets go"),
         ));
     }
     let charge = facts.battery.map(|charge| (100.0 * charge).round() as u8);
     checks.push(battery(charge, "charge the battery: the envelope refuses take-off below 20 %"));
+    if let Some(tilt) = drone.with_vehicle(|vehicle, _| vehicle.camera_tilt()) {
+        checks.push(Check::new("gimbal", Finding::Good, format!("looks {:.0}° below the horizon", tilt.to_degrees()), None));
+    }
     checks.extend(position(&facts));
     if let Some(may_arm) = facts.may_arm {
         let (finding, found) = match may_arm {
@@ -148,21 +151,7 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         Autopilot::ArduPilot => "read GUID_TIMEOUT with a ground station: it must be a few seconds",
     };
     checks.push(Check::new("loss", loss, facts.on_loss(), Some(advice)));
-    let fence = match facts.autopilot {
-        Autopilot::Px4 => [("GF_MAX_HOR_DIST", "distance"), ("GF_MAX_VER_DIST", "height")]
-            .map(|(name, what)| number(name).filter(|limit| *limit > 0.0).map(|limit| format!("{what} {limit} m")))
-            .into_iter()
-            .flatten()
-            .collect::<Vec<_>>(),
-        Autopilot::ArduPilot if number("FENCE_ENABLE").is_some_and(|on| on != 0.0) => {
-            [("FENCE_RADIUS", "distance"), ("FENCE_ALT_MAX", "height")]
-                .map(|(name, what)| number(name).map(|limit| format!("{what} {limit} m")))
-                .into_iter()
-                .flatten()
-                .collect()
-        }
-        Autopilot::ArduPilot => Vec::new(),
-    };
+    let fence = facts.fence_in_words();
     let (advice, names) = match facts.autopilot {
         Autopilot::Px4 => {
             ("set GF_MAX_HOR_DIST and GF_MAX_VER_DIST, a little beyond --max-distance and --max-altitude", "GF_ACTION")
@@ -176,7 +165,10 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         Check::new("fence", Finding::Warning, "the autopilot has none", Some(advice))
     } else {
         let action = number(names).map_or(String::new(), |action| format!(" ({names} {action})"));
-        Check::new("fence", Finding::Good, format!("{}{action}", fence.join(", ")), None)
+        match facts.fenced {
+            Some(false) => Check::new("fence", Finding::Warning, format!("{}, not in force", fence.join(", ")), Some(advice)),
+            _ => Check::new("fence", Finding::Good, format!("{}{action}", fence.join(", ")), None),
+        }
     });
     let low = match facts.autopilot {
         Autopilot::Px4 => ("COM_LOW_BAT_ACT", "set COM_LOW_BAT_ACT to 3 (return, then land)"),
@@ -187,6 +179,10 @@ fn parameters(facts: &Facts) -> Vec<Check> {
         let found = if action == 0.0 { "the autopilot only warns".to_owned() } else { format!("{} {action}", low.0) };
         checks.push(Check::new("low battery", finding, found, Some(low.1)));
     }
+    checks.push(match facts.return_height() {
+        Ok(height) => Check::new("return", Finding::Good, format!("climbs to {height} m at most, then lands at home"), None),
+        Err(why) => Check::new("return", Finding::Warning, why, Some("--at-end rtl is refused until then")),
+    });
     if facts.autopilot == Autopilot::Px4 {
         checks.push(match number("MIS_TAKEOFF_ALT") {
             Some(height) => Check::new("take-off", Finding::Good, format!("to {height} m (MIS_TAKEOFF_ALT)"), None),

@@ -6,10 +6,11 @@ use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
 use spf_mavlink::url::MavlinkUrl;
 
-use super::craft::{MavlinkCraft, craft};
-use super::doctor;
+use super::craft::MavlinkCraft;
+use super::limits::craft;
 use super::opening::ConnectError;
 use super::vehicle::Facts;
+use super::{doctor, fencing};
 use crate::driver::{self, Driver, Target};
 use crate::examine::Check;
 use crate::options::Options;
@@ -38,8 +39,14 @@ impl Target for NamedVehicle {
         Limits { take_off_checks: true, ..Limits::for_craft(&self.craft()) }
     }
 
+    fn takes_fence(&self) -> bool {
+        true
+    }
+
     fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
-        let drone = MavlinkCraft::connect(&self.0, options.mavlink, start).map_err(explained)?;
+        let drone = MavlinkCraft::connect(&self.0, &options.mavlink, start).map_err(explained)?;
+        let fence = options.mavlink.fence.as_ref();
+        fence.map_or(Ok(()), |fence| fencing::upload(&drone, fence)).map_err(|error| explained(ConnectError::Fence(error)))?;
         drone.engage();
         let facts = drone.facts();
         Ok(driver::Connected {
@@ -50,7 +57,7 @@ impl Target for NamedVehicle {
     }
 
     fn examine(&self, options: &Options) -> Vec<Check> {
-        doctor::examine(&self.0, options.mavlink)
+        doctor::examine(&self.0, &options.mavlink)
     }
 }
 
@@ -58,9 +65,18 @@ impl Target for NamedVehicle {
 fn warning(facts: &Facts) -> String {
     format!(
         "If this program or the link dies: {}. A change of the flight mode by the RC transmitter or another station takes control away at \
-         once; r gives it back. Ctrl-C lands; a second Ctrl-C lands without finishing the files.",
-        facts.on_loss()
+         once; r gives it back. Ctrl-C lands; a second Ctrl-C lands without finishing the files. {}",
+        facts.on_loss(),
+        fence(facts)
     )
+}
+
+/// The autopilot's own fence.
+fn fence(facts: &Facts) -> String {
+    match facts.fence_in_words() {
+        parts if parts.is_empty() => "The autopilot has no fence of its own.".to_owned(),
+        parts => format!("The autopilot's own fence: {}.", parts.join(", ")),
+    }
 }
 
 /// The error with a hint on what to do.

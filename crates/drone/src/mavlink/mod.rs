@@ -5,6 +5,10 @@
 pub mod craft;
 mod doctor;
 pub mod driver;
+pub mod fence_error;
+pub mod fencing;
+mod limits;
 pub mod opening;
 pub mod settings;
+mod telling;
 pub mod vehicle;

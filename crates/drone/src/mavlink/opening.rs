@@ -9,6 +9,7 @@ use spf_mavlink::report::Report;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder};
 
+use super::fence_error::FencingError;
 use super::settings::MavlinkSettings;
 use crate::mavlink::vehicle::Vehicle;
 
@@ -17,7 +18,7 @@ const HEARTBEAT_WAIT: Duration = Duration::from_secs(10);
 /// Interval of our own heartbeats meanwhile: some links stay silent until they hear one.
 const CALL: Duration = Duration::from_secs(1);
 /// Our component: an onboard computer (`MAV_COMP_ID_ONBOARD_COMPUTER`).
-const COMPONENT: u8 = 191;
+pub(super) const COMPONENT: u8 = 191;
 
 /// Why the connection failed. The driver adds a remedy.
 #[derive(Debug, thiserror::Error)]
@@ -62,6 +63,9 @@ pub enum ConnectError {
         /// What the vehicle said meanwhile.
         texts: Vec<String>,
     },
+    /// The fence could not be replaced.
+    #[error("the autopilot's fence could not be replaced, so that the flight is refused")]
+    Fence(#[source] FencingError),
     /// A thread could not be started.
     #[error("cannot start the driver")]
     Start(#[source] std::io::Error),
@@ -93,6 +97,7 @@ impl ConnectError {
                 "wait for satellite navigation, or another source of position, and try again".to_owned()
             }
             Self::NoPosition { texts, .. } => format!("the autopilot says: {}", texts.join("; ")),
+            Self::Fence(_) => "`spf doctor` shows the autopilot's fence; without --upload-fence it is left as it is".to_owned(),
             _ => return None,
         })
     }
@@ -114,7 +119,7 @@ pub(super) fn find(
     url: &MavlinkUrl,
     link: &Link,
     decoder: &mut Decoder,
-    settings: MavlinkSettings,
+    settings: &MavlinkSettings,
     take_off_height: f64,
     start: Instant,
 ) -> Result<Found, ConnectError> {

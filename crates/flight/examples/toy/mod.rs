@@ -48,6 +48,8 @@ impl Drone for Toy {
     fn apply(&mut self, _: Time, command: &Cleared<Command>) -> Result<(), DroneError> {
         match *command.get() {
             Command::TakeOff => self.phase = FlightPhase::TakingOff,
+            // Its craft has no return height, so that the envelope never clears it.
+            Command::Return | Command::Tilt(_) => {}
             Command::Land => self.phase = FlightPhase::Landing,
             Command::EmergencyStop => self.phase = FlightPhase::Stopped,
             Command::Setpoint(setpoint) => self.wanted = (setpoint, command.valid_until()),

@@ -171,6 +171,8 @@ impl FlightLog {
             Event::Frame(frame) => self.row(Channel::Frame, now, frame),
             Event::Telemetry(telemetry) => self.row(Channel::Telemetry, now, telemetry),
             Event::Depth(grid) => self.row(Channel::Depth, now, grid),
+            Event::Gimbal(report) => self.row(Channel::Gimbal, now, report),
+            Event::Ranges(scan) => self.row(Channel::Ranges, now, scan),
             Event::Track(report) => self.row(Channel::Track, now, report),
             Event::Points(report) => self.row(Channel::Points, now, report),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
@@ -286,7 +288,8 @@ pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)>
         Action::Track(start) => (Channel::TrackStart, serde_json::to_vec(&TrackStartRow { start: Some(*start) })),
         Action::Untrack => (Channel::TrackStart, serde_json::to_vec(&TrackStartRow { start: None })),
         Action::Command(cleared) => {
-            let row = |command| CommandRow { command, wanted: None, cleared: None, manoeuvre: None, valid_until: None };
+            let row =
+                |command| CommandRow { command, wanted: None, cleared: None, manoeuvre: None, valid_until: None, tilt: None };
             let valid_until = Some(cleared.valid_until());
             let row = match *cleared.get() {
                 Command::TakeOff => row(CommandName::TakeOff),
@@ -300,6 +303,8 @@ pub(crate) fn output(action: &Action, pilot: &Pilot) -> Option<(Channel, Bytes)>
                     CommandRow { manoeuvre: Some(manoeuvre), valid_until, ..row(CommandName::Manoeuvre) }
                 }
                 Command::Land => row(CommandName::Land),
+                Command::Return => row(CommandName::Return),
+                Command::Tilt(tilt) => CommandRow { tilt: Some(tilt), ..row(CommandName::Tilt) },
                 Command::EmergencyStop => row(CommandName::EmergencyStop),
             };
             (Channel::Command, serde_json::to_vec(&row))

@@ -141,6 +141,10 @@ pub enum CommandName {
     Manoeuvre,
     /// Descend to the ground.
     Land,
+    /// Return home by the craft's own navigation.
+    Return,
+    /// Tilt the camera.
+    Tilt,
     /// Cut the motors.
     EmergencyStop,
 }
@@ -162,6 +166,9 @@ pub struct CommandRow {
     /// Expiry; flight time, nanoseconds.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<Time>,
+    /// Tilt of the camera below the horizon, radians.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tilt: Option<f64>,
 }
 
 /// Accuracy of the estimated position.

@@ -3,9 +3,11 @@
 use schemars::JsonSchema;
 use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
+use spf_core::gimbal::GimbalReport;
 use spf_core::pilot::{Decision, Ending};
 use spf_core::points::PointReport;
 use spf_core::query::Query;
+use spf_core::ranges::RangeScan;
 use spf_core::telemetry::Telemetry;
 use spf_core::track::TrackReport;
 use spf_record::log::{Topic, foxglove};
@@ -29,6 +31,10 @@ pub enum Channel {
     Frame,
     /// Input: a depth grid.
     Depth,
+    /// A scan of a sensor around the craft.
+    Ranges,
+    /// Where the gimbal points the camera.
+    Gimbal,
     /// Input: where the tracked target is in a frame.
     Track,
     /// Input: where the points that are followed are in a frame.
@@ -87,12 +93,14 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 32] = [
+    pub const ALL: [Self; 34] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
         Self::Frame,
         Self::Depth,
+        Self::Ranges,
+        Self::Gimbal,
         Self::Track,
         Self::Points,
         Self::Reply,
@@ -149,6 +157,8 @@ impl Channel {
             Self::Telemetry => "/telemetry",
             Self::Frame => "/frame",
             Self::Depth => "/depth",
+            Self::Ranges => "/ranges",
+            Self::Gimbal => "/gimbal",
             Self::Track => "/track",
             Self::Points => "/points",
             Self::Reply => "/reply",
@@ -191,6 +201,8 @@ impl Channel {
             Self::Telemetry => json::<Telemetry>(self, "spf.Telemetry"),
             Self::Frame => json::<FrameMeta>(self, "spf.Frame"),
             Self::Depth => json::<DepthGrid>(self, "spf.Depth"),
+            Self::Ranges => json::<RangeScan>(self, "spf.Ranges"),
+            Self::Gimbal => json::<GimbalReport>(self, "spf.Gimbal"),
             Self::Track => json::<TrackReport>(self, "spf.Track"),
             Self::Points => json::<PointReport>(self, "spf.Points"),
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),

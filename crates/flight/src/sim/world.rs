@@ -7,6 +7,7 @@ use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
+use spf_core::gimbal::{Gimbal, GimbalReport};
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 use spf_render::effects::{Effects, Shot, SimCamera};
@@ -48,6 +49,23 @@ pub struct SimWorld {
     sim_camera: Arc<SimCamera>,
     surroundings: Arc<Surroundings>,
     craft: Arc<Mutex<SimCraft>>,
+    gimbal: CameraTilt,
+}
+
+/// The tilt of a simulated camera on a gimbal, set by whoever moves the gimbal. A camera whose tilt was never set is fixed to its craft.
+#[derive(Clone, Debug, Default)]
+pub struct CameraTilt(Arc<Mutex<Gimbal>>);
+
+impl CameraTilt {
+    /// From this time on the camera is level, and tilted below the horizon by this angle, radians.
+    pub fn set(&self, at: Time, tilt: f64) {
+        let report = GimbalReport { measured: at, tilt, range: [tilt; 2] };
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).observe(report);
+    }
+
+    fn sight(&self, camera: &Camera, at: Time, pose: Pose) -> Pose {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).sight(camera, at, pose)
+    }
 }
 
 impl SimWorld {
@@ -71,7 +89,13 @@ impl SimWorld {
         let craft = SimCraft::with_traffic(loaded.cast.clone(), loaded.collider.clone(), Model::of(kind), start, conditions);
         let sim_camera = SimCamera::new(kind.camera(), effects.clone(), seed);
         let surroundings = Arc::new(Surroundings::of(sim_camera.camera()));
-        Self { loaded, sim_camera: Arc::new(sim_camera), surroundings, craft: Arc::new(Mutex::new(craft)) }
+        Self {
+            loaded,
+            sim_camera: Arc::new(sim_camera),
+            surroundings,
+            craft: Arc::new(Mutex::new(craft)),
+            gimbal: CameraTilt::default(),
+        }
     }
 
     /// The craft, for its driver.
@@ -84,6 +108,12 @@ impl SimWorld {
     #[must_use]
     pub fn shared_craft(&self) -> Arc<Mutex<SimCraft>> {
         self.craft.clone()
+    }
+
+    /// The tilt of its camera's gimbal, for whoever moves it.
+    #[must_use]
+    pub fn camera_tilt(&self) -> CameraTilt {
+        self.gimbal.clone()
     }
 
     /// The scene.
@@ -114,14 +144,16 @@ impl SimWorld {
     #[must_use]
     pub fn snapshot_at(&self, at: Time) -> Option<WorldSnapshot> {
         let craft = self.craft();
-        craft.true_pose_at(at).zip(craft.actors_at(at)).map(|(pose, actors)| WorldSnapshot { pose, actors })
+        let pose = craft.true_pose_at(at).map(|pose| self.gimbal.sight(self.camera(), at, pose));
+        pose.zip(craft.actors_at(at)).map(|(pose, actors)| WorldSnapshot { pose, actors })
     }
 
     /// The current state of the world.
     #[must_use]
     pub fn now(&self) -> WorldSnapshot {
         let craft = self.craft();
-        WorldSnapshot { pose: craft.dynamics().pose(), actors: craft.actors_at(craft.time()).unwrap_or_default() }
+        let pose = self.gimbal.sight(self.camera(), craft.time(), craft.dynamics().pose());
+        WorldSnapshot { pose, actors: craft.actors_at(craft.time()).unwrap_or_default() }
     }
 
     /// The state of the world at the capture of a frame.

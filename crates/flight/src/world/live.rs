@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
-use spf_core::pilot::{Action, Event, Note, OperatorEvent};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
@@ -29,6 +29,8 @@ pub struct Live {
     start: Instant,
     now: Time,
     drone: Box<dyn Drone>,
+    /// When the craft was last told what is around it.
+    told: Option<Time>,
     queries: Sender<(Query, Cancel)>,
     /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
@@ -90,6 +92,7 @@ impl Live {
             start,
             now,
             drone,
+            told: None,
             queries,
             out,
             events,
@@ -202,6 +205,10 @@ impl World for Live {
                 Err(RecvTimeoutError::Disconnected) => std::thread::sleep(next.since(self.now).min(MAX_WAIT)),
             }
         }
+    }
+
+    fn surroundings(&mut self, pilot: &Pilot) {
+        super::tell_surroundings(self.now, pilot, &mut self.told, self.drone.as_mut());
     }
 
     fn apply(&mut self, action: &Action) {

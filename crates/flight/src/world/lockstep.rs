@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
 
-use spf_core::pilot::{Action, Event, Note, OperatorEvent};
+use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
@@ -23,6 +23,8 @@ use crate::tracking::VirtualTracker;
 pub struct Lockstep {
     now: Time,
     drone: Box<dyn Drone>,
+    /// When the craft was last told what is around it.
+    told: Option<Time>,
     vlm: Box<dyn Vlm>,
     images: QueryImages,
     script: Script,
@@ -41,6 +43,7 @@ impl Lockstep {
         Self {
             now: Time::ZERO,
             drone,
+            told: None,
             vlm,
             images,
             script,
@@ -114,6 +117,10 @@ impl World for Lockstep {
             return Some(event);
         }
         self.take_answer(self.now).or_else(|| self.take_report(self.now))
+    }
+
+    fn surroundings(&mut self, pilot: &Pilot) {
+        super::tell_surroundings(self.now, pilot, &mut self.told, self.drone.as_mut());
     }
 
     fn apply(&mut self, action: &Action) {

@@ -9,11 +9,10 @@ pub use lockstep::Lockstep;
 
 use std::collections::VecDeque;
 
-use spf_core::pilot::Event;
-use spf_core::pilot::OperatorEvent;
+use spf_core::pilot::{Event, OperatorEvent, Pilot};
 use spf_core::query::QueryId;
-use spf_core::time::Time;
-use spf_drone::DroneEvent;
+use spf_core::time::{Duration, Time};
+use spf_drone::{Drone, DroneEvent};
 use spf_vlm::VlmError;
 
 /// Operator inputs at given flight times, for virtual time and tests.
@@ -54,6 +53,20 @@ fn answer_event(id: QueryId, text: Result<String, VlmError>) -> Event {
     }
 }
 
+/// Interval at which a craft is told what is around it, flight time.
+const SURROUNDINGS: Duration = Duration::from_millis(200);
+
+/// Tells a craft that wants it what the pilot's map shows around it; `told` is when it was last told.
+fn tell_surroundings(now: Time, pilot: &Pilot, told: &mut Option<Time>, drone: &mut dyn Drone) {
+    if told.is_some_and(|told| now.since(told) < SURROUNDINGS) || !drone.wants_surroundings() {
+        return;
+    }
+    let Some(map) = pilot.obstacle_map() else { return };
+    *told = Some(now);
+    let beside = drone.capabilities().craft.radius + 0.2;
+    drone.surroundings(now, &map.around(now, pilot.known_pose(now), beside));
+}
+
 fn pilot_event(event: DroneEvent) -> Event {
     match event {
         DroneEvent::Telemetry(telemetry) => Event::Telemetry(telemetry),
@@ -64,6 +77,8 @@ fn pilot_event(event: DroneEvent) -> Event {
             Event::Frame(frame)
         }
         DroneEvent::Depth(grid) => Event::Depth(grid),
+        DroneEvent::Gimbal(report) => Event::Gimbal(report),
+        DroneEvent::Ranges(scan) => Event::Ranges(scan),
         DroneEvent::TakenOver => Event::Operator(OperatorEvent::Hold),
         DroneEvent::LinkLost => Event::LinkLost,
         DroneEvent::LinkRestored => Event::LinkRestored,

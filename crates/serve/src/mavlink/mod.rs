@@ -13,5 +13,5 @@ mod transport;
 
 pub use error::VehicleServerError;
 pub use machine::{Peer, VirtualVehicle};
-pub use server::{VehicleServer, VehicleSetup};
+pub use server::{Equipment, VehicleServer, VehicleSetup};
 pub use service::{VehiclePlan, VehicleService};

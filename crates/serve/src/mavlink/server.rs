@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use spf_core::fault::{FaultMachine, Stream};
 use spf_core::time::{Duration, Time};
+use spf_flight::sim::CameraTilt;
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder};
@@ -27,8 +28,19 @@ use crate::tello::shared::lock;
 const WAITING: usize = 1024;
 /// Longest sleep of the flight.
 const NAP: Duration = Duration::from_millis(10);
+/// System and component of the vehicle.
+const VEHICLE: [u8; 2] = [1, 1];
 /// Maximum number of clients whose packets are put together.
 const DECODERS: usize = 64;
+
+/// What a vehicle carries besides what every one does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Equipment {
+    /// Rangefinders ahead, left and right, and a proximity sensor all round.
+    pub ranges: bool,
+    /// A camera on a gimbal.
+    pub gimbal: bool,
+}
 
 /// Configuration of a server.
 pub struct VehicleSetup {
@@ -42,6 +54,10 @@ pub struct VehicleSetup {
     pub craft: Arc<Mutex<SimCraft>>,
     /// Faults of its UDP links.
     pub faults: FaultSource,
+    /// Tilt of the camera, if it is on a gimbal.
+    pub camera_tilt: CameraTilt,
+    /// What it carries.
+    pub equipment: Equipment,
     /// Seed of all random choices.
     pub seed: u64,
     /// Wall-clock time of the craft's time zero.
@@ -69,7 +85,7 @@ impl VehicleServer {
     /// # Errors
     /// [`VehicleServerError`] if a link cannot be opened, a thread cannot be started, or the faults are invalid.
     pub fn start(setup: VehicleSetup) -> Result<Self, VehicleServerError> {
-        let VehicleSetup { autopilot, links, parameters, craft, faults, seed, start } = setup;
+        let VehicleSetup { autopilot, links, parameters, craft, faults, camera_tilt, equipment, seed, start } = setup;
         let machine = FaultMachine::new(read(&faults)?, seed)?;
         let (stopped, (events, happened)) = (Arc::new(AtomicBool::new(false)), sync_channel(WAITING));
         let transports = Transports::open(&links, &events, &stopped)?;
@@ -78,6 +94,12 @@ impl VehicleServer {
             if !vehicle.set_parameter(name, *value) {
                 tracing::warn!("the simulated {} has no parameter {name}", autopilot.name());
             }
+        }
+        if equipment.gimbal {
+            vehicle.carry_gimbal(false);
+        }
+        if equipment.ranges {
+            vehicle.measure_ranges();
         }
         let now = Time::ZERO + start.elapsed();
         transports.first.iter().for_each(|peer| vehicle.join(now, *peer));
@@ -89,6 +111,7 @@ impl VehicleServer {
         let links = (0..links.len()).map(|_| Link::new(machine.clone())).collect();
         let flight = Flight {
             vehicle,
+            camera_tilt,
             craft,
             links,
             transports: transports.clone(),
@@ -134,13 +157,14 @@ impl Drop for VehicleServer {
 /// The thread that flies.
 struct Flight {
     vehicle: VirtualVehicle,
+    camera_tilt: CameraTilt,
     craft: Arc<Mutex<SimCraft>>,
     /// The radio, with its faults, of each link.
     links: Vec<Link>,
     transports: Arc<Mutex<Transports>>,
     decoders: BTreeMap<Peer, Decoder>,
     /// Each client gets numbers of its own, by which it sees what is lost.
-    encoders: BTreeMap<Peer, Encoder>,
+    encoders: BTreeMap<(Peer, [u8; 2]), Encoder>,
     happened: Receiver<Happened>,
     done: Receiver<Deed>,
     watch: Watch,
@@ -175,6 +199,9 @@ impl Flight {
                 self.vehicle.radio(now, mode, &mut craft);
             }
             self.vehicle.advance(now, &mut craft);
+            if let Some(tilt) = self.vehicle.camera_tilt() {
+                self.camera_tilt.set(craft.time(), tilt);
+            }
             drop(craft);
             *lock(&self.state) = (self.vehicle.mode(), self.vehicle.is_armed());
             self.depart(now);
@@ -188,7 +215,7 @@ impl Flight {
             Happened::Left(peer) => {
                 self.vehicle.leave(peer);
                 self.decoders.remove(&peer);
-                self.encoders.remove(&peer);
+                self.encoders.retain(|(of, _), _| *of != peer);
             }
             Happened::Received(peer, bytes, _) if lock(&self.transports).is_datagram(peer.link) => {
                 self.links[peer.link].send(now, Stream::Commands, peer.address, &bytes);
@@ -228,8 +255,14 @@ impl Flight {
     fn depart(&mut self, now: Time) {
         let transports = self.transports.clone();
         let transports = lock(&transports);
-        while let Some((peer, body)) = self.vehicle.poll() {
-            let frame = self.encoders.entry(peer).or_insert_with(|| Encoder::new([1, 1])).frame(&body);
+        let next = |vehicle: &mut VirtualVehicle| {
+            vehicle.poll().map(|(peer, body)| (peer, VEHICLE, body)).or_else(|| vehicle.poll_forwarded())
+        };
+        if self.encoders.len() > DECODERS * 4 {
+            self.encoders.clear();
+        }
+        while let Some((peer, of, body)) = next(&mut self.vehicle) {
+            let frame = self.encoders.entry((peer, of)).or_insert_with(|| Encoder::new(of)).frame(&body);
             if transports.is_datagram(peer.link) {
                 self.links[peer.link].send(now, Stream::Telemetry, peer.address, &frame);
             } else {

@@ -13,7 +13,7 @@ use spf_mavlink::url::MavlinkUrl;
 use spf_render::{Channels, Quality};
 
 use super::error::VehicleServerError;
-use super::server::{VehicleServer, VehicleSetup};
+use super::server::{Equipment, VehicleServer, VehicleSetup};
 use crate::tello::FaultSource;
 use crate::truth::{Judge, SharedInstruction};
 
@@ -33,6 +33,8 @@ pub struct VehiclePlan {
     pub flight_conditions: FlightConditions,
     /// Seed of all random choices.
     pub seed: u64,
+    /// What it carries.
+    pub equipment: Equipment,
     /// Faults of its UDP links.
     pub faults: FaultSource,
     /// The instruction by which flights are judged.
@@ -56,15 +58,36 @@ impl VehicleService {
     /// # Errors
     /// [`VehicleServerError`] if the server cannot start.
     pub fn start(plan: VehiclePlan) -> Result<Self, VehicleServerError> {
-        let VehiclePlan { autopilot, links, parameters, loaded, start, flight_conditions, seed, faults, instruction, truth } =
-            plan;
+        let VehiclePlan {
+            autopilot,
+            links,
+            parameters,
+            loaded,
+            start,
+            flight_conditions,
+            seed,
+            equipment,
+            faults,
+            instruction,
+            truth,
+        } = plan;
         let start = start.unwrap_or(loaded.scene.start);
         let world = SimWorld::under(&flight_conditions, loaded, CraftKind::Quad, start, seed);
         // The first image in a scene prepares shadows and lamps, which takes seconds on a slow machine; do it before anyone flies.
         drop(world.look(&world.now(), Channels { quality: Quality::Live, ..Channels::RGB }));
         let start = Instant::now();
-        let craft = world.shared_craft();
-        let server = VehicleServer::start(VehicleSetup { autopilot, links, parameters, craft, faults, seed, start })?;
+        let (craft, camera_tilt) = (world.shared_craft(), world.camera_tilt());
+        let server = VehicleServer::start(VehicleSetup {
+            autopilot,
+            links,
+            parameters,
+            craft,
+            faults,
+            camera_tilt,
+            equipment,
+            seed,
+            start,
+        })?;
         let judge = Judge::start(world.clone(), instruction, truth).map_err(VehicleServerError::Thread)?;
         Ok(Self { _judge: judge, server, world, start })
     }

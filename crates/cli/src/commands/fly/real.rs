@@ -5,10 +5,12 @@ use std::time::Instant;
 
 use spf_camera::WithCamera;
 use spf_cockpit::Cockpit;
+use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::executor::Motion;
-use spf_core::pilot::{AtEnd, QueryTiming};
+use spf_core::pilot::{AtEnd, PilotSettings, QueryTiming};
 use spf_drone::Drone;
 use spf_drone::driver::{ConnectError, Connected, Target};
+use spf_drone::mavlink::settings::GimbalUse;
 use spf_drone::options::Options;
 use spf_flight::flight::{FlightPlan, Site};
 use spf_flight::real::Real;
@@ -17,7 +19,7 @@ use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
 use super::manual::Manual;
-use super::settings::{limits, method, options, preset_and_policy, prompt, script};
+use super::settings::{fence, limits, method, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, sentence};
 use crate::args::Fly;
@@ -42,7 +44,8 @@ pub(super) fn ready(
     let (preset, policy) = preset_and_policy(settings)?;
     let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, Pace::Wall)?)?;
     let prompt = prompt(settings, policy)?;
-    let options = options(settings)?;
+    let mut options = options(settings)?;
+    let mut announcements = Vec::new();
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
     if own {
         // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
@@ -51,7 +54,13 @@ pub(super) fn ready(
     if settings.fly.depth_sensor.or_default()?.0.is_some() {
         return Err(CliError::usage("--depth-sensor is for the simulated craft").hint("no driver reads a depth sensor yet"));
     }
-    let limits = limits(settings, target.limits())?;
+    let mut limits = limits(settings, target.limits())?;
+    options.mavlink.fence = fence(settings, &limits)?;
+    if options.mavlink.fence.is_some() && !target.takes_fence() {
+        return Err(
+            CliError::usage("this drone takes no fence").hint("--upload-fence is for PX4 and ArduPilot (--drone mavlink)")
+        );
+    }
     let script = args.flight.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let pointing = page::pointing(cockpit, settings, prompt.clone(), Pace::Wall)?;
@@ -81,6 +90,26 @@ pub(super) fn ready(
         return Err(CliError::usage("this Tello does not support --tello-motion go")
             .hint("its firmware has SDK 1.3, which cannot abort a move; update it in the Tello app, or use --tello-motion rc"));
     }
+    if drone.capabilities().ranges {
+        feel_around(settings, &mut method, &mut limits)?;
+        announcements.push("Sensors around the drone measure ranges: they feed brake and map (--brake, --map).".to_owned());
+    }
+    if drone.capabilities().gimbal.is_some() {
+        announcements
+            .push("The drone reports the tilt of its gimbal, which is used instead of --camera-tilt (--gimbal off).".to_owned());
+    } else if settings.mavlink.gimbal.get()?.is_some_and(|pitch| pitch.0 != GimbalUse::Off) {
+        return Err(
+            CliError::usage("--gimbal: the drone reports no gimbal").hint("`spf doctor` shows the tilt of a gimbal that reports")
+        );
+    }
+    if method.at_end == AtEnd::Return {
+        let height = limits.check_return(&drone.capabilities().craft).map_err(|refusal| {
+            CliError::usage(refusal.to_string())
+                .hint("`spf doctor` shows what a drone does to return; --at-end land lands where it is")
+        })?;
+        announcements
+            .push(format!("After the instruction the drone returns by itself, at up to {height:.0} m, and lands (--at-end)."));
+    }
     let flying = format!(
         "Flying \"{}\", policy {}, preset {}.",
         one_line(instruction),
@@ -95,7 +124,7 @@ pub(super) fn ready(
     #[cfg(all(debug_assertions, unix))]
     let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    let mut announcements = vec![flying, sentence(&pointing.sentence, &craft), bounds, warning];
+    announcements.splice(0..0, [flying, sentence(&pointing.sentence, &craft), bounds, warning]);
     if !attended {
         announcements
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
@@ -118,6 +147,16 @@ pub(super) fn ready(
         ..FlightPlan::new(site, instruction, &pointing.name, pointing.vlm_factory)
     };
     Ok(Ready { plan, announcements, by_hand: Some(craft), reader: None, attended, camera })
+}
+
+/// Brake and map for a drone whose sensors measure ranges around it, unless the settings say otherwise.
+fn feel_around(settings: &Settings, method: &mut PilotSettings, limits: &mut Limits) -> Result<(), CliError> {
+    if limits.brake.is_none() && settings.fly.brake.or_default()?.or(true) {
+        limits.brake = Some(BrakeLimits::without_sensor());
+    }
+    let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
+    method.guidance.map = settings.fly.map.or_default()?.or(can_guide);
+    Ok(())
 }
 
 /// Connects, and describes the craft.

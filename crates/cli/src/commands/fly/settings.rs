@@ -11,7 +11,7 @@ use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
-use spf_drone::mavlink::settings::MavlinkSettings;
+use spf_drone::mavlink::settings::{FencePlan, GimbalUse, MavlinkSettings};
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
@@ -215,6 +215,21 @@ pub(super) fn script(path: &Path) -> Result<Script, CliError> {
     })
 }
 
+/// The fence that replaces the autopilot's, if one is to.
+pub(super) fn fence(settings: &Settings, limits: &Limits) -> Result<Option<FencePlan>, CliError> {
+    if !settings.mavlink.upload_fence.is_on()? {
+        return Ok(None);
+    }
+    let Some(geofence) = &limits.geofence else { return Ok(Some(FencePlan::Circle { radius: limits.max_distance })) };
+    // Of several, PX4 flies in any, and ArduPilot only where all overlap.
+    let mut rings = geofence.only_polygon().ok_or_else(|| {
+        CliError::usage("--upload-fence takes a geofence of one polygon")
+            .hint("autopilots disagree on what several polygons mean; join them into one, which may have holes")
+    })?;
+    let outer = rings.next().unwrap_or_default().to_vec();
+    Ok(Some(FencePlan::Polygon { outer, holes: rings.map(<[_]>::to_vec).collect() }))
+}
+
 /// The options of drivers.
 pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
     let configured = &settings.tello;
@@ -238,5 +253,6 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
         sink: configured.sink_m_s.get()?.unwrap_or(sink),
         yaw_rate: configured.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
     };
-    Ok(Options { tello, mavlink: MavlinkSettings::default() })
+    let gimbal = settings.mavlink.gimbal.get()?.map_or(GimbalUse::Reported, |pitch| pitch.0);
+    Ok(Options { tello, mavlink: MavlinkSettings { gimbal, ..MavlinkSettings::default() } })
 }

@@ -1,6 +1,8 @@
 //! `spf sim serve --mavlink` from the side of third-party clients, and `spf fly` and `spf doctor` against it: processes of their
 //! own, real sockets, the wall clock.
 
+mod serial;
+
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -113,6 +115,23 @@ fn pymavlink_flies_both_by_velocities_and_they_react_to_its_silence() {
         assert!(silent.contains(&(seen["silent_mode"].as_u64().unwrap() as u32)), "{seen}");
         served.end();
     }
+}
+
+/// The console of ArduPilot's own ground station, by its words.
+#[test]
+#[ignore = "long: .ci/interop runs it"]
+fn mavproxy_takes_off_and_lands_a_served_ardupilot_from_its_console() {
+    let lab = Lab::new();
+    let served =
+        Served::start(&lab, "ardupilot", "tcpin:127.0.0.1:0", &["--scene", "park", "--mavlink-param", "DISARM_DELAY=2"], 1);
+    let address = served.addresses[0].strip_prefix("mavlink@tcpout:").unwrap();
+    let packages = ["MAVProxy==1.8.75", "pymavlink==2.4.50"];
+    let Some(seen) = client(&packages, "mavproxy_client.py", &[&format!("tcp:{address}"), "ardupilot"]) else { return };
+    for what in ["connected", "parameters", "guided", "armed", "landing", "disarmed"] {
+        assert_eq!(seen[what], true, "{what}: {seen}");
+    }
+    assert!((seen["height_m"].as_f64().unwrap() - 4.0).abs() < 1.0, "{seen}");
+    served.end();
 }
 
 #[test]

@@ -328,7 +328,8 @@ impl Chaos {
     fn command(&mut self, cleared: &Cleared<Command>) {
         match *cleared.get() {
             Command::TakeOff => self.phase = FlightPhase::TakingOff,
-            Command::Land => (self.phase, self.own_until) = (FlightPhase::Landing, None),
+            Command::Tilt(tilt) => assert!(tilt.is_finite()),
+            Command::Land | Command::Return => (self.phase, self.own_until) = (FlightPhase::Landing, None),
             Command::EmergencyStop => (self.phase, self.own_until) = (FlightPhase::Stopped, None),
             Command::Manoeuvre(manoeuvre) => {
                 assert!(manoeuvre.is_finite(), "{manoeuvre:?}");

@@ -11,11 +11,14 @@ mod asking;
 mod endings;
 mod failings;
 mod following;
+mod gimbal;
 mod guided;
 mod manoeuvres;
 mod motion;
 mod news;
 mod operator;
+mod ranges;
+mod returning;
 mod search;
 mod take_over;
 mod tracked_target;
@@ -341,6 +344,12 @@ impl Flight {
                 self.phase = FlightPhase::Flying;
                 self.valid_until = cleared.valid_until();
                 self.model.send(setpoint);
+            }
+            // Home is below it, as far as the pilot can tell.
+            Command::Return if up > 0.05 && self.model.craft.return_height.is_some() => {
+                self.phase = FlightPhase::Landing;
+                self.valid_until = Time::MAX;
+                self.model.send(Setpoint { up: -0.2, ..Setpoint::HOLD });
             }
             Command::Land if up > 0.05 => {
                 self.phase = FlightPhase::Landing;

@@ -55,6 +55,9 @@ pub(super) enum Control {
     /// It lands because we said so, from this mode; whether the vehicle has shown its mode for it, when the command is sent
     /// again, how often it was sent, and whether the pilot may end the landing, which it began.
     Landing { from: Mode, since: Time, shown: bool, again: Time, tries: u8, interruptible: bool },
+    /// It returns home and lands there because we said so, from this mode; whether the vehicle has shown its mode for it, when
+    /// the command is sent again, and how often it was sent.
+    Returning { from: Mode, since: Time, shown: bool, again: Time, tries: u8 },
     /// The motors are cut, until it is disarmed.
     Stopping { at: Time },
     /// Somebody else flies.
@@ -71,8 +74,8 @@ impl Vehicle {
             }
             _ if !self.armed => FlightPhase::OnGround,
             Control::Entering { takes_off: true, .. } => FlightPhase::TakingOff,
-            Control::Entering { .. } | Control::Flying => FlightPhase::Flying,
-            Control::Landing { .. } => FlightPhase::Landing,
+            Control::Entering { .. } | Control::Flying | Control::Returning { shown: false, .. } => FlightPhase::Flying,
+            Control::Landing { .. } | Control::Returning { .. } => FlightPhase::Landing,
             _ if !self.is_flying() => FlightPhase::OnGround,
             _ if self.mode.is_landing() => FlightPhase::Landing,
             Control::Watching | Control::Idle | Control::Released => FlightPhase::Flying,
@@ -86,6 +89,8 @@ impl Vehicle {
             // Until it lands by itself: without setpoints its failsafe would come first.
             // One that does not follow is left to that failsafe.
             Control::Landing { tries, .. } => self.mode == self.autopilot.external() && self.armed && tries <= LANDING_TRIES,
+            // Hover until it returns by itself.
+            Control::Returning { .. } => self.mode == self.autopilot.external() && self.armed,
             _ => false,
         }
     }
@@ -165,6 +170,10 @@ impl Vehicle {
                 self.commands.clear();
                 self.control = self.entering(now, false);
             }
+            Control::Returning { .. } if self.armed => {
+                self.commands.clear();
+                self.control = self.entering(now, false);
+            }
             Control::Released if !setpoint.is_hold() => self.take_back(now),
             _ => {}
         }
@@ -185,8 +194,17 @@ impl Vehicle {
                 ids::ARM => "arming",
                 ids::TAKE_OFF => "take-off",
                 ids::LAND => "landing",
+                ids::RETURN => "the return",
                 ids::SET_MODE => "the flight mode",
-                // Rates and requests, which some vehicles do not support.
+                ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW => {
+                    self.gimbal_is_old(now);
+                    continue;
+                }
+                ids::INTERVAL if command.parameters[0] == super::rates::ATTITUDE => {
+                    self.request_streams();
+                    continue;
+                }
+                // Other rates, and requests, which some vehicles do not support.
                 _ => continue,
             };
             match self.control {
@@ -209,6 +227,7 @@ impl Vehicle {
                 Control::Landing { tries, .. } if command.id == ids::LAND && tries <= LANDING_TRIES => {
                     self.refuse(now, what, result)
                 }
+                Control::Returning { .. } if command.id == ids::RETURN => self.refuse(now, what, result),
                 _ => {}
             }
         }
@@ -263,9 +282,19 @@ impl Vehicle {
             Control::Landing { from, since, again, tries, interruptible, shown: false } if mode == self.autopilot.land() => {
                 self.control = Control::Landing { from, since, again, tries, interruptible, shown: true };
             }
+            Control::Returning { from, since, again, tries, shown: false } if mode == self.autopilot.return_home() => {
+                self.control = Control::Returning { from, since, again, tries, shown: true };
+            }
+            Control::Returning { shown: true, .. } if !self.armed => self.returned(now),
             // A cut-off take-off may arm it yet.
             Control::Landing { .. } if !self.armed && self.started.is_some_and(|at| now.since(at) < SHOWN_WITHIN) => {}
-            Control::Entering { .. } | Control::Flying | Control::Landing { .. } | Control::Released if !self.armed => {
+            Control::Entering { .. }
+            | Control::Flying
+            | Control::Landing { .. }
+            | Control::Returning { .. }
+            | Control::Released
+                if !self.armed =>
+            {
                 self.commands.clear();
                 (self.control, self.setpoint) = (Control::Idle, None);
             }
@@ -341,6 +370,7 @@ impl Vehicle {
                 }
             }
             Control::Landing { .. } => self.advance_landing(now),
+            Control::Returning { .. } => self.advance_return(now),
             Control::Stopping { at } if now >= at && self.armed => {
                 self.commands.interrupt(VehicleCommand::new(ids::ARM, &[0.0, FORCE]));
                 self.control = Control::Stopping { at: now + AGAIN };

@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};
+use spf_mavlink::fence::FenceShape;
+use spf_mavlink::frames::GlobalPosition;
 use spf_mavlink::modes::Autopilot;
 use spf_mavlink::parameter::{ParameterEncoding, ParameterValue};
 use spf_mavlink::report::{Gps, Report};
@@ -19,6 +21,8 @@ const RECENT: Duration = Duration::from_secs(4);
 /// Refusals to arm are repeated by the autopilot every 30 s or so, and stay true until then.
 const REASONS: [&str; 3] = ["PreArm:", "Arm:", "Preflight Fail"];
 
+/// `MAV_PROTOCOL_CAPABILITY_MISSION_FENCE`.
+const TAKES_FENCE: u64 = 16_384;
 /// The parameters that matter here, of PX4 and of ArduPilot.
 const PX4: &[&str] = &[
     "COM_OF_LOSS_T",
@@ -32,6 +36,7 @@ const PX4: &[&str] = &[
     "GF_MAX_VER_DIST",
     "MIS_TAKEOFF_ALT",
     "RTL_RETURN_ALT",
+    "RTL_LAND_DELAY",
     "MPC_ACC_HOR",
     "MPC_XY_VEL_MAX",
     "MPC_Z_VEL_MAX_UP",
@@ -46,6 +51,10 @@ const COPTER: &[&str] = &[
     "FENCE_ACTION",
     "FENCE_RADIUS",
     "FENCE_ALT_MAX",
+    "RTL_ALT",
+    "RTL_ALT_FINAL",
+    "RTL_ALT_M",
+    "RTL_ALT_FINAL_M",
     "WPNAV_ACCEL",
     "WPNAV_SPEED",
     "WPNAV_SPEED_UP",
@@ -67,6 +76,16 @@ pub struct Facts {
     pub gps: Option<Gps>,
     /// Where it returns to, relative to where its estimator started.
     pub home: Option<EnuPosition>,
+    /// When a sensor around it was last heard.
+    pub ranged: Option<Time>,
+    /// Where its estimator started, on the globe.
+    pub origin: Option<GlobalPosition>,
+    /// Whether it takes a fence over the mission protocol.
+    pub takes_fence: bool,
+    /// Whether a fence is in force, if it says so.
+    pub fenced: Option<bool>,
+    /// The fence of points that it has; `None` until it was read.
+    pub fence: Option<Vec<FenceShape>>,
     /// Standard deviation of its horizontal position, metres, if it says so.
     pub position_error: Option<f64>,
     encoding: ParameterEncoding,
@@ -90,6 +109,11 @@ impl Facts {
             may_arm: None,
             gps: None,
             home: None,
+            ranged: None,
+            origin: None,
+            takes_fence: false,
+            fenced: None,
+            fence: None,
             position_error: None,
             encoding,
             parameters: BTreeMap::new(),
@@ -101,12 +125,19 @@ impl Facts {
 
     pub(super) fn observe(&mut self, report: &Report) {
         match report {
-            Report::System { battery, may_arm } => (self.battery, self.may_arm) = (*battery, *may_arm),
+            Report::System { battery, may_arm, fenced } => {
+                (self.battery, self.may_arm, self.fenced) = (*battery, *may_arm, *fenced);
+            }
             Report::Gps(gps) => self.gps = Some(*gps),
-            Report::Home(home) => self.home = Some(*home),
-            Report::PositionError(error) => self.position_error = Some(*error).filter(|error| error.is_finite()),
+            Report::Home(home, place) => {
+                self.home = Some(*home);
+                let back = EnuPosition { east: -home.east, north: -home.north, up: -home.up };
+                self.origin = Some(place.offset(back));
+            }
+            Report::PositionError(error) => self.position_error = Some(*error).filter(|error| !error.is_nan()),
             Report::Version { capabilities, firmware } => {
                 self.firmware = Some(*firmware);
+                self.takes_fence = capabilities & TAKES_FENCE != 0;
                 self.encoding = ParameterEncoding::from_capabilities(*capabilities).unwrap_or(self.encoding);
             }
             Report::Parameter { name, field, kind } => {
@@ -172,6 +203,46 @@ impl Facts {
         self.parameters.get(name).map(|value| value.number())
     }
 
+    /// Height above home to which it climbs at most before it returns by itself, metres, from where it lands at home.
+    ///
+    /// # Errors
+    /// Why it cannot be sent home: what it would do is unknown, or it would not land.
+    pub fn return_height(&self) -> Result<f64, &'static str> {
+        let number = |name| self.parameter(name);
+        match self.autopilot {
+            Autopilot::Px4 => match (number("RTL_RETURN_ALT"), number("RTL_LAND_DELAY")) {
+                (Some(_), Some(delay)) if delay < 0.0 => Err("RTL_LAND_DELAY is negative: it would hover over home for ever"),
+                (Some(height), Some(_)) => Ok(height),
+                _ => Err("RTL_RETURN_ALT and RTL_LAND_DELAY could not be read"),
+            },
+            // From firmware 4.7 on in metres, and with other names.
+            Autopilot::ArduPilot => {
+                let either = |cm, metres| number(cm).map(|value| 0.01 * value).or_else(|| number(metres));
+                match (either("RTL_ALT", "RTL_ALT_M"), either("RTL_ALT_FINAL", "RTL_ALT_FINAL_M")) {
+                    (Some(_), Some(last)) if last != 0.0 => Err("RTL_ALT_FINAL is not 0: it would hover over home for ever"),
+                    (Some(height), Some(_)) => Ok(height),
+                    _ => Err("RTL_ALT and RTL_ALT_FINAL could not be read"),
+                }
+            }
+        }
+    }
+
+    /// Its own fence in words: of points, and of parameters.
+    #[must_use]
+    pub fn fence_in_words(&self) -> Vec<String> {
+        let number = |name| self.parameter(name).filter(|limit| *limit > 0.0);
+        let mut parts: Vec<String> = self.fence.iter().flatten().map(shape_in_words).collect();
+        let limits = match self.autopilot {
+            Autopilot::Px4 => [(number("GF_MAX_HOR_DIST"), "distance"), (number("GF_MAX_VER_DIST"), "height")],
+            Autopilot::ArduPilot if number("FENCE_ENABLE").is_some() || self.fenced == Some(true) => {
+                [(number("FENCE_RADIUS"), "distance"), (number("FENCE_ALT_MAX"), "height")]
+            }
+            Autopilot::ArduPilot => [(None, ""); 2],
+        };
+        parts.extend(limits.into_iter().filter_map(|(limit, what)| limit.map(|limit| format!("{what} {limit} m"))));
+        parts
+    }
+
     /// What the vehicle does when our setpoints end, as far as its parameters tell.
     #[must_use]
     pub fn on_loss(&self) -> String {
@@ -204,5 +275,13 @@ impl Facts {
                 None => "what ArduPilot does then is unknown: GUID_TIMEOUT could not be read".to_owned(),
             },
         }
+    }
+}
+
+fn shape_in_words(shape: &FenceShape) -> String {
+    let side = |inside: &bool| if *inside { "inside" } else { "outside" };
+    match shape {
+        FenceShape::Polygon { inside, corners } => format!("{} a polygon of {} corners", side(inside), corners.len()),
+        FenceShape::Circle { inside, radius, .. } => format!("{} a circle of {radius:.0} m", side(inside)),
     }
 }

@@ -101,8 +101,12 @@ impl Vehicle {
 
     /// Reacts to a pilot that does not call any more.
     pub(super) fn check_pilot(&mut self, now: Time) {
-        let flies =
-            self.is_ours() && !matches!(self.control, Control::Landing { interruptible: false, .. } | Control::Stopping { .. });
+        // A return goes on without us: nothing better is known for it.
+        let by_itself = matches!(
+            self.control,
+            Control::Landing { interruptible: false, .. } | Control::Returning { shown: true, .. } | Control::Stopping { .. }
+        );
+        let flies = self.is_ours() && !by_itself;
         let Some(silent) = self.beat.map(|beat| now.since(beat)).filter(|_| flies) else { return };
         if silent >= SILENT_LAND {
             self.notices.push_back(Notice::Unattended { landing: true });

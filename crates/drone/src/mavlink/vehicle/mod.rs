@@ -1,8 +1,15 @@
 //! The driver's logic: commands and reports of one vehicle, without sockets and clocks.
 
+mod clock;
 mod control;
 mod facts;
+mod fence;
+mod gimbal;
 mod leaving;
+mod outgoing;
+mod ranging;
+mod rates;
+mod returning;
 mod taking_over;
 mod telemetry;
 #[cfg(test)]
@@ -12,16 +19,18 @@ use std::collections::VecDeque;
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::envelope::Cleared;
+use spf_core::ranges::RangeScan;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
-use spf_mavlink::command::{CommandResult, Commands, Transmission, VehicleCommand, ids};
-use spf_mavlink::message;
+use spf_mavlink::command::Commands;
+use spf_mavlink::fence::{FenceError, Transfer};
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::report::Report;
-use spf_mavlink::wire::Body;
 
 use self::control::Control;
 pub use self::facts::Facts;
+use self::gimbal::GimbalState;
+pub use self::outgoing::{Notice, Outgoing};
 use self::telemetry::Sensed;
 use crate::DroneEvent;
 
@@ -33,79 +42,6 @@ const HEARTBEAT: Duration = Duration::from_secs(1);
 pub const SETPOINTS: Duration = Duration::from_millis(50);
 /// Maximum number of events that wait for the pilot; the oldest telemetry makes room.
 const EVENTS: usize = 64;
-/// If the rates were forgotten, which a restart does, they are requested again at this interval.
-const RATES_AGAIN: Duration = Duration::from_secs(4);
-
-/// A message of the driver for the user.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Notice {
-    /// A command was refused, with what the autopilot said meanwhile.
-    Refused {
-        /// What was to be done.
-        what: &'static str,
-        /// The result.
-        result: CommandResult,
-        /// The autopilot's own words.
-        texts: Vec<String>,
-    },
-    /// What the autopilot says (`STATUSTEXT`).
-    Says {
-        /// `MAV_SEVERITY`.
-        severity: u8,
-        /// The text.
-        text: String,
-    },
-    /// Somebody else has changed the flight mode: we have let go.
-    LetGo {
-        /// The mode.
-        mode: Mode,
-    },
-    /// A command of the pilot was not carried out, because somebody else flies.
-    NotOurs {
-        /// What was to be done.
-        what: &'static str,
-    },
-    /// A take-off was refused: PX4's own height for it (`MIS_TAKEOFF_ALT`) is unknown.
-    UnknownHeight,
-    /// The operator takes control again.
-    TakingBack {
-        /// The mode that it had.
-        mode: Mode,
-    },
-    /// The pilot does not call the driver any more: the craft holds, or lands.
-    Unattended {
-        /// Whether it lands.
-        landing: bool,
-    },
-    /// One of the driver's threads failed; the craft is landed.
-    Failed,
-}
-
-/// What is to be sent.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Outgoing {
-    /// Our heartbeat.
-    Heartbeat,
-    /// A command.
-    Command(Transmission),
-    /// A velocity for the level body frame.
-    Setpoint(Setpoint),
-    /// A request for a parameter.
-    ReadParameter(String),
-}
-
-impl Outgoing {
-    /// The message, to this system and component.
-    #[must_use]
-    pub fn body(&self, target: [u8; 2], now: Time) -> Body {
-        match self {
-            Self::Heartbeat => message::heartbeat_of_computer(),
-            Self::Command(sent) => message::command(target, sent),
-            Self::Setpoint(setpoint) => message::setpoint(target, now, *setpoint),
-            Self::ReadParameter(name) => message::read_parameter(target, name),
-        }
-    }
-}
 
 /// One vehicle. Sans-IO.
 #[derive(Debug)]
@@ -140,6 +76,16 @@ pub struct Vehicle {
     next_setpoint: Time,
     next_heartbeat: Time,
     rates_at: Time,
+    /// Groups of messages still to be requested.
+    streams: VecDeque<(u8, u16)>,
+    gimbal: GimbalState,
+    /// What is around the craft, to be told.
+    surroundings: Option<RangeScan>,
+    /// The transfer of a fence, and the result of the last one that was sent.
+    fence: Transfer,
+    sent_fence: Option<Result<(), FenceError>>,
+    /// Whether `EXTENDED_SYS_STATE` arrives.
+    says_landed: bool,
     /// Last call of the pilot.
     beat: Option<Time>,
     held_silent: bool,
@@ -152,19 +98,6 @@ pub struct Vehicle {
     notices: VecDeque<Notice>,
     setpoints_sent: u64,
 }
-
-/// The messages that are needed, with their rate in Hz, and the rate over a slow link.
-const RATES: [(u32, f32, f32); 9] = [
-    (1, 1.0, 1.0),
-    (24, 1.0, 0.5),
-    (30, 20.0, 8.0),
-    (32, 20.0, 8.0),
-    (33, 5.0, 2.0),
-    (132, 10.0, 2.0),
-    (230, 1.0, 0.2),
-    (242, 0.5, 0.2),
-    (245, 5.0, 2.0),
-];
 
 impl Vehicle {
     /// A vehicle that has just been heard of in this mode. It is only watched until [`engage`](Self::engage). `own` is our system and component, `slow` a link of low rate.
@@ -193,6 +126,12 @@ impl Vehicle {
             next_setpoint: now,
             next_heartbeat: now,
             rates_at: now,
+            streams: VecDeque::new(),
+            gimbal: GimbalState::default(),
+            surroundings: None,
+            fence: Transfer::default(),
+            sent_fence: None,
+            says_landed: false,
             beat: None,
             held_silent: false,
             told: false,
@@ -202,8 +141,7 @@ impl Vehicle {
             notices: VecDeque::new(),
             setpoints_sent: 0,
         };
-        vehicle.commands.submit(VehicleCommand::new(ids::REQUEST, &[148.0]));
-        vehicle.request_rates(now);
+        vehicle.request_first(now);
         vehicle
     }
 
@@ -212,14 +150,6 @@ impl Vehicle {
     #[must_use]
     pub fn climbs_to(&self) -> Option<f64> {
         self.climbs_to
-    }
-
-    fn request_rates(&mut self, now: Time) {
-        self.rates_at = now + RATES_AGAIN;
-        for (message, fast, slow) in RATES {
-            let rate = if self.slow { slow } else { fast };
-            self.commands.submit(VehicleCommand::new(ids::INTERVAL, &[message as f32, 1e6 / rate]));
-        }
     }
 
     /// What is known about it.
@@ -255,7 +185,7 @@ impl Vehicle {
     /// Whether all parameters that matter have arrived or were given up.
     #[must_use]
     pub fn is_read(&self) -> bool {
-        self.facts.is_read()
+        self.facts.is_read() && !self.fence.is_busy()
     }
 
     /// Number of setpoints sent.
@@ -293,6 +223,8 @@ impl Vehicle {
             // Not announced in the capabilities.
             Command::Manoeuvre(_) => {}
             Command::Land => self.land(now),
+            Command::Return => self.return_home(now),
+            Command::Tilt(tilt) => self.tilt(now, tilt),
             Command::EmergencyStop => self.stop_motors(now),
         }
     }
@@ -311,18 +243,21 @@ impl Vehicle {
                         self.mode_since = now;
                     }
                     self.armed = heartbeat.armed;
+                    // ArduPilot shows there whether it has landed, also where it does not say so otherwise.
+                    if self.autopilot == Autopilot::ArduPilot && !self.says_landed && matches!(heartbeat.state, 3..=6) {
+                        self.set_landed(now, if heartbeat.state == 3 { 1 } else { 2 });
+                    }
                     self.follow(now);
                 }
             }
             Report::Landed(landed) if *landed != 0 => {
-                self.landed = *landed;
-                self.grounded = if *landed == 1 { self.grounded.or(Some(now)) } else { None };
+                self.says_landed = true;
+                self.set_landed(now, *landed);
                 self.follow(now);
             }
             Report::Acknowledgement { command, result, target } => {
                 // One for another program's command of the same kind must not end ours.
-                let ours = target.iter().zip(self.own).all(|(target, own)| *target == 0 || *target == own);
-                if ours {
+                if self.is_for_us(*target) {
                     self.commands.acknowledge(now, *command, *result);
                     self.settle(now);
                 }
@@ -331,6 +266,13 @@ impl Vehicle {
                 self.facts.said(now, *severity, text);
                 self.notices.push_back(Notice::Says { severity: *severity, text: text.clone() });
             }
+            Report::Fence(message, target) => {
+                if self.is_for_us(*target) {
+                    self.fence.handle(now, *message);
+                    self.follow_fence(now);
+                }
+            }
+            Report::Ranges(ranges) => self.scan(now, ranges),
             Report::LocalPosition { .. } => {
                 self.sensed.observe(now, report);
                 self.report(now);
@@ -338,26 +280,45 @@ impl Vehicle {
             _ => {
                 self.sensed.observe(now, report);
                 self.facts.observe(report);
+                if matches!(report, Report::Version { .. }) {
+                    self.read_fence(now);
+                }
             }
         }
         self.follow_height(now);
     }
 
+    fn is_for_us(&self, target: [u8; 2]) -> bool {
+        target.iter().zip(self.own).all(|(target, own)| *target == 0 || *target == own)
+    }
+
+    fn set_landed(&mut self, now: Time, landed: u8) {
+        self.landed = landed;
+        self.grounded = if landed == 1 { self.grounded.or(Some(now)) } else { None };
+    }
+
     /// Sends the state to the pilot.
     fn report(&mut self, now: Time) {
         let Some(telemetry) = self.sensed.telemetry(now, self.phase(), self.facts.battery) else { return };
-        // Somebody who floods the link must not fill the memory, nor put old telemetry before the pilot.
+        self.push_measured(now, DroneEvent::Telemetry(telemetry));
+    }
+
+    /// Appends a measurement. Somebody who floods the link must not fill the memory, nor put old telemetry before the pilot.
+    pub(super) fn push_measured(&mut self, now: Time, event: DroneEvent) {
         if self.events.len() >= EVENTS {
-            let oldest = self.events.iter().position(|(_, event)| matches!(event, DroneEvent::Telemetry(_)));
+            let measured =
+                |event: &DroneEvent| matches!(event, DroneEvent::Telemetry(_) | DroneEvent::Ranges(_) | DroneEvent::Gimbal(_));
+            let oldest = self.events.iter().position(|(_, event)| measured(event));
             oldest.and_then(|index| self.events.remove(index));
         }
-        self.events.push_back((now, DroneEvent::Telemetry(telemetry)));
+        self.events.push_back((now, event));
     }
 
     /// The next transmission.
     pub fn poll(&mut self, now: Time) -> Option<Outgoing> {
         self.check_pilot(now);
         self.advance(now);
+        self.advance_gimbal(now);
         if now.since(self.heard) >= LOST && !core::mem::replace(&mut self.lost, true) {
             self.events.push_back((now, DroneEvent::LinkLost));
         }
@@ -373,16 +334,20 @@ impl Vehicle {
             let valid = self.setpoint.filter(|(_, until)| now < *until && self.control == Control::Flying);
             return Some(Outgoing::Setpoint(valid.map_or(Setpoint::HOLD, |(setpoint, _)| setpoint)));
         }
+        if let Some((stream, rate)) = self.streams.pop_front() {
+            return Some(Outgoing::RequestStream(stream, rate));
+        }
         if let Some(sent) = self.commands.poll(now) {
             return Some(Outgoing::Command(sent));
         }
         self.settle(now);
-        if now >= self.rates_at && self.commands.is_idle() && !self.lost {
-            if self.is_oriented(now) {
-                self.rates_at = now + RATES_AGAIN;
-            } else {
-                self.request_rates(now);
-            }
+        self.keep_rates(now);
+        if let Some(message) = self.fence.poll(now) {
+            return Some(Outgoing::Fence(message));
+        }
+        self.follow_fence(now);
+        if let Some(scan) = self.surroundings.take() {
+            return Some(Outgoing::Surroundings(scan));
         }
         self.facts.poll(now).map(Outgoing::ReadParameter)
     }

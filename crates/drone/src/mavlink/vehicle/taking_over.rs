@@ -60,6 +60,8 @@ impl Vehicle {
             Control::Climbing { .. } | Control::Flying => [external; 3],
             Control::Entering { from, .. } => [from, external, external],
             Control::Landing { shown: true, .. } => [land; 3],
+            Control::Returning { shown: true, .. } => return mode.is_returning() || mode == land,
+            Control::Returning { from, .. } => [from, it.return_home(), external],
             Control::Landing { from, .. } => return [from, land, external, hold].contains(&mode) || self.is_under_way(now, mode),
         };
         allowed.contains(&mode) || self.is_under_way(now, mode)

@@ -5,6 +5,8 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_mavlink::report::Report;
 
+use super::clock::BootClock;
+
 /// Older values than this are not passed on.
 const FRESH: Duration = Duration::from_millis(1000);
 /// The same for the attitude, which frames depend on.
@@ -17,6 +19,8 @@ pub(super) struct Sensed {
     position: Option<(Time, EnuPosition, EnuVelocity)>,
     height: Option<(Time, f64)>,
     clearance: Option<(Time, f64)>,
+    /// Of attitude, position and height, which arrive in any order.
+    clocks: [BootClock; 3],
 }
 
 fn fresh<T: Copy>(now: Time, value: Option<(Time, T)>) -> Option<T> {
@@ -27,19 +31,23 @@ impl Sensed {
     /// Takes a report into account. Values that are not finite count as not reported.
     pub(super) fn observe(&mut self, now: Time, report: &Report) {
         match *report {
-            Report::Attitude { attitude, yaw_rate } => {
+            Report::Attitude { attitude, yaw_rate, boot_ms } => {
+                let Some(now) = self.clocks[0].measured(now, boot_ms) else { return };
                 let Attitude { heading, pitch, roll } = attitude;
                 if [heading, pitch, roll, yaw_rate].iter().all(|value| value.is_finite()) {
                     self.attitude = Some((now, attitude, yaw_rate));
                 }
             }
-            Report::LocalPosition { position, velocity } => {
+            Report::LocalPosition { position, velocity, boot_ms } => {
+                let Some(now) = self.clocks[1].measured(now, boot_ms) else { return };
                 let (p, v) = (position, velocity);
                 if [p.east, p.north, p.up, v.east, v.north, v.up].iter().all(|value| value.is_finite()) {
                     self.position = Some((now, position, velocity));
                 }
             }
-            Report::Height(height) => self.height = Some((now, height)),
+            Report::Height(height, boot_ms) => {
+                self.height = self.clocks[2].measured(now, boot_ms).map(|now| (now, height)).or(self.height);
+            }
             Report::GroundClearance(clearance) => self.clearance = clearance.map(|clearance| (now, clearance)),
             _ => {}
         }
@@ -53,6 +61,18 @@ impl Sensed {
     /// Whether the height was measured at or after this time.
     pub(super) fn has_height_since(&self, since: Time) -> bool {
         self.height.is_some_and(|(at, _)| at >= since)
+    }
+
+    /// Heading, radians clockwise from north.
+    pub(super) fn heading(&self, now: Time) -> Option<f64> {
+        let (at, attitude, _) = self.attitude?;
+        (now.since(at) < FRESH_ATTITUDE).then_some(attitude.heading)
+    }
+
+    /// Position relative to where the estimator started.
+    pub(super) fn position(&self, now: Time) -> Option<EnuPosition> {
+        let (at, position, _) = self.position?;
+        (now.since(at) < FRESH).then_some(position)
     }
 
     /// Speed, m/s.

@@ -1,6 +1,8 @@
+mod returning;
 mod safety;
 
 use spf_core::geometry::{EnuPosition, EnuVelocity};
+use spf_mavlink::command::{CommandResult, VehicleCommand, ids};
 use spf_mavlink::report::Heartbeat;
 
 use super::*;
@@ -35,11 +37,11 @@ fn copter() -> Vehicle {
 /// It hovers.
 fn still(vehicle: &mut Vehicle, now: Time) {
     let (position, velocity) = (EnuPosition::default(), EnuVelocity::default());
-    vehicle.handle(now, &Report::LocalPosition { position, velocity });
+    vehicle.handle(now, &Report::LocalPosition { position, velocity, boot_ms: 0 });
 }
 
 fn beat(mode: Mode, armed: bool) -> Report {
-    Report::Heartbeat(Heartbeat { autopilot: Some(mode.0), kind: 2, custom_mode: mode.1, armed })
+    Report::Heartbeat(Heartbeat { autopilot: Some(mode.0), kind: 2, custom_mode: mode.1, armed, state: 4 })
 }
 
 /// Everything sent from one time to another; every command is accepted.
@@ -80,7 +82,7 @@ fn a_take_off_goes_step_by_step_as_the_state_shows_it() {
     vehicle.handle(at(2000), &Report::Landed(2));
     assert!(run(&mut vehicle, 2000, 2500, true).iter().all(|(_, sent)| !matches!(sent, Outgoing::Setpoint(_))));
     vehicle.handle(at(2500), &beat(Autopilot::Px4.hold(), true));
-    vehicle.handle(at(2500), &Report::Height(2.4));
+    vehicle.handle(at(2500), &Report::Height(2.4, 0));
     let sent = run(&mut vehicle, 2500, 4000, true);
     // A stream first, then the mode.
     let first = sent.iter().position(|(_, sent)| matches!(sent, Outgoing::Command(_))).unwrap();
@@ -208,10 +210,10 @@ fn an_acknowledgement_for_another_program_counts_for_nothing() {
 #[test]
 fn telemetry_needs_a_fresh_attitude_and_position() {
     let mut vehicle = px4();
-    let position = Report::LocalPosition { position: EnuPosition::default(), velocity: EnuVelocity::default() };
+    let position = Report::LocalPosition { position: EnuPosition::default(), velocity: EnuVelocity::default(), boot_ms: 0 };
     vehicle.handle(at(0), &position);
     assert!(vehicle.take_event().is_none());
-    vehicle.handle(at(10), &Report::Attitude { attitude: Default::default(), yaw_rate: 0.0 });
+    vehicle.handle(at(10), &Report::Attitude { attitude: Default::default(), yaw_rate: 0.0, boot_ms: 0 });
     vehicle.handle(at(20), &position);
     assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::Telemetry(_)))));
     // The attitude is old by now.

@@ -254,6 +254,8 @@ impl Link {
                 self.manoeuvre = Some(begun);
             }
             Command::Manoeuvre(_) => {}
+            // Not announced in the capabilities.
+            Command::Return | Command::Tilt(_) => {}
             // A repeated `Land` of the pilot is the same landing.
             Command::Land if self.land_again.is_some() => {}
             Command::Land => {

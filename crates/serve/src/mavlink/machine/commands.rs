@@ -38,6 +38,11 @@ impl VirtualVehicle {
                 self.target = None;
                 result::ACCEPTED
             }
+            ids::FENCE_ENABLE if self.autopilot == Autopilot::ArduPilot && (p1 == 0.0 || p1 == 1.0) => {
+                self.set_parameter("FENCE_ENABLE", p1.into());
+                result::ACCEPTED
+            }
+            ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW | ids::MOUNT_CONTROL => self.point(from, command),
             ids::INTERVAL => self.set_interval(now, from, p1, p2),
             ids::REQUEST => match self.message(p1 as u32, now, craft) {
                 Some(body) => {
@@ -195,7 +200,7 @@ impl VirtualVehicle {
     fn set_interval(&mut self, now: Time, from: Peer, id: f32, interval: f32) -> u8 {
         let known = id.is_finite() && super::streams::DEFAULTS.iter().any(|(known, _)| *known == id as u32);
         match self.peers.get_mut(&from) {
-            Some(streams) if known && interval.is_finite() => {
+            Some(streams) if known && interval.is_finite() && !self.old => {
                 streams.set(id as u32, interval, self.autopilot, now);
                 result::ACCEPTED
             }

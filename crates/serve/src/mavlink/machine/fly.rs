@@ -63,6 +63,9 @@ impl VirtualVehicle {
 
     /// Every [`CONTROL`].
     pub(super) fn control(&mut self, now: Time, craft: &mut SimCraft) {
+        if let Some(gimbal) = &mut self.gimbal {
+            gimbal.turn();
+        }
         let phase = craft.dynamics().phase();
         let before = core::mem::replace(&mut self.phase, phase);
         if phase != before {
@@ -158,7 +161,8 @@ impl VirtualVehicle {
             ([0.0; 2], "FENCE_ACTION")
         };
         let outside = (limits[0] > 0.0 && self.home.horizontal_distance(position) > limits[0])
-            || (limits[1] > 0.0 && position.up - self.home.up > limits[1]);
+            || (limits[1] > 0.0 && position.up - self.home.up > limits[1])
+            || (self.is_fenced() && self.fence.forbids(self.autopilot, self.position(craft)));
         if outside != core::mem::replace(&mut self.noticed[1], outside) && outside {
             self.say(MavSeverity::MAV_SEVERITY_CRITICAL, if px4 { "Geofence violation" } else { "Fence Breached" });
             let mode = match (px4, self.parameters.number(action, 0.0) as i64) {
@@ -175,6 +179,11 @@ impl VirtualVehicle {
         if self.mode == self.autopilot.external() {
             self.silent_program(now, craft);
         }
+    }
+
+    /// Whether its fence of points is in force.
+    pub(super) fn is_fenced(&self) -> bool {
+        !self.fence.is_empty() && (self.autopilot == Autopilot::Px4 || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0)
     }
 
     /// The program that sends setpoints is silent.
@@ -223,8 +232,12 @@ impl VirtualVehicle {
             self.target.map_or(Setpoint::HOLD, |(_, target)| self.towards_target(target, craft))
         } else if self.mode.is_returning() {
             match self.home_setpoint(craft) {
-                Some(setpoint) => setpoint,
-                None => return craft.apply(now, Command::Land, Time::MAX),
+                Some(setpoint) => {
+                    self.arrived = None;
+                    setpoint
+                }
+                None if self.lands_at_home(now) => return craft.apply(now, Command::Land, Time::MAX),
+                None => self.over_home(craft),
             }
         } else if self.mode == self.autopilot.land() {
             return craft.apply(now, Command::Land, Time::MAX);
@@ -285,6 +298,30 @@ impl VirtualVehicle {
         let ned = [north * speed, east * speed, -climb].map(|value| value as f32);
         let setpoint = setpoint_from_ned(ned, 0.0, craft.telemetry().attitude.heading);
         Setpoint { yaw_rate: self.yaw_rate(yaw, craft), ..setpoint }
+    }
+
+    /// Whether a return has waited over home, and ends in a landing.
+    fn lands_at_home(&mut self, now: Time) -> bool {
+        let waited = now.since(*self.arrived.get_or_insert(now));
+        let (waits, lands) = match self.autopilot {
+            Autopilot::Px4 => (self.seconds("RTL_LAND_DELAY", 0.0), self.parameters.number("RTL_LAND_DELAY", 0.0) >= 0.0),
+            Autopilot::ArduPilot => {
+                let waits = Duration::from_millis(self.parameters.number("RTL_LOIT_TIME", 5000.0).clamp(0.0, 60_000.0) as u64);
+                (waits, self.parameters.number("RTL_ALT_FINAL", 0.0) == 0.0)
+            }
+        };
+        lands && waited >= waits
+    }
+
+    /// Over home, where a return waits, or ends without a landing.
+    fn over_home(&self, craft: &SimCraft) -> Setpoint {
+        let (here, home) = (self.position(craft), super::relative(self.home, self.origin));
+        let last = match self.autopilot {
+            Autopilot::Px4 => self.parameters.number("RTL_DESCEND_ALT", 30.0),
+            Autopilot::ArduPilot => 0.01 * self.parameters.number("RTL_ALT_FINAL", 0.0),
+        };
+        let up = if last > 0.0 { here.up.min(home.up + last) } else { here.up };
+        self.to(EnuPosition { up, ..home }, Yaw::Keep, craft)
     }
 
     /// On the way home: up, over, then `None` for the landing.

@@ -3,9 +3,10 @@
 
 use spf_core::time::Time;
 use spf_mavlink::dialect::{
-    FILE_TRANSFER_PROTOCOL_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MavMessage, MavMissionResult, MavParamType, MavSeverity,
-    PARAM_VALUE_DATA, PING_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
+    FILE_TRANSFER_PROTOCOL_DATA, MISSION_ACK_DATA, MISSION_COUNT_DATA, MavMessage, MavMissionResult, MavMissionType,
+    MavParamType, MavSeverity, PARAM_VALUE_DATA, PING_DATA, SET_POSITION_TARGET_LOCAL_NED_DATA, TIMESYNC_DATA,
 };
+use spf_mavlink::fence::FenceMessage;
 use spf_mavlink::frames::position_from_ned;
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::parameter::{name_bytes, name_of};
@@ -20,6 +21,12 @@ const FASTEST: f32 = 1000.0;
 
 impl VirtualVehicle {
     pub(super) fn receive(&mut self, now: Time, from: Peer, sender: [u8; 2], message: &MavMessage, craft: &mut SimCraft) {
+        if let Some((message, target)) = FenceMessage::read(message) {
+            if matches!(target[0], 0 | 1) {
+                self.receive_fence(now, from, sender, message);
+            }
+            return;
+        }
         match message {
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(it) if matches!(it.target_system, 0 | 1) => self.setpoint(now, it, craft),
             MavMessage::SET_MODE(it) if matches!(it.target_system, 0 | 1) && it.base_mode.bits() & 1 != 0 => {
@@ -72,16 +79,22 @@ impl VirtualVehicle {
                 self.mission(from, sender, MavMissionResult::MAV_MISSION_UNSUPPORTED, it.mission_type);
             }
             MavMessage::MISSION_CLEAR_ALL(it) => {
+                if matches!(it.mission_type, MavMissionType::MAV_MISSION_TYPE_FENCE | MavMissionType::MAV_MISSION_TYPE_ALL) {
+                    self.fence.clear();
+                }
                 self.mission(from, sender, MavMissionResult::MAV_MISSION_ACCEPTED, it.mission_type);
             }
             MavMessage::MISSION_REQUEST_INT(it) => {
                 self.mission(from, sender, MavMissionResult::MAV_MISSION_INVALID_SEQUENCE, it.mission_type);
             }
             MavMessage::REQUEST_DATA_STREAM(it) => {
-                if let Some(streams) = self.peers.get_mut(&from) {
-                    streams.set_all(if it.start_stop == 0 { 0 } else { it.req_message_rate.min(50) }, now);
+                // PX4 does not know it.
+                let (autopilot, rate) = (self.autopilot, if it.start_stop == 0 { 0 } else { it.req_message_rate.min(50) });
+                if let Some(streams) = self.peers.get_mut(&from).filter(|_| autopilot == Autopilot::ArduPilot) {
+                    streams.set_group(it.req_stream_id as u8, rate, autopilot, now);
                 }
             }
+            MavMessage::OBSTACLE_DISTANCE(it) => self.told = Some(Box::new(it.clone())),
             MavMessage::FILE_TRANSFER_PROTOCOL(it) => self.refuse_files(from, sender, it),
             _ => {}
         }
@@ -96,7 +109,7 @@ impl VirtualVehicle {
         to: Peer,
         [target_system, target_component]: [u8; 2],
         result: MavMissionResult,
-        mission_type: spf_mavlink::dialect::MavMissionType,
+        mission_type: MavMissionType,
     ) {
         let data =
             MISSION_ACK_DATA { target_system, target_component, mavtype: result, mission_type, ..MISSION_ACK_DATA::default() };

@@ -1,8 +1,11 @@
 //! The virtual autopilot: modes, arming, setpoints, failsafes and what it sends.
 
 mod commands;
+mod fence;
 mod fly;
+mod gimbal;
 mod messages;
+mod sensors;
 mod streams;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -12,13 +15,15 @@ use spf_core::command::Command;
 use spf_core::geometry::EnuPosition;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
-use spf_mavlink::dialect::{MavMessage, MavSeverity, STATUSTEXT_DATA};
+use spf_mavlink::dialect::{MavMessage, MavSeverity, OBSTACLE_DISTANCE_DATA, STATUSTEXT_DATA};
 use spf_mavlink::frames::GlobalPosition;
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::wire::{Body, Packet};
 use spf_sim::craft::SimCraft;
 
+use self::fence::Fence;
 use self::fly::Target;
+use self::gimbal::Gimbal;
 use self::streams::Streams;
 use super::parameters::Parameters;
 
@@ -59,6 +64,8 @@ pub struct VirtualVehicle {
     parameters: Parameters,
     peers: BTreeMap<Peer, Streams>,
     out: VecDeque<(Peer, Body)>,
+    /// Heartbeats of clients on their way to the others, with system and component.
+    forwarded: VecDeque<(Peer, [u8; 2], Body)>,
     mode: Mode,
     armed: bool,
     /// Since when it has been armed, or on the ground again.
@@ -73,13 +80,23 @@ pub struct VirtualVehicle {
     /// A stop because the other program is silent (ArduPilot).
     stopped_silent: bool,
     goto: Option<(EnuPosition, Option<f64>)>,
+    /// Since when it has been over home in a return.
+    arrived: Option<Time>,
     /// Height of the take-off, metres above home.
     take_off_height: f64,
     phase: FlightPhase,
+    fence: Fence,
+    gimbal: Option<Gimbal>,
     /// Whether a low battery, and a breached fence, were noticed.
     noticed: [bool; 2],
     next_control: Time,
     strict_beat: bool,
+    /// Firmware without `SET_MESSAGE_INTERVAL`.
+    old: bool,
+    /// Whether it has sensors around it.
+    ranges: bool,
+    /// The last `OBSTACLE_DISTANCE` of another component.
+    told: Option<Box<OBSTACLE_DISTANCE_DATA>>,
     started: Time,
 }
 
@@ -94,6 +111,7 @@ impl VirtualVehicle {
             parameters: Parameters::of(autopilot),
             peers: BTreeMap::new(),
             out: VecDeque::new(),
+            forwarded: VecDeque::new(),
             mode: match autopilot {
                 Autopilot::Px4 => autopilot.hold(),
                 Autopilot::ArduPilot => Mode(autopilot, 0),
@@ -106,11 +124,17 @@ impl VirtualVehicle {
             external_since: now,
             stopped_silent: false,
             goto: None,
+            arrived: None,
             take_off_height: 0.0,
             phase: craft.dynamics().phase(),
+            fence: Fence::default(),
+            gimbal: None,
             noticed: [false; 2],
             next_control: now,
             strict_beat: false,
+            old: false,
+            ranges: false,
+            told: None,
             started: now,
         }
     }
@@ -118,7 +142,14 @@ impl VirtualVehicle {
     /// Adds a client, to which it sends from now on. More than 16 are ignored.
     pub fn join(&mut self, now: Time, peer: Peer) {
         if self.peers.len() < PEERS {
-            self.peers.entry(peer).or_insert_with(|| Streams::new(self.autopilot, now));
+            let old = self.old;
+            self.peers.entry(peer).or_insert_with(|| {
+                let mut streams = Streams::new(self.autopilot, now);
+                if old {
+                    streams.quiet();
+                }
+                streams
+            });
         }
     }
 
@@ -174,6 +205,8 @@ impl VirtualVehicle {
                     self.tell_state(now, craft);
                 }
             }
+        } else if packet.id == 0 {
+            self.forward(peer, packet);
         } else if let Some(message) = packet.message() {
             self.receive(now, peer, [packet.system, packet.component], &message, craft);
         }
@@ -189,6 +222,23 @@ impl VirtualVehicle {
             self.next_control = at + CONTROL;
         }
         craft.advance_to(now);
+    }
+
+    /// ArduPilot passes what is for everybody on to its other links; of that, heartbeats.
+    fn forward(&mut self, from: Peer, packet: &Packet) {
+        if self.autopilot != Autopilot::ArduPilot {
+            return;
+        }
+        let others: Vec<Peer> = self.peers.keys().filter(|peer| **peer != from).copied().collect();
+        for peer in others.into_iter().take(PEERS - self.forwarded.len().min(PEERS)) {
+            let body = Body { id: packet.id, payload: packet.payload.clone() };
+            self.forwarded.push_back((peer, [packet.system, packet.component], body));
+        }
+    }
+
+    /// The next message of a client to pass on, with the client that it is for, and the system and component that it is of.
+    pub fn poll_forwarded(&mut self) -> Option<(Peer, [u8; 2], Body)> {
+        self.forwarded.pop_front()
     }
 
     /// The next message to send, with its client.
@@ -217,6 +267,23 @@ impl VirtualVehicle {
     /// From now on its heartbeat comes once a second only, as that of a real autopilot, and not also at a change of its state.
     pub fn beat_strictly(&mut self) {
         self.strict_beat = true;
+    }
+
+    /// From now on it is an old ArduPilot: new clients get nothing but heartbeats, and rates of single messages are unknown to it.
+    pub fn grow_old(&mut self) {
+        self.old = true;
+        self.peers.values_mut().for_each(Streams::quiet);
+    }
+
+    /// Gives it rangefinders ahead, left and right, and a proximity sensor all round.
+    pub fn measure_ranges(&mut self) {
+        self.ranges = true;
+    }
+
+    /// What another component has last told it about obstacles.
+    #[must_use]
+    pub fn told_obstacles(&self) -> Option<&OBSTACLE_DISTANCE_DATA> {
+        self.told.as_deref()
     }
 
     /// Heartbeat and landed state at once, since they have just changed.
@@ -279,7 +346,7 @@ impl VirtualVehicle {
             }
             _ => {}
         }
-        (self.mode, self.goto, self.stopped_silent) = (mode, None, false);
+        (self.mode, self.goto, self.arrived, self.stopped_silent) = (mode, None, None, false);
         if mode == self.autopilot.external() {
             self.external_since = now;
         } else {

@@ -8,14 +8,15 @@ use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_mavlink::dialect::*;
 use spf_mavlink::frames::{position_to_ned, velocity_to_ned};
 use spf_mavlink::modes::Autopilot;
-use spf_mavlink::wire::Body;
+use spf_mavlink::wire::{Body, EKF_STATUS_REPORT, MOUNT_STATUS};
 use spf_sim::craft::SimCraft;
 
 use super::fly::Target;
+use super::sensors;
 use super::{ORIGIN, Peer, VirtualVehicle, relative};
 
 /// Every message that can be requested, with its usual rate in Hz; zero for those that are only sent on request.
-pub(super) const DEFAULTS: [(u32, f32); 17] = [
+pub(super) const DEFAULTS: [(u32, f32); 22] = [
     (0, 1.0),
     (1, 1.0),
     (2, 1.0),
@@ -29,10 +30,15 @@ pub(super) const DEFAULTS: [(u32, f32); 17] = [
     (132, 5.0),
     (147, 1.0),
     (148, 0.0),
+    (MOUNT_STATUS, 2.0),
     (162, 0.0),
+    (EKF_STATUS_REPORT, 1.0),
     (230, 1.0),
     (242, 0.5),
     (245, 2.0),
+    (280, 0.0),
+    (285, 5.0),
+    (330, 5.0),
 ];
 /// Shortest interval between two messages.
 const SHORTEST: Duration = Duration::from_millis(20);
@@ -67,11 +73,20 @@ impl Streams {
         };
     }
 
-    /// One rate for all but the slow ones; zero stops everything but the heartbeat.
-    pub(super) fn set_all(&mut self, rate: u16, now: Time) {
-        for (id, (period, next)) in &mut self.0 {
-            if !matches!(id, 0 | 242) {
-                (*period, *next) = (interval(rate.into()).unwrap_or(Duration::from_secs(86_400)), now);
+    /// Nothing but the heartbeat, as an ArduPilot sends that nobody has asked for anything.
+    pub(super) fn quiet(&mut self) {
+        self.0.retain(|id, _| *id == 0);
+    }
+
+    /// One rate, Hz, for a group of messages (`MAV_DATA_STREAM`; 0 is every group); zero stops them.
+    pub(super) fn set_group(&mut self, group: u8, rate: u16, autopilot: Autopilot, now: Time) {
+        for (id, _) in DEFAULTS.iter().filter(|(id, _)| has(autopilot, *id)) {
+            if *id == 0 || (group != 0 && group_of(*id) != Some(group)) || group_of(*id).is_none() {
+                continue;
+            }
+            match interval(rate.into()) {
+                Some(period) => drop(self.0.insert(*id, (period, now))),
+                None => drop(self.0.remove(id)),
             }
         }
     }
@@ -92,9 +107,21 @@ fn interval(rate: f32) -> Option<Duration> {
     (rate > 0.0).then(|| duration_from_secs(1.0 / f64::from(rate.max(0.001))).max(SHORTEST))
 }
 
+/// The group of ArduCopter in which a message is sent.
+fn group_of(id: u32) -> Option<u8> {
+    Some(match id {
+        1 | 24 | 162 => 2,
+        32 | 33 => 6,
+        30 | 31 => 10,
+        74 => 11,
+        2 | 132 | 147 | MOUNT_STATUS | 330 | EKF_STATUS_REPORT => 12,
+        _ => return None,
+    })
+}
+
 fn has(autopilot: Autopilot, id: u32) -> bool {
     match id {
-        162 => autopilot == Autopilot::ArduPilot,
+        162 | EKF_STATUS_REPORT => autopilot == Autopilot::ArduPilot,
         230 => autopilot == Autopilot::Px4,
         _ => true,
     }
@@ -111,6 +138,11 @@ impl VirtualVehicle {
             for id in ids {
                 if let Some(body) = made.entry(id).or_insert_with(|| self.message(id, now, craft)).clone() {
                     self.send(peer, body);
+                }
+                if id == 132 && self.ranges {
+                    for body in sensors::rangefinders((now.since(self.started).as_nanos() / 1_000_000) as u32, craft) {
+                        self.send(peer, body);
+                    }
                 }
             }
         }
@@ -136,20 +168,35 @@ impl VirtualVehicle {
         let current = if craft.dynamics().airborne() { 1500 } else { 50 };
         let ready = self.is_ready(now);
         // Without a position nothing of it is sent, as by an estimator that aligns.
-        if !ready && matches!(id, 32 | 33 | 85 | 230 | 242) {
+        if !ready && matches!(id, 32 | 33 | 85 | EKF_STATUS_REPORT | 230 | 242) {
             return None;
+        }
+        if matches!(id, MOUNT_STATUS | 280 | 285) {
+            return self.gimbal_message(id, now);
+        }
+        if id == EKF_STATUS_REPORT && has(self.autopilot, id) {
+            // Parts of the innovations' gates, and every flag of an estimator with a position: attitude, velocities, positions.
+            let parts = [0.05_f32, 0.1, 0.1, 0.05, 0.0].iter().flat_map(|part| part.to_le_bytes());
+            let payload = parts.chain(0x033f_u16.to_le_bytes()).chain(0.0_f32.to_le_bytes()).collect();
+            return Some(Body { id, payload });
         }
         Some(Body::from(&match id {
             0 => MavMessage::HEARTBEAT(self.heartbeat()),
             1 => {
                 let battery = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY.bits();
-                let all = 1 | 2 | 4 | 8 | 32 | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
+                let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE.bits();
+                let all = 1 | 2 | 4 | 8 | 32 | fence | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
+                let fenced = self.is_fenced() || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0;
                 let healthy = if ready { all } else { all & !32 };
                 let refused = !self.armed && self.arming_refusal(now, craft).is_some();
                 let healthy = if refused { healthy & !MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits() } else { healthy };
                 MavMessage::SYS_STATUS(SYS_STATUS_DATA {
                     onboard_control_sensors_present: MavSysStatusSensor::from_bits_retain(all),
-                    onboard_control_sensors_enabled: MavSysStatusSensor::from_bits_retain(all),
+                    onboard_control_sensors_enabled: MavSysStatusSensor::from_bits_retain(if fenced {
+                        all
+                    } else {
+                        all & !fence
+                    }),
                     onboard_control_sensors_health: MavSysStatusSensor::from_bits_retain(healthy),
                     load: 300,
                     voltage_battery: cell * CELLS as u16,
@@ -249,11 +296,11 @@ impl VirtualVehicle {
                 })
             }
             148 => {
-                // PARAM_FLOAT, MISSION_INT, COMMAND_INT, SET_POSITION_TARGET_LOCAL_NED, MAVLINK2, and how integers travel.
+                // PARAM_FLOAT, MISSION_INT, COMMAND_INT, SET_POSITION_TARGET_LOCAL_NED, MAVLINK2, fences, and how integers travel.
                 let integers = if self.autopilot == Autopilot::Px4 { 16 } else { 131_072 };
                 let version: u32 = if self.autopilot == Autopilot::Px4 { 0x010f_02ff } else { 0x0405_07ff };
                 MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
-                    capabilities: MavProtocolCapability::from_bits_retain(2 | 4 | 8 | 128 | 8192 | integers),
+                    capabilities: MavProtocolCapability::from_bits_retain(2 | 4 | 8 | 128 | 8192 | 16_384 | integers),
                     flight_sw_version: version,
                     ..AUTOPILOT_VERSION_DATA::default()
                 })
@@ -281,6 +328,7 @@ impl VirtualVehicle {
                     ..HOME_POSITION_DATA::default()
                 })
             }
+            330 if self.ranges => sensors::proximity(now, craft),
             245 => MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
                 vtol_state: MavVtolState::MAV_VTOL_STATE_UNDEFINED,
                 landed_state: match craft.dynamics().phase() {
@@ -311,7 +359,11 @@ impl VirtualVehicle {
                 Autopilot::ArduPilot => MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
             },
             base_mode: MavModeFlag::from_bits_retain(1 | kind | armed),
-            system_status: if self.armed { MavState::MAV_STATE_ACTIVE } else { MavState::MAV_STATE_STANDBY },
+            system_status: if self.armed && (self.autopilot == Autopilot::Px4 || self.phase != FlightPhase::OnGround) {
+                MavState::MAV_STATE_ACTIVE
+            } else {
+                MavState::MAV_STATE_STANDBY
+            },
             mavlink_version: 3,
         }
     }

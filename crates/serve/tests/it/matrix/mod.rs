@@ -1,15 +1,16 @@
-//! Every fault in every phase of a flight, of the simulated quadrotor and of the virtual Tello behind its driver, in
-//! virtual time.
+//! Every fault in every phase of a flight, of the simulated quadrotor, and of the virtual Tello, PX4 and ArduPilot behind their
+//! drivers, in virtual time.
 
+mod column;
 mod faults;
 mod faulty;
 mod model;
 mod report;
 mod watch;
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
-use spf_core::craft::CraftKind;
 use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
@@ -32,8 +33,10 @@ use self::faults::{FlightPart, Row, Sender, What};
 use self::faulty::Faulty;
 use self::model::Scripted;
 use self::watch::Watch;
+use crate::mavlink::wired::WiredVehicle;
 use crate::wired::{Stranger, Wired};
 
+pub(crate) use self::column::Column;
 pub(crate) use self::report::{tables, tsv};
 
 /// Time at which the operator of the phases `manual` and `landing` acts; both craft are flying by then.
@@ -61,7 +64,7 @@ fn among_obstacles() -> &'static Arc<LoadedScene> {
 /// A fault in a phase of a craft.
 #[derive(Clone, Debug)]
 pub(crate) struct Cell {
-    pub(crate) craft: CraftKind,
+    pub(crate) column: Column,
     pub(crate) part: FlightPart,
     pub(crate) row: Row,
 }
@@ -78,6 +81,8 @@ pub(crate) struct Flown {
     pub(crate) cause: String,
     /// The last command that the pilot cleared.
     pub(crate) last_command: String,
+    /// The last setpoint or command that an autopilot was sent, and its flight mode at the end.
+    pub(crate) told: Option<(String, String)>,
     /// The craft's true phase, and speed in m/s, at the end.
     pub(crate) phase: FlightPhase,
     pub(crate) speed: f64,
@@ -88,23 +93,25 @@ pub(crate) struct Flown {
 }
 
 impl Cell {
-    /// All cells.
-    pub(crate) fn all() -> Vec<Self> {
-        let crafts = [CraftKind::Quad, CraftKind::Tello];
-        let cell = |craft, row: &Row, part| Self { craft, part, row: row.clone() };
-        let of = |row: Row| crafts.into_iter().flat_map(move |craft| FlightPart::ALL.map(|part| cell(craft, &row, part)));
+    /// All cells of these columns.
+    pub(crate) fn all(columns: [Column; 2]) -> Vec<Self> {
+        let cell = |column, row: &Row, part| Self { column, part, row: row.clone() };
+        let of = |row: Row| columns.into_iter().flat_map(move |column| FlightPart::ALL.map(|part| cell(column, &row, part)));
         faults::rows().into_iter().flat_map(of).collect()
     }
 
     /// Its name.
     pub(crate) fn name(&self) -> String {
-        format!("{:?}, {}, {}", self.craft, self.row.name, self.part.name())
+        format!("{}, {}, {}", self.column.name(), self.row.name, self.part.name())
     }
 
     /// Why there is nothing to fly, if so.
     pub(crate) fn left_out(&self) -> Option<&'static str> {
-        let is_quad = self.craft == CraftKind::Quad;
+        let is_quad = self.column == Column::Quad;
         match self.row.what {
+            What::Craft(_) if self.column.autopilot().is_some() => Some("the virtual vehicle has no such fault"),
+            What::Sender(_) if self.column.autopilot().is_some() => Some("packets have no sender in virtual time"),
+            What::Depth(_) if self.column.autopilot().is_some() => Some("no driver reads a depth sensor"),
             What::Craft(CraftFault::ImuLost) => None,
             What::Craft(_) if is_quad => Some("the simulated quadrotor has no such fault"),
             What::Sender(_) if is_quad => Some("the simulated quadrotor is not reached by datagrams"),
@@ -122,7 +129,7 @@ impl Cell {
 
     /// Flies it.
     pub(crate) fn fly(&self, scene: &Arc<LoadedScene>) -> Flown {
-        let (fair, _) = self.fly_from(scene, None);
+        let fair = self.fair(scene);
         // Before the fault begins, both flights are the same.
         let onset = match self.row.what {
             What::Craft(CraftFault::TakeOffRefused) => Time::ZERO,
@@ -130,7 +137,7 @@ impl Cell {
             What::TakeOffLost => fair.entered(Phase::TakeOff).unwrap() - Duration::from_millis(100),
             _ => fair.begin_of(self.part).unwrap_or_else(|| panic!("{}: never", self.name())),
         };
-        let (watch, world) = self.fly_from(scene, Some(onset));
+        let (watch, world, told) = self.fly_from(scene, Some(onset));
         let craft = world.shared_craft();
         let craft = craft.lock().unwrap();
         let speed = craft.truth().velocity.speed();
@@ -150,6 +157,7 @@ impl Cell {
             outcome: spf_flight::words::outcome(outcome).to_owned(),
             cause,
             last_command: watch.last_command.clone(),
+            told,
             phase: craft.dynamics().phase(),
             speed,
             nearest: self.has_depth().then_some(watch.nearest),
@@ -157,18 +165,44 @@ impl Cell {
         }
     }
 
-    fn fly_from(&self, scene: &Arc<LoadedScene>, onset: Option<Time>) -> (Watch, SimWorld) {
+    /// The flight without the fault, which is the same for many cells.
+    fn fair(&self, scene: &Arc<LoadedScene>) -> Arc<Watch> {
+        type Key = (Column, bool, bool, bool, bool);
+        static FLOWN: Mutex<BTreeMap<Key, Arc<Watch>>> = Mutex::new(BTreeMap::new());
+        let is = |part| self.part == part;
+        let (manual, landing) = (is(FlightPart::Manual), is(FlightPart::Landing));
+        let key = (self.column, manual, landing, is(FlightPart::Searching), self.has_depth());
+        let flown = FLOWN.lock().unwrap().get(&key).cloned();
+        flown.unwrap_or_else(|| {
+            let watch = Arc::new(self.fly_from(scene, None).0);
+            FLOWN.lock().unwrap().insert(key, watch.clone());
+            watch
+        })
+    }
+
+    fn fly_from(&self, scene: &Arc<LoadedScene>, onset: Option<Time>) -> (Watch, SimWorld, Option<(String, String)>) {
         let scene = if self.has_depth() { among_obstacles() } else { scene };
-        let world = SimWorld::new(scene.clone(), self.craft, self.start(scene), SEED);
+        let world = SimWorld::new(scene.clone(), self.column.kind(), self.start(scene), SEED);
+        let mut told = None;
         let plan = onset.map_or_else(FaultPlan::default, |onset| self.row.plan(onset.as_secs_f64()));
         let frames = |rule: &spf_core::fault::Rule| rule.stream == Stream::Frames;
         // A Tello's state, commands and responses pass its virtual link; its driver receives the remainder.
-        let (drone, outside): (Box<dyn Drone>, FaultPlan) = match self.craft {
-            CraftKind::Quad => {
+        let (drone, outside): (Box<dyn Drone>, FaultPlan) = match self.column {
+            Column::Px4 | Column::ArduPilot => {
+                let (outside, inside) = plan.rules.into_iter().partition(frames);
+                let faults = FaultPlan { rules: inside, craft: plan.craft };
+                let autopilot = self.column.autopilot().unwrap();
+                let mut wired = WiredVehicle::new(world.clone(), autopilot, column::parameters(autopilot), faults, Vec::new());
+                wired.get_ready();
+                wired.thread_dies_at = onset.filter(|_| matches!(self.row.what, What::Thread));
+                told = Some(wired.told.clone());
+                (Box::new(wired), FaultPlan { rules: outside, ..FaultPlan::default() })
+            }
+            Column::Quad => {
                 let sensor = self.has_depth().then(DepthSensor::default);
                 (Box::new(SimDrone::new(world.clone()).with_depth_sensor(sensor, SEED)), plan)
             }
-            CraftKind::Tello => {
+            Column::Tello => {
                 let (outside, inside) = plan.rules.into_iter().partition(frames);
                 let faults = FaultPlan { rules: inside, craft: plan.craft };
                 let mut wired = Wired::new(world.clone(), ProtocolParameters::default(), faults);
@@ -188,7 +222,7 @@ impl Cell {
         match self.row.what {
             What::Charge(charge) => drone.charge = onset.map(|onset| (onset, charge)),
             // The virtual Tello reports its own.
-            What::Craft(CraftFault::ImuLost) if self.craft == CraftKind::Quad => drone.imu_error_from = onset,
+            What::Craft(CraftFault::ImuLost) if self.column == Column::Quad => drone.imu_error_from = onset,
             _ => {}
         }
         let fault = match self.row.what {
@@ -224,7 +258,8 @@ impl Cell {
         let plan = FlightPlan { limits: Limits { brake, ..plan.limits.clone() }, ..plan };
         let mut watch = Watch::new(plan.limits.clone(), depth, guided.then(|| world.clone()));
         fly(plan, &mut [&mut watch]).unwrap();
-        (watch, world)
+        let told = told.map(|told| column::told_last(&told.lock().unwrap()));
+        (watch, world, told)
     }
 
     /// Whether the craft has a depth sensor, and what goes with it.
@@ -264,8 +299,10 @@ impl Cell {
         let mut problems = flown.violations.clone();
         let safe = match flown.phase {
             FlightPhase::OnGround | FlightPhase::Stopped => true,
-            // A Tello lands by itself; the simulated quadrotor hovers.
-            _ => !self.row.commands_arrive && self.craft == CraftKind::Quad && flown.speed < 0.1,
+            // A Tello lands by itself; the simulated quadrotor hovers, and so does ArduPilot. PX4 lands, but for a take-off: it ends
+            // that by itself, and then holds.
+            _ if self.row.commands_arrive || flown.speed >= 0.1 => false,
+            _ => self.column != Column::Tello && (self.column != Column::Px4 || self.part == FlightPart::TakeOff),
         };
         if !safe {
             problems.push(format!("left {:?} at {:.2} m/s", flown.phase, flown.speed));

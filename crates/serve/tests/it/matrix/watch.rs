@@ -173,6 +173,8 @@ impl Observer for Watch {
                 }
                 Command::Manoeuvre(_) => self.moved(now, pilot.phase()),
                 Command::TakeOff => "take-off".clone_into(&mut self.last_command),
+                Command::Tilt(_) => {}
+                Command::Return => "return".clone_into(&mut self.last_command),
                 Command::Land => "land".clone_into(&mut self.last_command),
                 Command::EmergencyStop => "cut motors".clone_into(&mut self.last_command),
             },

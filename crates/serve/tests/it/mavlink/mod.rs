@@ -1,15 +1,22 @@
 //! The MAVLink driver against the virtual vehicle: whole flights by language, somebody else who takes over, refusals, the death of
 //! the program, a radio that loses and repeats packets.
 
+mod fences;
+mod gimbal;
+mod glass;
+mod old;
 mod protocol;
-mod wired;
+mod ranges;
+mod returning;
+mod taken;
+pub(crate) mod wired;
 
 use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_core::craft::{Craft, CraftKind};
 use spf_core::envelope::Limits;
 use spf_core::fault::{Fault, FaultPlan, Rule, Stream};
-use spf_core::pilot::{Action, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
+use spf_core::pilot::{Action, AtEnd, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone as _;
@@ -26,6 +33,9 @@ use spf_oracle::ErrorFile;
 use spf_vlm::Vlm;
 
 use self::wired::{Deed, Told, WiredVehicle};
+
+/// Battery, what happens at the end, and tilt of a camera on a gimbal, degrees below the horizon.
+type Kind = (f64, AtEnd, Option<f64>);
 
 const BOTH: [Autopilot; 2] = [Autopilot::Px4, Autopilot::ArduPilot];
 /// Something in the park that is seen from the start.
@@ -86,7 +96,7 @@ impl Flight {
 }
 
 fn fly(autopilot: Autopilot, parameters: &[(&str, f64)], faults: FaultPlan, deeds: Vec<(f64, Deed)>, events: &str) -> Flight {
-    fly_charged(autopilot, parameters, faults, deeds, events, 1.0)
+    fly_charged(autopilot, parameters, faults, deeds, events, (1.0, AtEnd::Land, None))
 }
 
 fn fly_charged(
@@ -95,21 +105,38 @@ fn fly_charged(
     faults: FaultPlan,
     deeds: Vec<(f64, Deed)>,
     events: &str,
-    battery: f64,
+    (battery, at_end, tilt): Kind,
+) -> Flight {
+    fly_by_script(autopilot, parameters, faults, deeds, Script::from_toml(events).unwrap(), (battery, at_end, tilt))
+}
+
+fn fly_by_script(
+    autopilot: Autopilot,
+    parameters: &[(&str, f64)],
+    faults: FaultPlan,
+    deeds: Vec<(f64, Deed)>,
+    script: Script,
+    (battery, at_end, tilt): Kind,
 ) -> Flight {
     let loaded = park();
     let start = loaded.scene.start;
     let conditions = spf_flight::sim::FlightConditions { battery, ..Default::default() };
     let world = SimWorld::under(&conditions, loaded, CraftKind::Quad, start, 5);
     let mut drone = WiredVehicle::new(world.clone(), autopilot, parameters, faults, deeds);
+    if tilt.is_some() {
+        drone.carry_gimbal(false);
+    }
     drone.get_ready();
+    if let Some(tilt) = tilt {
+        let now = drone.now;
+        drone.driver.tilt(now, tilt.to_radians());
+    }
     let told = drone.told.clone();
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("perfect").unwrap(), 5);
     let model: Mutex<Option<Box<dyn Vlm>>> = Mutex::new(Some(Box::new(oracle)));
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(model.lock().unwrap().take().unwrap()));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
-    let script = Script::from_toml(events).unwrap();
-    let settings = PilotSettings { max_time: Duration::from_secs(120), ..PilotSettings::preset(Preset::Default) };
+    let settings = PilotSettings { max_time: Duration::from_secs(120), at_end, ..PilotSettings::preset(Preset::Default) };
     // The envelope of a small battery would refuse first.
     let limits = Limits { take_off_battery: 0.0, low_battery: 0.0, ..Limits::for_craft(&Craft::quad()) };
     let plan = FlightPlan { settings, script, limits, ..FlightPlan::new(site, GOAL, "oracle", vlm_factory) };
@@ -197,7 +224,7 @@ fn a_landing_by_the_radio_ends_the_flight() {
 #[test]
 fn a_refusal_to_arm_ends_the_flight_with_the_autopilot_s_own_words() {
     for (autopilot, words) in BOTH.into_iter().zip(["Preflight Fail: low battery", "PreArm: Battery 1 low voltage failsafe"]) {
-        let flight = fly_charged(autopilot, &[], none(), Vec::new(), "", 0.12);
+        let flight = fly_charged(autopilot, &[], none(), Vec::new(), "", (0.12, AtEnd::Land, None));
         let (_, outcome, cause) = flight.seen.outcome.clone().unwrap();
         assert_eq!((outcome, cause.as_str()), (Outcome::Failed, "the craft refused to take off"));
         let refused = flight.told.notices.iter().find_map(|(_, notice)| match notice {
@@ -236,13 +263,18 @@ fn hovering(autopilot: Autopilot, parameters: &[(&str, f64)]) -> (WiredVehicle, 
     let loaded = park();
     let start = loaded.scene.start;
     let world = SimWorld::new(loaded, CraftKind::Quad, start, 5);
-    let mut drone = WiredVehicle::new(world.clone(), autopilot, parameters, none(), Vec::new());
+    let drone = WiredVehicle::new(world.clone(), autopilot, parameters, none(), Vec::new());
+    take_off(drone, world)
+}
+
+/// Takes it off, until it flies by our setpoints.
+fn take_off(mut drone: WiredVehicle, world: SimWorld) -> (WiredVehicle, SimWorld) {
     drone.get_ready();
     let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
     let mut phase = FlightPhase::OnGround;
     let mut asked = false;
     while phase != FlightPhase::Flying {
-        assert!(drone.now < Time::from_secs_f64(30.0), "{:?}", drone.told.lock().unwrap().notices);
+        assert!(drone.now < Time::from_secs_f64(120.0), "{:?}", drone.told.lock().unwrap().notices);
         let until = drone.now + Duration::from_millis(50);
         while let Some((_, event)) = drone.next_event(until) {
             if let spf_drone::DroneEvent::Telemetry(telemetry) = event {

@@ -1,15 +1,16 @@
 //! The MAVLink driver and the virtual vehicle, connected in virtual time without sockets.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
 
-use spf_core::command::Command;
+use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
 use spf_core::fault::{Content, FaultMachine, FaultPlan, Stream};
 use spf_core::frame::FrameId;
+use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 use spf_drone::mavlink::vehicle::{Notice, Outgoing, Vehicle};
@@ -18,43 +19,47 @@ use spf_flight::sim::{SimFrames, SimWorld};
 use spf_mavlink::command::VehicleCommand;
 use spf_mavlink::message;
 use spf_mavlink::modes::{Autopilot, Mode};
-use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
+use spf_mavlink::wire::{Body, Decoder, Encoder, LinkStats, Sequence};
 use spf_serve::mavlink::{Peer, VirtualVehicle};
 use spf_sim::frame_clock::FrameClock;
 
 const STEP: Duration = Duration::from_millis(5);
+/// Messages that are measurements: system state, satellites, attitude, position, height, ranges, estimator.
+const MEASURED: [u32; 9] = [1, 24, 30, 31, 32, 33, 132, 147, 230];
 /// Our program, and another ground station.
 const US: Peer = Peer { link: 0, address: SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 14_540) };
 const OTHERS: Peer = Peer { link: 0, address: SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 14_550) };
 
 /// Something that somebody else does.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Deed {
+pub(crate) enum Deed {
     /// The switch of the radio.
     Radio(Mode),
     /// Another ground station's command.
     Station(VehicleCommand),
+    /// From now on another onboard computer sends zero setpoints, 10 a second, and heartbeats.
+    Companion,
 }
 
 /// What happened during a flight.
 #[derive(Default)]
-pub(super) struct Told {
-    pub(super) notices: Vec<(Time, Notice)>,
+pub(crate) struct Told {
+    pub(crate) notices: Vec<(Time, Notice)>,
     /// Everything that the driver sent but heartbeats and requests for parameters.
-    pub(super) sent: Vec<(Time, Outgoing)>,
+    pub(crate) sent: Vec<(Time, Outgoing)>,
     /// Modes, as they changed.
-    pub(super) modes: Vec<(Time, Mode)>,
+    pub(crate) modes: Vec<(Time, Mode)>,
 }
 
 /// A message on its way.
 type Flying = (Time, Vec<u8>);
 
 /// The driver, the vehicle, and a virtual radio.
-pub(super) struct WiredVehicle {
+pub(crate) struct WiredVehicle {
     world: SimWorld,
     served: VirtualVehicle,
-    pub(super) driver: Vehicle,
-    encoders: [Encoder; 3],
+    pub(crate) driver: Vehicle,
+    encoders: [Encoder; 4],
     decoders: [Decoder; 3],
     sequence: Sequence,
     faults: FaultMachine,
@@ -62,18 +67,25 @@ pub(super) struct WiredVehicle {
     up: Vec<Flying>,
     down: Vec<Flying>,
     deeds: VecDeque<(Time, Deed)>,
+    companion: bool,
+    /// Whether nobody else was heard who may command the vehicle.
+    alone: bool,
+    /// When a thread of the driver dies.
+    pub(crate) thread_dies_at: Option<Time>,
+    /// The last message of each kind from before a freeze.
+    last: BTreeMap<u32, Body>,
     /// When the program that flies dies.
-    pub(super) dies_at: Option<Time>,
-    pub(super) now: Time,
+    pub(crate) dies_at: Option<Time>,
+    pub(crate) now: Time,
     clock: FrameClock,
     frame: FrameId,
     events: VecDeque<(Time, DroneEvent)>,
-    pub(super) told: Arc<Mutex<Told>>,
+    pub(crate) told: Arc<Mutex<Told>>,
 }
 
 impl WiredVehicle {
     /// A vehicle that was switched on three seconds ago, with these parameters.
-    pub(super) fn new(
+    pub(crate) fn new(
         world: SimWorld,
         autopilot: Autopilot,
         parameters: &[(&str, f64)],
@@ -96,7 +108,7 @@ impl WiredVehicle {
             world,
             served,
             driver,
-            encoders: [[1, 191], [1, 1], [255, 190]].map(Encoder::new),
+            encoders: [[1, 191], [1, 1], [255, 190], [1, 192]].map(Encoder::new),
             decoders: Default::default(),
             sequence: Sequence::default(),
             faults: FaultMachine::new(faults, 3).unwrap(),
@@ -104,6 +116,10 @@ impl WiredVehicle {
             up: Vec::new(),
             down: Vec::new(),
             deeds: deeds.into_iter().map(|(at, deed)| (Time::from_secs_f64(at), deed)).collect(),
+            companion: false,
+            alone: true,
+            thread_dies_at: None,
+            last: BTreeMap::new(),
             dies_at: None,
             now,
             clock: FrameClock::default(),
@@ -114,16 +130,71 @@ impl WiredVehicle {
     }
 
     /// Until it is known where it stands.
-    pub(super) fn get_ready(&mut self) {
+    pub(crate) fn get_ready(&mut self) {
+        let begun = self.now;
         while !(self.driver.is_oriented(self.now) && self.driver.is_placed() && self.driver.is_read()) {
-            assert!(self.now < Time::from_secs_f64(10.0), "not ready: {:?}", self.driver.facts());
+            assert!(self.now.since(begun) < Duration::from_secs(10), "not ready: {:?}", self.driver.facts());
             self.step();
         }
-        self.driver.engage(self.now, true);
+        self.driver.engage(self.now, self.alone);
+    }
+
+    /// The program dies and starts again: another driver, which knows nothing. Returns whether it flies the vehicle.
+    pub(crate) fn restart(&mut self) -> bool {
+        self.dies_at = Some(self.now);
+        self.steps(1.0);
+        (self.driver, self.dies_at, self.alone) = (Vehicle::new(self.now, self.served.mode(), [1, 191], 3.0, false), None, true);
+        self.get_ready();
+        self.driver.is_ours()
+    }
+
+    pub(crate) fn steps(&mut self, seconds: f64) {
+        let until = self.now + spf_core::time::duration_from_secs(seconds);
+        while self.now < until {
+            self.step();
+        }
+    }
+
+    /// What another onboard computer sends.
+    fn accompany(&mut self, craft: &mut spf_sim::craft::SimCraft) {
+        self.count += 1;
+        let beats = self.count.is_multiple_of(10);
+        let bodies = [message::setpoint([1, 1], self.now, Setpoint::HOLD), message::heartbeat_of_computer()];
+        for body in bodies.iter().take(1 + usize::from(beats)) {
+            self.decoders[2].push(&self.encoders[3].frame(body));
+            while let Some(packet) = self.decoders[2].next_packet() {
+                self.served.handle(self.now, OTHERS, &packet, craft);
+            }
+        }
+    }
+
+    /// An old ArduPilot, which knows no rates of single messages.
+    pub(crate) fn grow_old(&mut self) {
+        self.served.grow_old();
+    }
+
+    /// With its camera on a gimbal.
+    pub(crate) fn carry_gimbal(&mut self, old: bool) {
+        self.served.carry_gimbal(old);
+    }
+
+    /// Where the gimbal points, radians below the horizon.
+    pub(crate) fn camera_tilt(&self) -> Option<f64> {
+        self.served.camera_tilt()
+    }
+
+    /// With sensors around it.
+    pub(crate) fn measure_ranges(&mut self) {
+        self.served.measure_ranges();
+    }
+
+    /// What another program has told it about obstacles: centimetres clockwise from straight ahead.
+    pub(crate) fn told_obstacles(&self) -> Option<[u16; 72]> {
+        self.served.told_obstacles().map(|told| told.distances)
     }
 
     /// From now on its heartbeat comes once a second only.
-    pub(super) fn beat_strictly(&mut self) {
+    pub(crate) fn beat_strictly(&mut self) {
         self.served.beat_strictly();
     }
 
@@ -133,6 +204,25 @@ impl WiredVehicle {
         passed.into_iter().filter(|it| it.content == Content::Intact).map(|it| (it.at, frame.to_vec())).collect()
     }
 
+    /// Sends a message of the vehicle over the radio. Frozen telemetry is the last one from before, again and again; states, answers
+    /// and texts are none.
+    fn deliver(&mut self, body: Body) {
+        self.count += 1;
+        for passed in self.faults.pass(self.now, Stream::Telemetry, self.count) {
+            let body = match passed.content {
+                Content::Intact => {
+                    self.last.insert(body.id, body.clone());
+                    body.clone()
+                }
+                Content::FrozenSince(_) if MEASURED.contains(&body.id) => self.last.get(&body.id).unwrap_or(&body).clone(),
+                Content::FrozenSince(_) => body.clone(),
+                _ => continue,
+            };
+            let frame = self.encoders[1].frame(&body);
+            self.down.push((passed.at, frame));
+        }
+    }
+
     fn arrived(flying: &mut Vec<Flying>, now: Time) -> Vec<Vec<u8>> {
         let (mut due, rest): (Vec<_>, Vec<_>) = core::mem::take(flying).into_iter().partition(|(at, _)| *at <= now);
         *flying = rest;
@@ -140,8 +230,11 @@ impl WiredVehicle {
         due.into_iter().map(|(_, frame)| frame).collect()
     }
 
-    pub(super) fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         let alive = self.dies_at.is_none_or(|dies| self.now < dies);
+        if self.thread_dies_at.take_if(|at| *at <= self.now).is_some() {
+            self.driver.fail(self.now);
+        }
         while alive && let Some(outgoing) = self.driver.poll(self.now) {
             let frame = self.encoders[0].frame(&outgoing.body([1, 1], self.now));
             let passed = self.pass(Stream::Commands, &frame);
@@ -164,6 +257,7 @@ impl WiredVehicle {
         while let Some((_, deed)) = self.deeds.pop_front_if(|(at, _)| *at <= now) {
             match deed {
                 Deed::Radio(mode) => self.served.radio(now, mode, &mut craft),
+                Deed::Companion => self.companion = true,
                 Deed::Station(command) => {
                     let sent = spf_mavlink::command::Transmission { command, confirmation: 0, as_int: false };
                     let frame = self.encoders[2].frame(&message::command([1, 1], &sent));
@@ -173,22 +267,38 @@ impl WiredVehicle {
                 }
             }
         }
+        if self.companion && now.as_nanos().is_multiple_of(100_000_000) {
+            self.accompany(&mut craft);
+        }
         self.served.advance(now, &mut craft);
         drop(craft);
+        while let Some((peer, of, body)) = self.served.poll_forwarded() {
+            if peer == US {
+                self.down.push((now, Encoder::new(of).frame(&body)));
+            }
+        }
         while let Some((peer, body)) = self.served.poll() {
             if peer == US {
-                let frame = self.encoders[1].frame(&body);
-                let passed = self.pass(Stream::Telemetry, &frame);
-                self.down.extend(passed);
+                self.deliver(body);
             }
         }
         for frame in Self::arrived(&mut self.down, now) {
             self.decoders[1].push(&frame);
             while let Some(packet) = self.decoders[1].next_packet() {
+                if let Some(news) = packet.gimbal() {
+                    self.driver.handle_gimbal(now, news);
+                }
+                if packet.component != 1 {
+                    self.alone &= !(packet.is_controller() && packet.component != 191);
+                    continue;
+                }
                 if self.sequence.accept(packet.sequence, &mut LinkStats::default()) {
                     self.driver.handle(now, &packet.report());
                 }
             }
+        }
+        if let Some(tilt) = self.served.camera_tilt() {
+            self.world.camera_tilt().set(now, tilt);
         }
         let mut told = self.told.lock().unwrap();
         if told.modes.last().is_none_or(|(_, mode)| *mode != self.served.mode()) {
@@ -213,7 +323,9 @@ impl Drone for WiredVehicle {
     }
 
     fn capabilities(&self) -> Capabilities {
-        Capabilities { position: true, ..Capabilities::of(Craft::quad(), *self.world.camera(), TelemetryAccuracy::quad()) }
+        let ranges = self.driver.measures_ranges(self.now);
+        let craft = Craft { return_height: self.driver.facts().return_height().ok(), ..Craft::quad() };
+        Capabilities { position: true, ranges, ..Capabilities::of(craft, *self.world.camera(), TelemetryAccuracy::quad()) }
     }
 
     fn frames(&self) -> Arc<dyn Frames> {
@@ -241,6 +353,14 @@ impl Drone for WiredVehicle {
 
     fn resume(&mut self, _now: Time) {
         self.driver.resume();
+    }
+
+    fn wants_surroundings(&self) -> bool {
+        self.driver.wants_surroundings()
+    }
+
+    fn surroundings(&mut self, _now: Time, scan: &RangeScan) {
+        self.driver.tell_surroundings(scan);
     }
 
     fn next_event_at(&self) -> Option<Time> {

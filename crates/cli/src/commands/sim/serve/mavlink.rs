@@ -5,7 +5,7 @@ use std::sync::Arc;
 use spf_core::fault::FaultPlan;
 use spf_mavlink::modes::Autopilot;
 use spf_mavlink::url::MavlinkUrl;
-use spf_serve::mavlink::{VehiclePlan, VehicleServerError, VehicleService};
+use spf_serve::mavlink::{Equipment, VehiclePlan, VehicleServerError, VehicleService};
 use spf_serve::tello::FaultSource;
 use spf_serve::truth::SharedInstruction;
 
@@ -49,6 +49,7 @@ pub(super) fn start(
         start: start_pose(args)?,
         flight_conditions: flight_conditions(args)?,
         seed: args.seed,
+        equipment: equipment(&args.mavlink_equipment)?,
         faults: args.fault.clone().map_or_else(|| FaultSource::Plan(FaultPlan::default()), FaultSource::File),
         instruction,
         truth: truth(args)?,
@@ -80,6 +81,19 @@ fn address_of_client(link: &MavlinkUrl, bound: Option<std::net::SocketAddr>) -> 
         }
         MavlinkUrl::Serial { .. } => link.to_string(),
     }
+}
+
+/// What it carries, from a list of names.
+fn equipment(names: &[String]) -> Result<Equipment, CliError> {
+    let mut equipment = Equipment::default();
+    for name in names {
+        match name.as_str() {
+            "ranges" => equipment.ranges = true,
+            "gimbal" => equipment.gimbal = true,
+            _ => return Err(CliError::usage(format!("--mavlink-equipment: expected ranges or gimbal, found `{name}`"))),
+        }
+    }
+    Ok(equipment)
 }
 
 fn parameter(text: &str) -> Result<(String, f64), CliError> {

@@ -39,7 +39,7 @@ fn a_take_off_whose_acknowledgement_is_lost_is_flown_and_can_be_landed() {
     run(&mut vehicle, 100, 6000, false);
     vehicle.handle(at(6000), &Report::Landed(2));
     assert!(vehicle.is_ours() && vehicle.phase() == FlightPhase::TakingOff);
-    vehicle.handle(at(6500), &Report::Height(3.0));
+    vehicle.handle(at(6500), &Report::Height(3.0, 0));
     assert_eq!(vehicle.phase(), FlightPhase::Flying);
 }
 
@@ -133,9 +133,9 @@ fn a_pause_in_mid_climb_is_a_take_over_and_so_is_the_mode_from_before() {
         let mut vehicle = started();
         vehicle.handle(at(1000), &beat(Mode::px4(4, 2), true));
         vehicle.handle(at(1500), &Report::Landed(2));
-        vehicle.handle(at(1900), &Report::Height(height));
+        vehicle.handle(at(1900), &Report::Height(height, 0));
         vehicle.handle(at(2000), &beat(mode, true));
-        vehicle.handle(at(2000), &Report::Height(height));
+        vehicle.handle(at(2000), &Report::Height(height, 0));
         assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::TakenOver))), "{mode}");
         assert!(run(&mut vehicle, 2000, 4000, true).iter().all(|(_, sent)| !matches!(sent, Outgoing::Setpoint(_))), "{mode}");
     }
@@ -185,7 +185,7 @@ fn a_mode_for_setpoints_that_is_never_entered_ends_in_a_landing_and_a_landed_cra
     vehicle.handle(at(1000), &beat(Mode::px4(4, 2), true));
     vehicle.handle(at(2000), &Report::Landed(2));
     vehicle.handle(at(2500), &beat(Autopilot::Px4.hold(), true));
-    vehicle.handle(at(2500), &Report::Height(2.4));
+    vehicle.handle(at(2500), &Report::Height(2.4, 0));
     let sent = commands(&run(&mut vehicle, 2500, 25_000, true));
     assert_eq!(sent.iter().filter(|command| **command == ids::SET_MODE).count(), 4);
     assert!(sent.contains(&ids::LAND), "{sent:?}");

@@ -1,0 +1,33 @@
+//! Why a fence could not be replaced.
+
+use spf_mavlink::fence::{FenceError, MOST};
+
+/// Why the fence is not in force.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FencingError {
+    /// The autopilot does not announce that it takes one.
+    #[error("the autopilot does not take a fence over the mission protocol")]
+    Unsupported,
+    /// The vehicle is in the air.
+    #[error("the vehicle is in the air, where a new fence might begin a failsafe")]
+    InTheAir,
+    /// Where the vehicle is on the globe is unknown.
+    #[error("the vehicle has not told its home position, so that metres cannot be turned into latitudes and longitudes")]
+    NoHome,
+    /// More corners than fit.
+    #[error("the fence has more than {MOST} corners")]
+    TooLarge,
+    /// The transfer failed.
+    #[error("the fence could not be sent")]
+    Transfer(#[source] FenceError),
+    /// It was accepted, and is another one when it is read back.
+    #[error("the fence that was read back is not the one that was sent")]
+    Different,
+    /// It could not be read back.
+    #[error("the fence was accepted, and could not be read back")]
+    Unread,
+    /// The vehicle does not say that it is in force.
+    #[error("the fence was accepted, and the vehicle does not report that it is in force")]
+    NotInForce,
+}
