@@ -60,6 +60,8 @@ function lost(is, over, reason) {
   alarm.hidden = !is;
   if (!is) return;
   orders.release();
+  // What was true a moment ago may not be now.
+  if (!over) for (const id of ["link", "frame-age", "speed"]) [byId(id).textContent, byId(id).className] = ["?", "bad"];
   const flying = body.dataset.flight === "on";
   alarm.textContent = over
     ? (reason || "The program has ended.")

@@ -1,4 +1,5 @@
 """What the cockpit's browser tests share: programs, pages, pictures of them, checks."""
+import atexit
 import os
 import pathlib
 import re
@@ -22,6 +23,8 @@ class Program:
     def __init__(self, *args, ready=r"open (https?://\S+)", env=()):
         quiet = {"stdout": subprocess.DEVNULL, "stdin": subprocess.DEVNULL}
         self.process = subprocess.Popen([SPF, *args], stderr=subprocess.PIPE, text=True, env={**os.environ, **dict(env)}, **quiet)
+        # However the test ends.
+        atexit.register(self.process.kill)
         self.lines = []
         threading.Thread(target=self.read, daemon=True).start()
         found = lambda: next((m for m in (re.search(ready, line) for line in self.lines) if m), None)
