@@ -1,19 +1,33 @@
 // The cockpit: joins what is seen and what is ordered.
 
 import { Decisions } from "./decisions.js";
+import { Film } from "./film.js";
 import { Orders } from "./fly.js";
 import { byId, clock, element, metres, open } from "./look.js";
 import { MapView } from "./map.js";
+import { Marks } from "./mark.js";
 import { Picture, caption } from "./picture.js";
 import { Controls, Watch } from "./sockets.js";
 
 let watch;
 const picture = new Picture(() => watch?.confirm());
+const film = new Film((head, frame, arrived) => picture.frame(head, frame, arrived), () => watch?.format("jpeg"));
 const map = new MapView();
 const decisions = new Decisions((query) => watch?.open(query));
 const controls = new Controls({ message: role, welcome, lost });
 const orders = new Orders(controls, picture);
+orders.marks = new Marks(orders, picture);
 const body = document.body;
+
+/** A new tab knows nothing of this one: the right to delete flights goes along in the address, which it clears. */
+for (const id of ["past", "ended-flights"]) {
+  byId(id).addEventListener("click", (event) => {
+    const key = controls.session;
+    if (!key) return;
+    event.preventDefault();
+    window.open(`/flights#key=${key}`, "_blank", "noopener");
+  });
+}
 
 /** Who this page is. Recorded flights are shown on the program's own machine only. */
 function welcome({ flights }) {
@@ -24,15 +38,21 @@ function welcome({ flights }) {
 /** Opens the other connection, once it is known who this page is. */
 function see() {
   if (watch) return watch.connection.again();
-  watch = new Watch({ message, picture: binary });
+  const greeted = () => {
+    film.restart();
+    if (film.wanted) watch.format("film");
+  };
+  watch = new Watch({ message, picture: binary, greeted });
 }
 
 function binary(data) {
   const length = new DataView(data).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
-  const jpeg = new Uint8Array(data, 4 + length);
-  if (head.query === undefined) picture.show(head, jpeg);
-  else decisions.picture(head, jpeg);
+  const body = new Uint8Array(data, 4 + length);
+  if (head.query !== undefined) decisions.picture(head, body);
+  else if (head.key !== undefined) film.decode(head, body);
+  // Sent before the film was asked for: nobody waits for its confirmation.
+  else if (!film.wanted || !watch.filming) picture.show(head, body);
 }
 
 function lost(is, over, reason) {
@@ -40,6 +60,8 @@ function lost(is, over, reason) {
   alarm.hidden = !is;
   if (!is) return;
   orders.release();
+  // What was true a moment ago may not be now.
+  if (!over) for (const id of ["link", "frame-age", "speed"]) [byId(id).textContent, byId(id).className] = ["?", "bad"];
   const flying = body.dataset.flight === "on";
   alarm.textContent = over
     ? (reason || "The program has ended.")
@@ -173,6 +195,7 @@ function state(state) {
   text("time", clock(state.t));
   const seen = picture.head?.overlay?.point;
   label(`Live picture: ${byId("phase").textContent}${seen ? `, ${seen.label && !seen.target ? `to ${seen.label}, ` : ""}${caption(seen)} away` : ""}`);
+  orders.marks.list(state.marked);
   map.fly(state);
 }
 

@@ -2,20 +2,31 @@
 
 import { byId, clock, element, metres } from "./look.js";
 
+/** What gives the right to delete: from the address, kept for this tab only. */
+function takeKey() {
+  const key = location.hash.match(/^#key=([0-9a-f]+)$/)?.[1];
+  if (!key) return;
+  sessionStorage.setItem("key", key);
+  history.replaceState(null, "", location.pathname);
+}
+
 const file = (name, which) => `/flight/${encodeURIComponent(name)}/${which}`;
 
 async function start() {
+  takeKey();
   const answer = await fetch("/flights.json");
   if (!answer.ok) {
     byId("told").textContent = (await answer.text()).trim();
     return;
   }
-  const flights = await answer.json();
+  const { flights, report } = await answer.json();
+  byId("report").hidden = !report;
   const wanted = decodeURIComponent(location.hash.slice(1));
   const flight = flights.find(({ name }) => name === wanted);
   for (const id of ["cards", "flight"]) byId(id).hidden = (id === "flight") !== Boolean(flight);
   byId("back").hidden = !flight;
-  byId("told").textContent = flights.length ? "" : "No flights are recorded here yet.";
+  byId("told").textContent = told || (flights.length ? "" : "No flights are recorded here yet.");
+  told = "";
   if (flight) await show(flight);
   else list(flights);
 }
@@ -85,8 +96,60 @@ async function show(flight) {
   const files = [["video.mp4", "Film", flight.film], ["flight.mcap", "Flight log", flight.log], ["decisions.jsonl", "Decisions", true], ["summary.json", "Summary", true]];
   byId("files").replaceChildren(...files.filter(([, , there]) => there).map(([name, text]) => element("a", `↓ ${text}`, { class: "plain", href: file(flight.name, name), download: `${flight.name}-${name}` })));
   byId("detail").hidden = true;
+  byId("again").hidden = !flight.log;
+  byId("differences").hidden = true;
+  byId("replayed").textContent = byId("removed").textContent = "";
+  byId("replay").onclick = () => again(flight);
+  byId("removal").hidden = !sessionStorage.getItem("key");
+  byId("delete").onclick = () => ask(flight);
   await steps(flight, film);
 }
+
+/** Replays it on the server, and shows what differs. */
+async function again({ name }) {
+  byId("replay").disabled = true;
+  byId("replayed").textContent = "Replaying …";
+  const answer = await fetch(`/again/${encodeURIComponent(name)}`);
+  byId("replay").disabled = false;
+  if (!answer.ok) {
+    byId("replayed").textContent = (await answer.text()).trim();
+    return;
+  }
+  const { inputs, outputs, torn, differences, told } = await answer.json();
+  const end = torn ? " The log has no end: it was replayed as far as it goes." : "";
+  byId("replayed").textContent = differences
+    ? `${differences} of ${outputs} outputs differ, after ${inputs} inputs.${end}${told.length < differences ? ` The first ${told.length}:` : ""}`
+    : `No difference: ${inputs} inputs replayed, ${outputs} identical outputs.${end}`;
+  byId("differences").hidden = told.length === 0;
+  byId("differences").replaceChildren(...told.map(({ t, topic, at, recorded, replayed, more }) => {
+    const item = element("li");
+    item.append(
+      element("time", `${t.toFixed(2)} s `), element("b", `${topic} ${at}`),
+      element("div", `then: ${recorded ?? "nothing"}`), element("div", `now: ${replayed ?? "nothing"}`),
+      more ? element("div", `and ${more} more fields`, { class: "faint" }) : "",
+    );
+    return item;
+  }));
+}
+
+/** Deletes it, if somebody is sure. */
+function ask({ name, instruction }) {
+  byId("sure-text").textContent = `“${instruction ?? name}”: its film, log and decisions are gone then, for good.`;
+  byId("sure-no").onclick = () => byId("sure").close();
+  byId("sure-yes").onclick = async () => {
+    byId("sure").close();
+    const answer = await fetch(`/flight/${encodeURIComponent(name)}`, {
+      method: "DELETE", headers: { authorization: `Bearer ${sessionStorage.getItem("key")}` },
+    });
+    const text = (await answer.text()).trim();
+    if (!answer.ok) return (byId("removed").textContent = text);
+    location.hash = "";
+    told = `${instruction ?? name}: ${text}.`;
+  };
+  byId("sure").showModal();
+}
+
+let told = "";
 
 async function steps(flight, film) {
   const answer = await fetch(file(flight.name, "decisions.jsonl"));

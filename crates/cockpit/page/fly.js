@@ -52,6 +52,7 @@ export class Orders {
     const pressed = byId(button);
     this.release();
     byId("point").setAttribute("aria-pressed", "false");
+    this.marks?.arm(false);
     pressed.classList.add("sent");
     const answer = await this.controls.order(what);
     pressed.classList.remove("sent");
@@ -112,6 +113,7 @@ export class Orders {
     point.onclick = () => {
       const on = point.getAttribute("aria-pressed") !== "true";
       point.setAttribute("aria-pressed", String(on));
+      if (on) this.marks?.arm(false);
       this.arms();
     };
     const tell = () => {
@@ -126,14 +128,15 @@ export class Orders {
       if (at && this.armed_to_point) this.send(at);
     });
     canvas.addEventListener("wheel", (event) => {
-      if (!this.armed_to_point) return;
+      if (!this.aiming) return;
       event.preventDefault();
       distance.value = Number(distance.value) + (event.deltaY < 0 ? 1 : -1);
       tell();
     }, { passive: false });
     canvas.addEventListener("focus", () => {
-      if (this.armed_to_point) this.picture.aim ??= { u: 0.5, v: 0.5 };
-      document.body.classList.toggle("aiming", this.armed_to_point);
+      // Not for who only clicks.
+      if (this.aiming && canvas.matches(":focus-visible")) this.picture.aim ??= { u: 0.5, v: 0.5 };
+      document.body.classList.toggle("aiming", this.aiming);
       this.picture.overlay();
     });
     canvas.addEventListener("blur", () => {
@@ -145,29 +148,37 @@ export class Orders {
     byId("done").onclick = () => this.give("done");
   }
 
+  /** Whether the picture takes points, and not the corners of a box. */
   get armed_to_point() {
-    return this.flies && (this.human || byId("point").getAttribute("aria-pressed") === "true");
+    return this.flies && !this.marks?.on && (this.human || byId("point").getAttribute("aria-pressed") === "true");
+  }
+
+  get aiming() {
+    return this.armed_to_point || (this.flies && this.marks?.on);
   }
 
   /** Shows whether a click in the picture points. */
   arms() {
-    const on = this.armed_to_point;
-    document.body.classList.toggle("points", on);
-    if (on) byId("picture").tabIndex = 0;
+    document.body.classList.toggle("points", this.armed_to_point);
+    document.body.classList.toggle("draws", Boolean(this.marks?.on));
+    if (this.aiming) byId("picture").tabIndex = 0;
     else byId("picture").removeAttribute("tabindex");
   }
 
   aims(event) {
     const step = event.shiftKey ? 0.1 : 0.02;
     const moves = { ArrowUp: [0, -step], ArrowDown: [0, step], ArrowLeft: [-step, 0], ArrowRight: [step, 0] };
-    if (event.key === "Enter" && this.picture.aim && this.armed_to_point) {
-      this.send(this.picture.aim);
+    if (event.key === "Enter" && this.picture.aim && this.aiming) {
+      if (this.marks?.on) this.marks.enter(this.picture.aim);
+      else this.send(this.picture.aim);
       return true;
     }
-    if (!moves[event.key] || !this.picture.aim) return false;
+    if (!moves[event.key] || !this.aiming) return false;
+    this.picture.aim ??= { u: 0.5, v: 0.5 };
     const clamp = (value) => Math.max(0, Math.min(1, value));
     const [du, dv] = moves[event.key];
     this.picture.aim = { u: clamp(this.picture.aim.u + du), v: clamp(this.picture.aim.v + dv) };
+    this.marks?.aimed(this.picture.aim);
     this.picture.overlay();
     return true;
   }

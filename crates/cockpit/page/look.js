@@ -6,7 +6,8 @@ export const byId = (id) => document.getElementById(id);
 export const METRES = Array.from({ length: 10 }, (_, i) => 10 ** (i / 4.5));
 
 export function metres(value, digits = 1) {
-  return value === null || value === undefined ? "–" : `${value.toFixed(digits)} m`;
+  // Not "-0.0".
+  return value === null || value === undefined ? "–" : `${value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1")} m`;
 }
 
 /** A distance for a person: no more digits than a depth label is worth. */

@@ -33,9 +33,11 @@ export class MapView {
   /** The radius around the craft that shows the flight so far and its goal, metres. */
   fitting() {
     const [east, north] = this.state?.at ?? [0, 0];
-    const points = [...this.path, this.state?.goal, this.state?.anchor?.at].filter(Boolean);
+    const anchor = this.state?.anchor;
+    const points = [...this.path, this.state?.goal, anchor?.at].filter(Boolean);
     const far = points.map(([e, n]) => Math.max(Math.abs(e - east), Math.abs(n - north)));
-    return Math.max(24, Math.min(250, 1.15 * Math.max(0, ...far)));
+    // The buttons must not cover the target.
+    return Math.max(24, Math.min(250, 1.45 * Math.max(0, ...far) + Math.min(20, anchor?.sd ?? 0)));
   }
 
   fly(state) {
@@ -100,6 +102,15 @@ export class MapView {
       c.beginPath();
       c.arc(x(e), y(n), 2.5, 0, 2 * Math.PI);
       c.fill();
+    }
+    for (const { id, ends } of this.state?.marked ?? []) {
+      c.beginPath();
+      trace(ends, false);
+      [c.strokeStyle, c.lineWidth] = [colour("bad"), 5];
+      c.stroke();
+      c.font = "600 12px system-ui, sans-serif";
+      c.fillStyle = colour("bad");
+      c.fillText(String(id + 1), (x(ends[0][0]) + x(ends[1][0])) / 2 + 6, (y(ends[0][1]) + y(ends[1][1])) / 2 - 6);
     }
     if (planned?.length > 1) {
       c.beginPath();

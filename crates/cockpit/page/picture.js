@@ -13,20 +13,32 @@ export class Picture {
     this.arrived = 0;
     this.aim = null;
     this.marks = [];
+    this.rubber = null;
     new ResizeObserver(() => this.fit()).observe(byId("stage"));
     setInterval(() => this.age(), 100);
   }
 
-  /** Shows a picture: a head as JSON, and a JPEG. Only one is decoded at a time; the server sends no more. */
+  /** Shows a JPEG. Only one is decoded at a time; the server sends no more. */
   async show(head, jpeg) {
     const arrived = performance.now();
     const bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
-    if (this.canvas.width !== bitmap.width || this.canvas.height !== bitmap.height) {
-      [this.canvas.width, this.canvas.height] = [bitmap.width, bitmap.height];
+    this.paint(head, bitmap, bitmap.width, bitmap.height, arrived);
+    bitmap.close();
+    this.canvas.dataset.format = "jpeg";
+  }
+
+  /** Shows an image of the film. */
+  frame(head, frame, arrived) {
+    this.paint(head, frame, frame.displayWidth, frame.displayHeight, arrived);
+    this.canvas.dataset.format = "film";
+  }
+
+  paint(head, image, width, height, arrived) {
+    if (this.canvas.width !== width || this.canvas.height !== height) {
+      [this.canvas.width, this.canvas.height] = [width, height];
       this.fit();
     }
-    this.context.drawImage(bitmap, 0, 0);
-    bitmap.close();
+    this.context.drawImage(image, 0, 0);
     [this.head, this.arrived] = [head, arrived];
     this.confirm();
     // From the frame's arrival at the program to its pixels, but for the way here: for measurements.
@@ -74,6 +86,13 @@ export class Picture {
     return u >= 0 && u <= 1 && v >= 0 && v <= 1 ? { u, v } : null;
   }
 
+  /** The same, or the nearest point of its edge. */
+  nearest(event) {
+    const [stage, area] = [byId("stage").getBoundingClientRect(), this.area()];
+    const inside = (value) => Math.max(0, Math.min(1, value));
+    return { u: inside((event.clientX - stage.left - area.left) / area.width), v: inside((event.clientY - stage.top - area.top) / area.height) };
+  }
+
   /** Gives the canvas the shape of the picture, as large as there is room. */
   fit() {
     const { width, height } = this.area();
@@ -100,6 +119,8 @@ export class Picture {
     const over = this.head?.overlay ?? {};
     if (over.horizon) this.horizon(c, over.horizon, x, y, area);
     for (const box of over.boxes ?? []) this.box(c, box.area, x, y, "#ff8d6b", [6, 4], box.label);
+    for (const place of over.marked ?? []) this.place(c, place, x, y);
+    if (this.rubber) this.box(c, this.rubber, x, y, "#ff6b5e", [4, 4], "");
     if (over.track) this.box(c, over.track.area, x, y, over.track.sure ? "#5fe08a" : "#c4ecd0", over.track.sure ? [] : [3, 4], "");
     if (over.path?.length > 1) this.line(c, over.path, x, y, "#55c7ff");
     if (over.point) this.target(c, x(over.point.u), y(over.point.v), caption(over.point), area);
@@ -135,6 +156,26 @@ export class Picture {
     this.stroke(c, colour, 2);
     c.setLineDash([]);
     if (label) this.text(c, label, x(left) + 6, y(top) - 4, colour, undefined, 12);
+  }
+
+  /** A place to keep away from. */
+  place(c, { id, area: [left, top, right, bottom], metres: away }, x, y) {
+    c.save();
+    c.beginPath();
+    c.rect(x(left), y(top), x(right) - x(left), y(bottom) - y(top));
+    c.fillStyle = "rgb(214 40 28 / 22%)";
+    c.fill();
+    this.stroke(c, "#ff6b5e", 2.5);
+    c.clip();
+    c.beginPath();
+    for (let at = x(left) - (y(bottom) - y(top)); at < x(right); at += 16) {
+      c.moveTo(at, y(bottom));
+      c.lineTo(at + y(bottom) - y(top), y(top));
+    }
+    [c.strokeStyle, c.lineWidth] = ["rgb(255 107 94 / 60%)", 1.5];
+    c.stroke();
+    c.restore();
+    this.text(c, `keep away ${id + 1} · ${roughly(away)}`, x(left) + 8, y(bottom) - 10, "#ff9a90", undefined, 12);
   }
 
   line(c, points, x, y, colour) {

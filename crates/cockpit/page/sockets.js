@@ -34,7 +34,10 @@ class Connection {
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${this.path}`);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
-    socket.onopen = () => this.send({ hello: hello() });
+    socket.onopen = () => {
+      this.send({ hello: hello() });
+      this.on.greeted?.();
+    };
     socket.onmessage = ({ data }) => {
       if (this.socket !== socket) return;
       this.heard = performance.now();
@@ -70,17 +73,28 @@ class Connection {
 export class Watch {
   constructor(on) {
     this.shown = 0;
+    this.filming = false;
     const closed = (over, reason) => {
-      this.shown = 0;
+      [this.shown, this.filming] = [0, false];
       on.closed?.(over, reason);
     };
-    this.connection = new Connection("/watch", { ...on, closed });
+    const greeted = () => {
+      this.shown = 0;
+      on.greeted?.();
+    };
+    this.connection = new Connection("/watch", { ...on, closed, greeted });
   }
 
   /** A picture is on the screen: the next one may come. */
   confirm() {
     this.shown += 1;
     this.connection.send({ shown: this.shown });
+  }
+
+  /** Asks for pictures in this format, and counts them anew. */
+  format(format) {
+    [this.shown, this.filming] = [0, format === "film"];
+    this.connection.send({ format });
   }
 
   open(query) {
@@ -110,6 +124,11 @@ export class Controls {
         this.connection.again();
       }
     }, 100);
+  }
+
+  /** The secret of this page's session; empty for one that only watches. */
+  get session() {
+    return secrets.session;
   }
 
   say(lost, over = false, reason = "") {

@@ -1,14 +1,15 @@
 //! The cockpit's server and its thread.
 
-use std::net::{IpAddr, SocketAddr, TcpListener, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, UdpSocket};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread::JoinHandle;
 use std::time::Instant;
 
 use serde_json::json;
+use spf_media::Rgb;
 use spf_vlm::Vlm;
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 use crate::controls::{CHECK, Controls, Keys};
 use crate::flight_controls::{FlightControls, ReadInstruction};
@@ -18,7 +19,8 @@ use crate::instruments::Instruments;
 use crate::pointing::{Pointer, Pointing};
 use crate::server;
 use crate::shared::Shared;
-use crate::worker::Worker;
+use crate::tls::Tls;
+use crate::worker::{LivePicture, Worker};
 
 /// Says something to the user, such as a new address.
 pub type Announce = Arc<dyn Fn(&str) + Send + Sync>;
@@ -44,6 +46,7 @@ pub enum CockpitError {
 /// The page's server. It ends when this is dropped.
 pub struct Cockpit {
     address: SocketAddr,
+    fingerprint: Option<String>,
     hub: Arc<Hub>,
     controls: Arc<Controls>,
     pointing: Arc<Pointing>,
@@ -65,17 +68,26 @@ impl Cockpit {
         let address = listener.local_addr().map_err(listen)?;
         let (hub, pointing) = (Hub::new(), Arc::new(Pointing::default()));
         let keys = Keys::new(address.ip().is_loopback()).map_err(CockpitError::Start)?;
+        let tls =
+            (!address.ip().is_loopback()).then(|| Tls::new(&addresses(address.ip()))).transpose().map_err(CockpitError::Start)?;
+        let (config, fingerprint) = tls.map(|tls| (tls.config, tls.fingerprint)).unzip();
         let controls = Arc::new(Controls::new(keys, hub.clone(), pointing.clone()));
         let worker = Worker::start(hub.clone()).map_err(CockpitError::Start)?;
         let stop = watch::Sender::new(false);
-        let shared = Arc::new(Shared { hub: hub.clone(), controls: controls.clone(), flights, stop: stop.subscribe() });
+        let shared = Arc::new(Shared {
+            hub: hub.clone(),
+            controls: controls.clone(),
+            flights,
+            replays: Semaphore::new(1),
+            stop: stop.subscribe(),
+        });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CockpitError::Start)?;
         let (watched, stopped) = (controls.clone(), stop.subscribe());
         let thread = std::thread::Builder::new().name("cockpit".to_owned()).spawn(move || {
             runtime.block_on(async {
                 let check = check(watched, address, announce);
                 tokio::select! {
-                    served = server::serve(listener, address, shared, stopped) => {
+                    served = server::serve(listener, address, shared, config, stopped) => {
                         if let Err(error) = served {
                             tracing::warn!(%error, "the cockpit's server failed; the flight goes on");
                         }
@@ -86,7 +98,7 @@ impl Cockpit {
             runtime.shutdown_background();
         });
         let thread = Some(thread.map_err(CockpitError::Start)?);
-        Ok(Self { address, hub, controls, pointing, worker, stop, thread })
+        Ok(Self { address, fingerprint, hub, controls, pointing, worker, stop, thread })
     }
 
     /// The address served.
@@ -102,10 +114,23 @@ impl Cockpit {
         (url(self.address, Some(&fly)), url(self.address, watch.as_deref()))
     }
 
+    /// The SHA-256 fingerprint of the certificate; none on this machine alone, where nothing is encrypted.
+    #[must_use]
+    pub fn fingerprint(&self) -> Option<&str> {
+        self.fingerprint.as_deref()
+    }
+
     /// What a flight's observers are given to show it here.
     #[must_use]
     pub fn instruments(&self) -> Instruments {
         Instruments::new(self.hub.clone(), self.pointing.clone(), self.worker.clone())
+    }
+
+    /// Shows an image that belongs to no flight, such as a clock by which the delay is measured. It must have just arrived.
+    pub fn show(&self, number: u64, image: Rgb) {
+        if self.worker.is_watched() {
+            self.worker.show(LivePicture::alone(number, image));
+        }
     }
 
     /// A VLM that answers with what is pointed at in the page; where nobody points, `other` answers, if there is one.
@@ -178,8 +203,15 @@ fn url(mut address: SocketAddr, secret: Option<&str>) -> String {
     if address.ip().is_unspecified() {
         address.set_ip(own_address(address.ip()));
     }
-    // Not sent by browsers, and so in no log.
-    format!("http://{address}/{}", secret.map_or(String::new(), |secret| format!("#{secret}")))
+    let scheme = if address.ip().is_loopback() { "http" } else { "https" };
+    // What follows the `#` is not sent by browsers, and so in no log.
+    format!("{scheme}://{address}/{}", secret.map_or(String::new(), |secret| format!("#{secret}")))
+}
+
+/// The addresses for which a certificate is made.
+fn addresses(bound: IpAddr) -> Vec<IpAddr> {
+    let own = if bound.is_unspecified() { own_address(bound) } else { bound };
+    vec![own, Ipv4Addr::LOCALHOST.into(), Ipv6Addr::LOCALHOST.into()]
 }
 
 /// The address under which others reach this machine: that of the interface that leads out. Nothing is sent.

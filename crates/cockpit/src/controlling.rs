@@ -1,6 +1,5 @@
 //! The socket of the controls: orders and their acknowledgement, apart from the pictures, so that neither waits for the other.
 
-use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -13,9 +12,8 @@ use crate::controls::{Controls, TO_PAGE};
 use crate::hub::json;
 use crate::message::{Order, ToControls};
 use crate::shared::Shared;
+use crate::visitor::Visitor;
 
-/// Time limit for the first message.
-const GREETING: Duration = Duration::from_secs(5);
 /// Time limit for sending, after which a page counts as disconnected.
 const SEND: Duration = Duration::from_secs(2);
 /// Interval of beats, which the page answers. The server asks, because browsers slow the timers of hidden pages down, but not
@@ -41,19 +39,20 @@ impl Drop for AtControls<'_> {
 }
 
 /// Serves a page until it disconnects or the server ends.
-pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared, peer: IpAddr) {
-    let Ok(Some(Ok(Message::Text(first)))) = timeout(GREETING, socket.recv()).await else { return };
+pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared, visitor: &Visitor) {
+    let Some(first) = visitor.greeting(&mut socket).await else { return };
     let Ok(ToControls::Hello(hello)) = ToControls::read(&first) else { return };
     let (to_page, mut messages) = mpsc::channel::<Arc<str>>(TO_PAGE);
-    let (number, session) = match shared.controls.enter(&hello, peer, to_page, Instant::now()) {
+    let (number, session) = match shared.controls.enter(&hello, visitor.peer, to_page, Instant::now()) {
         Ok(entered) => entered,
         Err(refused) => {
             let _ = send(&mut socket, &json(&json!({"type": "refused", "why": refused.to_string()}))).await;
             return;
         }
     };
+    visitor.settle();
     let at = AtControls { controls: &shared.controls, number };
-    let welcome = json(&json!({"type": "welcome", "session": session, "flights": shared.shows_flights(peer)}));
+    let welcome = json(&json!({"type": "welcome", "session": session, "flights": shared.shows_flights(visitor.peer)}));
     if send(&mut socket, &welcome).await.is_some() {
         let _ = talk(&mut socket, &at, &mut messages, shared).await;
     }

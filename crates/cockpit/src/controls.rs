@@ -2,7 +2,9 @@
 //!
 //! Every order ends as an [`OperatorEvent`] in the flight's operator channel, like a key of the terminal.
 
+mod handover;
 mod keys;
+mod lost;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -16,25 +18,22 @@ use spf_core::pilot::OperatorEvent;
 use tokio::sync::mpsc;
 
 use crate::flight_controls::{FlightControls, ReadInstruction};
-use crate::hub::{Hub, Kept, json};
+use crate::hub::{Hub, Kept};
 use crate::message::{Hello, Order};
 use crate::pointing::{Given, Pointing};
 pub(crate) use keys::{Keys, May, Refused};
+use lost::Lost;
 
 /// A page that says nothing for this long is lost.
 pub(crate) const LOST_AFTER: Duration = Duration::from_secs(1);
-/// A flight that only a lost page controls lands after this time of holding.
-const LAND_AFTER: Duration = Duration::from_secs(20);
 /// The second step of cutting the motors counts within this time.
 const CUT_WITHIN: Duration = Duration::from_secs(3);
 /// The page that flies is checked this often.
 pub(crate) const CHECK: Duration = Duration::from_millis(100);
-/// A check that is later than this does not count the time against the page: its answers waited for the same thread.
-const LATE: Duration = Duration::from_millis(250);
 /// A point so soon after an order to stop was set before it was seen.
 const STOPPED: Duration = Duration::from_secs(1);
-/// A page that was refused may ask again after this time.
-const ASK_AGAIN: Duration = Duration::from_secs(30);
+/// Maximum number of pages that only watch: the others' places are for the pilot and who may fly.
+pub(crate) const SPECTATORS: usize = 20;
 /// Maximum number of messages queued for a page of the controls.
 pub(crate) const TO_PAGE: usize = 64;
 
@@ -81,14 +80,6 @@ struct Page {
     to_page: mpsc::Sender<Arc<str>>,
 }
 
-/// What was done about a lost page.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Lost {
-    Noticed,
-    Held,
-    Landing,
-}
-
 impl Controls {
     pub(crate) fn new(keys: Keys, hub: Arc<Hub>, pointing: Arc<Pointing>) -> Self {
         let inner = Inner {
@@ -119,6 +110,17 @@ impl Controls {
         inner.keys.look(hello, peer, now).map(|may| may == May::Fly)
     }
 
+    /// Whether the bearer of a session, or of the token that flies, may delete flights: not while somebody else flies.
+    pub(crate) fn may_delete(&self, secret: &str, peer: IpAddr, now: Instant) -> Result<(), String> {
+        let mut inner = self.inner();
+        let session = inner.keys.bearer(secret, peer, now).map_err(|refused| refused.to_string())?;
+        let pilot = inner.pilot.and_then(|pilot| inner.pages.get(&pilot)).map(|page| page.session);
+        match pilot {
+            Some(pilot) if pilot != session => Err("only the page that flies deletes flights".to_owned()),
+            _ => Ok(()),
+        }
+    }
+
     /// A page connects to the controls. It flies if it may and nobody has flown yet, or if it flew last; others ask. Returns its number and the secret of its session.
     pub(crate) fn enter(
         &self,
@@ -129,6 +131,9 @@ impl Controls {
     ) -> Result<(u64, Option<String>), Refused> {
         let mut inner = self.inner();
         let session = inner.keys.enter(hello, peer, now)?;
+        if session.is_none() && inner.pages.values().filter(|page| page.session.is_none()).count() >= SPECTATORS {
+            return Err(Refused::Full);
+        }
         let number = inner.next;
         inner.next += 1;
         let id = session.as_ref().map(|(id, _)| *id);
@@ -166,69 +171,6 @@ impl Controls {
         }
     }
 
-    /// Makes a page the one that flies.
-    fn give(&self, inner: &mut Inner, number: u64) {
-        let Some(page) = inner.pages.get_mut(&number) else { return };
-        let fresh = page.session.is_none();
-        if fresh && let Ok((id, secret)) = inner.keys.session() {
-            page.session = Some(id);
-            drop(page.to_page.try_send(json(&json!({"type": "session", "session": secret}))));
-        }
-        (page.heard, page.forgiven) = (Instant::now(), Duration::ZERO);
-        inner.last_session = page.session;
-        (inner.pilot, inner.lost, inner.asking, inner.armed) = (Some(number), None, None, None);
-    }
-
-    /// Tells every page of the controls what it may do.
-    fn tell_roles(&self, inner: &mut Inner) {
-        let (pilot, asking, watching) = (inner.pilot, inner.asking, inner.pages.len());
-        let lost = inner.lost.is_some();
-        for (number, page) in &inner.pages {
-            let flies = pilot == Some(*number);
-            let role = json!({
-                "type": "role", "pilot": flies, "someone": pilot.is_some() && !lost, "pages": watching,
-                "asked": asking.filter(|_| flies), "asking": asking == Some(*number),
-            });
-            drop(page.to_page.try_send(json(&role)));
-        }
-    }
-
-    /// Watches over the page that flies. Returns a new secret to print, if the one-time address was used and its page is gone.
-    pub(crate) fn check(&self, now: Instant) -> Option<String> {
-        let mut inner = self.inner();
-        inner.forgive(now);
-        if let Some(pilot) = inner.pilot
-            && inner.lost.is_none()
-            && inner.pages.get(&pilot).is_none_or(|page| now.duration_since(page.heard) >= LOST_AFTER + page.forgiven)
-        {
-            inner.lost = Some((now, Lost::Noticed));
-            self.tell_roles(&mut inner);
-        }
-        let (since, done) = inner.lost?;
-        let away = now.duration_since(since);
-        let only = inner.flight.as_ref().is_some_and(|flight| flight.only);
-        let next = match done {
-            // A page that is loaded anew is back by then.
-            Lost::Noticed if only && (inner.pilot.is_some() || away >= LOST_AFTER) => Some((Lost::Held, OperatorEvent::Hold)),
-            Lost::Held if away >= LAND_AFTER => Some((Lost::Landing, OperatorEvent::Land)),
-            _ => None,
-        };
-        // On the ground a hold would only be in effect after take-off.
-        let grounded = next.is_some() && self.pointing.is_on_ground();
-        let next = next.map(|next| if grounded { (Lost::Landing, OperatorEvent::Land) } else { next });
-        if let Some((done, event)) = next {
-            inner.lost = Some((since, done));
-            let what = match done {
-                _ if grounded => "does not take off",
-                Lost::Held => "holds; it lands in 20 s",
-                _ => "lands",
-            };
-            self.say(&format!("connection to the pilot's page lost: the drone {what}"), "warning");
-            inner.send(event);
-        }
-        if inner.pilot.is_none() { inner.keys.renew(away) } else { None }
-    }
-
     fn say(&self, text: &str, level: &str) {
         self.hub.tell(Kept::Row, &json!({"type": "line", "level": level, "text": text}));
     }
@@ -261,6 +203,10 @@ impl Controls {
             },
             Order::Fly { right, forward, up, turn } => vec![inner.setpoint(*right, *forward, *up, *turn)],
             Order::Point { u, v, depth, frame } => return self.point(&mut inner, Given::point(*u, *v, *depth, *frame), now),
+            Order::Avoid { area, depth, frame } => {
+                vec![OperatorEvent::KeepOut(self.pointing.avoid(*area, *depth, *frame)?)]
+            }
+            Order::Unavoid(id) => vec![OperatorEvent::KeepOut(self.pointing.unavoid(*id)?)],
             Order::Look(side) => return self.point(&mut inner, Given::look(*side), now),
             Order::Done => return self.point(&mut inner, Given::done(), now),
             Order::Instruction(_) | Order::Ask | Order::Give { .. } => Vec::new(),
@@ -297,53 +243,6 @@ impl Controls {
         }
     }
 
-    fn ask(&self, inner: &mut Inner, number: u64, now: Instant) -> Result<String, String> {
-        if inner.pilot == Some(number) {
-            return Ok("you fly".to_owned());
-        }
-        let known = inner.pages.get(&number).is_some_and(|page| page.session.is_some());
-        if known && (inner.pilot.is_none() || inner.lost.is_some()) {
-            // What the new pilot does not know of must not go on.
-            let held = inner.send(OperatorEvent::Hold);
-            self.give(inner, number);
-            self.tell_roles(inner);
-            let held = if held { "; the drone holds" } else { "" };
-            return Ok(format!("you fly: the other page is gone{held}"));
-        }
-        if inner.pilot.is_none() {
-            return Err("open the address that the terminal shows, with what follows the `#`".to_owned());
-        }
-        match inner.asking {
-            Some(asking) if asking == number => return Ok("asked: the pilot must agree".to_owned()),
-            Some(_) => return Err("another page asks for the controls already".to_owned()),
-            None => {}
-        }
-        let refused = inner.pages.get(&number).and_then(|page| page.refused);
-        if refused.is_some_and(|at| now.duration_since(at) < ASK_AGAIN) {
-            return Err("the pilot keeps the controls: ask again in half a minute".to_owned());
-        }
-        inner.asking = Some(number);
-        self.tell_roles(inner);
-        Ok("asked: the pilot must agree".to_owned())
-    }
-
-    fn answer(&self, inner: &mut Inner, page: u64, yes: bool, now: Instant) -> Result<String, String> {
-        let Some(asking) = inner.asking.take_if(|asking| *asking == page) else {
-            return Err("that page no longer asks for the controls".to_owned());
-        };
-        if yes {
-            // What the new pilot does not know of must not go on.
-            inner.send(OperatorEvent::Hold);
-            self.give(inner, asking);
-            self.say("the controls were handed over: the drone holds", "info");
-        }
-        if let Some(page) = inner.pages.get_mut(&asking).filter(|_| !yes) {
-            page.refused = Some(now);
-        }
-        self.tell_roles(inner);
-        Ok(if yes { "handed over" } else { "kept" }.to_owned())
-    }
-
     /// A flight begins.
     pub(crate) fn begin(&self, flight: FlightControls) {
         let mut inner = self.inner();
@@ -376,23 +275,13 @@ impl Controls {
 }
 
 impl Inner {
-    /// Does not count the time in which this thread itself was late, up to as long as a page may be silent.
-    fn forgive(&mut self, now: Instant) {
-        let late = self.checked.replace(now).map_or(Duration::ZERO, |last| now.duration_since(last));
-        if late > LATE {
-            for page in self.pages.values_mut() {
-                let more = (late - CHECK).min(LOST_AFTER - page.forgiven);
-                page.forgiven += more;
-            }
-        }
-    }
-
     /// Passes an input to the flight; false if it is over.
     fn send(&mut self, event: OperatorEvent) -> bool {
-        self.stopped = match event {
-            OperatorEvent::Resume | OperatorEvent::Instruction(_) => None,
-            _ => Some(Instant::now()),
-        };
+        match event {
+            OperatorEvent::Resume | OperatorEvent::Instruction(_) => self.stopped = None,
+            OperatorEvent::KeepOut(_) => {}
+            _ => self.stopped = Some(Instant::now()),
+        }
         self.flight.as_ref().is_some_and(|flight| flight.operator.send(event).is_ok())
     }
 

@@ -1,5 +1,8 @@
 //! Recorded flights: the list of a folder, and the files of one of them.
 
+mod again;
+mod removal;
+
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -27,6 +30,10 @@ const PIECE: usize = 64 << 10;
 const PIECES: usize = 4;
 /// The folder is read anew after this time.
 const FRESH: Duration = Duration::from_secs(2);
+
+/// The bench's report, and its maximum size, bytes.
+const REPORT: &str = "report.html";
+const REPORT_BYTES: u64 = 16 << 20;
 
 /// The files of a flight that are served: their names and types, and whether a browser shows them.
 const FILES: [(&str, &str, bool); 5] = [
@@ -88,7 +95,33 @@ impl Flights {
 
     /// The list, JSON. It reads files: not for a thread that must not wait.
     pub(crate) fn list(&self) -> String {
-        self.known().list.to_string()
+        format!(r#"{{"report":{},"flights":{}}}"#, self.folder.join(REPORT).is_file(), self.known().list)
+    }
+
+    fn folder(&self, name: &str) -> Option<PathBuf> {
+        self.known().found.iter().find(|(known, _)| known == name).map(|(_, folder)| folder.clone())
+    }
+
+    /// Deletes a flight. What was done, or why not.
+    pub(crate) fn remove(&self, name: &str) -> Result<&'static str, &'static str> {
+        let folder = self.folder(name).ok_or("no such flight")?;
+        if folder == self.folder {
+            return Err("the folder served is this flight itself: delete it by hand");
+        }
+        let removed = removal::remove(&folder);
+        // The list is read anew.
+        self.known.lock().unwrap_or_else(PoisonError::into_inner).take();
+        removed
+    }
+
+    /// What differs if a flight is replayed, JSON.
+    pub(crate) fn again(&self, name: &str) -> Result<String, String> {
+        again::differences(&self.folder(name).ok_or("no such flight")?)
+    }
+
+    /// The bench's report, if there is one in the folder.
+    pub(crate) fn report(&self) -> Option<Vec<u8>> {
+        spf_input::read(&self.folder.join(REPORT), REPORT_BYTES).ok()
     }
 
     /// A file of a flight, or the part of it that is asked for; within a runtime that reads it on. Names are compared with what is there, never joined to a path.
@@ -236,6 +269,8 @@ mod tests {
         std::fs::write(folder.path().join("secret"), "x").unwrap();
         let flights = Flights::of(folder.path());
         let list: Value = serde_json::from_str(&flights.list()).unwrap();
+        assert_eq!(list["report"], json!(false));
+        let list = &list["flights"];
         assert_eq!((list.as_array().unwrap().len(), &list[0]["instruction"]), (1, &json!("go <b>")));
         let status = |name: &str, file: &str, range| flights.file(name, file, range).status().as_u16();
         assert_eq!(status("001-a", "video.mp4", None), 200);

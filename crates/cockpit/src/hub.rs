@@ -1,15 +1,20 @@
 //! What there is to see: the newest picture and state, and everything that a page which connects later must still learn.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use bytes::Bytes;
 use serde::Serialize;
 use tokio::sync::{broadcast, watch};
 
+use crate::film::{Unit, Units};
+use crate::message::Format;
+
 /// Maximum number of messages queued for a page; one that falls behind gets everything anew.
 const QUEUED: usize = 256;
+/// Maximum number of images of the film queued for a page.
+const FILM: usize = 8;
 /// Maximum number of rows and of decisions kept for pages that connect later.
 const ROWS: usize = 600;
 const DECISIONS: usize = 200;
@@ -67,8 +72,13 @@ pub(crate) struct Hub {
     pub(crate) state: watch::Sender<Arc<str>>,
     /// The newest picture: length of the head, head, JPEG.
     pub(crate) picture: watch::Sender<Option<Bytes>>,
-    /// Number of pages that show pictures.
-    pub(crate) viewers: AtomicUsize,
+    /// Number of pages that show JPEG pictures, and of those that show the film.
+    pub(crate) viewers: [AtomicUsize; 2],
+    /// Number of pages that only watch.
+    pub(crate) spectators: AtomicUsize,
+    film: broadcast::Sender<Arc<Unit>>,
+    /// A page waits for a key frame of the film.
+    key_wanted: AtomicBool,
     news: broadcast::Sender<News>,
     past: Mutex<Past>,
 }
@@ -78,10 +88,38 @@ impl Hub {
         Arc::new(Self {
             state: watch::Sender::new(Arc::from("")),
             picture: watch::Sender::new(None),
-            viewers: AtomicUsize::new(0),
+            viewers: [const { AtomicUsize::new(0) }; 2],
+            spectators: AtomicUsize::new(0),
+            film: broadcast::Sender::new(FILM),
+            key_wanted: AtomicBool::new(false),
             news: broadcast::Sender::new(QUEUED),
             past: Mutex::default(),
         })
+    }
+
+    /// Whether somebody shows pictures in a format.
+    pub(crate) fn is_watched_as(&self, format: Format) -> bool {
+        self.viewers[format as usize].load(Ordering::Relaxed) > 0
+    }
+
+    /// Sends an image of the film to all who follow it.
+    pub(crate) fn roll(&self, unit: Unit) {
+        drop(self.film.send(Arc::new(unit)));
+    }
+
+    /// The images of the film from now on.
+    pub(crate) fn film(&self) -> Units {
+        self.film.subscribe()
+    }
+
+    /// Asks for a key frame.
+    pub(crate) fn want_key(&self) {
+        self.key_wanted.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether one was asked for since the last call.
+    pub(crate) fn takes_key(&self) -> bool {
+        self.key_wanted.swap(false, Ordering::Relaxed)
     }
 
     fn past(&self) -> MutexGuard<'_, Past> {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
+use spf_core::avoid::KeepOut;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameMeta;
 use spf_core::geometry::EnuPosition;
@@ -135,6 +136,7 @@ impl Instruments {
             "goal": self.goal.map(|goal| [goal.east, goal.north]),
             "anchor": anchor,
             "path": path,
+            "marked": marked(pilot),
         });
         self.hub.state.send_replace(json(&state));
     }
@@ -161,6 +163,15 @@ impl Instruments {
             self.placed = true;
         }
     }
+}
+
+/// The places that the operator has marked, from above: number, and the ends of the line.
+fn marked(pilot: &Pilot) -> Vec<Value> {
+    let ends = |place: &KeepOut| {
+        let [left, _, _, right] = place.panel.corners().map(|at| [rounded(at.east), rounded(at.north)]);
+        json!({"id": place.id, "ends": [left, right]})
+    };
+    pilot.kept_out().iter().map(ends).collect()
 }
 
 fn rounded(metres: f64) -> f64 {

@@ -7,6 +7,7 @@
 mod cockpit;
 mod controlling;
 mod controls;
+mod film;
 mod flight_controls;
 mod flights;
 mod hub;
@@ -18,6 +19,8 @@ mod pointing;
 mod secret;
 mod server;
 mod shared;
+mod tls;
+mod visitor;
 mod watching;
 mod worker;
 

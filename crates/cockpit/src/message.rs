@@ -76,6 +76,17 @@ pub(crate) enum Order {
         /// The frame in which it was pointed.
         frame: u64,
     },
+    /// Keep away from a place in a picture.
+    Avoid {
+        /// Left, top, right and bottom edge, as fractions of the picture.
+        area: [f64; 4],
+        /// Depth label, 1 to 10.
+        depth: u8,
+        /// The frame in which it was marked.
+        frame: u64,
+    },
+    /// Keep away from it no more.
+    Unavoid(u32),
     /// Answer an open query: the target is out of view, on this side.
     Look(Side),
     /// Answer an open query: the instruction is fulfilled.
@@ -107,13 +118,25 @@ pub(crate) enum Side {
     Behind,
 }
 
+/// A format of live pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Format {
+    /// Each by itself.
+    Jpeg,
+    /// H.264, for a page whose browser has a decoder.
+    Film,
+}
+
 /// A message on the socket of pictures and state.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum ToWatch {
     /// The first message.
     Hello(Hello),
-    /// A picture was shown: the next one may come.
+    /// In which format pictures are wanted, JPEG at first; pictures are counted anew.
+    Format(Format),
+    /// So many pictures were shown: the next one may come.
     Shown(u64),
     /// Everything about the decision on this query.
     Open(u64),
@@ -129,6 +152,10 @@ impl ToControls {
             }
             Self::Order { order: Order::Point { u, v, depth, .. }, .. } => {
                 (0.0..=1.0).contains(u) && (0.0..=1.0).contains(v) && (1..=10).contains(depth)
+            }
+            Self::Order { order: Order::Avoid { area, depth, .. }, .. } => {
+                let [left, top, right, bottom] = area;
+                area.iter().all(|edge| (0.0..=1.0).contains(edge)) && left < right && top < bottom && (1..=10).contains(depth)
             }
             Self::Order { order: Order::Instruction(text), .. } => {
                 !text.trim().is_empty() && text.chars().count() <= LONGEST_INSTRUCTION && !text.contains(char::is_control)
@@ -176,6 +203,9 @@ mod tests {
             read(&format!(r#"{{"order":{{"id":1,"do":{{"point":{{"u":{u},"v":0.5,"depth":{depth},"frame":7}}}}}}}}"#))
         };
         assert!(point("0.5", "10").is_ok() && point("1.5", "5").is_err() && point("0.5", "11").is_err());
+        let avoid =
+            |area: &str| read(&format!(r#"{{"order":{{"id":1,"do":{{"avoid":{{"area":{area},"depth":5,"frame":7}}}}}}}}"#));
+        assert!(avoid("[0.1,0.2,0.3,1]").is_ok() && avoid("[0.3,0.2,0.1,1]").is_err() && avoid("[0,0,1,1e999]").is_err());
         let say = |text: &str| read(&serde_json::json!({"order": {"id": 1, "do": {"instruction": text}}}).to_string());
         assert!(say("go on").is_ok() && say("  ").is_err() && say("a\u{1b}[2J").is_err() && say(&"x".repeat(2001)).is_err());
         let secret = "5ec2e7";

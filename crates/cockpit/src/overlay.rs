@@ -1,7 +1,7 @@
 //! What is drawn over the picture, in fractions of the image, as seen from where the picture was taken.
 
 use serde::Serialize;
-use spf_core::avoid::Sighting;
+use spf_core::avoid::{KeepOut, MARKED, Sighting};
 use spf_core::camera::Camera;
 use spf_core::geometry::{BodyDisplacement, EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};
@@ -28,6 +28,9 @@ pub(crate) struct Overlay {
     point: Option<Point>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     boxes: Vec<Box>,
+    /// Places that the operator has marked.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    marked: Vec<Marked>,
     #[serde(skip_serializing_if = "Option::is_none")]
     track: Option<Track>,
     /// The planned path.
@@ -52,6 +55,13 @@ struct Point {
 struct Box {
     area: [f64; 4],
     label: String,
+}
+
+#[derive(Clone, Debug, Serialize)]
+struct Marked {
+    id: u32,
+    area: [f64; 4],
+    metres: f64,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -83,7 +93,7 @@ impl Drawn {
         let reply = decision.reading.reply.as_ref();
         self.goal = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
         self.label = reply.and_then(|reply| reply.target.clone()).unwrap_or_default();
-        let boxes = reply.into_iter().flat_map(|reply| &reply.boxes);
+        let boxes = reply.into_iter().flat_map(|reply| &reply.boxes).filter(|b| b.name != MARKED);
         self.boxes = boxes.map(|b| (Sighting::new(camera, decision.pose, b.area, b.depth), b.name.clone())).collect();
         self.boxes_until = now + BOXES_SHOWN;
     }
@@ -99,6 +109,7 @@ impl Drawn {
         Overlay {
             point: self.point(pose, camera, pilot),
             boxes: boxes.collect(),
+            marked: pilot.kept_out().iter().filter_map(|place| marked(place, pose, camera)).collect(),
             track: track(at, pose, camera, pilot),
             path: path.filter_map(|cell| project(cell.middle(), pose, camera)).map(|p| [p.u, p.v]).collect(),
             horizon: horizon(pose, camera),
@@ -129,6 +140,11 @@ fn horizon(pose: Pose, camera: &Camera) -> Option<[[f64; 2]; 2]> {
         project_displacement(ahead, camera, pose.attitude, Lifting::Levelled).map(|p| [p.u, p.v])
     };
     Some([far(-0.3)?, far(0.3)?])
+}
+
+fn marked(place: &KeepOut, pose: Pose, camera: &Camera) -> Option<Marked> {
+    let (area, metres) = place.panel.seen_from(camera, pose)?;
+    Some(Marked { id: place.id, area: corners(area), metres })
 }
 
 fn track(at: Time, pose: Pose, camera: &Camera, pilot: &Pilot) -> Option<Track> {

@@ -5,13 +5,14 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::json;
+use spf_core::avoid::{KeepOut, MARKED_MOST};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{CameraDisplacement, Lifting, lift, project_displacement, range_of_label};
 use spf_core::pilot::Phase;
-use spf_core::query::{ImagePoint, Look, Query, QueryKind};
+use spf_core::query::{ImageBox, ImagePoint, Look, Query, QueryKind};
 use spf_vlm::human::{HUMAN, Pointed, pixels, reply_to};
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
@@ -70,6 +71,9 @@ struct Inner {
     correction: Option<(Given, Instant)>,
     /// Whether the pilot keeps the target's place, which a correction must make it forget.
     anchored: Option<String>,
+    /// Places to keep out of, and the number of the next one.
+    kept_out: Vec<KeepOut>,
+    next: u32,
 }
 
 /// What is pointed, between the page and whoever answers the pilot.
@@ -143,6 +147,28 @@ impl Pointing {
 
     pub(crate) fn instruction_to_repeat(&self) -> Option<String> {
         self.inner().anchored.clone()
+    }
+
+    /// Marks a place to keep out of; all of them.
+    pub(crate) fn avoid(&self, [left, top, right, bottom]: [f64; 4], depth: u8, frame: u64) -> Result<Vec<KeepOut>, String> {
+        let mut inner = self.inner();
+        let Some(camera) = inner.camera else { return Err("no flight is under way".to_owned()) };
+        let Some(pose) = inner.pose(FrameId(frame)) else { return Err("that picture is too old: mark it again".to_owned()) };
+        if inner.kept_out.len() >= MARKED_MOST {
+            return Err(format!("{MARKED_MOST} places are marked already: remove one first"));
+        }
+        let place = KeepOut::new(inner.next, &camera, pose, ImageBox { left, top, right, bottom }, depth);
+        inner.kept_out.push(place.ok_or("the box is too small")?);
+        inner.next += 1;
+        Ok(inner.kept_out.clone())
+    }
+
+    /// Removes one of them; those that are left.
+    pub(crate) fn unavoid(&self, id: u32) -> Result<Vec<KeepOut>, String> {
+        let mut inner = self.inner();
+        let before = inner.kept_out.len();
+        inner.kept_out.retain(|place| place.id != id);
+        if inner.kept_out.len() < before { Ok(inner.kept_out.clone()) } else { Err("it is removed already".to_owned()) }
     }
 
     /// Answers the open query; false if none waits for a person.

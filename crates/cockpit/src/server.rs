@@ -2,23 +2,22 @@
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use axum::extract::ws::WebSocketUpgrade;
-use axum::extract::{Path, Request, State};
-use axum::http::header::{self, HeaderName};
-use axum::http::{HeaderMap, HeaderValue, StatusCode};
-use axum::middleware::{self, Next};
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{any, get};
+use axum::routing::{any, delete, get};
 use axum::{Extension, Router};
-use spf_guard::{Access, Peer};
+use spf_guard::{Access, Manner, Peer};
 use tokio::sync::watch;
 
 use crate::flights::Flights;
 use crate::message::LONGEST;
 use crate::page::{FILES, text};
 use crate::shared::Shared;
+use crate::visitor::Visitor;
 use crate::{controlling, watching};
 
 /// Maximum number of connections: a pilot's two sockets, a score of spectators, and files.
@@ -27,18 +26,18 @@ const CONNECTIONS: usize = 64;
 /// Maximum wait for pages at the end.
 const SHUTDOWN_GRACE: Duration = Duration::from_millis(700);
 
-/// No external resources, no scripts but the page's own, and no embedding by other sites.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; media-src 'self'; \
-                      connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
-
 /// Serves until `stop`.
 pub(crate) async fn serve(
     listener: TcpListener,
     address: SocketAddr,
     shared: Arc<Shared>,
+    tls: Option<Arc<rustls::ServerConfig>>,
     stop: watch::Receiver<bool>,
 ) -> std::io::Result<()> {
-    spf_guard::serve_many(listener, router(shared), Access::at(address), stop, SHUTDOWN_GRACE, CONNECTIONS).await
+    let manner = Manner { grace: SHUTDOWN_GRACE, most: CONNECTIONS, tls, greeted: true };
+    let access = Access::at(address);
+    let access = if manner.tls.is_some() { access.encrypted() } else { access };
+    spf_guard::serve(listener, router(shared), access, stop, manner).await
 }
 
 fn router(shared: Arc<Shared>) -> Router {
@@ -46,42 +45,26 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/watch", any(watch))
         .route("/control", any(control))
         .route("/flights.json", get(flights))
-        .route("/flight/{name}/{file}", get(flight));
+        .route("/flight/{name}", delete(remove))
+        .route("/flight/{name}/{file}", get(flight))
+        .route("/again/{name}", get(again))
+        .route("/report.html", get(report));
     for (file, name) in FILES {
         router = router.route(file.0, get(async move || ([(header::CONTENT_TYPE, file.1)], text(file, name)).into_response()));
     }
-    router.layer(middleware::from_fn(headed)).with_state(shared)
+    spf_guard::with_headers(router).with_state(shared)
 }
 
-/// Adds security headers to every response.
-async fn headed(request: Request, next: Next) -> Response {
-    let mut response = next.run(request).await;
-    let headers: [(HeaderName, &str); 6] = [
-        (header::CONTENT_SECURITY_POLICY, POLICY),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::X_FRAME_OPTIONS, "DENY"),
-        (header::REFERRER_POLICY, "no-referrer"),
-        (header::CACHE_CONTROL, "no-store"),
-        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
-    ];
-    for (name, value) in headers {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
-    }
-    response
+async fn watch(State(shared): State<Arc<Shared>>, visitor: Visitor, upgrade: WebSocketUpgrade) -> Response {
+    limited(upgrade).on_upgrade(async move |socket| watching::converse(socket, &shared, &visitor).await)
 }
 
-async fn watch(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>, upgrade: WebSocketUpgrade) -> Response {
-    let limited = upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).write_buffer_size(0);
-    limited.on_upgrade(async move |socket| watching::converse(socket, &shared, peer).await)
+async fn control(State(shared): State<Arc<Shared>>, visitor: Visitor, upgrade: WebSocketUpgrade) -> Response {
+    limited(upgrade).on_upgrade(async move |socket| controlling::converse(socket, &shared, &visitor).await)
 }
 
-async fn control(
-    State(shared): State<Arc<Shared>>,
-    Extension(Peer(peer)): Extension<Peer>,
-    upgrade: WebSocketUpgrade,
-) -> Response {
-    let limited = upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).write_buffer_size(0);
-    limited.on_upgrade(async move |socket| controlling::converse(socket, &shared, peer).await)
+fn limited(upgrade: WebSocketUpgrade) -> WebSocketUpgrade {
+    upgrade.max_message_size(LONGEST).max_frame_size(LONGEST).write_buffer_size(0)
 }
 
 /// The recorded flights, if they are served.
@@ -106,6 +89,46 @@ async fn read(shared: &Shared, peer: IpAddr, reading: impl FnOnce(&Flights) -> R
 async fn flights(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>) -> Response {
     let list = |flights: &Flights| ([(header::CONTENT_TYPE, "application/json")], flights.list()).into_response();
     read(&shared, peer, list).await
+}
+
+/// Deletes a flight, for who may fly: whoever else uses this machine may look only.
+async fn remove(
+    State(shared): State<Arc<Shared>>,
+    Extension(Peer(peer)): Extension<Peer>,
+    Path(name): Path<String>,
+    headers: HeaderMap,
+) -> Response {
+    let secret = headers.get(header::AUTHORIZATION).and_then(|secret| secret.to_str().ok()?.strip_prefix("Bearer "));
+    if let Err(why) = shared.controls.may_delete(secret.unwrap_or_default(), peer, Instant::now()) {
+        return (StatusCode::FORBIDDEN, format!("{why}\n")).into_response();
+    }
+    read(&shared, peer, move |flights| match flights.remove(&name) {
+        Ok(done) => format!("{done}\n").into_response(),
+        Err(why) => (StatusCode::CONFLICT, format!("{why}\n")).into_response(),
+    })
+    .await
+}
+
+async fn again(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>, Path(name): Path<String>) -> Response {
+    let Ok(_turn) = shared.replays.try_acquire() else {
+        return (StatusCode::TOO_MANY_REQUESTS, "another flight is being replayed: try again\n").into_response();
+    };
+    read(&shared, peer, move |flights| match flights.again(&name) {
+        Ok(told) => ([(header::CONTENT_TYPE, "application/json")], told).into_response(),
+        Err(why) => (StatusCode::CONFLICT, format!("{why}\n")).into_response(),
+    })
+    .await
+}
+
+/// The bench's report, which has a style sheet of its own and no scripts.
+async fn report(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>) -> Response {
+    const POLICY: &str = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'";
+    let headers = [(header::CONTENT_TYPE, "text/html; charset=utf-8"), (header::CONTENT_SECURITY_POLICY, POLICY)];
+    let page = |flights: &Flights| match flights.report() {
+        Some(page) => (headers, page).into_response(),
+        None => (StatusCode::NOT_FOUND, "no report here\n").into_response(),
+    };
+    read(&shared, peer, page).await
 }
 
 async fn flight(

@@ -4,7 +4,7 @@ use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
 
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 use crate::controls::Controls;
 use crate::flights::Flights;
@@ -16,6 +16,8 @@ pub(crate) struct Shared {
     pub(crate) hub: Arc<Hub>,
     pub(crate) controls: Arc<Controls>,
     pub(crate) flights: Option<Flights>,
+    /// Flights that may be replayed at once.
+    pub(crate) replays: Semaphore,
     pub(crate) stop: watch::Receiver<bool>,
 }
 

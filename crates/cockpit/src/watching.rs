@@ -1,6 +1,5 @@
 //! The socket of pictures and state: the newest ones only, at the pace of the page.
 
-use std::net::IpAddr;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
@@ -10,12 +9,13 @@ use serde_json::json;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::{interval_at, timeout};
 
+use crate::controls::{Refused, SPECTATORS};
+use crate::film::{Seat, Take};
 use crate::hub::{Hub, News, json};
-use crate::message::{Hello, ToWatch};
+use crate::message::{Format, Hello, ToWatch};
 use crate::shared::Shared;
+use crate::visitor::Visitor;
 
-/// Time limit for the first message.
-const GREETING: Duration = Duration::from_secs(5);
 /// Time limit for sending, after which a page counts as disconnected.
 const SEND: Duration = Duration::from_secs(10);
 const PING: Duration = Duration::from_secs(5);
@@ -26,34 +26,83 @@ const UNDERWAY: u64 = 2;
 /// Maximum number of messages of a page within a second.
 const MESSAGES: u32 = 200;
 
-/// Counts a page that shows pictures.
-struct Viewer<'a>(&'a Hub);
+/// Counts a page that shows pictures, and how many of them.
+struct Viewer<'a> {
+    hub: &'a Hub,
+    format: Format,
+    seat: Seat,
+    sent: u64,
+    shown: u64,
+}
 
 impl<'a> Viewer<'a> {
-    fn new(hub: &'a Hub) -> Self {
-        hub.viewers.fetch_add(1, Ordering::Relaxed);
-        Self(hub)
+    fn new(hub: &'a Hub, format: Format) -> Self {
+        hub.viewers[format as usize].fetch_add(1, Ordering::Relaxed);
+        Self { hub, format, seat: Seat::default(), sent: 0, shown: 0 }
+    }
+
+    fn shown(&mut self, count: u64) {
+        self.shown = self.shown.max(count.min(self.sent));
+    }
+
+    fn underway(&self) -> u64 {
+        self.sent - self.shown
     }
 }
 
 impl Drop for Viewer<'_> {
     fn drop(&mut self) {
-        self.0.viewers.fetch_sub(1, Ordering::Relaxed);
+        let others = self.hub.viewers[self.format as usize].fetch_sub(1, Ordering::Relaxed) > 1;
+        // Nobody is to get an old one as the newest.
+        if self.format == Format::Jpeg && !others {
+            self.hub.picture.send_replace(None);
+        }
     }
 }
 
 /// Serves a page until it disconnects or the server ends.
-pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared, peer: IpAddr) {
-    let Ok(Some(Ok(Message::Text(first)))) = timeout(GREETING, socket.recv()).await else { return };
+pub(crate) async fn converse(mut socket: WebSocket, shared: &Shared, visitor: &Visitor) {
+    let Some(first) = visitor.greeting(&mut socket).await else { return };
     let hello = match ToWatch::read(&first) {
         Ok(ToWatch::Hello(hello)) => hello,
         _ => Hello::default(),
     };
-    match shared.controls.may_watch(&hello, peer, Instant::now()) {
-        Ok(knows) => drop(show(&mut socket, shared, knows).await),
-        Err(refused) => {
-            let text = json(&json!({"type": "refused", "why": refused.to_string()}));
-            drop(timeout(SEND, socket.send(Message::text(&*text))).await);
+    match shared.controls.may_watch(&hello, visitor.peer, Instant::now()) {
+        Ok(knows) => {
+            let _spectator = match Spectator::new(&shared.hub, knows) {
+                Some(spectator) => spectator,
+                None => return refuse(&mut socket, &Refused::Full).await,
+            };
+            visitor.settle();
+            let _ = show(&mut socket, shared, knows).await;
+        }
+        Err(refused) => refuse(&mut socket, &refused).await,
+    }
+}
+
+async fn refuse(socket: &mut WebSocket, refused: &Refused) {
+    let text = json(&json!({"type": "refused", "why": refused.to_string()}));
+    drop(timeout(SEND, socket.send(Message::text(&*text))).await);
+}
+
+/// Counts a page that only watches.
+struct Spectator<'a>(Option<&'a Hub>);
+
+impl<'a> Spectator<'a> {
+    /// `None` if there are enough of them.
+    fn new(hub: &'a Hub, knows: bool) -> Option<Self> {
+        if knows {
+            return Some(Self(None));
+        }
+        let spectator = Self(Some(hub));
+        (hub.spectators.fetch_add(1, Ordering::Relaxed) < SPECTATORS).then_some(spectator)
+    }
+}
+
+impl Drop for Spectator<'_> {
+    fn drop(&mut self) {
+        if let Some(hub) = self.0 {
+            hub.spectators.fetch_sub(1, Ordering::Relaxed);
         }
     }
 }
@@ -72,15 +121,15 @@ async fn all(socket: &mut WebSocket, news: Vec<News>, knows: bool) -> Option<()>
 
 async fn show(socket: &mut WebSocket, shared: &Shared, knows: bool) -> Option<()> {
     let hub = &shared.hub;
-    let _viewer = Viewer::new(hub);
+    let mut viewer = Viewer::new(hub, Format::Jpeg);
     let (known, mut news) = hub.subscribe();
     all(socket, known, knows).await?;
     let (mut pictures, mut states, mut stop) = (hub.picture.subscribe(), hub.state.subscribe(), shared.stop.clone());
+    let mut film = hub.film();
     pictures.mark_changed();
     states.mark_changed();
     let mut ping = interval_at(tokio::time::Instant::now() + PING, PING);
-    let (mut sent, mut shown, mut heard) = (0_u64, 0_u64, Instant::now());
-    let (mut counted, mut since) = (0, Instant::now());
+    let (mut heard, mut counted, mut since) = (Instant::now(), 0, Instant::now());
     loop {
         tokio::select! {
             received = socket.recv() => {
@@ -95,7 +144,12 @@ async fn show(socket: &mut WebSocket, shared: &Shared, knows: bool) -> Option<()
                 }
                 match received {
                     Message::Text(text) => match ToWatch::read(&text) {
-                        Ok(ToWatch::Shown(count)) => shown = shown.max(count.min(sent)),
+                        Ok(ToWatch::Shown(count)) => viewer.shown(count),
+                        Ok(ToWatch::Format(format)) => {
+                            viewer = Viewer::new(hub, format);
+                            film = hub.film();
+                            hub.want_key();
+                        }
                         Ok(ToWatch::Open(query)) => open(socket, hub, query, knows).await?,
                         _ => {}
                     },
@@ -122,14 +176,26 @@ async fn show(socket: &mut WebSocket, shared: &Shared, knows: bool) -> Option<()
                 }
             }
             // A page that has not shown the last pictures gets no more of them, and then the newest one.
-            changed = pictures.changed(), if sent - shown < UNDERWAY => {
+            changed = pictures.changed(), if viewer.format == Format::Jpeg && viewer.underway() < UNDERWAY => {
                 changed.ok()?;
                 let picture = pictures.borrow_and_update().clone();
                 if let Some(picture) = picture {
-                    sent += 1;
+                    viewer.sent += 1;
                     send(socket, Message::Binary(picture)).await?;
                 }
             }
+            unit = film.recv(), if viewer.format == Format::Film => match unit {
+                Ok(unit) => match viewer.seat.take(unit.key, viewer.underway(), film.len()) {
+                    Take::Send => {
+                        viewer.sent += 1;
+                        send(socket, Message::Binary(unit.message.clone())).await?;
+                    }
+                    Take::Skip => {}
+                    Take::WantKey => hub.want_key(),
+                },
+                Err(RecvError::Lagged(_)) => viewer.seat.lose(),
+                Err(RecvError::Closed) => return None,
+            },
             _ = ping.tick() => {
                 if heard.elapsed() > SILENCE {
                     return None;
@@ -164,7 +230,7 @@ async fn open(socket: &mut WebSocket, hub: &Hub, query: u64, knows: bool) -> Opt
     }
 }
 
-/// A binary message: the length of the head, the head, the JPEG.
+/// A binary message: the length of the head, the head, the JPEG or access unit.
 pub(crate) fn framed(head: &str, jpeg: &[u8]) -> Bytes {
     let length = u32::try_from(head.len()).unwrap_or_default().to_le_bytes();
     [&length[..], head.as_bytes(), jpeg].concat().into()

@@ -1,21 +1,22 @@
 //! Draws and encodes pictures in a thread of its own: of what is live only the newest, of decisions each one.
 
 use std::collections::VecDeque;
-use std::sync::atomic::Ordering;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use serde_json::json;
-use spf_core::frame::FrameMeta;
+use serde_json::{Value, json};
+use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::pilot::Decision;
 use spf_core::query::Query;
 use spf_core::time::Time;
 use spf_drone::frames::Photo;
 use spf_flight::words;
-use spf_media::{Jpeg, Scaler, marks};
+use spf_media::{Jpeg, Rgb, Scaler, marks};
 
+use crate::film::{Film, Unit};
 use crate::hub::{Entry, Hub, Kept};
+use crate::message::Format;
 use crate::overlay::Overlay;
 use crate::watching::framed;
 
@@ -41,6 +42,35 @@ pub(crate) struct LivePicture {
     /// Flight time, and the instant that it was.
     pub(crate) now: Time,
     pub(crate) at: Instant,
+}
+
+impl LivePicture {
+    /// An image that has just arrived and belongs to no flight.
+    pub(crate) fn alone(number: u64, image: Rgb) -> Self {
+        let (now, id) = (Time::ZERO, FrameId(number));
+        let (width, height) = (image.width(), image.height());
+        let meta = FrameMeta { id, captured: now, received: now, capture_counter: number, width, height, unusable: None };
+        Self { meta, photo: Photo::received(Arc::new(image)), overlay: Overlay::default(), now, at: Instant::now() }
+    }
+
+    /// What is told with it.
+    fn head(&self) -> Value {
+        let Self { meta, overlay, now, at, .. } = self;
+        let waited = at.elapsed().as_secs_f64();
+        json!({
+            "frame": meta.id.0, "captured": meta.captured.as_secs_f64(), "age": now.since(meta.captured).as_secs_f64() + waited,
+            "received": now.since(meta.received).as_secs_f64() + waited, "overlay": overlay,
+        })
+    }
+}
+
+/// What drawing needs from one picture to the next.
+#[derive(Default)]
+struct Drawing {
+    scaler: Scaler,
+    pace: Pace,
+    film: Film,
+    key_wanted: bool,
 }
 
 /// Other work.
@@ -87,7 +117,7 @@ impl Worker {
 
     /// Whether somebody looks at live pictures.
     pub(crate) fn is_watched(&self) -> bool {
-        self.hub.viewers.load(Ordering::Relaxed) > 0
+        self.hub.is_watched_as(Format::Jpeg) || self.hub.is_watched_as(Format::Film)
     }
 
     /// Shows a picture, instead of one that waits.
@@ -108,7 +138,7 @@ impl Worker {
     }
 
     fn run(&self) {
-        let (mut scaler, mut pace) = (Scaler::default(), Pace::default());
+        let mut drawing = Drawing::default();
         loop {
             let mut inbox = self.inbox();
             while inbox.picture.is_none() && inbox.jobs.is_empty() && !inbox.stop {
@@ -120,35 +150,38 @@ impl Worker {
             let (picture, job) = (inbox.picture.take(), inbox.jobs.pop_front());
             drop(inbox);
             if let Some(picture) = picture {
-                self.draw(&picture, &mut scaler, &mut pace);
+                self.draw(&picture, &mut drawing);
             }
             match job {
-                Some(Job::Asked(query, photo)) => self.asked(&query, &photo, &mut scaler),
+                Some(Job::Asked(query, photo)) => self.asked(&query, &photo, &mut drawing.scaler),
                 Some(Job::Decided(decision)) => self.decided(&decision),
                 None => {}
             }
         }
     }
 
-    fn draw(&self, picture: &LivePicture, scaler: &mut Scaler, pace: &mut Pace) {
+    fn draw(&self, picture: &LivePicture, Drawing { scaler, pace, film, key_wanted }: &mut Drawing) {
         let began = Instant::now();
         if began < pace.not_before {
             return;
         }
-        let size = sized(&picture.photo, pace.width());
-        let image = picture.photo.at(size, scaler);
-        let encoded = Jpeg::encode(&image, QUALITY);
+        let image = picture.photo.at(sized(&picture.photo, pace.width()), scaler);
+        *key_wanted |= self.hub.takes_key();
+        if self.hub.is_watched_as(Format::Film)
+            && let Some(unit) = film.encode(&image, key_wanted)
+        {
+            let mut head = picture.head();
+            (head["key"], head["codec"]) = (json!(unit.key), json!(unit.codec));
+            self.hub.roll(Unit { key: unit.key, message: framed(&head.to_string(), &unit.annex_b) });
+        }
+        if self.hub.is_watched_as(Format::Jpeg)
+            && let Ok(jpeg) = Jpeg::encode(&image, QUALITY)
+        {
+            self.hub.picture.send_replace(Some(framed(&picture.head().to_string(), jpeg.bytes())));
+        }
         scaler.reuse(image);
-        let Ok(jpeg) = encoded else { return };
         pace.took(began.elapsed());
         pace.not_before = began + INTERVAL;
-        let LivePicture { meta, overlay, now, at, .. } = picture;
-        let age = now.since(meta.captured).as_secs_f64() + at.elapsed().as_secs_f64();
-        let head = json!({
-            "frame": meta.id.0, "captured": meta.captured.as_secs_f64(), "age": age,
-            "received": now.since(meta.received).as_secs_f64() + at.elapsed().as_secs_f64(), "overlay": overlay,
-        });
-        self.hub.picture.send_replace(Some(framed(&head.to_string(), jpeg.bytes())));
     }
 
     /// Keeps the picture that a query was about, with its marks.
@@ -182,10 +215,11 @@ impl Worker {
     }
 }
 
-/// The size of a picture of this width at most, in the photo's shape.
+/// The size of a picture of this width at most, in the photo's shape; even sides, as video has them.
 fn sized(photo: &Photo, width: u32) -> (u32, u32) {
     let (full, high) = photo.size();
-    if full <= width { (full, high) } else { (width, (high * width).div_ceil(full.max(1)).max(1)) }
+    let (width, high) = if full <= width { (full, high) } else { (width, (high * width).div_ceil(full.max(1))) };
+    ((width & !1).max(16), (high & !1).max(16))
 }
 
 /// Chooses the size of live pictures by the time that they take.

@@ -22,12 +22,14 @@ use crate::lift::{CameraDisplacement, Lifting, lift, lower, range_of_label, unpr
 use crate::query::{ImageBox, ImagePoint};
 use crate::reply::ObstacleBox;
 
+mod keep_out;
 mod memory;
 mod people;
 mod sighting;
 mod vertical;
 mod walking;
 
+pub use keep_out::{KeepOut, MARKED, MARKED_MOST};
 pub use memory::ObstacleMemory;
 pub use people::is_person;
 pub use sighting::Sighting;

@@ -44,6 +44,10 @@ pub fn operator(event: &OperatorEvent) -> String {
         OperatorEvent::Resume => "resume".to_owned(),
         OperatorEvent::Setpoint(_) => "setpoint".to_owned(),
         OperatorEvent::Instruction(text) => format!("new instruction \"{text}\""),
+        OperatorEvent::KeepOut(places) if places.is_empty() => "no places to keep out of".to_owned(),
+        OperatorEvent::KeepOut(places) => {
+            format!("keep out of {} marked place{}", places.len(), if places.len() == 1 { "" } else { "s" })
+        }
         OperatorEvent::Land => "land".to_owned(),
         OperatorEvent::CutMotors => "cut the motors".to_owned(),
     }

@@ -31,6 +31,7 @@ pub struct OriginError(String);
 #[derive(Clone, Debug)]
 pub struct Access {
     loopback: bool,
+    encrypted: bool,
     origins: Vec<String>,
 }
 
@@ -39,7 +40,13 @@ impl Access {
     /// browser come from its own pages.
     #[must_use]
     pub fn at(address: SocketAddr) -> Self {
-        Self { loopback: address.ip().is_loopback(), origins: Vec::new() }
+        Self { loopback: address.ip().is_loopback(), encrypted: false, origins: Vec::new() }
+    }
+
+    /// The rules of a server that speaks TLS: its own pages do as well.
+    #[must_use]
+    pub fn encrypted(self) -> Self {
+        Self { encrypted: true, ..self }
     }
 
     /// Allows pages of another origin, `SCHEME://HOST[:PORT]`.
@@ -83,7 +90,8 @@ impl Access {
     }
 
     fn is_own_page(&self, origin: &str, host: &str) -> bool {
-        let from = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
+        let plain = origin.strip_prefix("http://").filter(|_| !self.encrypted);
+        let from = plain.or_else(|| origin.strip_prefix("https://"));
         from.is_some_and(|from| from.eq_ignore_ascii_case(host))
             || self.origins.iter().any(|allowed| allowed.eq_ignore_ascii_case(origin))
     }

@@ -19,7 +19,7 @@ struct Taken {
 
 struct Occupant {
     settled: Arc<AtomicBool>,
-    /// The address of whoever keeps the connection, once it is a WebSocket.
+    /// The address of whoever has the connection, once it is a WebSocket.
     keeper: Option<IpAddr>,
     turn_out: Box<dyn FnOnce() + Send>,
 }
@@ -81,7 +81,7 @@ impl Place {
         self.0.settled.store(true, Ordering::Relaxed);
     }
 
-    /// Keeps the place for a WebSocket; false if this address keeps `most` of them already.
+    /// Counts the place as that of a WebSocket of this address; false if it has `most` of them already.
     #[must_use]
     pub fn keep(&self, keeper: IpAddr, most: usize) -> bool {
         let mut taken = self.0.places.taken();
@@ -91,7 +91,6 @@ impl Place {
         if let Some(occupant) = taken.by_age.get_mut(&self.0.id) {
             occupant.keeper = Some(keeper);
         }
-        self.settle();
         true
     }
 }

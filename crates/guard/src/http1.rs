@@ -25,6 +25,7 @@ use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 use tokio::sync::{Notify, watch};
 use tokio::time::timeout;
+use tokio_rustls::{TlsAcceptor, rustls};
 
 use crate::socket::Socket;
 use crate::{Access, BODY_BYTES, BODY_TIME, CONNECTIONS, ConnectionSlots, HEAD_BYTES, HEAD_TIME, Place};
@@ -38,6 +39,8 @@ const TURNED_AWAY: usize = 8;
 const TURNING_AWAY: Duration = Duration::from_secs(1);
 /// Maximum number of WebSockets from one address other than this machine's, so that one stranger does not take all places.
 const KEPT: usize = 16;
+/// The first byte of a handshake of TLS (RFC 8446, 5.1).
+const TLS_HANDSHAKE: u8 = 22;
 /// Interval at which the end of the connections is checked at shutdown.
 const GLANCE: Duration = Duration::from_millis(10);
 
@@ -45,8 +48,40 @@ const GLANCE: Duration = Duration::from_millis(10);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Peer(pub IpAddr);
 
-/// Serves `router` until `stop` is true or its sender is gone, then closes the connections and waits up to `grace` for
-/// them.
+/// How a server serves.
+#[derive(Clone)]
+pub struct Manner {
+    /// Maximum wait for its connections at the end.
+    pub grace: Duration,
+    /// Maximum number of connections.
+    pub most: usize,
+    /// With a certificate: TLS, and nothing but TLS.
+    pub tls: Option<Arc<rustls::ServerConfig>>,
+    /// Whether a WebSocket keeps its place only once its handler settles its [`Place`], when it knows who speaks: until then it
+    /// may have to give it up ([`TurnedOut`]).
+    pub greeted: bool,
+}
+
+impl Manner {
+    /// Plain HTTP with [`CONNECTIONS`] connections.
+    #[must_use]
+    pub fn plain(grace: Duration) -> Self {
+        Self { grace, most: CONNECTIONS, tls: None, greeted: false }
+    }
+}
+
+/// Tells a WebSocket whose place is not settled that it must give it up: an extension of every request.
+#[derive(Clone)]
+pub struct TurnedOut(Arc<Notify>);
+
+impl TurnedOut {
+    /// Waits until it must.
+    pub async fn wait(&self) {
+        self.0.notified().await;
+    }
+}
+
+/// Serves `router` until `stop` is true or its sender is gone, then closes the connections and waits for them.
 ///
 /// Every request is checked: who asks, the time of its head and body, its size; handlers receive a complete body. A
 /// connection carries one request, or a WebSocket, which is no longer limited in time: whoever serves it must be.
@@ -57,29 +92,17 @@ pub async fn serve(
     listener: TcpListener,
     router: Router,
     access: Access,
-    stop: watch::Receiver<bool>,
-    grace: Duration,
-) -> io::Result<()> {
-    serve_many(listener, router, access, stop, grace, CONNECTIONS).await
-}
-
-/// The same with up to `most` connections.
-///
-/// # Errors
-/// As for [`serve`].
-pub async fn serve_many(
-    listener: TcpListener,
-    router: Router,
-    access: Access,
     mut stop: watch::Receiver<bool>,
-    grace: Duration,
-    most: usize,
+    manner: Manner,
 ) -> io::Result<()> {
     listener.set_nonblocking(true)?;
     let listener = tokio::net::TcpListener::from_std(listener)?;
     let access = Arc::new(access);
-    let router = router.layer(middleware::from_fn(move |request: Request, next: Next| admit(access.clone(), request, next)));
-    let (places, turned_away) = (ConnectionSlots::new(most), Arc::new(AtomicUsize::new(0)));
+    let greeted = manner.greeted;
+    let router =
+        router.layer(middleware::from_fn(move |request: Request, next: Next| admit(access.clone(), greeted, request, next)));
+    let (places, turned_away) = (ConnectionSlots::new(manner.most), Arc::new(AtomicUsize::new(0)));
+    let tls = manner.tls.map(TlsAcceptor::from);
     loop {
         let accepted = tokio::select! {
             accepted = listener.accept() => accepted,
@@ -94,9 +117,12 @@ pub async fn serve_many(
         let turn_out = out.clone();
         match places.enter(move || turn_out.notify_one()) {
             Some(place) => {
-                drop(tokio::spawn(converse(stream, Peer(peer.ip().to_canonical()), place, out, router.clone(), stop.clone())))
+                let visit =
+                    Visit { peer: Peer(peer.ip().to_canonical()), place, out, router: router.clone(), stop: stop.clone() };
+                drop(tokio::spawn(visit.begin(stream, tls.clone())));
             }
-            None => turn_away(stream, &turned_away, most),
+            None if tls.is_none() => turn_away(stream, &turned_away, manner.most),
+            None => {}
         }
     }
     drop(listener);
@@ -105,54 +131,99 @@ pub async fn serve_many(
             tokio::time::sleep(GLANCE).await;
         }
     };
-    drop(timeout(grace, gone).await);
+    drop(timeout(manner.grace, gone).await);
     Ok(())
 }
 
-/// One connection, until it ends or must give up its place.
-async fn converse(
-    stream: TcpStream,
+/// One connection.
+struct Visit {
     peer: Peer,
     place: Place,
     out: Arc<Notify>,
     router: Router,
-    mut stop: watch::Receiver<bool>,
-) {
-    drop(stream.set_nodelay(true));
-    let held = place.clone();
-    let service = service_fn(move |mut request: hyper::Request<Incoming>| {
-        request.extensions_mut().insert(held.clone());
-        request.extensions_mut().insert(peer);
-        let routed = TowerToHyperService::new(router.clone());
-        async move { hyper::service::Service::call(&routed, request.map(Body::new)).await.map_err(|never: Infallible| never) }
-    });
-    let connection = Builder::new()
-        .timer(TokioTimer::new())
-        .header_read_timeout(HEAD_TIME)
-        .max_buf_size(HEAD_BYTES)
-        .max_headers(HEADERS)
-        .serve_connection(TokioIo::new(Socket::new(stream, place)), service)
-        .with_upgrades();
-    tokio::pin!(connection);
-    let mut stopping = false;
-    loop {
-        tokio::select! {
-            ended = connection.as_mut() => {
-                if let Err(error) = ended {
-                    tracing::debug!(%error, "connection ended");
+    stop: watch::Receiver<bool>,
+}
+
+impl Visit {
+    /// Serves it, after the handshake of TLS if that is spoken.
+    async fn begin(self, stream: TcpStream, tls: Option<TlsAcceptor>) {
+        drop(stream.set_nodelay(true));
+        let Some(tls) = tls else {
+            let socket = Socket::new(stream, self.place.clone());
+            return self.converse(TokioIo::new(socket)).await;
+        };
+        let out = self.out.clone();
+        let shaken = async {
+            let mut first = [0];
+            if stream.peek(&mut first).await.is_ok_and(|read| read == 1) && first[0] != TLS_HANDSHAKE {
+                return not_tls(stream).await;
+            }
+            tls.accept(Socket::new(stream, self.place.clone())).await.ok()
+        };
+        let shaken = tokio::select! {
+            shaken = timeout(HEAD_TIME, shaken) => shaken.ok().flatten(),
+            () = out.notified() => None,
+        };
+        match shaken {
+            Some(stream) => self.converse(TokioIo::new(stream)).await,
+            None => tracing::debug!("no handshake of TLS"),
+        }
+    }
+
+    /// Serves it until it ends or must give up its place.
+    async fn converse(mut self, io: impl hyper::rt::Read + hyper::rt::Write + Unpin + Send + 'static) {
+        let Self { peer, place, out, router, stop } = &mut self;
+        let (held, peer, turned_out) = (place.clone(), *peer, TurnedOut(out.clone()));
+        let service = service_fn(move |mut request: hyper::Request<Incoming>| {
+            request.extensions_mut().insert(held.clone());
+            request.extensions_mut().insert(peer);
+            request.extensions_mut().insert(turned_out.clone());
+            let routed = TowerToHyperService::new(router.clone());
+            async move { hyper::service::Service::call(&routed, request.map(Body::new)).await.map_err(|never: Infallible| never) }
+        });
+        let connection = Builder::new()
+            .timer(TokioTimer::new())
+            .header_read_timeout(HEAD_TIME)
+            .max_buf_size(HEAD_BYTES)
+            .max_headers(HEADERS)
+            .serve_connection(io, service)
+            .with_upgrades();
+        tokio::pin!(connection);
+        let mut stopping = false;
+        loop {
+            tokio::select! {
+                ended = connection.as_mut() => {
+                    if let Err(error) = ended {
+                        tracing::debug!(%error, "connection ended");
+                    }
+                    return;
                 }
-                return;
-            }
-            () = out.notified() => {
-                tracing::debug!("idle connection closed to make room for a new one");
-                return;
-            }
-            _ = stop.wait_for(|stop| *stop), if !stopping => {
-                stopping = true;
-                connection.as_mut().graceful_shutdown();
+                () = out.notified() => {
+                    tracing::debug!("idle connection closed to make room for a new one");
+                    return;
+                }
+                _ = stop.wait_for(|stop| *stop), if !stopping => {
+                    stopping = true;
+                    connection.as_mut().graceful_shutdown();
+                }
             }
         }
     }
+}
+
+/// Tells somebody who does not speak TLS that this server does.
+async fn not_tls<T>(mut stream: TcpStream) -> Option<T> {
+    let body = "this server speaks TLS: open its address with https://\n";
+    let head = format!(
+        "HTTP/1.1 400 Bad Request\r\ncontent-type: text/plain; charset=utf-8\r\ncontent-length: {}\r\nconnection: close\r\n\r\n",
+        body.len()
+    );
+    let mut unread = [0; 4096];
+    stream.write_all((head + body).as_bytes()).await.ok()?;
+    stream.shutdown().await.ok()?;
+    // Closing with unread data resets the connection, and the client would lose the answer.
+    drop(stream.read(&mut unread).await);
+    None
 }
 
 /// Tells a client that there is no place, without a place for it.
@@ -189,8 +260,8 @@ fn turn_away(mut stream: TcpStream, turned_away: &Arc<AtomicUsize>, most: usize)
 
 /// Answers a request if it is admitted. The next request is a new connection, since an idle one would hold a place; a
 /// connection that becomes a WebSocket goes on.
-async fn admit(access: Arc<Access>, request: Request, next: Next) -> Response {
-    let mut response = check(access, request, next).await;
+async fn admit(access: Arc<Access>, greeted: bool, request: Request, next: Next) -> Response {
+    let mut response = check(access, greeted, request, next).await;
     if response.status() != StatusCode::SWITCHING_PROTOCOLS {
         response.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
     }
@@ -198,7 +269,7 @@ async fn admit(access: Arc<Access>, request: Request, next: Next) -> Response {
 }
 
 /// Checks a request and reads its body, before anything is done for it.
-async fn check(access: Arc<Access>, request: Request, next: Next) -> Response {
+async fn check(access: Arc<Access>, greeted: bool, request: Request, next: Next) -> Response {
     if let Err(refusal) = access.check(request.method(), request.headers()) {
         return refused(StatusCode::FORBIDDEN, &refusal.to_string());
     }
@@ -211,7 +282,9 @@ async fn check(access: Arc<Access>, request: Request, next: Next) -> Response {
         {
             return refused(StatusCode::TOO_MANY_REQUESTS, &format!("more than {KEPT} connections from {peer}: close a page"));
         }
-        settle();
+        if !greeted {
+            settle();
+        }
         return next.run(request).await;
     }
     let too_large = || refused(StatusCode::PAYLOAD_TOO_LARGE, &format!("the body exceeds {} MiB", BODY_BYTES >> 20));

@@ -7,6 +7,7 @@
 mod access;
 mod connection_slots;
 mod deadline_stream;
+mod headers;
 mod http1;
 mod socket;
 
@@ -15,7 +16,8 @@ use std::time::Duration;
 pub use access::{Access, OriginError, Refusal};
 pub use connection_slots::{ConnectionSlots, Place};
 pub use deadline_stream::DeadlineStream;
-pub use http1::{Peer, serve, serve_many};
+pub use headers::with_headers;
+pub use http1::{Manner, Peer, TurnedOut, serve};
 
 /// Maximum number of connections of one server.
 pub const CONNECTIONS: usize = 8;

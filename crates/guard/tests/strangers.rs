@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use axum::Router;
 use axum::body::Bytes;
 use axum::routing::{get, post};
-use spf_guard::{Access, BODY_BYTES, CONNECTIONS, HEAD_TIME};
+use spf_guard::{Access, BODY_BYTES, CONNECTIONS, HEAD_TIME, Manner};
 use tokio::sync::watch;
 
 /// A server that ends with the test.
@@ -28,7 +28,9 @@ fn served() -> Served {
         .layer(axum::extract::DefaultBodyLimit::disable());
     std::thread::spawn(move || {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-        runtime.block_on(spf_guard::serve(listener, router, Access::at(address), stopped, Duration::ZERO)).unwrap();
+        runtime
+            .block_on(spf_guard::serve(listener, router, Access::at(address), stopped, Manner::plain(Duration::ZERO)))
+            .unwrap();
     });
     Served { address, _stop: stop }
 }

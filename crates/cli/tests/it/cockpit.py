@@ -2,84 +2,15 @@
 
 Arguments: the program, and optionally a folder for pictures of every state.
 """
-import json
 import os
 import pathlib
 import re
 import signal
-import subprocess
-import sys
-import threading
 import time
 
-from axe_playwright_python.sync_playwright import Axe
+from cockpit_flights import clicks, tello
+from cockpit_lab import ACROSS, LAPTOP, PHONE, Program, accessible, complain, page_of, phase, shot, wait
 from playwright.sync_api import expect, sync_playwright
-
-SPF = sys.argv[1]
-SHOTS = pathlib.Path(sys.argv[2]) if len(sys.argv) > 2 else None
-LAPTOP, PHONE, ACROSS = {"width": 1280, "height": 800}, {"width": 390, "height": 844}, {"width": 844, "height": 390}
-
-
-class Program:
-    """A running `spf`, its lines, and the address that it prints."""
-
-    def __init__(self, *args):
-        self.process = subprocess.Popen([SPF, *args], stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, stdin=subprocess.DEVNULL, text=True)
-        self.lines = []
-        threading.Thread(target=self.read, daemon=True).start()
-        self.url = wait(lambda: next((m[1] for m in (re.search(r"open (http://\S+)", line) for line in self.lines) if m), None), "an address")
-
-    def read(self):
-        for line in self.process.stderr:
-            self.lines.append(line.rstrip())
-
-    def end(self):
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-        return self.process.wait(timeout=30)
-
-
-def wait(what, name, seconds=20):
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        found = what()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"never: {name}")
-
-
-complaints = []
-
-
-def page_of(browser, size=LAPTOP, scheme="dark", **options):
-    page = browser.new_context(viewport=size, color_scheme=scheme, reduced_motion="reduce", **options).new_page()
-    page.on("console", lambda message: complaints.append(message.text) if message.type in ("error", "warning") else None)
-    page.on("pageerror", lambda error: complaints.append(str(error)))
-    return page
-
-
-def shot(page, name):
-    if SHOTS:
-        SHOTS.mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=SHOTS / f"{name}.png")
-
-
-def accessible(page, state):
-    results = Axe().run(page)
-    found = [(violation["id"], violation["nodes"][0]["html"]) for violation in results.response["violations"]]
-    assert not found, f"{state}: {found}"
-
-
-def phase(page, words, seconds=25):
-    expect(page.locator("#phase")).to_have_text(re.compile(words), timeout=1000 * seconds)
-
-
-def complain(state, allowed=""):
-    """No console error and no violation of the content security policy so far."""
-    found = [text for text in complaints if not (allowed and re.search(allowed, text))]
-    complaints.clear()
-    assert not found, f"{state}: {found}"
 
 
 def fly(browser):
@@ -105,6 +36,7 @@ def fly(browser):
     wait(lambda: page.locator("#list button").count() > 0, "a decision")
     wait(lambda: page.evaluate("document.getElementById('empty').hidden"), "a picture")
     shot(page, "laptop-dark-flying")
+    assert page.evaluate("document.getElementById('picture').dataset.format") == "film"
     took = sorted(sample(page) for _ in range(30))
     print(f"from a frame's arrival to its pixels: median {took[15]} ms, greatest {took[-1]} ms of 30")
     accessible(page, "flying")
@@ -136,6 +68,7 @@ def fly(browser):
     assert re.search(r"at \(0\.[0-3]", decided), decided
     shot(page, "laptop-dark-pointed")
 
+    avoid(page)
     spectate(browser, program, page)
     lose(program, page)
 
@@ -170,6 +103,34 @@ def fly(browser):
     assert program.end() == 5
     expect(page.locator("#alarm")).to_contain_text("ended")
     page.context.close()
+
+
+def avoid(page):
+    """Places to keep away from: drawn with the mouse, and with the keyboard; removed."""
+    box = page.locator("#picture").bounding_box()
+    at = lambda u, v: (box["x"] + u * box["width"], box["y"] + v * box["height"])
+    page.mouse.move(*at(0.35, 0.3))
+    page.mouse.down()
+    page.mouse.move(*at(0.5, 0.5), steps=4)
+    shot(page, "laptop-dark-drawing")
+    page.mouse.move(*at(0.6, 0.7), steps=4)
+    page.mouse.up()
+    remove = page.get_by_role("button", name="Remove place 1")
+    expect(remove).to_be_visible(timeout=5000)
+    page.get_by_role("button", name="Keep away from").click()
+    page.locator("#picture").focus()
+    page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("Enter")
+    page.keyboard.press("Shift+ArrowLeft")
+    page.keyboard.press("Shift+ArrowDown")
+    page.keyboard.press("Enter")
+    expect(page.get_by_role("button", name="Remove place 2")).to_be_visible(timeout=5000)
+    page.wait_for_timeout(300)
+    shot(page, "laptop-dark-marked")
+    accessible(page, "places marked")
+    for number in (1, 2):
+        page.get_by_role("button", name=f"Remove place {number}").click()
+    expect(page.locator("#marked")).to_be_hidden(timeout=5000)
 
 
 def sample(page):
@@ -273,9 +234,32 @@ def look(browser):
         page.wait_for_timeout(1200)
         at = page.evaluate("document.getElementById('film').currentTime")
         assert at > 1, f"the film is at {at} s"
+        page.get_by_role("button", name="Replay it").click()
+        expect(page.locator("#replayed")).to_contain_text("No difference", timeout=60000)
         shot(page, f"{name}-flight")
         accessible(page, "a flight")
         page.context.close()
+    # Deleted only by who has the key, and only if they are sure.
+    count = len(list(pathlib.Path("flights").iterdir()))
+    page = page_of(browser, LAPTOP, "dark")
+    page.goto(program.url.split("#")[0])
+    page.locator(".card").first.click()
+    expect(page.locator("#steps")).to_be_visible()
+    expect(page.locator("#delete")).to_be_hidden()
+    assert page.evaluate("fetch('/flight/' + location.hash.slice(1), { method: 'DELETE' }).then((answer) => answer.status)") == 403
+    complain("delete", "403")
+    page.goto(program.url)
+    page.reload()
+    page.locator(".card").first.click()
+    page.get_by_role("button", name="Delete this flight").click()
+    page.get_by_role("button", name="Keep it").click()
+    page.get_by_role("button", name="Delete this flight").click()
+    shot(page, "laptop-dark-delete")
+    accessible(page, "delete a flight")
+    page.get_by_role("button", name="Delete", exact=True).click()
+    expect(page.locator("#told")).to_contain_text("deleted")
+    assert len(list(pathlib.Path("flights").iterdir())) == count - 1
+    page.context.close()
     complain("flights")
     assert program.end() == 0
 
@@ -297,13 +281,52 @@ def strange(browser):
     program.end()
 
 
+def secure(browser):
+    """Outside of this machine: encrypted, and the same checks; JPEG where the browser has no decoder."""
+    program = Program("cockpit", "--cockpit=0.0.0.0:0", "--scene", "yard", "--vlm", "oracle:perfect")
+    assert any(re.fullmatch(r"\s*([0-9A-F]{2}:){31}[0-9A-F]{2}", line) for line in program.lines), program.lines
+    port = re.search(r":(\d+)/", program.url)[1]
+    here = program.url.replace(re.search(r"//([^/:]+)", program.url)[1], "127.0.0.1")
+    refused = browser.new_context().new_page()
+    try:
+        refused.goto(here)
+        raise AssertionError("nobody vouches for its certificate")
+    except Exception as error:
+        assert "ERR_CERT_AUTHORITY_INVALID" in str(error), error
+    page = page_of(browser, PHONE, "dark", ignore_https_errors=True, is_mobile=True, has_touch=True)
+    assert page.goto(f"https://rebound.example:{port}/").status == 403
+    complain("rebound", "403")
+    page.goto(here)
+    expect(page.locator("#role")).to_have_text("You fly")
+    assert page.evaluate("isSecureContext")
+    page.get_by_label("Instruction").fill("fly to the vending machine")
+    page.keyboard.press("Enter")
+    phase(page, "flying")
+    wait(lambda: page.evaluate("document.getElementById('picture').dataset.format") == "film", "a picture")
+    shot(page, "phone-dark-flying")
+    # A spectator's page whose browser cannot decode.
+    watch = next(m[1] for m in (re.search(r"To watch only: (\S+)", line) for line in program.lines) if m)
+    other = page_of(browser, ACROSS, "dark", ignore_https_errors=True)
+    other.add_init_script("delete globalThis.VideoDecoder")
+    other.goto(watch.replace(re.search(r"//([^/:]+)", watch)[1], "127.0.0.1"))
+    wait(lambda: other.evaluate("document.getElementById('picture').dataset.format") == "jpeg", "a JPEG")
+    shot(other, "phone-dark-across-watching")
+    page.locator("#land").tap()
+    phase(page, "landing", 3)
+    expect(page.locator("#ended")).to_be_visible(timeout=30000)
+    complain("encrypted")
+    program.end()
+    page.context.close()
+    other.context.close()
+
+
 with sync_playwright() as playwright:
     browser = playwright.chromium.launch(
         executable_path="/usr/bin/chromium",
         args=["--no-sandbox", "--host-resolver-rules=MAP rebound.example 127.0.0.1", "--autoplay-policy=no-user-gesture-required"],
     )
     only = os.environ.get("SPF_COCKPIT_ONLY", "").split()
-    for part in (fly, point, look, strange):
+    for part in (fly, point, tello, clicks, look, strange, secure):
         if not only or part.__name__ in only:
             began = time.monotonic()
             part(browser)

@@ -7,9 +7,8 @@ use std::process::Command;
 use crate::harness::{Lab, skip};
 use crate::python;
 
-#[test]
-#[ignore = "slow: a browser"]
-fn a_flight_is_watched_pointed_and_stopped_in_a_browser() {
+/// Runs parts of the script in a browser.
+fn in_a_browser(parts: &str) {
     if Command::new("chromium").arg("--version").output().is_err() {
         return skip("the cockpit in a browser (no chromium)");
     }
@@ -17,7 +16,7 @@ fn a_flight_is_watched_pointed_and_stopped_in_a_browser() {
     let lab = Lab::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/cockpit.py");
     let mut command = Command::new(python);
-    command.arg(script).arg(env!("CARGO_BIN_EXE_spf")).current_dir(lab.path("."));
+    command.arg("-B").arg(script).arg(env!("CARGO_BIN_EXE_spf")).current_dir(lab.path(".")).env("SPF_COCKPIT_ONLY", parts);
     // A folder for pictures of every state, to be looked at.
     if let Some(shots) = std::env::var_os("SPF_COCKPIT_SHOTS") {
         command.arg(shots);
@@ -25,6 +24,31 @@ fn a_flight_is_watched_pointed_and_stopped_in_a_browser() {
     let output = command.output().unwrap();
     let told = format!("{}\n{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{told}");
+    println!("{told}");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn a_flight_is_watched_pointed_and_stopped_in_a_browser() {
+    in_a_browser("fly point look strange");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn a_drone_over_sockets_is_flown_in_a_browser() {
+    in_a_browser("tello");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn a_whole_flight_is_flown_by_clicks_alone() {
+    in_a_browser("clicks");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn outside_of_this_machine_the_page_is_encrypted() {
+    in_a_browser("secure");
 }
 
 #[test]

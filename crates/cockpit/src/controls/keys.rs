@@ -28,6 +28,8 @@ pub(crate) enum Refused {
     Unknown,
     #[error("too many wrong tokens: try again in a minute")]
     TooMany,
+    #[error("as many pages as there is room for are watching already: try again later")]
+    Full,
     #[error("no random numbers from the operating system")]
     NoRandom,
 }
@@ -98,6 +100,17 @@ impl Keys {
             }
             None if !self.loopback => Err(Refused::NoToken),
             _ => Ok(None),
+        }
+    }
+
+    /// The session whose secret this is; `None` for the token that flies, on this machine.
+    pub(crate) fn bearer(&mut self, secret: &str, peer: IpAddr, now: Instant) -> Result<Option<u64>, Refused> {
+        if let Some((id, _)) = self.sessions.iter().find(|(_, known)| known.is(secret)) {
+            return Ok(Some(*id));
+        }
+        match self.token(secret, peer, now)? {
+            May::Fly if self.loopback => Ok(None),
+            _ => Err(Refused::NoToken),
         }
     }
 

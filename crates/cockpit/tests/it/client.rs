@@ -1,5 +1,6 @@
 //! A page without a browser.
 
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
@@ -10,9 +11,14 @@ use tungstenite::{Message, WebSocket};
 /// Maximum wait for anything.
 const PATIENCE: Duration = Duration::from_secs(20);
 
+/// A connection, encrypted or not.
+pub(crate) trait Line: Read + Write + Send {}
+
+impl<T: Read + Write + Send> Line for T {}
+
 /// One of a page's two sockets.
 pub(crate) struct Socket {
-    socket: WebSocket<TcpStream>,
+    socket: WebSocket<Box<dyn Line>>,
     orders: u64,
     shown: u64,
     /// Pictures seen: the head of each.
@@ -26,9 +32,14 @@ pub(crate) struct Socket {
 impl Socket {
     /// Connects to `/watch` or `/control`, and greets.
     pub(crate) fn open(address: SocketAddr, path: &str, hello: Value) -> Self {
-        let request = format!("ws://{address}{path}").into_client_request().unwrap();
         let stream = TcpStream::connect(address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
+        Self::over(Box::new(stream), address, path, hello)
+    }
+
+    /// The same over a connection that is open.
+    pub(crate) fn over(stream: Box<dyn Line>, address: SocketAddr, path: &str, hello: Value) -> Self {
+        let request = format!("ws://{address}{path}").into_client_request().unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
         let mut page = Self { socket, orders: 0, shown: 0, pictures: Vec::new(), alive: true, answered: Instant::now() };
         page.say(&json!({"hello": hello}));
@@ -68,7 +79,8 @@ impl Socket {
                 Message::Binary(bytes) => {
                     let length = u32::from_le_bytes(bytes[..4].try_into().unwrap()) as usize;
                     let head: Value = serde_json::from_slice(&bytes[4..4 + length]).unwrap();
-                    assert_eq!(&bytes[4 + length..6 + length], [0xff, 0xd8], "a JPEG");
+                    let start: &[u8] = if head.get("key").is_some() { &[0, 0, 0, 1] } else { &[0xff, 0xd8] };
+                    assert!(bytes[4 + length..].starts_with(start), "a JPEG, or an access unit: {head}");
                     self.pictures.push(head);
                     self.shown += 1;
                     if self.alive {

@@ -2,6 +2,11 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod client;
+mod encrypted;
 mod flight;
+mod harness;
+mod latency;
+#[path = "../../../cli/tests/it/python.rs"]
+mod python;
 mod strangers;
 mod viewers;

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 use spf_cockpit::Cockpit;
 
-use crate::client::Socket;
+use crate::client::{Line, Socket};
+use crate::encrypted;
 
 fn cockpit(address: &str) -> Cockpit {
     Cockpit::open(address.parse().unwrap(), None, Arc::new(|_| {})).unwrap()
@@ -15,11 +16,15 @@ fn cockpit(address: &str) -> Cockpit {
 
 /// The whole answer to a request with these headers.
 fn ask(address: SocketAddr, path: &str, headers: &str) -> String {
-    let mut stream = TcpStream::connect(address).unwrap();
+    told(TcpStream::connect(address).unwrap(), path, headers)
+}
+
+fn told(mut stream: impl Line, path: &str, headers: &str) -> String {
     write!(stream, "GET {path} HTTP/1.1\r\n{headers}\r\n\r\n").unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).unwrap();
-    answer
+    let mut answer = Vec::new();
+    // The end of a refused connection comes without a word.
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8(answer).unwrap()
 }
 
 #[test]
@@ -50,10 +55,22 @@ fn pages_of_other_sites_and_other_names_are_refused_before_anything_else() {
     assert!(!head.contains("unsafe") && !head.contains("access-control"), "{head}");
 }
 
+/// The address of a server of all addresses, as seen from here.
+fn here(cockpit: &Cockpit) -> SocketAddr {
+    SocketAddr::from(([127, 0, 0, 1], cockpit.address().port()))
+}
+
+fn opened(cockpit: &Cockpit, path: &str, hello: Value) -> Socket {
+    let address = here(cockpit);
+    match cockpit.fingerprint() {
+        Some(fingerprint) => Socket::over(Box::new(encrypted::connect(address, fingerprint)), address, path, hello),
+        None => Socket::open(address, path, hello),
+    }
+}
+
 /// The first message on the socket of the controls.
 fn greeted(cockpit: &Cockpit, hello: Value) -> (Socket, Value) {
-    let address = SocketAddr::from(([127, 0, 0, 1], cockpit.address().port()));
-    let mut socket = Socket::open(address, "/control", hello);
+    let mut socket = opened(cockpit, "/control", hello);
     let first = socket.wait("a greeting", |message| message["type"] == "welcome" || message["type"] == "refused");
     (socket, first)
 }
@@ -73,11 +90,74 @@ fn elsewhere_a_token_is_needed_and_works_once() {
     let (mut spectator, watching) = greeted(&cockpit, json!({"token": token(&watch)}));
     assert_eq!(watching["session"], Value::Null);
     assert_eq!(spectator.order(json!("land")).0["ok"], json!(false));
-    let address = SocketAddr::from(([127, 0, 0, 1], cockpit.address().port()));
-    let mut looks = Socket::open(address, "/watch", json!({}));
+    let mut looks = opened(&cockpit, "/watch", json!({}));
     assert_eq!(looks.next().unwrap()["type"], "refused");
-    let answer = ask(address, "/flights.json", &format!("Host: {address}"));
-    assert!(answer.starts_with("HTTP/1.1 403"), "{answer}");
+    let (address, fingerprint) = (here(&cockpit), cockpit.fingerprint().unwrap());
+    let answer = |path: &str, headers: &str| told(encrypted::connect(address, fingerprint), path, headers);
+    let refused = answer("/flights.json", &format!("Host: {address}"));
+    assert!(refused.starts_with("HTTP/1.1 403"), "{refused}");
+}
+
+#[test]
+fn elsewhere_everything_is_encrypted_and_the_checks_are_the_same() {
+    let cockpit = cockpit("0.0.0.0:0");
+    let (address, fingerprint) = (here(&cockpit), cockpit.fingerprint().unwrap());
+    let (fly, watch) = cockpit.urls();
+    assert!(fly.starts_with("https://") && watch.starts_with("https://") && fingerprint.len() == 95, "{fly} {fingerprint}");
+    let plain = ask(address, "/", &format!("Host: {address}"));
+    assert!(plain.starts_with("HTTP/1.1 400") && plain.contains("https://") && !plain.contains("<html"), "{plain}");
+    let answer = |headers: &str| told(encrypted::connect(address, fingerprint), "/control", headers);
+    let upgrade =
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==";
+    let port = address.port();
+    for head in [
+        format!("Host: {address}\r\nOrigin: https://evil.example"),
+        format!("Host: {address}\r\nOrigin: http://{address}"),
+        format!("Host: rebound.example:{port}\r\nOrigin: https://rebound.example:{port}"),
+    ] {
+        let refused = answer(&format!("{head}\r\n{upgrade}"));
+        assert!(refused.starts_with("HTTP/1.1 403"), "{head}: {refused}");
+    }
+    // Another certificate is noticed by who compares it.
+    let other = Cockpit::open("0.0.0.0:0".parse().unwrap(), None, Arc::new(|_| {})).unwrap();
+    let mut stream = encrypted::connect(here(&other), fingerprint);
+    assert!(stream.write_all(b"GET / HTTP/1.1\r\n\r\n").is_err());
+    // On this machine nothing is encrypted: nobody else can listen.
+    assert_eq!(self::cockpit("127.0.0.1:0").fingerprint(), None);
+}
+
+#[test]
+fn whoever_watches_or_says_nothing_leaves_room_for_the_pilot() {
+    let cockpit = cockpit("127.0.0.1:0");
+    let token = cockpit.urls().0.split_once('#').unwrap().1.to_owned();
+    // More than there are places: the oldest that have said nothing make room.
+    let upgrade =
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==";
+    let silent: Vec<TcpStream> = (0..80)
+        .map(|_| {
+            let mut stream = TcpStream::connect(cockpit.address()).unwrap();
+            write!(stream, "GET /watch HTTP/1.1\r\nHost: {}\r\n{upgrade}\r\n\r\n", cockpit.address()).unwrap();
+            stream.read_exact(&mut [0; 12]).unwrap();
+            stream
+        })
+        .collect();
+    let watching: Vec<(Socket, Socket)> = (0..20)
+        .map(|_| {
+            let (page, welcome) = greeted(&cockpit, json!({}));
+            assert_eq!(welcome["type"], "welcome");
+            let mut looks = opened(&cockpit, "/watch", json!({}));
+            assert_eq!(looks.next().unwrap()["type"], "path");
+            (page, looks)
+        })
+        .collect();
+    let (_page, refused) = greeted(&cockpit, json!({}));
+    assert!(refused["why"].as_str().unwrap().contains("watching already"), "{refused}");
+    assert_eq!(opened(&cockpit, "/watch", json!({})).next().unwrap()["type"], "refused");
+    let (mut page, welcome) = greeted(&cockpit, json!({"token": token}));
+    let mut looks = opened(&cockpit, "/watch", json!({"session": welcome["session"]}));
+    assert_eq!(looks.next().unwrap()["type"], "path");
+    assert_eq!(page.order(json!("hold")).0["text"], "no flight is under way");
+    drop((silent, watching));
 }
 
 #[test]

@@ -1,12 +1,15 @@
 //! Where a box of an image is in the world, and in later images.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::camera::Camera;
 use crate::geometry::{EnuPosition, Pose};
 use crate::lift::{CameraDisplacement, Lifting, lift, lower, range_of_label};
 use crate::query::{ImageBox, ImagePoint};
 
 /// A box of an image as a flat panel in the world, at the range of its depth label.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Sighting {
     corners: [EnuPosition; 4],
     middle: EnuPosition,
@@ -28,6 +31,12 @@ impl Sighting {
             corners: [at(left, top), at(left, bottom), at(right, bottom), at(right, top)],
             middle: at(0.5 * (left + right), 0.5 * (top + bottom)),
         }
+    }
+
+    /// Its corners: top left, bottom left, bottom right, top right.
+    #[must_use]
+    pub fn corners(&self) -> [EnuPosition; 4] {
+        self.corners
     }
 
     /// Its middle.

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 
 use super::brake_limits::BrakeLimits;
 use super::reach::Braking;
+use crate::avoid::KeepOut;
 use crate::camera::Camera;
 use crate::depth::{CameraAxes, DepthGrid};
 use crate::geometry::{EnuPosition, EnuVelocity, Pose};
@@ -221,6 +222,28 @@ impl Brake {
         }
         (most / speed).clamp(0.0, 1.0)
     }
+}
+
+/// The fraction of a motion that is allowed before places marked by the operator, 0..=1. Within the margin of one the craft may
+/// still fly away from it.
+pub(super) fn allowed_before(places: &[KeepOut], motion: &Motion) -> f64 {
+    let speed = motion.velocity.speed();
+    if speed <= 0.0 || places.is_empty() {
+        return 1.0;
+    }
+    let within = |turn| motion.braking.speed_within(room_before(places, motion, turn));
+    let most = motion.turns.into_iter().map(within).fold(speed, f64::min);
+    (most / speed).clamp(0.0, 1.0)
+}
+
+/// Length of a straight path up to the nearest marked place, metres, less the body's radius.
+pub(super) fn room_before(places: &[KeepOut], motion: &Motion, turn: f64) -> f64 {
+    if motion.velocity.speed() <= 0.0 {
+        return f64::INFINITY;
+    }
+    let (along, beside) = (direction(motion.velocity, turn), motion.radius + BESIDE);
+    let distances = places.iter().map(|place| place.distance(motion.from, along, beside));
+    distances.fold(f64::INFINITY, f64::min) - beside
 }
 
 /// Where in the image, from its top, the ground is looked for.

@@ -2,7 +2,7 @@
 
 use super::reach::{self, Situation};
 use super::watch::Control;
-use super::{Cause, Cleared, ClearedCommand, Envelope, Reaction};
+use super::{Cause, Cleared, ClearedCommand, Envelope, Reaction, brake};
 use crate::command::{Command, Manoeuvre, Setpoint};
 use crate::geometry::BodyDisplacement;
 use crate::time::{Time, duration_from_secs};
@@ -61,11 +61,18 @@ impl Envelope {
 
     /// The part of a straight path that the brake allows, and the maximum speed along it.
     fn braked_path(&self, now: Time, way: BodyDisplacement) -> (BodyDisplacement, Option<Cause>, f64) {
-        let Some(limits) = &self.limits.brake else { return (way, None, f64::INFINITY) };
+        if self.limits.brake.is_none() && self.kept_out.is_empty() {
+            return (way, None, f64::INFINITY);
+        }
         let asked = Setpoint { right: way.right, forward: way.forward, up: way.up, yaw_rate: 0.0 };
-        let (room, blind) =
-            self.motion_of(now, asked, [0.0; 3]).map_or((0.0, true), |motion| self.brake.way(now, limits, &motion));
-        let most = limits.blind_speed.filter(|_| blind).unwrap_or(f64::INFINITY);
+        let motion = self.motion_of(now, asked, [0.0; 3]);
+        let (room, blind) = match (&motion, &self.limits.brake) {
+            (None, _) => (0.0, true),
+            (Some(motion), Some(limits)) => self.brake.way(now, limits, motion),
+            (Some(_), None) => (f64::INFINITY, false),
+        };
+        let room = motion.map_or(room, |motion| room.min(brake::room_before(&self.kept_out, &motion, 0.0).max(0.0)));
+        let most = self.limits.brake.and_then(|limits| limits.blind_speed).filter(|_| blind).unwrap_or(f64::INFINITY);
         let (length, within) = (way.length(), room / (1.0 + reach::DISTANCE_ERROR));
         if length <= within {
             return (way, None, most);

@@ -31,6 +31,7 @@ use self::height::HeightCheck;
 use self::person::Person;
 use self::reach::{Braking, Situation};
 use self::watch::{Control, Found, Watch};
+use crate::avoid::KeepOut;
 use crate::command::{Command, Setpoint};
 use crate::craft::Craft;
 use crate::depth::DepthGrid;
@@ -111,6 +112,8 @@ pub struct Envelope {
     estimate: Estimate,
     watch: Watch,
     brake: Brake,
+    /// Places marked by the operator.
+    kept_out: Vec<KeepOut>,
     person: Person,
     height_check: HeightCheck,
     /// Latest time passed in.
@@ -136,6 +139,7 @@ impl Envelope {
             estimate: Estimate::default(),
             watch: Watch::default(),
             brake: Brake::default(),
+            kept_out: Vec::new(),
             person: Person::default(),
             height_check: HeightCheck::default(),
             now: Time::ZERO,
@@ -231,6 +235,11 @@ impl Envelope {
         if self.limits.brake.is_some() {
             self.brake.remember(places);
         }
+    }
+
+    /// Takes the places that the operator has marked, instead of those before: the pilot's setpoints do not cross them.
+    pub fn keep_out(&mut self, places: &[KeepOut]) {
+        self.kept_out = places.to_vec();
     }
 
     /// Takes the place of something that the craft flies at, according to the motion estimate: it counts for half a second.
@@ -506,8 +515,12 @@ impl Envelope {
 
     /// The fraction of a setpoint that the brake allows.
     fn braked(&self, now: Time, setpoint: Setpoint) -> f64 {
-        let Some(limits) = &self.limits.brake else { return 1.0 };
-        self.motion_of(now, setpoint, self.turns(setpoint)).map_or(0.0, |motion| self.brake.allowed(now, limits, &motion))
+        if self.limits.brake.is_none() && self.kept_out.is_empty() {
+            return 1.0;
+        }
+        let Some(motion) = self.motion_of(now, setpoint, self.turns(setpoint)) else { return 0.0 };
+        let known = self.limits.brake.as_ref().map_or(1.0, |limits| self.brake.allowed(now, limits, &motion));
+        known.min(brake::allowed_before(&self.kept_out, &motion))
     }
 
     /// Turns between now and the end of a setpoint's validity, radians.

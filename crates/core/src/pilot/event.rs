@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::anchor::{AnchorView, Gate};
+use crate::avoid::KeepOut;
 use crate::command::{Command, Setpoint};
 use crate::depth::DepthGrid;
 use crate::envelope::{Cause, Cleared};
@@ -83,6 +84,8 @@ pub enum OperatorEvent {
     Setpoint(Setpoint),
     /// Replace the instruction.
     Instruction(String),
+    /// Places to keep out of, instead of those before: no motion but manual flight leads through them.
+    KeepOut(Vec<KeepOut>),
     /// End the flight: land here.
     Land,
     /// Cut the motors now; the craft falls. Flight logs of format 1 may contain it as `stop`.

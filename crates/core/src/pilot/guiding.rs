@@ -11,7 +11,7 @@ use super::unseen::may_overhang;
 use super::view_height::correction;
 use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
-use crate::avoid::is_person;
+use crate::avoid::{KeepOut, is_person};
 use crate::depth::DepthGrid;
 use crate::estimator::MotionEstimate;
 use crate::executor::{Goal, Motion};
@@ -168,6 +168,13 @@ impl Guiding {
         Self { map: map.then(ObstacleMap::new), ..Self::default() }
     }
 
+    /// Counts cells as occupied, which the operator has marked.
+    pub(super) fn mark(&mut self, cells: impl Iterator<Item = Cell>) {
+        if let Some(map) = &mut self.map {
+            cells.for_each(|cell| map.mark(cell));
+        }
+    }
+
     /// Ends the course, keeping what is known.
     pub(super) fn end(&mut self) {
         self.course = None;
@@ -237,6 +244,12 @@ impl Pilot {
 
     pub(super) fn is_guided(&self) -> bool {
         self.settings.think == QueryTiming::Continuous && self.settings.motion == Motion::Blended
+    }
+
+    /// The places that the operator has marked.
+    #[must_use]
+    pub fn kept_out(&self) -> &[KeepOut] {
+        &self.kept_out
     }
 
     /// The obstacle map, if it is on. For recording.

@@ -36,6 +36,7 @@ pub use settings::{AskWhen, AtEnd, PilotSettings, Preset, QueryTiming};
 
 use std::collections::{BTreeMap, VecDeque};
 
+use crate::avoid::KeepOut;
 use crate::camera::Camera;
 use crate::command::Setpoint;
 use crate::craft::Craft;
@@ -119,6 +120,9 @@ pub struct Pilot {
     /// Time since which the camera alone has been delaying take-off.
     ready_since: Option<Time>,
     hold_after_take_off: bool,
+    /// Places that the operator has marked, and when they were last entered into the map.
+    kept_out: Vec<KeepOut>,
+    marked_at: Option<Time>,
     first_motion: Option<Time>,
     next_tick: Time,
     /// Since when a limit has left nothing of the requested motion.
@@ -200,6 +204,8 @@ impl Pilot {
             taken_over: None,
             ready_since: None,
             hold_after_take_off: false,
+            kept_out: Vec::new(),
+            marked_at: None,
             first_motion: None,
             next_tick: Time::ZERO,
             kept_since: None,

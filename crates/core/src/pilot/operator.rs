@@ -1,7 +1,9 @@
 //! Operator inputs: taking over at any time, and the effect of each input in each phase.
 
 use super::{Note, OperatorEvent, Outcome, Phase, Pilot};
+use crate::avoid::{KeepOut, MARKED_MOST};
 use crate::command::Command;
+use crate::obstacle_map::Cell;
 use crate::policy::PolicyEvent;
 use crate::time::{Duration, Time};
 
@@ -11,6 +13,9 @@ const MANUAL_VALIDITY: Duration = Duration::from_millis(400);
 /// Setpoints that follow each other within this time are those of one held key: longer than the delay after which a terminal
 /// begins to repeat it.
 const HELD_KEY: Duration = Duration::from_millis(700);
+
+/// How often marked places are entered into the obstacle map: within it they fade from certain to unknown in 17 s.
+const MARK_AGAIN: Duration = Duration::from_secs(1);
 
 impl Pilot {
     pub(super) fn operator(&mut self, now: Time, event: OperatorEvent) {
@@ -36,6 +41,7 @@ impl Pilot {
                 self.next_tick = now;
             }
             OperatorEvent::Instruction(text) => self.instruct(now, text),
+            OperatorEvent::KeepOut(places) => self.keep_out(now, places),
             OperatorEvent::Land if self.phase == Phase::Ground => {
                 self.end_before_take_off(now, Outcome::Aborted, "the operator ended the flight before take-off".to_owned());
             }
@@ -56,6 +62,7 @@ impl Pilot {
         match (self.phase, event) {
             (Phase::Ended, CutMotors) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
             (Phase::Ended, _) => Some("the flight is over"),
+            (_, OperatorEvent::KeepOut(places)) => refused_places(places),
             (Phase::Landing, Land) => Some("already landing"),
             (Phase::Landing | Phase::Returning, Hold | Resume | Setpoint(_) | Instruction(_)) => self.landing_is_final(),
             (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
@@ -88,6 +95,27 @@ impl Pilot {
         }
     }
 
+    /// Keeps out of these places from now on. The motion ends, for its way was not checked against them; the next decision leads
+    /// around them. Flight by hand goes on.
+    fn keep_out(&mut self, now: Time, places: Vec<KeepOut>) {
+        self.stop_motion(now);
+        self.policy.keep_out(&places);
+        self.envelope.keep_out(&places);
+        self.kept_out = places;
+        self.marked_at = None;
+        self.mark_kept_out(now);
+    }
+
+    /// Enters the places to keep out of into the map, in which everything fades.
+    pub(super) fn mark_kept_out(&mut self, now: Time) {
+        if self.kept_out.is_empty() || self.marked_at.is_some_and(|at| now.since(at) < MARK_AGAIN) {
+            return;
+        }
+        self.marked_at = Some(now);
+        let places = self.kept_out.iter().flat_map(KeepOut::points).map(Cell::of);
+        self.guiding.mark(places);
+    }
+
     fn instruct(&mut self, now: Time, text: String) {
         self.cancel_queries();
         self.stop_motion(now);
@@ -103,4 +131,10 @@ impl Pilot {
             self.resume(now);
         }
     }
+}
+
+/// Why places cannot be kept out of.
+fn refused_places(places: &[KeepOut]) -> Option<&'static str> {
+    let is_valid = places.len() <= MARKED_MOST && places.iter().all(KeepOut::is_valid);
+    (!is_valid).then_some("at most 16 places with finite coordinates can be marked")
 }

@@ -16,6 +16,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::avoid::Avoidance;
+use crate::avoid::KeepOut;
 use crate::camera::Camera;
 use crate::frame::FrameMeta;
 use crate::geometry::{BodyDisplacement, Pose};
@@ -193,6 +194,10 @@ pub trait Policy: Send {
 
     /// Handles an event and returns one step.
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step;
+
+    /// Takes the places that the operator has marked, instead of those before. Whatever a policy makes of them, the envelope
+    /// stops before them.
+    fn keep_out(&mut self, _places: &[KeepOut]) {}
 
     /// The interpretation of the last reply handled.
     fn reading(&self) -> Reading;

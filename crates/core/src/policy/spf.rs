@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::avoid::{BODY_MARGIN, ObstacleMemory, PathShape, Walkers};
+use crate::avoid::{BODY_MARGIN, KeepOut, ObstacleMemory, PathShape, Walkers};
 use crate::camera::Camera;
 use crate::craft::Craft;
 use crate::detection::{self, Detection, parse_detections};
@@ -13,7 +13,7 @@ use crate::policy::search::{OpenDirection, Search, SearchAction};
 use crate::policy::{Expected, FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::prompt::{PromptKind, PromptText};
-use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryId, QueryKind};
+use crate::query::{DepthAs, ImageBox, ImagePoint, Mark, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse_reply};
 use crate::step::StepRule;
 
@@ -149,6 +149,8 @@ pub struct Spf {
     guidance: Guidance,
     /// Replies in a row that did not show a target whose place is known.
     misses: u32,
+    /// Places marked by the operator.
+    kept_out: Vec<KeepOut>,
     /// Box of the target of the last answer, if it pointed at one.
     last_box: Option<LastBox>,
 }
@@ -202,6 +204,7 @@ impl Spf {
             guidance: Guidance::default(),
             misses: 0,
             last_box: None,
+            kept_out: Vec::new(),
         }
     }
 
@@ -233,6 +236,7 @@ impl Spf {
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
+        self.memory.kept_out = self.marked_in(view).into_iter().map(|place| place.area).collect();
         let OpenQuery { id, boxes, .. } = self.asking(view, QuerySubject::Point { confirming: self.confirming });
         self.history.fill(view, &mut self.memory);
         let kind = QueryKind::Point { avoid: boxes == Boxes::Reply, depth: self.settings.depth };
@@ -246,8 +250,14 @@ impl Spf {
             close_up: self.close_up(view),
             ..Query::new(id, view.frame.id, kind)
         };
+        query.marks = self.memory.kept_out.iter().map(|area| Mark::Box { area: *area, label: "keep away".to_owned() }).collect();
         query.prompt = self.prompt.write_point(&query, &self.settings.grounding);
         Step::Ask(Box::new(query))
+    }
+
+    /// The places marked by the operator, as obstacles of an image.
+    fn marked_in(&self, view: &View) -> Vec<ObstacleBox> {
+        self.kept_out.iter().filter_map(|place| place.in_view(&view.camera, view.pose)).collect()
     }
 
     /// The region of a small target that the last answer pointed at.
@@ -319,6 +329,9 @@ impl Spf {
         if has_boxes {
             self.open = OpenSpace::shown(&open_query.view, &reply);
         }
+        // Where the others do not count, before them, so that the numbers of those that do are the same.
+        let at = if self.checks_boxes() { reply.boxes.len() } else { 0 };
+        reply.boxes.splice(at..at, self.marked_in(&open_query.view));
         self.reading.reply = Some(reply.clone());
         self.history.answered(&open_query.view, &reply, self.memory.stage);
         let seen = reply.target_box.filter(|_| reply.status.leads_to_a_point());
@@ -464,6 +477,7 @@ impl Policy for Spf {
                 let (next_id, prompt, detector, guidance) = (self.next_id, self.prompt.clone(), self.detector, self.guidance);
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
                 let (obstacles, walkers) = (core::mem::take(&mut self.obstacles), core::mem::take(&mut self.walkers));
+                let kept_out = core::mem::take(&mut self.kept_out);
                 *self = Self {
                     instruction,
                     next_id,
@@ -473,6 +487,7 @@ impl Policy for Spf {
                     reported,
                     obstacles,
                     walkers,
+                    kept_out,
                     ..Self::new(self.settings)
                 };
                 Step::Look
@@ -505,6 +520,10 @@ impl Policy for Spf {
                 Step::Wait
             }
         }
+    }
+
+    fn keep_out(&mut self, places: &[KeepOut]) {
+        self.kept_out = places.to_vec();
     }
 
     fn reading(&self) -> Reading {

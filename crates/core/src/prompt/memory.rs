@@ -34,6 +34,12 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
         let side = if room.height < 0.0 && height > 0.0 { "below" } else { "above" };
         lines.push(format!("The drone is {height} m {side} where it took off. It can go {down} m lower and {up} m higher."));
     }
+    for area in &memory.kept_out {
+        let area = profile.area_numbers(*area).map(|number| number.to_string()).join(", ");
+        lines.push(format!(
+            "The operator has marked the place in the box [{area}]: the drone keeps away from it, and flies around."
+        ));
+    }
     if let Some(wrong) = &memory.refused {
         lines.push(format!("Your last answer could not be used: it {}.", one_line(wrong)));
     }

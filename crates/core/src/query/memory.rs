@@ -5,7 +5,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ImagePoint, Look};
+use super::{ImageBox, ImagePoint, Look};
 
 /// The history that a query carries.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -37,6 +37,9 @@ pub struct Memory {
     /// What was wrong with the answer before, if it could not be used: stated once, in words after "your last answer".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
+    /// Boxes of places to keep away from, marked by the operator, in the query's image.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kept_out: Vec<ImageBox>,
     /// The free height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub room: Option<VerticalRoom>,

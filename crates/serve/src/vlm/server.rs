@@ -95,7 +95,9 @@ impl Endpoint {
         let work = move || {
             runtime.block_on(async {
                 let access = Access::at(self.address);
-                let served = spf_guard::serve(self.listener, router(shared), access, stopped, Duration::ZERO).await;
+                let served =
+                    spf_guard::serve(self.listener, router(shared), access, stopped, spf_guard::Manner::plain(Duration::ZERO))
+                        .await;
                 if let Err(error) = served {
                     tracing::error!(%error, "the endpoint failed");
                 }

@@ -5,14 +5,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::Router;
+use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
-use axum::extract::{Request, State};
-use axum::http::HeaderValue;
-use axum::http::header::{self, HeaderName};
-use axum::middleware::{self, Next};
+use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{any, get};
-use spf_guard::Access;
+use spf_guard::{Access, Manner};
 use tokio::sync::{Semaphore, watch};
 
 use super::message::LONGEST;
@@ -20,10 +18,6 @@ use super::{InitialView, Library, session};
 
 /// Maximum wait for pages at shutdown, slightly longer than each of their closing handshakes.
 const SHUTDOWN_GRACE: Duration = session::SHUTDOWN_GRACE.saturating_add(Duration::from_millis(200));
-
-/// No external resources, no scripts but the page's own, and no embedding by other sites.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; \
-                      base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 /// Why the server could not start.
 #[derive(Debug, thiserror::Error)]
@@ -108,7 +102,8 @@ impl Viewer {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(ViewError::Server)?;
         let (access, stop) = (Access::at(self.address), self.stop.0.subscribe());
         // Pages are closed in their own tasks.
-        let served = runtime.block_on(spf_guard::serve(self.listener, router(shared), access, stop, SHUTDOWN_GRACE));
+        let served =
+            runtime.block_on(spf_guard::serve(self.listener, router(shared), access, stop, Manner::plain(SHUTDOWN_GRACE)));
         // The rendering threads end with their channels and need not be awaited.
         runtime.shutdown_background();
         served.map_err(ViewError::Server)
@@ -116,33 +111,16 @@ impl Viewer {
 }
 
 fn router(shared: Arc<Shared>) -> Router {
-    Router::new()
+    let router = Router::new()
         .route("/", get(async || file("text/html; charset=utf-8", include_str!("page/index.html"))))
         .route("/view.css", get(async || file("text/css; charset=utf-8", include_str!("page/view.css"))))
         .route("/view.js", get(async || file("text/javascript; charset=utf-8", include_str!("page/view.js"))))
-        .route("/socket", any(socket))
-        .layer(middleware::from_fn(headed))
-        .with_state(shared)
+        .route("/socket", any(socket));
+    spf_guard::with_headers(router).with_state(shared)
 }
 
 fn file(kind: &'static str, text: &'static str) -> Response {
     ([(header::CONTENT_TYPE, kind)], text).into_response()
-}
-
-/// Adds security headers to every response.
-async fn headed(request: Request, next: Next) -> Response {
-    let mut response = next.run(request).await;
-    let headers: [(HeaderName, &str); 5] = [
-        (header::CONTENT_SECURITY_POLICY, POLICY),
-        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
-        (header::X_FRAME_OPTIONS, "DENY"),
-        (header::REFERRER_POLICY, "no-referrer"),
-        (header::CACHE_CONTROL, "no-store"),
-    ];
-    for (name, value) in headers {
-        response.headers_mut().insert(name, HeaderValue::from_static(value));
-    }
-    response
 }
 
 async fn socket(State(shared): State<Arc<Shared>>, upgrade: WebSocketUpgrade) -> Response {

@@ -39,14 +39,19 @@ pub(crate) fn open(address: SocketAddr, flights: &Path, path: &str, printer: &Pr
     if path.is_empty() {
         printer.log(&format!("Cockpit: open {fly}"));
     } else {
-        printer.log(&format!("Flights: open {}{path}", watch.split('#').next().unwrap_or_default()));
+        // What follows the `#` gives the right to delete.
+        let (page, key) = fly.split_once('#').unwrap_or((&fly, ""));
+        printer.log(&format!("Flights: open {page}{path}#key={key}"));
     }
     if !cockpit.address().ip().is_loopback() {
         qr_code(&fly).iter().for_each(|line| printer.log(line));
         printer.log(&format!("To watch only: {watch}"));
-        printer.log(
-            "warning: the connection is not encrypted: use it in a network that only you use. The address to fly works once.",
-        );
+        printer.log("The address to fly works once.");
+    }
+    if let Some(fingerprint) = cockpit.fingerprint() {
+        printer
+            .log("The browser warns, because nobody vouches for the certificate: it was made a moment ago. Compare its SHA-256:");
+        printer.log(&format!("  {fingerprint}"));
     }
     Ok(cockpit)
 }

@@ -258,3 +258,23 @@ fn no_sequence_of_plans_touches_what_is_known() {
         }
     }
 }
+
+/// A place of the width of the image, 4.6 m ahead and at our height.
+fn marked() -> KeepOut {
+    let area = crate::query::ImageBox { left: 0.3, top: 0.3, right: 0.7, bottom: 0.7 };
+    KeepOut::new(1, &camera(), here(), area, 4).unwrap()
+}
+
+#[test]
+fn the_pilot_stops_before_a_place_that_the_operator_has_marked_without_a_brake_too() {
+    let mut rig = Rig::flying(Limits::default());
+    rig.envelope.keep_out(&[marked()]);
+    // The panel's plane is 4.64/1.12 m ahead: what is left in 3.7 m at 3 m/s²: 2.8 m/s.
+    let (is, cause) = rig.ask(ms(1000), forward(3.0));
+    assert!((2.4..2.95).contains(&is.forward) && cause == Some(Cause::Obstacle), "{is:?}");
+    assert_eq!(rig.ask(ms(1000), forward(-3.0)), (forward(-3.0), None));
+    assert_eq!(rig.ask(ms(1000), Setpoint { right: 3.0, ..Setpoint::HOLD }).1, None);
+    assert_eq!(rig.envelope.clear_manual(ms(1000), forward(3.0)).setpoint(), Some(forward(3.0)), "the operator flies by sight");
+    rig.envelope.keep_out(&[]);
+    assert_eq!(rig.ask(ms(1000), forward(3.0)), (forward(3.0), None));
+}

@@ -118,6 +118,7 @@ fn operator_events() -> impl Strategy<Value = OperatorEvent> {
         6 => Just(OperatorEvent::Resume),
         4 => setpoint,
         2 => Just(OperatorEvent::Instruction("fly to the tree".to_owned())),
+        1 => Just(OperatorEvent::KeepOut(Vec::new())),
         1 => Just(OperatorEvent::Land),
         1 => Just(OperatorEvent::CutMotors),
     ]
@@ -284,8 +285,8 @@ impl Chaos {
             }
             Event::Operator(OperatorEvent::Setpoint(_)) => (self.reason, self.hand) = (false, Some(self.now)),
             Event::Operator(OperatorEvent::Resume) => self.hand = None,
-            // Flown by hand, whatever the next instruction is.
-            Event::Operator(OperatorEvent::Instruction(_)) => self.reason = false,
+            // Flown by hand, whatever the next instruction is, and wherever it is not to fly by itself.
+            Event::Operator(OperatorEvent::Instruction(_) | OperatorEvent::KeepOut(_)) => self.reason = false,
             Event::Operator(_) => (self.reason, self.hand) = (false, None),
             Event::LinkLost => (self.reason, self.link) = (false, false),
             Event::LinkRestored => self.link = true,

@@ -212,3 +212,22 @@ fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
     // From the third slow answer on.
     assert_eq!(anchored(4.0), [false, false, true, true, true, true, true]);
 }
+
+#[test]
+fn a_place_that_the_operator_marks_in_flight_is_flown_around() {
+    use crate::avoid::KeepOut;
+    let goal = target(0.0, 26.0, 3.0);
+    for (anchored, mapped) in [(false, false), (true, true)] {
+        let mut flight = guided(anchored, mapped).fly(with_ball(goal, target(50.0, 0.0, 3.0), 1.5));
+        flight.until_moving();
+        // 12.9 m ahead in the middle of the image, 3 m wide.
+        let pose = flight.frames.last().unwrap().pose;
+        let area = ImageBox { left: 0.44, top: 0.3, right: 0.56, bottom: 0.7 };
+        let place = KeepOut::new(1, &Camera::quad(), pose, area, 6).unwrap();
+        flight.operator(OperatorEvent::KeepOut(vec![place]));
+        flight.end();
+        let least = place.points().map(|at| least_distance(&flight, at)).fold(f64::INFINITY, f64::min);
+        assert!(least > 0.3, "{anchored} {mapped}: {least}");
+        assert!(flight.frames.iter().any(|seen| seen.pose.position.north > 16.0), "{anchored} {mapped}: it gets past it");
+    }
+}

@@ -72,7 +72,7 @@ impl Spf {
     /// Where the boxes of a decision about a frame come from. A reply is not asked for them if the one before has shown that
     /// nothing is near.
     pub(super) fn boxes_for(&self, view: &View) -> Boxes {
-        let may_skip = !self.guidance.is_off() && !self.guidance.map;
+        let may_skip = !self.guidance.is_off() && !self.guidance.map && self.kept_out.is_empty();
         match (self.settings.avoid, self.detector) {
             (false, _) => Boxes::Off,
             (true, true) => Boxes::Detector,

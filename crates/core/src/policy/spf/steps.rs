@@ -2,7 +2,7 @@
 
 use super::detour::{DetourSide, TURNS_FIRST, TurnedFirst};
 use super::{Boxes, OpenQuery, Spf, is_elsewhere, search_with};
-use crate::avoid::{self, Avoidance, BODY_MARGIN, MIN_STEP, PlannedStep};
+use crate::avoid::{self, Avoidance, BODY_MARGIN, MARKED, MIN_STEP, PlannedStep};
 use crate::detection;
 use crate::lift;
 use crate::policy::{Goto, Move, Step, View};
@@ -29,6 +29,11 @@ impl Spf {
     /// Whether the planner alone keeps clear of obstacles.
     pub(super) fn is_mapped_by_sensor(&self) -> bool {
         self.guidance.map && self.guidance.sensor
+    }
+
+    /// Whether steps are checked against the boxes of replies.
+    pub(super) fn checks_boxes(&self) -> bool {
+        self.settings.avoid && !self.is_mapped_by_sensor()
     }
 
     /// Distance to keep free around the body, metres.
@@ -93,18 +98,19 @@ impl Spf {
             let Some(open) = self.open_step(&view, reply, point, step) else { return self.needs_boxes() };
             step = open;
             free = self.open_step(&view, reply, point, 0.5 * lift::range_of_label(label)).map(|longer| longer.max(step));
-        } else if self.settings.avoid && !self.is_mapped_by_sensor() {
+        } else if self.checks_boxes() || !self.kept_out.is_empty() {
+            // What the operator has marked counts in any case.
+            let counts = |obstacle: &&ObstacleBox| self.checks_boxes() || obstacle.name == MARKED;
+            let boxes: Vec<ObstacleBox> = reply.boxes.iter().filter(counts).cloned().collect();
             let plan = self.plan_to(&view, point, step);
             let clearance = self.clearance();
-            let unranged = if self.lists() { detection::unranged(&self.detections, &view.camera) } else { Vec::new() };
-            let outcome = avoid::avoid_with_guessed_ranges(
-                &plan,
-                clearance,
-                &reply.boxes,
-                &unranged,
-                reply.target.as_deref(),
-                self.detour.keep,
-            );
+            let unranged = if self.lists() && self.checks_boxes() {
+                detection::unranged(&self.detections, &view.camera)
+            } else {
+                Vec::new()
+            };
+            let outcome =
+                avoid::avoid_with_guessed_ranges(&plan, clearance, &boxes, &unranged, reply.target.as_deref(), self.detour.keep);
             self.reading.avoidance = Some(outcome);
             match outcome {
                 Avoidance::Clear => {
@@ -112,7 +118,7 @@ impl Spf {
                     self.aside.clear();
                     self.detour.clear();
                     if self.guidance.keeps_anchor() || follows {
-                        free = Some(longest_clear(&plan, clearance, &reply.boxes, &unranged, reply.target.as_deref(), label));
+                        free = Some(longest_clear(&plan, clearance, &boxes, &unranged, reply.target.as_deref(), label));
                     }
                 }
                 Avoidance::Shifted { point, .. } => {

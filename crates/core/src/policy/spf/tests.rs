@@ -409,3 +409,32 @@ fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_awa
     // A craft that holds while it asks has nothing to fly on with.
     assert_eq!(steps(Guidance::default(), "[490,490,510,510]"), [false; 3]);
 }
+
+#[test]
+fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
+    let view = view(1);
+    let area = ImageBox { left: 0.42, top: 0.3, right: 0.58, bottom: 0.7 };
+    let place = KeepOut::new(3, &view.camera, view.pose, area, 4).unwrap();
+    let answer = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane"}"#;
+    let waypoint = |marked: bool| {
+        let mut spf = Spf::new(settings(false));
+        spf.handle(PolicyEvent::Instruction("fly to the crane"));
+        spf.keep_out(if marked { core::slice::from_ref(&place) } else { &[] });
+        let (query, _) = told_from(&mut spf, &view, answer);
+        assert_eq!(
+            query.prompt.contains("The operator has marked the place in the box [300, 420, 700, 580]"),
+            marked,
+            "{}",
+            query.prompt
+        );
+        assert_eq!(query.marks.len(), usize::from(marked));
+        spf.reading().waypoint.unwrap()
+    };
+    assert!((waypoint(false).u - 0.5).abs() < 0.01);
+    assert!((waypoint(true).u - 0.5).abs() > 0.1, "{:?}", waypoint(true));
+    // A new instruction does not unmark it.
+    let mut spf = Spf::new(settings(true));
+    spf.keep_out(&[place]);
+    spf.handle(PolicyEvent::Instruction("fly to the crane"));
+    assert_eq!(told_from(&mut spf, &view, answer).0.marks.len(), 1);
+}
