@@ -49,6 +49,7 @@ CAMERA_FAULTS = {
     "30 % of packets lost": (0.3, 1, 0.0),
     "key frames 5 s apart": (0.0, 5, 0.0),
     "key frames 5 s apart, 5 % lost": (0.05, 5, 0.0),
+    "5 % of packets lost, key frames 0.2 s apart": (0.05, 0.2, 0.0),
     "1 s in 5 without packets, then a burst": (0.0, 1, 1.0),
 }
 RTP = 5600
@@ -209,6 +210,7 @@ def main():
     parser.add_argument("--only", type=lambda text: [int(number) for number in text.split(",")])
     parser.add_argument("--faults", action="store_true")
     parser.add_argument("--camera-faults", action="store_true")
+    parser.add_argument("--fault", choices=sorted(CAMERA_FAULTS), help="this fault of a camera alone")
     parser.add_argument("--camera", choices=["rtsp", "rtsp+udp"])
     ours = sys.argv[1:]
     end = ours.index("--") if "--" in ours else len(ours)
@@ -226,6 +228,8 @@ def main():
     if given.camera_faults:
         print("| fault | client | frames too old to fly by | server's truth | client's video | load |\n|---|---|---|---|---|---|")
         for number, fault in enumerate(CAMERA_FAULTS):
+            if given.fault and fault != given.fault:
+                continue
             flown, truth, _, seen, stale, _ = fly(given, texts[(given.only or [1])[0] - 1], number, fault)
             client = f"{flown['outcome']}: {flown['cause']}, {flown['decisions']} dec."
             cells = [fault, client, str(stale), verdict(truth), seen.removeprefix("video: "), f"{os.getloadavg()[0]:.1f}"]

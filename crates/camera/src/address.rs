@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use percent_encoding::percent_decode_str;
+use spf_drone::tello::driver::command_port;
 
 /// The forms of a camera's address, for help texts and errors.
 pub const FORMS: &[&str] = &[
@@ -16,11 +17,20 @@ pub const FORMS: &[&str] = &[
     "udp-rtp://[HOST]:PORT",
     "udp-ts://[HOST]:PORT",
     "http://HOST/PATH",
+    "v4l2:/dev/videoN",
     "file:VIDEO",
+    "tello[@ADDRESS]",
+    "gstreamer:PIPELINE",
 ];
+
+/// What follows the name of a video that is played again and again.
+const REPEATED: &str = "?loop=true";
 
 /// Longest address, bytes.
 const LONGEST: usize = 2048;
+/// Longest side of the images of a local camera, pixels, and its most images per second.
+const SIDE: u32 = 8192;
+const RATE: u32 = 240;
 
 /// Where a camera is found.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,8 +48,40 @@ pub enum CameraUrl {
     UdpTs(SocketAddr),
     /// A server that sends JPEG images in one endless HTTP response.
     Mjpeg(Server),
+    /// A camera of this machine, by Video4Linux.
+    V4l2(LocalCamera),
     /// A video file, played in real time.
-    File(PathBuf),
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Whether it begins again after its end.
+        repeats: bool,
+    },
+    /// The video of a DJI/Ryze Tello, whose command port this is.
+    Tello(SocketAddr),
+    /// What a pipeline of GStreamer gives.
+    Gstreamer(Pipeline),
+}
+
+/// A camera of this machine.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LocalCamera {
+    /// Its device file, such as `/dev/video0`.
+    pub path: PathBuf,
+    /// Width and height of its images, pixels, unless any will do.
+    pub size: Option<(u32, u32)>,
+    /// Images per second, unless any number will do.
+    pub rate: Option<u32>,
+}
+
+/// A pipeline of GStreamer, in the language of `gst-launch-1.0`. It is not printed, since it may contain passwords.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Pipeline(pub String);
+
+impl fmt::Debug for Pipeline {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Pipeline(…)")
+    }
 }
 
 /// Transport of the RTP packets of an RTSP stream.
@@ -75,8 +117,18 @@ impl CameraUrl {
     pub fn credentials_mut(&mut self) -> Option<&mut Credentials> {
         match self {
             Self::Rtsp { server, .. } | Self::Mjpeg(server) => server.credentials.as_mut(),
-            Self::UdpRtp(_) | Self::UdpTs(_) | Self::File(_) => None,
+            Self::UdpRtp(_) | Self::UdpTs(_) | Self::V4l2(_) | Self::File { .. } | Self::Tello(_) | Self::Gstreamer(_) => None,
         }
+    }
+
+    /// Whether a text has the form of a camera's address, valid or not, so that it is not the name of a file.
+    #[must_use]
+    pub fn is_one(text: &str) -> bool {
+        let schemes = ["file:", "v4l2:", "gstreamer:"];
+        text.contains("://")
+            || schemes.iter().any(|scheme| text.starts_with(scheme))
+            || text == "tello"
+            || text.starts_with("tello@")
     }
 }
 
@@ -127,7 +179,15 @@ impl fmt::Display for CameraUrl {
             }
             Self::UdpRtp(address) => write!(f, "udp-rtp://{address}"),
             Self::UdpTs(address) => write!(f, "udp-ts://{address}"),
-            Self::File(path) => write!(f, "file:{}", path.display()),
+            Self::V4l2(LocalCamera { path, size, rate }) => {
+                write!(f, "v4l2:{}", path.display())?;
+                let size = size.map(|(width, height)| format!("size={width}x{height}"));
+                let wanted: Vec<String> = size.into_iter().chain(rate.map(|rate| format!("fps={rate}"))).collect();
+                if wanted.is_empty() { Ok(()) } else { write!(f, "?{}", wanted.join("&")) }
+            }
+            Self::File { path, repeats } => write!(f, "file:{}{}", path.display(), if *repeats { REPEATED } else { "" }),
+            Self::Tello(address) => write!(f, "tello@{address}"),
+            Self::Gstreamer(_) => f.write_str("gstreamer:…"),
         }
     }
 }
@@ -157,6 +217,21 @@ pub enum AddressError {
     /// A file without a name.
     #[error("the name of the file is missing: file:VIDEO")]
     NoFile,
+    /// A local camera without a device file.
+    #[error("the device is missing: for example v4l2:/dev/video0 (`ls /dev/video*` lists them)")]
+    NoDevice,
+    /// What may follow the device file of a local camera.
+    #[error("after the device only the size and the rate may follow: v4l2:/dev/video0?size=1280x720&fps=30")]
+    Mode,
+    /// What may follow the name of a file.
+    #[error("after the name of the file only ?loop=true may follow")]
+    Repeats,
+    /// The address of a Tello.
+    #[error("the address of a Tello is an IP address: tello@192.168.10.1")]
+    NoTello,
+    /// An empty pipeline.
+    #[error("the pipeline is missing: for example gstreamer:videotestsrc")]
+    NoPipeline,
     /// Spaces and control characters.
     #[error("an address contains no spaces and no control characters: write them as %20 and so on")]
     Character,
@@ -181,7 +256,21 @@ impl FromStr for CameraUrl {
         }
         // A file's name may contain anything.
         if let Some(path) = text.strip_prefix("file:") {
-            return if path.is_empty() { Err(AddressError::NoFile) } else { Ok(Self::File(PathBuf::from(path))) };
+            return file(path);
+        }
+        if let Some(rest) = text.strip_prefix("v4l2:") {
+            return local(rest).map(Self::V4l2);
+        }
+        if let Some(pipeline) = text.strip_prefix("gstreamer:") {
+            let pipeline = pipeline.trim();
+            return if pipeline.is_empty() {
+                Err(AddressError::NoPipeline)
+            } else {
+                Ok(Self::Gstreamer(Pipeline(pipeline.to_owned())))
+            };
+        }
+        if text == "tello" || text.starts_with("tello@") {
+            return command_port(text).map(Self::Tello).ok_or(AddressError::NoTello);
         }
         let (scheme, rest) = text.split_once("://").ok_or(AddressError::Scheme)?;
         if rest.chars().any(|letter| letter.is_whitespace() || letter.is_control()) {
@@ -198,6 +287,45 @@ impl FromStr for CameraUrl {
             _ => Err(AddressError::Scheme),
         }
     }
+}
+
+/// `VIDEO[?loop=true]`.
+fn file(text: &str) -> Result<CameraUrl, AddressError> {
+    let (path, repeats) = match text.rsplit_once("?loop=") {
+        Some((path, "true")) => (path, true),
+        Some((path, "false")) => (path, false),
+        Some(_) => return Err(AddressError::Repeats),
+        None => (text, false),
+    };
+    if path.is_empty() { Err(AddressError::NoFile) } else { Ok(CameraUrl::File { path: PathBuf::from(path), repeats }) }
+}
+
+/// `DEVICE[?size=WIDTHxHEIGHT&fps=RATE]`.
+fn local(text: &str) -> Result<LocalCamera, AddressError> {
+    let (path, query) = text.split_once('?').unwrap_or((text, ""));
+    // `v4l2:///dev/video0` is spelled like an address of the web.
+    let path = path.strip_prefix("//").filter(|path| path.starts_with('/')).unwrap_or(path);
+    if path.is_empty() {
+        return Err(AddressError::NoDevice);
+    }
+    let mut camera = LocalCamera { path: PathBuf::from(path), size: None, rate: None };
+    for part in query.split('&').filter(|part| !part.is_empty()) {
+        match part.split_once('=') {
+            Some(("size", value)) if camera.size.is_none() => {
+                let (width, height) = value.split_once('x').ok_or(AddressError::Mode)?;
+                camera.size = Some((number(width, SIDE)?, number(height, SIDE)?));
+            }
+            Some(("fps", value)) if camera.rate.is_none() => camera.rate = Some(number(value, RATE)?),
+            _ => return Err(AddressError::Mode),
+        }
+    }
+    Ok(camera)
+}
+
+/// A number from 1 to `most`.
+fn number(text: &str, most: u32) -> Result<u32, AddressError> {
+    let digits = text.bytes().all(|byte| byte.is_ascii_digit());
+    text.parse().ok().filter(|number| digits && (1..=most).contains(number)).ok_or(AddressError::Mode)
 }
 
 /// `[HOST]:PORT` of a UDP stream.
@@ -258,92 +386,4 @@ fn credentials(text: &str) -> Credentials {
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-
-    use super::*;
-
-    fn read(text: &str) -> Result<CameraUrl, AddressError> {
-        text.parse()
-    }
-
-    #[test]
-    fn addresses_are_read() {
-        let any = |port| SocketAddr::from(([0, 0, 0, 0], port));
-        assert_eq!(read("udp-rtp://:5600"), Ok(CameraUrl::UdpRtp(any(5600))));
-        assert_eq!(read("udp-ts://@:1234"), Ok(CameraUrl::UdpTs(any(1234))));
-        assert_eq!(read("udp-rtp://239.1.2.3:5600"), Ok(CameraUrl::UdpRtp("239.1.2.3:5600".parse().unwrap())));
-        assert_eq!(read("udp-ts://[::1]:9"), Ok(CameraUrl::UdpTs("[::1]:9".parse().unwrap())));
-        assert_eq!(read("file:my film.mp4"), Ok(CameraUrl::File("my film.mp4".into())));
-        let Ok(CameraUrl::Mjpeg(server)) = read("http://us%65r:pa%3Ass@w@cam.local:8080?channel=1") else { panic!() };
-        assert_eq!(server.url, "http://cam.local:8080/?channel=1");
-        let credentials = server.credentials.unwrap();
-        assert_eq!((credentials.user.as_str(), credentials.password.as_str()), ("user", "pa:ss@w"));
-        let Ok(CameraUrl::Rtsp { server, transport }) = read("rtsp+udp://a:b@10.0.0.2/live") else { panic!() };
-        assert_eq!(
-            (server.url.as_str(), server.credentials.is_some(), transport),
-            ("rtsp://10.0.0.2/live", true, Transport::Udp)
-        );
-        let Ok(CameraUrl::Mjpeg(server)) = read("https://[fe80::1]/mjpeg") else { panic!() };
-        assert_eq!((server.url.as_str(), server.credentials), ("https://[fe80::1]/mjpeg", None));
-    }
-
-    #[test]
-    fn wrong_addresses_are_refused() {
-        for (text, error) in [
-            ("", AddressError::Scheme),
-            ("192.168.1.64", AddressError::Scheme),
-            ("ftp://host/x", AddressError::Scheme),
-            ("rtsp://admin:2024#secret@192.168.1.64/s", AddressError::Reserved),
-            ("rtsp://admin:12/34@192.168.1.64/s", AddressError::Reserved),
-            ("http://admin?x@192.168.1.64/s", AddressError::Reserved),
-            ("http:///mjpeg", AddressError::NoHost),
-            ("http://user:password@/mjpeg", AddressError::NoHost),
-            ("http://host:port/", AddressError::Port),
-            ("http://host:+80/", AddressError::Port),
-            ("udp-rtp://:0", AddressError::Port),
-            ("udp-rtp://5600", AddressError::NoPort),
-            ("udp-rtp://[::1]", AddressError::NoPort),
-            ("udp-rtp://camera:5600", AddressError::NotIp),
-            ("udp-ts://:5600/stream", AddressError::Path),
-            ("file:", AddressError::NoFile),
-            ("http://host/a b", AddressError::Character),
-        ] {
-            assert_eq!(read(text), Err(error), "{text}");
-        }
-        assert_eq!(read(&format!("http://host/{}", "x".repeat(LONGEST))), Err(AddressError::Long));
-    }
-
-    proptest! {
-        #[test]
-        fn no_password_is_ever_printed(
-            scheme in "(http|https|rtsp|rtsp\\+udp|udp-rtp|ftp|)", user in "[a-z]{0,6}", secret in "[A-Z0-9]{8,12}",
-            host in "(cam|10\\.0\\.0\\.1|\\[::1\\]|)", tail in "(:80|:x|:0|)(/[a-z]{0,5}|/user=x_passWord=|)(\\?pwd=|)",
-        ) {
-            let query = if tail.ends_with('=') { secret.as_str() } else { "" };
-            match read(&format!("{scheme}://{user}:{secret}@{host}{tail}{query}")) {
-                Ok(url) => {
-                    prop_assert!(!url.to_string().contains(&secret), "{}", url);
-                    let shown = format!("{url:?}");
-                    prop_assert!(!shown.contains(&secret), "{}", shown);
-                }
-                Err(error) => {
-                    let shown = format!("{error} {error:?}");
-                    prop_assert!(!shown.contains(&secret), "{}", shown);
-                }
-            }
-        }
-
-        #[test]
-        fn any_text_is_read_or_refused(text in ".{0,60}", scheme in "(file:|udp-rtp://|http://|rtsp://|)") {
-            drop(read(&format!("{scheme}{text}")));
-        }
-
-        #[test]
-        fn what_is_printed_is_read_again(port in 1..u16::MAX, ts in any::<bool>()) {
-            let address = SocketAddr::from(([10, 0, 0, 1], port));
-            let url = if ts { CameraUrl::UdpTs(address) } else { CameraUrl::UdpRtp(address) };
-            prop_assert_eq!(read(&url.to_string()), Ok(url));
-        }
-    }
-}
+mod tests;

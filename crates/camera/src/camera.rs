@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use spf_core::time::Duration;
 use spf_drone::frames::FrameStore;
+use spf_drone::tello::TelloSettings;
 use spf_media::Rgb;
 
 use crate::address::CameraUrl;
@@ -35,6 +36,8 @@ pub struct CameraSettings {
     pub latency: Duration,
     /// Whether times of capture by the camera's own clock are used where it tells them.
     pub own_clock: bool,
+    /// Local address and ports for the video of a Tello.
+    pub tello: TelloSettings,
 }
 
 /// Latency that is assumed for a camera whose latency has not been measured: cameras with H.264 over a local network have
@@ -43,7 +46,7 @@ pub const USUAL_LATENCY: Duration = Duration::from_millis(200);
 
 impl Default for CameraSettings {
     fn default() -> Self {
-        Self { latency: USUAL_LATENCY, own_clock: true }
+        Self { latency: USUAL_LATENCY, own_clock: true, tello: TelloSettings::default() }
     }
 }
 
@@ -82,10 +85,10 @@ impl Camera {
         });
         let mut camera = Self { shared: shared.clone(), threads: Vec::new() };
         // A film is decoded by the thread that plays it.
-        if let CameraUrl::File(path) = url {
+        if let CameraUrl::File { path, repeats } = url {
             let feed = Feed::new(shared.clone(), settings.latency, settings.own_clock);
             camera.spawn("camera-file", move || {
-                let played = source::file::play(&path, &feed, &mut finish);
+                let played = source::file::play(&path, repeats, &feed, &mut finish);
                 match played {
                     Ok(()) => shared.report().state = CameraState::Ended,
                     Err(error) => feed.fail(&error),
@@ -96,7 +99,8 @@ impl Camera {
         let decoding = shared.clone();
         camera.spawn("camera-decode", move || decode(&decoding.inlet, &decoding.frames, &decoding.stopped, &mut finish))?;
         let feed = Feed::new(shared, settings.latency, settings.own_clock);
-        camera.spawn("camera-receive", move || receive(&url, feed))?;
+        let tello = settings.tello;
+        camera.spawn("camera-receive", move || receive(&url, &tello, feed))?;
         Ok(camera)
     }
 
@@ -140,12 +144,12 @@ impl Drop for Camera {
 pub struct StartError(#[from] std::io::Error);
 
 /// Receives until stopped; connects again after each failure.
-fn receive(url: &CameraUrl, mut feed: Feed) {
+fn receive(url: &CameraUrl, tello: &TelloSettings, mut feed: Feed) {
     let mut wait = FIRST_WAIT;
     while !feed.stopped() {
         feed.connect();
         let begun = Instant::now();
-        let error = match source::run(url, &mut feed) {
+        let error = match source::run(url, tello, &mut feed) {
             Ok(()) if feed.stopped() => return,
             Ok(()) => SourceError::Ended,
             Err(error) => error,

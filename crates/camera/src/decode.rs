@@ -9,6 +9,7 @@ use spf_media::h264::Decoder;
 use spf_media::{Rgb, resize};
 
 use crate::inlet::{Coded, Inlet, Received};
+use crate::yuyv;
 
 /// Maximum wait for images before checking whether to stop.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
@@ -27,6 +28,9 @@ pub(crate) fn decode(inlet: &Inlet, frames: &FrameStore, stopped: &AtomicBool, f
         for (index, Received { at, captured, coded }) in images.into_iter().enumerate() {
             let image = match coded {
                 Coded::Jpeg(bytes) => open(&bytes).map(Some).map_err(|_| ()),
+                Coded::Yuyv(bytes, size) => yuyv::decode(&bytes, size).map(Some).ok_or(()),
+                #[cfg(feature = "gstreamer")]
+                Coded::Rgb(bytes, (width, height)) => Rgb::from_raw(width, height, bytes).map(Some).map_err(|_| ()),
                 Coded::H264(unit) => h264(&mut decoder, &unit.annex_b, index == last),
             };
             match image {

@@ -38,6 +38,27 @@ pub(crate) enum SourceError {
     /// A file that cannot be read.
     #[error("cannot read the video: {0}")]
     File(std::io::Error),
+    /// A device of this machine.
+    #[error("{}: {why}", path.display())]
+    Device {
+        /// Its file.
+        path: std::path::PathBuf,
+        /// Why, and what to do.
+        why: String,
+        /// Whether it may pass by itself, such as when it is plugged in again.
+        passes: bool,
+    },
+    /// A Tello.
+    #[error("{0}")]
+    Tello(String),
+    /// A pipeline that cannot be built.
+    #[cfg(feature = "gstreamer")]
+    #[error("the pipeline cannot be used: {0}")]
+    Pipeline(String),
+    /// What this program, as it was built, cannot receive.
+    #[error("{0}")]
+    #[allow(dead_code, reason = "a program with GStreamer, on Linux, lacks nothing")]
+    Missing(&'static str),
     /// A file that cannot be decoded.
     #[error(transparent)]
     Film(#[from] FilmError),
@@ -46,6 +67,12 @@ pub(crate) enum SourceError {
 impl SourceError {
     /// Whether it does not pass by itself.
     pub(crate) fn needs_attention(&self) -> bool {
-        matches!(self, Self::Codec(_) | Self::NoImages(_) | Self::Refused | Self::File(_) | Self::Film(_))
+        match self {
+            Self::Codec(_) | Self::NoImages(_) | Self::Refused | Self::File(_) | Self::Film(_) | Self::Missing(_) => true,
+            #[cfg(feature = "gstreamer")]
+            Self::Pipeline(_) => true,
+            Self::Device { passes, .. } => !passes,
+            _ => false,
+        }
     }
 }

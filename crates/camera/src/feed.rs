@@ -98,6 +98,17 @@ impl Feed {
         self.put(at, stamp, age, Coded::Jpeg(jpeg));
     }
 
+    /// Takes an uncompressed image.
+    pub(crate) fn yuyv(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, image: Vec<u8>, size: (u32, u32)) {
+        self.put(at, stamp, age, Coded::Yuyv(image, size));
+    }
+
+    /// Takes pixels.
+    #[cfg(feature = "gstreamer")]
+    pub(crate) fn rgb(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, pixels: Vec<u8>, size: (u32, u32)) {
+        self.put(at, stamp, age, Coded::Rgb(pixels, size));
+    }
+
     fn put(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, coded: Coded) {
         let lost = self.video.gaps + self.video.skipped + self.video.damaged;
         let follows = std::mem::replace(&mut self.lost, lost) == lost;
@@ -106,6 +117,9 @@ impl Feed {
         let codec = match coded {
             Coded::H264(_) => "H.264",
             Coded::Jpeg(_) => "JPEG",
+            Coded::Yuyv(..) => "YUYV",
+            #[cfg(feature = "gstreamer")]
+            Coded::Rgb(..) => "raw",
         };
         self.shared.inlet.put(Received { at, captured, coded });
         let mut report = self.shared.report();

@@ -11,6 +11,9 @@ use spf_media::h264::Decoder;
 /// Maximum number of video samples examined: six hours at 60 frames per second.
 const MOST_SAMPLES: usize = 1_300_000;
 
+/// How long an image lasts, seconds, if no times say it: that of a bare stream.
+const USUAL_INTERVAL: f64 = 1.0 / 30.0;
+
 /// Why a video cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -67,6 +70,15 @@ impl Film {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.units.is_empty()
+    }
+
+    /// Time from the first image to the end of the last one, seconds; each image lasts as long as they do on average.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        let (Some((first, _)), Some((last, _))) = (self.units.first(), self.units.last()) else { return 0.0 };
+        let intervals = self.units.len().saturating_sub(1);
+        let interval = if intervals == 0 { 0.0 } else { (last - first) / intervals as f64 };
+        last - first + if interval > 0.0 { interval } else { USUAL_INTERVAL }
     }
 
     /// Decodes the frames in presentation order, one at a time, until `take` has enough.
@@ -136,7 +148,7 @@ fn bare(bytes: &[u8]) -> Vec<(f64, Vec<u8>)> {
         open.extend(nal);
     }
     units.push(open);
-    units.into_iter().take(MOST_SAMPLES).enumerate().map(|(number, unit)| (number as f64 / 30.0, unit)).collect()
+    units.into_iter().take(MOST_SAMPLES).enumerate().map(|(number, unit)| (number as f64 * USUAL_INTERVAL, unit)).collect()
 }
 
 fn video_track(moov: &Moov) -> Result<&Trak, FilmError> {

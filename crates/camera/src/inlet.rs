@@ -18,6 +18,11 @@ pub(crate) enum Coded {
     H264(AccessUnit),
     /// A JPEG file.
     Jpeg(Vec<u8>),
+    /// An uncompressed image of this width and height.
+    Yuyv(Vec<u8>, (u32, u32)),
+    /// Pixels of this width and height.
+    #[cfg(feature = "gstreamer")]
+    Rgb(Vec<u8>, (u32, u32)),
 }
 
 impl Coded {
@@ -25,14 +30,18 @@ impl Coded {
     fn is_key(&self) -> bool {
         match self {
             Self::H264(unit) => unit.key,
-            Self::Jpeg(_) => true,
+            Self::Jpeg(_) | Self::Yuyv(..) => true,
+            #[cfg(feature = "gstreamer")]
+            Self::Rgb(..) => true,
         }
     }
 
     fn length(&self) -> usize {
         match self {
             Self::H264(unit) => unit.annex_b.len(),
-            Self::Jpeg(bytes) => bytes.len(),
+            Self::Jpeg(bytes) | Self::Yuyv(bytes, _) => bytes.len(),
+            #[cfg(feature = "gstreamer")]
+            Self::Rgb(bytes, _) => bytes.len(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Cameras that are not part of a drone: an address, a receiver, the newest frame.
 //!
 //! [`CameraUrl`] parses an address, and [`Camera`] receives what it names. The parsers ([`rtp`], [`ts`], [`mjpeg`],
-//! [`film`]) do no I/O.
+//! [`yuyv`], [`film`]) do no I/O.
 
 pub mod address;
 pub mod calibration;
@@ -16,11 +16,13 @@ pub mod film;
 mod inlet;
 pub mod latency;
 pub mod mjpeg;
+pub mod modes;
 pub mod rtp;
 mod shared;
 mod source;
 pub mod ts;
 pub mod unit;
+pub mod yuyv;
 
 #[cfg(test)]
 mod testing;

@@ -117,6 +117,13 @@ fn ends_an_image(bytes: &[u8]) -> bool {
     bytes[bytes.len().saturating_sub(LONGEST_PADDING)..].trim_ascii_end().ends_with(&[0xff, 0xd9])
 }
 
+/// Whether a buffer that a camera filled has the end of its image, perhaps before zeros: if not, it was cut off.
+#[must_use]
+pub fn is_whole(buffer: &[u8]) -> bool {
+    let end = buffer.iter().rposition(|byte| *byte != 0).map_or(0, |last| last + 1);
+    buffer.starts_with(&[0xff, 0xd8]) && ends_an_image(&buffer[..end])
+}
+
 /// The value of a field in the last header of a text.
 fn field<'a>(text: &'a str, name: &str) -> Option<&'a str> {
     text.lines().rev().find_map(|line| {

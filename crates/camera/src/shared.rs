@@ -35,7 +35,7 @@ pub struct CameraReport {
     pub last_failure: Option<String>,
     /// Whether the failure does not pass by itself: a wrong password, a codec that cannot be decoded.
     pub needs_attention: bool,
-    /// Codec of the images: `H.264` or `JPEG`.
+    /// Codec of the images: `H.264`, `JPEG`, `YUYV`, or `raw` for pixels.
     pub codec: Option<&'static str>,
     /// How often it was connected.
     pub connections: u32,

@@ -1,26 +1,54 @@
 //! Where images come from. Each source receives until it is stopped or fails.
 
 pub(crate) mod file;
+#[cfg(feature = "gstreamer")]
+mod gstreamer;
 mod http;
 mod rtsp;
+mod tello;
 mod udp;
+// The library knows the kernel's structures as these processors lay them out.
+#[cfg(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64", target_arch = "riscv64")))]
+mod v4l2;
+#[cfg(not(all(target_os = "linux", any(target_arch = "x86_64", target_arch = "aarch64", target_arch = "riscv64"))))]
+mod v4l2 {
+    //! Elsewhere.
+
+    use crate::address::LocalCamera;
+    use crate::failure::SourceError;
+    use crate::feed::Feed;
+
+    pub(super) fn receive(_: &LocalCamera, _: &mut Feed) -> Result<(), SourceError> {
+        Err(SourceError::Missing(
+            "v4l2: cameras are read on Linux with 64 bits only; let ffmpeg or GStreamer send the camera (docs/guide/cameras.md)",
+        ))
+    }
+}
 
 use std::future::Future;
 use std::time::Duration;
+
+use spf_drone::tello::TelloSettings;
 
 use crate::address::CameraUrl;
 use crate::failure::SourceError;
 use crate::feed::Feed;
 
 /// Receives from a camera until it is stopped.
-pub(crate) fn run(url: &CameraUrl, feed: &mut Feed) -> Result<(), SourceError> {
+pub(crate) fn run(url: &CameraUrl, settings: &TelloSettings, feed: &mut Feed) -> Result<(), SourceError> {
     match url {
         CameraUrl::UdpRtp(address) => udp::rtp(*address, feed),
         CameraUrl::UdpTs(address) => udp::ts(*address, feed),
         CameraUrl::Mjpeg(server) => http::mjpeg(server, feed),
         CameraUrl::Rtsp { server, transport } => rtsp::receive(server, *transport, feed),
+        CameraUrl::V4l2(camera) => v4l2::receive(camera, feed),
+        CameraUrl::Tello(address) => tello::receive(*address, settings, feed),
+        #[cfg(feature = "gstreamer")]
+        CameraUrl::Gstreamer(pipeline) => gstreamer::receive(pipeline, feed),
+        #[cfg(not(feature = "gstreamer"))]
+        CameraUrl::Gstreamer(_) => Err(SourceError::Missing("this program was built without GStreamer (--features gstreamer)")),
         // It is played, not received.
-        CameraUrl::File(_) => Ok(()),
+        CameraUrl::File { .. } => Ok(()),
     }
 }
 

@@ -131,6 +131,16 @@ fn a_phone_s_film_is_upright() {
     assert_eq!((image.width(), image.height()), (320, 240));
     let (above, below) = (image.pixel(160, 30).unwrap(), image.pixel(160, 210).unwrap());
     assert!(above[0] > 180 && above[2] < 80 && below[2] > 180 && below[0] < 80, "{above:?} {below:?}");
+    // Played again and again, it goes on after its 20 images, at the same pace and as upright.
+    let again = crate::harness::camera(&format!("file:{upright}?loop=true"));
+    let begun = std::time::Instant::now();
+    wait("the third time", &again, || again.frames().tally().decoded >= 45);
+    let took = begun.elapsed().as_secs_f64();
+    assert!(took > 40.0 / 30.0 && again.report().state == CameraState::Receiving, "{took} {:?}", again.report());
+    let (meta, photo) = again.frames().newest().unwrap();
+    assert_eq!((photo.size(), photo.pixels().pixel(160, 30).unwrap()[0] > 180), ((320, 240), true));
+    // Two images are a thirtieth of a second apart at least, also where the film begins again.
+    assert!(meta.captured.as_secs_f64() > 43.0 / 30.0, "{:?}", meta.captured);
 }
 
 /// The address of a camera that sends nothing is no error, and stopping it does not take long.

@@ -5,3 +5,6 @@
 mod ffmpeg;
 mod gstreamer;
 mod harness;
+#[cfg(feature = "gstreamer")]
+mod pipeline;
+mod webcam;

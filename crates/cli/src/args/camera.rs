@@ -17,8 +17,8 @@ pub(crate) enum Camera {
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
-    /// Camera in the place of the drone's own: rtsp://, rtsp+udp://, udp-rtp://, udp-ts://, http:// or file:VIDEO (see
-    /// docs/guide/cameras.md)
+    /// Camera in the place of the drone's own: rtsp://, rtsp+udp://, udp-rtp://, udp-ts://, http://, v4l2:/dev/video0, file:VIDEO
+    /// or tello (see docs/guide/cameras.md). With the simulator, it moves and the camera sees
     #[arg(long = "camera", value_name = "URL")]
     pub(crate) url: Option<String>,
     /// Calibration of that camera: a YAML file of OpenCV or ROS
@@ -45,10 +45,12 @@ Examples:
   spf camera test udp-rtp://:5600
   spf camera test udp-ts://239.1.2.3:1234
   spf camera test http://192.168.1.70:8080/video -o porch.jpg
+  spf camera test 'v4l2:/dev/video0?size=1280x720&fps=30'
   spf camera test file:holiday.mp4
+  spf camera test tello
 
-H.264 and MJPEG can be decoded; H.265 cannot. A file is played once, in real time, and its frames count as captured at the times \
-that it gives. The age of a frame is the time from its capture to its arrival. If the camera does \
+H.264 and MJPEG can be decoded; H.265 cannot. A file is played once, or again and again with ?loop=true behind its name, in real \
+time, and its frames count as captured at the times that it gives. The age of a frame is the time from its capture to its arrival. If the camera does \
 not tell when a frame was captured, --latency is assumed, plus the time by which the frame arrived later than usual.
 
 A password on the command line can be read by other users of this machine. Without one in the address, that of the environment \

@@ -1,26 +1,29 @@
 //! `spf camera`: cameras that are not part of a drone.
 
 mod calibrate;
+mod geometry;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use spf_camera::address::FORMS;
-use spf_camera::calibration::{Calibration, Undistorter};
 use spf_camera::camera::USUAL_LATENCY;
-use spf_camera::craft::SHAPE;
 use spf_camera::{Camera, CameraReport, CameraSettings, CameraState, CameraUrl};
 use spf_core::camera::Camera as Optics;
 use spf_core::time::duration_from_secs;
 use spf_drone::examine::{Check, Finding};
 use spf_drone::frames::{FrameStats, Frames as _};
+use spf_drone::tello::TelloSettings;
+use spf_drone::tello::driver::command_port;
 use spf_media::{Jpeg, Rgb};
 
+use self::geometry::Geometry;
 use crate::args::{Camera as CameraCommand, CameraArgs, CameraTest};
-use crate::commands::read;
+use crate::commands::fly::settings::options;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line, table};
+use crate::settings::Settings;
 
 /// Maximum wait for the first image: a camera may send a key frame every 5 s, after connecting.
 const FIRST_FRAME: Duration = Duration::from_secs(15);
@@ -32,6 +35,9 @@ const MOST_FAILURES: u32 = 4;
 const CHECKED: Duration = Duration::from_secs(3);
 /// Quality of the image that is written.
 const QUALITY: u8 = 90;
+/// What helps against losses.
+const LOSSES: &str = "rtsp:// (by TCP) loses nothing; else use a cable or a better link, fewer pixels and a lower bit rate, or a key \
+                      frame every 0.2 s";
 /// The password of a camera whose address has none.
 const PASSWORD: &str = "CAMERA_PASSWORD";
 
@@ -59,14 +65,35 @@ pub(crate) fn address(what: &str, text: &str) -> Result<CameraUrl, CliError> {
     Ok(url)
 }
 
-/// Starts the camera in the place of a drone's own, if one is given, and waits for its first image; `start` is flight time
-/// zero. Returns it with the optics of its images.
-pub(crate) fn open(args: &CameraArgs, start: Instant, printer: &Printer) -> Result<Option<(Camera, Optics)>, CliError> {
-    let Some(url) = &args.url else { return Ok(None) };
-    let geometry = Geometry::of(args)?;
-    let (camera, shown) = geometry.start(url, start)?;
+/// The camera in the place of the one that a drone of this name has: none if none is given, or if it is the drone's own.
+pub(crate) fn instead_of<'a>(args: &'a CameraArgs, drone: &str) -> Result<Option<&'a str>, CliError> {
+    let Some(text) = args.url.as_deref() else { return Ok(None) };
+    let CameraUrl::Tello(address) = address("--camera", text)? else { return Ok(Some(text)) };
+    if command_port(drone) != Some(address) {
+        return Ok(Some(text));
+    }
+    if args.calibration.is_some() || args.fov.is_some() || args.tilt.is_some() || args.latency.is_some() {
+        return Err(CliError::usage("--camera: this is the camera of the drone itself, whose lens and latency are known")
+            .hint("leave out --camera and what belongs to it; tello.video_latency_s in spf.toml sets the latency"));
+    }
+    Ok(None)
+}
+
+/// Starts the camera in the place of a drone's own, and waits for its first image; `start` is flight time
+/// zero, and `tello` are the settings for the video of a Tello. Returns it with the optics of its images.
+pub(crate) fn open(
+    url: &str,
+    args: &CameraArgs,
+    tello: TelloSettings,
+    start: Instant,
+    printer: &Printer,
+) -> Result<(Camera, Optics), CliError> {
+    let url = address("--camera", url)?;
+    let geometry = Geometry::of(args, &url)?;
+    let shown = url.to_string();
+    let camera = geometry.start(url.clone(), tello, start)?;
     printer.log(&format!("Receiving {} …", one_line(&shown)));
-    let Some(size) = first_image(&camera) else { return Err(nothing(&camera.report(), &shown)) };
+    let Some(size) = first_image(&camera) else { return Err(nothing(&camera.report(), &url)) };
     if let Some(words) = geometry.mismatch(size) {
         return Err(CliError::usage(format!("--camera-calibration: {words}; the images are {}×{}", size.0, size.1))
             .hint("set the camera to the calibrated size, or calibrate it at this one"));
@@ -82,13 +109,15 @@ pub(crate) fn open(args: &CameraArgs, start: Instant, printer: &Printer) -> Resu
         2.0 * down.to_degrees(),
         optics.tilt.to_degrees(),
     ));
-    Ok(Some((camera, optics)))
+    Ok((camera, optics))
 }
 
 /// Checks a camera for `spf doctor`.
-pub(crate) fn check(url: &str, args: &CameraArgs) -> Result<Check, CliError> {
-    let geometry = Geometry::of(args)?;
-    let (camera, shown) = geometry.start(url, Instant::now())?;
+pub(crate) fn check(url: &str, args: &CameraArgs, tello: TelloSettings) -> Result<Check, CliError> {
+    let url = address("--camera", url)?;
+    let geometry = Geometry::of(args, &url)?;
+    let shown = url.to_string();
+    let camera = geometry.start(url, tello, Instant::now())?;
     let watched = Watched::of(&camera, CHECKED);
     let report = camera.report();
     let Some(image) = &watched.image else {
@@ -108,7 +137,7 @@ pub(crate) fn check(url: &str, args: &CameraArgs) -> Result<Check, CliError> {
             } else {
                 Finding::Good
             };
-            Check::new("camera", finding, found, Some("use a cable or a better link, or fewer pixels and a lower bit rate"))
+            Check::new("camera", finding, found, Some(LOSSES))
         }
     })
 }
@@ -116,28 +145,33 @@ pub(crate) fn check(url: &str, args: &CameraArgs) -> Result<Check, CliError> {
 /// A camera that has shown its first image. `what` is the argument that names it.
 pub(crate) fn watch(what: &str, url: &str, printer: &Printer) -> Result<Camera, CliError> {
     let url = address(what, url)?;
-    let shown = url.to_string();
-    let camera = start(url, &CameraSettings::default(), Instant::now(), Box::new(|image| image))?;
-    printer.log(&format!("Receiving {} …", one_line(&shown)));
+    let settings = settings(None, tello(&url, printer)?);
+    let camera = start(url.clone(), &settings, Instant::now(), Box::new(|image| image))?;
+    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
     match first_image(&camera) {
         Some(_) => Ok(camera),
-        None => Err(nothing(&camera.report(), &shown)),
+        None => Err(nothing(&camera.report(), &url)),
     }
 }
 
 /// One image of a camera.
-pub(crate) fn picture(url: &str) -> Result<Rgb, CliError> {
-    let url = address("IMAGE", url)?;
-    let shown = url.to_string();
-    let camera = start(url, &CameraSettings::default(), Instant::now(), Box::new(|image| image))?;
-    first_image(&camera);
+pub(crate) fn picture(url: &str, printer: &Printer) -> Result<Rgb, CliError> {
+    let camera = watch("IMAGE", url, printer)?;
     let newest = camera.frames().newest().map(|(_, photo)| photo.pixels().as_ref().clone());
-    newest.ok_or_else(|| nothing(&camera.report(), &shown))
+    newest.ok_or_else(|| CliError::internal("the image of the camera is gone"))
+}
+
+/// Settings for the video of a Tello, where no drone is named: those of `spf.toml` and the environment.
+fn tello(url: &CameraUrl, printer: &Printer) -> Result<TelloSettings, CliError> {
+    match url {
+        CameraUrl::Tello(_) => Ok(options(&Settings::load(None, printer)?)?.tello),
+        _ => Ok(TelloSettings::default()),
+    }
 }
 
 /// A latency that somebody has measured counts more than the camera's clock.
-fn settings(latency: Option<f64>) -> CameraSettings {
-    CameraSettings { latency: latency.map_or(USUAL_LATENCY, duration_from_secs), own_clock: latency.is_none() }
+fn settings(latency: Option<f64>, tello: TelloSettings) -> CameraSettings {
+    CameraSettings { latency: latency.map_or(USUAL_LATENCY, duration_from_secs), own_clock: latency.is_none(), tello }
 }
 
 fn start(url: CameraUrl, settings: &CameraSettings, start: Instant, finish: Finish) -> Result<Camera, CliError> {
@@ -156,101 +190,26 @@ fn first_image(camera: &Camera) -> Option<(u32, u32)> {
     frames.newest().map(|(meta, _)| (meta.width, meta.height))
 }
 
-/// How a camera sees and how it is mounted.
-struct Geometry {
-    calibration: Option<Calibration>,
-    /// Horizontal field of view without a calibration, radians.
-    fov: f64,
-    /// Radians, downwards positive.
-    tilt: f64,
-    /// Measured time from capture to arrival, s.
-    latency: Option<f64>,
-}
-
-impl Geometry {
-    fn of(args: &CameraArgs) -> Result<Self, CliError> {
-        let within = |flag: &str, value: f64, least: f64, most: f64| {
-            if (least..=most).contains(&value) {
-                return Ok(value);
-            }
-            Err(CliError::usage(format!("{flag}: `{value}` is not a number from {least} to {most}")))
-        };
-        let tilt = within("--camera-tilt", args.tilt.unwrap_or(0.0), -45.0, 90.0)?.to_radians();
-        let latency = calibrate::latency("--camera-latency", args.latency.as_deref())?;
-        let calibration = match &args.calibration {
-            Some(path) => {
-                let parsed = Calibration::parse(&read(path, "calibration")?);
-                Some(parsed.map_err(|error| {
-                    CliError::usage(format!("invalid calibration file `{}`", path.display()))
-                        .because(&error)
-                        .hint("the YAML of OpenCV's calibration sample and of ROS' camera_calibration can be read")
-                })?)
-            }
-            None => None,
-        };
-        let fov = match (&calibration, args.fov) {
-            (_, Some(fov)) => within("--camera-fov", fov, 5.0, 150.0)?.to_radians(),
-            (Some(_), None) => 0.0,
-            (None, None) => {
-                return Err(CliError::usage("--camera: how wide the camera sees is unknown")
-                    .hint("give --camera-calibration FILE, or --camera-fov with its horizontal field of view in degrees"));
-            }
-        };
-        Ok(Self { calibration, fov, tilt, latency })
-    }
-
-    /// Starts the camera; also returns its address as it may be shown.
-    fn start(&self, url: &str, from: Instant) -> Result<(Camera, String), CliError> {
-        let url = address("--camera", url)?;
-        let shown = url.to_string();
-        let finish: Finish = match &self.calibration {
-            Some(calibration) => {
-                let mut undistorter = Undistorter::new(calibration.clone());
-                Box::new(move |image| undistorter.undistort(image))
-            }
-            None => Box::new(|image| image),
-        };
-        Ok((start(url, &settings(self.latency), from, finish)?, shown))
-    }
-
-    /// The camera that sees images of this size.
-    fn optics(&self, (width, height): (u32, u32)) -> Optics {
-        match &self.calibration {
-            Some(calibration) => calibration.camera(self.tilt).resized(width, height),
-            None => {
-                let high = f64::from(height) / f64::from(width) * libm::tan(0.5 * self.fov);
-                Optics::from_fov(width, height, self.fov, 2.0 * libm::atan(high), self.tilt)
-            }
-        }
-    }
-
-    /// Whether the images have another shape than those of the calibration.
-    fn mismatch(&self, (width, height): (u32, u32)) -> Option<String> {
-        let known = self.calibration.as_ref()?;
-        let shape = |width: u32, height: u32| f64::from(width) / f64::from(height);
-        let off = shape(width, height) / shape(known.width, known.height) - 1.0;
-        (off.abs() > SHAPE).then(|| format!("calibrated at {}×{}, which has another shape", known.width, known.height))
-    }
-}
-
 fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
     let url = address("URL", &args.url)?;
     if !(0.0..=3600.0).contains(&args.seconds) {
         return Err(CliError::usage(format!("--seconds: `{}` is not a number of seconds from 0 to 3600", args.seconds)));
     }
-    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?);
+    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?, tello(&url, printer)?);
     if !args.overwrite && args.output.symlink_metadata().is_ok() {
         return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
             .hint("use --overwrite to replace it, or another file with -o FILE"));
     }
-    let (begun, shown) = (Instant::now(), url.to_string());
-    let camera = start(url, &settings, begun, Box::new(|image| image))?;
-    printer.log(&format!("Receiving {} …", one_line(&shown)));
+    let camera = start(url.clone(), &settings, Instant::now(), Box::new(|image| image))?;
+    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
     let watched = Watched::of(&camera, duration_from_secs(args.seconds));
     let report = camera.report();
-    let Some(image) = &watched.image else { return Err(nothing(&report, &shown)) };
+    let Some(image) = &watched.image else { return Err(nothing(&report, &url)) };
     printer.result(&table(&watched.rows(&report, &args.output)));
     write(&args.output, image)?;
+    if watched.stats.video.gaps > 0 {
+        printer.log(&format!("warning: losses interrupted the video {} times: {LOSSES}", watched.stats.video.gaps));
+    }
     if let CameraState::Failed(why) = &report.state {
         printer.log(&format!("warning: the camera failed at last: {}", one_line(why)));
     }
@@ -258,11 +217,15 @@ fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
 }
 
 /// Why nothing arrived.
-fn nothing(report: &CameraReport, shown: &str) -> CliError {
-    let error = CliError::failed(format!("no image from the camera {}", one_line(shown)));
-    let (why, hint) = match &report.last_failure {
-        Some(why) => (one_line(why), "check address, user name and password with another program, such as ffplay or VLC"),
-        None => (
+fn nothing(report: &CameraReport, url: &CameraUrl) -> CliError {
+    let error = CliError::failed(format!("no image from the camera {}", one_line(&url.to_string())));
+    let (why, hint) = match (&report.last_failure, url) {
+        // The reason says what to do.
+        (Some(why), CameraUrl::V4l2(_) | CameraUrl::Tello(_) | CameraUrl::Gstreamer(_) | CameraUrl::File { .. }) => {
+            return error.because(&std::io::Error::other(one_line(why)));
+        }
+        (Some(why), _) => (one_line(why), "check address, user name and password with another program, such as ffplay or VLC"),
+        (None, _) => (
             format!("no image within {} s", FIRST_FRAME.as_secs()),
             "check that the camera sends to this machine and port, and that no firewall blocks UDP",
         ),

@@ -33,7 +33,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
         }
     };
     if let Some(url) = &args.camera.url {
-        checks.push(camera::check(url, &args.camera)?);
+        checks.push(camera::check(url, &args.camera, options(&settings)?.tello)?);
     }
     checks.extend(vlm(&settings)?);
     checks.extend(detector::file(&settings).map(watch));

@@ -3,6 +3,7 @@
 #[cfg(all(debug_assertions, unix))]
 mod drill;
 mod manual;
+mod other_eyes;
 pub(crate) mod page;
 mod reading;
 pub(crate) mod real;
@@ -69,7 +70,13 @@ pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpi
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
             real::ready(args, &settings, instruction, target.as_ref(), cockpit, &printer)?
         }
-        DroneName::Sim => simulated(args, &settings, instruction, cockpit)?,
+        DroneName::Sim => match &args.flight.camera.url {
+            Some(url) => {
+                settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
+                other_eyes::ready(args, &settings, instruction, url, cockpit, &printer)?
+            }
+            None => simulated(args, &settings, instruction, cockpit)?,
+        },
     };
     take_off(ready, &settings, instruction, cockpit, printer)
 }
@@ -249,10 +256,6 @@ fn sentence(points: &str, craft: &Craft) -> String {
 fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option<&Cockpit>) -> Result<Ready, CliError> {
     if args.flight.world.tello_motion.is_some() {
         return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
-    }
-    if args.flight.camera.url.is_some() {
-        return Err(CliError::usage("--camera requires a real drone")
-            .hint("the simulated craft sees the simulated scene; `spf camera test URL` tries a camera without a drone"));
     }
     if settings.mavlink.upload_fence.is_on()? {
         return Err(

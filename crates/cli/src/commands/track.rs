@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use spf_camera::CameraState;
 use spf_camera::film::{Film, FilmError, VideoFrame};
+use spf_camera::{CameraState, CameraUrl};
 use spf_core::time::{Time, duration_from_secs};
 use spf_drone::frames::Frames as _;
 use spf_media::marks::{Canvas, Colour, Point, Rect, TextStyle};
@@ -44,7 +44,7 @@ pub(crate) fn track(args: &Track, printer: &mut Printer) -> Result<Exit, CliErro
                 .hint("--from is in seconds, --rate in images per second: --from 8 --rate 10"));
         }
     }
-    if let Some(url) = args.video.to_str().filter(|text| text.contains("://") || text.starts_with("file:")) {
+    if let Some(url) = args.video.to_str().filter(|text| CameraUrl::is_one(text)) {
         return live(args, area, url, printer);
     }
     if args.seconds.is_some() {

@@ -91,8 +91,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("needs a key or a server")
     } else if has(&["exec:"]) {
         Some("needs a program; module vlm::own has the examples fly")
-    } else if has(&["rtsp://"]) {
-        Some("needs a camera; module camera has others")
+    } else if has(&["rtsp://", "v4l2:", "gstreamer:"]) {
+        Some("needs a camera; modules camera and v4l2 have others")
     } else if has(&["--drone", "tello"]) {
         Some("needs a drone; module tello flies a virtual one")
     } else if starts(&["sim", "serve"]) || starts(&["sim", "view"]) {

@@ -29,6 +29,7 @@ mod tables;
 #[cfg(target_os = "linux")]
 mod tello;
 mod track;
+mod v4l2;
 mod video;
 mod view;
 mod vlm;

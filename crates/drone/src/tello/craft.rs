@@ -23,6 +23,7 @@ use super::link::{Link, MotionFault, Notice};
 use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
 use super::settings::{TelloMotion, TelloSettings};
 use super::state::State;
+use super::video_link::video_socket;
 use crate::abandon::{self, EmergencyLand};
 use crate::frames::{FrameStore, Frames};
 use crate::{Capabilities, Drone, DroneError, DroneEvent};
@@ -31,8 +32,6 @@ use crate::{Capabilities, Drone, DroneError, DroneEvent};
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Maximum blocking time of the video socket.
 const VIDEO_TIMEOUT: Duration = Duration::from_millis(50);
-/// Receive buffer for more than half a second of video, bytes.
-const VIDEO_BUFFER: usize = 4 << 20;
 /// Time allowed for repetitions of `emergency` at shutdown, until the state shows the motors off.
 const EMERGENCY_TIME: Duration = Duration::from_secs(5);
 /// Maximum blocking time of sending a command: with a full send buffer it is lost, and repeated.
@@ -136,28 +135,26 @@ pub struct Tello {
     frames: FrameStore,
     firmware: Firmware,
     polled: Time,
+    /// Whether its video was started.
+    own_video: bool,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl Tello {
-    /// Connects to the Tello whose command port is at `drone`: SDK mode, state, video. `start` is flight time zero.
+    /// Connects to the Tello whose command port is at `drone`: SDK mode, state, and video unless the settings say otherwise. `start` is flight time zero.
     ///
     /// # Errors
     /// [`ConnectError`] if a port cannot be bound, the drone does not answer or refuses, or no state arrives.
     pub fn connect(drone: SocketAddr, settings: &TelloSettings, start: Instant) -> Result<Connected, ConnectError> {
-        let TelloSettings { local, state_port, video_port, calibration, video_latency, .. } = *settings;
+        let TelloSettings { local, state_port, calibration, video_latency, .. } = *settings;
         let command = command_socket(local)?;
         let reach = |source| ConnectError::Unreachable { drone, source };
         command.connect(drone).map_err(reach)?;
         let state = bind(local, state_port, "state")?;
-        let video = bind(local, video_port, "video")?;
-        // A small buffer loses video when this machine is busy; a system that grants less reports it nowhere else.
-        if let Err(error) = socket2::SockRef::from(&video).set_recv_buffer_size(VIDEO_BUFFER) {
-            tracing::debug!(%error, "cannot enlarge the receive buffer of the video socket");
-        }
-        let timeouts = [(&command, POLL_INTERVAL), (&state, POLL_INTERVAL), (&video, VIDEO_TIMEOUT)];
+        let video = settings.own_video.then(|| video_socket(settings)).transpose()?;
+        let timeouts = [(Some(&command), POLL_INTERVAL), (Some(&state), POLL_INTERVAL), (video.as_ref(), VIDEO_TIMEOUT)];
         for (socket, nap) in timeouts {
-            socket.set_read_timeout(Some(nap)).map_err(ConnectError::Start)?;
+            socket.map_or(Ok(()), |socket| socket.set_read_timeout(Some(nap))).map_err(ConnectError::Start)?;
         }
         command.set_write_timeout(Some(SEND_TIME)).map_err(ConnectError::Start)?;
         let firmware = enter(&command, drone)?;
@@ -167,7 +164,9 @@ impl Tello {
         if is_flying(&state, drone.ip(), &first) {
             link.adopt(Time::ZERO + start.elapsed());
         }
-        link.order(Order::quick("streamon"));
+        if settings.own_video {
+            link.order(Order::quick("streamon"));
+        }
         let shared = Arc::new(Shared {
             link: Mutex::new(link),
             sending: Mutex::default(),
@@ -182,15 +181,17 @@ impl Tello {
             frames: frames.clone(),
             firmware: firmware.clone(),
             polled: Time::ZERO,
+            own_video: settings.own_video,
             threads: Vec::new(),
         };
-        let decoder = FrameDecoder::new(Decoder::new()?, video_latency);
-        let (one, two, three, four) = (shared.clone(), shared.clone(), shared.clone(), shared.clone());
-        let (five, seen) = (shared, frames);
-        let inlet = Arc::<Inlet>::default();
-        let received = inlet.clone();
+        let (one, two) = (shared.clone(), shared.clone());
         tello.spawn("answers", move || answers(&one, drone.ip()))?;
         tello.spawn("state", move || states(&two, &state, drone.ip()))?;
+        let Some(video) = video else { return Ok(Connected { drone: tello, state: first, firmware }) };
+        let decoder = FrameDecoder::new(Decoder::new()?, video_latency);
+        let (three, four, five, seen) = (shared.clone(), shared.clone(), shared, frames);
+        let inlet = Arc::<Inlet>::default();
+        let received = inlet.clone();
         tello.spawn("video", move || gather(&video, drone.ip(), &received, three.start, &three.stopped))?;
         // In flight by `go` the answer to `streamon` would delay the next move.
         let by_rc = settings.motion == TelloMotion::Rc;
@@ -241,8 +242,10 @@ impl Drop for Tello {
         for thread in self.threads.drain(..) {
             drop(thread.join());
         }
-        // Nobody is listening any more.
-        drop(self.shared.command.send(b"streamoff"));
+        // Nobody is listening any more. A video that another program started goes on.
+        if self.own_video {
+            drop(self.shared.command.send(b"streamoff"));
+        }
     }
 }
 

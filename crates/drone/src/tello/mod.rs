@@ -22,6 +22,7 @@ pub mod settings;
 pub mod state;
 pub mod sticks;
 pub mod video;
+pub mod video_link;
 
 pub use craft::{Connected, Tello};
 pub use opening::{ConnectError, Firmware};

@@ -113,7 +113,7 @@ pub(super) fn bind(local: IpAddr, port: u16, what: &'static str) -> Result<UdpSo
 }
 
 /// Waits up to `wait` for a datagram of the drone.
-fn receive(socket: &UdpSocket, drone: IpAddr, wait: Duration, mut accept: impl FnMut(&[u8]) -> bool) -> bool {
+pub(super) fn receive(socket: &UdpSocket, drone: IpAddr, wait: Duration, mut accept: impl FnMut(&[u8]) -> bool) -> bool {
     let (begun, mut buffer) = (Instant::now(), [0; intake::BUFFER]);
     while begun.elapsed() < wait {
         if intake::receive(socket, drone, intake::TEXT, &mut buffer).is_some_and(&mut accept) {

@@ -35,6 +35,8 @@ pub struct TelloSettings {
     pub video_latency: Duration,
     /// How it is moved.
     pub motion: TelloMotion,
+    /// Whether its own video is started and received. Without it, the port of the video stays free.
+    pub own_video: bool,
 }
 
 impl Default for TelloSettings {
@@ -47,6 +49,7 @@ impl Default for TelloSettings {
             calibration: Calibration::default(),
             video_latency: Duration::from_millis(150),
             motion: TelloMotion::default(),
+            own_video: true,
         }
     }
 }

@@ -108,6 +108,19 @@ impl Simulated {
         Ok((parts, world))
     }
 
+    /// The craft alone, for one that sees by another camera than the simulated one: without truth, it flies like a real craft.
+    ///
+    /// # Errors
+    /// [`StartError`] if the start pose is blocked or outside the scene.
+    pub fn craft(&self) -> Result<Box<dyn Drone>, StartError> {
+        let start = self.start.unwrap_or(self.loaded.scene.start);
+        let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
+        let drone = SimDrone::new(world.clone());
+        check_place(&self.loaded, start.position)?;
+        check_start(&self.loaded, &world, drone.capabilities().craft.radius)?;
+        Ok(Box::new(drone))
+    }
+
     fn head(&self, start: Pose) -> SimHead {
         let scene = &self.loaded.scene;
         SimHead {

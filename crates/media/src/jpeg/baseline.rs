@@ -69,11 +69,16 @@ fn headers(file: &mut Vec<u8>, (width, height): (u16, u16), steps: &Steps, sampl
     let luma = if sampling == Sampling::Halved { 0x22 } else { 0x11 };
     let components = [3, 1, luma, 0, 2, 0x11, 1, 3, 0x11, 1];
     segment(file, 0xc0, &[&[8], &height.to_be_bytes(), &width.to_be_bytes(), &components]);
+    huffman_tables(file);
+    segment(file, 0xda, &[&[3, 1, 0x00, 2, 0x11, 3, 0x11, 0, 63, 0]]);
+}
+
+/// The tables of Annex K, as segments of a file.
+pub(super) fn huffman_tables(file: &mut Vec<u8>) {
     let codes = [(0x00, &tables::LUMA_DC), (0x10, &tables::LUMA_AC), (0x01, &tables::CHROMA_DC), (0x11, &tables::CHROMA_AC)];
     for (number, Specification { counts, symbols }) in codes {
         segment(file, 0xc4, &[&[number], counts, symbols]);
     }
-    segment(file, 0xda, &[&[3, 1, 0x00, 2, 0x11, 3, 0x11, 0, 63, 0]]);
 }
 
 /// The scan, compiled for AVX2 and for the architecture's baseline; more variants would not be worth their compile

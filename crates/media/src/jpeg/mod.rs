@@ -6,6 +6,7 @@
 mod baseline;
 mod colour;
 mod entropy;
+mod motion;
 mod tables;
 mod transform;
 
@@ -16,6 +17,7 @@ use fearless_simd::Level;
 use crate::file::{FileError, Format, ImageFile, Limits};
 use crate::frame::Rgb;
 use baseline::Sampling;
+pub use motion::with_huffman_tables;
 
 /// Why an image could not be encoded.
 #[derive(Debug, thiserror::Error)]

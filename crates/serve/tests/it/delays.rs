@@ -136,6 +136,28 @@ fn ffmpeg(output: &[&str]) -> Child {
     command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
+/// The rows of GStreamer's RTSP server.
+fn gstreamer() {
+    let ask = "import gi; gi.require_version('GstRtspServer', '1.0'); from gi.repository import Gst, GstRtspServer; Gst.init(None); \
+               assert Gst.ElementFactory.find('x264enc')";
+    let packages = "gir1.2-gst-rtsp-server-1.0, python3-gst-1.0, gstreamer1.0-plugins-{base,good,ugly}";
+    if !have(&format!("GStreamer's RTSP server (Debian's {packages})"), Command::new("/usr/bin/python3").args(["-c", ask])) {
+        return;
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/gstreamer_server.py");
+    for transport in ["rtsp", "rtsp+udp"] {
+        let (begun, port) = (Instant::now(), tcp_port());
+        let mut command = Command::new("/usr/bin/python3");
+        command.args([script, &port.to_string()]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+        let mut child = command.spawn().unwrap();
+        let drawn = Drawn::into_program(begun, &mut child);
+        let ended = Ended(child);
+        measure(&format!("`{transport}://`, GStreamer"), &format!("{transport}://127.0.0.1:{port}/clock"), begun);
+        drop(ended);
+        drop(drawn);
+    }
+}
+
 const H264: &[&str] = &["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", "-g", "15"];
 
 #[test]
@@ -162,6 +184,7 @@ fn delays_of_each_kind_of_camera() {
         });
         measure(&format!("`{transport}://`, this server"), &server.url().replace("rtsp", transport), begun);
     }
+    gstreamer();
     let (rtp, ts, http) = (udp_port(), udp_port(), tcp_port());
     let (to_rtp, to_ts) = (format!("rtp://127.0.0.1:{rtp}?pkt_size=1200"), format!("udp://127.0.0.1:{ts}?pkt_size=1316"));
     let to_http = format!("http://127.0.0.1:{http}/video");

@@ -10,7 +10,7 @@ use spf_camera::latency::{FEWEST, Latency, LatencyMeter};
 use spf_core::time::Time;
 use spf_drone::frames::Frames as _;
 
-use super::{POLL_INTERVAL, address, first_image, nothing, start};
+use super::{POLL_INTERVAL, address, first_image, nothing, start, tello};
 use crate::args::CameraCalibrate;
 use crate::commands::read;
 use crate::error::CliError;
@@ -63,15 +63,14 @@ pub(super) fn calibrate(args: &CameraCalibrate, printer: &Printer) -> Result<Exi
     if !printer.has_terminal() {
         return Err(CliError::usage("no terminal to show the clock on").hint("run the command in a terminal, not through a pipe"));
     }
-    let shown = url.to_string();
     let begun = Instant::now();
     let now = || Time::ZERO + begun.elapsed();
     // The arrival without the time by which a frame was held back.
-    let settings = CameraSettings { latency: Duration::ZERO, own_clock: false };
-    let camera = start(url, &settings, begun, Box::new(|image| image))?;
-    printer.log(&format!("Receiving {} …", one_line(&shown)));
+    let settings = CameraSettings { latency: Duration::ZERO, own_clock: false, tello: tello(&url, printer)? };
+    let camera = start(url.clone(), &settings, begun, Box::new(|image| image))?;
+    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
     if first_image(&camera).is_none() {
-        return Err(nothing(&camera.report(), &shown));
+        return Err(nothing(&camera.report(), &url));
     }
     printer.log("Point the camera at this terminal so that it sees the whole code, until it has been read often enough.");
     let (frames, mut meter, mut seen) = (camera.frames(), LatencyMeter::default(), None);

@@ -46,6 +46,9 @@ pub(super) fn ready(
     let prompt = prompt(settings, policy)?;
     let mut options = options(settings)?;
     let mut announcements = Vec::new();
+    let other_camera = camera::instead_of(&args.flight.camera, settings.fly.drone.text_or_default())?;
+    // A video that nobody looks at would take from the radio link what the commands need.
+    options.tello.own_video = other_camera.is_none();
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
     if own {
         // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
@@ -80,7 +83,7 @@ pub(super) fn ready(
     let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
-    let seen = camera::open(&args.flight.camera, start, printer)?;
+    let seen = other_camera.map(|url| camera::open(url, &args.flight.camera, options.tello, start, printer)).transpose()?;
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     let drone: Box<dyn Drone> = match seen {
         Some((camera, optics)) => Box::new(WithCamera::new(drone, camera, optics)),

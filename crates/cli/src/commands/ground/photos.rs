@@ -9,6 +9,7 @@ use spf_bench::ground::ask::{AnswererKind, AskOptions};
 use spf_bench::ground::page::{account, side_by_side, words};
 use spf_bench::ground::photo::{self, PhotoError};
 use spf_bench::ground::{AnswerRow, Answerer, ParsedReply};
+use spf_camera::CameraUrl;
 use spf_media::{Jpeg, Rgb};
 use spf_vlm::Cancel;
 
@@ -60,7 +61,7 @@ pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, print
     }
     let mut shown = Vec::new();
     for image in images {
-        shown.extend(open(image, args)?);
+        shown.extend(open(image, args, printer)?);
     }
     let out = args.output.clone().unwrap_or_else(|| PathBuf::from("grounding"));
     std::fs::create_dir_all(&out)
@@ -133,9 +134,9 @@ fn free_name(folder: &Path, name: &str) -> PathBuf {
 }
 
 /// The images named by an argument.
-fn open(image: &str, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
-    if image.contains("://") {
-        return Ok(vec![ImageInput { name: "camera".to_owned(), image: Arc::new(camera::picture(image)?) }]);
+fn open(image: &str, args: &Ground, printer: &Printer) -> Result<Vec<ImageInput>, CliError> {
+    if CameraUrl::is_one(image) {
+        return Ok(vec![ImageInput { name: "camera".to_owned(), image: Arc::new(camera::picture(image, printer)?) }]);
     }
     let path = Path::new(image);
     if image == "-" {

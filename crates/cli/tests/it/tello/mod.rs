@@ -1,5 +1,6 @@
 //! `spf sim serve --tello` from the side of third-party clients.
 
+mod camera;
 mod clients;
 mod ending;
 mod flights;

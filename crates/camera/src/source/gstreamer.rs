@@ -1,0 +1,109 @@
+//! What a pipeline of GStreamer gives.
+
+use std::time::Instant;
+
+use gstreamer as gst;
+use gstreamer::prelude::*;
+use gstreamer_app::AppSink;
+
+use super::{POLL_INTERVAL, SILENCE};
+use crate::address::Pipeline;
+use crate::failure::SourceError;
+use crate::feed::Feed;
+
+/// What is put behind the pipeline: packed RGB, the newest image alone, at once.
+const SINK: &str = "videoconvert ! video/x-raw,format=RGB ! appsink name=spf-frames max-buffers=1 drop=true sync=false";
+/// Longest side of an image, pixels.
+const LONGEST_SIDE: i32 = 8192;
+
+/// Receives until stopped.
+pub(super) fn receive(pipeline: &Pipeline, feed: &mut Feed) -> Result<(), SourceError> {
+    gst::init().map_err(|_| SourceError::Connection("GStreamer cannot be started".to_owned()))?;
+    let built = gst::parse::launch(&format!("{} ! {SINK}", pipeline.0)).map_err(|error| invalid(&error))?;
+    let pipeline = built.downcast::<gst::Pipeline>().map_err(|_| SourceError::Pipeline("it is no pipeline".to_owned()))?;
+    let running = Running(pipeline);
+    let sink = running.0.by_name("spf-frames").and_then(|sink| sink.downcast::<AppSink>().ok());
+    let sink = sink.ok_or_else(|| SourceError::Pipeline("it uses the name spf-frames".to_owned()))?;
+    let bus = running.0.bus().ok_or_else(|| SourceError::Pipeline("it has no bus".to_owned()))?;
+    // A live source shows nothing while it is paused. The cause of a failure is on the bus.
+    let is_live = running.0.set_state(gst::State::Paused) == Ok(gst::StateChangeSuccess::NoPreroll);
+    running.0.set_state(gst::State::Playing).ok();
+    let mut last = Instant::now();
+    while !feed.stopped() {
+        if let Some(message) = bus.pop_filtered(&[gst::MessageType::Error, gst::MessageType::Eos]) {
+            return Err(match message.view() {
+                // Its details may contain addresses, and these passwords.
+                gst::MessageView::Error(error) => SourceError::Connection(failure(&error.error())),
+                _ => SourceError::Ended,
+            });
+        }
+        let wait = gst::ClockTime::from_mseconds(POLL_INTERVAL.as_millis() as u64);
+        let Some(sample) = sink.try_pull_sample(wait) else {
+            if last.elapsed() > SILENCE {
+                return Err(SourceError::Silent(SILENCE.as_secs()));
+            }
+            continue;
+        };
+        last = Instant::now();
+        let at = feed.now();
+        let (stamp, age) = times(&running.0, &sample);
+        match image(&sample) {
+            // What is not live comes as fast as it can be made: its times say nothing about its age.
+            Some((bytes, size)) => feed.rgb(at, stamp.filter(|_| is_live), age.filter(|_| is_live), bytes, size),
+            None => return Err(SourceError::Pipeline("its images have no usable size".to_owned())),
+        }
+    }
+    Ok(())
+}
+
+/// A pipeline that is stopped at the end, however that comes.
+struct Running(gst::Pipeline);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Nothing can be done about a pipeline that does not stop.
+        self.0.set_state(gst::State::Null).ok();
+    }
+}
+
+/// When a sample was captured, by the pipeline's clock: nanoseconds, and its age in seconds.
+fn times(pipeline: &gst::Pipeline, sample: &gst::Sample) -> (Option<i64>, Option<f64>) {
+    let captured = sample
+        .buffer()
+        .and_then(|buffer| buffer.pts())
+        .and_then(|pts| sample.segment()?.downcast_ref::<gst::ClockTime>()?.to_running_time(pts));
+    let now = pipeline.current_running_time();
+    let stamp = captured.and_then(|time| i64::try_from(time.nseconds()).ok());
+    let age = captured.zip(now).map(|(captured, now)| (now.nseconds() as f64 - captured.nseconds() as f64) * 1e-9);
+    (stamp, age)
+}
+
+/// The pixels of a sample without the padding of its rows, and its size.
+fn image(sample: &gst::Sample) -> Option<(Vec<u8>, (u32, u32))> {
+    let caps = sample.caps()?.structure(0)?;
+    let side = |name: &str| caps.get::<i32>(name).ok().filter(|side| (1..=LONGEST_SIDE).contains(side));
+    let (width, height) = (side("width")?, side("height")?);
+    let buffer = sample.buffer()?.map_readable().ok()?;
+    // Rows begin at multiples of four bytes.
+    let row = 3 * width as usize;
+    let stride = row.next_multiple_of(4);
+    let mut bytes = Vec::with_capacity(row * height as usize);
+    for line in 0..height as usize {
+        bytes.extend_from_slice(buffer.get(line * stride..line * stride + row)?);
+    }
+    Some((bytes, (width as u32, height as u32)))
+}
+
+/// What is wrong with a description of a pipeline. The library quotes values, among them passwords, where one cannot be set.
+fn invalid(error: &gst::glib::Error) -> SourceError {
+    SourceError::Pipeline(match error.kind::<gst::ParseError>() {
+        Some(gst::ParseError::CouldNotSetProperty) => "a property cannot have its value".to_owned(),
+        _ => failure(error),
+    })
+}
+
+/// The library's words, in one line and without addresses.
+fn failure(error: &gst::glib::Error) -> String {
+    let line = error.message().lines().next().unwrap_or_default();
+    line.split(' ').map(|word| if word.contains("://") { "…" } else { word }).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,66 @@
+//! The virtual Tello as a camera, and other cameras in the place of its own.
+
+use std::net::UdpSocket;
+
+use serde_json::Value;
+
+use super::flights::{Served, model};
+use super::fly_command;
+use crate::harness::{Lab, Run};
+use crate::vlm::KEY;
+use crate::vlm::vendors::Vendor;
+
+/// A command from the address `local`.
+fn from(lab: &Lab, local: &str, args: &[&str]) -> Run {
+    Run::of(&lab.command(args).env("SPF_TELLO_LOCAL", local).output().unwrap())
+}
+
+#[test]
+fn its_own_stream_is_tested_tracked_and_flown_by_another_craft() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.161", &[]);
+    let address = "tello@127.0.0.161";
+    let run = from(&lab, "127.0.0.162", &["camera", "test", address, "--seconds", "1"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    assert!(run.stdout.starts_with("image    960×720, H.264\n") && run.stdout.contains("0 gaps"), "{}", run.stdout);
+    let track = ["track", address, "--box", "200,150,760,570", "--seconds", "1", "-o", "followed"];
+    let run = from(&lab, "127.0.0.163", &track);
+    assert!(run.code == Some(0) && run.stdout.starts_with("followed: "), "{}{}", run.stdout, run.stderr);
+    // A craft of the simulator flies by what the Tello sees, whose lens is known.
+    let (server, out) = (model(1), "mine");
+    let vlm = format!("gemini@{}", server.url());
+    let flight = ["fly", "fly to the door", "--camera", address, "--vlm", &vlm, "--out", out, "--json", "--max-time", "60"];
+    let mut command = lab.command(&flight);
+    let run = Run::of(&command.env(Vendor::Gemini.key(), KEY).env("SPF_TELLO_LOCAL", "127.0.0.164").output().unwrap());
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
+    assert_eq!((&summary["outcome"], run.code), (&"reached".into(), Some(0)), "{summary}\n{}", run.stderr);
+    assert_eq!((&summary["verified"], &summary["drone"]), (&Value::Null, &"sim".into()), "{summary}");
+    let told = "Camera tello@127.0.0.161:8889: 960×720, field of view 55° × 43°, tilt 5°.";
+    assert!(run.stderr.contains(told) && run.stderr.contains("Nothing is verified"), "{}", run.stderr);
+    // The image is the office of the Tello, which stands on the ground, not the city of the craft.
+    let first = spf_media::jpeg::decode(&Vendor::Gemini.image(&server.questions()[0])).unwrap();
+    assert_eq!(first.width() * 3, first.height() * 4);
+    served.end();
+}
+
+#[test]
+fn with_another_camera_its_own_video_is_not_started() {
+    let lab = Lab::new();
+    crate::track::film(&lab.path("square.mp4"), 140);
+    let served = Served::start(&lab, "127.0.0.165", &[]);
+    // Whoever watches the Tello's video in another program keeps its port.
+    let port = UdpSocket::bind("127.0.0.166:11111").unwrap();
+    port.set_nonblocking(true).unwrap();
+    let server = model(1);
+    let camera = ["--json", "--camera", "file:square.mp4?loop=true", "--camera-fov", "60", "--max-time", "60"];
+    let run = Run::of(&fly_command(&lab, "127.0.0.165", "127.0.0.166", &server, "mine", &camera).output().unwrap());
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
+    assert_eq!((&summary["outcome"], run.code), (&"reached".into(), Some(0)), "{summary}\n{}", run.stderr);
+    assert!(port.recv(&mut [0; 2048]).is_err(), "no video came");
+    let message = served.end();
+    assert!(!message.contains("video: ") || message.contains("video: 0 "), "{message}");
+    // The drone's own camera, named, is no other camera.
+    let own = ["fly", "go", "--drone", "tello@127.0.0.165", "--camera", "tello@127.0.0.165", "--camera-fov", "60"];
+    let run = from(&lab, "127.0.0.167", &own);
+    assert!(run.code == Some(2) && run.stderr.contains("this is the camera of the drone itself"), "{}", run.stderr);
+}
