@@ -165,18 +165,33 @@ impl Filter {
             let scale = f64::from(image.size().0) / f64::from(tints[0].size().0);
             features.extend(tints.iter().map(|tint| colour(tint, (left, top), side / CELLS as f64, scale)));
         }
-        features.iter().map(|feature| self.frequencies(feature)).collect()
+        let mut planes = Vec::with_capacity(features.len());
+        for two in features.chunks(2) {
+            let (first, second) = self.frequencies(&two[0], two.get(1).map(Vec::as_slice));
+            planes.push(first);
+            planes.extend(second);
+        }
+        planes
     }
 
-    fn frequencies(&self, feature: &[f32]) -> Plane {
+    /// Two real features at once, as the two parts of complex numbers; the symmetry of real functions parts them again.
+    fn frequencies(&self, first: &[f32], second: Option<&[f32]>) -> (Plane, Option<Plane>) {
         let [across, down] = &self.weights;
-        let mut plane: Plane = feature
-            .iter()
-            .enumerate()
-            .map(|(at, value)| Complex32::new(value * across[at % CELLS] * down[at / CELLS], 0.0))
+        let mut plane: Plane = (0..AREA)
+            .map(|at| {
+                let weight = across[at % CELLS] * down[at / CELLS];
+                Complex32::new(first[at] * weight, second.map_or(0.0, |second| second[at] * weight))
+            })
             .collect();
         transform(&mut plane);
-        plane
+        if second.is_none() {
+            return (plane, None);
+        }
+        let mirrored = |at: usize| plane[(CELLS - at / CELLS) % CELLS * CELLS + (CELLS - at % CELLS) % CELLS].conj();
+        let first = (0..AREA).map(|at| (plane[at] + mirrored(at)) * 0.5).collect();
+        // Half of the difference, divided by i.
+        let second = (0..AREA).map(|at| (plane[at] - mirrored(at)) * 0.5).map(|value| Complex32::new(value.im, -value.re));
+        (first, Some(second.collect()))
     }
 }
 

@@ -64,6 +64,8 @@ const FITS: f64 = 0.75;
 const KEEP: f64 = 0.85;
 /// How far a target is expected from where its motion puts it, as a fraction of the window's sides.
 const REACH: f64 = 0.25;
+/// How far apart the windows are in which it is searched for, as a fraction of the box's mean side.
+const APART: f64 = 0.8;
 /// How much stronger than the look-alikes around the target a peak must be.
 const MARGIN: f64 = 1.3;
 /// Images between two looks around for look-alikes.
@@ -268,7 +270,7 @@ impl Tracker {
     fn search(&mut self, filter: &Filter, now: &Pyramid, image: &TrackImage, expected: PixelBox) {
         // The longer ago, the farther it is looked for.
         let steps = if self.missing > COAST { 1 } else { 0 };
-        let places = around(&expected, steps, 0.5);
+        let places = around(&expected, (steps, steps), APART);
         let responses = places.map(|place| filter.respond(now, image.tints.as_ref(), &place, 0.5));
         let best = responses.reduce(|best, other| if other.peak > best.peak { other } else { best });
         let found = best.map(|best| strongest(filter, now, image, &best.area, REACH, REGROWTH));
@@ -293,9 +295,12 @@ impl Tracker {
     /// Notes how much something beside the target resembles it.
     fn look_around(&mut self, filter: &Filter, now: &Pyramid, image: &TrackImage) {
         let area = self.area;
-        let beside = around(&area, 1, 0.8).filter(|place| *place != area);
-        let peaks = beside.map(|place| filter.respond(now, image.tints.as_ref(), &place, 0.25));
-        let peak = peaks.filter(|other| other.area.overlap(&area) < 0.2).fold(0.0_f64, |most, other| most.max(other.peak));
+        let beside = around(&area, (2, 1), APART).filter(|place| *place != area);
+        let responses = beside.map(|place| filter.respond(now, image.tints.as_ref(), &place, REACH));
+        let others = responses.filter(|other| other.area.overlap(&area) < 0.2);
+        let other = others.reduce(|best, other| if other.peak > best.peak { other } else { best });
+        // What is not in the middle of its window has a weaker peak.
+        let peak = other.map_or(0.0, |other| filter.respond(now, image.tints.as_ref(), &other.area, REACH).peak);
         self.rival = peak.max(0.9 * self.rival);
     }
 
@@ -337,20 +342,18 @@ fn is_sure(response: &Response, (peak, above): (f64, f64)) -> bool {
     response.peak >= peak && response.above >= above
 }
 
-/// Boxes like this one, up to `steps` away down, and twice as many across. A step is a part of the mean side.
-fn around(area: &PixelBox, steps: i32, part: f64) -> impl Iterator<Item = PixelBox> + use<> {
+/// Boxes like this one, up to so many steps away across and down. A step is a part of the mean side.
+fn around(area: &PixelBox, (across, down): (i32, i32), part: f64) -> impl Iterator<Item = PixelBox> + use<> {
     let apart = part * (area.width() + area.height()) / 2.0;
     let area = *area;
-    (-steps..=steps).flat_map(move |row| {
-        let place = move |column: i32| area.moved(Shift { x: apart * f64::from(column), y: apart * f64::from(row) }, 1.0);
-        (-2 * steps..=2 * steps).map(place)
-    })
+    let place = move |(x, y)| area.moved(Shift { x: apart * f64::from(x), y: apart * f64::from(y) }, 1.0);
+    (-down..=down).flat_map(move |y| (-across..=across).map(move |x| (x, y))).map(place)
 }
 
 /// The strongest response about a box, at its size, and at one larger and one smaller.
 fn strongest(filter: &Filter, now: &Pyramid, image: &TrackImage, about: &PixelBox, reach: f64, growth: f64) -> Response {
     let near = filter.respond(now, image.tints.as_ref(), about, reach);
-    // What is not in the middle of its window has a weaker peak.
+    // Again, with it in the middle of the window.
     let mut best = filter.respond(now, image.tints.as_ref(), &near.area, reach);
     for scale in [1.0 / growth, growth] {
         let other = filter.respond(now, image.tints.as_ref(), &near.area.scaled(scale), reach);
