@@ -23,9 +23,9 @@ struct Constants {
 }
 
 /// Things, which keep their shape.
-const THING: Constants = Constants { loss_per_s: 0.02, bias: [0.035, 0.03], drift: [0.043, 0.043], scale: 0.045 };
-/// People, whose limbs swing, and whose clothes are plain.
-const PERSON: Constants = Constants { loss_per_s: 0.11, bias: [0.06, 0.043], drift: [0.104, 0.053], scale: 0.11 };
+const THING: Constants = Constants { loss_per_s: 0.01, bias: [0.035, 0.03], drift: [0.043, 0.043], scale: 0.045 };
+/// People, whose limbs swing.
+const PERSON: Constants = Constants { loss_per_s: 0.035, bias: [0.06, 0.043], drift: [0.104, 0.053], scale: 0.055 };
 
 /// How long an error that comes and goes lasts, seconds.
 const DRIFT_S: f64 = 1.0;

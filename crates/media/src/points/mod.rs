@@ -6,9 +6,11 @@
 //!
 //! Pure given the images, with the arithmetic of [`track`](crate::track): equal images give equal bits on every machine.
 
-use crate::track::flow::{WEAKEST, cornerness, follow_and_return};
+mod flow;
+
 use crate::track::grey::Pyramid;
 use crate::track::{Shift, TrackImage};
+use flow::{WEAKEST, cornerness, follow_and_return};
 
 /// Cells of the grid, across and down.
 const COLUMNS: usize = 15;

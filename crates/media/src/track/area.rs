@@ -83,12 +83,14 @@ impl PixelBox {
         Self::around((x + shift.x, y + shift.y), self.width() * scale, self.height() * scale)
     }
 
-    /// This box, carried along as another one moves and grows, by its width, from `from` to `to`.
-    pub(super) fn carried(&self, from: &Self, to: &Self) -> Self {
-        let scale = to.width() / from.width();
-        let (start, end, centre) = (from.centre(), to.centre(), self.centre());
-        let place = (end.0 + (centre.0 - start.0) * scale, end.1 + (centre.1 - start.1) * scale);
-        Self::around(place, self.width() * scale, self.height() * scale)
+    /// Halfway between this box and another.
+    pub(super) fn between(&self, other: &Self) -> Self {
+        Self {
+            left: (self.left + other.left) / 2.0,
+            top: (self.top + other.top) / 2.0,
+            right: (self.right + other.right) / 2.0,
+            bottom: (self.bottom + other.bottom) / 2.0,
+        }
     }
 
     /// The share of the box inside an image of this size.

@@ -3,7 +3,7 @@
 use crate::frame::{FrameError, Rgb};
 
 /// Number of fractional bits of an interpolated value.
-pub(super) const FRACTION: u32 = 5;
+pub(crate) const FRACTION: u32 = 5;
 /// Bits of an interpolation weight.
 const WEIGHT: u32 = 14;
 
@@ -30,6 +30,12 @@ impl Grey {
         };
         let data = image.data().chunks_exact(3).map(brightness).collect();
         Self { width: image.width(), height: image.height(), data }
+    }
+
+    /// An image from just as many bytes as it has pixels.
+    pub(super) fn of_bytes(width: u32, height: u32, data: Vec<u8>) -> Self {
+        debug_assert_eq!(data.len(), width as usize * height as usize);
+        Self { width, height, data }
     }
 
     /// An image from its bytes.
@@ -98,7 +104,7 @@ impl Grey {
     }
 
     /// Samples the square of `side` × `side` pixels around a place, in its own resolution.
-    pub(super) fn square(&self, (x, y): (f64, f64), side: usize, into: &mut [i32]) {
+    pub(crate) fn square(&self, (x, y): (f64, f64), side: usize, into: &mut [i32]) {
         let half = (side / 2) as f64;
         let (left, top) = (x - half, y - half);
         let (width, height) = (self.width as usize, self.height as usize);

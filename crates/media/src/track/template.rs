@@ -5,14 +5,11 @@ use super::grey::{FRACTION, Pyramid, Tap};
 
 /// Samples of a patch across and down.
 const FINE: usize = 24;
-/// Samples of the patch with which large areas are searched.
-const COARSE: usize = 12;
 
 /// The patch in a box, resampled to a fixed number of samples.
 #[derive(Clone, Debug)]
 pub(super) struct Template {
     fine: Patch<FINE>,
-    coarse: Patch<COARSE>,
 }
 
 /// A place found, and how much it resembles the template (1: equal up to brightness and contrast).
@@ -24,7 +21,7 @@ pub(super) struct Match {
 
 impl Template {
     pub(super) fn of(image: &Pyramid, area: &PixelBox) -> Self {
-        Self { fine: Patch::of(image, area), coarse: Patch::of(image, area) }
+        Self { fine: Patch::of(image, area) }
     }
 
     /// Standard deviation of the patch, grey levels.
@@ -66,59 +63,6 @@ impl Template {
             }
         }
         best
-    }
-
-    /// The best places whose centres are within `reach` boxes of a box's, at most `most` of them, best first, at least half a
-    /// box apart; those less than `without` boxes away are left out.
-    pub(super) fn scan(
-        &self,
-        image: &Pyramid,
-        about: &PixelBox,
-        scales: &[f64],
-        reach: f64,
-        without: f64,
-        most: usize,
-    ) -> Vec<Match> {
-        let (width, height) = image.size();
-        let centre = about.centre();
-        let (step_x, step_y) = (about.width() / 8.0, about.height() / 8.0);
-        let steps = ((reach * 8.0) as i32).clamp(1, 40);
-        let mut found: Vec<Match> = Vec::new();
-        for scale in scales {
-            for row in -steps..=steps {
-                for column in -steps..=steps {
-                    if f64::from(row.abs().max(column.abs())) < without * 8.0 {
-                        continue;
-                    }
-                    let place = (centre.0 + f64::from(column) * step_x, centre.1 + f64::from(row) * step_y);
-                    if place.0 < 0.0 || place.1 < 0.0 || place.0 > f64::from(width) || place.1 > f64::from(height) {
-                        continue;
-                    }
-                    let area = PixelBox::around(place, about.width() * scale, about.height() * scale);
-                    let score = self.coarse.correlation(&Patch::of(image, &area));
-                    if score > 0.4 {
-                        found.push(Match { area, score });
-                    }
-                }
-            }
-        }
-        // A stable sort: equal scores keep the order in which they were found.
-        found.sort_by(|a, b| b.score.total_cmp(&a.score));
-        let mut kept: Vec<Match> = Vec::new();
-        for candidate in found {
-            let (x, y) = candidate.area.centre();
-            let far = |other: &Match| {
-                let (ox, oy) = other.area.centre();
-                (x - ox).abs() > 0.5 * about.width() || (y - oy).abs() > 0.5 * about.height()
-            };
-            if kept.iter().all(far) {
-                kept.push(candidate);
-                if kept.len() == most {
-                    break;
-                }
-            }
-        }
-        kept.iter().map(|candidate| self.align(image, &candidate.area)).collect()
     }
 }
 

@@ -365,19 +365,15 @@ impl Plain {
     }
 }
 
-fn middle(area: &PixelBox) -> PixelBox {
-    PixelBox::around(area.centre(), 0.6 * area.width(), 0.6 * area.height())
-}
-
-/// Inside the clothes there is no corner: in grey such a target is refused at once.
+/// There is no pattern inside the clothes, only the outline and the colour.
 #[test]
-fn plain_clothes_are_held_by_their_colour() {
+fn plain_clothes_are_held_by_outline_and_colour() {
     let person = Plain { clothes: [[40, 130, 60], [40, 130, 60]], growth: 0.01 };
-    let mut tracker = Tracker::start(&person.image(0, false), middle(&person.truth(0)));
+    let mut tracker = Tracker::start_in_middle(&person.image(0, false), person.truth(0));
     assert_eq!(tracker.track().quality, Quality::Good);
     for image in 1..60 {
         let track = tracker.next(&person.image(image, false), None);
-        let (truth, scale) = (middle(&person.truth(image)), 1.0 + 0.01 * image as f64);
+        let (truth, scale) = (person.truth(image), 1.0 + 0.01 * image as f64);
         assert!(track.quality == Quality::Good && track.area.overlap(&truth) > 0.6, "{image}: {track:?} {truth:?}");
         assert!((track.scale / scale - 1.0).abs() < 0.12, "{image}: {} for {scale}", track.scale);
     }
@@ -386,15 +382,7 @@ fn plain_clothes_are_held_by_their_colour() {
     assert!(qualities.all(|quality| quality != Quality::Good));
     assert_eq!(tracker.track().quality, Quality::Lost);
     let back = (75..85).map(|image| tracker.next(&person.image(image, false), None)).last().unwrap();
-    assert!(back.quality == Quality::Good && back.area.overlap(&middle(&person.truth(84))) > 0.5, "{back:?}");
-}
-
-/// The colours of the background tell nothing.
-#[test]
-fn a_target_without_colours_of_its_own_is_refused_as_in_grey() {
-    let person = Plain { clothes: [[128, 122, 109], [128, 122, 109]], growth: 0.0 };
-    let tracker = Tracker::start(&person.image(0, false), middle(&person.truth(0)));
-    assert_eq!(tracker.track().quality, Quality::Lost);
+    assert!(back.quality == Quality::Good && back.area.overlap(&person.truth(84)) > 0.5, "{back:?}");
 }
 
 #[test]
@@ -429,11 +417,11 @@ fn tracks_are_the_same_everywhere() {
         let mut tracker = clip.start();
         (1..50).map(move |image| tracker.next(&clip.image(image), clip.predicted(image)))
     });
-    assert_eq!(digest(tracks), "7d30e7051c7254e8");
+    assert_eq!(digest(tracks), "c86b9a8b65cbcad5");
     let person = Plain { clothes: [[40, 130, 60], [50, 60, 120]], growth: 0.01 };
-    let mut tracker = Tracker::start(&person.image(0, false), middle(&person.truth(0)));
+    let mut tracker = Tracker::start_in_middle(&person.image(0, false), person.truth(0));
     let tracks = (1..50).map(|image| tracker.next(&person.image(image, (20..30).contains(&image)), None));
-    assert_eq!(digest(tracks), "3f5c0848c7357620");
+    assert_eq!(digest(tracks), "91fc044f58594682");
 }
 
 proptest! {

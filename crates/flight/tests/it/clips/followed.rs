@@ -10,13 +10,10 @@ use spf_flight::sim::{TargetSeen, TrackErrors};
 use spf_media::Rgb;
 use spf_media::track::{PixelBox, Quality, Shift, TrackImage, Tracker};
 
-use super::film::Film;
-use super::flight::{Flight, INTERVAL, camera};
+use super::clip::{Clip, Moment};
+use super::flight::{INTERVAL, camera};
 use super::kinds::Number;
-use super::stage::{Sight, Stage, Target};
-
-/// As in the stand-in: added to the distance from the target's surface, metres.
-const HALF_DEPTH: f64 = 0.3;
+use super::stage::Sight;
 
 /// A report on one image.
 #[derive(Clone, Copy, Debug)]
@@ -57,42 +54,31 @@ pub(super) struct Followed {
 }
 
 impl Followed {
-    /// Follows a flight's target through its images; `None` if no flight of the kind was found in the scene.
-    pub(super) fn new(stage: &Stage, number: Number, show: impl Fn(&Self, &[Rgb])) -> Option<Self> {
-        let flight = Flight::draw(stage, &number)?;
-        let film = Film::of(stage, &flight, &number);
-        let (camera, target) = (camera(), Target::new(stage, flight.id));
-        let sights: Vec<(Sight, f64, Attitude)> = (0..number.images)
-            .map(|image| {
-                let snapshot = flight.at(stage, flight.time(0.1 * image as f64)).unwrap();
-                let sight = target.sight(stage, &camera, &snapshot).0;
-                let range = stage.loaded.distance_to(flight.id, &snapshot.actors, snapshot.pose.position).unwrap();
-                (sight, range + HALF_DEPTH, snapshot.pose.attitude)
-            })
-            .collect();
-        let whole = sights[0].0.visible?;
-        let mut tracker = Tracker::start_in_middle(&TrackImage::of(&film.images[0]), whole);
-        let is_person = stage.loaded.scene.object(flight.id)?.tags.kind == "person";
-        let mut errors = TrackErrors::new(number.seed, number.index as u64, fraction(&whole), is_person);
+    /// Follows a clip's target through its images; `None` if its box was never seen.
+    pub(super) fn new(clip: &Clip, show: impl Fn(&Self, &[Rgb])) -> Option<Self> {
+        let (number, moments, images) = (clip.number, &clip.moments, &clip.images);
+        let whole = moments[0].sight.visible?;
+        let mut tracker = Tracker::start_in_middle(&TrackImage::of(&images[0]), whole);
+        let mut errors = TrackErrors::new(number.seed, number.index as u64, fraction(&whole), clip.is_person);
         let mut followed = Self {
             number,
-            target: stage.loaded.key(flight.id),
+            target: clip.target.clone(),
             accepted: tracker.track().quality == Quality::Good,
             images: Vec::new(),
             millis: 0.0,
-            quantiser: film.quantiser,
+            quantiser: clip.quantiser,
         };
         let begun = Instant::now();
         let tracks: Vec<_> = (1..number.images)
             .map(|image| {
-                let shift = shift(tracker.track().area.centre(), sights[image - 1].2, sights[image].2);
-                tracker.next(&TrackImage::of(&film.images[image]), shift)
+                let shift = shift(tracker.track().area.centre(), moments[image - 1].attitude, moments[image].attitude);
+                tracker.next(&TrackImage::of(&images[image]), shift)
             })
             .collect();
         followed.millis = 1000.0 * begun.elapsed().as_secs_f64() / (number.images - 1) as f64;
         for (image, track) in (1..number.images).zip(tracks) {
-            let (sight, range, _) = sights[image];
-            let growth = sights[0].1 / range;
+            let Moment { sight, range, .. } = moments[image];
+            let growth = moments[0].range / range;
             let seen = sight.visible.map(|area| TargetSeen { area: fraction(&area), growth: Some(growth) });
             errors.next(image as u64, INTERVAL.as_secs_f64(), seen);
             let quality = match track.quality {
@@ -107,7 +93,7 @@ impl Followed {
             let model = Report { area, scale: errors.scale(), quality: errors.quality() };
             followed.images.push(Image { sight, growth, pixels, model });
         }
-        show(&followed, &film.images);
+        show(&followed, images);
         Some(followed)
     }
 }

@@ -1,5 +1,6 @@
 //! The tracker, and its stand-in without pixels, on rendered clips of 8 s (`docs/studies/2026-11-26-tracker-clips.md`).
 
+mod clip;
 mod film;
 mod flight;
 mod followed;
@@ -9,26 +10,40 @@ mod stage;
 mod tally;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
+use clip::Clip;
 use followed::Followed;
 use kinds::{Condition, Number};
 use stage::Stage;
 use tally::{By, Errors, Share, Tally};
 
-/// Films the clips and follows their targets, in order; kinds of which no flight was found are left out.
-fn follow(numbers: &[Number], pictures: Option<&PathBuf>) -> Vec<Followed> {
+/// Draws the clips, or reads them from a folder if they were drawn before, and follows their targets, in order; kinds of which no
+/// flight was found are left out.
+fn follow(numbers: &[Number], kept: Option<&Path>, pictures: Option<&Path>) -> Vec<Followed> {
     let mut stages: BTreeMap<(String, bool), Vec<Number>> = BTreeMap::new();
     for number in numbers {
         stages.entry(Stage::key(number)).or_default().push(*number);
     }
     let mut clips: Vec<Followed> = Vec::new();
     for (key, numbers) in stages {
-        let stage = Stage::load(&key);
+        let stage = LazyLock::new(|| Stage::load(&key));
         clips.par_extend(numbers.into_par_iter().filter_map(|number| {
-            Followed::new(&stage, number, |followed, images| {
+            let file = kept.map(|folder| folder.join(format!("{}-{}.clip", number.seed, number.index)));
+            let clip = match &file {
+                Some(file) if file.exists() => Clip::read(number, file).unwrap(),
+                _ => {
+                    let clip = Clip::draw(&stage, number);
+                    if let Some(file) = &file {
+                        Clip::write(clip.as_ref(), file).unwrap();
+                    }
+                    clip
+                }
+            };
+            Followed::new(&clip?, |followed, images| {
                 if let Some(folder) = pictures.filter(|_| number.index.is_multiple_of(25)) {
                     sheet::write(folder, followed, images);
                 }
@@ -44,7 +59,7 @@ fn follow(numbers: &[Number], pictures: Option<&PathBuf>) -> Vec<Followed> {
 fn the_stand_in_errs_as_the_tracker_does() {
     let number =
         |index| Number { index, condition: Condition::Plain, walks: index % 2 == 1, scene: "yard", seed: 50, images: 41 };
-    let clips = follow(&(0..12).map(number).collect::<Vec<_>>(), None);
+    let clips = follow(&(0..12).map(number).collect::<Vec<_>>(), None, None);
     let [pixels, model] = [By::Pixels, By::Model].map(|by| Errors::of(clips.iter(), by));
     let rows = format!("{}\n{}\n{}", Errors::HEAD, pixels.row("pixels"), model.row("stand-in"));
     let lost = |errors: &Errors| Share {
@@ -59,7 +74,8 @@ fn the_stand_in_errs_as_the_tracker_does() {
 }
 
 /// The figures of the study: `CLIPS=0..504 SEED=100 cargo test -p spf-flight --test it -- --ignored clips::figures --nocapture`.
-/// With `EACH=1` clip by clip; with `PICTURES=DIR` a picture of every 25th clip. The stand-in's constants are fitted to the clips
+/// With `EACH=1` clip by clip; with `PICTURES=DIR` a picture of every 25th clip. With
+/// `KEPT=DIR` the clips are kept there, 41 MB each, and not drawn again. The stand-in's constants are fitted to the clips
 /// from `SEED=0`; no threshold of the tracker was chosen with any of them.
 #[test]
 #[ignore = "prints figures; takes a minute; 504 clips take 20"]
@@ -68,7 +84,8 @@ fn figures() {
     let (first, end) = clips.split_once("..").unwrap();
     let seed = std::env::var("SEED").map_or(100, |seed| seed.parse().unwrap());
     let numbers = Number::all(end.parse().unwrap(), seed).split_off(first.parse().unwrap());
-    let clips = follow(&numbers, std::env::var_os("PICTURES").map(PathBuf::from).as_ref());
+    let folder = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    let clips = follow(&numbers, folder("KEPT").as_deref(), folder("PICTURES").as_deref());
     println!("{} of {} clips", clips.len(), numbers.len());
     if std::env::var_os("EACH").is_some() {
         clips.iter().for_each(|clip| println!("{}", each(clip)));
