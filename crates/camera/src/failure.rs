@@ -49,8 +49,13 @@ pub(crate) enum SourceError {
         passes: bool,
     },
     /// A Tello.
-    #[error("{0}")]
-    Tello(String),
+    #[error("{why}")]
+    Tello {
+        /// Why, and what to do.
+        why: String,
+        /// Whether somebody flies it, so that it must be left alone.
+        flies: bool,
+    },
     /// A pipeline that cannot be built.
     #[cfg(feature = "gstreamer")]
     #[error("the pipeline cannot be used: {0}")]
@@ -73,6 +78,7 @@ impl SourceError {
             Self::Pipeline(_) => true,
             Self::Device { passes, .. } => !passes,
             _ => false,
+            Self::Tello { flies, .. } => *flies,
         }
     }
 }
