@@ -39,6 +39,7 @@ pub(crate) enum SourceError {
     #[error("cannot read the video: {0}")]
     File(std::io::Error),
     /// A device of this machine.
+    #[allow(dead_code, reason = "Video4Linux is not there")]
     #[error("{}: {why}", path.display())]
     Device {
         /// Its file.
@@ -77,8 +78,8 @@ impl SourceError {
             #[cfg(feature = "gstreamer")]
             Self::Pipeline(_) => true,
             Self::Device { passes, .. } => !passes,
-            _ => false,
             Self::Tello { flies, .. } => *flies,
+            _ => false,
         }
     }
 }
