@@ -33,7 +33,7 @@ pub(super) fn receive(pipeline: &Pipeline, feed: &mut Feed) -> Result<(), Source
         // A source that connects first tells afterwards whether it is live.
         paused = running.0.state(gst::ClockTime::from_mseconds(POLL_INTERVAL.as_millis() as u64)).0;
     }
-    let is_live = paused == Ok(gst::StateChangeSuccess::NoPreroll);
+    let is_live = paused == Ok(gst::StateChangeSuccess::NoPreroll) && sources_are_live(&running.0);
     if !is_live {
         feed.is_recording();
     }
@@ -76,6 +76,14 @@ impl Drop for Running {
         // Nothing can be done about a pipeline that does not stop.
         self.0.set_state(gst::State::Null).ok();
     }
+}
+
+/// Whether all sources of a paused pipeline are live. The pipeline says so too if another element keeps to the clock, as
+/// `identity sync=true` does behind a file.
+fn sources_are_live(pipeline: &gst::Pipeline) -> bool {
+    let sources: Vec<gst::Element> = pipeline.iterate_sources().into_iter().flatten().collect();
+    let is_live = |source: &gst::Element| source.state(gst::ClockTime::ZERO).0 == Ok(gst::StateChangeSuccess::NoPreroll);
+    !sources.is_empty() && sources.iter().all(is_live)
 }
 
 /// When a sample was captured, by the pipeline's clock: nanoseconds, and its age in seconds.
