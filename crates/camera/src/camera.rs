@@ -87,6 +87,7 @@ impl Camera {
         // A film is decoded by the thread that plays it.
         if let CameraUrl::File { path, repeats } = url {
             let feed = Feed::new(shared.clone(), settings.latency, settings.own_clock);
+            feed.is_recording();
             camera.spawn("camera-file", move || {
                 let played = source::file::play(&path, repeats, &feed, &mut finish);
                 match played {
@@ -145,11 +146,11 @@ pub struct StartError(#[from] std::io::Error);
 
 /// Receives until stopped; connects again after each failure.
 fn receive(url: &CameraUrl, tello: &TelloSettings, mut feed: Feed) {
-    let mut wait = FIRST_WAIT;
+    let (mut wait, mut webcam) = (FIRST_WAIT, source::Known::default());
     while !feed.stopped() {
         feed.connect();
         let begun = Instant::now();
-        let error = match source::run(url, tello, &mut feed) {
+        let error = match source::run(url, tello, &mut webcam, &mut feed) {
             Ok(()) if feed.stopped() => return,
             Ok(()) => SourceError::Ended,
             Err(error) => error,

@@ -16,7 +16,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest side of a frame, pixels. The newest 24 are kept: in this size they take 150 MB, in that of a 4K camera 600 MB.
 pub(crate) const LONGEST_SIDE: u32 = 1920;
 /// Largest JPEG image that is decoded: 8192 pixels per side, 33 million in all. H.264 is limited by its decoder to 9.4 million.
-const LIMITS: Limits = Limits { side: 8192, pixels: 33_200_000, memory: 256 << 20 };
+pub(crate) const LIMITS: Limits = Limits { side: 8192, pixels: 33_200_000, memory: 256 << 20 };
 
 /// Decodes until stopped. `finish` completes each frame.
 pub(crate) fn decode(inlet: &Inlet, frames: &FrameStore, stopped: &AtomicBool, finish: &mut dyn FnMut(Rgb) -> Rgb) {
@@ -29,8 +29,7 @@ pub(crate) fn decode(inlet: &Inlet, frames: &FrameStore, stopped: &AtomicBool, f
             let image = match coded {
                 Coded::Jpeg(bytes) => open(&bytes).map(Some).map_err(|_| ()),
                 Coded::Yuyv(bytes, size) => yuyv::decode(&bytes, size).map(Some).ok_or(()),
-                #[cfg(feature = "gstreamer")]
-                Coded::Rgb(bytes, (width, height)) => Rgb::from_raw(width, height, bytes).map(Some).map_err(|_| ()),
+                Coded::Decoded(image, _) => Ok(Some(image)),
                 Coded::H264(unit) => h264(&mut decoder, &unit.annex_b, index == last),
             };
             match image {

@@ -39,6 +39,7 @@ pub(crate) enum SourceError {
     #[error("cannot read the video: {0}")]
     File(std::io::Error),
     /// A device of this machine.
+    #[allow(dead_code, reason = "Video4Linux is not there")]
     #[error("{}: {why}", path.display())]
     Device {
         /// Its file.
@@ -49,8 +50,13 @@ pub(crate) enum SourceError {
         passes: bool,
     },
     /// A Tello.
-    #[error("{0}")]
-    Tello(String),
+    #[error("{why}")]
+    Tello {
+        /// Why, and what to do.
+        why: String,
+        /// Whether somebody flies it, so that it must be left alone.
+        flies: bool,
+    },
     /// A pipeline that cannot be built.
     #[cfg(feature = "gstreamer")]
     #[error("the pipeline cannot be used: {0}")]
@@ -72,6 +78,7 @@ impl SourceError {
             #[cfg(feature = "gstreamer")]
             Self::Pipeline(_) => true,
             Self::Device { passes, .. } => !passes,
+            Self::Tello { flies, .. } => *flies,
             _ => false,
         }
     }

@@ -99,14 +99,26 @@ impl Feed {
     }
 
     /// Takes an uncompressed image.
+    #[allow(dead_code, reason = "Video4Linux is not there")]
     pub(crate) fn yuyv(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, image: Vec<u8>, size: (u32, u32)) {
         self.put(at, stamp, age, Coded::Yuyv(image, size));
     }
 
-    /// Takes pixels.
+    /// Takes an image that is decoded; `codec` is how it was coded.
+    #[allow(dead_code, reason = "neither Video4Linux nor GStreamer is there")]
+    pub(crate) fn decoded(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, image: Rgb, codec: &'static str) {
+        self.put(at, stamp, age, Coded::Decoded(image, codec));
+    }
+
+    /// Usual time from the capture of a frame to its arrival.
     #[cfg(feature = "gstreamer")]
-    pub(crate) fn rgb(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, pixels: Vec<u8>, size: (u32, u32)) {
-        self.put(at, stamp, age, Coded::Rgb(pixels, size));
+    pub(crate) fn latency(&self) -> Duration {
+        self.latency
+    }
+
+    /// Says that the images are those of a recording, or made up, whatever happens.
+    pub(crate) fn is_recording(&self) {
+        self.shared.report().recorded = true;
     }
 
     fn put(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, coded: Coded) {
@@ -118,15 +130,15 @@ impl Feed {
             Coded::H264(_) => "H.264",
             Coded::Jpeg(_) => "JPEG",
             Coded::Yuyv(..) => "YUYV",
-            #[cfg(feature = "gstreamer")]
-            Coded::Rgb(..) => "raw",
+            Coded::Decoded(_, codec) => codec,
         };
         self.shared.inlet.put(Received { at, captured, coded });
         let mut report = self.shared.report();
         report.state = CameraState::Receiving;
         report.needs_attention = false;
         report.codec = Some(codec);
-        report.own_clock = age.is_some_and(is_plausible);
+        // The times of a pipeline may be those of an arrival.
+        report.own_clock = age.is_some_and(is_plausible) && codec != "raw";
     }
 
     /// Takes an image that is decoded already.

@@ -4,11 +4,12 @@ use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 
 use spf_core::time::{Duration, Time};
+use spf_media::Rgb;
 use spf_media::h264::AccessUnit;
 
 /// Maximum number of queued images: two seconds. More are dropped, since a decoder that far behind never catches up.
 const WAITING: usize = 60;
-/// Maximum length of what is queued, bytes.
+/// Maximum length of what is queued, bytes, where more than one image is.
 const LENGTH: usize = 32 << 20;
 
 /// An encoded image.
@@ -19,10 +20,11 @@ pub(crate) enum Coded {
     /// A JPEG file.
     Jpeg(Vec<u8>),
     /// An uncompressed image of this width and height.
+    #[allow(dead_code, reason = "Video4Linux is not there")]
     Yuyv(Vec<u8>, (u32, u32)),
-    /// Pixels of this width and height.
-    #[cfg(feature = "gstreamer")]
-    Rgb(Vec<u8>, (u32, u32)),
+    /// An image that needs no decoding any more, and how it was coded.
+    #[allow(dead_code, reason = "neither Video4Linux nor GStreamer is there")]
+    Decoded(Rgb, &'static str),
 }
 
 impl Coded {
@@ -30,9 +32,7 @@ impl Coded {
     fn is_key(&self) -> bool {
         match self {
             Self::H264(unit) => unit.key,
-            Self::Jpeg(_) | Self::Yuyv(..) => true,
-            #[cfg(feature = "gstreamer")]
-            Self::Rgb(..) => true,
+            Self::Jpeg(_) | Self::Yuyv(..) | Self::Decoded(..) => true,
         }
     }
 
@@ -40,8 +40,7 @@ impl Coded {
         match self {
             Self::H264(unit) => unit.annex_b.len(),
             Self::Jpeg(bytes) | Self::Yuyv(bytes, _) => bytes.len(),
-            #[cfg(feature = "gstreamer")]
-            Self::Rgb(bytes, _) => bytes.len(),
+            Self::Decoded(image, _) => image.data().len(),
         }
     }
 }
@@ -102,7 +101,8 @@ impl Inlet {
         }
         waiting.length += image.coded.length();
         waiting.images.push_back(image);
-        if waiting.images.len() > WAITING || waiting.length > LENGTH {
+        // One alone is as long as it is: an image of 33 million pixels has 100 MB.
+        if waiting.images.len() > WAITING || (waiting.images.len() > 1 && waiting.length > LENGTH) {
             waiting.clear();
             waiting.awaits_key = true;
         }
@@ -167,6 +167,17 @@ mod tests {
         (2..12).for_each(|number| put(&inlet, number, number == 9, 10));
         inlet.reference_lost();
         assert_eq!((numbers(&inlet), inlet.tally()), (vec![9, 10, 11], (1, 7)));
+    }
+
+    /// An image of 4096×2816 pixels has 34.6 MB.
+    #[test]
+    fn one_image_may_be_longer_than_many_together() {
+        let inlet = Inlet::default();
+        for number in 0..3 {
+            let at = Time::from_millis(number);
+            inlet.put(Received { at, captured: at, coded: Coded::Decoded(Rgb::new(4096, 2816), "raw") });
+        }
+        assert_eq!((numbers(&inlet), inlet.tally()), (vec![2], (2, 0)));
     }
 
     #[test]

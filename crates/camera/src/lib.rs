@@ -14,6 +14,7 @@ mod failure;
 mod feed;
 pub mod film;
 mod inlet;
+pub mod intact;
 pub mod latency;
 pub mod mjpeg;
 pub mod modes;

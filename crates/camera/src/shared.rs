@@ -45,6 +45,9 @@ pub struct CameraReport {
     pub packets_lost: u64,
     /// Whether the newest frame's time of capture comes from the camera's own clock.
     pub own_clock: bool,
+    /// Whether its images are those of a recording, or come as fast as they are made: a file, or a pipeline that is not live. They do
+    /// not show what a craft would do.
+    pub recorded: bool,
 }
 
 /// What the threads share.

@@ -45,6 +45,12 @@ pub trait Target: Send + Sync {
         false
     }
 
+    /// Whether its address is one of this machine alone, so that it is a program and no craft that could hurt anybody. `false` if a
+    /// program there may pass the commands on.
+    fn is_simulated(&self) -> bool {
+        false
+    }
+
     /// Connects to the craft. `start` is flight time zero.
     ///
     /// # Errors

@@ -18,7 +18,11 @@ mod v4l2 {
     use crate::failure::SourceError;
     use crate::feed::Feed;
 
-    pub(super) fn receive(_: &LocalCamera, _: &mut Feed) -> Result<(), SourceError> {
+    /// What is known of a camera between two connections.
+    #[derive(Default)]
+    pub(crate) struct Known;
+
+    pub(super) fn receive(_: &LocalCamera, _: &mut Known, _: &mut Feed) -> Result<(), SourceError> {
         Err(SourceError::Missing(
             "v4l2: cameras are read on Linux with 64 bits only; let ffmpeg or GStreamer send the camera (docs/guide/cameras.md)",
         ))
@@ -34,14 +38,16 @@ use crate::address::CameraUrl;
 use crate::failure::SourceError;
 use crate::feed::Feed;
 
-/// Receives from a camera until it is stopped.
-pub(crate) fn run(url: &CameraUrl, settings: &TelloSettings, feed: &mut Feed) -> Result<(), SourceError> {
+pub(crate) use v4l2::Known;
+
+/// Receives from a camera until it is stopped. A local camera that was opened before is `known`.
+pub(crate) fn run(url: &CameraUrl, settings: &TelloSettings, known: &mut Known, feed: &mut Feed) -> Result<(), SourceError> {
     match url {
         CameraUrl::UdpRtp(address) => udp::rtp(*address, feed),
         CameraUrl::UdpTs(address) => udp::ts(*address, feed),
         CameraUrl::Mjpeg(server) => http::mjpeg(server, feed),
         CameraUrl::Rtsp { server, transport } => rtsp::receive(server, *transport, feed),
-        CameraUrl::V4l2(camera) => v4l2::receive(camera, feed),
+        CameraUrl::V4l2(camera) => v4l2::receive(camera, known, feed),
         CameraUrl::Tello(address) => tello::receive(*address, settings, feed),
         #[cfg(feature = "gstreamer")]
         CameraUrl::Gstreamer(pipeline) => gstreamer::receive(pipeline, feed),

@@ -14,7 +14,12 @@ use crate::feed::{Feed, Packets};
 
 /// Receives until stopped.
 pub(super) fn receive(address: SocketAddr, settings: &TelloSettings, feed: &mut Feed) -> Result<(), SourceError> {
-    let mut link = VideoLink::connect(address, settings).map_err(|error| failure(address, error))?;
+    let stopped = || feed.stopped();
+    let link = VideoLink::connect(address, settings, &stopped);
+    if feed.stopped() {
+        return Ok(());
+    }
+    let mut link = link.map_err(|error| failure(address, error))?;
     let (mut joiner, mut units) = (Joiner::default(), Vec::new());
     let (mut last, mut shown) = (Instant::now(), false);
     while !feed.stopped() {
@@ -33,7 +38,11 @@ pub(super) fn receive(address: SocketAddr, settings: &TelloSettings, feed: &mut 
             link.request_key_frame();
         }
         if last.elapsed() > SILENCE {
-            return Err(SourceError::Silent(SILENCE.as_secs()));
+            return Err(if link.flies() {
+                failure(address, ConnectError::Flies)
+            } else {
+                SourceError::Silent(SILENCE.as_secs())
+            });
         }
     }
     Ok(())
@@ -41,6 +50,8 @@ pub(super) fn receive(address: SocketAddr, settings: &TelloSettings, feed: &mut 
 
 /// What went wrong, and what to do.
 fn failure(address: SocketAddr, error: ConnectError) -> SourceError {
+    // It is tried again later than its timer runs.
+    let flies = matches!(error, ConnectError::Flies);
     let explained = explained(address.ip(), error);
     let mut text = explained.source.to_string();
     let mut cause = explained.source.source();
@@ -48,5 +59,6 @@ fn failure(address: SocketAddr, error: ConnectError) -> SourceError {
         text = format!("{text}: {source}");
         cause = source.source();
     }
-    SourceError::Tello(explained.hint.map_or_else(|| text.clone(), |hint| format!("{text}; {hint}")))
+    let why = explained.hint.map_or_else(|| text.clone(), |hint| format!("{text}; {hint}"));
+    SourceError::Tello { why, flies }
 }

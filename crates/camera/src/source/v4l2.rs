@@ -1,4 +1,10 @@
 //! Cameras of this machine, by Video4Linux (crate `rscam`, which asks the kernel without any other library).
+//!
+//! The library shows neither the flags of a buffer, such as that of an error, nor the file descriptor by which it could be awaited
+//! with a timeout. So each image is examined, and a camera that sends nothing keeps its thread and its device.
+
+mod identity;
+mod listing;
 
 use std::fs::OpenOptions;
 use std::io;
@@ -6,16 +12,17 @@ use std::os::unix::fs::FileTypeExt;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::time::{Duration, Instant};
 
-use rscam::{Config, Error, IntervalInfo, ResolutionInfo};
+use rscam::{Config, Error};
 use rustix::time::{ClockId, clock_gettime};
 use spf_drone::frames::VideoStats;
-use spf_media::jpeg::with_huffman_tables;
 
+use self::identity::Identity;
+use self::listing::modes;
 use super::{POLL_INTERVAL, SILENCE};
 use crate::address::LocalCamera;
 use crate::failure::SourceError;
 use crate::feed::{Feed, Packets};
-use crate::mjpeg::is_whole;
+use crate::intact;
 use crate::modes::{Format, Mode, choose, format, list, name};
 use crate::yuyv;
 
@@ -23,12 +30,14 @@ use crate::yuyv;
 const BUFFERS: u32 = 3;
 /// How long the device is awaited at the end. A thread that waits for a camera which sends nothing ends with the program.
 const ENDING: Duration = Duration::from_millis(500);
-/// Sizes that are tried of a camera which can have any within limits.
-const SIZES: [(u32, u32); 5] = [(1920, 1080), (1280, 720), (800, 600), (640, 480), (320, 240)];
-/// Intervals that are tried of a camera which does not list any, or which can have any within limits.
-const INTERVALS: [(u32, u32); 5] = [(1, 30), (1, 25), (1, 15), (1, 10), (1, 5)];
 /// Fields: no interlacing.
 const PROGRESSIVE: u32 = rscam::FIELD_NONE;
+
+/// What is known of a camera that was opened before: after it was unplugged, nothing else than it, as it was, will do.
+#[derive(Debug, Default)]
+pub(crate) struct Known {
+    first: Option<(Option<Identity>, Mode)>,
+}
 
 /// What the kernel gave.
 struct Captured {
@@ -41,8 +50,8 @@ struct Captured {
 }
 
 /// Receives until stopped.
-pub(super) fn receive(wanted: &LocalCamera, feed: &mut Feed) -> Result<(), SourceError> {
-    let (camera, mode) = open(wanted)?;
+pub(super) fn receive(wanted: &LocalCamera, known: &mut Known, feed: &mut Feed) -> Result<(), SourceError> {
+    let (camera, mode) = open(wanted, known)?;
     let format = format(mode.code).ok_or_else(|| failed(wanted, "it sends a format that was not asked for"))?;
     tracing::debug!("{}: {mode}", wanted.path.display());
     let (send, images) = sync_channel(1);
@@ -89,99 +98,101 @@ fn forward(
     feed: &mut Feed,
 ) -> Result<(), SourceError> {
     let mut tally = VideoStats::default();
-    let mut last = Instant::now();
+    // When the last usable image came, and why others since then were none.
+    let (mut last, mut unusable) = (Instant::now(), None);
     while !feed.stopped() {
+        if last.elapsed() > SILENCE {
+            if let Some((why, passes)) = unusable.take() {
+                return Err(SourceError::Device { path: wanted.path.clone(), why, passes });
+            }
+            // The device cannot be opened again while the other thread waits for it.
+            last = Instant::now();
+            feed.fail(&SourceError::Silent(SILENCE.as_secs()));
+        }
         let captured = match images.recv_timeout(POLL_INTERVAL) {
             Ok(Ok(captured)) => captured,
             Ok(Err(error)) => return Err(io_failure(wanted, &error)),
             Err(RecvTimeoutError::Disconnected) => return Err(SourceError::Ended),
-            Err(RecvTimeoutError::Timeout) => {
-                if last.elapsed() > SILENCE {
-                    // The device cannot be opened again while the other thread waits for it.
-                    last = Instant::now();
-                    feed.fail(&SourceError::Silent(SILENCE.as_secs()));
-                }
-                continue;
-            }
+            Err(RecvTimeoutError::Timeout) => continue,
         };
-        last = captured.at;
         let at = feed.now() - captured.at.elapsed();
-        let stamp = i64::try_from(captured.stamp).ok().and_then(|stamp| stamp.checked_mul(1000)).filter(|stamp| *stamp > 0);
-        let age = stamp.map(|_| captured.age);
-        tally.units += 1;
-        match format {
-            Format::Jpeg if is_whole(&captured.bytes) => {
-                feed.jpeg(at, stamp, age, with_huffman_tables(&captured.bytes).into_owned());
+        let (stamp, age) = (i64::try_from(captured.stamp).ok().and_then(|stamp| stamp.checked_mul(1000)), Some(captured.age));
+        let length = captured.bytes.len();
+        let refused = if captured.stamp == 0 {
+            // A driver gives a buffer in which nothing was captured back so.
+            Some(("its images have no time stamp".to_owned(), false))
+        } else if format == Format::Jpeg {
+            match intact::decode(&captured.bytes) {
+                Some(image) => {
+                    feed.decoded(at, stamp, age, image, "JPEG");
+                    None
+                }
+                None => Some((format!("its images of {length} bytes are no intact JPEG; try another cable, port or size"), true)),
             }
-            Format::Yuyv if yuyv::length(size) == Some(captured.bytes.len()) => feed.yuyv(at, stamp, age, captured.bytes, size),
-            // It was cut off on its way.
-            _ => (tally.units, tally.damaged) = (tally.units - 1, tally.damaged + 1),
+        } else if yuyv::length(size) == Some(length) {
+            feed.yuyv(at, stamp, age, captured.bytes, size);
+            None
+        } else {
+            let expected = yuyv::length(size).unwrap_or(0);
+            Some((format!("its images have {length} bytes, expected {expected}; try another size or MJPG"), false))
+        };
+        if refused.is_some() {
+            (tally.damaged, unusable) = (tally.damaged + 1, refused);
+        } else {
+            (tally.units, last, unusable) = (tally.units + 1, captured.at, None);
         }
         feed.tally(tally, Packets::default());
     }
     Ok(())
 }
 
-/// Opens the device in the best of its modes.
-fn open(wanted: &LocalCamera) -> Result<(rscam::Camera, Mode), SourceError> {
+/// Opens the device in the best of its modes, or in that of the first time.
+fn open(wanted: &LocalCamera, known: &mut Known) -> Result<(rscam::Camera, Mode), SourceError> {
     let path = wanted.path.to_str().ok_or_else(|| failed(wanted, "the name of the device is no text"))?;
     // The library says only that opening failed; a file that is no device would be asked things that it does not know.
     let kind = OpenOptions::new().read(true).write(true).open(&wanted.path).and_then(|file| file.metadata());
-    let kind = kind.map_err(|error| io_failure(wanted, &error))?.file_type();
+    let kind = kind.map_err(|error| early_failure(wanted, &error))?.file_type();
     if !kind.is_char_device() {
         return Err(not_a_camera(wanted));
     }
-    let mut camera = rscam::Camera::new(path).map_err(|error| io_failure(wanted, &error))?;
-    let modes = modes(&camera, wanted)?;
-    let Some(mode) = choose(&modes, wanted) else {
-        return Err(failed(
-            wanted,
-            &match list(&modes) {
-                none if none.is_empty() => format!("it sends {}; only MJPG and YUYV can be decoded", codes(&modes)),
-                known => format!("it has no such size and rate; it has {known}"),
-            },
-        ));
-    };
-    let config =
-        Config { interval: mode.interval, resolution: mode.size, format: &mode.code, field: PROGRESSIVE, nbuffers: BUFFERS };
-    camera.start(&config).map_err(|error| match error {
-        Error::Io(error) => io_failure(wanted, &error),
-        other => failed(wanted, &format!("it refuses {mode} ({other}); ask for another size or rate")),
-    })?;
-    Ok((camera, mode))
-}
-
-/// The modes that a camera lists.
-fn modes(camera: &rscam::Camera, wanted: &LocalCamera) -> Result<Vec<Mode>, SourceError> {
-    let mut modes = Vec::new();
-    // A kernel driver lists some formats, each with some sizes and intervals; the limits bound one that never ends.
-    for info in camera.formats().take(64) {
-        let code = info.map_err(|error| io_failure(wanted, &error))?.format;
-        for size in sizes(camera, code, wanted.size).into_iter().take(256) {
-            let listed = camera.intervals(&code, size).ok();
-            let intervals = match listed {
-                Some(IntervalInfo::Discretes(listed)) if listed.iter().any(|interval| interval.0 > 0) => listed,
-                _ => wanted.rate.map(|rate| (1, rate)).into_iter().chain(INTERVALS).collect(),
-            };
-            modes.extend(intervals.into_iter().take(64).map(|interval| Mode { code, size, interval }));
+    let identity = Identity::of(&wanted.path);
+    if let Some((first, _)) = &known.first
+        && *first != identity
+    {
+        let name = identity.as_ref().map_or("unknown", Identity::name);
+        let why = format!("another camera is at this device ({name}); plug the first one in where it was");
+        return Err(SourceError::Device { path: wanted.path.clone(), why, passes: true });
+    }
+    let mut camera = rscam::Camera::new(path).map_err(|error| early_failure(wanted, &error))?;
+    let mut modes = modes(&camera, wanted)?;
+    if let Some((_, first)) = &known.first {
+        modes.retain(|mode| mode == first);
+        if modes.is_empty() {
+            return Err(failed(wanted, &format!("it no longer has {first}, in which it was received first")));
         }
     }
-    // The second device of a webcam, which tells about its images, lists none.
-    if modes.is_empty() { Err(not_a_camera(wanted)) } else { Ok(modes) }
-}
-
-fn sizes(camera: &rscam::Camera, code: [u8; 4], wanted: Option<(u32, u32)>) -> Vec<(u32, u32)> {
-    match camera.resolutions(&code) {
-        Ok(ResolutionInfo::Discretes(sizes)) => sizes.into_iter().filter(|(width, height)| *width > 0 && *height > 0).collect(),
-        Ok(ResolutionInfo::Stepwise { min, max, step }) => {
-            let on = |value: u32, min: u32, max: u32, step: u32| {
-                (min..=max).contains(&value) && (value - min).is_multiple_of(step.max(1))
-            };
-            let tried = wanted.into_iter().chain(SIZES).chain([max]);
-            tried.filter(|(w, h)| on(*w, min.0, max.0, step.0) && on(*h, min.1, max.1, step.1)).collect()
+    let mut refusal = None;
+    // A camera may list rates that it then does not take.
+    while let Some(mode) = choose(&modes, wanted) {
+        let config =
+            Config { interval: mode.interval, resolution: mode.size, format: &mode.code, field: PROGRESSIVE, nbuffers: BUFFERS };
+        match camera.start(&config) {
+            Ok(()) => {
+                known.first.get_or_insert((identity, mode));
+                return Ok((camera, mode));
+            }
+            Err(Error::Io(error)) => return Err(io_failure(wanted, &error)),
+            Err(other) => {
+                modes.retain(|other| *other != mode);
+                refusal.get_or_insert(format!("it refuses {mode} ({other}); ask for another size or rate"));
+            }
         }
-        Err(_) => Vec::new(),
     }
+    let why = refusal.unwrap_or_else(|| match list(&modes) {
+        none if none.is_empty() => format!("it sends {}; only MJPG and YUYV can be decoded", codes(&modes)),
+        known => format!("it has no such size and rate; it has {known}"),
+    });
+    Err(failed(wanted, &why))
 }
 
 fn codes(modes: &[Mode]) -> String {
@@ -201,6 +212,15 @@ fn not_a_camera(wanted: &LocalCamera) -> SourceError {
     )
 }
 
+/// The same, before the device has shown that it is a camera.
+fn early_failure(wanted: &LocalCamera, error: &io::Error) -> SourceError {
+    use rustix::io::Errno;
+    match error.raw_os_error().map(Errno::from_raw_os_error) {
+        Some(Errno::NOTTY | Errno::INVAL | Errno::ISDIR) => not_a_camera(wanted),
+        _ => io_failure(wanted, error),
+    }
+}
+
 /// What the operating system says, and what to do.
 fn io_failure(wanted: &LocalCamera, error: &io::Error) -> SourceError {
     use rustix::io::Errno;
@@ -211,7 +231,10 @@ fn io_failure(wanted: &LocalCamera, error: &io::Error) -> SourceError {
         }
         Some(Errno::BUSY) => (format!("another program uses it: `fuser {}` names the process", wanted.path.display()), true),
         Some(Errno::NODEV | Errno::NXIO) => ("the camera was unplugged".to_owned(), true),
-        Some(Errno::NOTTY | Errno::INVAL | Errno::ISDIR) => return not_a_camera(wanted),
+        Some(Errno::IO | Errno::PROTO) => {
+            ("an error on the way from the camera: check the cable, and use another port, without a hub".to_owned(), true)
+        }
+        Some(Errno::NOTTY | Errno::INVAL) => (format!("it refuses this size or rate ({error}); ask for another"), false),
         Some(Errno::NOSPC) => ("the USB bus has no room for it: use another port, a smaller size, or MJPG".to_owned(), true),
         _ => (error.to_string(), true),
     };
@@ -235,7 +258,7 @@ mod tests {
             ("/etc/hostname", "this is no camera", true),
             ("/dev", "this is no camera", true),
         ] {
-            let Err(error) = open(&wanted(path)) else { panic!("{path}") };
+            let Err(error) = open(&wanted(path), &mut Known::default()) else { panic!("{path}") };
             let text = error.to_string();
             assert!(text.contains(expected) && text.starts_with(path), "{text}");
             assert_eq!(error.needs_attention(), attention, "{text}");
@@ -249,7 +272,11 @@ mod tests {
         assert!(text(Errno::ACCESS.raw_os_error()).contains("group `video`"));
         assert!(text(Errno::BUSY.raw_os_error()).contains("`fuser /dev/video0`"));
         assert!(text(Errno::NODEV.raw_os_error()).contains("unplugged"));
-        assert!(text(Errno::NOTTY.raw_os_error()).contains("no camera"));
+        assert!(text(Errno::IO.raw_os_error()).contains("check the cable"));
+        // Only a device that has shown nothing yet may be no camera.
+        assert!(text(Errno::INVAL.raw_os_error()).contains("refuses this size or rate"));
+        let early = early_failure(&wanted("/dev/video0"), &io::Error::from_raw_os_error(Errno::NOTTY.raw_os_error()));
+        assert!(early.to_string().contains("no camera"));
         assert!(text(Errno::NOSPC.raw_os_error()).contains("USB bus"));
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use spf_camera::mjpeg::is_whole;
-use spf_camera::yuyv;
+use spf_camera::{intact, yuyv};
 use spf_media::Rgb;
 use spf_media::jpeg::{decode, with_huffman_tables};
 
@@ -111,6 +111,16 @@ fn damaged(sent: &[u8], expected: &Rgb) {
         let begun = &sent[..sent.len() * part / 40];
         assert!(!is_whole(begun));
         is_image(begun);
+    }
+    assert_eq!(intact::decode(sent).unwrap().data(), expected.data());
+    assert!(intact::decode(&[sent, &[0; 40]].concat()).is_some());
+    // Packets that were lost in the middle: the file still has its beginning and its end.
+    let scan = segments(sent).last().unwrap().1 + 14;
+    for part in 1..19 {
+        let at = scan + (sent.len() - scan) * part / 20;
+        let lost = 1024.min(sent.len() - at - 100);
+        let short = [&sent[..at], &sent[at + lost..]].concat();
+        assert!(is_whole(&short) && intact::decode(&short).is_none(), "{lost} bytes at {part}/20");
     }
     let scan = segments(sent).last().unwrap().1;
     for step in 0..60 {

@@ -69,14 +69,41 @@ pub(crate) fn address(what: &str, text: &str) -> Result<CameraUrl, CliError> {
 pub(crate) fn instead_of<'a>(args: &'a CameraArgs, drone: &str) -> Result<Option<&'a str>, CliError> {
     let Some(text) = args.url.as_deref() else { return Ok(None) };
     let CameraUrl::Tello(address) = address("--camera", text)? else { return Ok(Some(text)) };
-    if command_port(drone) != Some(address) {
-        return Ok(Some(text));
+    match command_port(drone) {
+        Some(flown) if flown == address => {}
+        Some(_) => {
+            return Err(CliError::usage("--camera: the states of two Tellos would arrive at the same UDP port")
+                .hint("let another program send the video of the second one, such as ffmpeg to udp-rtp://"));
+        }
+        None => return Ok(Some(text)),
     }
     if args.calibration.is_some() || args.fov.is_some() || args.tilt.is_some() || args.latency.is_some() {
         return Err(CliError::usage("--camera: this is the camera of the drone itself, whose lens and latency are known")
             .hint("leave out --camera and what belongs to it; tello.video_latency_s in spf.toml sets the latency"));
     }
     Ok(None)
+}
+
+/// Refuses a film without end as the camera of a real drone, which would follow it as long as its battery lasts.
+pub(crate) fn refuse_endless(url: &str) -> Result<(), CliError> {
+    match address("--camera", url)? {
+        CameraUrl::File { repeats: true, .. } => {
+            Err(CliError::usage("--camera: a film without end (?loop=true) flies no real drone")
+                .hint("try it with --drone sim, or with `spf sim serve --tello` and --drone tello@127.0.0.1"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What to say before take-off of a camera that shows a recording. A pipeline that is not live never ends either: with it, only a
+/// simulated craft flies.
+pub(crate) fn recording(camera: &Camera, is_simulated: bool) -> Result<Option<&'static str>, CliError> {
+    let report = camera.report();
+    if report.recorded && report.codec == Some("raw") && !is_simulated {
+        return Err(CliError::usage("--camera: a pipeline whose source is not live flies no real drone")
+            .hint("its images are those of a recording, or made up; use a live source, such as v4l2src or rtspsrc"));
+    }
+    Ok(report.recorded.then_some("Pictures come from a recording: they do not show what the craft does."))
 }
 
 /// Starts the camera in the place of a drone's own, and waits for its first image; `start` is flight time
@@ -145,7 +172,7 @@ pub(crate) fn check(url: &str, args: &CameraArgs, tello: TelloSettings) -> Resul
 /// A camera that has shown its first image. `what` is the argument that names it.
 pub(crate) fn watch(what: &str, url: &str, printer: &Printer) -> Result<Camera, CliError> {
     let url = address(what, url)?;
-    let settings = settings(None, tello(&url, printer)?);
+    let settings = settings(None, tello(&url, printer)?, &url);
     let camera = start(url.clone(), &settings, Instant::now(), Box::new(|image| image))?;
     printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
     match first_image(&camera) {
@@ -170,8 +197,10 @@ fn tello(url: &CameraUrl, printer: &Printer) -> Result<TelloSettings, CliError> 
 }
 
 /// A latency that somebody has measured counts more than the camera's clock.
-fn settings(latency: Option<f64>, tello: TelloSettings) -> CameraSettings {
-    CameraSettings { latency: latency.map_or(USUAL_LATENCY, duration_from_secs), own_clock: latency.is_none(), tello }
+fn settings(latency: Option<f64>, tello: TelloSettings, url: &CameraUrl) -> CameraSettings {
+    // That of a Tello is a setting of its own.
+    let usual = if matches!(url, CameraUrl::Tello(_)) { tello.video_latency } else { USUAL_LATENCY };
+    CameraSettings { latency: latency.map_or(usual, duration_from_secs), own_clock: latency.is_none(), tello }
 }
 
 fn start(url: CameraUrl, settings: &CameraSettings, start: Instant, finish: Finish) -> Result<Camera, CliError> {
@@ -195,7 +224,7 @@ fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
     if !(0.0..=3600.0).contains(&args.seconds) {
         return Err(CliError::usage(format!("--seconds: `{}` is not a number of seconds from 0 to 3600", args.seconds)));
     }
-    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?, tello(&url, printer)?);
+    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?, tello(&url, printer)?, &url);
     if !args.overwrite && args.output.symlink_metadata().is_ok() {
         return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
             .hint("use --overwrite to replace it, or another file with -o FILE"));
@@ -225,10 +254,19 @@ fn nothing(report: &CameraReport, url: &CameraUrl) -> CliError {
             return error.because(&std::io::Error::other(one_line(why)));
         }
         (Some(why), _) => (one_line(why), "check address, user name and password with another program, such as ffplay or VLC"),
-        (None, _) => (
-            format!("no image within {} s", FIRST_FRAME.as_secs()),
-            "check that the camera sends to this machine and port, and that no firewall blocks UDP",
-        ),
+        (None, _) => {
+            let hint = match url {
+                CameraUrl::UdpRtp(_) | CameraUrl::UdpTs(_) => {
+                    "check that the camera sends to this machine and port, and that no firewall blocks UDP"
+                }
+                CameraUrl::V4l2(_) => "plug the camera in again, or try it with another program, such as ffplay",
+                CameraUrl::Tello(_) => "check that no firewall blocks UDP port 11111",
+                CameraUrl::Gstreamer(_) => "try the pipeline with gst-launch-1.0 and autovideosink behind it",
+                CameraUrl::File { .. } => "check that the file contains video",
+                CameraUrl::Rtsp { .. } | CameraUrl::Mjpeg(_) => "try the address with another program, such as ffplay or VLC",
+            };
+            (format!("no image within {} s", FIRST_FRAME.as_secs()), hint)
+        }
     };
     error.because(&std::io::Error::other(why)).hint(hint)
 }

@@ -21,6 +21,9 @@ fn a_film_is_tested_as_a_camera() {
 #[test]
 fn what_is_no_camera_is_refused_and_no_password_is_shown() {
     let lab = Lab::new();
+    // What a program without the feature says, or that it was tried.
+    let gstreamer =
+        if cfg!(feature = "gstreamer") { "no image from the camera gstreamer:…" } else { "built without GStreamer" };
     for (args, code, expected) in [
         (&["camera", "test", "rtps://user:pa55word@cam/x"][..], 2, "has one of the forms"),
         (&["camera", "test", "rtsp://user:pa55word@"], 2, "the host is missing"),
@@ -28,7 +31,7 @@ fn what_is_no_camera_is_refused_and_no_password_is_shown() {
         (&["camera", "test", "http://user:pa55word@127.0.0.1:1/x?pwd=pa55word"], 6, "http://…@127.0.0.1:1/x?…"),
         (&["camera", "test", "file:none.mp4"], 6, "cannot read the video"),
         (&["camera", "test", "file:none.mp4", "--seconds", "-1"], 2, "--seconds"),
-        (&["camera", "test", "gstreamer:rtspsrc user-pw=pa55word"], 6, "GStreamer"),
+        (&["camera", "test", "gstreamer:rtspsrc user-pw=pa55word"], 6, gstreamer),
         (&["camera", "test", "v4l2:/dev/video0?format=MJPG"], 2, "only the size and the rate may follow"),
         (&["camera", "test", "file:none.mp4?loop=2"], 2, "only ?loop=true may follow"),
         (&["fly", "go", "--vlm", "oracle", "--camera", "rtsp://user:pa55word@cam/x"], 2, "what a camera sees needs a VLM"),
@@ -44,6 +47,19 @@ fn what_is_no_camera_is_refused_and_no_password_is_shown() {
         let shown = format!("{}{}", run.stdout, run.stderr);
         assert!(!shown.contains("pa55word"), "{shown}");
     }
+}
+
+#[test]
+fn no_real_drone_follows_a_film_without_end() {
+    let lab = Lab::new();
+    let camera = ["--vlm", "gemini", "--camera", "file:square.mp4?loop=true", "--camera-fov", "60"];
+    // A router on this machine may pass commands on to a real vehicle.
+    for drone in ["tello", "tello@192.0.2.1", "mavlink@udpout:127.0.0.1:14550"] {
+        let run = lab.spf(&[&["fly", "go", "--drone", drone], &camera[..]].concat());
+        assert!(run.code == Some(2) && run.stderr.contains("a film without end"), "{drone}: {}", run.stderr);
+    }
+    let run = lab.spf(&["fly", "go", "--drone", "tello@192.0.2.1", "--vlm", "gemini", "--camera", "tello@192.0.2.2"]);
+    assert!(run.code == Some(2) && run.stderr.contains("the states of two Tellos"), "{}", run.stderr);
 }
 
 #[test]

@@ -2,7 +2,8 @@
 // header declares them, with the frames of a file: for each, its length in four bytes (least first) and its bytes.
 //
 // FAKE_FRAMES: the file. FAKE_FORMAT: MJPG or YUYV. FAKE_FAULT: "busy" (another program streams), "gone" (unplugged after 10
-// frames), "short" (every second buffer is cut in half), or nothing.
+// frames), "short" (every second buffer is cut in half), "gap" (in every second buffer bytes are missing in the middle, but not its end),
+// "stampless" (buffers have no time), "long" (16 bytes too many), or nothing.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -95,6 +96,13 @@ static unsigned fill(unsigned char *into) {
     }
     unsigned size = length[0] | length[1] << 8 | length[2] << 16;
     if (size > LENGTH || fread(into, 1, size, frames) != size) abort();
+    if (fault("gap") && sequence % 2) {
+        // A packet was lost.
+        unsigned lost = size / 8;
+        memmove(into + size / 2, into + size / 2 + lost, size - size / 2 - lost);
+        return size - lost;
+    }
+    if (fault("long")) return size + 16;
     return fault("short") && sequence % 2 ? size / 2 : size;
 }
 
@@ -112,7 +120,7 @@ static int dequeue(struct v4l2_buffer *buffer) {
     buffer->flags = V4L2_BUF_FLAG_MAPPED | V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
     buffer->sequence = sequence++;
     // Exposed 20 ms ago.
-    double captured = now() - 0.02;
+    double captured = fault("stampless") ? 0 : now() - 0.02;
     buffer->timestamp.tv_sec = (long)captured;
     buffer->timestamp.tv_usec = (long)((captured - (long)captured) * 1e6);
     return 0;

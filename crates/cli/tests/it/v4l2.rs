@@ -105,9 +105,29 @@ fn a_webcam_without_huffman_tables_is_received_and_each_refusal_explained() {
     }
     let run = camera.test("v4l2:/dev/video9", "MJPG", "short");
     assert!(run.code == Some(0) && !run.stdout.contains(" 0 damaged"), "{}{}", run.stdout, run.stderr);
+    // The end of the file is there, but a part before it is not.
+    let run = camera.test("v4l2:/dev/video9", "MJPG", "gap");
+    assert!(run.code == Some(0) && !run.stdout.contains(" 0 damaged"), "{}{}", run.stdout, run.stderr);
+    let rate: f64 =
+        run.stdout.lines().find_map(|line| line.strip_prefix("rate     ")).unwrap().split(' ').next().unwrap().parse().unwrap();
+    assert!((3.0..22.0).contains(&rate), "half of 30: {}", run.stdout);
     // Unplugged after a third of a second.
     let run = camera.test("v4l2:/dev/video9", "MJPG", "gone");
     assert!(run.code == Some(0) && run.stderr.contains("the camera was unplugged"), "{}{}", run.stdout, run.stderr);
+}
+
+#[test]
+#[ignore = "slow: a camera is reported 5 s after its last usable image"]
+fn images_that_are_none_are_no_silence() {
+    let Some(camera) = Camera::new() else { return };
+    camera.frames(&[vec![128; LENGTH]]);
+    for (fault, expected) in [
+        ("long", "its images have 153616 bytes, expected 153600; try another size or MJPG"),
+        ("stampless", "its images have no time stamp"),
+    ] {
+        let run = camera.test("v4l2:/dev/video9", "YUYV", fault);
+        assert!(run.code == Some(6) && run.stderr.contains(expected), "{fault}: {}", run.stderr);
+    }
 }
 
 /// A JPEG file without its Huffman tables, as webcams send it.

@@ -20,7 +20,7 @@ use super::conversation::Order;
 use super::inlet::Inlet;
 use super::intake;
 use super::link::{Link, MotionFault, Notice};
-use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
+use super::opening::{ConnectError, Firmware, STATE_WAIT, bind, command_socket, enter, first_state, is_flying};
 use super::settings::{TelloMotion, TelloSettings};
 use super::state::State;
 use super::video_link::video_socket;
@@ -157,8 +157,8 @@ impl Tello {
             socket.map_or(Ok(()), |socket| socket.set_read_timeout(Some(nap))).map_err(ConnectError::Start)?;
         }
         command.set_write_timeout(Some(SEND_TIME)).map_err(ConnectError::Start)?;
-        let firmware = enter(&command, drone)?;
-        let first = first_state(&state, drone.ip()).ok_or(ConnectError::NoState { port: state_port })?;
+        let firmware = enter(&command, drone, &|| false)?;
+        let first = first_state(&state, drone.ip(), STATE_WAIT).ok_or(ConnectError::NoState { port: state_port })?;
         let mut link = Link::new(calibration);
         // A program that died may have left it in the air.
         if is_flying(&state, drone.ip(), &first) {

@@ -74,6 +74,10 @@ impl Target for NamedTello {
         (options.tello.motion == TelloMotion::Go).then_some(Motion::Manoeuvres)
     }
 
+    fn is_simulated(&self) -> bool {
+        self.0.ip().is_loopback()
+    }
+
     fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
         let connected = Tello::connect(self.0, &options.tello, start);
         let Connected { drone, state, firmware } = connected.map_err(|error| self.refused(error))?;
@@ -110,6 +114,8 @@ pub fn explained(ip: IpAddr, error: ConnectError) -> driver::ConnectError {
         ConnectError::NoState { port } => {
             Some(format!("a firewall may block incoming packets: allow UDP {port} and 11111 from {ip}"))
         }
+        ConnectError::InUse { port } => Some(format!("close the program that uses port {port}; it may show the video itself")),
+        ConnectError::Flies => Some("wait until it has landed; whoever flies it shows what it sees".to_owned()),
         _ => None,
     };
     driver::ConnectError { craft: "the Tello", source: error.into(), hint }

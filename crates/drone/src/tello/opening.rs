@@ -14,11 +14,11 @@ use super::state::State;
 
 const COMMAND_TRIES: u32 = 5;
 const ANSWER_WAIT: Duration = Duration::from_secs(1);
-const STATE_WAIT: Duration = Duration::from_secs(2);
+pub(super) const STATE_WAIT: Duration = Duration::from_secs(2);
 /// Long enough to see the motor time advance, which counts seconds.
 const MOTOR_WAIT: Duration = Duration::from_millis(2300);
 /// Above this the drone is in the air, or in a hand, centimetres.
-const ABOVE_GROUND: i32 = 25;
+pub(super) const ABOVE_GROUND: i32 = 25;
 
 /// Why the connection failed. The driver adds a remedy.
 #[derive(Debug, thiserror::Error)]
@@ -66,6 +66,15 @@ pub enum ConnectError {
         /// The state port.
         port: u16,
     },
+    /// Another program of this machine receives its state, so that it flies it, or watches it.
+    #[error("another program flies this Tello or watches it: UDP port {port} is in use")]
+    InUse {
+        /// The state port.
+        port: u16,
+    },
+    /// It is in the air, or its motors turn.
+    #[error("this Tello flies, and each command would restart its timer, which lands it 15 s after the last one")]
+    Flies,
     /// A thread could not be started.
     #[error("cannot start the driver")]
     Start(#[source] std::io::Error),
@@ -123,9 +132,12 @@ pub(super) fn receive(socket: &UdpSocket, drone: IpAddr, wait: Duration, mut acc
     false
 }
 
-/// Enters SDK mode and identifies the drone.
-pub(super) fn enter(socket: &UdpSocket, drone: SocketAddr) -> Result<Firmware, ConnectError> {
+/// Enters SDK mode and identifies the drone, unless `stopped` becomes true.
+pub(super) fn enter(socket: &UdpSocket, drone: SocketAddr, stopped: &dyn Fn() -> bool) -> Result<Firmware, ConnectError> {
     for _ in 0..COMMAND_TRIES {
+        if stopped() {
+            break;
+        }
         socket.send(b"command").map_err(|source| ConnectError::Unreachable { drone, source })?;
         let mut answer = Answer::Noise;
         receive(socket, drone.ip(), ANSWER_WAIT, |bytes| {
@@ -171,10 +183,10 @@ fn ask(socket: &UdpSocket, drone: IpAddr, question: &str) -> Option<String> {
     latest
 }
 
-/// The first state line of the drone.
-pub(super) fn first_state(socket: &UdpSocket, drone: IpAddr) -> Option<State> {
+/// The first state line of the drone within this time.
+pub(super) fn first_state(socket: &UdpSocket, drone: IpAddr, wait: Duration) -> Option<State> {
     let mut first = None;
-    receive(socket, drone, STATE_WAIT, |bytes| {
+    receive(socket, drone, wait, |bytes| {
         first = State::read(bytes);
         first.is_some()
     });

@@ -10,7 +10,7 @@ use spf_core::time::{Duration, Time};
 
 use super::ground::Ground;
 use super::intake;
-use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, is_flying};
+use super::opening::{ConnectError, Firmware, STATE_WAIT, bind, command_socket, enter, first_state, is_flying};
 use super::settings::TelloSettings;
 use super::state::State;
 
@@ -60,7 +60,7 @@ impl Rescue {
         if let Some(socket) = &state {
             socket.set_read_timeout(Some(POLL_INTERVAL)).map_err(ConnectError::Start)?;
         }
-        let firmware = enter(&command, drone)?;
+        let firmware = enter(&command, drone, &|| false)?;
         Ok(Self { command, state, drone, firmware })
     }
 
@@ -68,7 +68,7 @@ impl Rescue {
     #[must_use]
     pub fn state(&self) -> Option<(State, bool)> {
         let socket = self.state.as_ref()?;
-        let state = first_state(socket, self.drone.ip())?;
+        let state = first_state(socket, self.drone.ip(), STATE_WAIT)?;
         Some((state, is_flying(socket, self.drone.ip(), &state)))
     }
 

@@ -70,7 +70,8 @@ impl Geometry {
             }
             None => Box::new(|image| image),
         };
-        start(url, &settings(self.latency, tello), from, finish)
+        let settings = settings(self.latency, tello, &url);
+        start(url, &settings, from, finish)
     }
 
     /// The camera that sees images of this size.

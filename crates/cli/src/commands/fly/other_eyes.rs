@@ -67,6 +67,7 @@ pub(super) fn ready(
     let interrupts = flight_interrupts(false)?;
     let start = Instant::now();
     let (camera, optics) = camera::open(url, &args.flight.camera, options(settings)?.tello, start, printer)?;
+    let recorded = camera::recording(&camera, true)?;
     let drone = WithCamera::new(craft, camera, optics);
     let (by_hand, frames) = (limits.capped(&spf_drone::Drone::capabilities(&drone).craft), spf_drone::Drone::frames(&drone));
     let flying = format!(
@@ -76,7 +77,7 @@ pub(super) fn ready(
         policy.name(),
         settings.fly.preset.text().unwrap_or_default(),
     );
-    let announcements = vec![
+    let mut announcements = vec![
         flying,
         format!(
             "The camera does not move: the craft flies in {}, which is not seen. Nothing is verified, and no collision is counted.",
@@ -84,6 +85,7 @@ pub(super) fn ready(
         ),
         sentence(&pointing.sentence, &by_hand),
     ];
+    announcements.extend(recorded.map(str::to_owned));
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,

@@ -47,6 +47,11 @@ pub(super) fn ready(
     let mut options = options(settings)?;
     let mut announcements = Vec::new();
     let other_camera = camera::instead_of(&args.flight.camera, settings.fly.drone.text_or_default())?;
+    if let Some(url) = other_camera
+        && !target.is_simulated()
+    {
+        camera::refuse_endless(url)?;
+    }
     // A video that nobody looks at would take from the radio link what the commands need.
     options.tello.own_video = other_camera.is_none();
     let own = target.motion(&options) == Some(Motion::Manoeuvres);
@@ -84,6 +89,7 @@ pub(super) fn ready(
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
     let seen = other_camera.map(|url| camera::open(url, &args.flight.camera, options.tello, start, printer)).transpose()?;
+    let recorded = seen.as_ref().map_or(Ok(None), |(camera, _)| camera::recording(camera, target.is_simulated()))?;
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     let drone: Box<dyn Drone> = match seen {
         Some((camera, optics)) => Box::new(WithCamera::new(drone, camera, optics)),
@@ -128,6 +134,7 @@ pub(super) fn ready(
     let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
     announcements.splice(0..0, [flying, sentence(&pointing.sentence, &craft), bounds, warning]);
+    announcements.extend(recorded.map(str::to_owned));
     if !attended {
         announcements
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());

@@ -38,8 +38,49 @@ fn its_own_stream_is_tested_tracked_and_flown_by_another_craft() {
     let told = "Camera tello@127.0.0.161:8889: 960×720, field of view 55° × 43°, tilt 5°.";
     assert!(run.stderr.contains(told) && run.stderr.contains("Nothing is verified"), "{}", run.stderr);
     // The image is the office of the Tello, which stands on the ground, not the city of the craft.
-    let first = spf_media::jpeg::decode(&Vendor::Gemini.image(&server.questions()[0])).unwrap();
-    assert_eq!(first.width() * 3, first.height() * 4);
+    assert_eq!(lab.spf(&["sim", "render", "city", "-o", "city.png"]).code, Some(0));
+    let small = |bytes: &[u8]| spf_media::resize(&spf_media::jpeg::decode_any(bytes).unwrap(), 96, 72);
+    let asked = small(&Vendor::Gemini.image(&server.questions()[0]));
+    let difference = |other: &[u8]| {
+        let other = small(other);
+        let pairs = asked.data().iter().zip(other.data());
+        pairs.map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / asked.data().len() as f64
+    };
+    let (of_the_tello, of_the_craft) = (difference(&lab.read("camera.jpg")), difference(&lab.read("city.png")));
+    assert!(of_the_tello < 8.0 && of_the_craft > 25.0, "{of_the_tello} {of_the_craft}");
+    // Its latency is a setting.
+    let mut command = lab.command(&["camera", "test", address, "--seconds", "1", "--overwrite"]);
+    let run = Run::of(&command.env("SPF_TELLO_LOCAL", "127.0.0.162").env("SPF_TELLO_VIDEO_LATENCY_S", "0.9").output().unwrap());
+    let age =
+        run.stdout.lines().find_map(|line| line.strip_prefix("age      median ")).unwrap_or_else(|| panic!("{}", run.stderr));
+    assert!((0.9..2.0).contains(&age.split(' ').next().unwrap().parse::<f64>().unwrap()), "{age}");
+    served.end();
+}
+
+/// Each command would restart the timer that lands it.
+#[test]
+fn a_tello_that_flies_is_not_asked_for_its_video() {
+    let lab = Lab::new();
+    let served = Served::start(&lab, "127.0.0.168", &[]);
+    let pilot = UdpSocket::bind("127.0.0.169:8889").unwrap();
+    let state = UdpSocket::bind("127.0.0.169:8890").unwrap();
+    for socket in [&pilot, &state] {
+        socket.set_read_timeout(Some(std::time::Duration::from_secs(20))).unwrap();
+    }
+    pilot.connect("127.0.0.168:8889").unwrap();
+    let mut answer = [0; 100];
+    for order in ["command", "takeoff"] {
+        pilot.send(order.as_bytes()).unwrap();
+        let length = pilot.recv(&mut answer).unwrap();
+        assert_eq!(&answer[..length], b"ok", "{order}");
+    }
+    let test = ["camera", "test", "tello@127.0.0.168", "--seconds", "1"];
+    // While its pilot runs, and when only the drone still sends.
+    let run = from(&lab, "127.0.0.169", &test);
+    assert!(run.code == Some(6) && run.stderr.contains("another program flies this Tello"), "{}", run.stderr);
+    drop((pilot, state));
+    let run = from(&lab, "127.0.0.169", &test);
+    assert!(run.code == Some(6) && run.stderr.contains("this Tello flies"), "{}", run.stderr);
     served.end();
 }
 
@@ -57,6 +98,7 @@ fn with_another_camera_its_own_video_is_not_started() {
     let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
     assert_eq!((&summary["outcome"], run.code), (&"reached".into(), Some(0)), "{summary}\n{}", run.stderr);
     assert!(port.recv(&mut [0; 2048]).is_err(), "no video came");
+    assert!(run.stderr.contains("Pictures come from a recording"), "{}", run.stderr);
     let message = served.end();
     assert!(!message.contains("video: ") || message.contains("video: 0 "), "{message}");
     // The drone's own camera, named, is no other camera.
