@@ -51,6 +51,8 @@ const FOUND: (f64, f64) = (0.4, 28.0);
 /// How much larger or smaller the box is looked for, from one image to the next, and after it was lost.
 const GROWTH: f64 = 1.04;
 const REGROWTH: f64 = 1.08;
+/// Sizes that are tried in turn after it was lost for longer.
+const RESIZED: [f64; 3] = [1.0, 0.8, 1.25];
 /// What another size must overcome: a peak counts so much less there.
 const OTHER_SIZE: f64 = 0.99;
 /// How much each image counts in what is learnt.
@@ -270,7 +272,10 @@ impl Tracker {
     fn search(&mut self, filter: &Filter, now: &Pyramid, image: &TrackImage, expected: PixelBox) {
         // The longer ago, the farther it is looked for.
         let steps = if self.missing > COAST { 1 } else { 0 };
-        let places = around(&expected, (steps, steps), APART);
+        // And the less is known about its size.
+        let sizes: &[f64] = if self.missing > COAST { &RESIZED } else { &[1.0] };
+        let about = expected.scaled(sizes[self.missing as usize % sizes.len()]);
+        let places = around(&about, (steps, steps), APART);
         let responses = places.map(|place| filter.respond(now, image.tints.as_ref(), &place, 0.5));
         let best = responses.reduce(|best, other| if other.peak > best.peak { other } else { best });
         let found = best.map(|best| strongest(filter, now, image, &best.area, REACH, REGROWTH));
