@@ -2,7 +2,7 @@
 //!
 //! Pure given the true boxes and the seed, so that it can be compared with the tracker itself on clips
 //! (`crates/flight/tests/it/clips`). The constants are fitted to the tracker on such clips
-//! (`docs/studies/2026-11-26-tracker-clips.md`).
+//! (`docs/studies/2026-11-26-tracker-filter.md`).
 
 use spf_core::query::ImageBox;
 use spf_core::rng::RandomStream;

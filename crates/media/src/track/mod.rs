@@ -42,6 +42,8 @@ pub const SMALLEST: f64 = 12.0;
 /// such part, pixels.
 const MIDDLE: f64 = 0.6;
 const LEAST_MIDDLE: f64 = 20.0;
+/// From this fraction of the image's width or height on, only the middle part of a box is followed.
+const LARGE: f64 = 0.85;
 /// Images without the target until it counts as lost.
 const COAST: u32 = 5;
 /// The filter's peak, and how far it is above the rest, that count as the target where it is expected.
@@ -51,6 +53,8 @@ const FOUND: (f64, f64) = (0.4, 28.0);
 /// How much larger or smaller the box is looked for, from one image to the next, and after it was lost.
 const GROWTH: f64 = 1.04;
 const REGROWTH: f64 = 1.08;
+/// Sizes that are tried in turn after it was lost for longer.
+const RESIZED: [f64; 3] = [1.0, 0.8, 1.25];
 /// What another size must overcome: a peak counts so much less there.
 const OTHER_SIZE: f64 = 0.99;
 /// How much each image counts in what is learnt.
@@ -122,7 +126,9 @@ pub struct Track {
 pub struct Tracker {
     /// Width and height of the images.
     size: (u32, u32),
+    /// The box that the filter follows: of a large target the middle part, `core` of its sides.
     area: PixelBox,
+    core: f64,
     scale: f64,
     quality: Quality,
     /// The motion from one image to the next, pixels, besides what was predicted.
@@ -162,6 +168,7 @@ impl Tracker {
         let mut tracker = Self {
             size,
             area,
+            core: 1.0,
             scale: 1.0,
             quality: Quality::Lost,
             velocity: Shift::default(),
@@ -186,9 +193,10 @@ impl Tracker {
         if Template::of(&now, &area.scaled(OUTLINE)).contrast() < CONTRAST {
             return tracker;
         }
-        let filter = Filter::of(&now, image.tints.as_ref(), &area);
+        let mut filter = Filter::of(&now, image.tints.as_ref(), &area);
         tracker.patches.push(Template::of(&now, &area.scaled(part)));
         tracker.quality = Quality::Good;
+        tracker.keep_to_the_core(&mut filter, &now, image);
         tracker.look_around(&filter, &now, image);
         tracker.filter = Some(filter);
         tracker
@@ -197,7 +205,7 @@ impl Tracker {
     /// The target in the last image.
     #[must_use]
     pub fn track(&self) -> Track {
-        Track { area: self.area, scale: self.scale, quality: self.quality }
+        Track { area: self.area.scaled(1.0 / self.core), scale: self.scale, quality: self.quality }
     }
 
     /// Whether nothing is tracked any more: the box is below [`SMALLEST`], or had nothing to track from the start. No later
@@ -221,6 +229,7 @@ impl Tracker {
             if is_sure(&response, SURE) && response.area.inside(self.size) >= 0.6 {
                 self.hold(&now, &response.area, turned);
                 filter.learn(&now, image.tints.as_ref(), &self.area, RATE);
+                self.keep_to_the_core(&mut filter, &now, image);
                 self.count = self.count.wrapping_add(1);
                 if self.count.is_multiple_of(LOOK_EVERY) {
                     self.look_around(&filter, &now, image);
@@ -231,12 +240,27 @@ impl Tracker {
         } else {
             self.search(&filter, &now, image, expected);
         }
-        if self.quality == Quality::Good && self.area.side() < SMALLEST {
+        if self.quality == Quality::Good && self.area.side() < SMALLEST * self.core {
             self.quality = Quality::TooSmall;
         } else {
             self.filter = Some(filter);
         }
         self.track()
+    }
+
+    /// Goes on with the middle part of a box that has become large: what an edge of the image cuts off, or will soon, does not
+    /// tell where the target is, nor its size.
+    fn keep_to_the_core(&mut self, filter: &mut Filter, now: &Pyramid, image: &TrackImage) {
+        let large = self.area.width() > LARGE * f64::from(self.size.0) || self.area.height() > LARGE * f64::from(self.size.1);
+        if !large || self.core < 1.0 || MIDDLE * self.area.side() < LEAST_MIDDLE {
+            return;
+        }
+        self.core = MIDDLE;
+        self.part = 1.0;
+        self.area = self.area.scaled(MIDDLE);
+        *filter = Filter::of(now, image.tints.as_ref(), &self.area);
+        self.patches = vec![Template::of(now, &self.area)];
+        self.since_kept = 0;
     }
 
     /// The target was recognised at `seen`. `turned` is what the camera's turning has moved the box.
@@ -270,7 +294,10 @@ impl Tracker {
     fn search(&mut self, filter: &Filter, now: &Pyramid, image: &TrackImage, expected: PixelBox) {
         // The longer ago, the farther it is looked for.
         let steps = if self.missing > COAST { 1 } else { 0 };
-        let places = around(&expected, (steps, steps), APART);
+        // And the less is known about its size.
+        let sizes: &[f64] = if self.missing > COAST { &RESIZED } else { &[1.0] };
+        let about = expected.scaled(sizes[self.missing as usize % sizes.len()]);
+        let places = around(&about, (steps, steps), APART);
         let responses = places.map(|place| filter.respond(now, image.tints.as_ref(), &place, 0.5));
         let best = responses.reduce(|best, other| if other.peak > best.peak { other } else { best });
         let found = best.map(|best| strongest(filter, now, image, &best.area, REACH, REGROWTH));

@@ -1,4 +1,4 @@
-//! The tracker, and its stand-in without pixels, on rendered clips of 8 s (`docs/studies/2026-11-26-tracker-clips.md`).
+//! The tracker, and its stand-in without pixels, on rendered clips of 8 s (`docs/studies/2026-11-26-tracker-filter.md`).
 
 mod clip;
 mod film;
