@@ -92,8 +92,7 @@ impl Packet {
 fn angles(it: &GIMBAL_DEVICE_ATTITUDE_STATUS_DATA) -> Option<[f64; 2]> {
     let [w, x, y, z] = it.q.map(f64::from);
     let length = libm::sqrt(w * w + x * x + y * y + z * z);
-    // Also if it is not a number.
-    if !((length - 1.0).abs() <= UNIT) {
+    if !length.is_finite() || (length - 1.0).abs() > UNIT {
         return None;
     }
     let pitch = libm::asin((2.0 * (w * y - z * x)).clamp(-1.0, 1.0));

@@ -106,12 +106,9 @@ fn tilted(result: u8, control: Option<[u8; 2]>, insists: bool) -> (Vec<u16>, [f6
             vehicle.handle(at(ms), &Report::Acknowledgement { command, result, target: [1, 191] });
         }
     }
-    // The answer may come between two tries: another tilt is not commanded, either.
-    let count = ids.len();
     vehicle.handle_gimbal(at(4000), look(0.0, Some(0.0), false, 1));
     let range = seen(&mut vehicle).unwrap().1;
     let notices = core::iter::from_fn(|| vehicle.take_notice()).filter(|it| matches!(it, Notice::Refused { .. })).count();
-    ids.truncate(count);
     (ids, range, notices)
 }
 
