@@ -129,7 +129,7 @@ impl Plain {
             if primitives != Primitives::default() {
                 self.moving = true;
                 self.reading.primitives = Some(primitives);
-                return Step::Move(Move { primitives, anchor: None, then_rest: true });
+                return Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false });
             }
         }
         self.moving = false;

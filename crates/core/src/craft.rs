@@ -31,6 +31,13 @@ pub struct Craft {
     /// Height above home to which it climbs at most before it returns by its own navigation, m; `None` if it cannot return.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub return_height: Option<f64>,
+    /// Height that it climbs at least before such a return, from wherever it is, m.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub return_climb: f64,
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl Craft {
@@ -49,6 +56,7 @@ impl Craft {
             radius: 0.3,
             take_off_height: 3.0,
             return_height: None,
+            return_climb: 0.0,
         }
     }
 
@@ -67,6 +75,7 @@ impl Craft {
             radius: 0.15,
             take_off_height: 0.8,
             return_height: None,
+            return_climb: 0.0,
         }
     }
 }

@@ -53,6 +53,8 @@ pub enum Unusable {
     Undecodable,
     /// It has another shape than the camera's images had when the flight began.
     Resized,
+    /// The gimbal of its camera looks aside, or where it looks is unknown.
+    Aside,
     /// The reason is unknown: read from a log, which does not record it.
     Unrecorded,
 }

@@ -12,6 +12,8 @@ use crate::time::{Duration, Time};
 /// Reports that are remembered: longer than a frame takes to arrive.
 const REMEMBERED: Duration = Duration::from_secs(5);
 const MOST: usize = 256;
+/// A report tells nothing about times that are farther from it than this.
+const KNOWN: Duration = Duration::from_secs(1);
 
 /// Where the gimbal points the camera. It keeps the camera level, whatever the craft's pitch and roll.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -22,6 +24,9 @@ pub struct GimbalReport {
     pub tilt: f64,
     /// The least and greatest tilt that it can have, radians.
     pub range: [f64; 2],
+    /// Whether the camera looks to the side, or is not known to look ahead.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub aside: bool,
 }
 
 /// The last reports.
@@ -47,23 +52,32 @@ impl Gimbal {
         self.0.back()
     }
 
-    /// The tilt at a time, radians below the horizon; before and after the reports, that of the nearest one. `None` without any.
+    /// The tilt at a time, radians below the horizon; before and after the reports, that of the nearest one. `None` without a
+    /// report within a second, or if the camera looks aside then.
     #[must_use]
     pub fn tilt_at(&self, at: Time) -> Option<f64> {
-        let after = self.0.iter().position(|report| report.measured >= at);
-        let (before, after) = match after {
-            None => return self.0.back().map(|report| report.tilt),
-            Some(0) => return self.0.front().map(|report| report.tilt),
-            Some(index) => (self.0[index - 1], self.0[index]),
+        let near = |report: &&GimbalReport| report.measured.since(at).max(at.since(report.measured)) <= KNOWN;
+        let known = |report: Option<&GimbalReport>| report.filter(|report| near(report) && !report.aside).copied();
+        let index = self.0.iter().position(|report| report.measured >= at).unwrap_or(self.0.len());
+        let (before, after) = match (index.checked_sub(1).and_then(|index| self.0.get(index)), self.0.get(index)) {
+            (Some(before), Some(after)) if near(&before) && near(&after) => (known(Some(before))?, known(Some(after))?),
+            (before, after) => return known(before.filter(near).or(after)).map(|report| report.tilt),
         };
         let share = at.since(before.measured).as_secs_f64() / after.measured.since(before.measured).as_secs_f64();
         Some(before.tilt + share * (after.tilt - before.tilt))
     }
 
-    /// The pose from which a camera that is fixed to the craft would see what the gimbal's camera sees at a time.
+    /// The pose from which a camera that is fixed to the craft would see what the gimbal's camera sees at a time; `None` if that is
+    /// unknown. A camera whose gimbal was never heard is fixed to its craft.
     #[must_use]
-    pub fn sight(&self, camera: &Camera, at: Time, pose: Pose) -> Pose {
-        self.tilt_at(at).map_or(pose, |tilt| sight(camera, tilt, pose))
+    pub fn sight(&self, camera: &Camera, at: Time, pose: Pose) -> Option<Pose> {
+        if self.0.is_empty() { Some(pose) } else { self.tilt_at(at).map(|tilt| sight(camera, tilt, pose)) }
+    }
+
+    /// Whether it is known where the camera looks at a time, and that is ahead.
+    #[must_use]
+    pub fn looks_ahead(&self, at: Time) -> bool {
+        self.0.is_empty() || self.tilt_at(at).is_some()
     }
 }
 
@@ -79,7 +93,7 @@ mod tests {
     use crate::lift::{CameraDisplacement, Lifting, lift};
 
     fn report(ms: u64, degrees: f64) -> GimbalReport {
-        GimbalReport { measured: Time::from_millis(ms), tilt: degrees.to_radians(), range: [-0.5, 1.5] }
+        GimbalReport { measured: Time::from_millis(ms), tilt: degrees.to_radians(), range: [-0.5, 1.5], aside: false }
     }
 
     #[test]
@@ -90,7 +104,13 @@ mod tests {
             gimbal.observe(report(ms, degrees));
         }
         let at = |ms: u64| gimbal.tilt_at(Time::from_millis(ms)).unwrap().to_degrees();
-        assert!((at(1050) - 15.0).abs() < 1e-9 && (at(0) - 10.0).abs() < 1e-9 && (at(9000) - 20.0).abs() < 1e-9);
+        assert!((at(1050) - 15.0).abs() < 1e-9 && (at(500) - 10.0).abs() < 1e-9 && (at(2000) - 20.0).abs() < 1e-9);
+        // Long after the last report nothing is known any more.
+        assert_eq!((gimbal.tilt_at(Time::from_millis(2200)), gimbal.looks_ahead(Time::from_millis(2200))), (None, false));
+        assert!(Gimbal::default().looks_ahead(Time::ZERO));
+        let mut aside = Gimbal::default();
+        aside.observe(GimbalReport { aside: true, ..report(1000, 10.0) });
+        assert!(aside.tilt_at(Time::from_millis(1000)).is_none() && !aside.looks_ahead(Time::from_millis(1000)));
         (0..1000).for_each(|n| gimbal.observe(report(2000 + n * 100, 5.0)));
         assert!(gimbal.0.len() < 60, "bounded");
     }
@@ -102,7 +122,7 @@ mod tests {
         gimbal.observe(report(0, 90.0));
         let camera = Camera::quad();
         let pose = Pose { attitude: Attitude { heading: 1.0, pitch: 0.3, roll: -0.2 }, ..Pose::default() };
-        let seen = gimbal.sight(&camera, Time::ZERO, pose);
+        let seen = gimbal.sight(&camera, Time::ZERO, pose).unwrap();
         let ahead = CameraDisplacement { right: 0.0, forward: 4.0, up: 0.0 };
         let body = lift(ahead, &camera, seen.attitude, Lifting::Levelled);
         assert!((body.up + 4.0).abs() < 1e-9 && body.forward.abs() < 1e-9 && body.right.abs() < 1e-9, "{body:?}");

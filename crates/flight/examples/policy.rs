@@ -38,7 +38,7 @@ impl Policy for Square {
             PolicyEvent::Frame(_) => {
                 self.sides += 1;
                 let primitives = Primitives { yaw: FRAC_PI_2, forward: 3.0, ..Primitives::default() };
-                Step::Move(Move { primitives, anchor: None, then_rest: true })
+                Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false })
             }
             _ => Step::Wait,
         }

@@ -13,6 +13,10 @@ pub const MOST: u16 = 512;
 /// A step without an answer is repeated after this long, at most this often.
 const AGAIN: Duration = Duration::from_millis(700);
 const TRIES: u8 = 5;
+/// A transfer to the autopilot, which asks for each item, again after a second if it must, ends after this long without a request.
+const ASKED_WITHIN: Duration = Duration::from_secs(8);
+/// `MAV_MISSION_INVALID_SEQUENCE`: of an item that came twice; the autopilot goes on.
+const INVALID_SEQUENCE: u8 = 13;
 /// Places that differ by no more than this are the same, 1e-7 degrees: autopilots store them as numbers of their own.
 const SAME: i32 = 2;
 
@@ -269,6 +273,9 @@ enum Step {
 }
 
 /// A transfer of a fence, in either direction. Sans-IO.
+///
+/// What is sent is sent when the autopilot asks for it, and never again by itself: to an item that it did not ask for an ArduPilot
+/// answers with an error. If its last word is lost, the transfer ends as if it had come; only reading the fence back tells.
 #[derive(Clone, Debug, Default)]
 pub struct Transfer {
     step: Step,
@@ -295,7 +302,7 @@ impl Transfer {
         self.step != Step::Idle
     }
 
-    /// The result of the last transfer, once: the items that were read, or `None` for those sent.
+    /// The result of the last transfer, once: the items that were read, or `None` for those sent, which must then be read back.
     pub fn take_result(&mut self) -> Option<Result<Option<Vec<FenceItem>>, FenceError>> {
         self.ended.take()
     }
@@ -314,10 +321,11 @@ impl Transfer {
             (Step::Sending { items, asked }, FenceMessage::Request(seq)) => {
                 if let Some(item) = items.get(usize::from(seq)).copied() {
                     *asked = Some(seq);
-                    self.next(now, FenceMessage::Item(seq, item));
+                    (self.out, self.due) = (Some(FenceMessage::Item(seq, item)), Some(now + ASKED_WITHIN));
                 }
             }
             (Step::Sending { .. }, FenceMessage::End(0)) => self.end(Ok(None)),
+            (Step::Sending { .. }, FenceMessage::End(INVALID_SEQUENCE)) => {}
             (Step::Sending { .. } | Step::Listing | Step::Fetching { .. }, FenceMessage::End(result)) if result != 0 => {
                 self.end(Err(FenceError::Refused(result)));
             }
@@ -353,17 +361,21 @@ impl Transfer {
         if self.due.is_none_or(|due| now < due) {
             return None;
         }
+        if let Step::Sending { items, asked: Some(seq) } = &self.step {
+            let all = usize::from(*seq) + 1 == items.len();
+            self.end(if all { Ok(None) } else { Err(FenceError::Silent) });
+            return None;
+        }
         if self.tries >= TRIES {
             self.end(Err(FenceError::Silent));
             return None;
         }
         (self.due, self.tries) = (Some(now + AGAIN), self.tries + 1);
         Some(match &self.step {
-            Step::Idle => return None,
+            Step::Idle | Step::Sending { asked: Some(_), .. } => return None,
             Step::Listing => FenceMessage::List,
             Step::Fetching { items, .. } => FenceMessage::Request(items.len() as u16),
             Step::Sending { items, asked: None } => FenceMessage::Count(items.len() as u16),
-            Step::Sending { items, asked: Some(seq) } => FenceMessage::Item(*seq, *items.get(usize::from(*seq))?),
         })
     }
 }

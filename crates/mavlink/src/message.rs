@@ -1,8 +1,9 @@
 //! The messages that the driver sends, and what it reads from those of a vehicle.
 
 use mavlink::dialects::common::{
-    HEARTBEAT_DATA, MavAutopilot, MavFrame, MavMessage, MavModeFlag, MavState, MavSysStatusSensor, MavType,
-    PARAM_REQUEST_READ_DATA, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA,
+    HEARTBEAT_DATA, MISSION_ACK_DATA, MISSION_REQUEST_LIST_DATA, MavAutopilot, MavFrame, MavMessage, MavMissionResult,
+    MavMissionType, MavModeFlag, MavState, MavSysStatusSensor, MavType, PARAM_REQUEST_READ_DATA, PositionTargetTypemask,
+    SET_POSITION_TARGET_LOCAL_NED_DATA,
 };
 use spf_core::command::Setpoint;
 use spf_core::time::Time;
@@ -72,6 +73,21 @@ pub fn read_parameter(target: [u8; 2], name: &str) -> Body {
         target_component: target[1],
         param_id: name_bytes(name).into(),
     }))
+}
+
+/// A request for the number of rally points.
+#[must_use]
+pub fn count_rally_points([target_system, target_component]: [u8; 2]) -> Body {
+    let mission_type = MavMissionType::MAV_MISSION_TYPE_RALLY;
+    Body::from(&MavMessage::MISSION_REQUEST_LIST(MISSION_REQUEST_LIST_DATA { target_system, target_component, mission_type }))
+}
+
+/// Ends the conversation about rally points.
+#[must_use]
+pub fn end_rally_points([target_system, target_component]: [u8; 2]) -> Body {
+    let mission_type = MavMissionType::MAV_MISSION_TYPE_RALLY;
+    let data = MISSION_ACK_DATA { target_system, target_component, mission_type, ..MISSION_ACK_DATA::default() };
+    Body::from(&MavMessage::MISSION_ACK(data))
 }
 
 /// A command, in the form that the vehicle wants.
@@ -192,6 +208,15 @@ impl Packet {
     }
 }
 
+/// Degrees from units of 1e-7, metres from millimetres.
+fn place(latitude: i32, longitude: i32, altitude: i32) -> GlobalPosition {
+    GlobalPosition {
+        latitude: f64::from(latitude) * 1e-7,
+        longitude: f64::from(longitude) * 1e-7,
+        altitude: f64::from(altitude) * 1e-3,
+    }
+}
+
 fn read(message: &MavMessage) -> Report {
     match message {
         MavMessage::SYS_STATUS(status) => {
@@ -234,13 +259,17 @@ fn read(message: &MavMessage) -> Report {
             let [_, patch, minor, major] = it.flight_sw_version.to_le_bytes();
             Report::Version { capabilities: it.capabilities.bits(), firmware: [major, minor, patch] }
         }
-        MavMessage::HOME_POSITION(it) => {
-            let place = GlobalPosition {
-                latitude: f64::from(it.latitude) * 1e-7,
-                longitude: f64::from(it.longitude) * 1e-7,
-                altitude: f64::from(it.altitude) * 1e-3,
-            };
-            Report::Home(position_from_ned([it.x, it.y, it.z]), place)
+        MavMessage::HOME_POSITION(it) => Report::Home(place(it.latitude, it.longitude, it.altitude)),
+        MavMessage::GPS_GLOBAL_ORIGIN(it) => Report::Origin(place(it.latitude, it.longitude, it.altitude)),
+        MavMessage::MISSION_COUNT(it) if it.mission_type == MavMissionType::MAV_MISSION_TYPE_RALLY => {
+            Report::RallyPoints(it.count, [it.target_system, it.target_component])
+        }
+        // A vehicle that does not know them has none.
+        MavMessage::MISSION_ACK(it)
+            if it.mission_type == MavMissionType::MAV_MISSION_TYPE_RALLY
+                && it.mavtype == MavMissionResult::MAV_MISSION_UNSUPPORTED =>
+        {
+            Report::RallyPoints(0, [it.target_system, it.target_component])
         }
         MavMessage::EXTENDED_SYS_STATE(it) => Report::Landed(it.landed_state as u8),
         MavMessage::STATUSTEXT(it) => {

@@ -13,6 +13,8 @@ const DOWN: u8 = 25;
 const BEAM: f64 = 3.0 / 180.0 * core::f64::consts::PI;
 /// The sensor number of `OBSTACLE_DISTANCE`; those of rangefinders are made of number and orientation.
 const PROXIMITY: u32 = 1 << 16;
+/// ArduPilot numbers the sectors of its proximity library from here on.
+const ECHOES: u32 = 10;
 /// No measurement in this sector.
 const UNKNOWN: u16 = u16::MAX;
 
@@ -25,6 +27,23 @@ pub struct Ranges {
     pub from_north: bool,
     /// The rays.
     pub rays: Vec<RangeRay>,
+    /// The vehicle's clock at the measurement, ms; zero if it has none.
+    pub boot_ms: u64,
+}
+
+impl Ranges {
+    /// Whether this may be what another program has told the autopilot: `OBSTACLE_DISTANCE`, with which PX4 tells what it has fused,
+    /// or a rangefinder from number 10 on, as which ArduPilot tells what its avoidance knows.
+    #[must_use]
+    pub fn may_be_echo(&self) -> bool {
+        self.sensor >= ECHOES << 8
+    }
+
+    /// Whether any of its rays is level.
+    #[must_use]
+    pub fn is_level(&self) -> bool {
+        self.rays.iter().any(|ray| ray.elevation.abs() < core::f64::consts::FRAC_PI_4)
+    }
 }
 
 /// A rangefinder that does not look down; `None` if it looks down, nowhere that is known, or says nothing.
@@ -44,7 +63,12 @@ pub(crate) fn of_rangefinder(it: &DISTANCE_SENSOR_DATA) -> Option<Ranges> {
     // Nearer than it can measure is at most that far away.
     let metres = (it.current_distance < it.max_distance).then(|| f64::from(it.current_distance.max(it.min_distance)) * 0.01);
     let sensor = u32::from(it.id) << 8 | u32::from(orientation);
-    Some(Ranges { sensor, from_north: false, rays: vec![RangeRay { azimuth, elevation, width, metres, reach }] })
+    Some(Ranges {
+        sensor,
+        from_north: false,
+        rays: vec![RangeRay { azimuth, elevation, width, metres, reach }],
+        boot_ms: it.time_boot_ms.into(),
+    })
 }
 
 /// The sectors of a proximity sensor.
@@ -64,6 +88,7 @@ pub(crate) fn of_sectors(it: &OBSTACLE_DISTANCE_DATA) -> Ranges {
         sensor: PROXIMITY,
         from_north: it.frame == MavFrame::MAV_FRAME_GLOBAL,
         rays: it.distances.iter().enumerate().filter_map(ray).collect(),
+        boot_ms: it.time_usec / 1000,
     }
 }
 

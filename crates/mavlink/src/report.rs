@@ -52,8 +52,14 @@ pub enum Report {
         /// Major, minor and patch number of the firmware.
         firmware: [u8; 3],
     },
-    /// `HOME_POSITION`: where the vehicle returns to, relative to where the estimator started, and on the globe.
-    Home(EnuPosition, GlobalPosition),
+    /// `HOME_POSITION`: where the vehicle returns to, on the globe. What the message says of the place relative to where the estimator
+    /// started is zero in ArduPilot's.
+    Home(GlobalPosition),
+    /// `GPS_GLOBAL_ORIGIN`: where the estimator started, from which `LOCAL_POSITION_NED` counts.
+    Origin(GlobalPosition),
+    /// Number of rally points, to one of which the vehicle may return instead of home, with the system and component that it is told
+    /// to.
+    RallyPoints(u16, [u8; 2]),
     /// `EXTENDED_SYS_STATE`: `MAV_LANDED_STATE`.
     Landed(u8),
     /// `STATUSTEXT`.

@@ -109,6 +109,7 @@ impl TelemetrySensors {
             phase: truth.phase(),
             crashed: truth.crashed(),
             imu_error: false,
+            returns_to: None,
         }
     }
 }
@@ -130,6 +131,7 @@ pub fn exact(truth: &Dynamics) -> Telemetry {
         phase: truth.phase(),
         crashed: truth.crashed(),
         imu_error: false,
+        returns_to: None,
     }
 }
 

@@ -333,7 +333,7 @@ impl Pivot {
         self.state = State::Moving;
         // Several replies on one frame take long: the next frame must be taken at rest, or its plan would be outdated
         // at once.
-        Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true })
+        Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false })
     }
 
     fn refuse(&mut self, why: String) -> Step {

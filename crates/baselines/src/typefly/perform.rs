@@ -110,7 +110,7 @@ impl TypeFly {
         self.moved |= Primitives { yaw: 0.0, ..primitives } != Primitives::default();
         self.waits = Waits::Move { outdates: outdates && self.settings.replanning };
         self.reading.primitives = Some(primitives);
-        Outcome::Step(Step::Move(Move { primitives, anchor: None, then_rest: true }))
+        Outcome::Step(Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false }))
     }
 
     fn delay(&mut self, seconds: f64) -> Outcome {

@@ -84,7 +84,7 @@ fn query(step: Step) -> Query {
 
 fn motion(step: Step) -> Primitives {
     match step {
-        Step::Move(Move { primitives, anchor: None, then_rest: true }) => primitives,
+        Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false }) => primitives,
         other => panic!("{other:?}"),
     }
 }

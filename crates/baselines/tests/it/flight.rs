@@ -211,6 +211,7 @@ impl Flight {
             phase: self.body.phase,
             crashed: false,
             imu_error: false,
+            returns_to: None,
         }
     }
 

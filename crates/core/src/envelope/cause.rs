@@ -199,6 +199,15 @@ pub enum Refusal {
         /// Ceiling, m.
         limit: f64,
     },
+    /// The craft does not tell where it returns to.
+    #[error("return refused: the craft does not tell where it would return to")]
+    UnknownHome,
+    /// The craft would return to another place than its take-off point.
+    #[error("return refused: the craft would return to a place {away:.1} m from where it took off, or was first seen in the air")]
+    ReturnElsewhere {
+        /// Distance between the two, m.
+        away: f64,
+    },
     /// The straight path home leaves the geofence.
     #[error("return refused: the straight path home leaves the geofence")]
     ReturnOutsideGeofence,

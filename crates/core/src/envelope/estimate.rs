@@ -44,6 +44,8 @@ pub(super) struct Estimate {
     pub(super) imu_error: bool,
     /// The take-off point.
     pub(super) home: Option<EnuPosition>,
+    /// Where the craft's own navigation returns to, as last reported.
+    pub(super) returns_to: Option<EnuPosition>,
 }
 
 impl Estimate {
@@ -73,6 +75,7 @@ impl Estimate {
         if self.heading.is_some() && now.since(measured) < fresh {
             self.oriented = Some(measured);
         }
+        self.returns_to = telemetry.returns_to.filter(|p| sane([p.east, p.north, p.up], MAX_POSITION));
         self.velocity = telemetry.velocity.filter(|v| sane([v.east, v.north, v.up], MAX_VELOCITY));
 
         let grounded = telemetry.phase == FlightPhase::OnGround;

@@ -2,7 +2,7 @@
 
 use super::{Action, Decision, Note, Outcome, Phase, Pilot, QueryTiming, Waiting};
 use crate::envelope::{Cause, Reaction};
-use crate::frame::FrameMeta;
+use crate::frame::{FrameMeta, Unusable};
 use crate::geometry::wrap_angle;
 use crate::policy::{Expected, FailReason, PolicyEvent, Step, View};
 use crate::query::{Query, QueryId, QueryKind, VerticalRoom};
@@ -22,7 +22,10 @@ const TURNED: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 impl Pilot {
     pub(super) fn frame(&mut self, now: Time, frame: FrameMeta) {
         // A camera clock that runs ahead must not make all its later frames look old.
-        let frame = FrameMeta { captured: frame.captured.min(now), ..frame };
+        let mut frame = FrameMeta { captured: frame.captured.min(now), ..frame };
+        if !self.gimbal.reports.looks_ahead(frame.captured) {
+            frame.unusable = frame.unusable.or(Some(Unusable::Aside));
+        }
         self.envelope.observe_frame(now, &frame);
         let newer = self
             .view

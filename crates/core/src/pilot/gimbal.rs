@@ -1,9 +1,10 @@
 //! A camera on a gimbal: frames are lifted with its tilt, and it looks up and down instead of climbing and sinking.
 
 use super::{Phase, Pilot};
+use crate::camera::Camera;
 use crate::command::Command;
 use crate::geometry::Pose;
-use crate::gimbal::Gimbal;
+use crate::gimbal::{Gimbal, GimbalReport};
 use crate::policy::{Move, PolicyEvent};
 use crate::time::{Duration, Time};
 
@@ -14,7 +15,7 @@ const ARRIVES: Duration = Duration::from_secs(3);
 /// Less than this is left to look up or down, radians: 8°; then the craft climbs or sinks.
 const WORTH_TILTING: f64 = 8.0 / 180.0 * core::f64::consts::PI;
 /// A gimbal that was not heard for this long is not told anything.
-const HEARD: Duration = Duration::from_secs(2);
+const HEARD: Duration = Duration::from_secs(1);
 /// The part of the vertical field of view by which one look tilts the camera: the images overlap.
 const LOOK: f64 = 0.7;
 
@@ -29,22 +30,33 @@ impl Pilot {
     /// The pose from which the camera has seen at a time in the past, as if it were fixed to the craft.
     pub(super) fn camera_pose_at(&self, at: Time) -> Option<Pose> {
         let pose = self.estimator.pose_at(at)?;
-        Some(self.gimbal.reports.sight(&self.camera, at, pose))
+        self.gimbal.reports.sight(&self.camera, at, pose)
     }
 
-    /// Looks up or down by the gimbal if a move is nothing but that, and the gimbal can. Returns whether it does.
+    /// The camera with the tilt that it has now.
+    pub(super) fn tilted_camera(&self) -> Camera {
+        let tilt = self.gimbal.reports.newest().map_or(self.camera.tilt, |report| report.tilt);
+        Camera { tilt, ..self.camera }
+    }
+
+    /// Looks up or down by the gimbal, at rest, if a move is there for nothing but that view, and the gimbal can. Returns whether
+    /// it does.
     pub(super) fn look_by_gimbal(&mut self, now: Time, motion: &Move) -> bool {
-        let it = motion.primitives;
-        let looks = motion.then_rest && it.forward == 0.0 && it.right == 0.0 && it.yaw == 0.0 && it.climb != 0.0;
-        let Some(report) = self.gimbal.reports.newest().filter(|report| looks && now.since(report.measured) < HEARD) else {
-            return false;
-        };
+        let climb = motion.primitives.climb;
+        let heard = |report: &&GimbalReport| motion.looks && !report.aside && now.since(report.measured) < HEARD;
+        let Some(report) = self.gimbal.reports.newest().filter(heard) else { return false };
         let view = 2.0 * libm::atan(0.5 * f64::from(self.camera.height) / self.camera.fy);
-        let wanted = report.tilt - LOOK * view * it.climb.signum();
+        let wanted = report.tilt - LOOK * view * climb.signum();
         let tilt = wanted.max(report.range[0]).min(report.range[1]);
         if (tilt - report.tilt).abs() < WORTH_TILTING {
             return false;
         }
+        // The move that this one replaces would go on without a limit.
+        (self.pending, self.executing) = (None, false);
+        self.guiding.end();
+        self.executor.stop(now);
+        self.rest_from(now);
+        self.next_tick = now;
         self.gimbal.looks = Some((tilt, now + ARRIVES));
         self.command(now, Command::Tilt(tilt));
         true

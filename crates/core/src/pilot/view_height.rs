@@ -53,7 +53,9 @@ impl Pilot {
     /// Climbs or sinks so that the next frame shows a target above or below the image, or flies back where that is not
     /// possible. Returns whether the target lies there.
     pub(super) fn bring_into_view(&mut self, now: Time, target: EnuPosition) -> bool {
-        let Some(Correction { climb, back }) = correction(&self.camera, self.known_pose(now), target) else { return false };
+        let Some(Correction { climb, back }) = correction(&self.tilted_camera(), self.known_pose(now), target) else {
+            return false;
+        };
         let climb = climb.clamp(-AT_MOST, AT_MOST);
         let (down, up) = self.envelope.vertical_room();
         let room = climb.clamp(-down.max(0.0), up.max(0.0));
@@ -64,7 +66,7 @@ impl Pilot {
         } else {
             Primitives { forward: -back.clamp(0.0, AT_MOST), ..Primitives::default() }
         };
-        self.begin_move(now, Move { primitives, anchor: None, then_rest: true });
+        self.begin_move(now, Move { primitives, anchor: None, then_rest: true, looks: false });
         true
     }
 }

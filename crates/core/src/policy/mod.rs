@@ -142,6 +142,8 @@ pub struct Move {
     /// True if the next frame must be taken at rest after the whole motion (a search turn: a frame taken halfway is of
     /// no use).
     pub then_rest: bool,
+    /// True if the motion is there for nothing but another view, up or down: a gimbal may give that view instead.
+    pub looks: bool,
 }
 
 /// A sighting of the target, and the motion that follows from this sighting alone.

@@ -413,7 +413,9 @@ impl Spf {
         match (action, reply.open_way) {
             (SearchAction::Look(primitives), _) => {
                 self.reading.primitives = Some(primitives);
-                Step::Move(Move { primitives, anchor: Some(pose), then_rest: true })
+                // A look up or down is nothing but a climb or a descent.
+                let looks = primitives.climb != 0.0 && Primitives { climb: 0.0, ..primitives } == Primitives::default();
+                Step::Move(Move { primitives, anchor: Some(pose), then_rest: true, looks })
             }
             (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, f64::from(depth)),
             (SearchAction::Fly { .. } | SearchAction::Exhausted, _) => Step::Fail(FailReason::NotFound),

@@ -174,6 +174,7 @@ impl MavlinkCraft {
         let (mode, flying) = (vehicle.mode(), vehicle.is_flying());
         let flown = vehicle.engage(now, alone);
         if let GimbalUse::At(tilt) = self.gimbal {
+            vehicle.insist_on_gimbal();
             vehicle.tilt(now, tilt);
         }
         drop(vehicle);
@@ -294,7 +295,7 @@ impl Drone for MavlinkCraft {
         let vehicle = self.shared.vehicle();
         let craft = limited(craft(), vehicle.facts(), vehicle.climbs_to());
         let ranges = vehicle.measures_ranges(self.shared.now());
-        let gimbal = vehicle.gimbal_range();
+        let gimbal = vehicle.gimbal_range(self.shared.now());
         drop(vehicle);
         Capabilities { position: true, ranges, gimbal, ..Capabilities::of(craft, Camera::quad(), senses) }
     }

@@ -13,8 +13,25 @@ pub enum FencingError {
     #[error("the vehicle is in the air, where a new fence might begin a failsafe")]
     InTheAir,
     /// Where the vehicle is on the globe is unknown.
-    #[error("the vehicle has not told its home position, so that metres cannot be turned into latitudes and longitudes")]
+    #[error(
+        "the vehicle has not told where its position counts from (GPS_GLOBAL_ORIGIN) and its home (HOME_POSITION), so that metres cannot \
+         be turned into latitudes and longitudes"
+    )]
     NoHome,
+    /// Its parameters make a fence of points do nothing, or could not be read.
+    #[error("the autopilot would do nothing at such a fence, or does not tell: set {0}")]
+    NoAction(&'static str),
+    /// The fence that it has could not be read, so that it could not be put back.
+    #[error("the fence that the autopilot has could not be read, so that it could not be put back: nothing was changed")]
+    Unknown,
+    /// It failed, and the vehicle has its former fence again.
+    #[error("the autopilot has its former fence again")]
+    PutBack(#[source] Box<FencingError>),
+    /// It failed, and so did putting the former fence back.
+    #[error(
+        "putting its former fence back failed, too: what fence the autopilot has is unknown, look at it with a ground station"
+    )]
+    Lost(#[source] Box<FencingError>),
     /// More corners than fit.
     #[error("the fence has more than {MOST} corners")]
     TooLarge,

@@ -3,14 +3,16 @@
 use std::time::{Duration, Instant};
 
 use spf_core::geometry::EnuPosition;
-use spf_mavlink::fence::{FenceError, FenceShape, MOST, items};
+use spf_mavlink::fence::{FenceError, FenceItem, FenceShape, MOST, items};
 use spf_mavlink::frames::GlobalPosition;
+use spf_mavlink::modes::Autopilot;
 
 use super::craft::MavlinkCraft;
 use super::fence_error::FencingError;
 use super::settings::FencePlan;
+use super::vehicle::Facts;
 
-/// Maximum time for the transfer in one direction: each of its steps is repeated five times.
+/// Maximum time for the transfer in one direction.
 const TRANSFER: Duration = Duration::from_secs(60);
 /// Maximum time for the vehicle to know its home.
 const HOME: Duration = Duration::from_secs(5);
@@ -45,7 +47,52 @@ fn wait<T>(longest: Duration, mut of: impl FnMut() -> Option<T>) -> Option<T> {
     }
 }
 
-/// Replaces the fence of a vehicle on the ground.
+/// Whether the autopilot will do something at a fence of points.
+fn acts(facts: &Facts) -> Result<(), FencingError> {
+    let number = |name| facts.parameter(name);
+    match facts.autopilot {
+        // 1 warns.
+        Autopilot::Px4 if number("GF_ACTION").is_none_or(|action| action < 2.0) => {
+            Err(FencingError::NoAction("GF_ACTION to 2 (hold), 3 (return) or 5 (land)"))
+        }
+        Autopilot::ArduPilot if number("FENCE_ACTION").is_none_or(|action| action == 0.0) => {
+            Err(FencingError::NoAction("FENCE_ACTION to 1 (return or land)"))
+        }
+        // Polygons and circles that were uploaded.
+        Autopilot::ArduPilot if number("FENCE_TYPE").is_none_or(|kinds| kinds as i64 & 4 == 0) => {
+            Err(FencingError::NoAction("FENCE_TYPE to 7 (height, circle around home, polygons)"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Sends a fence, and reads it back.
+fn send(craft: &MavlinkCraft, items: &[FenceItem]) -> Result<(), FencingError> {
+    craft.with_vehicle(|vehicle, now| vehicle.send_fence(now, items.to_vec()));
+    match wait(TRANSFER, || craft.with_vehicle(|vehicle, _| vehicle.fence_sent())) {
+        Some(Ok(())) => {}
+        Some(Err(error)) => return Err(FencingError::Transfer(error)),
+        None => return Err(FencingError::Transfer(FenceError::Silent)),
+    }
+    match wait(TRANSFER, || craft.with_vehicle(|vehicle, _| vehicle.has_fence(items))) {
+        Some(true) => Ok(()),
+        Some(false) => Err(FencingError::Different),
+        None => Err(FencingError::Unread),
+    }
+}
+
+/// Sends a fence and puts it in force.
+fn replace(craft: &MavlinkCraft, items: &[FenceItem]) -> Result<(), FencingError> {
+    send(craft, items)?;
+    // A PX4 does not tell whether a fence is in force: one that it has is, by its parameters.
+    if craft.facts().autopilot == Autopilot::Px4 {
+        return Ok(());
+    }
+    craft.with_vehicle(|vehicle, _| vehicle.enable_fence(true));
+    wait(IN_FORCE, || (craft.facts().fenced == Some(true)).then_some(())).ok_or(FencingError::NotInForce)
+}
+
+/// Replaces the fence of a vehicle on the ground. If that fails, its former fence is put back.
 pub(super) fn upload(craft: &MavlinkCraft, plan: &FencePlan) -> Result<(), FencingError> {
     let facts = craft.facts();
     if !facts.takes_fence {
@@ -54,6 +101,8 @@ pub(super) fn upload(craft: &MavlinkCraft, plan: &FencePlan) -> Result<(), Fenci
     if craft.state().1 {
         return Err(FencingError::InTheAir);
     }
+    acts(&facts)?;
+    let former = facts.fence_items.clone().ok_or(FencingError::Unknown)?;
     let (origin, home) = wait(HOME, || {
         let facts = craft.facts();
         facts.origin.zip(facts.home)
@@ -63,24 +112,39 @@ pub(super) fn upload(craft: &MavlinkCraft, plan: &FencePlan) -> Result<(), Fenci
     if items.len() > usize::from(MOST) {
         return Err(FencingError::TooLarge);
     }
-    craft.with_vehicle(|vehicle, now| vehicle.send_fence(now, items.clone()));
-    match wait(TRANSFER, || craft.with_vehicle(|vehicle, _| vehicle.fence_sent())) {
-        Some(Ok(())) => {}
-        Some(Err(error)) => return Err(FencingError::Transfer(error)),
-        None => return Err(FencingError::Transfer(FenceError::Silent)),
+    let Err(error) = replace(craft, &items) else { return Ok(()) };
+    let error = Box::new(error);
+    if facts.fenced == Some(false) {
+        craft.with_vehicle(|vehicle, _| vehicle.enable_fence(false));
     }
-    match wait(TRANSFER, || craft.with_vehicle(|vehicle, _| vehicle.has_fence(&items))) {
-        Some(true) => {}
-        Some(false) => return Err(FencingError::Different),
-        None => return Err(FencingError::Unread),
-    }
-    craft.with_vehicle(|vehicle, _| vehicle.enable_fence());
-    wait(IN_FORCE, || (craft.facts().fenced == Some(true)).then_some(())).ok_or(FencingError::NotInForce)
+    Err(if send(craft, &former).is_ok() { FencingError::PutBack(error) } else { FencingError::Lost(error) })
 }
 
 #[cfg(test)]
 mod tests {
+    use spf_core::time::Time;
+    use spf_mavlink::modes::Mode;
+    use spf_mavlink::report::Report;
+
+    use super::super::vehicle::Vehicle;
     use super::*;
+
+    #[test]
+    fn a_fence_is_sent_only_to_an_autopilot_that_acts_at_it() {
+        let acts = |mode: Mode, parameters: &[(&str, f32)]| {
+            let mut vehicle = Vehicle::new(Time::ZERO, mode, [1, 191], 3.0, false);
+            for (name, field) in parameters {
+                vehicle.handle(Time::ZERO, &Report::Parameter { name: (*name).to_owned(), field: *field, kind: 9 });
+            }
+            acts(vehicle.facts()).is_ok()
+        };
+        let (px4, copter) = (Autopilot::Px4.hold(), Autopilot::ArduPilot.hold());
+        assert_eq!([0.0, 1.0, 2.0, 3.0, 5.0].map(|it| acts(px4, &[("GF_ACTION", it)])), [false, false, true, true, true]);
+        assert!(!acts(px4, &[]) && !acts(copter, &[]) && !acts(copter, &[("FENCE_ACTION", 1.0)]));
+        assert!(!acts(copter, &[("FENCE_ACTION", 1.0), ("FENCE_TYPE", 3.0)]));
+        assert!(!acts(copter, &[("FENCE_ACTION", 0.0), ("FENCE_TYPE", 7.0)]));
+        assert!(acts(copter, &[("FENCE_ACTION", 1.0), ("FENCE_TYPE", 4.0)]));
+    }
 
     /// Worked by hand: at 60° north a degree of longitude is half as long as one of latitude.
     #[test]

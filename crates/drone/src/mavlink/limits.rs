@@ -30,6 +30,7 @@ pub(super) fn limited(usual: Craft, facts: &Facts, take_off_height: Option<f64>)
         acceleration: usual.acceleration.min(acceleration.unwrap_or(ACCELERATION)),
         take_off_height: take_off_height.unwrap_or(usual.take_off_height),
         return_height: facts.return_height().ok(),
+        return_climb: facts.return_climb(),
         ..usual
     }
 }

@@ -59,12 +59,12 @@ pub struct CameraTilt(Arc<Mutex<Gimbal>>);
 impl CameraTilt {
     /// From this time on the camera is level, and tilted below the horizon by this angle, radians.
     pub fn set(&self, at: Time, tilt: f64) {
-        let report = GimbalReport { measured: at, tilt, range: [tilt; 2] };
+        let report = GimbalReport { measured: at, tilt, range: [tilt; 2], aside: false };
         self.0.lock().unwrap_or_else(PoisonError::into_inner).observe(report);
     }
 
     fn sight(&self, camera: &Camera, at: Time, pose: Pose) -> Pose {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).sight(camera, at, pose)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).sight(camera, at, pose).unwrap_or(pose)
     }
 }
 

@@ -166,7 +166,7 @@ impl Legs {
     fn next_leg(&mut self) -> Step {
         let leg = self.left.pop();
         self.moving = leg.is_some();
-        leg.map_or(Step::Look, |primitives| Step::Move(Move { primitives, anchor: None, then_rest: true }))
+        leg.map_or(Step::Look, |primitives| Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false }))
     }
 }
 

@@ -48,7 +48,7 @@ impl Policy for Chooser {
                 }
                 self.ask_on = true;
                 let primitives = Primitives { forward: self.answers.iter().sum(), ..Primitives::default() };
-                Step::Move(Move { primitives, anchor: Some(self.view.unwrap().pose), then_rest: false })
+                Step::Move(Move { primitives, anchor: Some(self.view.unwrap().pose), then_rest: false, looks: false })
             }
             PolicyEvent::Continue if core::mem::take(&mut self.ask_on) => self.ask(QueryKind::Done),
             _ => Step::Wait,
@@ -123,7 +123,7 @@ impl Policy for Restless {
         let primitives = Primitives { climb: 0.5, ..Primitives::default() };
         match (self.0 % 3, event) {
             (_, PolicyEvent::Instruction(_)) => Step::Wait,
-            (0, _) => Step::Move(Move { primitives, anchor: None, then_rest: false }),
+            (0, _) => Step::Move(Move { primitives, anchor: None, then_rest: false, looks: false }),
             _ => Step::Ask(Box::new(Query::new(QueryId(self.0), FrameId(0), QueryKind::Detect { coco: false, scored: false }))),
         }
     }
@@ -168,6 +168,7 @@ impl Policy for Eager {
                 primitives: Primitives { forward: 3.0, ..Primitives::default() },
                 anchor: None,
                 then_rest: false,
+                looks: false,
             }),
             _ => Step::Wait,
         }

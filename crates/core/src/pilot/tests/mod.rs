@@ -286,6 +286,7 @@ impl Flight {
             phase: self.phase,
             crashed: self.crashed,
             imu_error: false,
+            returns_to: Some(EnuPosition::default()),
         }
     }
 

@@ -27,7 +27,7 @@ impl Policy for Moves {
             PolicyEvent::Frame(_) | PolicyEvent::MoveEnded { completed: true } => match self.left.pop_front() {
                 Some(primitives) => {
                     self.moving = true;
-                    Step::Move(Move { primitives, anchor: None, then_rest: true })
+                    Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false })
                 }
                 None => Step::Wait,
             },

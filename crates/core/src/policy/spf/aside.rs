@@ -127,7 +127,7 @@ impl Spf {
         (self.reading.waypoint, self.reading.step, self.reading.displacement) = (Some(point), Some(step), Some(lifted));
         let primitives = Primitives::from_displacement(lifted);
         self.reading.primitives = Some(primitives);
-        Some(Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true }))
+        Some(Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false }))
     }
 
     /// Where ahead a reply leaves room, and how far it is flown: straight on where it lists what stands before its target, else
@@ -146,7 +146,7 @@ impl Spf {
         self.aside.leg = None;
         let yaw = wrap_angle(view.pose.position.bearing_to(target) - view.pose.attitude.heading);
         let primitives = Primitives { yaw, ..Primitives::default() };
-        Some(Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true }))
+        Some(Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false }))
     }
 
     /// Whether a reply points at a target to which a path is free.

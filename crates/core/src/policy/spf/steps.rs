@@ -59,7 +59,7 @@ impl Spf {
         self.turned_first = None;
         let primitives = Primitives { yaw, ..Primitives::default() };
         self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
+        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true, looks: false })
     }
 
     /// The VLM says that someone or something is in the way: the craft holds before a person, who will walk on, and backs off
@@ -83,7 +83,7 @@ impl Spf {
         self.reading.actions.push(why.to_owned());
         let primitives = Primitives { forward: -BACK_OFF, ..Primitives::default() };
         self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
+        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true, looks: false })
     }
 
     /// A step towards an image point, clear of the obstacle boxes in obstacle mode.
@@ -171,11 +171,11 @@ impl Spf {
             (self.reading.step, self.reading.displacement) = (None, None);
             self.reading.actions.push("turns first: the area beside the image has not been observed".to_owned());
             self.reading.primitives = Some(primitives);
-            return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true });
+            return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false });
         }
         self.reading.primitives = Some(primitives);
         // An open direction is flown to its end.
-        let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible };
+        let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible, looks: false };
         // A point beside, above or behind a target, or straight on, is no place of the target.
         let is_on_target = reply.target_box.is_some_and(|area| area.contains(point)) && !is_at_edge(point);
         let flies_to_place = reply.status == Status::Navigating && self.guidance.keeps_anchor() && is_on_target;
@@ -236,7 +236,7 @@ impl Spf {
             Primitives { yaw: camera.half_fov().0, ..Primitives::default() }
         };
         self.reading.primitives = Some(primitives);
-        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true })
+        Step::Move(Move { primitives, anchor: Some(open_query.view.pose), then_rest: true, looks: false })
     }
 }
 

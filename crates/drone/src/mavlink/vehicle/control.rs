@@ -196,8 +196,12 @@ impl Vehicle {
                 ids::LAND => "landing",
                 ids::RETURN => "the return",
                 ids::SET_MODE => "the flight mode",
-                ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW => {
+                ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW if result == CommandResult::Unsupported => {
                     self.gimbal_is_old(now);
+                    continue;
+                }
+                ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW | ids::MOUNT_CONTROL => {
+                    self.gimbal_is_refused(now, result);
                     continue;
                 }
                 ids::INTERVAL if command.parameters[0] == super::rates::ATTITUDE => {
@@ -239,7 +243,7 @@ impl Vehicle {
         self.control = Control::Refused { what, result, at: now };
     }
 
-    fn refuse(&mut self, now: Time, what: &'static str, result: CommandResult) {
+    pub(super) fn refuse(&mut self, now: Time, what: &'static str, result: CommandResult) {
         let texts = self.facts.recent_words(now);
         self.notices.push_back(Notice::Refused { what, result, texts });
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};
-use spf_mavlink::fence::FenceShape;
+use spf_mavlink::fence::{FenceItem, FenceShape};
 use spf_mavlink::frames::GlobalPosition;
 use spf_mavlink::modes::Autopilot;
 use spf_mavlink::parameter::{ParameterEncoding, ParameterValue};
@@ -37,6 +37,9 @@ const PX4: &[&str] = &[
     "MIS_TAKEOFF_ALT",
     "RTL_RETURN_ALT",
     "RTL_LAND_DELAY",
+    "RTL_TYPE",
+    "RTL_CONE_ANG",
+    "NAV_ACC_RAD",
     "MPC_ACC_HOR",
     "MPC_XY_VEL_MAX",
     "MPC_Z_VEL_MAX_UP",
@@ -49,12 +52,16 @@ const COPTER: &[&str] = &[
     "BATT_FS_LOW_ACT",
     "FENCE_ENABLE",
     "FENCE_ACTION",
+    "FENCE_TYPE",
     "FENCE_RADIUS",
     "FENCE_ALT_MAX",
     "RTL_ALT",
     "RTL_ALT_FINAL",
     "RTL_ALT_M",
     "RTL_ALT_FINAL_M",
+    "RTL_ALT_TYPE",
+    "RTL_CLIMB_MIN",
+    "RTL_CLIMB_MIN_M",
     "WPNAV_ACCEL",
     "WPNAV_SPEED",
     "WPNAV_SPEED_UP",
@@ -76,7 +83,11 @@ pub struct Facts {
     pub gps: Option<Gps>,
     /// Where it returns to, relative to where its estimator started.
     pub home: Option<EnuPosition>,
-    /// When a sensor around it was last heard.
+    /// The same, on the globe.
+    home_place: Option<GlobalPosition>,
+    /// Number of its rally points, to which it may return instead.
+    pub rally_points: Option<u16>,
+    /// When a sensor around it that looks level was last heard.
     pub ranged: Option<Time>,
     /// Where its estimator started, on the globe.
     pub origin: Option<GlobalPosition>,
@@ -86,6 +97,8 @@ pub struct Facts {
     pub fenced: Option<bool>,
     /// The fence of points that it has; `None` until it was read.
     pub fence: Option<Vec<FenceShape>>,
+    /// The same, as it was read.
+    pub fence_items: Option<Vec<FenceItem>>,
     /// Standard deviation of its horizontal position, metres, if it says so.
     pub position_error: Option<f64>,
     encoding: ParameterEncoding,
@@ -109,11 +122,14 @@ impl Facts {
             may_arm: None,
             gps: None,
             home: None,
+            home_place: None,
+            rally_points: None,
             ranged: None,
             origin: None,
             takes_fence: false,
             fenced: None,
             fence: None,
+            fence_items: None,
             position_error: None,
             encoding,
             parameters: BTreeMap::new(),
@@ -129,10 +145,13 @@ impl Facts {
                 (self.battery, self.may_arm, self.fenced) = (*battery, *may_arm, *fenced);
             }
             Report::Gps(gps) => self.gps = Some(*gps),
-            Report::Home(home, place) => {
-                self.home = Some(*home);
-                let back = EnuPosition { east: -home.east, north: -home.north, up: -home.up };
-                self.origin = Some(place.offset(back));
+            Report::Home(place) => {
+                self.home_place = Some(*place);
+                self.home = self.origin.map(|origin| origin.offset_to(*place));
+            }
+            Report::Origin(origin) => {
+                self.origin = Some(*origin);
+                self.home = self.home_place.map(|place| origin.offset_to(place));
             }
             Report::PositionError(error) => self.position_error = Some(*error).filter(|error| !error.is_nan()),
             Report::Version { capabilities, firmware } => {
@@ -203,28 +222,57 @@ impl Facts {
         self.parameters.get(name).map(|value| value.number())
     }
 
-    /// Height above home to which it climbs at most before it returns by itself, metres, from where it lands at home.
+    /// Height above home to which it climbs at most before it returns by itself, metres, or from where it is by
+    /// [`return_climb`](Self::return_climb), if that is more.
     ///
     /// # Errors
     /// Why it cannot be sent home: what it would do is unknown, or it would not land.
     pub fn return_height(&self) -> Result<f64, &'static str> {
         let number = |name| self.parameter(name);
+        match self.rally_points {
+            Some(0) => {}
+            Some(_) => return Err("it has rally points, to one of which it would return"),
+            None => return Err("its rally points, to one of which it would return, could not be read"),
+        }
+        let plain = match self.autopilot {
+            Autopilot::Px4 => ("RTL_TYPE", "RTL_TYPE is not 0: it would not return straight home"),
+            Autopilot::ArduPilot => ("RTL_ALT_TYPE", "RTL_ALT_TYPE is not 0: its height would follow the terrain"),
+        };
+        match number(plain.0) {
+            Some(0.0) => {}
+            Some(_) => return Err(plain.1),
+            None => return Err("how it returns (RTL_TYPE, RTL_ALT_TYPE) could not be read"),
+        }
         match self.autopilot {
-            Autopilot::Px4 => match (number("RTL_RETURN_ALT"), number("RTL_LAND_DELAY")) {
-                (Some(_), Some(delay)) if delay < 0.0 => Err("RTL_LAND_DELAY is negative: it would hover over home for ever"),
-                (Some(height), Some(_)) => Ok(height),
-                _ => Err("RTL_RETURN_ALT and RTL_LAND_DELAY could not be read"),
-            },
+            Autopilot::Px4 => {
+                let read = (number("RTL_RETURN_ALT"), number("RTL_LAND_DELAY"), number("RTL_CONE_ANG"), number("NAV_ACC_RAD"));
+                match read {
+                    (_, Some(delay), ..) if delay < 0.0 => Err("RTL_LAND_DELAY is negative: it would hover over home for ever"),
+                    // Near home it climbs to this much, whatever the height of its return.
+                    (Some(height), Some(_), Some(cone), Some(radius)) if cone > 0.0 => Ok(height.max(2.0 * radius)),
+                    (Some(height), Some(_), Some(_), Some(_)) => Ok(height),
+                    _ => Err("RTL_RETURN_ALT, RTL_LAND_DELAY, RTL_CONE_ANG and NAV_ACC_RAD could not be read"),
+                }
+            }
             // From firmware 4.7 on in metres, and with other names.
             Autopilot::ArduPilot => {
                 let either = |cm, metres| number(cm).map(|value| 0.01 * value).or_else(|| number(metres));
+                let climb = either("RTL_CLIMB_MIN", "RTL_CLIMB_MIN_M");
                 match (either("RTL_ALT", "RTL_ALT_M"), either("RTL_ALT_FINAL", "RTL_ALT_FINAL_M")) {
+                    _ if climb.is_none() => Err("RTL_CLIMB_MIN could not be read"),
                     (Some(_), Some(last)) if last != 0.0 => Err("RTL_ALT_FINAL is not 0: it would hover over home for ever"),
                     (Some(height), Some(_)) => Ok(height),
                     _ => Err("RTL_ALT and RTL_ALT_FINAL could not be read"),
                 }
             }
         }
+    }
+
+    /// Height that it climbs at least before it returns, metres, from wherever it is.
+    #[must_use]
+    pub fn return_climb(&self) -> f64 {
+        let cm = self.parameter("RTL_CLIMB_MIN").map(|cm| 0.01 * cm);
+        cm.or_else(|| self.parameter("RTL_CLIMB_MIN_M")).unwrap_or(0.0).max(0.0)
     }
 
     /// Its own fence in words: of points, and of parameters.

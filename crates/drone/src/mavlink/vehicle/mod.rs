@@ -15,7 +15,7 @@ mod telemetry;
 #[cfg(test)]
 mod tests;
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::envelope::Cleared;
@@ -27,6 +27,7 @@ use spf_mavlink::fence::{FenceError, Transfer};
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::report::Report;
 
+use self::clock::BootClock;
 use self::control::Control;
 pub use self::facts::Facts;
 use self::gimbal::GimbalState;
@@ -81,6 +82,12 @@ pub struct Vehicle {
     gimbal: GimbalState,
     /// What is around the craft, to be told.
     surroundings: Option<RangeScan>,
+    /// Whether it is told what is around it; `None` before that was decided.
+    tells_surroundings: Option<bool>,
+    /// Clocks of its sensors, by their numbers.
+    range_clocks: BTreeMap<u32, BootClock>,
+    /// Number of requests for the number of rally points, and when the next is due; whether the answer is to be acknowledged.
+    rally: (u8, Time, bool),
     /// The transfer of a fence, and the result of the last one that was sent.
     fence: Transfer,
     sent_fence: Option<Result<(), FenceError>>,
@@ -129,6 +136,9 @@ impl Vehicle {
             streams: VecDeque::new(),
             gimbal: GimbalState::default(),
             surroundings: None,
+            tells_surroundings: None,
+            range_clocks: BTreeMap::new(),
+            rally: (0, now, false),
             fence: Transfer::default(),
             sent_fence: None,
             says_landed: false,
@@ -173,7 +183,7 @@ impl Vehicle {
     /// Whether its attitude and position arrive.
     #[must_use]
     pub fn is_oriented(&self, now: Time) -> bool {
-        self.sensed.telemetry(now, FlightPhase::OnGround, self.facts.battery).is_some()
+        self.sensed.telemetry(now, FlightPhase::OnGround, &self.facts).is_some()
     }
 
     /// Whether its state on the ground or in the air is known.
@@ -185,7 +195,7 @@ impl Vehicle {
     /// Whether all parameters that matter have arrived or were given up.
     #[must_use]
     pub fn is_read(&self) -> bool {
-        self.facts.is_read() && !self.fence.is_busy()
+        self.facts.is_read() && !self.fence.is_busy() && self.knows_rally_points()
     }
 
     /// Number of setpoints sent.
@@ -273,6 +283,11 @@ impl Vehicle {
                 }
             }
             Report::Ranges(ranges) => self.scan(now, ranges),
+            Report::RallyPoints(count, target) => {
+                if self.is_for_us(*target) {
+                    (self.facts.rally_points, self.rally.2) = (Some(*count), true);
+                }
+            }
             Report::LocalPosition { .. } => {
                 self.sensed.observe(now, report);
                 self.report(now);
@@ -299,7 +314,7 @@ impl Vehicle {
 
     /// Sends the state to the pilot.
     fn report(&mut self, now: Time) {
-        let Some(telemetry) = self.sensed.telemetry(now, self.phase(), self.facts.battery) else { return };
+        let Some(telemetry) = self.sensed.telemetry(now, self.phase(), &self.facts) else { return };
         self.push_measured(now, DroneEvent::Telemetry(telemetry));
     }
 
@@ -346,6 +361,9 @@ impl Vehicle {
             return Some(Outgoing::Fence(message));
         }
         self.follow_fence(now);
+        if let Some(outgoing) = self.count_rally_points(now) {
+            return Some(outgoing);
+        }
         if let Some(scan) = self.surroundings.take() {
             return Some(Outgoing::Surroundings(scan));
         }

@@ -72,6 +72,10 @@ pub enum Outgoing {
     ReadParameter(String),
     /// A request for a group of messages (`MAV_DATA_STREAM`), Hz: of firmware that has no other.
     RequestStream(u8, u16),
+    /// A request for the number of rally points, and the end of that conversation.
+    CountRallyPoints,
+    /// See [`CountRallyPoints`](Self::CountRallyPoints).
+    EndRallyPoints,
     /// A message about the fence.
     Fence(FenceMessage),
     /// What is around the craft, by the pilot's map.
@@ -88,6 +92,8 @@ impl Outgoing {
             Self::Setpoint(setpoint) => message::setpoint(target, now, *setpoint),
             Self::ReadParameter(name) => message::read_parameter(target, name),
             Self::Fence(message) => message.body(target),
+            Self::CountRallyPoints => message::count_rally_points(target),
+            Self::EndRallyPoints => message::end_rally_points(target),
             Self::Surroundings(scan) => ranges::obstacle_distance(now, scan),
             Self::RequestStream(stream, rate) => message::request_stream(target, *stream, *rate),
         }

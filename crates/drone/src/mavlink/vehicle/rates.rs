@@ -11,6 +11,10 @@ use super::Vehicle;
 const RATES_AGAIN: Duration = Duration::from_secs(4);
 /// The range of a gimbal, and its attitude.
 const GIMBAL_MANAGER_INFORMATION: f32 = 280.0;
+/// Who has control of it.
+const GIMBAL_MANAGER_STATUS: f32 = 281.0;
+/// Where the estimator started: `LOCAL_POSITION_NED` counts from there.
+const GPS_GLOBAL_ORIGIN: f32 = 49.0;
 const GIMBAL_DEVICE_ATTITUDE_STATUS: u32 = 285;
 /// A proximity sensor's ranges.
 const OBSTACLE_DISTANCE: u32 = 330;
@@ -42,7 +46,7 @@ const AUTOPILOT_VERSION: f32 = 148.0;
 impl Vehicle {
     /// What is asked for first.
     pub(super) fn request_first(&mut self, now: Time) {
-        for message in [AUTOPILOT_VERSION, GIMBAL_MANAGER_INFORMATION] {
+        for message in [AUTOPILOT_VERSION, GPS_GLOBAL_ORIGIN, GIMBAL_MANAGER_INFORMATION, GIMBAL_MANAGER_STATUS] {
             self.commands.submit(VehicleCommand::new(ids::REQUEST, &[message]));
         }
         self.request_rates(now);
@@ -65,6 +69,10 @@ impl Vehicle {
     /// Asks again for rates that were forgotten.
     pub(super) fn keep_rates(&mut self, now: Time) {
         if now >= self.rates_at && self.commands.is_idle() && !self.lost {
+            // There is none before it has a position.
+            if self.facts.origin.is_none() {
+                self.commands.submit(VehicleCommand::new(ids::REQUEST, &[GPS_GLOBAL_ORIGIN]));
+            }
             if self.is_oriented(now) {
                 self.rates_at = now + RATES_AGAIN;
             } else {

@@ -60,7 +60,8 @@ impl Vehicle {
             Control::Climbing { .. } | Control::Flying => [external; 3],
             Control::Entering { from, .. } => [from, external, external],
             Control::Landing { shown: true, .. } => [land; 3],
-            Control::Returning { shown: true, .. } => return mode.is_returning() || mode == land,
+            // A landing, or another kind of return, that was not commanded here is a failsafe's or a person's.
+            Control::Returning { shown: true, .. } => [it.return_home(); 3],
             Control::Returning { from, .. } => [from, it.return_home(), external],
             Control::Landing { from, .. } => return [from, land, external, hold].contains(&mode) || self.is_under_way(now, mode),
         };

@@ -6,6 +6,7 @@ use spf_core::time::{Duration, Time};
 use spf_mavlink::report::Report;
 
 use super::clock::BootClock;
+use super::facts::Facts;
 
 /// Older values than this are not passed on.
 const FRESH: Duration = Duration::from_millis(1000);
@@ -82,7 +83,7 @@ impl Sensed {
     }
 
     /// The state as telemetry; `None` without a fresh attitude and position.
-    pub(super) fn telemetry(&self, now: Time, phase: FlightPhase, battery: Option<f64>) -> Option<Telemetry> {
+    pub(super) fn telemetry(&self, now: Time, phase: FlightPhase, facts: &Facts) -> Option<Telemetry> {
         let (measured, attitude, yaw_rate) = self.attitude?;
         let (at, position, velocity) = self.position?;
         if now.since(measured) >= FRESH_ATTITUDE || now.since(at) >= FRESH {
@@ -96,7 +97,8 @@ impl Sensed {
             yaw_rate: Some(yaw_rate),
             height: self.height(now),
             ground_clearance: fresh(now, self.clearance),
-            battery,
+            battery: facts.battery,
+            returns_to: facts.home,
             temperature: None,
             phase,
             crashed: false,

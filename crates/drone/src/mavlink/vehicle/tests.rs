@@ -1,5 +1,6 @@
 mod returning;
 mod safety;
+mod sensors;
 
 use spf_core::geometry::{EnuPosition, EnuVelocity};
 use spf_mavlink::command::{CommandResult, VehicleCommand, ids};

@@ -87,6 +87,7 @@ impl Link {
             phase: self.phase,
             crashed: false,
             imu_error: self.imu.has_error(),
+            returns_to: None,
         }
     }
 }

@@ -10,7 +10,10 @@ use super::{ORIGIN, Peer, VirtualVehicle};
 
 /// A client that begins to send a fence and then is silent for this long has given up.
 const ABANDONED: Duration = Duration::from_secs(8);
+/// An item that does not come is asked for again after this long.
+const ASKED_AGAIN: Duration = Duration::from_secs(1);
 /// `MAV_MISSION_RESULT`.
+const ERROR: u8 = 1;
 const ACCEPTED: u8 = 0;
 const NO_SPACE: u8 = 4;
 const INVALID: u8 = 5;
@@ -26,6 +29,9 @@ pub(super) struct Fence {
 #[derive(Debug)]
 struct Incoming {
     from: Peer,
+    /// System and component that send it.
+    sender: [u8; 2],
+    asked: Time,
     count: u16,
     items: Vec<FenceItem>,
     heard: Time,
@@ -80,12 +86,23 @@ fn in_ring(ring: &[(f64, f64)], (x, y): (f64, f64)) -> bool {
 impl VirtualVehicle {
     /// Handles a message about the fence; `sender` is the system and component that sent it.
     pub(super) fn receive_fence(&mut self, now: Time, from: Peer, sender: [u8; 2], message: FenceMessage) {
-        if let Some(answer) = self.answer_fence(now, from, message) {
+        if let Some(answer) = self.answer_fence(now, from, sender, message) {
             self.send(from, answer.body(sender));
         }
     }
 
-    fn answer_fence(&mut self, now: Time, from: Peer, message: FenceMessage) -> Option<FenceMessage> {
+    /// Asks again for an item that has not come.
+    pub(super) fn ask_for_fence(&mut self, now: Time) {
+        let Some(incoming) = &mut self.fence.incoming else { return };
+        if now.since(incoming.heard) < ABANDONED && now.since(incoming.asked) >= ASKED_AGAIN {
+            incoming.asked = now;
+            let (to, ask) = (incoming.from, FenceMessage::Request(incoming.items.len() as u16).body(incoming.sender));
+            self.send(to, ask);
+        }
+    }
+
+    fn answer_fence(&mut self, now: Time, from: Peer, sender: [u8; 2], message: FenceMessage) -> Option<FenceMessage> {
+        let ardupilot = self.autopilot == Autopilot::ArduPilot;
         let fence = &mut self.fence;
         if fence.incoming.as_ref().is_some_and(|incoming| now.since(incoming.heard) >= ABANDONED) {
             fence.incoming = None;
@@ -102,18 +119,24 @@ impl VirtualVehicle {
                 FenceMessage::End(ACCEPTED)
             }
             FenceMessage::Count(count) => {
-                fence.incoming = Some(Incoming { from, count, items: Vec::new(), heard: now });
+                fence.incoming = Some(Incoming { from, sender, asked: now, count, items: Vec::new(), heard: now });
                 FenceMessage::Request(0)
             }
             FenceMessage::Item(seq, item) => {
                 let Some(incoming) = fence.incoming.as_mut().filter(|incoming| incoming.from == from) else {
-                    // The last item again: its acknowledgement was lost.
+                    // Nothing was asked for. PX4 takes the last item once more, since its acknowledgement may have been lost.
+                    if ardupilot {
+                        return Some(FenceMessage::End(ERROR));
+                    }
                     let again = usize::from(seq) + 1 == fence.items.len() && fence.items.last() == Some(&item);
                     return Some(FenceMessage::End(if again { ACCEPTED } else { INVALID_SEQUENCE }));
                 };
-                incoming.heard = now;
                 if usize::from(seq) == incoming.items.len() {
                     incoming.items.push(item);
+                    (incoming.heard, incoming.asked) = (now, now);
+                } else if ardupilot {
+                    // It goes on.
+                    return Some(FenceMessage::End(INVALID_SEQUENCE));
                 }
                 if incoming.items.len() < usize::from(incoming.count) {
                     return Some(FenceMessage::Request(incoming.items.len() as u16));

@@ -4,7 +4,8 @@ use core::f64::consts::FRAC_PI_2;
 
 use spf_core::time::Time;
 use spf_mavlink::dialect::{
-    GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_INFORMATION_DATA, GimbalDeviceFlags, GimbalManagerCapFlags, MavMessage,
+    GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GIMBAL_MANAGER_INFORMATION_DATA, GIMBAL_MANAGER_STATUS_DATA, GimbalDeviceFlags,
+    GimbalManagerCapFlags, MavMessage,
 };
 use spf_mavlink::message::ReceivedCommand;
 use spf_mavlink::wire::{Body, MOUNT_STATUS};
@@ -24,7 +25,7 @@ const NOT_IN_CONTROL: u8 = 10;
 pub(super) struct Gimbal {
     pub(super) pitch: f64,
     wanted: f64,
-    controller: Option<Peer>,
+    controller: Option<(Peer, [u8; 2])>,
     /// Firmware without a gimbal manager.
     pub(super) old: bool,
 }
@@ -67,6 +68,16 @@ impl Gimbal {
                 gimbal_device_id: 1,
                 ..GIMBAL_MANAGER_INFORMATION_DATA::default()
             }),
+            281 => {
+                let [primary_control_sysid, primary_control_compid] = self.controller.map_or([0; 2], |(_, who)| who);
+                MavMessage::GIMBAL_MANAGER_STATUS(GIMBAL_MANAGER_STATUS_DATA {
+                    time_boot_ms,
+                    gimbal_device_id: 1,
+                    primary_control_sysid,
+                    primary_control_compid,
+                    ..GIMBAL_MANAGER_STATUS_DATA::default()
+                })
+            }
             285 => MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
                 time_boot_ms,
                 q: [cos, 0.0, sin, 0.0],
@@ -86,11 +97,14 @@ impl VirtualVehicle {
         let Some(gimbal) = &mut self.gimbal else { return result::UNSUPPORTED };
         match command.id {
             GIMBAL_CONFIGURE if !gimbal.old => {
-                gimbal.controller = Some(from);
+                let [system, component, ..] = command.parameters;
+                gimbal.controller = Some((from, [system as u8, component as u8]));
                 result::ACCEPTED
             }
             // Whoever does not have control is refused; PX4 wants it taken first.
-            GIMBAL_PITCHYAW if !gimbal.old && gimbal.controller.map_or(px4, |controller| controller != from) => NOT_IN_CONTROL,
+            GIMBAL_PITCHYAW if !gimbal.old && gimbal.controller.map_or(px4, |(controller, _)| controller != from) => {
+                NOT_IN_CONTROL
+            }
             GIMBAL_PITCHYAW if !gimbal.old => gimbal.aim(command.parameters[0].into()),
             MOUNT_CONTROL if gimbal.old && f64::from(command.altitude) == TARGETING => gimbal.aim(command.parameters[0].into()),
             _ => result::UNSUPPORTED,

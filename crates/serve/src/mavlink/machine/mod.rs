@@ -218,6 +218,7 @@ impl VirtualVehicle {
             let at = self.next_control;
             craft.advance_to(at);
             self.control(at, craft);
+            self.ask_for_fence(at);
             self.stream(at, craft);
             self.next_control = at + CONTROL;
         }

@@ -74,3 +74,33 @@ pub(super) fn proximity(now: Time, craft: &SimCraft) -> MavMessage {
         frame: MavFrame::MAV_FRAME_BODY_FRD,
     })
 }
+
+/// What ArduPilot's proximity library tells of what it was told: eight sectors, as rangefinders from number 10 on.
+pub(super) fn echo(time_boot_ms: u32, told: &OBSTACLE_DISTANCE_DATA) -> Vec<Body> {
+    use MavSensorOrientation as Looks;
+    let sectors = [
+        Looks::MAV_SENSOR_ROTATION_NONE,
+        Looks::MAV_SENSOR_ROTATION_YAW_45,
+        Looks::MAV_SENSOR_ROTATION_YAW_90,
+        Looks::MAV_SENSOR_ROTATION_YAW_135,
+        Looks::MAV_SENSOR_ROTATION_YAW_180,
+        Looks::MAV_SENSOR_ROTATION_YAW_225,
+        Looks::MAV_SENSOR_ROTATION_YAW_270,
+        Looks::MAV_SENSOR_ROTATION_YAW_315,
+    ];
+    let body = |(sector, orientation): (usize, Looks)| {
+        let current_distance = told.distances[sector * SECTORS / 8];
+        (current_distance <= told.max_distance).then(|| {
+            Body::from(&MavMessage::DISTANCE_SENSOR(DISTANCE_SENSOR_DATA {
+                time_boot_ms,
+                min_distance: told.min_distance,
+                max_distance: told.max_distance,
+                current_distance,
+                id: 10 + sector as u8,
+                orientation,
+                ..DISTANCE_SENSOR_DATA::default()
+            }))
+        })
+    };
+    sectors.into_iter().enumerate().filter_map(body).collect()
+}

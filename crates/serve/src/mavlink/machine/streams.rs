@@ -16,7 +16,7 @@ use super::sensors;
 use super::{ORIGIN, Peer, VirtualVehicle, relative};
 
 /// Every message that can be requested, with its usual rate in Hz; zero for those that are only sent on request.
-pub(super) const DEFAULTS: [(u32, f32); 22] = [
+pub(super) const DEFAULTS: [(u32, f32); 24] = [
     (0, 1.0),
     (1, 1.0),
     (2, 1.0),
@@ -25,6 +25,7 @@ pub(super) const DEFAULTS: [(u32, f32); 22] = [
     (31, 20.0),
     (32, 20.0),
     (33, 5.0),
+    (49, 0.0),
     (74, 5.0),
     (85, 5.0),
     (132, 5.0),
@@ -37,6 +38,7 @@ pub(super) const DEFAULTS: [(u32, f32); 22] = [
     (242, 0.5),
     (245, 2.0),
     (280, 0.0),
+    (281, 0.0),
     (285, 5.0),
     (330, 5.0),
 ];
@@ -139,6 +141,11 @@ impl VirtualVehicle {
                 if let Some(body) = made.entry(id).or_insert_with(|| self.message(id, now, craft)).clone() {
                     self.send(peer, body);
                 }
+                if id == 132 && self.autopilot == Autopilot::ArduPilot {
+                    let boot = (now.since(self.started).as_nanos() / 1_000_000) as u32;
+                    let told: Vec<Body> = self.told.iter().flat_map(|told| sensors::echo(boot, told)).collect();
+                    told.into_iter().for_each(|body| self.send(peer, body));
+                }
                 if id == 132 && self.ranges {
                     for body in sensors::rangefinders((now.since(self.started).as_nanos() / 1_000_000) as u32, craft) {
                         self.send(peer, body);
@@ -168,10 +175,10 @@ impl VirtualVehicle {
         let current = if craft.dynamics().airborne() { 1500 } else { 50 };
         let ready = self.is_ready(now);
         // Without a position nothing of it is sent, as by an estimator that aligns.
-        if !ready && matches!(id, 32 | 33 | 85 | EKF_STATUS_REPORT | 230 | 242) {
+        if !ready && matches!(id, 32 | 33 | 49 | 85 | EKF_STATUS_REPORT | 230 | 242) {
             return None;
         }
-        if matches!(id, MOUNT_STATUS | 280 | 285) {
+        if matches!(id, MOUNT_STATUS | 280 | 281 | 285) {
             return self.gimbal_message(id, now);
         }
         if id == EKF_STATUS_REPORT && has(self.autopilot, id) {
@@ -184,7 +191,9 @@ impl VirtualVehicle {
             0 => MavMessage::HEARTBEAT(self.heartbeat()),
             1 => {
                 let battery = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_BATTERY.bits();
-                let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE.bits();
+                // PX4 never tells whether a fence is in force.
+                let px4 = self.autopilot == Autopilot::Px4;
+                let fence = if px4 { 0 } else { MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE.bits() };
                 let all = 1 | 2 | 4 | 8 | 32 | fence | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
                 let fenced = self.is_fenced() || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0;
                 let healthy = if ready { all } else { all & !32 };
@@ -314,7 +323,9 @@ impl VirtualVehicle {
             }),
             242 => {
                 let home = relative(self.home, self.origin);
-                let (place, [x, y, z]) = (ORIGIN.offset(home), position_to_ned(home));
+                // ArduPilot leaves the place relative to the origin at zero.
+                let px4 = self.autopilot == Autopilot::Px4;
+                let (place, [x, y, z]) = (ORIGIN.offset(home), if px4 { position_to_ned(home) } else { [0.0; 3] });
                 let [latitude, longitude] = place.e7();
                 MavMessage::HOME_POSITION(HOME_POSITION_DATA {
                     latitude,
@@ -328,7 +339,14 @@ impl VirtualVehicle {
                     ..HOME_POSITION_DATA::default()
                 })
             }
+            49 => {
+                let [latitude, longitude] = ORIGIN.e7();
+                let altitude = (ORIGIN.altitude * 1e3) as i32;
+                MavMessage::GPS_GLOBAL_ORIGIN(GPS_GLOBAL_ORIGIN_DATA { latitude, longitude, altitude, time_usec })
+            }
             330 if self.ranges => sensors::proximity(now, craft),
+            // What it was told is told again.
+            330 => MavMessage::OBSTACLE_DISTANCE(OBSTACLE_DISTANCE_DATA { time_usec, ..self.told.as_deref()?.clone() }),
             245 => MavMessage::EXTENDED_SYS_STATE(EXTENDED_SYS_STATE_DATA {
                 vtol_state: MavVtolState::MAV_VTOL_STATE_UNDEFINED,
                 landed_state: match craft.dynamics().phase() {

@@ -4,7 +4,18 @@ use spf_core::command::Setpoint;
 use spf_mavlink::fence::{FenceShape, items};
 use spf_mavlink::frames::GlobalPosition;
 
+use std::time::Instant;
+
+use spf_drone::mavlink::settings::{FencePlan, MavlinkSettings};
+use spf_drone::options::Options;
+use spf_drone::registry;
+use spf_serve::mavlink::{Equipment, VehicleServer, VehicleSetup};
+use spf_serve::tello::FaultSource;
+use spf_sim::craft::SimCraft;
+use spf_sim::model::Model;
+
 use super::*;
+use crate::boxes::{at, facing, scene};
 
 /// A radio that loses and repeats a fifth.
 fn bad_radio() -> FaultPlan {
@@ -54,8 +65,12 @@ fn a_fence_is_sent_read_back_and_kept_by_the_autopilot_over_a_bad_radio() {
         assert!(passes(&mut drone, 60.0, |drone| drone.driver.has_fence(&fence).is_some()), "{:?}", drone.driver.fence_sent());
         assert_eq!((drone.driver.fence_sent(), drone.driver.has_fence(&fence)), (Some(Ok(())), Some(true)), "{autopilot:?}");
         assert_eq!(drone.driver.has_fence(&fence[1..]), Some(false));
-        drone.driver.enable_fence();
-        assert!(passes(&mut drone, 10.0, |drone| drone.driver.facts().fenced == Some(true)), "{autopilot:?}");
+        drone.driver.enable_fence(true);
+        // PX4 does not tell.
+        let told = if autopilot == Autopilot::Px4 { None } else { Some(true) };
+        assert!(passes(&mut drone, 10.0, |drone| drone.driver.facts().fenced == told), "{autopilot:?}");
+        drone.steps(1.0);
+        assert_eq!(drone.driver.facts().fenced, told, "{autopilot:?}");
         let words = drone.driver.facts().fence_in_words().join(", ");
         assert!(words.starts_with("inside a polygon of 4 corners, outside a circle of 20 m"), "{words}");
         // It holds at its border, whatever we send: that is somebody else who has taken over.
@@ -78,5 +93,79 @@ fn a_fence_is_sent_read_back_and_kept_by_the_autopilot_over_a_bad_radio() {
         assert!((3.0..9.0).contains(&away), "{autopilot:?}: {away} m");
         let texts = drone.driver.facts().last_words().join("; ");
         assert!(texts.to_lowercase().contains("fence"), "{texts}");
+    }
+}
+
+/// Home is 12 m from where the estimator started, as after a flight: the origin is where it was.
+#[test]
+fn where_the_position_counts_from_is_not_home() {
+    for autopilot in BOTH {
+        let loaded = park();
+        let start = loaded.scene.start;
+        let world = SimWorld::new(loaded, CraftKind::Quad, start, 5);
+        let mut drone = WiredVehicle::new(world, autopilot, &[], none(), Vec::new());
+        drone.get_ready();
+        assert!(passes(&mut drone, 10.0, |drone| drone.driver.facts().home.is_some()));
+        let origin = drone.driver.facts().origin.unwrap();
+        let home = spf_core::geometry::EnuPosition { east: 12.0, north: -5.0, up: 0.0 };
+        drone.set_home(origin.offset(home));
+        assert!(passes(&mut drone, 10.0, |drone| {
+            drone.driver.facts().home.is_some_and(|told| told.horizontal_distance(home) < 0.1)
+        }));
+        assert_eq!(drone.driver.facts().origin, Some(origin), "{autopilot:?}");
+    }
+}
+
+/// What connecting with a fence of 40 m says, and whether the vehicle reports one then.
+fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Result<String, String> {
+    let start = Instant::now();
+    let craft = SimCraft::new(scene(), Model::quad(), facing(at(0.0, 0.0, 0.0), 0.0), 1);
+    let server = VehicleServer::start(VehicleSetup {
+        autopilot,
+        links: vec!["udpin:127.0.0.1:0".parse().unwrap()],
+        parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
+        craft: Arc::new(Mutex::new(craft)),
+        faults: FaultSource::Plan(FaultPlan::default()),
+        camera_tilt: Default::default(),
+        equipment: Equipment::default(),
+        seed: 1,
+        start,
+    })
+    .unwrap();
+    let name = format!("mavlink@udpout:{}", server.bound()[0].unwrap());
+    let fence = Some(FencePlan::Circle { radius: 40.0 });
+    let options = Options { mavlink: MavlinkSettings { fence, ..MavlinkSettings::default() }, ..Options::default() };
+    let (_, target) = registry::named(&name).unwrap();
+    match target.connect(&options, start) {
+        Ok(connected) => Ok(connected.warning),
+        Err(error) => {
+            let mut words = Vec::new();
+            let mut source: Option<&(dyn std::error::Error + 'static)> = Some(&error);
+            while let Some(error) = source {
+                words.push(error.to_string());
+                source = error.source();
+            }
+            Err(words.join(": "))
+        }
+    }
+}
+
+#[test]
+fn a_fence_is_uploaded_at_connect_or_the_flight_is_refused_and_nothing_changed() {
+    let cases: [(Autopilot, &[(&str, f64)], Option<&str>); 4] = [
+        (Autopilot::Px4, &[], None),
+        (Autopilot::ArduPilot, &[], None),
+        (Autopilot::Px4, &[("GF_ACTION", 1.0)], Some("GF_ACTION")),
+        (Autopilot::ArduPilot, &[("FENCE_TYPE", 3.0)], Some("FENCE_TYPE")),
+    ];
+    let connecting = cases.map(|(autopilot, parameters, refusal)| {
+        std::thread::spawn(move || (autopilot, connect_with_fence(autopilot, parameters), refusal))
+    });
+    for connected in connecting {
+        let (autopilot, said, refusal) = connected.join().unwrap();
+        match refusal {
+            None => assert!(said.as_ref().is_ok_and(|it| it.contains("inside a circle of 40 m")), "{autopilot:?}: {said:?}"),
+            Some(name) => assert!(said.as_ref().is_err_and(|it| it.contains(name)), "{autopilot:?}: {said:?}"),
+        }
     }
 }

@@ -104,8 +104,12 @@ fn tap(vehicle: SocketAddr, ends: Arc<AtomicBool>, turned: Arc<Mutex<Vec<(Instan
 }
 
 #[test]
-#[ignore = "a measurement of a minute: -- --ignored glass_to_setpoint --nocapture"]
+#[ignore = "a measurement of a minute, only with SPF_MEASURE_LATENCY=1: -- --ignored glass_to_setpoint --nocapture"]
 fn glass_to_setpoint() {
+    if std::env::var_os("SPF_MEASURE_LATENCY").is_none() {
+        println!("not measured: set SPF_MEASURE_LATENCY=1");
+        return;
+    }
     let start = Instant::now();
     let craft = SimCraft::new(scene(), Model::quad(), facing(at(0.0, 0.0, 0.0), 0.0), 1);
     let server = VehicleServer::start(VehicleSetup {
@@ -169,17 +173,27 @@ fn glass_to_setpoint() {
     film.join().unwrap();
     // From each change to the first setpoint that turns to the side that it means.
     let (changed, turned) = (changed.lock().unwrap().clone(), turned.lock().unwrap().clone());
+    let landing = seen.phases.iter().find(|(_, phase)| *phase == Phase::Landing).expect("it lands").0;
+    let landing = start + landing.since(Time::ZERO);
     let mut delays: Vec<f64> = changed
         .iter()
-        .filter_map(|(drawn, bright)| {
-            let (arrived, right) = turned.iter().find(|(arrived, _)| arrived > drawn)?;
-            let delay = arrived.duration_since(*drawn);
-            (right == bright && delay < CHANGES).then_some(delay.as_secs_f64())
+        .filter(|(drawn, _)| turned.first().is_some_and(|(first, _)| drawn > first) && *drawn + CHANGES < landing)
+        .map(|(drawn, bright)| {
+            // One that no setpoint followed in time, or the wrong one, took for ever.
+            let answered = turned.iter().find(|(arrived, _)| arrived > drawn);
+            let delay = answered.filter(|(_, right)| right == bright).map(|(arrived, _)| arrived.duration_since(*drawn));
+            delay.filter(|delay| *delay < CHANGES).map_or(f64::INFINITY, |delay| delay.as_secs_f64())
         })
         .collect();
     delays.sort_by(f64::total_cmp);
     assert!(delays.len() >= MEASURED / 2, "{} of {} changes: {turned:?}, {:?}", delays.len(), changed.len(), seen.outcome);
     let share = |part: f64| delays[((delays.len() - 1) as f64 * part) as usize];
-    println!("glass to setpoint: {} changes, median {:.3} s, 95 % {:.3} s", delays.len(), share(0.5), share(0.95));
+    let missed = delays.iter().filter(|delay| delay.is_infinite()).count();
+    println!(
+        "glass to setpoint: {} changes, {missed} missed, median {:.3} s, 95 % {:.3} s",
+        delays.len(),
+        share(0.5),
+        share(0.95)
+    );
     assert!(share(0.5) < 2.0);
 }

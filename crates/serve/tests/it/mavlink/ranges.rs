@@ -132,6 +132,11 @@ fn a_vehicle_without_sensors_is_told_what_the_map_shows() {
     }
     let told = drone.told_obstacles().unwrap();
     assert_eq!((told[0], told[18], told[36]), (400, 901, u16::MAX));
+    // It tells again what it was told, which is no measurement: it is told on.
+    drone.steps(1.0);
+    drone.surroundings(drone.now, &scan);
+    let (_, scans) = hear(&mut drone);
+    assert!(scans.is_empty() && drone.wants_surroundings() && !drone.capabilities().ranges, "{scans:?}");
     // One with sensors of its own is not told its own ranges.
     let (with, _world) = hovering_with_sensors(Autopilot::ArduPilot);
     assert!(!with.wants_surroundings());

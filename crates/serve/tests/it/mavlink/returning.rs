@@ -4,11 +4,11 @@ use super::*;
 
 /// It climbs to 8 m to return.
 fn return_from(autopilot: Autopilot, deeds: Vec<(f64, Deed)>, events: &str) -> Flight {
-    let low = match autopilot {
-        Autopilot::Px4 => ("RTL_RETURN_ALT", 8.0),
-        Autopilot::ArduPilot => ("RTL_ALT", 800.0),
+    let low: &[(&str, f64)] = match autopilot {
+        Autopilot::Px4 => &[("RTL_RETURN_ALT", 8.0), ("NAV_ACC_RAD", 2.0)],
+        Autopilot::ArduPilot => &[("RTL_ALT", 800.0)],
     };
-    fly_charged(autopilot, &[low], none(), deeds, events, (1.0, AtEnd::Return, None))
+    fly_charged(autopilot, low, none(), deeds, events, (1.0, AtEnd::Return, None))
 }
 
 /// When the pilot began to wait for the return.

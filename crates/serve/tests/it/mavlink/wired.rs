@@ -183,6 +183,22 @@ impl WiredVehicle {
         self.served.camera_tilt()
     }
 
+    /// Somebody sets its home.
+    pub(crate) fn set_home(&mut self, place: spf_mavlink::frames::GlobalPosition) {
+        // COMMAND_INT: its place is in units of 1e-7 degrees.
+        let [latitude, longitude] = place.e7();
+        let mut payload = vec![0; 16];
+        payload.extend([latitude, longitude].iter().flat_map(|value| value.to_le_bytes()));
+        payload.extend((place.altitude as f32).to_le_bytes());
+        payload.extend(179_u16.to_le_bytes());
+        payload.extend([1, 1, 0, 0, 0]);
+        let body = Body { id: 75, payload };
+        self.decoders[2].push(&self.encoders[2].frame(&body));
+        let packet = self.decoders[2].next_packet().unwrap();
+        let shared = self.world.shared_craft();
+        self.served.handle(self.now, OTHERS, &packet, &mut shared.lock().unwrap());
+    }
+
     /// With sensors around it.
     pub(crate) fn measure_ranges(&mut self) {
         self.served.measure_ranges();
@@ -324,7 +340,9 @@ impl Drone for WiredVehicle {
 
     fn capabilities(&self) -> Capabilities {
         let ranges = self.driver.measures_ranges(self.now);
-        let craft = Craft { return_height: self.driver.facts().return_height().ok(), ..Craft::quad() };
+        let facts = self.driver.facts();
+        let (return_height, return_climb) = (facts.return_height().ok(), facts.return_climb());
+        let craft = Craft { return_height, return_climb, ..Craft::quad() };
         Capabilities { position: true, ranges, ..Capabilities::of(craft, *self.world.camera(), TelemetryAccuracy::quad()) }
     }
 
