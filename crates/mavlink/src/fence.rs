@@ -17,6 +17,8 @@ const TRIES: u8 = 5;
 const ASKED_WITHIN: Duration = Duration::from_secs(8);
 /// `MAV_MISSION_INVALID_SEQUENCE`: of an item that came twice; the autopilot goes on.
 const INVALID_SEQUENCE: u8 = 13;
+/// `MAV_MISSION_ERROR`.
+const ERROR: u8 = 1;
 /// Places that differ by no more than this are the same, 1e-7 degrees: autopilots store them as numbers of their own.
 const SAME: i32 = 2;
 
@@ -326,6 +328,10 @@ impl Transfer {
             }
             (Step::Sending { .. }, FenceMessage::End(0)) => self.end(Ok(None)),
             (Step::Sending { .. }, FenceMessage::End(INVALID_SEQUENCE)) => {}
+            // The last item came twice, to an autopilot that had it: reading back tells.
+            (Step::Sending { items, asked: Some(seq) }, FenceMessage::End(ERROR)) if usize::from(*seq) + 1 == items.len() => {
+                self.end(Ok(None));
+            }
             (Step::Sending { .. } | Step::Listing | Step::Fetching { .. }, FenceMessage::End(result)) if result != 0 => {
                 self.end(Err(FenceError::Refused(result)));
             }

@@ -26,12 +26,12 @@ pub enum FencingError {
     Unknown,
     /// It failed, and the vehicle has its former fence again.
     #[error("the autopilot has its former fence again")]
-    PutBack(#[source] Box<FencingError>),
+    PutBack(#[source] Box<Self>),
     /// It failed, and so did putting the former fence back.
     #[error(
         "putting its former fence back failed, too: what fence the autopilot has is unknown, look at it with a ground station"
     )]
-    Lost(#[source] Box<FencingError>),
+    Lost(#[source] Box<Self>),
     /// More corners than fit.
     #[error("the fence has more than {MOST} corners")]
     TooLarge,

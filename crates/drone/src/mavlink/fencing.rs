@@ -17,7 +17,7 @@ const TRANSFER: Duration = Duration::from_secs(60);
 /// Maximum time for the vehicle to know its home.
 const HOME: Duration = Duration::from_secs(5);
 /// Maximum time for the fence to show in the vehicle's state.
-const IN_FORCE: Duration = Duration::from_secs(5);
+const IN_FORCE: Duration = Duration::from_secs(20);
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A fence on the globe.

@@ -75,6 +75,7 @@ enum Answer {
 
 type Vlm = Box<dyn FnMut(&Query, &Seen) -> Answer>;
 
+#[allow(clippy::large_enum_variant, reason = "a few wait at a time")]
 enum Happening {
     Capture,
     Report,

@@ -188,6 +188,12 @@ impl Vehicle {
     pub(super) fn settle(&mut self, now: Time) {
         while let Some((command, result)) = self.commands.take_ended() {
             if result == CommandResult::Accepted {
+                // It may have waited behind others: only now can it begin to show.
+                match &mut self.control {
+                    Control::Preparing { until, .. } if command.id == ids::SET_MODE => *until = now + SHOWN_WITHIN,
+                    Control::Arming { until, .. } if command.id == ids::ARM => *until = now + SHOWN_WITHIN,
+                    _ => {}
+                }
                 continue;
             }
             let what = match command.id {

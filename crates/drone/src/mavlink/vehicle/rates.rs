@@ -69,6 +69,10 @@ impl Vehicle {
     /// Asks again for rates that were forgotten.
     pub(super) fn keep_rates(&mut self, now: Time) {
         if now >= self.rates_at && self.commands.is_idle() && !self.lost {
+            // The answer to the first request may have been lost.
+            if self.facts.firmware.is_none() {
+                self.commands.submit(VehicleCommand::new(ids::REQUEST, &[AUTOPILOT_VERSION]));
+            }
             // There is none before it has a position.
             if self.facts.origin.is_none() {
                 self.commands.submit(VehicleCommand::new(ids::REQUEST, &[GPS_GLOBAL_ORIGIN]));

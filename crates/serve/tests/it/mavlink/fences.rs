@@ -57,6 +57,7 @@ fn a_fence_is_sent_read_back_and_kept_by_the_autopilot_over_a_bad_radio() {
         let action = if autopilot == Autopilot::Px4 { ("GF_ACTION", 2.0) } else { ("FENCE_ACTION", 4.0) };
         let mut drone = WiredVehicle::new(world.clone(), autopilot, &[action], bad_radio(), Vec::new());
         drone.get_ready();
+        assert!(passes(&mut drone, 20.0, |drone| drone.driver.facts().fence.is_some()));
         assert_eq!(drone.driver.facts().fence, Some(Vec::new()), "{autopilot:?}: it has none");
         assert!(passes(&mut drone, 10.0, |drone| drone.driver.facts().origin.is_some()));
         let fence = items(&square(drone.driver.facts().origin.unwrap()));
@@ -68,7 +69,7 @@ fn a_fence_is_sent_read_back_and_kept_by_the_autopilot_over_a_bad_radio() {
         drone.driver.enable_fence(true);
         // PX4 does not tell.
         let told = if autopilot == Autopilot::Px4 { None } else { Some(true) };
-        assert!(passes(&mut drone, 10.0, |drone| drone.driver.facts().fenced == told), "{autopilot:?}");
+        assert!(passes(&mut drone, 20.0, |drone| drone.driver.facts().fenced == told), "{autopilot:?}");
         drone.steps(1.0);
         assert_eq!(drone.driver.facts().fenced, told, "{autopilot:?}");
         let words = drone.driver.facts().fence_in_words().join(", ");

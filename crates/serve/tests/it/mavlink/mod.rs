@@ -183,7 +183,12 @@ fn a_radio_that_loses_a_fifth_and_repeats_a_fifth_changes_nothing_but_the_time()
     for autopilot in BOTH {
         let flight = fly(autopilot, &[], FaultPlan { rules: rules.clone(), ..FaultPlan::default() }, Vec::new(), "");
         let (_, outcome, cause) = flight.seen.outcome.clone().unwrap();
-        assert_eq!((outcome, flight.phase()), (Outcome::Reached, FlightPhase::OnGround), "{autopilot:?}: {cause}");
+        assert_eq!(
+            (outcome, flight.phase()),
+            (Outcome::Reached, FlightPhase::OnGround),
+            "{autopilot:?}: {cause} {:?}",
+            flight.told.notices
+        );
         assert!(!flight.has_notice(|it| matches!(it, Notice::LetGo { .. })), "{autopilot:?}: {:?}", flight.told.notices);
     }
 }
