@@ -11,7 +11,11 @@ import { Controls, Watch } from "./sockets.js";
 
 let watch;
 const picture = new Picture(() => watch?.confirm());
-const film = new Film((head, frame, arrived) => picture.frame(head, frame, arrived), () => watch?.format("jpeg"));
+const film = new Film(
+  (head, frame, arrived) => picture.frame(head, frame, arrived),
+  () => watch?.confirm(),
+  () => watch?.format("jpeg"),
+);
 const map = new MapView();
 const decisions = new Decisions((query) => watch?.open(query));
 const controls = new Controls({ message: role, welcome, lost });
@@ -19,13 +23,24 @@ const orders = new Orders(controls, picture);
 orders.marks = new Marks(orders, picture);
 const body = document.body;
 
-/** A new tab knows nothing of this one: the right to delete flights goes along in the address, which it clears. */
+/**
+ * A new tab knows nothing of this one. It asks for the right to replay and delete flights, by a number that is good for once and for
+ * a few seconds: what flies is in no address, and so in no history.
+ */
 for (const id of ["past", "ended-flights"]) {
   byId(id).addEventListener("click", (event) => {
-    const key = controls.session;
-    if (!key) return;
+    if (!controls.session || !("BroadcastChannel" in globalThis)) return;
     event.preventDefault();
-    window.open(`/flights#key=${key}`, "_blank", "noopener");
+    const ask = Array.from(crypto.getRandomValues(new Uint8Array(16)), (byte) => byte.toString(16).padStart(2, "0")).join("");
+    const channel = new BroadcastChannel("flights");
+    channel.onmessage = ({ data }) => {
+      if (data.ask !== ask) return;
+      channel.postMessage({ asked: ask, key: controls.session });
+      // What is posted is lost if it is closed at once.
+      channel.onmessage = null;
+    };
+    setTimeout(() => channel.close(), 10000);
+    window.open(`/flights#ask=${ask}`, "_blank", "noopener");
   });
 }
 

@@ -4,9 +4,9 @@
 const PATIENCE = 2000;
 
 export class Film {
-  /** `shown(head, frame)` is given each image, `failed()` is called once. */
-  constructor(shown, failed) {
-    [this.shown, this.failed, this.over] = [shown, failed, !isSecureContext || !("VideoDecoder" in globalThis)];
+  /** `shown(head, frame)` is given each image, `lost()` is called for one that never comes out, `failed()` once. */
+  constructor(shown, lost, failed) {
+    [this.shown, this.lost, this.failed, this.over] = [shown, lost, failed, !isSecureContext || !("VideoDecoder" in globalThis)];
     this.heads = new Map();
     if (!this.over) this.watch = setInterval(() => this.check(), PATIENCE / 4);
   }
@@ -35,6 +35,7 @@ export class Film {
   decode(head, data) {
     if (this.over) return;
     try {
+      if (head.key && !head.codec) return this.fail("a key frame without its codec");
       if (head.key && head.codec !== this.codec) this.configure(head.codec);
       if (!this.codec) return;
       this.at = (this.at ?? 0) + 33000;
@@ -54,10 +55,18 @@ export class Film {
   }
 
   output(frame) {
-    const about = this.heads.get(frame.timestamp);
-    this.heads.delete(frame.timestamp);
-    if (about && !this.over) this.shown(about.head, frame, about.arrived);
-    frame.close();
+    try {
+      const about = this.heads.get(frame.timestamp);
+      // Images come out in order: those before it were lost, and must not be waited for.
+      for (const at of [...this.heads.keys()].filter((at) => at < frame.timestamp)) {
+        this.heads.delete(at);
+        this.lost();
+      }
+      this.heads.delete(frame.timestamp);
+      if (about && !this.over) this.shown(about.head, frame, about.arrived);
+    } finally {
+      frame.close();
+    }
   }
 
   fail(why) {

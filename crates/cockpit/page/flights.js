@@ -2,18 +2,31 @@
 
 import { byId, clock, element, metres } from "./look.js";
 
-/** What gives the right to delete: from the address, kept for this tab only. */
-function takeKey() {
-  const key = location.hash.match(/^#key=([0-9a-f]+)$/)?.[1];
-  if (!key) return;
-  sessionStorage.setItem("key", key);
+/** What gives the right to replay and delete: from the address that the program printed, or from the cockpit's tab that opened this one. Kept for this tab only. */
+async function takeKey() {
+  const [, way, given] = location.hash.match(/^#(key|ask)=([0-9a-f]+)$/) ?? [];
+  if (!way) return;
   history.replaceState(null, "", location.pathname);
+  const key = way === "key" ? given : await asked(given);
+  if (key) sessionStorage.setItem("key", key);
 }
+
+/** The key from the tab that opened this one; undefined if it does not answer. */
+function asked(ask) {
+  const channel = new BroadcastChannel("flights");
+  return new Promise((resolve) => {
+    channel.onmessage = ({ data }) => data.asked === ask && resolve(data.key);
+    channel.postMessage({ ask });
+    setTimeout(resolve, 1000);
+  }).finally(() => channel.close());
+}
+
+const bearer = () => ({ authorization: `Bearer ${sessionStorage.getItem("key")}` });
 
 const file = (name, which) => `/flight/${encodeURIComponent(name)}/${which}`;
 
 async function start() {
-  takeKey();
+  await takeKey();
   const answer = await fetch("/flights.json");
   if (!answer.ok) {
     byId("told").textContent = (await answer.text()).trim();
@@ -96,7 +109,7 @@ async function show(flight) {
   const files = [["video.mp4", "Film", flight.film], ["flight.mcap", "Flight log", flight.log], ["decisions.jsonl", "Decisions", true], ["summary.json", "Summary", true]];
   byId("files").replaceChildren(...files.filter(([, , there]) => there).map(([name, text]) => element("a", `↓ ${text}`, { class: "plain", href: file(flight.name, name), download: `${flight.name}-${name}` })));
   byId("detail").hidden = true;
-  byId("again").hidden = !flight.log;
+  byId("again").hidden = !flight.log || !sessionStorage.getItem("key");
   byId("differences").hidden = true;
   byId("replayed").textContent = byId("removed").textContent = "";
   byId("replay").onclick = () => again(flight);
@@ -109,13 +122,17 @@ async function show(flight) {
 async function again({ name }) {
   byId("replay").disabled = true;
   byId("replayed").textContent = "Replaying …";
-  const answer = await fetch(`/again/${encodeURIComponent(name)}`);
-  byId("replay").disabled = false;
-  if (!answer.ok) {
-    byId("replayed").textContent = (await answer.text()).trim();
-    return;
+  let report;
+  try {
+    const answer = await fetch(`/again/${encodeURIComponent(name)}`, { method: "POST", headers: bearer() });
+    if (!answer.ok) return (byId("replayed").textContent = (await answer.text()).trim());
+    report = await answer.json();
+  } catch (error) {
+    return (byId("replayed").textContent = `Not replayed: ${error.message}`);
+  } finally {
+    byId("replay").disabled = false;
   }
-  const { inputs, outputs, torn, differences, told } = await answer.json();
+  const { inputs, outputs, torn, differences, told } = report;
   const end = torn ? " The log has no end: it was replayed as far as it goes." : "";
   byId("replayed").textContent = differences
     ? `${differences} of ${outputs} outputs differ, after ${inputs} inputs.${end}${told.length < differences ? ` The first ${told.length}:` : ""}`
@@ -139,7 +156,7 @@ function ask({ name, instruction }) {
   byId("sure-yes").onclick = async () => {
     byId("sure").close();
     const answer = await fetch(`/flight/${encodeURIComponent(name)}`, {
-      method: "DELETE", headers: { authorization: `Bearer ${sessionStorage.getItem("key")}` },
+      method: "DELETE", headers: bearer(),
     });
     const text = (await answer.text()).trim();
     if (!answer.ok) return (byId("removed").textContent = text);

@@ -4,6 +4,8 @@ import { METRES, byId, isTyping, roughly } from "./look.js";
 
 /** Manual flight is sent anew this often; the drone holds if it comes no more. */
 const REPEAT = 100;
+/** After the picture had the focus, keys fly nothing for this long, milliseconds. */
+const AIMED = 1000;
 const KEYS = {
   ArrowUp: ["forward", 1], ArrowDown: ["forward", -1], ArrowLeft: ["right", -1], ArrowRight: ["right", 1],
   KeyW: ["up", 1], KeyS: ["up", -1], KeyA: ["turn", -1], KeyD: ["turn", 1],
@@ -49,12 +51,18 @@ export class Orders {
 
   /** An order to stop: the button shows that it was sent, and then that it was received. */
   async stop(what, button) {
+    // Before anything that could fail. After it nothing may be flown by hand: that would end it.
+    const sent = this.controls.order(what);
     const pressed = byId(button);
-    this.release();
-    byId("point").setAttribute("aria-pressed", "false");
-    this.marks?.arm(false);
-    pressed.classList.add("sent");
-    const answer = await this.controls.order(what);
+    try {
+      this.release(false);
+      pressed.classList.add("sent");
+      byId("point").setAttribute("aria-pressed", "false");
+      this.marks?.arm(false);
+    } catch (error) {
+      console.error(error);
+    }
+    const answer = await sent;
     pressed.classList.remove("sent");
     pressed.classList.toggle("done", answer.ok);
     setTimeout(() => pressed.classList.remove("done"), 1200);
@@ -102,7 +110,8 @@ export class Orders {
       event.preventDefault();
     } else if (byId("manual").open && KEYS[event.code] && !(event.target instanceof HTMLInputElement)) {
       event.preventDefault();
-      if (!event.repeat) this.press(event.code, ...KEYS[event.code]);
+      // An arrow that was meant for the aim flies nothing.
+      if (!event.repeat && !this.aimed) this.press(event.code, ...KEYS[event.code]);
     }
   }
 
@@ -140,6 +149,7 @@ export class Orders {
       this.picture.overlay();
     });
     canvas.addEventListener("blur", () => {
+      this.left = performance.now();
       this.picture.aim = null;
       document.body.classList.remove("aiming");
       this.picture.overlay();
@@ -153,6 +163,11 @@ export class Orders {
     return this.flies && !this.marks?.on && (this.human || byId("point").getAttribute("aria-pressed") === "true");
   }
 
+  /** Whether the picture has the focus, or had it a moment ago. */
+  get aimed() {
+    return document.activeElement === byId("picture") || performance.now() - (this.left ?? -Infinity) < AIMED;
+  }
+
   get aiming() {
     return this.armed_to_point || (this.flies && this.marks?.on);
   }
@@ -162,7 +177,10 @@ export class Orders {
     document.body.classList.toggle("points", this.armed_to_point);
     document.body.classList.toggle("draws", Boolean(this.marks?.on));
     if (this.aiming) byId("picture").tabIndex = 0;
-    else byId("picture").removeAttribute("tabindex");
+    else {
+      if (document.activeElement === byId("picture")) this.left = performance.now();
+      byId("picture").removeAttribute("tabindex");
+    }
   }
 
   aims(event) {
@@ -230,13 +248,14 @@ export class Orders {
     else this.steer();
   }
 
-  release() {
-    for (const { button } of this.held.values()) button?.classList.remove("held");
-    this.held.clear();
-    if (!this.steering) return;
+  /** Nothing is held any longer, and the drone is told so, unless something else stops it. */
+  release(tells = true) {
+    const [flew, held] = [this.steering, [...this.held.values()]];
     clearInterval(this.steering);
     this.steering = undefined;
-    this.steer();
+    this.held.clear();
+    for (const { button } of held) button?.classList.remove("held");
+    if (flew && tells) this.steer();
   }
 
   steer() {

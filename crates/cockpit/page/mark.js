@@ -7,7 +7,7 @@ const DRAG = 10;
 
 export class Marks {
   constructor(orders, picture) {
-    [this.orders, this.picture, this.from, this.shown] = [orders, picture, null, ""];
+    [this.orders, this.picture, this.from, this.buttons] = [orders, picture, null, new Map()];
     const [button, canvas] = [byId("mark"), byId("picture")];
     button.onclick = () => this.arm(!this.on);
     canvas.addEventListener("pointerdown", (event) => this.down(event));
@@ -35,7 +35,7 @@ export class Marks {
     if (on) byId("point").setAttribute("aria-pressed", "false");
     this.drop();
     this.orders.arms();
-    if (this.on) this.orders.say("Draw a box around what to keep away from; with the keyboard: Enter for one corner, Enter for the other.");
+    if (this.on) this.orders.say("Draw a box around what to keep away from; with the keyboard, in the picture: Enter for one corner, Enter for the other. This button again ends it; Escape lands the drone.");
   }
 
   down(event) {
@@ -89,26 +89,45 @@ export class Marks {
     const [area, head] = [box(this.from, to), this.picture.head];
     this.drop();
     if (!head || area[0] === area[2] || area[1] === area[3]) return;
+    const focused = document.activeElement === byId("picture");
     const answer = await this.orders.give({ avoid: { area, depth: Number(byId("distance").value), frame: head.frame } });
-    if (answer.ok) this.arm(false);
+    if (!answer.ok) return;
+    this.arm(false);
+    // The picture takes the focus no longer: without a place of its own the next arrow would fly.
+    if (focused && this.on === false && !byId("picture").hasAttribute("tabindex")) byId("mark").focus();
   }
 
   /** The marked places, as the flight has them; the picture tells how far away those in view are. */
   list(marked) {
     const near = new Map((this.picture.head?.overlay?.marked ?? []).map((place) => [place.id, place.metres]));
-    const texts = marked.map(({ id }) => `Place ${id + 1}${near.has(id) ? ` · ${metres(near.get(id), 0)}` : ""}`);
-    if (texts.join() === this.shown) return;
-    this.shown = texts.join();
+    const ids = new Set(marked.map(({ id }) => id));
+    const say = (id, what) => this.orders.say(`Place ${id + 1} ${what}.`);
+    for (const [id, { item, button }] of this.buttons) {
+      if (ids.has(id)) continue;
+      const focused = document.activeElement === button;
+      item.remove();
+      this.buttons.delete(id);
+      if (focused) byId("mark").focus();
+      if (document.body.dataset.flight === "on") say(id, "removed");
+    }
+    for (const { id } of marked) {
+      if (!this.buttons.has(id)) {
+        this.buttons.set(id, this.button(id));
+        say(id, "is kept away from");
+      }
+      const { button } = this.buttons.get(id);
+      const text = `Place ${id + 1}${near.has(id) ? ` · ${metres(near.get(id), 0)}` : ""} ✕`;
+      if (button.textContent !== text) button.textContent = text;
+    }
     byId("marked").hidden = marked.length === 0;
-    const had = document.activeElement?.dataset?.place;
-    byId("marked-list").replaceChildren(...marked.map(({ id }, i) => {
-      const item = element("li");
-      const button = element("button", `${texts[i]} ✕`, { type: "button", class: "plain", "aria-label": `Remove place ${id + 1}`, "data-place": id });
-      button.onclick = () => this.orders.give({ unavoid: id });
-      item.append(button);
-      return item;
-    }));
-    if (had) document.querySelector(`[data-place="${had}"]`)?.focus();
+  }
+
+  button(id) {
+    const [item, button] = [element("li"), element("button", "", { type: "button", class: "plain", "aria-label": `Remove place ${id + 1}` })];
+    button.onclick = () => this.orders.give({ unavoid: id });
+    item.append(button);
+    byId("marked-list").append(item);
+    return { item, button };
   }
 }
 

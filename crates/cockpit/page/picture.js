@@ -211,7 +211,8 @@ export class Picture {
     const width = wide ?? c.measureText(text).width + 12;
     c.fillStyle = "rgb(6 9 14 / 78%)";
     c.beginPath();
-    c.roundRect(px - (wide ? 8 : 6), py - size - 2, width, size + 9, 6);
+    // Older browsers have no round corners.
+    c[c.roundRect ? "roundRect" : "rect"](px - (wide ? 8 : 6), py - size - 2, width, size + 9, 6);
     c.fill();
     c.fillStyle = colour;
     c.fillText(text, px, py);

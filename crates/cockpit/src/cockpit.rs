@@ -78,7 +78,7 @@ impl Cockpit {
             hub: hub.clone(),
             controls: controls.clone(),
             flights,
-            replays: Semaphore::new(1),
+            replays: Arc::new(Semaphore::new(1)),
             stop: stop.subscribe(),
         });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(CockpitError::Start)?;

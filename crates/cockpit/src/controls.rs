@@ -121,6 +121,18 @@ impl Controls {
         }
     }
 
+    /// Whether the bearer of a session, or of the token that flies, may replay flights: not while one is under way.
+    pub(crate) fn may_replay(&self, secret: &str, peer: IpAddr, now: Instant) -> Result<(), String> {
+        let mut inner = self.inner();
+        inner.keys.bearer(secret, peer, now).map_err(|refused| refused.to_string())?;
+        if inner.flight.is_some() { Err("a flight is under way: replay it when that one is over".to_owned()) } else { Ok(()) }
+    }
+
+    /// Whether a flight is under way.
+    pub(crate) fn is_flying(&self) -> bool {
+        self.inner().flight.is_some()
+    }
+
     /// A page connects to the controls. It flies if it may and nobody has flown yet, or if it flew last; others ask. Returns its number and the secret of its session.
     pub(crate) fn enter(
         &self,

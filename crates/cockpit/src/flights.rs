@@ -114,9 +114,9 @@ impl Flights {
         removed
     }
 
-    /// What differs if a flight is replayed, JSON.
-    pub(crate) fn again(&self, name: &str) -> Result<String, String> {
-        again::differences(&self.folder(name).ok_or("no such flight")?)
+    /// What differs if a flight is replayed, JSON; given up once `flying`.
+    pub(crate) fn again(&self, name: &str, flying: impl Fn() -> bool) -> Result<String, String> {
+        again::differences(&self.folder(name).ok_or("no such flight")?, flying)
     }
 
     /// The bench's report, if there is one in the folder.

@@ -93,7 +93,11 @@ impl Instruments {
     fn picture(&mut self, now: Time, pilot: &Pilot) {
         let Some(meta) = self.fresh.take() else { return };
         let pose = pilot.pose_at(meta.captured).unwrap_or_else(|| pilot.known_pose(now));
-        self.pointing.frame(meta.id, pose);
+        self.pointing.lost_track(pilot.lost_track());
+        // Where an image was taken before a jump of the position, nobody knows.
+        if pilot.lost_track().is_none_or(|lost| lost <= meta.captured) {
+            self.pointing.frame(meta.id, pose);
+        }
         if !self.worker.is_watched() {
             return;
         }
@@ -228,6 +232,7 @@ impl Observer for Instruments {
 
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
         self.pointing.phase(pilot.phase());
+        self.pointing.lost_track(pilot.lost_track());
         self.picture(now, pilot);
         self.drawn.note(now, action, &self.camera);
         match action {

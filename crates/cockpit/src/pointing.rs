@@ -13,6 +13,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{CameraDisplacement, Lifting, lift, project_displacement, range_of_label};
 use spf_core::pilot::Phase;
 use spf_core::query::{ImageBox, ImagePoint, Look, Query, QueryKind};
+use spf_core::time::Time;
 use spf_vlm::human::{HUMAN, Pointed, pixels, reply_to};
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
@@ -74,6 +75,8 @@ struct Inner {
     /// Places to keep out of, and the number of the next one.
     kept_out: Vec<KeepOut>,
     next: u32,
+    /// When the position last jumped, as the flight knows it.
+    lost: Option<Time>,
 }
 
 /// What is pointed, between the page and whoever answers the pilot.
@@ -126,6 +129,17 @@ impl Pointing {
             inner.poses.pop_front();
         }
         inner.poses.push_back((id, pose));
+    }
+
+    /// Takes when the position last jumped: places and poses of before are void.
+    pub(crate) fn lost_track(&self, lost: Option<Time>) {
+        let mut inner = self.inner();
+        if inner.lost != lost {
+            inner.lost = lost;
+            inner.poses.clear();
+            inner.asked.clear();
+            inner.kept_out.clear();
+        }
     }
 
     /// A frame is asked about.

@@ -8,7 +8,7 @@ use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{any, delete, get};
+use axum::routing::{any, delete, get, post};
 use axum::{Extension, Router};
 use spf_guard::{Access, Manner, Peer};
 use tokio::sync::watch;
@@ -47,7 +47,7 @@ fn router(shared: Arc<Shared>) -> Router {
         .route("/flights.json", get(flights))
         .route("/flight/{name}", delete(remove))
         .route("/flight/{name}/{file}", get(flight))
-        .route("/again/{name}", get(again))
+        .route("/again/{name}", post(again))
         .route("/report.html", get(report));
     for (file, name) in FILES {
         router = router.route(file.0, get(async move || ([(header::CONTENT_TYPE, file.1)], text(file, name)).into_response()));
@@ -91,6 +91,11 @@ async fn flights(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Exten
     read(&shared, peer, list).await
 }
 
+/// The secret of a request; empty without one. No page of another site can send it.
+fn bearer(headers: &HeaderMap) -> &str {
+    headers.get(header::AUTHORIZATION).and_then(|secret| secret.to_str().ok()?.strip_prefix("Bearer ")).unwrap_or_default()
+}
+
 /// Deletes a flight, for who may fly: whoever else uses this machine may look only.
 async fn remove(
     State(shared): State<Arc<Shared>>,
@@ -98,8 +103,7 @@ async fn remove(
     Path(name): Path<String>,
     headers: HeaderMap,
 ) -> Response {
-    let secret = headers.get(header::AUTHORIZATION).and_then(|secret| secret.to_str().ok()?.strip_prefix("Bearer "));
-    if let Err(why) = shared.controls.may_delete(secret.unwrap_or_default(), peer, Instant::now()) {
+    if let Err(why) = shared.controls.may_delete(bearer(&headers), peer, Instant::now()) {
         return (StatusCode::FORBIDDEN, format!("{why}\n")).into_response();
     }
     read(&shared, peer, move |flights| match flights.remove(&name) {
@@ -109,13 +113,27 @@ async fn remove(
     .await
 }
 
-async fn again(State(shared): State<Arc<Shared>>, Extension(Peer(peer)): Extension<Peer>, Path(name): Path<String>) -> Response {
-    let Ok(_turn) = shared.replays.try_acquire() else {
+/// Replays a flight, for who may fly: it takes the processor of the machine that flies.
+async fn again(
+    State(shared): State<Arc<Shared>>,
+    Extension(Peer(peer)): Extension<Peer>,
+    Path(name): Path<String>,
+    headers: HeaderMap,
+) -> Response {
+    if let Err(why) = shared.controls.may_replay(bearer(&headers), peer, Instant::now()) {
+        return (StatusCode::FORBIDDEN, format!("{why}\n")).into_response();
+    }
+    let Ok(turn) = shared.replays.clone().try_acquire_owned() else {
         return (StatusCode::TOO_MANY_REQUESTS, "another flight is being replayed: try again\n").into_response();
     };
-    read(&shared, peer, move |flights| match flights.again(&name) {
-        Ok(told) => ([(header::CONTENT_TYPE, "application/json")], told).into_response(),
-        Err(why) => (StatusCode::CONFLICT, format!("{why}\n")).into_response(),
+    let controls = shared.controls.clone();
+    read(&shared, peer, move |flights| {
+        // Until the replay is over, whether somebody still waits for it or not.
+        let _turn = turn;
+        match flights.again(&name, || controls.is_flying()) {
+            Ok(told) => ([(header::CONTENT_TYPE, "application/json")], told).into_response(),
+            Err(why) => (StatusCode::CONFLICT, format!("{why}\n")).into_response(),
+        }
     })
     .await
 }

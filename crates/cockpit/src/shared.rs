@@ -17,7 +17,7 @@ pub(crate) struct Shared {
     pub(crate) controls: Arc<Controls>,
     pub(crate) flights: Option<Flights>,
     /// Flights that may be replayed at once.
-    pub(crate) replays: Semaphore,
+    pub(crate) replays: Arc<Semaphore>,
     pub(crate) stop: watch::Receiver<bool>,
 }
 

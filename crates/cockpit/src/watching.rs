@@ -7,7 +7,7 @@ use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use bytes::Bytes;
 use serde_json::json;
 use tokio::sync::broadcast::error::RecvError;
-use tokio::time::{interval_at, timeout};
+use tokio::time::{interval_at, sleep_until, timeout};
 
 use crate::controls::{Refused, SPECTATORS};
 use crate::film::{Seat, Take};
@@ -25,6 +25,33 @@ const SILENCE: Duration = Duration::from_secs(20);
 const UNDERWAY: u64 = 2;
 /// Maximum number of messages of a page within a second.
 const MESSAGES: u32 = 200;
+
+/// Minimum interval between two formats that a page asks for: each begins with a key frame, for all who watch.
+const FORMAT_AGAIN: Duration = Duration::from_secs(1);
+/// Minimum interval between two key frames that a page asks for; it doubles with each, up to the most, and begins anew after a quiet
+/// time. A page that falls behind again and again goes on at the key frames that come by themselves.
+const KEY_AGAIN: Duration = Duration::from_secs(2);
+const KEY_MOST: Duration = Duration::from_secs(32);
+const KEY_QUIET: Duration = Duration::from_secs(60);
+
+/// When a page may ask for a key frame.
+#[derive(Debug, Default)]
+struct Requests {
+    last: Option<(Instant, Duration)>,
+}
+
+impl Requests {
+    fn may(&mut self, now: Instant) -> bool {
+        let wait = match self.last {
+            None => KEY_AGAIN,
+            Some((at, wait)) if now.duration_since(at) < wait => return false,
+            Some((at, _)) if now.duration_since(at) >= KEY_QUIET => KEY_AGAIN,
+            Some((_, wait)) => (2 * wait).min(KEY_MOST),
+        };
+        self.last = Some((now, wait));
+        true
+    }
+}
 
 /// Counts a page that shows pictures, and how many of them.
 struct Viewer<'a> {
@@ -130,6 +157,7 @@ async fn show(socket: &mut WebSocket, shared: &Shared, knows: bool) -> Option<()
     states.mark_changed();
     let mut ping = interval_at(tokio::time::Instant::now() + PING, PING);
     let (mut heard, mut counted, mut since) = (Instant::now(), 0, Instant::now());
+    let (mut requests, mut asked, mut format_from) = (Requests::default(), None, tokio::time::Instant::now());
     loop {
         tokio::select! {
             received = socket.recv() => {
@@ -145,16 +173,20 @@ async fn show(socket: &mut WebSocket, shared: &Shared, knows: bool) -> Option<()
                 match received {
                     Message::Text(text) => match ToWatch::read(&text) {
                         Ok(ToWatch::Shown(count)) => viewer.shown(count),
-                        Ok(ToWatch::Format(format)) => {
-                            viewer = Viewer::new(hub, format);
-                            film = hub.film();
-                            hub.want_key();
-                        }
+                        Ok(ToWatch::Format(format)) => asked = Some(format),
                         Ok(ToWatch::Open(query)) => open(socket, hub, query, knows).await?,
                         _ => {}
                     },
                     Message::Close(_) => return None,
                     _ => {}
+                }
+            }
+            () = sleep_until(format_from), if asked.is_some() => {
+                format_from = tokio::time::Instant::now() + FORMAT_AGAIN;
+                viewer = Viewer::new(hub, asked.take().unwrap_or(Format::Jpeg));
+                film = hub.film();
+                if viewer.format == Format::Film && requests.may(Instant::now()) {
+                    hub.want_key();
                 }
             }
             told = news.recv() => match told {
@@ -191,7 +223,8 @@ async fn show(socket: &mut WebSocket, shared: &Shared, knows: bool) -> Option<()
                         send(socket, Message::Binary(unit.message.clone())).await?;
                     }
                     Take::Skip => {}
-                    Take::WantKey => hub.want_key(),
+                    Take::WantKey if requests.may(Instant::now()) => hub.want_key(),
+                    Take::WantKey => {}
                 },
                 Err(RecvError::Lagged(_)) => viewer.seat.lose(),
                 Err(RecvError::Closed) => return None,
@@ -234,4 +267,21 @@ async fn open(socket: &mut WebSocket, hub: &Hub, query: u64, knows: bool) -> Opt
 pub(crate) fn framed(head: &str, jpeg: &[u8]) -> Bytes {
     let length = u32::try_from(head.len()).unwrap_or_default().to_le_bytes();
     [&length[..], head.as_bytes(), jpeg].concat().into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_asks_for_key_frames_ever_less_often() {
+        let (began, mut requests) = (Instant::now(), Requests::default());
+        // Ten times a second, for two minutes.
+        let granted: Vec<u64> =
+            (0..1200).filter(|tenth| requests.may(began + Duration::from_millis(100 * tenth))).map(|tenth| tenth / 10).collect();
+        assert_eq!(granted, [0, 2, 6, 14, 30, 62, 94]);
+        // After a quiet time as at first.
+        let later = began + Duration::from_secs(300);
+        assert!(requests.may(later) && !requests.may(later + Duration::from_secs(1)) && requests.may(later + KEY_AGAIN));
+    }
 }

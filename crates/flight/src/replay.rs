@@ -87,8 +87,11 @@ pub struct Report {
     pub outputs: u64,
     /// Whether the log ends before the flight does.
     pub torn: bool,
-    /// Every difference.
+    /// Every difference, or as many as were to be kept.
     pub differences: Vec<Difference>,
+    /// Number of differences that were not kept.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub unkept: u64,
 }
 
 /// Replays a log entry by entry. Memory use grows only with the differences.
@@ -96,9 +99,21 @@ pub struct Report {
 /// # Errors
 /// [`ReplayError`]. A truncated log is replayed as far as it goes.
 pub fn replay(entries: impl IntoIterator<Item = Result<Entry, ReadError>>, changes: &Changes) -> Result<Report, ReplayError> {
+    replay_keeping(entries, changes, usize::MAX)
+}
+
+/// The same, keeping this many differences; the others are counted, and memory use is bounded.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_keeping(
+    entries: impl IntoIterator<Item = Result<Entry, ReadError>>,
+    changes: &Changes,
+    most: usize,
+) -> Result<Report, ReplayError> {
     let mut entries = entries.into_iter();
     let head = head(&mut entries)?;
-    let mut replay = Replay::new(&head, changes)?;
+    let mut replay = Replay { most, ..Replay::new(&head, changes)? };
     for entry in entries {
         let entry = match entry {
             Ok(entry) => entry,
@@ -156,6 +171,12 @@ struct Replay {
     replayed: Outputs,
     recorded: Outputs,
     report: Report,
+    /// Number of differences to keep.
+    most: usize,
+}
+
+fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 impl Replay {
@@ -168,7 +189,7 @@ impl Replay {
         };
         let pilot = pilot(&changed, &policy, prompt_of(head, policy)?);
         let (replayed, recorded) = (Outputs::new(), Outputs::new());
-        let mut replay = Self { pilot, now: Time::ZERO, replayed, recorded, report: Report::default() };
+        let mut replay = Self { pilot, now: Time::ZERO, replayed, recorded, report: Report::default(), most: usize::MAX };
         replay.poll();
         Ok(replay)
     }
@@ -212,7 +233,9 @@ impl Replay {
             let longest = [&replayed, &recorded].map(|outputs| outputs.get(&channel).map_or(0, Vec::len)).into_iter().max();
             for index in 0..longest.unwrap_or(0) {
                 let (then, now) = (of(&recorded, index), of(&replayed, index));
-                if then != now {
+                if then != now && self.report.differences.len() >= self.most {
+                    self.report.unkept += 1;
+                } else if then != now {
                     let difference = difference(self.now, channel, then.as_deref(), now.as_deref());
                     self.report.differences.push(difference);
                 }

@@ -69,6 +69,7 @@ def fly(browser):
     shot(page, "laptop-dark-pointed")
 
     avoid(page)
+    broken(page)
     spectate(browser, program, page)
     lose(program, page)
 
@@ -99,6 +100,16 @@ def fly(browser):
     accessible(page, "ended")
     page.get_by_role("button", name="Close", exact=True).click()
     phase(page, "ready")
+    # The list of flights opens in a tab of its own, which gets the right to delete, and whose address shows nothing.
+    addresses = []
+    with page.context.expect_page() as opened:
+        page.locator("#past").click()
+    tab = opened.value
+    tab.on("framenavigated", lambda frame: addresses.append(frame.url))
+    wait(lambda: tab.evaluate("sessionStorage.getItem('key')"), "the right to delete")
+    session = page.evaluate("sessionStorage.getItem('session')")
+    assert session and not any(session in address for address in [tab.url, *addresses]) and "ask" not in tab.url, addresses
+    tab.close()
     complain("flight", "Failed to load resource")
     assert program.end() == 5
     expect(page.locator("#alarm")).to_contain_text("ended")
@@ -123,14 +134,42 @@ def avoid(page):
     page.keyboard.press("Enter")
     page.keyboard.press("Shift+ArrowLeft")
     page.keyboard.press("Shift+ArrowDown")
+    page.evaluate("document.getElementById('manual').open = true")
     page.keyboard.press("Enter")
     expect(page.get_by_role("button", name="Remove place 2")).to_be_visible(timeout=5000)
+    expect(page.locator("#ack")).to_contain_text("Place 2 is kept away from")
+    # The arrow that comes too late flies nothing.
+    expect(page.locator("#mark")).to_be_focused()
+    page.keyboard.press("ArrowLeft")
+    page.wait_for_timeout(200)
+    assert page.locator("#phase").inner_text() != "by hand"
+    page.evaluate("document.getElementById('manual').open = false")
+    # The buttons stay the same while their texts change.
+    page.evaluate("globalThis.kept = document.querySelector('#marked-list button')")
+    page.wait_for_timeout(600)
+    assert page.evaluate("globalThis.kept === document.querySelector('#marked-list button') && globalThis.kept.isConnected")
     page.wait_for_timeout(300)
     shot(page, "laptop-dark-marked")
     accessible(page, "places marked")
     for number in (1, 2):
         page.get_by_role("button", name=f"Remove place {number}").click()
+        expect(page.locator("#ack")).to_contain_text(f"Place {number} removed")
     expect(page.locator("#marked")).to_be_hidden(timeout=5000)
+
+
+def broken(page):
+    """An order to stop is sent and its answer shown, whatever fails on the page; here everything that is drawn over the picture."""
+    page.evaluate("globalThis.clip = CanvasRenderingContext2D.prototype.clip")
+    page.evaluate("CanvasRenderingContext2D.prototype.clip = () => { throw new Error('broken on purpose') }")
+    if page.get_by_role("button", name="Resume").is_visible():
+        page.get_by_role("button", name="Resume").click()
+        phase(page, "flying", 5)
+    page.get_by_role("button", name="Hold", exact=True).click()
+    expect(page.locator("#ack")).to_contain_text("Hold: received", timeout=3000)
+    phase(page, "held", 3)
+    page.evaluate("CanvasRenderingContext2D.prototype.clip = globalThis.clip")
+    page.wait_for_timeout(200)
+    complain("broken", "broken on purpose")
 
 
 def sample(page):
@@ -247,6 +286,7 @@ def look(browser):
     expect(page.locator("#steps")).to_be_visible()
     expect(page.locator("#delete")).to_be_hidden()
     assert page.evaluate("fetch('/flight/' + location.hash.slice(1), { method: 'DELETE' }).then((answer) => answer.status)") == 403
+    expect(page.locator("#again")).to_be_hidden()
     complain("delete", "403")
     page.goto(program.url)
     page.reload()

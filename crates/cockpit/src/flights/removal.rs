@@ -1,6 +1,5 @@
 //! Deletes a recorded flight: its own files alone, and never one that is being recorded.
 
-use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -17,13 +16,13 @@ const ABANDONED: Duration = Duration::from_secs(60);
 /// # Errors
 /// Why not, for a person; no path of the machine is in it.
 pub(super) fn remove(folder: &Path) -> Result<&'static str, &'static str> {
-    if is_recorded(folder) {
-        return Err("the flight is being recorded: it can be deleted when it is over");
-    }
     // Not through a link, which may lead anywhere.
     let plain = |path: &Path| path.symlink_metadata().map(|data| data.file_type());
     if !plain(folder).is_ok_and(|kind| kind.is_dir()) {
         return Err("the flight's folder is a link: delete it by hand");
+    }
+    if is_recorded(folder) {
+        return Err("the flight is being recorded: it can be deleted when it is over");
     }
     for name in FILES.iter().rev() {
         let path = folder.join(name);
@@ -40,7 +39,7 @@ pub(super) fn remove(folder: &Path) -> Result<&'static str, &'static str> {
 
 /// Whether a program still writes it: its log has no end yet.
 fn is_recorded(folder: &Path) -> bool {
-    let Ok(mut log) = File::open(folder.join("flight.mcap")) else { return false };
+    let Ok(mut log) = spf_input::open(&folder.join("flight.mcap")) else { return false };
     let mut end = [0; COMPLETE.len()];
     let read = log.seek(SeekFrom::End(-(COMPLETE.len() as i64))).and_then(|_| log.read_exact(&mut end));
     let is_complete = read.is_ok() && end == COMPLETE;
@@ -77,6 +76,11 @@ mod tests {
             let target = flight("target", COMPLETE);
             std::os::unix::fs::symlink(&target, &linked).unwrap();
             assert!(remove(&linked).unwrap_err().contains("link") && target.join("summary.json").exists());
+            // A pipe in place of the log is not waited for.
+            let piped = flight("piped", COMPLETE);
+            std::fs::remove_file(piped.join("flight.mcap")).unwrap();
+            assert!(std::process::Command::new("mkfifo").arg(piped.join("flight.mcap")).status().unwrap().success());
+            assert_eq!((remove(&piped), piped.exists()), (Ok("deleted"), false));
         }
     }
 }

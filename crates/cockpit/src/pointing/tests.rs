@@ -90,3 +90,21 @@ fn a_person_answers_and_a_cancelled_query_waits_no_longer() {
     let late = pointer.answer(&QueryRequest::new(&query, Duration::ZERO), &mut Blank);
     assert_eq!(late.text.unwrap_err().code(), "deadline");
 }
+
+#[test]
+fn a_jump_of_the_position_voids_places_and_the_poses_of_earlier_pictures() {
+    let shared = Pointing::default();
+    shared.begin(Camera::quad(), false);
+    shared.frame(FrameId(1), pose(0.0, 0.0, 0.0));
+    let mark = |frame| shared.avoid([0.4, 0.4, 0.6, 0.6], 5, frame);
+    assert_eq!((mark(1).unwrap().len(), mark(1).unwrap().len()), (1, 2));
+    shared.lost_track(None);
+    assert_eq!(mark(1).unwrap().len(), 3, "nothing has jumped");
+    shared.lost_track(Some(Time::from_millis(900)));
+    assert!(mark(1).unwrap_err().contains("too old"));
+    shared.frame(FrameId(2), pose(8.0, 0.0, 0.0));
+    let left = mark(2).unwrap();
+    assert_eq!(left.iter().map(|place| place.id).collect::<Vec<_>>(), [3], "a new number, and none of before");
+    shared.lost_track(Some(Time::from_millis(900)));
+    assert_eq!(mark(2).unwrap().len(), 2);
+}

@@ -8,5 +8,6 @@ mod harness;
 mod latency;
 #[path = "../../../cli/tests/it/python.rs"]
 mod python;
+mod replays;
 mod strangers;
 mod viewers;

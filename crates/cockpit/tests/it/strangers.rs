@@ -19,8 +19,12 @@ fn ask(address: SocketAddr, path: &str, headers: &str) -> String {
     told(TcpStream::connect(address).unwrap(), path, headers)
 }
 
-fn told(mut stream: impl Line, path: &str, headers: &str) -> String {
-    write!(stream, "GET {path} HTTP/1.1\r\n{headers}\r\n\r\n").unwrap();
+fn told(stream: impl Line, path: &str, headers: &str) -> String {
+    answered(stream, "GET", path, headers)
+}
+
+pub(crate) fn answered(mut stream: impl Line, method: &str, path: &str, headers: &str) -> String {
+    write!(stream, "{method} {path} HTTP/1.1\r\n{headers}\r\n\r\n").unwrap();
     let mut answer = Vec::new();
     // The end of a refused connection comes without a word.
     let _ = stream.read_to_end(&mut answer);

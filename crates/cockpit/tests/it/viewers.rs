@@ -44,14 +44,20 @@ impl Ticks {
     }
 }
 
-/// Notes when the pilot has taken a hold.
+/// Notes that the craft flies, and when the pilot has taken a hold.
 #[derive(Default)]
-struct Holds(Vec<Instant>);
+struct Holds {
+    flies: Arc<AtomicBool>,
+    taken: Vec<Instant>,
+}
 
 impl Observer for Holds {
-    fn action(&mut self, _: Time, action: &Action, _: &Pilot) {
+    fn action(&mut self, _: Time, action: &Action, pilot: &Pilot) {
+        if pilot.phase() == Phase::Flying {
+            self.flies.store(true, Ordering::Relaxed);
+        }
         if matches!(action, Action::Note(Note::Operator(OperatorEvent::Hold))) {
-            self.0.push(Instant::now());
+            self.taken.push(Instant::now());
         }
     }
 }
@@ -152,25 +158,28 @@ fn a_hold_is_received_at_once_while_eight_pages_watch() {
     let crowd = Crowd::around(&cockpit);
     let token = cockpit.urls().0.split_once('#').unwrap().1.to_owned();
     let mut controls = Socket::open(cockpit.address(), "/control", json!({"token": token}));
-    let over = crowd.over.clone();
+    let mut holds = Holds::default();
+    let flies = holds.flies.clone();
     let pilot = std::thread::spawn(move || {
         let mut sent = Vec::new();
-        // Until the craft flies and the viewers have their pictures.
-        let until = Instant::now() + Duration::from_secs(3);
-        while Instant::now() < until {
+        // Until the craft flies; beats are answered meanwhile.
+        while !flies.load(Ordering::Relaxed) {
             controls.order(json!({"give": {"page": 0, "yes": false}}));
             std::thread::sleep(Duration::from_millis(50));
         }
-        while sent.len() < 100 && !over.load(Ordering::Relaxed) {
+        // Some of them come when the flight is over.
+        while sent.len() < 100 {
             let at = Instant::now();
             let (answer, took) = controls.order(json!("hold"));
-            assert_eq!(answer["ok"], json!(true), "{answer}");
+            if answer["ok"] != json!(true) {
+                assert!(answer["text"].to_string().contains("over"), "{answer}");
+                break;
+            }
             sent.push((at, 1000.0 * took.as_secs_f64()));
             std::thread::sleep(Duration::from_millis(30));
         }
         sent
     });
-    let mut holds = Holds::default();
     flown(Some(&cockpit), 12, &mut holds);
     let sent = pilot.join().unwrap();
     crowd.end(cockpit);
@@ -179,8 +188,10 @@ fn a_hold_is_received_at_once_while_eight_pages_watch() {
         ms[(share * (ms.len() - 1) as f64) as usize]
     };
     let acknowledged: Vec<f64> = sent.iter().map(|(_, ms)| *ms).collect();
-    let taken = sent.iter().zip(&holds.0).map(|((at, _), taken)| 1000.0 * taken.duration_since(*at).as_secs_f64());
-    let taken: Vec<f64> = taken.collect();
+    // Each is taken before the next one is sent, or after; the first one that was taken since it was sent is no earlier than its own.
+    let first =
+        |at: &Instant| holds.taken.iter().find(|taken| *taken > at).map(|taken| 1000.0 * taken.duration_since(*at).as_secs_f64());
+    let taken: Vec<f64> = sent.iter().filter_map(|(at, _)| first(at)).collect();
     println!(
         "{} holds while 8 pages watch: acknowledged after {:.1} ms median, {:.1} ms 99th percentile; taken by the pilot after {:.1} ms \
          median, {:.1} ms 99th percentile",
@@ -191,6 +202,7 @@ fn a_hold_is_received_at_once_while_eight_pages_watch() {
         percentile(taken.clone(), 0.99)
     );
     assert!(sent.len() >= 50 && taken.len() >= 50, "{} {}", sent.len(), taken.len());
+    assert!(taken.iter().all(|ms| *ms > 0.0), "{taken:?}");
     // 50 ms on a machine that does nothing else.
     assert!(percentile(acknowledged, 0.5) < 50.0 && percentile(taken, 0.99) < 500.0);
 }

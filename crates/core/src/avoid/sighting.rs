@@ -33,6 +33,13 @@ impl Sighting {
         }
     }
 
+    /// The panel between four corners: top left, bottom left, bottom right, top right.
+    #[must_use]
+    pub(super) fn between(corners: [EnuPosition; 4]) -> Self {
+        let [a, _, c, _] = corners;
+        Self { corners, middle: a.towards(c, 0.5) }
+    }
+
     /// Its corners: top left, bottom left, bottom right, top right.
     #[must_use]
     pub fn corners(&self) -> [EnuPosition; 4] {

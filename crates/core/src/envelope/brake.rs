@@ -11,7 +11,6 @@ use std::collections::BTreeMap;
 
 use super::brake_limits::BrakeLimits;
 use super::reach::Braking;
-use crate::avoid::KeepOut;
 use crate::camera::Camera;
 use crate::depth::{CameraAxes, DepthGrid};
 use crate::geometry::{EnuPosition, EnuVelocity, Pose};
@@ -20,7 +19,7 @@ use crate::ranges::{MOST_RAYS, RangeScan};
 use crate::time::{Duration, Time, duration_from_secs};
 
 /// Added to the body's radius on either side of the path, metres.
-const BESIDE: f64 = 0.1;
+pub(super) const BESIDE: f64 = 0.1;
 /// Number of consecutive grids with equal values from which the sensor counts as frozen: noise never repeats.
 const FROZEN: u32 = 3;
 /// A grid in which a smaller fraction of pixels has a value comes from a dead or covered sensor.
@@ -72,6 +71,9 @@ struct Seen {
 
 /// A motion to be bounded.
 pub(super) struct Motion {
+    /// Where the craft is now, and its velocity.
+    pub(super) at: EnuPosition,
+    pub(super) own: EnuVelocity,
     /// Where the setpoint takes effect.
     pub(super) from: EnuPosition,
     /// Heading there, radians.
@@ -81,6 +83,8 @@ pub(super) struct Motion {
     pub(super) turns: [f64; 3],
     pub(super) radius: f64,
     pub(super) braking: Braking,
+    /// The same from now on, if the next setpoint holds.
+    pub(super) stopping: Braking,
 }
 
 impl Brake {
@@ -224,28 +228,6 @@ impl Brake {
     }
 }
 
-/// The fraction of a motion that is allowed before places marked by the operator, 0..=1. Within the margin of one the craft may
-/// still fly away from it.
-pub(super) fn allowed_before(places: &[KeepOut], motion: &Motion) -> f64 {
-    let speed = motion.velocity.speed();
-    if speed <= 0.0 || places.is_empty() {
-        return 1.0;
-    }
-    let within = |turn| motion.braking.speed_within(room_before(places, motion, turn));
-    let most = motion.turns.into_iter().map(within).fold(speed, f64::min);
-    (most / speed).clamp(0.0, 1.0)
-}
-
-/// Length of a straight path up to the nearest marked place, metres, less the body's radius.
-pub(super) fn room_before(places: &[KeepOut], motion: &Motion, turn: f64) -> f64 {
-    if motion.velocity.speed() <= 0.0 {
-        return f64::INFINITY;
-    }
-    let (along, beside) = (direction(motion.velocity, turn), motion.radius + BESIDE);
-    let distances = places.iter().map(|place| place.distance(motion.from, along, beside));
-    distances.fold(f64::INFINITY, f64::min) - beside
-}
-
 /// Where in the image, from its top, the ground is looked for.
 const LOW: f64 = 0.95;
 
@@ -278,7 +260,7 @@ fn valid_in_strips(grid: &DepthGrid) -> [f64; STRIPS] {
 }
 
 /// Unit vector of a velocity, turned clockwise.
-fn direction(velocity: EnuVelocity, turn: f64) -> [f64; 3] {
+pub(super) fn direction(velocity: EnuVelocity, turn: f64) -> [f64; 3] {
     let (sin, cos, speed) = (libm::sin(turn), libm::cos(turn), velocity.speed());
     [
         (velocity.east * cos + velocity.north * sin) / speed,

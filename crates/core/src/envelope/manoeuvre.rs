@@ -2,7 +2,7 @@
 
 use super::reach::{self, Situation};
 use super::watch::Control;
-use super::{Cause, Cleared, ClearedCommand, Envelope, Reaction, brake};
+use super::{Cause, Cleared, ClearedCommand, Envelope, Reaction};
 use crate::command::{Command, Manoeuvre, Setpoint};
 use crate::geometry::BodyDisplacement;
 use crate::time::{Time, duration_from_secs};
@@ -61,7 +61,7 @@ impl Envelope {
 
     /// The part of a straight path that the brake allows, and the maximum speed along it.
     fn braked_path(&self, now: Time, way: BodyDisplacement) -> (BodyDisplacement, Option<Cause>, f64) {
-        if self.limits.brake.is_none() && self.kept_out.is_empty() {
+        if self.limits.brake.is_none() && self.marked.is_empty() {
             return (way, None, f64::INFINITY);
         }
         let asked = Setpoint { right: way.right, forward: way.forward, up: way.up, yaw_rate: 0.0 };
@@ -71,7 +71,7 @@ impl Envelope {
             (Some(motion), Some(limits)) => self.brake.way(now, limits, motion),
             (Some(_), None) => (f64::INFINITY, false),
         };
-        let room = motion.map_or(room, |motion| room.min(brake::room_before(&self.kept_out, &motion, 0.0).max(0.0)));
+        let room = motion.map_or(room, |motion| room.min(self.marked.path(&motion, self.spread)));
         let most = self.limits.brake.and_then(|limits| limits.blind_speed).filter(|_| blind).unwrap_or(f64::INFINITY);
         let (length, within) = (way.length(), room / (1.0 + reach::DISTANCE_ERROR));
         if length <= within {

@@ -16,6 +16,7 @@ mod estimate;
 mod height;
 mod limits;
 mod manoeuvre;
+mod marked;
 mod person;
 mod reach;
 mod returning;
@@ -28,6 +29,7 @@ pub use limits::{Limits, LimitsError};
 use self::brake::{Brake, Motion};
 use self::estimate::Estimate;
 use self::height::HeightCheck;
+use self::marked::Marked;
 use self::person::Person;
 use self::reach::{Braking, Situation};
 use self::watch::{Control, Found, Watch};
@@ -113,7 +115,7 @@ pub struct Envelope {
     watch: Watch,
     brake: Brake,
     /// Places marked by the operator.
-    kept_out: Vec<KeepOut>,
+    marked: Marked,
     person: Person,
     height_check: HeightCheck,
     /// Latest time passed in.
@@ -139,7 +141,7 @@ impl Envelope {
             estimate: Estimate::default(),
             watch: Watch::default(),
             brake: Brake::default(),
-            kept_out: Vec::new(),
+            marked: Marked::default(),
             person: Person::default(),
             height_check: HeightCheck::default(),
             now: Time::ZERO,
@@ -237,9 +239,10 @@ impl Envelope {
         }
     }
 
-    /// Takes the places that the operator has marked, instead of those before: the pilot's setpoints do not cross them.
+    /// Takes the places that the operator has marked, instead of those before: no setpoint of the pilot brings the body nearer to
+    /// one than 0.1 m, and what the position error has grown by since then.
     pub fn keep_out(&mut self, places: &[KeepOut]) {
-        self.kept_out = places.to_vec();
+        self.marked.set(places, self.spread);
     }
 
     /// Takes the place of something that the craft flies at, according to the motion estimate: it counts for half a second.
@@ -515,12 +518,12 @@ impl Envelope {
 
     /// The fraction of a setpoint that the brake allows.
     fn braked(&self, now: Time, setpoint: Setpoint) -> f64 {
-        if self.limits.brake.is_none() && self.kept_out.is_empty() {
+        if self.limits.brake.is_none() && self.marked.is_empty() {
             return 1.0;
         }
         let Some(motion) = self.motion_of(now, setpoint, self.turns(setpoint)) else { return 0.0 };
         let known = self.limits.brake.as_ref().map_or(1.0, |limits| self.brake.allowed(now, limits, &motion));
-        known.min(brake::allowed_before(&self.kept_out, &motion))
+        known.min(self.marked.allowed(&motion, self.spread))
     }
 
     /// Turns between now and the end of a setpoint's validity, radians.
@@ -535,8 +538,8 @@ impl Envelope {
         let e = &self.estimate;
         let velocity = e.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();
         let age = e.measured.map_or(0.0, |measured| now.since(measured).as_secs_f64());
-        let own = || {
-            let t = age + self.craft.dead_time;
+        let own = |ahead: f64| {
+            let t = age + ahead;
             let at = e.position;
             let from = EnuPosition {
                 east: at.east + velocity.east * t,
@@ -545,16 +548,20 @@ impl Envelope {
             };
             e.heading.map(|heading| (from, heading))
         };
-        let (from, heading) = self.brake.place(now, velocity, self.craft.dead_time).or_else(own)?;
+        let in_time = |ahead: f64| self.brake.place(now, velocity, ahead).or_else(|| own(ahead));
+        let ((at, _), (from, heading)) = (in_time(0.0)?, in_time(self.craft.dead_time)?);
         let deceleration = self.craft.acceleration.min(self.craft.climb_acceleration);
         let braking = Braking::new(&self.limits, &self.craft, deceleration);
         Some(Motion {
+            at,
+            own: velocity,
             from,
             heading,
             velocity: reach::world_velocity(setpoint, heading),
             turns,
             radius: self.craft.radius,
             braking,
+            stopping: Braking::stopping(&self.craft, deceleration),
         })
     }
 

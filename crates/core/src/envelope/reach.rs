@@ -19,6 +19,8 @@ const STANDSTILL: f64 = 0.1;
 const ON_EDGE: f64 = 1.0e-6;
 /// Cosine of the angle to the direction back inside below which a ray may first lead away from the geofence: cos 45°.
 const STRAIGHT_BACK: f64 = core::f64::consts::FRAC_1_SQRT_2;
+/// Longest time between two setpoints, s.
+const TICK: f64 = 0.2;
 /// Limited speeds below this are set to zero, m/s.
 const CREEP: f64 = 1.0e-6;
 
@@ -49,8 +51,13 @@ impl Braking {
         Self { delay: limits.setpoint_validity + craft.dead_time + craft.lag, acceleration: acceleration.max(0.01) }
     }
 
+    /// The same for a craft that is told to hold within a tick.
+    pub(super) fn stopping(craft: &Craft, acceleration: f64) -> Self {
+        Self { delay: TICK + craft.dead_time + craft.lag, acceleration: acceleration.max(0.01) }
+    }
+
     /// Distance that `speed` carries the craft, m.
-    fn reach(self, speed: f64) -> f64 {
+    pub(super) fn reach(self, speed: f64) -> f64 {
         speed * self.delay + speed * speed / (2.0 * self.acceleration)
     }
 

@@ -93,6 +93,10 @@ pub struct ObstacleMap {
     corner: Option<Cell>,
     /// Log-odds in tenths, east fastest.
     odds: Vec<i8>,
+    /// Cells that the operator has marked, and which cells of the grid are among them; empty without any. They do not fade, and no
+    /// measurement clears them.
+    kept_out: Vec<Cell>,
+    is_kept_out: Vec<bool>,
     /// Marks of the current insertion.
     marks: Vec<u8>,
     touched: Vec<u32>,
@@ -117,6 +121,8 @@ impl ObstacleMap {
         Self {
             corner: None,
             odds: vec![0; CELLS],
+            kept_out: Vec::new(),
+            is_kept_out: Vec::new(),
             marks: vec![0; CELLS],
             touched: Vec::new(),
             faded_occupied: Time::ZERO,
@@ -155,6 +161,32 @@ impl ObstacleMap {
         self.forget(now);
     }
 
+    /// Counts these cells as occupied until the next call, whatever is measured there: places that the operator has marked. No
+    /// obstacle is left where the last ones were.
+    pub fn keep_out(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        self.kept_out = cells.into_iter().collect();
+        self.kept_out.sort_unstable();
+        self.kept_out.dedup();
+        self.show_kept_out();
+        self.changed += 1;
+    }
+
+    fn show_kept_out(&mut self) {
+        self.is_kept_out.clear();
+        if !self.kept_out.is_empty() {
+            self.is_kept_out.resize(CELLS, false);
+            for i in 0..self.kept_out.len() {
+                if let Some(index) = self.index(self.kept_out[i]) {
+                    self.is_kept_out[index] = true;
+                }
+            }
+        }
+    }
+
+    fn keeps_out(&self, index: usize) -> bool {
+        self.is_kept_out.get(index).is_some_and(|is| *is)
+    }
+
     /// Forgets everything, after a jump of the position source.
     pub fn clear(&mut self) {
         let changed = self.changed + 1;
@@ -164,7 +196,11 @@ impl ObstacleMap {
     /// What is known about a cell; unknown outside the grid.
     #[must_use]
     pub fn known(&self, cell: Cell) -> CellState {
-        match self.index(cell).map(|index| self.odds[index]) {
+        let index = self.index(cell);
+        if index.is_some_and(|index| self.keeps_out(index)) {
+            return CellState::Occupied;
+        }
+        match index.map(|index| self.odds[index]) {
             Some(odds) if odds >= OCCUPIED => CellState::Occupied,
             Some(odds) if odds <= CLEAR => CellState::Free,
             _ => CellState::Unknown,
@@ -179,7 +215,8 @@ impl ObstacleMap {
 
     /// All occupied cells, starting at the lowest, southernmost, westernmost one.
     pub fn occupied(&self) -> impl Iterator<Item = Cell> {
-        self.odds.iter().enumerate().filter(|&(_, &odds)| odds >= OCCUPIED).filter_map(|(index, _)| self.cell(index))
+        let occupied = self.odds.iter().enumerate().filter(|&(index, &odds)| odds >= OCCUPIED || self.keeps_out(index));
+        occupied.filter_map(|(index, _)| self.cell(index))
     }
 
     /// The cell of the grid's lowest corner; `None` until the craft's position is known.
@@ -192,6 +229,7 @@ impl ObstacleMap {
     pub(crate) fn flags(&self, out: &mut Vec<bool>) {
         out.clear();
         out.extend(self.odds.iter().map(|&odds| odds >= OCCUPIED));
+        out.iter_mut().zip(&self.is_kept_out).for_each(|(occupied, kept_out)| *occupied |= *kept_out);
     }
 
     /// Index of a cell in the grid.
@@ -238,6 +276,7 @@ impl ObstacleMap {
         let wanted = Cell { east: middle.east - half(0), north: middle.north - half(1), up: middle.up - half(2) };
         let Some(corner) = self.corner else {
             self.corner = Some(wanted);
+            self.show_kept_out();
             return;
         };
         let shift = [wanted.east - corner.east, wanted.north - corner.north, wanted.up - corner.up];
@@ -263,6 +302,7 @@ impl ObstacleMap {
             }
         }
         self.odds = moved;
+        self.show_kept_out();
     }
 }
 

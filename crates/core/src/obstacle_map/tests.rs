@@ -277,3 +277,26 @@ fn a_return_at_the_very_end_of_the_grid_is_an_obstacle() {
     let at = CameraAxes::new(&level.camera, from).place(p.right, p.forward, p.up);
     assert!((at.up - end).abs() < 1e-7 && map.is_occupied(Cell::of(at)), "{at:?}");
 }
+
+/// What the operator has marked is occupied for the planner and for lines of sight, moves with no grid, and leaves nothing behind.
+#[test]
+fn cells_that_are_kept_out_of_are_laid_over_what_is_measured() {
+    let mut map = map();
+    let wall = [cell(0.1, 4.1, 3.1), cell(0.4, 4.1, 3.1), cell(90.0, 4.1, 3.1)];
+    map.keep_out(wall);
+    for _ in 0..30 {
+        map.depth(&grid(|_, _| 800), pose(0.1, 0.1, 3.1));
+    }
+    let flags = |map: &ObstacleMap, cell| {
+        let mut flags = Vec::new();
+        map.flags(&mut flags);
+        flags[map.index(cell).unwrap()]
+    };
+    assert!(map.is_occupied(wall[0]) && flags(&map, wall[1]) && !map.is_clear(at(0.1, 0.1, 3.1), at(0.1, 6.0, 3.1)));
+    map.advance(Time::from_millis(30_000), at(88.0, 0.1, 3.1));
+    assert_eq!(map.occupied().collect::<Vec<_>>(), wall[2..], "the grid has moved to the one far away");
+    map.advance(Time::from_millis(30_100), at(0.1, 0.1, 3.1));
+    map.depth(&grid(|_, _| 800), pose(0.1, 0.1, 3.1));
+    map.keep_out([]);
+    assert_eq!((map.known(wall[0]), flags(&map, wall[0])), (CellState::Free, false));
+}

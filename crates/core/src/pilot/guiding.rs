@@ -11,7 +11,7 @@ use super::unseen::may_overhang;
 use super::view_height::correction;
 use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
-use crate::avoid::{KeepOut, is_person};
+use crate::avoid::{KeepOut, MARKED, is_person};
 use crate::depth::DepthGrid;
 use crate::estimator::MotionEstimate;
 use crate::executor::{Goal, Motion};
@@ -23,7 +23,7 @@ use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach,
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
 use crate::ranges::RangeScan;
-use crate::reply::{Reply, Status};
+use crate::reply::{ObstacleBox, Reply, Status};
 use crate::telemetry::Telemetry;
 use crate::time::{Duration, Time};
 
@@ -168,11 +168,13 @@ impl Guiding {
         Self { map: map.then(ObstacleMap::new), ..Self::default() }
     }
 
-    /// Counts cells as occupied, which the operator has marked.
-    pub(super) fn mark(&mut self, cells: impl Iterator<Item = Cell>) {
+    /// Counts these cells as occupied, and no longer those before: the operator has marked them.
+    pub(super) fn keep_out(&mut self, cells: impl Iterator<Item = Cell>) {
         if let Some(map) = &mut self.map {
-            cells.for_each(|cell| map.mark(cell));
+            map.keep_out(cells);
         }
+        // The brake gets them at once.
+        self.remembered = None;
     }
 
     /// Ends the course, keeping what is known.
@@ -288,6 +290,7 @@ impl Pilot {
             if let Some(map) = &mut self.guiding.map {
                 map.clear();
             }
+            self.void_kept_out(now);
         }
         let (Some(map), Some(below)) = (&mut self.guiding.map, telemetry.ground_clearance) else { return };
         if let Some(pose) = self.estimator.pose_at(telemetry.time).filter(|_| below.is_finite() && telemetry.phase.is_flying()) {
@@ -403,7 +406,9 @@ impl Pilot {
         let at = self.known(now).position;
         let Some(map) = self.guiding.map.as_mut().filter(|_| self.settings.guidance.map) else { return };
         map.advance(now, at);
-        let obstacles = || reply.boxes.iter().filter(|obstacle| reply.target.as_deref() != Some(obstacle.name.as_str()));
+        // Marked places are in the map as such, and do not fade.
+        let counts = |obstacle: &&ObstacleBox| obstacle.name != MARKED && reply.target.as_deref() != Some(obstacle.name.as_str());
+        let obstacles = || reply.boxes.iter().filter(counts);
         let is_sensed = self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED);
         for obstacle in obstacles() {
             // A box is a rough solid: where a sensor measures depth, it would block free space.

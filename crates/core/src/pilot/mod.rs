@@ -120,9 +120,9 @@ pub struct Pilot {
     /// Time since which the camera alone has been delaying take-off.
     ready_since: Option<Time>,
     hold_after_take_off: bool,
-    /// Places that the operator has marked, and when they were last entered into the map.
+    /// Places that the operator has marked, and the last one that a jump of the position has made void.
     kept_out: Vec<KeepOut>,
-    marked_at: Option<Time>,
+    voided: Option<u32>,
     first_motion: Option<Time>,
     next_tick: Time,
     /// Since when a limit has left nothing of the requested motion.
@@ -205,7 +205,7 @@ impl Pilot {
             ready_since: None,
             hold_after_take_off: false,
             kept_out: Vec::new(),
-            marked_at: None,
+            voided: None,
             first_motion: None,
             next_tick: Time::ZERO,
             kept_since: None,
@@ -324,6 +324,12 @@ impl Pilot {
     #[must_use]
     pub fn position_error(&self) -> f64 {
         self.estimator.position_error()
+    }
+
+    /// When the position last jumped, or was unknown: poses of before cannot be compared with later ones.
+    #[must_use]
+    pub fn lost_track(&self) -> Option<Time> {
+        self.estimator.lost_track()
     }
 
     /// Whether the craft reports no position of its own.

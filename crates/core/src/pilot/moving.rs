@@ -201,7 +201,6 @@ impl Pilot {
         self.settle(now);
         let known = self.known(now);
         self.envelope.observe_motion(now, &known);
-        self.mark_kept_out(now);
         if self.settings.guidance.points {
             self.remember_obstacles(now, known.position);
         }

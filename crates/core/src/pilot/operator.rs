@@ -14,9 +14,6 @@ const MANUAL_VALIDITY: Duration = Duration::from_millis(400);
 /// begins to repeat it.
 const HELD_KEY: Duration = Duration::from_millis(700);
 
-/// How often marked places are entered into the obstacle map: within it they fade from certain to unknown in 17 s.
-const MARK_AGAIN: Duration = Duration::from_secs(1);
-
 impl Pilot {
     pub(super) fn operator(&mut self, now: Time, event: OperatorEvent) {
         let is_setpoint = matches!(event, OperatorEvent::Setpoint(_));
@@ -97,23 +94,26 @@ impl Pilot {
 
     /// Keeps out of these places from now on. The motion ends, for its way was not checked against them; the next decision leads
     /// around them. Flight by hand goes on.
-    fn keep_out(&mut self, now: Time, places: Vec<KeepOut>) {
+    fn keep_out(&mut self, now: Time, mut places: Vec<KeepOut>) {
+        // An order that crossed with a jump may name places of before.
+        places.retain(|place| self.voided.is_none_or(|last| place.id > last));
         self.stop_motion(now);
         self.policy.keep_out(&places);
         self.envelope.keep_out(&places);
+        self.guiding.keep_out(places.iter().flat_map(KeepOut::points).map(Cell::of));
         self.kept_out = places;
-        self.marked_at = None;
-        self.mark_kept_out(now);
     }
 
-    /// Enters the places to keep out of into the map, in which everything fades.
-    pub(super) fn mark_kept_out(&mut self, now: Time) {
-        if self.kept_out.is_empty() || self.marked_at.is_some_and(|at| now.since(at) < MARK_AGAIN) {
-            return;
+    /// Forgets the places to keep out of when the position has jumped: nobody knows by how much of it they have. What flew on its
+    /// own holds, until the operator has marked them again and resumes.
+    pub(super) fn void_kept_out(&mut self, now: Time) {
+        let Some(last) = self.kept_out.iter().map(|place| place.id).max() else { return };
+        self.voided = Some(last);
+        self.keep_out(now, Vec::new());
+        self.note(Note::Limited("the position jumped: the marked places are void; mark them again, then resume"));
+        if matches!(self.phase, Phase::Ground | Phase::TakeOff | Phase::Flying) {
+            self.hold(now, Phase::Held);
         }
-        self.marked_at = Some(now);
-        let places = self.kept_out.iter().flat_map(KeepOut::points).map(Cell::of);
-        self.guiding.mark(places);
     }
 
     fn instruct(&mut self, now: Time, text: String) {

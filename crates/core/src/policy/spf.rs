@@ -236,7 +236,7 @@ impl Spf {
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
-        self.memory.kept_out = self.marked_in(view).into_iter().map(|place| place.area).collect();
+        self.memory.kept_out = self.kept_out.iter().filter_map(|place| place.area_in(&view.camera, view.pose)).collect();
         let OpenQuery { id, boxes, .. } = self.asking(view, QuerySubject::Point { confirming: self.confirming });
         self.history.fill(view, &mut self.memory);
         let kind = QueryKind::Point { avoid: boxes == Boxes::Reply, depth: self.settings.depth };
@@ -257,7 +257,7 @@ impl Spf {
 
     /// The places marked by the operator, as obstacles of an image.
     fn marked_in(&self, view: &View) -> Vec<ObstacleBox> {
-        self.kept_out.iter().filter_map(|place| place.in_view(&view.camera, view.pose)).collect()
+        self.kept_out.iter().flat_map(|place| place.tiles_in(&view.camera, view.pose)).collect()
     }
 
     /// The region of a small target that the last answer pointed at.

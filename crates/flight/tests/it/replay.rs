@@ -18,7 +18,7 @@ use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::policy::PolicyKind;
 use spf_flight::recorder::RecordPlan;
-use spf_flight::replay::{Changes, Report, head, replay, row};
+use spf_flight::replay::{Changes, Report, head, replay, replay_keeping, row};
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
@@ -84,6 +84,10 @@ fn a_flight_is_the_same_again_and_another_method_is_not() {
     };
     let other = replayed(&log, &with_exponent(1.01 * 1.8));
     assert!(differs_at(&other, "/decision") && differs_at(&other, "/command"), "{} differences", other.differences.len());
+    // Of many differences some are kept, and all are counted.
+    let few = replay_keeping(LogReader::open(&log).unwrap(), &with_exponent(1.01 * 1.8), 3).unwrap();
+    assert_eq!(few.differences, other.differences[..3]);
+    assert_eq!(few.unkept, other.differences.len() as u64 - 3);
     assert_eq!(replayed(&log, &with_exponent(1.8)).differences, [], "only the exponent made the difference");
 
     let grounding = GroundingProfile { order: AxisOrder::Xy, ..GroundingProfile::default() };

@@ -4,6 +4,7 @@ use super::*;
 use crate::depth::{DepthGrid, DepthSource};
 use crate::guidance::Guidance;
 use crate::lift::label_of_range;
+use crate::obstacle_map::Cell;
 use crate::reply::ObstacleBox;
 
 fn guided(anchor: bool, map: bool) -> Setup {
@@ -215,7 +216,6 @@ fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
 
 #[test]
 fn a_place_that_the_operator_marks_in_flight_is_flown_around() {
-    use crate::avoid::KeepOut;
     let goal = target(0.0, 26.0, 3.0);
     for (anchored, mapped) in [(false, false), (true, true)] {
         let mut flight = guided(anchored, mapped).fly(with_ball(goal, target(50.0, 0.0, 3.0), 1.5));
@@ -230,4 +230,66 @@ fn a_place_that_the_operator_marks_in_flight_is_flown_around() {
         assert!(least > 0.3, "{anchored} {mapped}: {least}");
         assert!(flight.frames.iter().any(|seen| seen.pose.position.north > 16.0), "{anchored} {mapped}: it gets past it");
     }
+}
+
+/// 12.9 m ahead in the middle of the image, 3 m wide.
+fn mark(flight: &mut Flight, id: u32) -> KeepOut {
+    let pose = flight.frames.last().unwrap().pose;
+    let area = ImageBox { left: 0.44, top: 0.3, right: 0.56, bottom: 0.7 };
+    let place = KeepOut::new(id, &Camera::quad(), pose, area, 6).unwrap();
+    flight.operator(OperatorEvent::KeepOut(vec![place]));
+    place
+}
+
+#[test]
+fn a_jump_of_the_position_voids_the_marked_places_and_holds() {
+    let mut flight = guided(true, true).fly(with_ball(target(0.0, 40.0, 3.0), target(50.0, 0.0, 3.0), 1.5));
+    flight.until_moving();
+    let place = mark(&mut flight, 4);
+    flight.pass(0.5);
+    assert_eq!((flight.pilot.kept_out().len(), flight.pilot.phase()), (1, Phase::Flying));
+    // The position source is off by 8 m from now on.
+    flight.reports =
+        |telemetry| Telemetry { position: telemetry.position.map(|at| EnuPosition { east: at.east + 8.0, ..at }), ..telemetry };
+    flight.pass(0.5);
+    assert_eq!((flight.pilot.kept_out().len(), flight.pilot.phase()), (0, Phase::Held));
+    assert!(flight.notes.iter().any(|(_, note)| matches!(note, Note::Limited(why) if why.contains("the position jumped"))));
+    // An order that crossed with it brings none of them back.
+    flight.operator(OperatorEvent::KeepOut(vec![place]));
+    assert_eq!(flight.pilot.kept_out().len(), 0);
+    mark(&mut flight, 5);
+    assert_eq!(flight.pilot.kept_out().len(), 1);
+}
+
+#[test]
+fn a_marked_place_is_kept_in_the_map_whatever_a_sensor_measures_there_and_gone_once_it_is_removed() {
+    let mut flight = guided(true, true).fly(with_ball(target(0.0, 40.0, 3.0), target(50.0, 0.0, 3.0), 1.5));
+    flight.until_moving();
+    flight.operator(OperatorEvent::Hold);
+    flight.pass(1.0);
+    let pose = flight.frames.last().unwrap().pose;
+    let area = ImageBox { left: 0.44, top: 0.45, right: 0.56, bottom: 0.55 };
+    let place = KeepOut::new(1, &Camera::quad(), pose, area, 4).unwrap();
+    let occupied = |flight: &Flight| flight.pilot.obstacle_map().unwrap().occupied().count();
+    assert_eq!(occupied(&flight), 0);
+    flight.operator(OperatorEvent::KeepOut(vec![place]));
+    let marked = occupied(&flight);
+    assert!(marked > 10, "{marked}");
+    // A depth camera looks right through it: nothing for 9 m.
+    let camera = Camera::from_fov(80, 60, 90.0_f64.to_radians(), 73.7_f64.to_radians(), 0.0);
+    for counter in 1..=20_u16 {
+        let cm = (0..4800_u16).map(|i| 900 + (i + counter) % 7).collect();
+        let (captured, counter) = (flight.now, u64::from(counter));
+        flight.tell(Event::Depth(Box::new(DepthGrid { captured, counter, camera, cm, source: DepthSource::Sensor })));
+        flight.pass(0.1);
+    }
+    let map = flight.pilot.obstacle_map().unwrap();
+    assert!(place.points().all(|at| map.is_occupied(Cell::of(at))));
+    // And for 20 s, in which everything else fades.
+    flight.pass(20.0);
+    let map = flight.pilot.obstacle_map().unwrap();
+    assert!(place.points().all(|at| map.is_occupied(Cell::of(at))));
+    flight.operator(OperatorEvent::KeepOut(Vec::new()));
+    let map = flight.pilot.obstacle_map().unwrap();
+    assert!(place.points().all(|at| !map.is_occupied(Cell::of(at))));
 }
