@@ -156,20 +156,20 @@ fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Resul
 
 #[test]
 fn a_fence_is_uploaded_at_connect_or_the_flight_is_refused_and_nothing_changed() {
-    let cases: [(Autopilot, &[(&str, f64)], Option<&str>); 4] = [
-        (Autopilot::Px4, &[], None),
-        (Autopilot::ArduPilot, &[], None),
-        (Autopilot::Px4, &[("GF_ACTION", 1.0)], Some("GF_ACTION")),
-        (Autopilot::ArduPilot, &[("FENCE_TYPE", 3.0)], Some("FENCE_TYPE")),
+    let cases = [
+        (Autopilot::Px4, None),
+        (Autopilot::ArduPilot, None),
+        (Autopilot::Px4, Some(("GF_ACTION", 1.0))),
+        (Autopilot::ArduPilot, Some(("FENCE_TYPE", 3.0))),
     ];
-    let connecting = cases.map(|(autopilot, parameters, refusal)| {
-        std::thread::spawn(move || (autopilot, connect_with_fence(autopilot, parameters), refusal))
+    let connecting = cases.map(|(autopilot, parameter)| {
+        std::thread::spawn(move || (autopilot, connect_with_fence(autopilot, parameter.as_slice()), parameter))
     });
     for connected in connecting {
         let (autopilot, said, refusal) = connected.join().unwrap();
         match refusal {
             None => assert!(said.as_ref().is_ok_and(|it| it.contains("inside a circle of 40 m")), "{autopilot:?}: {said:?}"),
-            Some(name) => assert!(said.as_ref().is_err_and(|it| it.contains(name)), "{autopilot:?}: {said:?}"),
+            Some((name, _)) => assert!(said.as_ref().is_err_and(|it| it.contains(name)), "{autopilot:?}: {said:?}"),
         }
     }
 }
