@@ -17,7 +17,9 @@ const TRANSFER: Duration = Duration::from_secs(60);
 /// Maximum time for the vehicle to know its home.
 const HOME: Duration = Duration::from_secs(5);
 /// Maximum time for the fence to show in the vehicle's state.
-const IN_FORCE: Duration = Duration::from_secs(20);
+const IN_FORCE: Duration = Duration::from_secs(5);
+/// Number of times that it is put in force.
+const TRIES: u32 = 4;
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A fence on the globe.
@@ -88,8 +90,12 @@ fn replace(craft: &MavlinkCraft, items: &[FenceItem]) -> Result<(), FencingError
     if craft.facts().autopilot == Autopilot::Px4 {
         return Ok(());
     }
-    craft.with_vehicle(|vehicle, _| vehicle.enable_fence(true));
-    wait(IN_FORCE, || (craft.facts().fenced == Some(true)).then_some(())).ok_or(FencingError::NotInForce)
+    // Over a bad radio all repetitions of a command may be lost.
+    let in_force = (0..TRIES).any(|_| {
+        craft.with_vehicle(|vehicle, _| vehicle.enable_fence(true));
+        wait(IN_FORCE, || (craft.facts().fenced == Some(true)).then_some(())).is_some()
+    });
+    if in_force { Ok(()) } else { Err(FencingError::NotInForce) }
 }
 
 /// Replaces the fence of a vehicle on the ground. If that fails, its former fence is put back.

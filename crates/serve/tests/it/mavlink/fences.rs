@@ -66,10 +66,13 @@ fn a_fence_is_sent_read_back_and_kept_by_the_autopilot_over_a_bad_radio() {
         assert!(passes(&mut drone, 60.0, |drone| drone.driver.has_fence(&fence).is_some()), "{:?}", drone.driver.fence_sent());
         assert_eq!((drone.driver.fence_sent(), drone.driver.has_fence(&fence)), (Some(Ok(())), Some(true)), "{autopilot:?}");
         assert_eq!(drone.driver.has_fence(&fence[1..]), Some(false));
-        drone.driver.enable_fence(true);
         // PX4 does not tell.
         let told = if autopilot == Autopilot::Px4 { None } else { Some(true) };
-        assert!(passes(&mut drone, 20.0, |drone| drone.driver.facts().fenced == told), "{autopilot:?}");
+        let enabled = (0..4).any(|_| {
+            drone.driver.enable_fence(true);
+            passes(&mut drone, 5.0, |drone| drone.driver.facts().fenced == told)
+        });
+        assert!(enabled, "{autopilot:?}");
         drone.steps(1.0);
         assert_eq!(drone.driver.facts().fenced, told, "{autopilot:?}");
         let words = drone.driver.facts().fence_in_words().join(", ");
@@ -153,20 +156,20 @@ fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Resul
 
 #[test]
 fn a_fence_is_uploaded_at_connect_or_the_flight_is_refused_and_nothing_changed() {
-    let cases: [(Autopilot, &[(&str, f64)], Option<&str>); 4] = [
-        (Autopilot::Px4, &[], None),
-        (Autopilot::ArduPilot, &[], None),
-        (Autopilot::Px4, &[("GF_ACTION", 1.0)], Some("GF_ACTION")),
-        (Autopilot::ArduPilot, &[("FENCE_TYPE", 3.0)], Some("FENCE_TYPE")),
+    let cases = [
+        (Autopilot::Px4, None),
+        (Autopilot::ArduPilot, None),
+        (Autopilot::Px4, Some(("GF_ACTION", 1.0))),
+        (Autopilot::ArduPilot, Some(("FENCE_TYPE", 3.0))),
     ];
-    let connecting = cases.map(|(autopilot, parameters, refusal)| {
-        std::thread::spawn(move || (autopilot, connect_with_fence(autopilot, parameters), refusal))
+    let connecting = cases.map(|(autopilot, parameter)| {
+        std::thread::spawn(move || (autopilot, connect_with_fence(autopilot, parameter.as_slice()), parameter))
     });
     for connected in connecting {
         let (autopilot, said, refusal) = connected.join().unwrap();
         match refusal {
             None => assert!(said.as_ref().is_ok_and(|it| it.contains("inside a circle of 40 m")), "{autopilot:?}: {said:?}"),
-            Some(name) => assert!(said.as_ref().is_err_and(|it| it.contains(name)), "{autopilot:?}: {said:?}"),
+            Some((name, _)) => assert!(said.as_ref().is_err_and(|it| it.contains(name)), "{autopilot:?}: {said:?}"),
         }
     }
 }
