@@ -8,6 +8,7 @@ use crate::harness::{Lab, skip};
 use crate::python;
 
 /// Runs parts of the script in a browser.
+#[allow(clippy::print_stdout, reason = "how long each part took is for people")]
 fn in_a_browser(parts: &str) {
     if Command::new("chromium").arg("--version").output().is_err() {
         return skip("the cockpit in a browser (no chromium)");
