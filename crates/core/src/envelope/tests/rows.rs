@@ -478,6 +478,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../pilot/tests/take_over.rs"),
         include_str!("../../pilot/tests/returning.rs"),
         include_str!("../../pilot/tests/gimbal.rs"),
+        include_str!("../../pilot/tests/guided.rs"),
         include_str!("../../pilot/tests/ranges.rs"),
         include_str!("../returning.rs"),
         include_str!("../../pilot/tests/unseen.rs"),
