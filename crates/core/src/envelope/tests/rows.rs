@@ -479,6 +479,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../pilot/tests/returning.rs"),
         include_str!("../../pilot/tests/gimbal.rs"),
         include_str!("../../pilot/tests/guided.rs"),
+        include_str!("../../avoid/keep_out.rs"),
         include_str!("../../pilot/tests/ranges.rs"),
         include_str!("../returning.rs"),
         include_str!("../../pilot/tests/unseen.rs"),
