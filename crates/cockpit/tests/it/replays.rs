@@ -1,6 +1,5 @@
 //! Replays of recorded flights: one at a time, for who may fly, and not while a drone flies.
 
-use std::io::Write;
 use std::net::{SocketAddr, TcpStream};
 use std::sync::Arc;
 use std::sync::mpsc::channel;
@@ -26,7 +25,7 @@ fn headers(address: SocketAddr, secret: &str) -> String {
 }
 
 #[test]
-fn a_replay_that_nobody_waits_for_any_longer_still_holds_the_place_and_none_runs_beside_a_flight() {
+fn a_replay_is_for_who_may_fly_and_none_runs_beside_a_flight() {
     let folder = tempfile::tempdir().unwrap();
     let site = Simulated::new(Arc::new(LoadedScene::load("yard").unwrap()), "yard");
     let oracle = oracle_factory("oracle".to_owned(), ErrorFile::default());
@@ -44,18 +43,8 @@ fn a_replay_that_nobody_waits_for_any_longer_still_holds_the_place_and_none_runs
     assert!(get.starts_with("HTTP/1.1 405"), "{get}");
     assert!(replay(address, "0123").starts_with("HTTP/1.1 403"));
 
-    // Somebody asks, and goes away. On a slow machine that replay may be over before the next one is asked for.
     let began = Instant::now();
-    let refused = (0..20).any(|_| {
-        let mut gone = TcpStream::connect(address).unwrap();
-        write!(gone, "POST /again/one HTTP/1.1\r\n{}\r\n\r\n", headers(address, secret)).unwrap();
-        std::thread::sleep(Duration::from_millis(20));
-        drop(gone);
-        std::thread::sleep(Duration::from_millis(20));
-        replay(address, secret).starts_with("HTTP/1.1 429")
-    });
-    assert!(refused);
-    // When that one is over, it can be replayed again.
+    // One that is under way is waited for.
     let done = loop {
         let answer = replay(address, secret);
         if !answer.starts_with("HTTP/1.1 429") {
