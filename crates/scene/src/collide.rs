@@ -191,21 +191,17 @@ impl Collider {
     /// Distance along the segment between two points to the first solid surface, metres; `None` if there is none.
     #[must_use]
     pub fn range(&self, from: EnuPosition, to: EnuPosition) -> Option<f64> {
-        let length = from.distance(to);
-        if length <= 0.0 {
-            return None;
-        }
-        let direction = narrow(EnuPosition {
-            east: (to.east - from.east) / length,
-            north: (to.north - from.north) / length,
-            up: (to.up - from.up) / length,
-        });
-        self.cast(from, direction, length as f32).map(|(_, along)| along)
+        self.first_between(from, to).map(|(_, along)| along)
     }
 
     /// The first object that intersects the segment between two points; `None` if the line of sight is free.
     #[must_use]
     pub fn segment_blocked(&self, from: EnuPosition, to: EnuPosition) -> Option<ObjectId> {
+        self.first_between(from, to).map(|(object, _)| object)
+    }
+
+    /// The first object that intersects the segment between two points, and how far along, metres.
+    fn first_between(&self, from: EnuPosition, to: EnuPosition) -> Option<(ObjectId, f64)> {
         let length = from.distance(to);
         if length <= 0.0 {
             return None;
@@ -215,7 +211,7 @@ impl Collider {
             north: (to.north - from.north) / length,
             up: (to.up - from.up) / length,
         });
-        self.cast(from, direction, length as f32).map(|(object, _)| object)
+        self.cast(from, direction, length as f32)
     }
 
     /// All objects with a solid part, in ascending order.

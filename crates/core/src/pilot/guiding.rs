@@ -6,54 +6,22 @@
 
 use std::collections::VecDeque;
 
+use super::course::{Aim, Course, FLOWN, OWN_SURFACE};
 use super::tracked_target::TrackedTarget;
 use super::unseen::may_overhang;
 use super::view_height::correction;
-use super::{AnchorReport, Around, Note, Passage, Pilot, QueryTiming, Waiting};
+use super::{AnchorReport, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
-use crate::avoid::{KeepOut, MARKED, is_person};
-use crate::depth::DepthGrid;
-use crate::estimator::MotionEstimate;
+use crate::avoid::KeepOut;
 use crate::executor::{Goal, Motion};
-use crate::geometry::{EnuPosition, Pose, wrap_angle};
+use crate::geometry::{EnuPosition, Pose};
 use crate::guidance::SLOW_ANSWERS;
-use crate::lift::range_of_label;
-use crate::obstacle_map::{CELL, Cell, MapPoint, Mobility, ObstacleMap};
-use crate::planner::{Body, Destination, Escape, Guide, Planner, Progress, Reach, escape};
+use crate::obstacle_map::{Cell, ObstacleMap};
+use crate::planner::{Guide, Planner, Progress};
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
-use crate::ranges::RangeScan;
-use crate::reply::{ObstacleBox, Reply, Status};
-use crate::telemetry::Telemetry;
+use crate::reply::Status;
 use crate::time::{Duration, Time};
-
-/// Minimum interval of plans: 5 Hz.
-const PLAN_PERIOD: Duration = Duration::from_millis(200);
-/// The position's drift within this time counts as its error relative to the map.
-const DRIFTING: Duration = Duration::from_secs(3);
-/// Deceleration that plans count on, as a fraction of the craft's limit.
-const BRAKING: f64 = 0.5;
-/// A craft whose heading differs by less than this has turned to it, radians: 5°.
-const FACING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
-/// At the end of a course, a target farther off the heading than this is turned to, radians: 15°.
-const LOOK_BACK: f64 = 15.0 / 180.0 * core::f64::consts::PI;
-/// A depth sensor whose last grid is at most this old measures what boxes would only bound.
-const SENSED: Duration = Duration::from_secs(1);
-/// A rest of a course below this is not flown, metres.
-const FLOWN: f64 = 0.1;
-/// A leg whose end moves by less than this, metres, and whose speed by less than this fraction, goes on.
-const SAME_PLACE: f64 = 0.05;
-const SAME_SPEED: f64 = 0.05;
-/// Places that differ by less than this are one goal, metres.
-const SAME_AIM: f64 = 2.0;
-/// Distance at which a place that is no target counts as reached, metres.
-const AT_PLACE: f64 = 0.3;
-/// Maximum time for getting out of where the craft is stuck.
-const ESCAPE_TIME: Duration = Duration::from_secs(4);
-/// Occupied cells within this distance of the craft are passed to the brake, metres.
-const BRAKE_SIGHT: f64 = 5.0;
-/// Distance from a target's place at which a known obstacle in between counts as the target, metres.
-const OWN_SURFACE: f64 = 1.5;
 
 /// Place of a target, and what is known about obstacles.
 #[derive(Debug, Default)]
@@ -63,24 +31,24 @@ pub(super) struct Guiding {
     /// Outcome of the last sighting.
     pub(super) gate: Option<Gate>,
     /// The map; `None` if nothing fills it. Without `guidance.map` it holds points, for the brake alone.
-    map: Option<ObstacleMap>,
-    planner: Planner,
-    progress: Progress,
-    course: Option<Course>,
+    pub(super) map: Option<ObstacleMap>,
+    pub(super) planner: Planner,
+    pub(super) progress: Progress,
+    pub(super) course: Option<Course>,
     /// Whether the craft follows a moving target (`following.rs`).
     follows: bool,
     /// When the motion estimate last lost track, as far as it has been taken into account.
-    lost: Option<Time>,
+    pub(super) lost: Option<Time>,
     /// Position of the last target that was given up.
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
-    depth_at: Option<Time>,
+    pub(super) depth_at: Option<Time>,
     /// The target of the last reply, while its track agrees with the anchor.
     pub(super) tracked: Option<TrackedTarget>,
     /// Ages of the last answers.
     ages: AnswerAges,
     /// When the brake last received the obstacles.
-    remembered: Option<Time>,
+    pub(super) remembered: Option<Time>,
 }
 
 /// Time from the capture of its frame to each of the last answers.
@@ -105,48 +73,6 @@ impl AnswerAges {
     /// Whether most of the last answers were slow.
     fn are_slow(&self) -> bool {
         self.0.iter().filter(|&&age| age > SLOW_ANSWERS).count() > Self::KEPT / 2
-    }
-}
-
-/// What a craft under way flies to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Aim {
-    /// The anchor.
-    Target,
-    /// A place, and the heading of the motion there, radians clockwise from north.
-    Place(EnuPosition, f64),
-}
-
-impl Aim {
-    /// Whether both lead to the same target, or to nearly the same place, as two answers from one view do.
-    fn is_same(self, other: Self) -> bool {
-        match (self, other) {
-            (Self::Target, Self::Target) => true,
-            (Self::Place(a, _), Self::Place(b, _)) => a.distance(b) < SAME_AIM,
-            _ => false,
-        }
-    }
-}
-
-/// A flight along plans that are renewed until its end.
-#[derive(Clone, Debug)]
-struct Course {
-    aim: Aim,
-    /// It ends this far from here, metres: what one answer permits.
-    from: EnuPosition,
-    reach: f64,
-    planned: Option<Time>,
-    /// The leg being flown, and its speed.
-    leg: Option<(Goal, f64)>,
-    /// Where the craft flies to become free, and until when.
-    escape: Option<(EnuPosition, Time)>,
-    guide: Option<Guide>,
-    around: Option<Around>,
-}
-
-impl Course {
-    fn new(aim: Aim, from: EnuPosition, reach: f64) -> Self {
-        Self { aim, from, reach, planned: None, leg: None, escape: None, guide: None, around: None }
     }
 }
 
@@ -279,57 +205,6 @@ impl Pilot {
         self.guiding.course.as_ref()?.guide.as_ref()
     }
 
-    /// Takes telemetry into account that the motion estimate has taken.
-    pub(super) fn map_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
-        let lost = self.estimator.lost_track();
-        if lost != self.guiding.lost {
-            self.guiding.lost = lost;
-            self.guiding.anchors.lose_track(lost.unwrap_or(now));
-            self.guiding.tracked = None;
-            self.points.clear();
-            if let Some(map) = &mut self.guiding.map {
-                map.clear();
-            }
-            self.void_kept_out(now);
-        }
-        let (Some(map), Some(below)) = (&mut self.guiding.map, telemetry.ground_clearance) else { return };
-        if let Some(pose) = self.estimator.pose_at(telemetry.time).filter(|_| below.is_finite() && telemetry.phase.is_flying()) {
-            map.advance(now, pose.position);
-            let end = EnuPosition { up: pose.position.up - below, ..pose.position };
-            map.ray(pose.position, end, true);
-        }
-    }
-
-    pub(super) fn map_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
-        if let Some(map) = &mut self.guiding.map {
-            map.advance(now, pose.position);
-            map.depth(grid, pose);
-            self.guiding.depth_at = Some(now);
-        }
-    }
-
-    pub(super) fn map_ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
-        if let Some(map) = &mut self.guiding.map {
-            map.advance(now, pose.position);
-            map.ranges(scan, pose);
-        }
-    }
-
-    /// Adds triangulated points, seen from `from`.
-    pub(super) fn map_points(&mut self, now: Time, from: EnuPosition, points: &[MapPoint]) {
-        if let Some(map) = &mut self.guiding.map {
-            map.advance(now, from);
-            map.points(from, points);
-        }
-    }
-
-    pub(super) fn map_frame(&mut self, now: Time, captured: Time, pose: Pose) {
-        if let Some(map) = &mut self.guiding.map {
-            map.advance(now, pose.position);
-            map.frame(captured, &self.camera, pose);
-        }
-    }
-
     /// Whether a frame taken at `pose` should show the target.
     pub(super) fn expected(&self, now: Time, pose: Pose) -> Expected {
         if let Some(expected) = self.expected_by_track(now, pose) {
@@ -399,30 +274,6 @@ impl Pilot {
             Some(area) => sighting.of_box(area, camera),
             None => sighting,
         })
-    }
-
-    /// Adds a reply's boxes to the map, and the free space that it implies.
-    fn map_reply(&mut self, now: Time, view: &View, reply: &Reply) {
-        let at = self.known(now).position;
-        let Some(map) = self.guiding.map.as_mut().filter(|_| self.settings.guidance.map) else { return };
-        map.advance(now, at);
-        // Marked places are in the map as such, and do not fade.
-        let counts = |obstacle: &&ObstacleBox| obstacle.name != MARKED && reply.target.as_deref() != Some(obstacle.name.as_str());
-        let obstacles = || reply.boxes.iter().filter(counts);
-        let is_sensed = self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED);
-        for obstacle in obstacles() {
-            // A box is a rough solid: where a sensor measures depth, it would block free space.
-            if is_sensed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
-                continue;
-            }
-            let mobility = if is_person(&obstacle.name) { Mobility::Moving } else { Mobility::Fixed };
-            map.solid(now, &view.camera, view.pose, obstacle, mobility);
-        }
-        let boxes: Vec<_> = obstacles().cloned().collect();
-        let half_way = || reply.label().map(|label| 0.5 * range_of_label(label));
-        if let Some(range) = ObstacleMap::free_up_to(&boxes).or_else(half_way) {
-            map.implied_free(now, &view.camera, view.pose, range);
-        }
     }
 
     /// The anchor as it is recorded with a decision on a frame taken at `pose`.
@@ -516,206 +367,4 @@ impl Pilot {
             }
         }
     }
-
-    /// Whether a place that is no target counts as reached.
-    pub(super) fn is_at(&self, at: EnuPosition, place: EnuPosition) -> bool {
-        at.distance(place) <= AT_PLACE
-    }
-
-    /// Flies a motion to a place along plans.
-    pub(super) fn fly_planned(&mut self, now: Time, from: EnuPosition, goal: Goal, then_rest: bool) {
-        self.set_course(now, Aim::Place(goal.position, goal.heading), from, from.distance(goal.position) + AT_PLACE, then_rest);
-    }
-
-    fn set_course(&mut self, now: Time, aim: Aim, from: EnuPosition, reach: f64, then_rest: bool) {
-        let next = Course::new(aim, from, reach);
-        // A course to the same target goes on without a stop.
-        let goes_on = self.guiding.course.take().filter(|last| last.aim.is_same(aim));
-        if goes_on.is_none() {
-            self.guiding.progress.reset();
-        }
-        let next = match goes_on {
-            Some(Course { leg, escape, around, .. }) => Course { leg, escape, around, ..next },
-            None => next,
-        };
-        self.guiding.course = Some(next);
-        self.start_moving(now, then_rest);
-    }
-
-    /// Renews the plan of the course, if it is time.
-    pub(super) fn follow_course(&mut self, now: Time, known: &MotionEstimate) {
-        self.remember_obstacles(now, known.position);
-        let Some(course) = &self.guiding.course else { return };
-        if course.planned.is_some_and(|planned| now.since(planned) < PLAN_PERIOD) {
-            return;
-        }
-        let (at, heading) = (known.position, known.attitude.heading);
-        let left = course.reach - course.from.distance(at);
-        if course.escape.is_none() && left < FLOWN {
-            return self.end_course(now);
-        }
-        let Some(goal) = self.destination(now, at) else { return self.end_course(now) };
-        let body = self.body(now, at);
-        let Guiding { map: Some(map), planner, .. } = &mut self.guiding else { return self.end_course(now) };
-        map.advance(now, at);
-        let Some(guide) = planner.plan(map, now, at, heading, &body, &goal) else { return self.end_course(now) };
-        let out_of_time = |(_, until): (EnuPosition, Time)| until <= now;
-        let Some(course) = &mut self.guiding.course else { return };
-        course.planned = Some(now);
-        let arrived = guide.reach == Reach::Arrived;
-        if course.escape.is_some() && (arrived || course.escape.is_some_and(out_of_time)) {
-            course.escape = None;
-            course.planned = None;
-            self.guiding.progress.reset();
-            return;
-        }
-        if arrived {
-            return self.end_course(now);
-        }
-        let (escaping, way) = (course.escape.is_some(), at.distance(guide.waypoint));
-        let turned = wrap_angle(guide.heading - heading).abs() < FACING;
-        let waits = guide.turn_first && turned;
-        let leg = if guide.turn_first || guide.speed <= 0.0 {
-            (Goal { position: self.executor.rest_position(now, *known), heading: guide.heading }, self.craft.cruise_speed)
-        } else {
-            let part = if escaping || way <= left { 1.0 } else { left / way };
-            (Goal { position: at.towards(guide.waypoint, part), heading: guide.heading }, guide.speed)
-        };
-        let moves = !guide.turn_first || waits;
-        let stuck = !escaping && self.guiding.progress.is_stuck(now, moves, guide.remaining);
-        let holds = guide.turn_first || guide.speed <= 0.0;
-        let Guiding { map: Some(map), course: Some(course), .. } = &mut self.guiding else { return };
-        let goes_on = course.leg.is_some_and(|last| !holds && is_same(last, leg)) && self.executor.is_active();
-        let around = around(map, at, &guide, goal.position);
-        let news = around.is_some() && around != course.around;
-        course.around.clone_from(&around);
-        course.guide = Some(guide);
-        let rests = waits && !self.executor.is_active();
-        if !(goes_on || rests) {
-            course.leg = Some(leg);
-            self.executor.start_goal_at(now, *known, leg.0, leg.1);
-        }
-        if let Some(around) = around.filter(|_| news) {
-            self.note(Note::Around(around));
-        }
-        if stuck {
-            self.free(now, at, &body, goal.position);
-        }
-    }
-
-    /// Tries something else where the plan makes no progress.
-    fn free(&mut self, now: Time, at: EnuPosition, body: &Body, goal: EnuPosition) {
-        let Some(map) = &self.guiding.map else { return };
-        let way_out = escape(map, now, at, at.bearing_to(goal), body);
-        match way_out {
-            Escape::Side(place) | Escape::Up(place) => {
-                if let Some(course) = &mut self.guiding.course {
-                    course.escape = Some((place, now + ESCAPE_TIME));
-                    course.planned = None;
-                }
-            }
-            Escape::Ask => {
-                self.note(Note::Limited("no progress around the obstacle: holds and queries the VLM again"));
-                self.end_course(now);
-                self.needs_rest = true;
-            }
-        }
-    }
-
-    /// Where the course leads to now.
-    fn destination(&self, now: Time, at: EnuPosition) -> Option<Destination> {
-        let course = self.guiding.course.as_ref()?;
-        if let Some((position, _)) = course.escape {
-            return Some(Destination::place(position, AT_PLACE));
-        }
-        match course.aim {
-            Aim::Place(position, heading) => {
-                Some(Destination { heading: Some(heading), ..Destination::place(position, AT_PLACE) })
-            }
-            Aim::Target => {
-                let anchor = self.guiding.anchors.anchor()?;
-                let odometry = self.estimator.odometry_at(now);
-                // Never back to what was passed.
-                if anchor.is_passed(at, odometry) {
-                    return None;
-                }
-                let sight = anchor.seen_from(at, odometry);
-                let sigma = libm::hypot(sight.range_sd, sight.lateral_sd);
-                Some(Destination::target(sight.position, self.stop_distance(), sigma))
-            }
-        }
-    }
-
-    fn body(&self, now: Time, at: EnuPosition) -> Body {
-        let drift = self.estimator.odometry_at(now - DRIFTING).drift_to(self.estimator.odometry_at(now));
-        let (down, up) = self.envelope.altitude_room();
-        Body {
-            radius: self.craft.radius,
-            position_sigma: drift.horizontal.sqrt(),
-            braking: BRAKING * self.craft.acceleration,
-            delay: self.craft.dead_time + self.craft.lag + PLAN_PERIOD.as_secs_f64(),
-            cruise_speed: self.craft.cruise_speed,
-            altitudes: (at.up - down.max(0.0), at.up + up.max(0.0)),
-            half_view: self.camera.half_fov(),
-        }
-    }
-
-    /// Passes the obstacles near the craft to the brake.
-    pub(super) fn remember_obstacles(&mut self, now: Time, at: EnuPosition) {
-        let recent = |at: &Time| now.since(*at) < PLAN_PERIOD;
-        if self.envelope.limits().brake.is_none() || self.guiding.remembered.as_ref().is_some_and(recent) {
-            return;
-        }
-        let Some(map) = &self.guiding.map else { return };
-        self.guiding.remembered = Some(now);
-        let near = map.occupied().map(Cell::middle).filter(|place| place.distance(at) <= BRAKE_SIGHT);
-        self.envelope.observe_obstacles(near);
-    }
-
-    /// Ends the course; a craft that has flown around something turns to its target, so that the next frame shows it.
-    fn end_course(&mut self, now: Time) {
-        let Some(course) = self.guiding.course.take() else { return };
-        self.guiding.progress.reset();
-        let known = self.known(now);
-        let target = self.guiding.anchors.anchor().filter(|_| course.aim == Aim::Target).map(Anchor::position);
-        if let Some(target) = target.filter(|target| target.horizontal_distance(known.position) > AT_PLACE) {
-            let heading = known.position.bearing_to(target);
-            if wrap_angle(heading - known.attitude.heading).abs() > LOOK_BACK {
-                let position = self.executor.rest_position(now, known);
-                return self.executor.start_goal(now, known, Goal { position, heading });
-            }
-        }
-        self.executor.stop(now);
-        self.move_ended(now);
-    }
-}
-
-/// Whether a depth sensor may see nothing of an object with this name: it is transparent or thin.
-fn is_unseen_by_sensors(name: &str) -> bool {
-    const WORDS: [&str; 10] = ["glass", "window", "mirror", "wire", "cable", "rope", "line", "net", "antenna", "pole"];
-    name.split(|c: char| !c.is_alphanumeric()).any(|word| WORDS.iter().any(|w| word.eq_ignore_ascii_case(w)))
-}
-
-/// The detour that a plan to `goal` makes around an obstacle on the straight line.
-fn around(map: &ObstacleMap, at: EnuPosition, guide: &Guide, goal: EnuPosition) -> Option<Around> {
-    let range = at.distance(goal);
-    let until = (1.0 - OWN_SURFACE / range.max(OWN_SURFACE)).max(0.0);
-    let obstacle = map.first_obstacle(at, at.towards(goal, until))?;
-    let turn = wrap_angle(at.bearing_to(guide.waypoint) - at.bearing_to(goal));
-    let level = at.up + (goal.up - at.up) * at.distance(guide.waypoint) / range.max(0.1);
-    let side = match (turn, guide.waypoint.up - level) {
-        (turn, _) if turn < -FACING => Passage::Left,
-        (turn, _) if turn > FACING => Passage::Right,
-        (_, above) if above > CELL => Passage::Over,
-        (_, above) if above < -CELL => Passage::Under,
-        _ => return None,
-    };
-    Some(Around { side, name: map.name_at(obstacle.middle()).map(ToOwned::to_owned) })
-}
-
-/// Whether two legs are the same for the executor.
-fn is_same((a, v): (Goal, f64), (b, w): (Goal, f64)) -> bool {
-    a.position.distance(b.position) < SAME_PLACE
-        && wrap_angle(a.heading - b.heading).abs() < FACING
-        && (v - w).abs() <= SAME_SPEED * v.max(w)
 }

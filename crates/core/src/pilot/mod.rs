@@ -12,12 +12,14 @@
 //! ```
 
 mod boxes;
+mod course;
 mod deciding;
 mod ending;
 mod event;
 mod following;
 mod gimbal;
 mod guiding;
+mod mapping;
 mod moving;
 mod news;
 mod operator;

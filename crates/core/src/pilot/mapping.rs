@@ -1,0 +1,115 @@
+//! What fills the obstacle map, and what the brake gets of it: telemetry, depth grids, range scans, points, frames, replies.
+
+use super::Pilot;
+use crate::avoid::{MARKED, is_person};
+use crate::depth::DepthGrid;
+use crate::geometry::{EnuPosition, Pose};
+use crate::lift::range_of_label;
+use crate::obstacle_map::{Cell, MapPoint, Mobility, ObstacleMap};
+use crate::policy::View;
+use crate::ranges::RangeScan;
+use crate::reply::{ObstacleBox, Reply};
+use crate::telemetry::Telemetry;
+use crate::time::{Duration, Time};
+
+/// A depth sensor whose last grid is at most this old measures what boxes would only bound.
+const SENSED: Duration = Duration::from_secs(1);
+/// Occupied cells within this distance of the craft are passed to the brake, metres.
+const BRAKE_SIGHT: f64 = 5.0;
+/// The brake gets the obstacles this often: as often as a path is planned.
+const PASS_PERIOD: Duration = Duration::from_millis(200);
+
+impl Pilot {
+    /// Takes telemetry into account that the motion estimate has taken.
+    pub(super) fn map_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
+        let lost = self.estimator.lost_track();
+        if lost != self.guiding.lost {
+            self.guiding.lost = lost;
+            self.guiding.anchors.lose_track(lost.unwrap_or(now));
+            self.guiding.tracked = None;
+            self.points.clear();
+            if let Some(map) = &mut self.guiding.map {
+                map.clear();
+            }
+            self.void_kept_out(now);
+        }
+        let (Some(map), Some(below)) = (&mut self.guiding.map, telemetry.ground_clearance) else { return };
+        if let Some(pose) = self.estimator.pose_at(telemetry.time).filter(|_| below.is_finite() && telemetry.phase.is_flying()) {
+            map.advance(now, pose.position);
+            let end = EnuPosition { up: pose.position.up - below, ..pose.position };
+            map.ray(pose.position, end, true);
+        }
+    }
+
+    pub(super) fn map_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.depth(grid, pose);
+            self.guiding.depth_at = Some(now);
+        }
+    }
+
+    pub(super) fn map_ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.ranges(scan, pose);
+        }
+    }
+
+    /// Adds triangulated points, seen from `from`.
+    pub(super) fn map_points(&mut self, now: Time, from: EnuPosition, points: &[MapPoint]) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, from);
+            map.points(from, points);
+        }
+    }
+
+    pub(super) fn map_frame(&mut self, now: Time, captured: Time, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.frame(captured, &self.camera, pose);
+        }
+    }
+
+    /// Adds a reply's boxes to the map, and the free space that it implies.
+    pub(super) fn map_reply(&mut self, now: Time, view: &View, reply: &Reply) {
+        let at = self.known(now).position;
+        let Some(map) = self.guiding.map.as_mut().filter(|_| self.settings.guidance.map) else { return };
+        map.advance(now, at);
+        // Marked places are in the map as such, and do not fade.
+        let counts = |obstacle: &&ObstacleBox| obstacle.name != MARKED && reply.target.as_deref() != Some(obstacle.name.as_str());
+        let obstacles = || reply.boxes.iter().filter(counts);
+        let is_sensed = self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED);
+        for obstacle in obstacles() {
+            // A box is a rough solid: where a sensor measures depth, it would block free space.
+            if is_sensed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
+                continue;
+            }
+            let mobility = if is_person(&obstacle.name) { Mobility::Moving } else { Mobility::Fixed };
+            map.solid(now, &view.camera, view.pose, obstacle, mobility);
+        }
+        let boxes: Vec<_> = obstacles().cloned().collect();
+        let half_way = || reply.label().map(|label| 0.5 * range_of_label(label));
+        if let Some(range) = ObstacleMap::free_up_to(&boxes).or_else(half_way) {
+            map.implied_free(now, &view.camera, view.pose, range);
+        }
+    }
+
+    /// Passes the obstacles near the craft to the brake.
+    pub(super) fn remember_obstacles(&mut self, now: Time, at: EnuPosition) {
+        let recent = |at: &Time| now.since(*at) < PASS_PERIOD;
+        if self.envelope.limits().brake.is_none() || self.guiding.remembered.as_ref().is_some_and(recent) {
+            return;
+        }
+        let Some(map) = &self.guiding.map else { return };
+        self.guiding.remembered = Some(now);
+        let near = map.occupied().map(Cell::middle).filter(|place| place.distance(at) <= BRAKE_SIGHT);
+        self.envelope.observe_obstacles(near);
+    }
+}
+
+/// Whether a depth sensor may see nothing of an object with this name: it is transparent or thin.
+fn is_unseen_by_sensors(name: &str) -> bool {
+    const WORDS: [&str; 10] = ["glass", "window", "mirror", "wire", "cable", "rope", "line", "net", "antenna", "pole"];
+    name.split(|c: char| !c.is_alphanumeric()).any(|word| WORDS.iter().any(|w| word.eq_ignore_ascii_case(w)))
+}
