@@ -70,6 +70,9 @@ function binary(data) {
   else if (!film.wanted || !watch.filming) picture.show(head, body);
 }
 
+/** Whether the program has ended. */
+let gone = false;
+
 function lost(is, over, reason) {
   const alarm = byId("alarm");
   alarm.hidden = !is;
@@ -82,6 +85,11 @@ function lost(is, over, reason) {
     ? (reason || "The program has ended.")
     : `Connection lost. ${flying ? "The drone holds if only this page controls it, and lands after 20 s. " : ""}Trying again …`;
   if (over && byId("ended").open) alarm.hidden = true;
+  if (!over || gone) return;
+  gone = true;
+  // Nobody serves them any longer.
+  for (const id of ["past", "ended-flights"]) byId(id).hidden = true;
+  byId("ended-lines").append(element("p", "The program has ended. “spf cockpit --view flights” shows its flights."));
 }
 
 /** The page that asks this one for the controls. */
