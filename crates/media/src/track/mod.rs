@@ -218,9 +218,10 @@ impl Tracker {
     /// The target in the next image, which must have the size of the first. `predicted` is the shift that is known to come from
     /// the turning of the camera, none if it is not known. What else has moved the box in the last images is expected to go on.
     pub fn next(&mut self, image: &TrackImage, predicted: Option<Shift>) -> Track {
-        let Some(mut filter) = self.filter.take().filter(|_| image.size() == self.size) else {
+        if image.size() != self.size {
             return self.track();
-        };
+        }
+        let Some(mut filter) = self.filter.take() else { return self.track() };
         let now = Pyramid::of(&image.grey);
         let turned = predicted.filter(|shift| shift.x.is_finite() && shift.y.is_finite()).unwrap_or_default();
         let expected = self.area.moved(Shift { x: turned.x + self.velocity.x, y: turned.y + self.velocity.y }, 1.0);

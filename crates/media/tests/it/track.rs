@@ -452,9 +452,10 @@ proptest! {
             prop_assert!(track.quality != Quality::Good || track.area.overlap(&track.area) > 0.99);
         }
         // An image of another size changes nothing.
-        let before = format!("{:?}", tracker.track());
+        let (before, over) = (format!("{:?}", tracker.track()), tracker.is_over());
         let other = TrackImage::from_grey(width + 1, 1, vec![0; width as usize + 1]).unwrap();
         prop_assert_eq!(before, format!("{:?}", tracker.next(&other, None)));
+        prop_assert_eq!(over, tracker.is_over());
     }
 
     #[test]
