@@ -16,6 +16,9 @@ pub(crate) fn with(packages: &[&str]) -> Option<PathBuf> {
         Ok(output) => Err(String::from_utf8_lossy(&output.stderr).trim().to_owned()),
         Err(error) => Err(error.to_string()),
     };
+    // Tests of several threads and processes want the same environment: the first one makes it, the others wait.
+    let waiting = std::fs::File::create(folder.with_extension("lock")).unwrap();
+    waiting.lock().unwrap();
     // The marker is written last: an interrupted environment is created again.
     let marker = folder.join("complete");
     if !marker.exists() {
