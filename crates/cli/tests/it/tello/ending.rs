@@ -70,12 +70,10 @@ impl Flight {
     fn landed(&self) -> (Value, Duration) {
         let begun = Instant::now();
         loop {
-            // Written when the motors stop.
+            // Written when the motors stop; read only when its first line is whole.
             let truth = self.lab.path("truth.jsonl");
-            if truth.exists()
-                && let Some(row) = rows(&truth).first()
-            {
-                return (row["ended_by"].clone(), begun.elapsed());
+            if std::fs::read_to_string(&truth).is_ok_and(|text| text.ends_with('\n')) {
+                return (rows(&truth)[0]["ended_by"].clone(), begun.elapsed());
             }
             assert!(begun.elapsed() < Duration::from_secs(40), "it still flies: {}", self.printed);
             std::thread::sleep(Duration::from_millis(50));
