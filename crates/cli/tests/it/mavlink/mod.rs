@@ -1,6 +1,7 @@
 //! `spf sim serve --mavlink` from the side of third-party clients, and `spf fly` and `spf doctor` against it: processes of their
 //! own, real sockets, the wall clock.
 
+mod fences;
 mod serial;
 
 use std::io::{BufRead, BufReader, Read};

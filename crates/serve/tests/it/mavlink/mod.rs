@@ -9,6 +9,7 @@ mod protocol;
 mod ranges;
 mod returning;
 mod taken;
+mod tap;
 pub(crate) mod wired;
 
 use std::sync::{Arc, Mutex, OnceLock};
