@@ -3,6 +3,7 @@
 
 mod fences;
 mod serial;
+mod signing;
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
