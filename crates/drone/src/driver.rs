@@ -45,6 +45,11 @@ pub trait Target: Send + Sync {
         false
     }
 
+    /// Whether it sends the video of a camera of its own. Without one a flight needs another camera.
+    fn has_camera(&self) -> bool {
+        true
+    }
+
     /// Whether its address is one of this machine alone, so that it is a program and no craft that could hurt anybody. `false` if a
     /// program there may pass the commands on.
     fn is_simulated(&self) -> bool {

@@ -8,8 +8,8 @@ use spf_detect::Detector;
 pub use spf_drone::examine::{Check, Finding};
 use spf_media::Rgb;
 use spf_render::Channels;
-use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
+use spf_vlm::{Vlm, VlmError};
 
 use crate::sim::LoadedScene;
 
@@ -37,9 +37,8 @@ pub fn simulator(loaded: &LoadedScene) -> Check {
     Check::new("simulator", finding, text, Some("reduce the load on this machine, or fly with --no-video"))
 }
 
-/// Sends test images of a dot to a VLM.
-#[must_use]
-pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
+/// Sends test images of a dot to a VLM. `advice` is what to do about an error of it.
+pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration, advice: impl Fn(&VlmError) -> &'static str) -> Check {
     let checked = check(vlm, time);
     let latencies = checked.pointed.iter().map(|pointed| pointed.answer.latency.as_secs_f64());
     let slowest = latencies.fold(0.0, f64::max);
@@ -49,12 +48,13 @@ pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration) -> Check {
             let text = format!("{name} points within {:.1} % of the image width, latency up to {slowest:.2} s", 100.0 * worst);
             Check::new("VLM", finding, text, Some("use a faster model: the drone holds, or flies on, while waiting for a reply"))
         }
-        Verdict::Failed(error) => Check::new(
+        Verdict::Failed(error) if error.is_of_stand_in() => Check::new(
             "VLM",
-            Finding::Bad,
-            format!("{name}: {error}"),
-            Some("check that the API key is set, and that this machine reaches the Internet while on the drone's Wi-Fi"),
+            Finding::Warning,
+            format!("{name} is the oracle of `spf sim serve`: no VLM, and only for the view of its own simulated camera"),
+            Some(advice(&error)),
         ),
+        Verdict::Failed(error) => Check::new("VLM", Finding::Bad, format!("{name}: {error}"), Some(advice(&error))),
         _ => Check::new(
             "VLM",
             Finding::Bad,

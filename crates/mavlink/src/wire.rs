@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Read};
 
 use core::convert::Infallible;
 
+use mavlink::consts::v2::IFLAG_SIGNED;
 use mavlink::dialects::common::MavMessage;
 use mavlink::error::ParserError;
 use mavlink::{Dialect, MAVLinkMessageRaw, MAVLinkV2MessageRaw, MavlinkReader, MavlinkVersion, Message, calculate_crc};
@@ -108,6 +109,8 @@ pub struct Packet {
     pub id: u32,
     /// Whether it has the format of version 1.
     pub is_v1: bool,
+    /// Whether it is signed. The signature is not checked: it speaks of who may command the vehicle, not of what it tells.
+    pub is_signed: bool,
     /// Payload, perhaps without zeros at its end.
     pub payload: Vec<u8>,
 }
@@ -120,6 +123,7 @@ impl Packet {
             sequence: raw.sequence(),
             id: raw.message_id(),
             is_v1: matches!(raw.version(), MavlinkVersion::V1),
+            is_signed: matches!(raw, MAVLinkMessageRaw::V2(raw) if raw.incompatibility_flags() & IFLAG_SIGNED != 0),
             payload: raw.payload().to_vec(),
         }
     }
@@ -198,6 +202,8 @@ pub struct LinkStats {
     pub lost: u64,
     /// Messages that came twice or too late, and were dropped.
     pub repeated: u64,
+    /// Whether the autopilot's messages are signed.
+    pub signed: bool,
     /// Whether another ground station or onboard computer was heard.
     pub other_stations: bool,
 }

@@ -3,6 +3,8 @@
 use spf_core::reply::MAX_TEXT;
 use spf_core::time::Duration;
 
+use crate::ORACLE_SERVED;
+
 /// Maximum length of a quoted vendor message, characters.
 const LONGEST_QUOTE: usize = 300;
 
@@ -203,6 +205,12 @@ impl VlmError {
             Self::Spent { .. } => "spent",
             Self::Replay(_) => "replay",
         }
+    }
+
+    /// Whether `spf sim serve --vlm` says that the picture is none of its own simulated camera, the only ones it can answer about.
+    #[must_use]
+    pub fn is_of_stand_in(&self) -> bool {
+        matches!(self, Self::Vendor { message, .. } if message.starts_with(ORACLE_SERVED))
     }
 
     /// The same error with all external text passed through `words`.

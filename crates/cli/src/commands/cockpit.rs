@@ -4,13 +4,14 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
+use super::fly::real::eyes;
 use super::fly::signals::interrupts;
 use super::fly::{flight, instruction_reader, page};
 use crate::args::{COCKPIT, Cockpit};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use crate::settings::Settings;
+use crate::settings::{DroneName, Settings};
 
 /// How often a wait looks at Ctrl-C.
 const LOOK_UP: Duration = Duration::from_millis(50);
@@ -22,6 +23,9 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
     let address = settings.fly.cockpit.or_default()?;
     if let Some(folder) = &args.view {
         return view(address, folder, &interrupts, printer);
+    }
+    if let DroneName::Real(_, target) = settings.fly.drone.or_default()? {
+        eyes(&args.flight.camera, &settings, target.as_ref())?;
     }
     let cockpit = page::open(address, Path::new(page::FLIGHTS), "", printer)?;
     let mut exit = Exit::Success;

@@ -5,9 +5,10 @@ use std::path::Path;
 use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::SceneLook;
 
-use super::fly::{real::NO_ORACLE, settings::options};
+use super::fly::real::{CAMERA_EXAMPLE, NO_ORACLE};
+use super::fly::settings::options;
 use super::load_scene;
-use super::vlm::{Pace, is_human, pointing};
+use super::vlm::{Pace, advice, is_human, pointing};
 use super::{camera, detector};
 use crate::args::Doctor;
 use crate::error::CliError;
@@ -22,6 +23,10 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
         DroneName::Real(_, target) => {
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
             let mut checks = target.examine(&options(&settings)?);
+            if args.camera.url.is_none() && !target.has_camera() {
+                let found = "this drone sends no video of its own: a flight needs --camera";
+                checks.push(Check::new("camera", Finding::Warning, found, Some(CAMERA_EXAMPLE)));
+            }
             if is_oracle(settings.fly.vlm.text_or_default()) {
                 checks.push(refused("VLM", &CliError::usage(NO_ORACLE).hint("choose one with --vlm; `spf vlm list` lists them")));
             }
@@ -65,7 +70,7 @@ fn vlm(settings: &Settings) -> Result<Option<Check>, CliError> {
     };
     let time = settings.reply_timeout()?;
     match (pointing.vlm_factory)(None, 0) {
-        Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), time))),
+        Ok(mut vlm) => Ok(Some(doctor::vlm(&pointing.name, vlm.as_mut(), time, advice))),
         Err(error) => Ok(bad(&CliError::usage("cannot query the VLM").because(&*error))),
     }
 }

@@ -150,11 +150,15 @@ impl MavlinkCraft {
             let now = shared.now();
             let vehicle = shared.vehicle();
             let flown = vehicle.is_oriented(now) && vehicle.is_placed();
-            if flown && (vehicle.is_read() || begun.elapsed() >= STATE_WAIT) {
-                break;
-            }
-            if begun.elapsed() >= STATE_WAIT {
-                let texts = vehicle.facts().last_words();
+            if flown && vehicle.is_read() || begun.elapsed() >= STATE_WAIT {
+                let facts = vehicle.facts();
+                if lock(&shared.stats).signed && !facts.has_answered() {
+                    return Err(ConnectError::Signed { url: url.clone(), autopilot });
+                }
+                if flown {
+                    break;
+                }
+                let texts = facts.last_words();
                 return Err(ConnectError::NoPosition { url: url.clone(), autopilot, wait: STATE_WAIT.as_secs(), texts });
             }
             drop(vehicle);
@@ -265,6 +269,7 @@ fn receive(shared: &Shared, mut decoder: Decoder) {
                 }
                 continue;
             }
+            lock(&shared.stats).signed = packet.is_signed;
             // What came twice, or was overtaken: an old heartbeat would look like another station's change of mode.
             if !sequence.accept(packet.sequence, &mut lock(&shared.stats)) {
                 continue;

@@ -65,6 +65,11 @@ pub(super) fn examine(url: &MavlinkUrl, settings: &MavlinkSettings) -> Vec<Check
         ),
         Some("use a cable or a better radio, a higher rate of the serial port, and fewer other streams on it"),
     ));
+    if stats.signed {
+        let found = "its packets are signed; ours are not, and it takes them";
+        let advice = "it may not on another link: try again on the one that you fly with";
+        checks.push(Check::new("signing", Finding::Warning, found, Some(advice)));
+    }
     if stats.other_stations {
         checks.push(Check::new(
             "ground station",

@@ -43,6 +43,11 @@ impl Target for NamedVehicle {
         true
     }
 
+    /// Its video travels apart from MAVLink.
+    fn has_camera(&self) -> bool {
+        false
+    }
+
     fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
         let drone = MavlinkCraft::connect(&self.0, &options.mavlink, start).map_err(explained)?;
         let fence = options.mavlink.fence.as_ref();

@@ -63,6 +63,14 @@ pub enum ConnectError {
         /// What the vehicle said meanwhile.
         texts: Vec<String>,
     },
+    /// It signs its messages, and answers none of ours, which are not signed.
+    #[error("the {autopilot} on {url} answers nothing: its packets are signed (MAVLink signing), and ours are not")]
+    Signed {
+        /// The address.
+        url: MavlinkUrl,
+        /// The autopilot.
+        autopilot: &'static str,
+    },
     /// The fence could not be replaced.
     #[error("the autopilot's fence could not be replaced, so that the flight is refused")]
     Fence(#[source] FencingError),
@@ -97,6 +105,9 @@ impl ConnectError {
                 "wait for satellite navigation, or another source of position, and try again".to_owned()
             }
             Self::NoPosition { texts, .. } => format!("the autopilot says: {}", texts.join("; ")),
+            Self::Signed { .. } => {
+                "turn signing off for this link with the ground station that has the key; by USB an ArduPilot takes unsigned packets".to_owned()
+            }
             Self::Fence(_) => "`spf doctor` shows the autopilot's fence; without --upload-fence it is left as it is".to_owned(),
             _ => return None,
         })

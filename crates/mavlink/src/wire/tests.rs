@@ -23,6 +23,20 @@ fn a_heartbeat_of_another_library_is_read_in_both_versions() {
     }
 }
 
+/// Written by pymavlink 2.4.50 with the key 0, 1, 2 … 31, link 3 and time 1000: the heartbeat of an ArduPilot in GUIDED.
+#[test]
+fn a_signed_packet_is_read_and_known_as_signed() {
+    let signed = [
+        0xfd, 9, 1, 0, 0, 1, 1, 0, 0, 0, 4, 0, 0, 0, 2, 3, 81, 3, 3, 0x99, 0xda, 3, 0xe8, 3, 0, 0, 0, 0, 0x57, 0x2e, 0x31, 0x28,
+        0x90, 0x99,
+    ];
+    let plain = Encoder::new([1, 1]).frame(&message::heartbeat_of_computer());
+    let mut decoder = Decoder::default();
+    decoder.push(&[&signed[..], &plain, &signed].concat());
+    let found: Vec<_> = packets(&mut decoder).iter().map(|packet| (packet.autopilot(), packet.is_signed)).collect();
+    assert_eq!(found, [(Some(3), true), (Some(8), false), (Some(3), true)]);
+}
+
 #[test]
 fn repeated_and_overtaken_packets_are_dropped_and_missing_ones_counted() {
     let (mut sequence, mut stats) = (Sequence::default(), LinkStats::default());

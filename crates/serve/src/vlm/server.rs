@@ -13,6 +13,7 @@ use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use serde_json::Value;
+use spf_flight::ledger::ORACLE_SERVED;
 use spf_flight::pose::parse_pose;
 use spf_guard::Access;
 use spf_media::{Jpeg, jpeg};
@@ -205,7 +206,11 @@ fn think(
     let image = question.image.take().ok_or_else(|| unusable("the request contains no image (base64, JPEG)".to_owned()))?;
     let image = jpeg::decode_within(&image, spf_guard::MAX_PIXELS).map_err(|error| unusable(error.to_string()))?;
     let answer = shared.responder.answer(shared.lens.now(), number, &question.prompt, &image);
-    let reply = answer.map_err(|why: Unrecognised| unusable(why.to_string()))?;
+    let reply = answer.map_err(|why| match why {
+        Unrecognised::Wording(_) => unusable(why.to_string()),
+        // By this name its clients know that the picture is the reason (`VlmError::is_of_stand_in`).
+        _ => unusable(format!("{ORACLE_SERVED}: {why}")),
+    })?;
     Ok((question, reply))
 }
 

@@ -22,8 +22,8 @@ use super::manual::Manual;
 use super::settings::{fence, limits, method, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, sentence};
-use crate::args::Fly;
-use crate::commands::vlm::{Pace, Pointing, is_human};
+use crate::args::{CameraArgs, Fly};
+use crate::commands::vlm::{Pace, Pointing, advice, is_human};
 use crate::commands::{camera, detector};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
@@ -31,6 +31,19 @@ use crate::settings::Settings;
 
 /// Why the oracle is refused before connecting.
 pub(crate) const NO_ORACLE: &str = "the oracle reads the simulator's own images; a real drone needs a VLM";
+
+/// The camera in the place of the drone's own, which it may lack.
+pub(crate) fn eyes<'a>(args: &'a CameraArgs, settings: &Settings, target: &dyn Target) -> Result<Option<&'a str>, CliError> {
+    let other = camera::instead_of(args, settings.fly.drone.text_or_default())?;
+    if other.is_none() && !target.has_camera() {
+        return Err(CliError::usage("this drone sends no video of its own: --camera is missing").hint(CAMERA_EXAMPLE));
+    }
+    Ok(other)
+}
+
+/// How a camera is given for a drone that has none of its own.
+pub(crate) const CAMERA_EXAMPLE: &str =
+    "for example --camera rtsp://192.168.1.64/stream1 --camera-fov 78 (docs/guide/cameras.md lists the addresses of cameras)";
 
 /// Connects, and prepares the flight.
 pub(super) fn ready(
@@ -46,7 +59,7 @@ pub(super) fn ready(
     let prompt = prompt(settings, policy)?;
     let mut options = options(settings)?;
     let mut announcements = Vec::new();
-    let other_camera = camera::instead_of(&args.flight.camera, settings.fly.drone.text_or_default())?;
+    let other_camera = eyes(&args.flight.camera, settings, target)?;
     if let Some(url) = other_camera
         && !target.is_simulated()
     {
@@ -200,7 +213,12 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
             printer.log(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
             Ok(())
         }
-        Verdict::Failed(error) => Err(CliError::failed("the VLM does not respond; take-off cancelled").because(&error)),
+        Verdict::Failed(error) if error.is_of_stand_in() => {
+            Err(CliError::failed("the VLM cannot be checked; take-off cancelled").because(&error).hint(advice(&error)))
+        }
+        Verdict::Failed(error) => {
+            Err(CliError::failed("the VLM does not respond; take-off cancelled").because(&error).hint(advice(&error)))
+        }
         _ => Err(CliError::failed(format!("{} points inaccurately; take-off cancelled", pointing.name))
             .hint(format!("`spf vlm check {}` shows details; --no-vlm-check skips this check", pointing.name))),
     }

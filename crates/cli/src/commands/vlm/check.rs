@@ -114,6 +114,9 @@ fn failed(name: &str, error: &VlmError) -> CliError {
 /// A remedy for an error of a VLM.
 pub(crate) fn advice(error: &VlmError) -> &'static str {
     match (error.code(), error) {
+        _ if error.is_of_stand_in() => {
+            "fly with --no-vlm-check, and with the camera that the same `spf sim serve` shows; it cannot be asked about a test image"
+        }
         ("bad_request", VlmError::Vendor { code: Some(code), .. }) if code == "FAILED_PRECONDITION" => {
             "the vendor does not serve this region, or requires billing to be set up: see its console"
         }
@@ -129,7 +132,9 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
         ("overloaded" | "server_error" | "error_in_answer", _) => {
             "the vendor's service has a problem: try again, or use --vlm-fallback"
         }
-        ("network" | "broken_off", _) => "check the network, HTTPS_PROXY and SSL_CERT_FILE; a local server must be running",
+        ("network" | "broken_off", _) => {
+            "check the network (the Wi-Fi of a drone leads to no Internet), HTTPS_PROXY and SSL_CERT_FILE; a local server must be running"
+        }
         ("web_page" | "content_type" | "malformed", _) => {
             "the reply is not from the vendor's API: a proxy, a sign-in page or a wrong path"
         }

@@ -21,7 +21,7 @@ use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
 use spf_vlm::table::{SelectError, Table};
 use spf_vlm::{Remote, RequestOptions, Vlm, today};
 
-pub(crate) use check::check;
+pub(crate) use check::{advice, check};
 pub(crate) use estimate::{Estimate, agreed};
 pub(crate) use list::list;
 pub(crate) use own::{Pace, console, exec, is_human, listed, paced};

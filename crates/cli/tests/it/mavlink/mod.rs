@@ -1,7 +1,9 @@
 //! `spf sim serve --mavlink` from the side of third-party clients, and `spf fly` and `spf doctor` against it: processes of their
 //! own, real sockets, the wall clock.
 
+mod fences;
 mod serial;
+mod signing;
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
@@ -174,11 +176,36 @@ fn a_flight_by_language_over_real_sockets_with_the_camera_by_rtsp() {
     assert_eq!((truth.len(), &truth[0]["ended_by"], &truth[0]["collisions"]), (1, &"landing".into(), &0.into()), "{truth:?}");
 }
 
+/// Before any connection: nobody is there, and a heartbeat would be waited for.
+#[test]
+fn a_flight_without_a_camera_is_refused_at_once() {
+    let lab = Lab::new();
+    let drone = format!("mavlink@udpin:127.0.0.1:{}", port());
+    for command in [&["fly", "fly to the fountain"][..], &["cockpit"]] {
+        let begun = std::time::Instant::now();
+        let run = lab.spf(&[command, &["--drone", &drone, "--vlm", "exec:true"]].concat());
+        assert_eq!(run.code, Some(2), "{}", run.stderr);
+        assert!(
+            run.stderr.contains("--camera is missing") && run.stderr.contains("for example --camera rtsp://"),
+            "{}",
+            run.stderr
+        );
+        assert!(begun.elapsed() < std::time::Duration::from_secs(5), "{:?}", begun.elapsed());
+    }
+}
+
 #[test]
 fn the_doctor_tells_what_to_set_before_a_flight() {
     let lab = Lab::new();
-    let served = Served::start(&lab, "px4", "udpin:127.0.0.1:0", &["--scene", "park"], 1);
-    let run = lab.spf(&["doctor", "--drone", &served.addresses[0]]);
+    let served = Served::start(&lab, "px4", "udpin:127.0.0.1:0", &["--scene", "park", "--vlm"], 2);
+    let vlm = format!("openai@{}/v1", served.addresses[1]);
+    let args = ["doctor", "--drone", &served.addresses[0], "--vlm", &vlm];
+    let run = Run::of(&lab.command(&args).env(Vendor::OpenAi.key(), KEY).output().unwrap());
+    assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);
+    for words in ["a flight needs --camera", "for example --camera rtsp://", "is the oracle of `spf sim serve`", "--no-vlm-check"]
+    {
+        assert!(run.stdout.contains(words), "{words}: {}\n{}", run.stdout, run.stderr);
+    }
     for words in ["PX4 1.15.2", "mode AUTO.LOITER", "on the ground", "Hz of position", "14 satellites", "its checks pass"] {
         assert!(run.stdout.contains(words), "{words}: {}\n{}", run.stdout, run.stderr);
     }

@@ -216,6 +216,12 @@ impl Facts {
         self.missing.is_empty()
     }
 
+    /// Whether it has answered any request of ours.
+    #[must_use]
+    pub fn has_answered(&self) -> bool {
+        self.firmware.is_some() || !self.parameters.is_empty() || self.rally_points.is_some()
+    }
+
     /// A parameter, if the vehicle has it.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<f64> {

@@ -198,7 +198,7 @@ impl VirtualVehicle {
     }
 
     fn set_interval(&mut self, now: Time, from: Peer, id: f32, interval: f32) -> u8 {
-        let known = id.is_finite() && super::streams::DEFAULTS.iter().any(|(known, _)| *known == id as u32);
+        let known = id.is_finite() && super::rates::DEFAULTS.iter().any(|(known, _)| *known == id as u32);
         match self.peers.get_mut(&from) {
             Some(streams) if known && interval.is_finite() && !self.old => {
                 streams.set(id as u32, interval, self.autopilot, now);

@@ -16,9 +16,12 @@ const HOLDS: Duration = Duration::from_millis(100);
 /// Gain of the position loop, 1/s, and of the yaw loop; distance at which a place is reached, metres.
 const GAIN: f64 = 0.6;
 const YAW_GAIN: f64 = 1.5;
-const NEAR: f64 = 0.6;
-/// A return within this distance of home does not climb first, metres.
-const RETURN_NEAR: f64 = 5.0;
+pub(super) const NEAR: f64 = 0.6;
+
+/// Kinds of fences of ArduPilot (`FENCE_TYPE`): height, a circle around home, what was uploaded.
+pub(super) const HEIGHT: i64 = 1;
+const CIRCLE: i64 = 2;
+const POINTS: i64 = 4;
 
 /// What another program wants.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,10 +158,9 @@ impl VirtualVehicle {
         let position = craft.telemetry().position.unwrap_or_default();
         let (limits, action) = if px4 {
             ([self.parameters.number("GF_MAX_HOR_DIST", 0.0), self.parameters.number("GF_MAX_VER_DIST", 0.0)], "GF_ACTION")
-        } else if self.parameters.number("FENCE_ENABLE", 0.0) != 0.0 {
-            ([self.parameters.number("FENCE_RADIUS", 0.0), self.parameters.number("FENCE_ALT_MAX", 0.0)], "FENCE_ACTION")
         } else {
-            ([0.0; 2], "FENCE_ACTION")
+            let limit = |kind, name| if self.has_fence_of(kind) { self.parameters.number(name, 0.0) } else { 0.0 };
+            ([limit(CIRCLE, "FENCE_RADIUS"), limit(HEIGHT, "FENCE_ALT_MAX")], "FENCE_ACTION")
         };
         let outside = (limits[0] > 0.0 && self.home.horizontal_distance(position) > limits[0])
             || (limits[1] > 0.0 && position.up - self.home.up > limits[1])
@@ -183,7 +185,13 @@ impl VirtualVehicle {
 
     /// Whether its fence of points is in force.
     pub(super) fn is_fenced(&self) -> bool {
-        !self.fence.is_empty() && (self.autopilot == Autopilot::Px4 || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0)
+        !self.fence.is_empty() && (self.autopilot == Autopilot::Px4 || self.has_fence_of(POINTS))
+    }
+
+    /// Whether a kind of fence is in force in an ArduPilot.
+    pub(super) fn has_fence_of(&self, kind: i64) -> bool {
+        let on = self.parameters.number("FENCE_ENABLE", 0.0) != 0.0;
+        on && self.parameters.number("FENCE_TYPE", 7.0) as i64 & kind != 0
     }
 
     /// The program that sends setpoints is silent.
@@ -232,10 +240,7 @@ impl VirtualVehicle {
             self.target.map_or(Setpoint::HOLD, |(_, target)| self.towards_target(target, craft))
         } else if self.mode.is_returning() {
             match self.home_setpoint(craft) {
-                Some(setpoint) => {
-                    self.arrived = None;
-                    setpoint
-                }
+                Some(setpoint) => setpoint,
                 None if self.lands_at_home(now) => return craft.apply(now, Command::Land, Time::MAX),
                 None => self.over_home(craft),
             }
@@ -254,7 +259,10 @@ impl VirtualVehicle {
                 let heading = craft.telemetry().attitude.heading;
                 let [up, down] = self.vertical_limits();
                 let setpoint = setpoint_from_ned(ned, 0.0, heading);
-                Setpoint { up: setpoint.up.clamp(-down, up), yaw_rate: self.yaw_rate(yaw, craft), ..setpoint }
+                let part = (self.level_limit() / libm::hypot(setpoint.right, setpoint.forward)).min(1.0);
+                let (right, forward) = (part * setpoint.right, part * setpoint.forward);
+                let up = setpoint.up.clamp(-down, up);
+                Setpoint { right, forward, up, yaw_rate: self.yaw_rate(yaw, craft) }
             }
             Target::Position(to, yaw) => self.to(to, yaw, craft),
         }
@@ -271,6 +279,14 @@ impl VirtualVehicle {
         }
     }
 
+    /// Greatest speed that it follows of another program, m/s.
+    fn level_limit(&self) -> f64 {
+        match self.autopilot {
+            Autopilot::Px4 => self.parameters.number("MPC_XY_VEL_MAX", 12.0).abs(),
+            Autopilot::ArduPilot => 0.01 * self.parameters.number("WPNAV_SPEED", 1000.0).abs(),
+        }
+    }
+
     fn vertical_limits(&self) -> [f64; 2] {
         match self.autopilot {
             Autopilot::Px4 => {
@@ -284,7 +300,7 @@ impl VirtualVehicle {
     }
 
     /// Flies to a place relative to the estimator's origin.
-    fn to(&self, place: EnuPosition, yaw: Yaw, craft: &SimCraft) -> Setpoint {
+    pub(super) fn to(&self, place: EnuPosition, yaw: Yaw, craft: &SimCraft) -> Setpoint {
         let here = self.position(craft);
         let level = match self.autopilot {
             Autopilot::Px4 => self.parameters.number("MPC_XY_CRUISE", 5.0),
@@ -298,46 +314,5 @@ impl VirtualVehicle {
         let ned = [north * speed, east * speed, -climb].map(|value| value as f32);
         let setpoint = setpoint_from_ned(ned, 0.0, craft.telemetry().attitude.heading);
         Setpoint { yaw_rate: self.yaw_rate(yaw, craft), ..setpoint }
-    }
-
-    /// Whether a return has waited over home, and ends in a landing.
-    fn lands_at_home(&mut self, now: Time) -> bool {
-        let waited = now.since(*self.arrived.get_or_insert(now));
-        let (waits, lands) = match self.autopilot {
-            Autopilot::Px4 => (self.seconds("RTL_LAND_DELAY", 0.0), self.parameters.number("RTL_LAND_DELAY", 0.0) >= 0.0),
-            Autopilot::ArduPilot => {
-                let waits = Duration::from_millis(self.parameters.number("RTL_LOIT_TIME", 5000.0).clamp(0.0, 60_000.0) as u64);
-                (waits, self.parameters.number("RTL_ALT_FINAL", 0.0) == 0.0)
-            }
-        };
-        lands && waited >= waits
-    }
-
-    /// Over home, where a return waits, or ends without a landing.
-    fn over_home(&self, craft: &SimCraft) -> Setpoint {
-        let (here, home) = (self.position(craft), super::relative(self.home, self.origin));
-        let last = match self.autopilot {
-            Autopilot::Px4 => self.parameters.number("RTL_DESCEND_ALT", 30.0),
-            Autopilot::ArduPilot => 0.01 * self.parameters.number("RTL_ALT_FINAL", 0.0),
-        };
-        let up = if last > 0.0 { here.up.min(home.up + last) } else { here.up };
-        self.to(EnuPosition { up, ..home }, Yaw::Keep, craft)
-    }
-
-    /// On the way home: up, over, then `None` for the landing.
-    fn home_setpoint(&self, craft: &SimCraft) -> Option<Setpoint> {
-        let (here, home) = (self.position(craft), super::relative(self.home, self.origin));
-        let away = here.horizontal_distance(home);
-        if away < NEAR {
-            return None;
-        }
-        let height = match self.autopilot {
-            Autopilot::Px4 => self.parameters.number("RTL_RETURN_ALT", 60.0),
-            Autopilot::ArduPilot => 0.01 * self.parameters.number("RTL_ALT", 1500.0),
-        };
-        let up = if away < RETURN_NEAR { here.up } else { here.up.max(home.up + height) };
-        let climbs = up - here.up > NEAR;
-        let place = if climbs { EnuPosition { up, ..here } } else { EnuPosition { up, ..home } };
-        Some(self.to(place, Yaw::Keep, craft))
     }
 }

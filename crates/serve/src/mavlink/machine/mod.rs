@@ -5,6 +5,8 @@ mod fence;
 mod fly;
 mod gimbal;
 mod messages;
+mod rates;
+mod returning;
 mod sensors;
 mod streams;
 
@@ -24,7 +26,7 @@ use spf_sim::craft::SimCraft;
 use self::fence::Fence;
 use self::fly::Target;
 use self::gimbal::Gimbal;
-use self::streams::Streams;
+use self::rates::Streams;
 use super::parameters::Parameters;
 
 /// Interval at which the autopilot decides.
@@ -80,7 +82,10 @@ pub struct VirtualVehicle {
     /// A stop because the other program is silent (ArduPilot).
     stopped_silent: bool,
     goto: Option<(EnuPosition, Option<f64>)>,
-    /// Since when it has been over home in a return.
+    /// Height of a return above the estimator's origin, metres, once it has begun; whether it has climbed; and since when it has
+    /// been over home.
+    return_up: Option<f64>,
+    climbed: bool,
     arrived: Option<Time>,
     /// Height of the take-off, metres above home.
     take_off_height: f64,
@@ -124,6 +129,8 @@ impl VirtualVehicle {
             external_since: now,
             stopped_silent: false,
             goto: None,
+            return_up: None,
+            climbed: false,
             arrived: None,
             take_off_height: 0.0,
             phase: craft.dynamics().phase(),
@@ -347,7 +354,8 @@ impl VirtualVehicle {
             }
             _ => {}
         }
-        (self.mode, self.goto, self.arrived, self.stopped_silent) = (mode, None, None, false);
+        (self.mode, self.goto, self.stopped_silent) = (mode, None, false);
+        (self.return_up, self.climbed, self.arrived) = (None, false, None);
         if mode == self.autopilot.external() {
             self.external_since = now;
         } else {

@@ -1,9 +1,13 @@
 //! The autopilot's own fence: read, replaced, and kept by the autopilot.
 
 use spf_core::command::Setpoint;
+use spf_mavlink::dialect::MavMessage;
 use spf_mavlink::fence::{FenceShape, items};
 use spf_mavlink::frames::GlobalPosition;
+use spf_mavlink::wire::{Body, Encoder};
 
+use std::net::SocketAddr;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use spf_drone::mavlink::settings::{FencePlan, MavlinkSettings};
@@ -14,6 +18,7 @@ use spf_serve::tello::FaultSource;
 use spf_sim::craft::SimCraft;
 use spf_sim::model::Model;
 
+use super::tap::tap;
 use super::*;
 use crate::boxes::{at, facing, scene};
 
@@ -120,11 +125,10 @@ fn where_the_position_counts_from_is_not_home() {
     }
 }
 
-/// What connecting with a fence of 40 m says, and whether the vehicle reports one then.
-fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Result<String, String> {
-    let start = Instant::now();
+/// A vehicle that is served by UDP.
+fn serve(autopilot: Autopilot, parameters: &[(&str, f64)]) -> VehicleServer {
     let craft = SimCraft::new(scene(), Model::quad(), facing(at(0.0, 0.0, 0.0), 0.0), 1);
-    let server = VehicleServer::start(VehicleSetup {
+    VehicleServer::start(VehicleSetup {
         autopilot,
         links: vec!["udpin:127.0.0.1:0".parse().unwrap()],
         parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
@@ -133,14 +137,16 @@ fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Resul
         camera_tilt: Default::default(),
         equipment: Equipment::default(),
         seed: 1,
-        start,
+        start: Instant::now(),
     })
-    .unwrap();
-    let name = format!("mavlink@udpout:{}", server.bound()[0].unwrap());
-    let fence = Some(FencePlan::Circle { radius: 40.0 });
+    .unwrap()
+}
+
+/// What connecting to an address says, with a fence that is uploaded.
+fn connect(address: SocketAddr, fence: Option<FencePlan>) -> Result<String, String> {
     let options = Options { mavlink: MavlinkSettings { fence, ..MavlinkSettings::default() }, ..Options::default() };
-    let (_, target) = registry::named(&name).unwrap();
-    match target.connect(&options, start) {
+    let (_, target) = registry::named(&format!("mavlink@udpout:{address}")).unwrap();
+    match target.connect(&options, Instant::now()) {
         Ok(connected) => Ok(connected.warning),
         Err(error) => {
             let mut words = Vec::new();
@@ -151,6 +157,48 @@ fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Resul
             }
             Err(words.join(": "))
         }
+    }
+}
+
+/// The same with a circle of 40 m.
+fn connect_with_fence(autopilot: Autopilot, parameters: &[(&str, f64)]) -> Result<String, String> {
+    let server = serve(autopilot, parameters);
+    connect(server.bound()[0].unwrap(), Some(FencePlan::Circle { radius: 40.0 }))
+}
+
+/// The new fence arrives changed: what is read back is not what was sent. The vehicle gets back the one that it had.
+#[test]
+fn a_fence_that_cannot_be_replaced_is_put_back() {
+    let replacing = BOTH.map(|autopilot| {
+        std::thread::spawn(move || {
+            let server = serve(autopilot, &[]);
+            let vehicle = server.bound()[0].unwrap();
+            let former =
+                FencePlan::Polygon { outer: vec![(-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)], holes: Vec::new() };
+            let uploaded = connect(vehicle, Some(former)).unwrap();
+            assert!(uploaded.contains("inside a polygon of 4 corners"), "{autopilot:?}: {uploaded}");
+            let ends = Arc::new(AtomicBool::new(false));
+            let mut changed = None;
+            let address = tap(vehicle, ends.clone(), move |_, packet| {
+                // The first fence that is sent: of the circle, another radius.
+                let Some(MavMessage::MISSION_ITEM_INT(mut it)) = packet.message() else { return None };
+                (it.param1 == 40.0).then(|| {
+                    it.param1 = 400.0;
+                    let body = Body::from(&MavMessage::MISSION_ITEM_INT(it));
+                    changed.get_or_insert_with(|| Encoder::new([packet.system, packet.component])).frame(&body)
+                })
+            });
+            let refused = connect(address, Some(FencePlan::Circle { radius: 40.0 })).unwrap_err();
+            ends.store(true, Ordering::Relaxed);
+            for words in ["the flight is refused", "has its former fence again", "read back is not the one that was sent"] {
+                assert!(refused.contains(words), "{autopilot:?}: {words}: {refused}");
+            }
+            let found = connect(vehicle, None).unwrap();
+            assert!(found.contains("inside a polygon of 4 corners") && !found.contains("circle"), "{autopilot:?}: {found}");
+        })
+    });
+    for test in replacing {
+        test.join().unwrap();
     }
 }
 

@@ -2,7 +2,7 @@
 
 #![allow(clippy::print_stdout, reason = "the figures are for people")]
 
-use std::net::{SocketAddr, UdpSocket};
+use std::net::SocketAddr;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime};
 
@@ -13,7 +13,6 @@ use spf_drone::mavlink::craft::MavlinkCraft;
 use spf_drone::mavlink::settings::MavlinkSettings;
 use spf_mavlink::dialect::MavMessage;
 use spf_mavlink::url::MavlinkUrl;
-use spf_mavlink::wire::Decoder;
 use spf_media::Rgb;
 use spf_media::h264::{Encoder as Video, EncoderSettings};
 use spf_serve::mavlink::{Equipment, VehicleServer, VehicleSetup};
@@ -23,6 +22,7 @@ use spf_sim::craft::SimCraft;
 use spf_sim::model::Model;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm};
 
+use super::tap::tap;
 use super::*;
 use crate::boxes::{at, facing, scene};
 
@@ -60,49 +60,6 @@ fn is_bright(image: &Rgb) -> bool {
     data.iter().step_by(997).map(|value| u32::from(*value)).sum::<u32>() / (data.len() / 997 + 1) as u32 > 110
 }
 
-/// Passes datagrams on between the driver and the vehicle, and notes when the yaw rate of the setpoints changes its sign.
-fn tap(vehicle: SocketAddr, ends: Arc<AtomicBool>, turned: Arc<Mutex<Vec<(Instant, bool)>>>) -> SocketAddr {
-    let front = UdpSocket::bind("127.0.0.1:0").unwrap();
-    let back = UdpSocket::bind("127.0.0.1:0").unwrap();
-    back.connect(vehicle).unwrap();
-    let address = front.local_addr().unwrap();
-    for socket in [&front, &back] {
-        socket.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
-    }
-    let (front_back, back_front) = ((front.try_clone().unwrap(), back.try_clone().unwrap()), (front, back));
-    let client: Arc<Mutex<Option<SocketAddr>>> = Arc::default();
-    let (to_client, ended) = (client.clone(), ends.clone());
-    std::thread::spawn(move || {
-        let (mut buffer, mut decoder, mut right) = ([0; 4096], Decoder::default(), None);
-        while !ended.load(Ordering::Relaxed) {
-            let Ok((length, from)) = front_back.0.recv_from(&mut buffer) else { continue };
-            let arrived = Instant::now();
-            *client.lock().unwrap() = Some(from);
-            drop(front_back.1.send(&buffer[..length]));
-            decoder.push(&buffer[..length]);
-            while let Some(packet) = decoder.next_packet() {
-                if let Some(MavMessage::SET_POSITION_TARGET_LOCAL_NED(it)) = packet.message()
-                    && it.yaw_rate.abs() > 0.05
-                    && right.replace(it.yaw_rate > 0.0) != Some(it.yaw_rate > 0.0)
-                {
-                    turned.lock().unwrap().push((arrived, it.yaw_rate > 0.0));
-                }
-            }
-        }
-    });
-    std::thread::spawn(move || {
-        let mut buffer = [0; 4096];
-        while !ends.load(Ordering::Relaxed) {
-            if let Ok(length) = back_front.1.recv(&mut buffer)
-                && let Some(to) = *to_client.lock().unwrap()
-            {
-                drop(back_front.0.send_to(&buffer[..length], to));
-            }
-        }
-    });
-    address
-}
-
 #[test]
 #[ignore = "a measurement of a minute, only with SPF_MEASURE_LATENCY=1: -- --ignored glass_to_setpoint --nocapture"]
 fn glass_to_setpoint() {
@@ -125,7 +82,16 @@ fn glass_to_setpoint() {
     })
     .unwrap();
     let (ends, turned) = (Arc::new(AtomicBool::new(false)), Arc::<Mutex<Vec<(Instant, bool)>>>::default());
-    let address = tap(server.bound()[0].unwrap(), ends.clone(), turned.clone());
+    let (noted, mut right) = (turned.clone(), None);
+    let address = tap(server.bound()[0].unwrap(), ends.clone(), move |arrived, packet| {
+        if let Some(MavMessage::SET_POSITION_TARGET_LOCAL_NED(it)) = packet.message()
+            && it.yaw_rate.abs() > 0.05
+            && right.replace(it.yaw_rate > 0.0) != Some(it.yaw_rate > 0.0)
+        {
+            noted.lock().unwrap().push((arrived, it.yaw_rate > 0.0));
+        }
+        None
+    });
     // The picture, dark and bright in turn.
     let video = Arc::new(Server::start(SocketAddr::from(([127, 0, 0, 1], 0)), "/camera").unwrap());
     let changed = Arc::<Mutex<Vec<(Instant, bool)>>>::default();

@@ -1,6 +1,7 @@
 //! The MAVLink driver against the virtual vehicle: whole flights by language, somebody else who takes over, refusals, the death of
 //! the program, a radio that loses and repeats packets.
 
+mod carried;
 mod fences;
 mod gimbal;
 mod glass;
@@ -9,6 +10,7 @@ mod protocol;
 mod ranges;
 mod returning;
 mod taken;
+mod tap;
 pub(crate) mod wired;
 
 use std::sync::{Arc, Mutex, OnceLock};

@@ -10,7 +10,7 @@ use spf_drone::DroneEvent;
 use super::*;
 
 /// A place from which something is 3 to 5 m ahead at the heights of a take-off, and nothing is nearer than 2 m.
-fn beside_something(loaded: &LoadedScene) -> Pose {
+pub(super) fn beside_something(loaded: &LoadedScene) -> Pose {
     let start = loaded.scene.start;
     let steps = || (-20..=20).map(|n| f64::from(n) * 1.5);
     let places = steps().flat_map(|east| steps().map(move |north| (east, north)));

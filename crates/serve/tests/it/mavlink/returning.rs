@@ -73,3 +73,36 @@ fn a_return_that_the_envelope_does_not_clear_is_a_landing() {
     assert_eq!(flight.told.modes.last().unwrap().1, Autopilot::Px4.land());
     assert!(flight.entered(Phase::Returning).is_empty());
 }
+
+/// How high it comes in a return that its pilot begins over home at take-off height, metres.
+fn highest(autopilot: Autopilot, parameters: &[(&str, f64)]) -> f64 {
+    let loaded = park();
+    let start = loaded.scene.start;
+    let world = SimWorld::new(loaded, CraftKind::Quad, start, 5);
+    let returns = vec![(25.0, Deed::Radio(autopilot.return_home()))];
+    let (mut drone, world) = take_off(WiredVehicle::new(world.clone(), autopilot, parameters, none(), returns), world);
+    let mut highest = 0.0_f64;
+    while drone.now < Time::from_secs_f64(80.0) {
+        drone.driver.heartbeat(drone.now);
+        drone.step();
+        highest = highest.max(world.truth().pose.position.up - start.position.up);
+    }
+    assert_eq!(world.truth().phase, FlightPhase::OnGround, "{autopilot:?} {parameters:?}");
+    highest
+}
+
+/// What the parameters say that the driver reads before a flight: with and without a cone, and with a least climb.
+#[test]
+fn the_virtual_vehicles_climb_for_a_return_as_their_parameters_say() {
+    let cases: [(Autopilot, &[(&str, f64)], f64); 5] = [
+        (Autopilot::Px4, &[], 2.5),
+        (Autopilot::Px4, &[("RTL_CONE_ANG", 0.0), ("RTL_RETURN_ALT", 9.0)], 9.0),
+        (Autopilot::ArduPilot, &[], 5.5),
+        (Autopilot::ArduPilot, &[("RTL_CONE_SLOPE", 0.0), ("RTL_ALT", 1000.0)], 10.0),
+        (Autopilot::ArduPilot, &[("RTL_CONE_SLOPE", 0.0), ("RTL_ALT", 300.0), ("RTL_CLIMB_MIN", 500.0)], 8.0),
+    ];
+    for (autopilot, parameters, expected) in cases {
+        let highest = highest(autopilot, parameters);
+        assert!((highest - expected).abs() < 1.2, "{autopilot:?} {parameters:?}: {highest} m, not {expected} m");
+    }
+}
