@@ -2,6 +2,8 @@
 //!
 //! Passwords are kept apart from the address and are never printed: not by `Display`, not by `Debug`, and not by errors.
 
+mod suggestion;
+
 use std::fmt;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -10,6 +12,8 @@ use std::str::FromStr;
 use percent_encoding::percent_decode_str;
 use spf_drone::tello::driver::command_port;
 
+pub use suggestion::suggestion;
+
 /// The forms of a camera's address, for help texts and errors.
 pub const FORMS: &[&str] = &[
     "rtsp://HOST/PATH",
@@ -17,8 +21,8 @@ pub const FORMS: &[&str] = &[
     "udp-rtp://[HOST]:PORT",
     "udp-ts://[HOST]:PORT",
     "http://HOST/PATH",
-    "v4l2:/dev/videoN",
-    "file:VIDEO",
+    "v4l2:/dev/videoN[?size=WxH&fps=N]",
+    "file:VIDEO[?loop=true]",
     "tello[@ADDRESS]",
     "gstreamer:PIPELINE",
 ];
@@ -197,7 +201,7 @@ impl fmt::Display for CameraUrl {
 #[non_exhaustive]
 pub enum AddressError {
     /// No scheme, or an unknown one.
-    #[error("a camera's address has one of the forms {}", forms())]
+    #[error("it begins with none of the schemes that cameras have")]
     Scheme,
     /// No host.
     #[error("the host is missing: SCHEME://HOST/PATH")]
@@ -217,6 +221,9 @@ pub enum AddressError {
     /// A file without a name.
     #[error("the name of the file is missing: file:VIDEO")]
     NoFile,
+    /// A file with a host.
+    #[error("a file has no host: file:VIDEO, or file:/FOLDER/VIDEO")]
+    FileHost,
     /// A local camera without a device file.
     #[error("the device is missing: for example v4l2:/dev/video0 (`ls /dev/video*` lists them)")]
     NoDevice,
@@ -241,10 +248,6 @@ pub enum AddressError {
     /// Too long.
     #[error("the address is longer than {LONGEST} characters")]
     Long,
-}
-
-fn forms() -> String {
-    FORMS.join(", ")
 }
 
 impl FromStr for CameraUrl {
@@ -296,6 +299,12 @@ fn file(text: &str) -> Result<CameraUrl, AddressError> {
         Some((path, "false")) => (path, false),
         Some(_) => return Err(AddressError::Repeats),
         None => (text, false),
+    };
+    // `file:///home/me/film.mp4` is spelled like an address of the web.
+    let path = match path.strip_prefix("//") {
+        Some(absolute) if absolute.starts_with('/') => &absolute[absolute.bytes().take_while(|byte| *byte == b'/').count() - 1..],
+        Some(_) => return Err(AddressError::FileHost),
+        None => path,
     };
     if path.is_empty() { Err(AddressError::NoFile) } else { Ok(CameraUrl::File { path: PathBuf::from(path), repeats }) }
 }

@@ -21,7 +21,7 @@ use crate::source;
 /// Waiting times before the connection is tried again.
 const FIRST_WAIT: Duration = Duration::from_millis(500);
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
-/// Waiting time after a failure that does not pass by itself. Many cameras lock an account after some wrong passwords.
+/// Waiting time after a failure that does not pass by itself, and of which trying again may do harm.
 const LONG_WAIT: Duration = Duration::from_secs(30);
 /// After a connection that lasted this long, the first waiting time applies again.
 const LASTING: Duration = Duration::from_secs(10);
@@ -160,7 +160,7 @@ fn receive(url: &CameraUrl, tello: &TelloSettings, mut feed: Feed) {
         }
         tracing::debug!("camera {url}: {error}");
         feed.fail(&error);
-        if error.needs_attention() {
+        if error.waits_long() {
             feed.wait(LONG_WAIT);
             continue;
         }

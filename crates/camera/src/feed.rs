@@ -7,10 +7,12 @@ use spf_drone::frames::VideoStats;
 use spf_media::Rgb;
 use spf_media::h264::AccessUnit;
 
+use crate::arrivals::Arrivals;
 use crate::clock::{Arrival, CaptureClock, is_plausible};
 use crate::failure::SourceError;
 use crate::inlet::{Coded, Received};
-use crate::shared::{CameraState, Shared};
+use crate::profile::why_undecodable;
+use crate::shared::{CameraState, Failure, Shared};
 
 /// Takes the images of a source, with their times.
 pub(crate) struct Feed {
@@ -82,15 +84,37 @@ impl Feed {
     }
 
     pub(crate) fn fail(&self, error: &SourceError) {
+        let failure = Failure { why: error.to_string(), hint: error.hint() };
         let mut report = self.shared.report();
-        report.state = CameraState::Failed(error.to_string());
-        report.last_failure = Some(error.to_string());
+        report.state = CameraState::Failed(failure.clone());
+        report.last_failure = Some(failure);
         report.needs_attention = error.needs_attention();
     }
 
-    /// Takes an access unit.
-    pub(crate) fn unit(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, unit: AccessUnit) {
+    /// Takes an access unit; fails with one that is not damaged but can never be decoded.
+    pub(crate) fn unit(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, unit: AccessUnit) -> Result<(), SourceError> {
+        if unit.key
+            && let Some(why) = why_undecodable(&unit.annex_b)
+        {
+            return Err(SourceError::Profile(why));
+        }
         self.put(at, stamp, age, Coded::H264(unit));
+        Ok(())
+    }
+
+    /// Tells what arrives at a port, and what is missing in it.
+    pub(crate) fn arrived(&self, arrivals: &Arrivals, lacks_parameters: bool, other_streams: &[u8]) {
+        let mut report = self.shared.report();
+        report.arrivals = Some(arrivals.clone());
+        report.lacks_parameters = lacks_parameters;
+        if report.other_streams != other_streams {
+            report.other_streams = other_streams.to_vec();
+        }
+    }
+
+    /// Whether an image was received since the connection began.
+    pub(crate) fn has_images(&self) -> bool {
+        self.video.units > 0
     }
 
     /// Takes a JPEG image.

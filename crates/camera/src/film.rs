@@ -8,6 +8,8 @@ use spf_media::Rgb;
 use spf_media::file::Orientation;
 use spf_media::h264::Decoder;
 
+use crate::profile::why_undecodable;
+
 /// Maximum number of video samples examined: six hours at 60 frames per second.
 const MOST_SAMPLES: usize = 1_300_000;
 
@@ -18,15 +20,40 @@ const USUAL_INTERVAL: f64 = 1.0 / 30.0;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FilmError {
+    /// Another kind of file.
+    #[error("this is {0}; videos are read that have H.264 in MP4 (.mp4, .mov) or as a bare stream (.h264)")]
+    Format(&'static str),
     /// Not a readable MP4 file.
     #[error("not a readable MP4 file: {0}")]
     Container(String),
+    /// H.264 that the decoder does not know.
+    #[error("the video is H.264, {0}, which cannot be decoded")]
+    Profile(String),
     /// A video of another codec.
     #[error("unsupported video codec {0}: only H.264 (AVC) can be decoded")]
     Codec(String),
     /// A stream that cannot be decoded.
     #[error("cannot decode the video: {0}")]
     Stream(String),
+}
+
+impl FilmError {
+    /// What to do.
+    #[must_use]
+    pub fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Format("a fragmented MP4 file") => {
+                Some("join its parts: `ffmpeg -i VIDEO -c copy -movflags faststart NEW.mp4`")
+            }
+            Self::Format(_) | Self::Codec(_) | Self::Profile(_) => {
+                Some("convert it: `ffmpeg -i VIDEO -c:v libx264 -pix_fmt yuv420p NEW.mp4`")
+            }
+            Self::Container(_) => Some(
+                "it may be cut off: record it again, or try to repair it with ffmpeg; H.264 in MP4 and bare H.264 streams (.h264) are read",
+            ),
+            Self::Stream(_) => None,
+        }
+    }
 }
 
 /// A frame of a video.
@@ -51,13 +78,25 @@ impl Film {
     /// # Errors
     /// [`FilmError`] for other containers and codecs.
     pub fn open(bytes: &[u8]) -> Result<Self, FilmError> {
-        let bare_stream = bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
-        if bare_stream {
-            return Ok(Self { units: bare(bytes), orientation: Orientation::default() });
+        if let Some(other) = other_format(bytes) {
+            return Err(FilmError::Format(other));
         }
-        let moov = find_moov(bytes)?;
-        let track = video_track(&moov)?;
-        Ok(Self { units: demux(bytes, track)?, orientation: orientation(track) })
+        let bare_stream = bytes.starts_with(&[0, 0, 1]) || bytes.starts_with(&[0, 0, 0, 1]);
+        let film = if bare_stream {
+            Self { units: bare(bytes), orientation: Orientation::default() }
+        } else {
+            let moov = find_moov(bytes)?;
+            let track = video_track(&moov)?;
+            let units = demux(bytes, track)?;
+            if units.is_empty() && moov.mvex.is_some() {
+                return Err(FilmError::Format("a fragmented MP4 file"));
+            }
+            Self { units, orientation: orientation(track) }
+        };
+        match film.units.first().and_then(|(_, unit)| why_undecodable(unit)) {
+            Some(why) => Err(FilmError::Profile(why)),
+            None => Ok(film),
+        }
     }
 
     /// Number of coded images.
@@ -151,6 +190,37 @@ fn bare(bytes: &[u8]) -> Vec<(f64, Vec<u8>)> {
     units.into_iter().take(MOST_SAMPLES).enumerate().map(|(number, unit)| (number as f64 * USUAL_INTERVAL, unit)).collect()
 }
 
+/// What a file is that is not read, by its first bytes.
+fn other_format(bytes: &[u8]) -> Option<&'static str> {
+    const TS: usize = 188;
+    let at = |offset: usize, word: &[u8]| bytes.get(offset..).is_some_and(|rest| rest.starts_with(word));
+    Some(match bytes {
+        [0x1a, 0x45, 0xdf, 0xa3, ..] => "a WebM or Matroska file",
+        [b'R', b'I', b'F', b'F', ..] if at(8, b"AVI ") => "an AVI file",
+        [b'F', b'L', b'V', ..] => "a Flash video",
+        [b'O', b'g', b'g', b'S', ..] => "an Ogg file",
+        [b'G', b'I', b'F', b'8', ..] => "a GIF image",
+        [0xff, 0xd8, 0xff, ..] => "a JPEG image",
+        [0x89, b'P', b'N', b'G', ..] => "a PNG image",
+        [0x30, 0x26, 0xb2, 0x75, ..] => "a Windows Media file",
+        // A NAL unit of H.264 begins with a zero bit; this is the header of a pack.
+        [0, 0, 1, 0xba, ..] => "an MPEG program stream",
+        [0x47, ..] if at(TS, &[0x47]) && at(2 * TS, &[0x47]) => "an MPEG transport stream",
+        _ if at(0, b"#EXTM3U") => "a list of videos (HLS)",
+        _ if at(0, b"<") => "a page or another text",
+        [] => "an empty file",
+        [0, 0, 1, ..] | [0, 0, 0, 1, ..] => return None,
+        _ => match box_head(bytes, 0) {
+            Some((_, kind))
+                if [*b"ftyp", *b"moov", *b"mdat", *b"free", *b"wide", *b"skip", *b"pnot", *b"styp"].contains(&kind) =>
+            {
+                return None;
+            }
+            _ => "of a kind that is not known",
+        },
+    })
+}
+
 fn video_track(moov: &Moov) -> Result<&Trak, FilmError> {
     let track = moov.trak.iter().find(|track| track.mdia.minf.vmhd.is_some());
     track.ok_or_else(|| FilmError::Container("no video track".to_owned()))
@@ -196,7 +266,7 @@ fn find_moov(bytes: &[u8]) -> Result<Moov, FilmError> {
             break;
         }
     }
-    Err(FilmError::Container("no index (`moov`): a fragmented or incomplete file, or not an MP4".to_owned()))
+    Err(FilmError::Container("no index (`moov`): it is incomplete, as of a recording that was broken off".to_owned()))
 }
 
 /// Length and kind of the box at an offset; `None` at the end and for invalid lengths.
@@ -271,6 +341,30 @@ fn start_codes(mut data: &[u8], length_size: usize) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn other_files_are_named_with_what_is_read() {
+        let ts = [&[0x47][..], &[0; 187], &[0x47], &[0; 187], &[0x47]].concat();
+        for (bytes, expected) in [
+            (&[0x1a, 0x45, 0xdf, 0xa3, 1][..], "a WebM or Matroska file"),
+            (b"RIFF....AVI LIST", "an AVI file"),
+            (&[0, 0, 1, 0xba, 0x44], "an MPEG program stream"),
+            (&ts, "an MPEG transport stream"),
+            (b"<!DOCTYPE html>", "a page or another text"),
+            (b"hello, this is a text", "of a kind that is not known"),
+            (b"", "an empty file"),
+        ] {
+            let error = Film::open(bytes).unwrap_err();
+            let text = error.to_string();
+            assert!(text.starts_with(&format!("this is {expected}; videos are read")), "{text}");
+            assert!(text.contains(".mp4") && error.hint().unwrap().contains("libx264"), "{text}");
+        }
+        let broken_off = Film::open(b"\0\0\0\x10ftypisom\0\0\0\0\0\0\0\x08mdat").unwrap_err();
+        assert!(broken_off.to_string().contains("broken off"), "{broken_off}");
+        let lossless = [&[0, 0, 0, 1, 0x67, 244, 0, 13, 0x91, 0x9b, 0x28, 0, 0, 0, 1, 0x65, 0x88][..]].concat();
+        let error = Film::open(&lossless).unwrap_err();
+        assert!(error.to_string().contains("High 4:4:4") && error.hint().unwrap().contains("yuv420p"), "{error}");
+    }
 
     #[test]
     fn units_behind_lengths() {

@@ -4,12 +4,14 @@
 //! [`yuyv`], [`film`]) do no I/O.
 
 pub mod address;
+pub mod arrivals;
 pub mod calibration;
 pub mod camera;
 pub mod clock;
 pub mod clock_code;
 pub mod craft;
 mod decode;
+pub mod diagnosis;
 mod failure;
 mod feed;
 pub mod film;
@@ -18,6 +20,7 @@ pub mod intact;
 pub mod latency;
 pub mod mjpeg;
 pub mod modes;
+pub mod profile;
 pub mod rtp;
 mod shared;
 mod source;
@@ -32,7 +35,7 @@ pub use address::CameraUrl;
 pub use calibration::Calibration;
 pub use camera::{Camera, CameraSettings};
 pub use craft::WithCamera;
-pub use shared::{CameraReport, CameraState};
+pub use shared::{CameraReport, CameraState, Failure};
 
 /// The examples of the README, run as tests.
 #[cfg(doctest)]

@@ -30,6 +30,14 @@ pub fn format(code: [u8; 4]) -> Option<Format> {
     FORMATS.iter().find(|(_, known)| *known == code).map(|(format, _)| *format)
 }
 
+/// Whether a code is that of a sensor's pixels behind their colour filters, 8 to 14 bits each (Bayer), which are no image yet.
+#[must_use]
+pub fn is_bare_sensor(code: [u8; 4]) -> bool {
+    let packed = code[0] == b'p' && b"BGgR".contains(&code[1]) && code[2] == code[3] && b"ACE".contains(&code[2]);
+    let plain = matches!(&code[..2], b"BG" | b"GB" | b"BA" | b"RG" | b"GR") && code[2] == b'1';
+    packed || plain || matches!(&code, b"BA81" | b"GBRG" | b"GRBG" | b"RGGB")
+}
+
 /// A mode of a camera.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Mode {
@@ -153,6 +161,16 @@ mod tests {
         assert_eq!(chosen(&slow, None, None).unwrap(), "YUYV 640x480 5 fps");
         let large = [mode(b"MJPG", (3840, 2160), 30), mode(b"MJPG", (2592, 1944), 30)];
         assert_eq!(chosen(&large, None, None).unwrap(), "MJPG 2592x1944 30 fps");
+    }
+
+    #[test]
+    fn the_codes_of_bare_sensors_are_known() {
+        for code in [b"BA81", b"GRBG", b"RGGB", b"GBRG", b"RG10", b"BG12", b"BA14", b"pRAA", b"pgCC"] {
+            assert!(is_bare_sensor(*code), "{}", name(*code));
+        }
+        for code in [b"MJPG", b"YUYV", b"H264", b"GREY", b"RGB3", b"BGR4", b"GBRP"] {
+            assert!(!is_bare_sensor(*code), "{}", name(*code));
+        }
     }
 
     #[test]

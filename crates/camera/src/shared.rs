@@ -7,6 +7,7 @@ use std::time::Instant;
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::FrameStore;
 
+use crate::arrivals::Arrivals;
 use crate::inlet::Inlet;
 
 /// Interval at which waiting threads check whether to stop.
@@ -21,9 +22,24 @@ pub enum CameraState {
     /// Images arrive.
     Receiving,
     /// It failed for this reason, and is tried again.
-    Failed(String),
+    Failed(Failure),
     /// It has ended: a file that was played to its end.
     Ended,
+}
+
+/// A failure in words, without passwords and addresses of servers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Failure {
+    /// What failed.
+    pub why: String,
+    /// What to do, unless the reason says it.
+    pub hint: Option<String>,
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.why)
+    }
 }
 
 /// What is known about a camera.
@@ -32,7 +48,7 @@ pub struct CameraReport {
     /// What it is doing.
     pub state: CameraState,
     /// The last failure, even if it was overcome.
-    pub last_failure: Option<String>,
+    pub last_failure: Option<Failure>,
     /// Whether the failure does not pass by itself: a wrong password, a codec that cannot be decoded.
     pub needs_attention: bool,
     /// Codec of the images: `H.264`, `JPEG`, `YUYV`, or `raw` for pixels.
@@ -43,6 +59,12 @@ pub struct CameraReport {
     pub packets: Option<u64>,
     /// Packets lost, where they are numbered.
     pub packets_lost: u64,
+    /// What the packets seem to be that arrived at a port of this machine since it was opened; `None` for other cameras.
+    pub arrivals: Option<Arrivals>,
+    /// Whether H.264 arrives of which nothing can be decoded, since its parameter sets are missing.
+    pub lacks_parameters: bool,
+    /// What a transport stream contains besides H.264: the numbers of its kinds of streams, as in `0x02`.
+    pub other_streams: Vec<u8>,
     /// Whether the newest frame's time of capture comes from the camera's own clock.
     pub own_clock: bool,
     /// Whether its images are those of a recording, or come as fast as they are made: a file, or a pipeline that is not live. They do

@@ -12,6 +12,8 @@ use crate::unit::{LONGEST_UNIT, UnitBuilder};
 
 /// A video stream that is silent for this long, while others of the transport stream are not, is given up for another one.
 const SILENCE: Duration = Duration::from_secs(2);
+/// Kinds of streams that are remembered although they are not read.
+const MOST_OTHER: usize = 8;
 /// A pause of the whole transport stream, which is nobody's silence.
 const PAUSE: Duration = Duration::from_millis(500);
 
@@ -53,7 +55,8 @@ struct Context {
     now: Time,
     builder: UnitBuilder,
     units: Vec<TimedUnit>,
-    h265: bool,
+    /// Kinds of the streams that are not read.
+    other: Vec<u8>,
     /// The stream that is read: the first one with H.264.
     video: Option<Pid>,
     /// Arrival of its last packet.
@@ -85,7 +88,10 @@ impl DemuxContext for Context {
                 Filter::Video(pes::PesPacketFilter::new(VideoStream::default()))
             }
             FilterRequest::ByStream { stream_type, .. } => {
-                self.h265 |= stream_type == StreamType::H265;
+                let kind = u8::from(stream_type);
+                if self.other.len() < MOST_OTHER && !self.other.contains(&kind) {
+                    self.other.push(kind);
+                }
                 Filter::Ignored
             }
             _ => Filter::Ignored,
@@ -177,7 +183,7 @@ impl Default for TsReceiver {
             now: Time::ZERO,
             builder: UnitBuilder::default(),
             units: Vec::new(),
-            h265: false,
+            other: Vec::new(),
             video: None,
             heard: Time::ZERO,
             given_up: None,
@@ -232,7 +238,25 @@ impl TsReceiver {
     /// Whether the stream has video in H.265 and none in H.264.
     #[must_use]
     pub fn is_h265(&self) -> bool {
-        self.context.h265 && self.context.video.is_none()
+        self.context.other.contains(&u8::from(StreamType::H265)) && self.context.video.is_none()
+    }
+
+    /// Whether a decoder could be set up: parameter sets have come.
+    #[must_use]
+    pub fn has_parameters(&self) -> bool {
+        self.context.builder.has_parameters()
+    }
+
+    /// Whether the tables name a stream with H.264.
+    #[must_use]
+    pub fn has_video(&self) -> bool {
+        self.context.video.is_some()
+    }
+
+    /// Kinds of the streams that are not read (ISO/IEC 13818-1, table 2-34).
+    #[must_use]
+    pub fn other_streams(&self) -> &[u8] {
+        &self.context.other
     }
 }
 

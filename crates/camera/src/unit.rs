@@ -45,6 +45,12 @@ impl UnitBuilder {
         !self.whole
     }
 
+    /// Whether a decoder could be set up: parameter sets have come.
+    #[must_use]
+    pub fn has_parameters(&self) -> bool {
+        !self.sequence_set.is_empty() && !self.picture_sets.is_empty()
+    }
+
     /// Adds a NAL unit without start code.
     pub fn nal(&mut self, nal: &[u8]) {
         match NalKind::of(nal) {
@@ -109,8 +115,7 @@ impl UnitBuilder {
         if !std::mem::take(&mut self.has_slice) && !broken {
             return None;
         }
-        let complete = !self.sequence_set.is_empty() && !self.picture_sets.is_empty();
-        if key && !broken && complete {
+        if key && !broken && self.has_parameters() {
             self.whole = true;
         }
         if !self.whole || broken {

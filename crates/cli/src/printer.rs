@@ -68,6 +68,19 @@ impl Printer {
         std::io::stderr().is_terminal()
     }
 
+    /// Columns and lines of that terminal, if it tells them.
+    pub(crate) fn terminal_size(&self) -> Option<(usize, usize)> {
+        #[cfg(unix)]
+        {
+            let size = rustix::termios::tcgetwinsize(std::io::stderr()).ok()?;
+            let (columns, lines) = (usize::from(size.ws_col), usize::from(size.ws_row));
+            // Serial lines and some emulators do not know.
+            (columns > 0 && lines > 0).then_some((columns, lines))
+        }
+        #[cfg(not(unix))]
+        None
+    }
+
     /// Shows lines in black on white on standard error, a terminal; `over`: in the place of those shown last.
     pub(crate) fn show_code(&self, lines: &[String], over: bool) {
         let mut text = if over { format!("\x1b[{}A", lines.len()) } else { String::new() };

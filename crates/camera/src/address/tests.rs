@@ -19,6 +19,8 @@ fn addresses_are_read() {
     assert_eq!(read("file:my film.mp4"), file("my film.mp4", false));
     assert_eq!(read("file:a?b.mp4?loop=true"), file("a?b.mp4", true));
     assert_eq!(read("file:a.mp4?loop=false"), file("a.mp4", false));
+    assert_eq!(read("file:///home/me/a.mp4"), file("/home/me/a.mp4", false));
+    assert_eq!(read("file:////a.mp4"), file("/a.mp4", false));
     assert_eq!(read("tello"), Ok(CameraUrl::Tello("192.168.10.1:8889".parse().unwrap())));
     assert_eq!(read("tello@10.0.0.3"), Ok(CameraUrl::Tello("10.0.0.3:8889".parse().unwrap())));
     let local = |size, rate| Ok(CameraUrl::V4l2(LocalCamera { path: "/dev/video2".into(), size, rate }));
@@ -60,6 +62,7 @@ fn wrong_addresses_are_refused() {
         ("file:", AddressError::NoFile),
         ("file:?loop=true", AddressError::NoFile),
         ("file:a.mp4?loop=3", AddressError::Repeats),
+        ("file://a.mp4", AddressError::FileHost),
         ("v4l2:", AddressError::NoDevice),
         ("v4l2:?fps=30", AddressError::NoDevice),
         ("v4l2:/dev/video0?size=1280", AddressError::Mode),
@@ -110,7 +113,7 @@ proptest! {
             0 => CameraUrl::UdpTs(address),
             1 => CameraUrl::UdpRtp(address),
             2 => CameraUrl::Tello(address),
-            3 => CameraUrl::File { path: path.into(), repeats: flag },
+            3 => CameraUrl::File { path: format!("x{path}").into(), repeats: flag },
             _ => CameraUrl::V4l2(LocalCamera {
                 path: format!("/{}", path.trim_start_matches('/')).into(),
                 size: flag.then_some((side, SIDE - side + 1)),

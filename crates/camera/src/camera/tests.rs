@@ -179,7 +179,7 @@ fn a_server_that_restarts_is_found_again() {
     let (camera, _) = start(&format!("http://{address}/video"));
     wait("three connections", || camera.report().connections >= 3 && camera.frames().tally().decoded >= 7);
     let report = camera.report();
-    assert_eq!((report.codec, report.last_failure.as_deref()), (Some("JPEG"), Some("the camera closed the connection")));
+    assert_eq!((report.codec, report.last_failure.unwrap().why.as_str()), (Some("JPEG"), "the camera closed the connection"));
     assert!(requests.recv().unwrap().starts_with("GET /video HTTP/1.1\r\n"));
 }
 
@@ -221,18 +221,60 @@ fn digest_authentication_is_answered() {
 
 #[test]
 fn what_is_no_stream_of_images_is_said() {
-    for (answer, expected) in [
-        ("HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", "404 Not Found"),
-        ("HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\r\n<html>", "sends `text/html`"),
-        ("hello", "invalid"),
+    for (answer, expected, advice) in [
+        ("HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", "404 (Not Found)", "no such stream"),
+        ("HTTP/1.1 503 x\r\nContent-Length: 0\r\n\r\n", "503 (Service Unavailable)", "busy"),
+        ("HTTP/1.1 403 x\r\nContent-Length: 0\r\n\r\n", "403 (Forbidden)", "may not see"),
+        ("HTTP/1.1 401 x\r\nContent-Length: 0\r\n\r\n", "asks for a user name and a password", "CAMERA_PASSWORD"),
+        ("HTTP/1.1 200 OK\r\nContent-Type: text/html; charset=utf-8\r\n\r\n<html>", "sends `text/html`", "a page for people"),
+        ("hello", "invalid", "another language"),
     ] {
         let (address, _requests) = server(move |_, stream| drop(stream.write_all(answer.as_bytes())));
         let (camera, _) = start(&format!("http://{address}/"));
         wait("a failure", || camera.report().last_failure.is_some());
         let failure = camera.report().last_failure.unwrap();
-        assert!(failure.to_lowercase().contains(&expected.to_lowercase()), "{failure}");
-        assert!(!failure.contains("127.0.0.1"), "{failure}");
+        assert!(failure.why.to_lowercase().contains(&expected.to_lowercase()), "{failure}");
+        assert!(failure.hint.as_ref().unwrap().contains(advice), "{failure:?}");
+        assert!(!format!("{failure:?}").contains("127.0.0.1"), "{failure}");
     }
+    // Nobody listens, and a server that speaks no RTSP.
+    let (address, _requests) = server(move |_, stream| drop(stream.write_all(b"hello\r\n\r\n")));
+    for (url, advice) in [
+        (format!("http://127.0.0.1:{}/", free_port()), "nothing listens"),
+        (format!("rtsp://127.0.0.1:{}/", free_port()), "nothing listens"),
+        (format!("rtsp://{address}/"), "another language"),
+    ] {
+        let (camera, _) = start(&url);
+        wait("a failure", || camera.report().last_failure.is_some());
+        let failure = camera.report().last_failure.unwrap();
+        assert!(failure.hint.as_ref().unwrap().contains(advice), "{failure:?}");
+    }
+}
+
+#[test]
+fn packets_of_another_kind_are_named() {
+    let ts: Vec<u8> = (0..7).flat_map(|_| [&[0x47, 0x1f, 0xff, 0x10][..], &[0xff; 184]].concat()).collect();
+    let rtp = packets(&units(64, 48, 2, 1.0), 0, 400)[0][0].bytes();
+    for (scheme, packet, expected) in [("udp-rtp", &ts, "they seem to be MPEG-TS"), ("udp-ts", &rtp, "they seem to be RTP")] {
+        let port = free_port();
+        let (camera, _) = start(&format!("{scheme}://127.0.0.1:{port}"));
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        wait("a failure", || {
+            drop(socket.send_to(packet, (Ipv4Addr::LOCALHOST, port)));
+            camera.report().last_failure.is_some()
+        });
+        let failure = camera.report().last_failure.unwrap();
+        assert!(failure.why.starts_with("30 packets arrived") && failure.why.contains(expected), "{failure}");
+        assert!(camera.report().needs_attention && failure.hint.unwrap().contains(&format!("127.0.0.1:{port}")));
+        // It goes on being received, in case the sender is set right.
+        wait("another try", || camera.report().connections > 1);
+    }
+    // The port is taken.
+    let taken = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let port = taken.local_addr().unwrap().port();
+    let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    wait("a failure", || camera.report().last_failure.is_some());
+    assert!(camera.report().last_failure.unwrap().hint.unwrap().contains(&format!("'sport = :{port}'")));
 }
 
 #[test]

@@ -33,6 +33,12 @@ impl Depacketizer {
         VideoStats { damaged: tally.damaged + self.damaged, ..tally }
     }
 
+    /// Whether a decoder could be set up: parameter sets have come.
+    #[must_use]
+    pub fn has_parameters(&self) -> bool {
+        self.builder.has_parameters()
+    }
+
     /// Whether the stream looks like H.265.
     #[must_use]
     pub fn is_h265(&self) -> bool {

@@ -145,6 +145,12 @@ impl Receiver {
         self.reorder.packets()
     }
 
+    /// Whether a decoder could be set up: parameter sets have come.
+    #[must_use]
+    pub fn has_parameters(&self) -> bool {
+        self.depacketizer.has_parameters()
+    }
+
     /// Whether the stream looks like H.265, which cannot be decoded.
     #[must_use]
     pub fn is_h265(&self) -> bool {

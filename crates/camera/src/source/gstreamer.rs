@@ -14,12 +14,14 @@ use crate::feed::Feed;
 
 /// What is put behind the pipeline: packed RGB, the newest image alone, at once.
 const SINK: &str = "videoconvert ! video/x-raw,format=RGB ! appsink name=spf-frames max-buffers=1 drop=true sync=false";
+/// What to do about a pipeline that fails.
+const TRY: &str = "try the pipeline with gst-launch-1.0 and autovideosink behind it";
 /// Longest side of an image, pixels.
 const LONGEST_SIDE: i32 = 8192;
 
 /// Receives until stopped.
 pub(super) fn receive(pipeline: &Pipeline, feed: &mut Feed) -> Result<(), SourceError> {
-    gst::init().map_err(|_| SourceError::Connection("GStreamer cannot be started".to_owned()))?;
+    gst::init().map_err(|_| SourceError::Connection { why: "GStreamer cannot be started".to_owned(), hint: TRY })?;
     let built = gst::parse::launch(&format!("{} ! {SINK}", pipeline.0)).map_err(|error| invalid(&error))?;
     let pipeline = built.downcast::<gst::Pipeline>().map_err(|_| SourceError::Pipeline("it is no pipeline".to_owned()))?;
     let running = Running(pipeline);
@@ -42,7 +44,7 @@ pub(super) fn receive(pipeline: &Pipeline, feed: &mut Feed) -> Result<(), Source
     while !feed.stopped() {
         if let Some(message) = bus.pop_filtered(&[gst::MessageType::Error, gst::MessageType::Eos]) {
             return Err(match message.view() {
-                gst::MessageView::Error(error) => SourceError::Connection(failure(&error.error())),
+                gst::MessageView::Error(error) => SourceError::Connection { why: failure(&error.error()), hint: TRY },
                 _ => SourceError::Ended,
             });
         }

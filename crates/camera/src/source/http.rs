@@ -9,7 +9,7 @@ use spf_drone::frames::VideoStats;
 
 use super::{SILENCE, runtime, unless_stopped};
 use crate::address::{Credentials, Server};
-use crate::failure::SourceError;
+use crate::failure::{SourceError, reason};
 use crate::feed::{Feed, Packets};
 use crate::mjpeg::PartReader;
 
@@ -23,7 +23,7 @@ pub(super) fn mjpeg(server: &Server, feed: &mut Feed) -> Result<(), SourceError>
 
 async fn receive(server: &Server, feed: &mut Feed) -> Result<(), SourceError> {
     let Some(answer) = unless_stopped(feed, ask(server), ANSWER_TIME).await else { return Ok(()) };
-    let mut answer = answer.ok_or(SourceError::Connection("no answer in time".to_owned()))??;
+    let mut answer = answer.ok_or_else(SourceError::no_answer)??;
     let kind = answer.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or("").to_ascii_lowercase();
     // Cameras without a type, and with a wrong one, are read; a page for people is none.
     if ["text/", "application/json", "video/", "audio/"].iter().any(|wrong| kind.starts_with(wrong)) {
@@ -57,7 +57,7 @@ async fn ask(server: &Server) -> Result<Response, SourceError> {
             let authorization = authorization(&answer, credentials)?;
             // The challenge is that of the server to which it redirected, which must be the same, at the same port and as secret.
             if reqwest::Url::parse(&server.url).is_ok_and(|url| url.origin() != answer.url().origin()) {
-                return Err(SourceError::Refused);
+                return Err(SourceError::Refused { given: false });
             }
             let again = client.get(answer.url().clone()).header(AUTHORIZATION, authorization);
             again.send().await.map_err(|error| connection(&error))?
@@ -66,8 +66,8 @@ async fn ask(server: &Server) -> Result<Response, SourceError> {
     };
     match answer.status() {
         status if status.is_success() => Ok(answer),
-        StatusCode::UNAUTHORIZED | StatusCode::FORBIDDEN => Err(SourceError::Refused),
-        status => Err(SourceError::Status(status.to_string())),
+        StatusCode::UNAUTHORIZED => Err(SourceError::Refused { given: server.credentials.is_some() }),
+        status => Err(SourceError::Status { code: status.as_u16(), reason: reason(status.as_u16()) }),
     }
 }
 
@@ -89,7 +89,7 @@ fn authorization(answer: &Response, credentials: &Credentials) -> Result<String,
         body: Some(&[]),
     };
     // The texts of the crate may quote what it was given.
-    builder.build().and_then(|mut client| client.respond(&params)).map_err(|_| SourceError::Refused)
+    builder.build().and_then(|mut client| client.respond(&params)).map_err(|_| SourceError::Refused { given: true })
 }
 
 /// The cause of a failure, without the address.
@@ -98,9 +98,10 @@ fn connection(error: &reqwest::Error) -> SourceError {
     while let Some(source) = cause.source() {
         cause = source;
     }
-    SourceError::Connection(if std::ptr::addr_eq(cause, error) {
+    let why = if std::ptr::addr_eq(cause, error) {
         if error.is_timeout() { "no connection in time".to_owned() } else { "the address or the answer is invalid".to_owned() }
     } else {
         cause.to_string()
-    })
+    };
+    SourceError::connection(why, cause.downcast_ref())
 }

@@ -66,7 +66,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// A runtime for one connection.
 fn runtime() -> Result<tokio::runtime::Runtime, SourceError> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-    runtime.map_err(|error| SourceError::Connection(error.to_string()))
+    runtime.map_err(|error| SourceError::connection(error.to_string(), Some(&error)))
 }
 
 /// Waits for a result: `None` if the camera was stopped, `Some(None)` if nothing came within `time`.

@@ -15,7 +15,7 @@ use spf_media::h264::AccessUnit;
 
 use super::{SILENCE, runtime, unless_stopped};
 use crate::address::{Server, Transport};
-use crate::failure::SourceError;
+use crate::failure::{SourceError, reason};
 use crate::feed::{Feed, Packets};
 
 /// Time for each answer of the server.
@@ -41,7 +41,7 @@ pub(super) fn receive(server: &Server, transport: Transport, feed: &mut Feed) ->
 async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup>, feed: &mut Feed) -> Result<(), SourceError> {
     let explained = |error| failure(&error, server);
     let Some(opened) = unless_stopped(feed, open(server, transport, group.clone()), 3 * ANSWER_TIME).await else { return Ok(()) };
-    let (mut stream, is_jpeg) = opened.ok_or(SourceError::Connection("no answer in time".to_owned()))??;
+    let (mut stream, is_jpeg) = opened.ok_or_else(SourceError::no_answer)??;
     let mut tally = VideoStats::default();
     let mut packets = Packets::default();
     let (mut awaits_key, mut clock) = (true, None);
@@ -72,7 +72,7 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
                     if is_jpeg {
                         feed.jpeg(at, Some(stamp), age, frame.into_data());
                     } else {
-                        feed.unit(at, Some(stamp), age, AccessUnit { key, annex_b: frame.into_data() });
+                        feed.unit(at, Some(stamp), age, AccessUnit { key, annex_b: frame.into_data() })?;
                     }
                 }
             }
@@ -87,7 +87,7 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
 /// Opens the first stream with video that can be decoded, and starts it.
 async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -> Result<(Demuxed, bool), SourceError> {
     let explained = |error| failure(&error, server);
-    let url = server.url.parse().map_err(|_| SourceError::Connection("the address is invalid".to_owned()))?;
+    let url = server.url.parse().map_err(|_| SourceError::connection("the address is invalid".to_owned(), None))?;
     let credentials = server.credentials.as_ref();
     let credentials =
         credentials.map(|known| retina::client::Credentials { username: known.user.clone(), password: known.password.clone() });
@@ -104,7 +104,10 @@ async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -
             Some((_, stream)) => {
                 SourceError::Codec(stream.encoding_name().chars().filter(char::is_ascii_graphic).take(20).collect())
             }
-            None => SourceError::Connection("the server has no video at this path".to_owned()),
+            None => SourceError::Connection {
+                why: "the server has no video at this path".to_owned(),
+                hint: "check the path; the camera's manual, its web page or an ONVIF program names that of its video",
+            },
         });
     };
     let is_ordered = transport == Transport::Tcp;
@@ -155,18 +158,21 @@ fn unix_seconds(ntp: u64) -> f64 {
 /// What went wrong, in one line without address and password.
 fn failure(error: &retina::Error, server: &Server) -> SourceError {
     match error.status_code() {
-        Some(401 | 403) => return SourceError::Refused,
-        Some(status @ 400..) => return SourceError::Status(status.to_string()),
+        Some(401) => return SourceError::Refused { given: server.credentials.is_some() },
+        Some(code @ 300..) => return SourceError::Status { code, reason: reason(code) },
         _ => {}
     }
     let text = error.to_string();
+    // The library tells its causes in words only.
+    let number = text.split_once("(os error ").and_then(|(_, rest)| rest.split_once(')')?.0.parse().ok());
+    let system = number.map(std::io::Error::from_raw_os_error);
     let mut line = without_addresses(text.lines().next().unwrap_or_default());
     if let Some(known) = &server.credentials {
         for secret in [&known.password, &known.user].into_iter().filter(|secret| !secret.is_empty()) {
             line = line.replace(secret.as_str(), "…");
         }
     }
-    SourceError::Connection(line)
+    SourceError::connection(line, system.as_ref())
 }
 
 /// A text without addresses, however they are spelled, and without whatever follows a question mark.

@@ -30,7 +30,7 @@ pub(super) fn receive(address: SocketAddr, settings: &TelloSettings, feed: &mut 
             feed.tally(joiner.tally(), Packets::default());
             for unit in units.drain(..) {
                 (last, shown) = (Instant::now(), true);
-                feed.unit(at, None, None, unit);
+                feed.unit(at, None, None, unit)?;
             }
         }
         // Before the first image the video has just been started.

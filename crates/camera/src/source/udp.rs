@@ -5,7 +5,9 @@ use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 
 use spf_core::time::Duration;
 
+use crate::arrivals::{Arrivals, Kind};
 use crate::clock::Unwrapper;
+use crate::diagnosis::other_packets;
 use crate::failure::SourceError;
 use crate::feed::{Feed, Packets};
 use crate::rtp::Receiver;
@@ -25,22 +27,29 @@ pub(super) fn rtp(address: SocketAddr, feed: &mut Feed) -> Result<(), SourceErro
     let socket = open(address)?;
     let (mut receiver, mut units) = (Receiver::default(), Vec::new());
     let mut times = Unwrapper::new(32, CLOCK);
-    let mut buffer = vec![0; LONGEST];
+    let (mut buffer, mut arrivals) = (vec![0; LONGEST], Arrivals::default());
     while !feed.stopped() {
         let datagram = receive(&socket, &mut buffer).map_err(|error| SourceError::Socket { address, error })?;
         let now = feed.now();
         match datagram {
-            Some(datagram) => receiver.push(now, datagram, &mut units),
+            Some(datagram) => {
+                arrivals.push(datagram);
+                receiver.push(now, datagram, &mut units);
+            }
             None => receiver.expire(now, &mut units),
         }
         let (received, lost) = receiver.packets();
         feed.tally(receiver.tally(), Packets { received: Some(received), lost });
+        feed.arrived(&arrivals, !receiver.has_parameters(), &[]);
         for unit in units.drain(..) {
             let stamp = times.nanoseconds(unit.timestamp.into());
-            feed.unit(unit.at, Some(stamp), None, unit.unit);
+            feed.unit(unit.at, Some(stamp), None, unit.unit)?;
         }
         if receiver.is_h265() {
             return Err(SourceError::Codec("H.265".to_owned()));
+        }
+        if let Some(kind) = arrivals.other_than(Kind::Rtp).filter(|_| !feed.has_images()) {
+            return Err(other_packets(address, &arrivals, kind));
         }
     }
     Ok(())
@@ -51,18 +60,23 @@ pub(super) fn ts(address: SocketAddr, feed: &mut Feed) -> Result<(), SourceError
     let socket = open(address)?;
     let (mut receiver, mut units) = (TsReceiver::default(), Vec::new());
     let mut times = Unwrapper::new(33, CLOCK);
-    let mut buffer = vec![0; LONGEST];
+    let (mut buffer, mut arrivals) = (vec![0; LONGEST], Arrivals::default());
     while !feed.stopped() {
         let datagram = receive(&socket, &mut buffer).map_err(|error| SourceError::Socket { address, error })?;
         let Some(datagram) = datagram else { continue };
+        arrivals.push(datagram);
         receiver.push(feed.now(), datagram, &mut units);
         feed.tally(receiver.tally(), Packets::default());
+        feed.arrived(&arrivals, receiver.has_video() && !receiver.has_parameters(), receiver.other_streams());
         for unit in units.drain(..) {
             let stamp = unit.timestamp.map(|stamp| times.nanoseconds(stamp));
-            feed.unit(unit.at, stamp, None, unit.unit);
+            feed.unit(unit.at, stamp, None, unit.unit)?;
         }
         if receiver.is_h265() {
             return Err(SourceError::Codec("H.265".to_owned()));
+        }
+        if let Some(kind) = arrivals.other_than(Kind::Ts).filter(|_| !feed.has_images()) {
+            return Err(other_packets(address, &arrivals, kind));
         }
     }
     Ok(())

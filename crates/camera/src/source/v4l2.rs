@@ -23,7 +23,7 @@ use crate::address::LocalCamera;
 use crate::failure::SourceError;
 use crate::feed::{Feed, Packets};
 use crate::intact;
-use crate::modes::{Format, Mode, choose, format, list, name};
+use crate::modes::{Format, Mode, choose, format, is_bare_sensor, list, name};
 use crate::yuyv;
 
 /// Buffers that the kernel fills in turn: one is read, one is filled, one waits.
@@ -119,6 +119,8 @@ fn forward(
         let (stamp, age) = (i64::try_from(captured.stamp).ok().and_then(|stamp| stamp.checked_mul(1000)), Some(captured.age));
         let length = captured.bytes.len();
         let refused = if captured.stamp == 0 {
+            // Drivers older than Linux 3.9 give the time of day (V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN), and loops of other programs times of
+            // their own: by the kernel's clock these are in the future, or older than is believed, and only tell what came late.
             // A driver gives a buffer in which nothing was captured back so.
             Some(("its images have no time stamp".to_owned(), false))
         } else if format == Format::Jpeg {
@@ -189,16 +191,25 @@ fn open(wanted: &LocalCamera, known: &mut Known) -> Result<(rscam::Camera, Mode)
         }
     }
     let why = refusal.unwrap_or_else(|| match list(&modes) {
-        none if none.is_empty() => format!("it sends {}; only MJPG and YUYV can be decoded", codes(&modes)),
+        none if none.is_empty() => unread(&modes),
         known => format!("it has no such size and rate; it has {known}"),
     });
     Err(failed(wanted, &why))
 }
 
-fn codes(modes: &[Mode]) -> String {
+/// Of a camera that sends nothing of what is read here. Its H.264 is none of it: the library hides the numbers of the buffers, so that
+/// nobody knows which image is missing.
+fn unread(modes: &[Mode]) -> String {
     let mut codes: Vec<String> = modes.iter().map(|mode| name(mode.code)).collect();
     codes.dedup();
-    codes.join(", ")
+    let codes = codes.join(", ");
+    if modes.iter().all(|mode| is_bare_sensor(mode.code)) {
+        return format!(
+            "it is a bare sensor ({codes}), whose images libcamera makes: let rpicam-vid, or GStreamer's libcamerasrc, send them in \
+             H.264 (docs/guide/cameras.md)"
+        );
+    }
+    format!("it sends {codes}; only MJPG and YUYV are read here: let ffmpeg or GStreamer send it (docs/guide/cameras.md)")
 }
 
 fn failed(wanted: &LocalCamera, why: &str) -> SourceError {
@@ -208,7 +219,8 @@ fn failed(wanted: &LocalCamera, why: &str) -> SourceError {
 fn not_a_camera(wanted: &LocalCamera) -> SourceError {
     failed(
         wanted,
-        "this is no camera; a webcam often has two devices, of which the first sends images: `ls -l /dev/v4l/by-id` lists them",
+        "this is no camera that gives images by itself; a webcam often has two devices, of which the first sends images: \
+         `ls -l /dev/v4l/by-id` lists them",
     )
 }
 
@@ -234,7 +246,10 @@ fn io_failure(wanted: &LocalCamera, error: &io::Error) -> SourceError {
         Some(Errno::IO | Errno::PROTO) => {
             ("an error on the way from the camera: check the cable, and use another port, without a hub".to_owned(), true)
         }
-        Some(Errno::NOTTY | Errno::INVAL) => (format!("it refuses this size or rate ({error}); ask for another"), false),
+        Some(Errno::NOTTY | Errno::INVAL) => (
+            format!("it refuses this size or rate ({error}): ask for another, or let ffmpeg send it (docs/guide/cameras.md)"),
+            false,
+        ),
         Some(Errno::NOSPC) => ("the USB bus has no room for it: use another port, a smaller size, or MJPG".to_owned(), true),
         _ => (error.to_string(), true),
     };

@@ -3,6 +3,7 @@
 use std::process::Command;
 use std::time::Duration;
 
+use spf_camera::film::Film;
 use spf_camera::{CameraState, CameraUrl};
 use spf_drone::frames::Frames as _;
 
@@ -101,8 +102,41 @@ fn h265_is_refused_clearly() {
     );
     for camera in [&file, &stream] {
         wait("a refusal", camera, || camera.report().last_failure.is_some());
-        let failure = camera.report().last_failure.unwrap();
+        let failure = camera.report().last_failure.unwrap().why;
         assert!(failure.contains("H.265"), "{failure}");
+    }
+}
+
+/// What the decoder would only call damaged, and containers that are not read.
+#[test]
+fn films_that_cannot_be_decoded_say_why() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (name, options, expected) in [
+        ("plain.mp4", &["-pix_fmt", "yuv420p"][..], None),
+        ("444.mp4", &["-pix_fmt", "yuv444p"], Some("profile High 4:4:4 Predictive (244)")),
+        ("422.mp4", &["-pix_fmt", "yuv422p"], Some("profile High 4:2:2 (122)")),
+        ("10.mp4", &["-pix_fmt", "yuv420p10le"], Some("profile High 10 (110)")),
+        ("fields.mp4", &["-pix_fmt", "yuv420p", "-x264-params", "interlaced=1"], Some("interlaced")),
+        ("film.mkv", &["-pix_fmt", "yuv420p"], Some("this is a WebM or Matroska file; videos are read")),
+        ("film.avi", &["-pix_fmt", "yuv420p"], Some("this is an AVI file")),
+        ("film.ts", &["-pix_fmt", "yuv420p"], Some("this is an MPEG transport stream")),
+        ("parts.mp4", &["-pix_fmt", "yuv420p", "-movflags", "frag_keyframe+empty_moov"], Some("this is a fragmented MP4 file")),
+    ] {
+        let path = folder.path().join(name);
+        let source = ["-v", "error", "-f", "lavfi", "-i", "testsrc=size=320x240:rate=15", "-frames:v", "4", "-c:v", "libx264"];
+        let made = Command::new("ffmpeg").args(source).args(options).arg(&path).output().unwrap();
+        assert!(made.status.success(), "{name}: {}", String::from_utf8_lossy(&made.stderr));
+        let film = Film::open(&std::fs::read(&path).unwrap());
+        match (film, expected) {
+            (Ok(film), None) => assert_eq!(film.len(), 4),
+            (Err(error), Some(expected)) => {
+                assert!(error.to_string().contains(expected) && error.hint().is_some(), "{name}: {error}");
+            }
+            (film, _) => panic!("{name}: {film:?}"),
+        }
     }
 }
 

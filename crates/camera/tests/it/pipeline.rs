@@ -64,6 +64,6 @@ fn a_pipeline_that_ends_or_is_wrong_says_so_without_its_passwords() {
         wait("a failure", &camera, || matches!(camera.report().state, CameraState::Failed(_)));
         let report = format!("{:?}", camera.report());
         assert!(!report.contains("pa55word"), "{report}");
-        assert!(expected == "…" || camera.report().last_failure.unwrap().contains(expected), "{report}");
+        assert!(expected == "…" || camera.report().last_failure.unwrap().why.contains(expected), "{report}");
     }
 }

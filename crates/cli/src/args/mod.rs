@@ -65,7 +65,7 @@ pub(crate) enum Command {
     /// DJI Tello tools: show the state, land, stop, calibrate the stick response
     #[command(subcommand)]
     Tello(Tello),
-    /// Cameras that are not part of a drone: test one
+    /// Cameras that are not part of a drone: test one, measure its delay
     #[command(subcommand)]
     Camera(Camera),
     /// The embedded simulator: render, list, view and serve scenes

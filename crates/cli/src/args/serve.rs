@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::ConditionArgs;
 
-/// Serves a simulated Tello, PX4 or ArduPilot, or a VLM endpoint to other programs, until Ctrl-C.
+/// Serves a simulated Tello, PX4 or ArduPilot, its camera, or a VLM endpoint to other programs, until Ctrl-C.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -19,6 +19,15 @@ Examples:
   spf sim serve --tello --scene office --rtsp
   spf sim serve --mavlink px4 --scene city --rtsp
   spf sim serve --mavlink ardupilot --scene park --mavlink-link tcpin:127.0.0.1:5760
+
+With --rtsp the drone's view is also an IP camera. Any player shows it, `spf camera test` tests it, and `spf fly --camera` flies \
+by it, in another terminal:
+  spf sim serve --tello --vlm --vlm-listen 127.0.0.1:8080 --scene office --rtsp
+  spf camera test rtsp://127.0.0.1:8554/camera
+  OPENAI_API_KEY=none spf fly \"go to the person in the green shirt\" --drone tello@127.0.0.1 \\
+    --vlm openai@http://127.0.0.1:8080/v1 --no-vlm-check \\
+    --camera rtsp://127.0.0.1:8554/camera --camera-fov 55.4 --camera-tilt 5
+Field of view and tilt are printed at the start.
 
 GET /frame.jpg returns an image from the camera in the scene, and PUT /pose moves the camera. The oracle answers questions \
 about images of the last 10 s, at any size; any other image returns HTTP status 422. The oracle is not a VLM. The endpoint is only \
@@ -75,8 +84,8 @@ pub(crate) struct Serve {
     /// Append a JSON line for each flight of the Tello to this file: verified, final_distance_m, collisions
     #[arg(long, value_name = "FILE")]
     pub(crate) truth: Option<PathBuf>,
-    /// Also send the drone's view by RTSP, as an IP camera does, with times of capture: rtsp://ADDR:PORT/camera [default with the
-    /// flag alone: 127.0.0.1:8554]
+    /// Also send the drone's view by RTSP, as an IP camera does, with times of capture: rtsp://ADDR:PORT/camera, by TCP or UDP, for
+    /// up to 16 viewers, without a password; with --tello or --mavlink [default with the flag alone: 127.0.0.1:8554]
     #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8554")]
     pub(crate) rtsp: Option<String>,
     /// Wind for the Tello: M_S[,from=DEG][,gust=M_S][,gust_time=S] [default: still air]

@@ -2,22 +2,25 @@
 
 mod calibrate;
 mod geometry;
+mod watched;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use spf_camera::address::FORMS;
+use spf_camera::address::{AddressError, FORMS, suggestion};
 use spf_camera::camera::USUAL_LATENCY;
-use spf_camera::{Camera, CameraReport, CameraSettings, CameraState, CameraUrl};
+use spf_camera::diagnosis::{no_image, progress};
+use spf_camera::{Camera, CameraSettings, CameraState, CameraUrl};
 use spf_core::camera::Camera as Optics;
 use spf_core::time::duration_from_secs;
-use spf_drone::examine::{Check, Finding};
-use spf_drone::frames::{FrameStats, Frames as _};
+use spf_drone::examine::Check;
+use spf_drone::frames::Frames as _;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::driver::command_port;
 use spf_media::{Jpeg, Rgb};
 
 use self::geometry::Geometry;
+use self::watched::{LOSSES, Watched};
 use crate::args::{Camera as CameraCommand, CameraArgs, CameraTest};
 use crate::commands::fly::settings::options;
 use crate::error::CliError;
@@ -31,13 +34,12 @@ const FIRST_FRAME: Duration = Duration::from_secs(15);
 const POLL_INTERVAL: Duration = Duration::from_millis(2);
 /// Failed connections without an image after which there is no point in waiting; they take some four seconds.
 const MOST_FAILURES: u32 = 4;
+/// Interval at which it is said what has come, as long as no image has.
+const SAID_EVERY: Duration = Duration::from_secs(2);
 /// How long `spf doctor` watches.
 const CHECKED: Duration = Duration::from_secs(3);
 /// Quality of the image that is written.
 const QUALITY: u8 = 90;
-/// What helps against losses.
-const LOSSES: &str = "rtsp:// (by TCP) loses nothing; else use a cable or a better link, fewer pixels and a lower bit rate, or a key \
-                      frame every 0.2 s";
 /// The password of a camera whose address has none.
 const PASSWORD: &str = "CAMERA_PASSWORD";
 
@@ -52,9 +54,15 @@ pub(crate) fn camera(command: &CameraCommand, printer: &Printer) -> Result<Exit,
 /// Reads an address given for `what`. It is not quoted in errors, since it may contain a password.
 pub(crate) fn address(what: &str, text: &str) -> Result<CameraUrl, CliError> {
     let mut url: CameraUrl = text.parse().map_err(|error| {
-        CliError::usage(format!("{what}: not the address of a camera"))
-            .because(&error)
-            .hint(format!("forms: {} (docs/guide/cameras.md)", FORMS.join(", ")))
+        let meant = suggestion(text).map(|meant| format!("{meant} "));
+        let known = match &error {
+            // Others say what is wrong with a known form.
+            AddressError::Scheme => format!("Cameras are: {} (docs/guide/cameras.md)", FORMS.join(", ")),
+            _ if meant.is_some() => String::new(),
+            _ => "`spf camera test --help` shows examples".to_owned(),
+        };
+        let hint = format!("{}{known}", meant.unwrap_or_default());
+        CliError::usage(format!("{what}: not the address of a camera")).because(&error).hint(hint.trim())
     })?;
     if let Some(known) = url.credentials_mut()
         && known.password.is_empty()
@@ -119,8 +127,7 @@ pub(crate) fn open(
     let geometry = Geometry::of(args, &url)?;
     let shown = url.to_string();
     let camera = geometry.start(url.clone(), tello, start)?;
-    printer.log(&format!("Receiving {} …", one_line(&shown)));
-    let Some(size) = first_image(&camera) else { return Err(nothing(&camera.report(), &url)) };
+    let Some(size) = first_shown(&camera, &url, printer) else { return Err(nothing(&camera, &url)) };
     if let Some(words) = geometry.mismatch(size) {
         return Err(CliError::usage(format!("--camera-calibration: {words}; the images are {}×{}", size.0, size.1))
             .hint("set the camera to the calibrated size, or calibrate it at this one"));
@@ -143,30 +150,10 @@ pub(crate) fn open(
 pub(crate) fn check(url: &str, args: &CameraArgs, tello: TelloSettings) -> Result<Check, CliError> {
     let url = address("--camera", url)?;
     let geometry = Geometry::of(args, &url)?;
-    let shown = url.to_string();
-    let camera = geometry.start(url, tello, Instant::now())?;
+    let camera = geometry.start(url.clone(), tello, Instant::now())?;
+    first_image(&camera, |_, _| {});
     let watched = Watched::of(&camera, CHECKED);
-    let report = camera.report();
-    let Some(image) = &watched.image else {
-        let why = report.last_failure.as_deref().map_or_else(|| "no image".to_owned(), one_line);
-        let advice = "try it with `spf camera test`, and with another program";
-        return Ok(Check::new("camera", Finding::Bad, format!("{}: {why}", one_line(&shown)), Some(advice)));
-    };
-    let (rate, gaps, size) = (watched.rate(), watched.stats.video.gaps, (image.width(), image.height()));
-    let found = format!("{}×{}, {rate:.1} frames/s, {gaps} gaps", size.0, size.1);
-    Ok(match geometry.mismatch(size) {
-        Some(words) => Check::new("camera", Finding::Warning, format!("{found}; {words}"), Some("calibrate it at this size")),
-        None => {
-            let finding = if rate < 5.0 {
-                Finding::Bad
-            } else if gaps > 0 || rate < 10.0 {
-                Finding::Warning
-            } else {
-                Finding::Good
-            };
-            Check::new("camera", finding, found, Some(LOSSES))
-        }
-    })
+    Ok(watched.check(&camera, &url, |size| geometry.mismatch(size)))
 }
 
 /// A camera that has shown its first image. `what` is the argument that names it.
@@ -174,10 +161,9 @@ pub(crate) fn watch(what: &str, url: &str, printer: &Printer) -> Result<Camera, 
     let url = address(what, url)?;
     let settings = settings(None, tello(&url, printer)?, &url);
     let camera = start(url.clone(), &settings, Instant::now(), Box::new(|image| image))?;
-    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
-    match first_image(&camera) {
+    match first_shown(&camera, &url, printer) {
         Some(_) => Ok(camera),
-        None => Err(nothing(&camera.report(), &url)),
+        None => Err(nothing(&camera, &url)),
     }
 }
 
@@ -210,10 +196,27 @@ fn start(url: CameraUrl, settings: &CameraSettings, start: Instant, finish: Fini
 /// Completes a frame, such as by removing the distortion of a lens.
 type Finish = Box<dyn FnMut(Rgb) -> Rgb + Send>;
 
-/// Waits for the first image; its size.
-fn first_image(camera: &Camera) -> Option<(u32, u32)> {
-    let (frames, begun) = (camera.frames(), Instant::now());
+/// Waits for the first image, and says every other second what has come so far; its size.
+fn first_shown(camera: &Camera, url: &CameraUrl, printer: &Printer) -> Option<(u32, u32)> {
+    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
+    first_image(camera, |waited, so_far| {
+        printer.log(&format!(
+            "  no image after {:.0} of {} s: {}",
+            waited.as_secs_f64(),
+            FIRST_FRAME.as_secs(),
+            one_line(so_far)
+        ));
+    })
+}
+
+/// Waits for the first image; its size. Tells at intervals how long it has waited, and what has come so far.
+fn first_image(camera: &Camera, tell: impl Fn(Duration, &str)) -> Option<(u32, u32)> {
+    let (frames, begun, mut told) = (camera.frames(), Instant::now(), Duration::ZERO);
     while frames.newest().is_none() && begun.elapsed() < FIRST_FRAME && !is_over(camera) {
+        if begun.elapsed() >= told + SAID_EVERY {
+            told += SAID_EVERY;
+            tell(told, &progress(&camera.report(), &frames.tally()));
+        }
         std::thread::sleep(POLL_INTERVAL);
     }
     frames.newest().map(|(meta, _)| (meta.width, meta.height))
@@ -230,123 +233,33 @@ fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
             .hint("use --overwrite to replace it, or another file with -o FILE"));
     }
     let camera = start(url.clone(), &settings, Instant::now(), Box::new(|image| image))?;
-    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
+    let begun = Instant::now();
+    first_shown(&camera, &url, printer);
+    let first = begun.elapsed();
     let watched = Watched::of(&camera, duration_from_secs(args.seconds));
     let report = camera.report();
-    let Some(image) = &watched.image else { return Err(nothing(&report, &url)) };
-    printer.result(&table(&watched.rows(&report, &args.output)));
+    let Some(image) = &watched.image else { return Err(nothing(&camera, &url)) };
+    printer.result(&table(&watched.rows(&report, first, &args.output)));
     write(&args.output, image)?;
     if watched.stats.video.gaps > 0 {
         printer.log(&format!("warning: losses interrupted the video {} times: {LOSSES}", watched.stats.video.gaps));
     }
-    if let CameraState::Failed(why) = &report.state {
-        printer.log(&format!("warning: the camera failed at last: {}", one_line(why)));
+    if let CameraState::Failed(failure) = &report.state {
+        printer.log(&format!("warning: the camera failed at last: {}", one_line(&failure.why)));
     }
     Ok(Exit::Success)
 }
 
 /// Why nothing arrived.
-fn nothing(report: &CameraReport, url: &CameraUrl) -> CliError {
-    let error = CliError::failed(format!("no image from the camera {}", one_line(&url.to_string())));
-    let (why, hint) = match (&report.last_failure, url) {
+fn nothing(camera: &Camera, url: &CameraUrl) -> CliError {
+    let failure = no_image(url, &camera.report(), &camera.frames().tally(), FIRST_FRAME.as_secs());
+    let error = CliError::failed(format!("no image from the camera {}", one_line(&url.to_string())))
+        .because(&std::io::Error::other(one_line(&failure.why)));
+    match failure.hint {
+        Some(hint) => error.hint(hint),
         // The reason says what to do.
-        (Some(why), CameraUrl::V4l2(_) | CameraUrl::Tello(_) | CameraUrl::Gstreamer(_) | CameraUrl::File { .. }) => {
-            return error.because(&std::io::Error::other(one_line(why)));
-        }
-        (Some(why), _) => (one_line(why), "check address, user name and password with another program, such as ffplay or VLC"),
-        (None, _) => {
-            let hint = match url {
-                CameraUrl::UdpRtp(_) | CameraUrl::UdpTs(_) => {
-                    "check that the camera sends to this machine and port, and that no firewall blocks UDP"
-                }
-                CameraUrl::V4l2(_) => "plug the camera in again, or try it with another program, such as ffplay",
-                CameraUrl::Tello(_) => "check that no firewall blocks UDP port 11111",
-                CameraUrl::Gstreamer(_) => "try the pipeline with gst-launch-1.0 and autovideosink behind it",
-                CameraUrl::File { .. } => "check that the file contains video",
-                CameraUrl::Rtsp { .. } | CameraUrl::Mjpeg(_) => "try the address with another program, such as ffplay or VLC",
-            };
-            (format!("no image within {} s", FIRST_FRAME.as_secs()), hint)
-        }
-    };
-    error.because(&std::io::Error::other(why)).hint(hint)
-}
-
-/// What arrived while a camera was watched.
-struct Watched {
-    image: Option<Rgb>,
-    /// Time until the first image.
-    first: Duration,
-    /// Time watched after the first image, and frames in it.
-    watched: Duration,
-    frames: u32,
-    /// Ages of frames at their arrival, seconds, sorted.
-    ages: Vec<f64>,
-    stats: FrameStats,
-}
-
-impl Watched {
-    fn of(camera: &Camera, time: Duration) -> Self {
-        let store = camera.frames();
-        let begun = Instant::now();
-        first_image(camera);
-        let first = begun.elapsed();
-        let (since, mut ages, mut frames) = (Instant::now(), Vec::new(), 0);
-        let has_ended = || camera.report().state == CameraState::Ended;
-        while store.newest().is_some() && since.elapsed() < time && !has_ended() {
-            if let Some(meta) = store.take_new_frame() {
-                frames += 1;
-                ages.push(meta.received.since(meta.captured).as_secs_f64());
-            }
-            std::thread::sleep(POLL_INTERVAL);
-        }
-        ages.sort_by(f64::total_cmp);
-        let image = store.newest().map(|(_, photo)| photo.pixels().as_ref().clone());
-        Self { image, first, watched: since.elapsed(), frames, ages, stats: store.tally() }
+        None => error,
     }
-
-    /// Frames per second.
-    fn rate(&self) -> f64 {
-        let watched = self.watched.as_secs_f64();
-        if watched > 0.0 { f64::from(self.frames) / watched } else { 0.0 }
-    }
-
-    fn rows(&self, report: &CameraReport, output: &Path) -> Vec<Vec<String>> {
-        let row = |what: &str, found: String| vec![what.to_owned(), found];
-        let Self { first, watched, ages, stats, .. } = self;
-        let (width, height) = self.image.as_ref().map_or((0, 0), |image| (image.width(), image.height()));
-        let (watched, rate) = (watched.as_secs_f64(), self.rate());
-        let mut rows = vec![
-            row("image", format!("{width}×{height}, {}", report.codec.unwrap_or("unknown codec"))),
-            row("rate", format!("{rate:.1} frames/s in {watched:.1} s, first frame after {:.1} s", first.as_secs_f64())),
-        ];
-        if let (Some(median), Some(worst)) = (ages.get(ages.len() / 2), ages.last()) {
-            let basis = if report.own_clock { "by the camera's clock" } else { "assumed latency and delays" };
-            rows.push(row("age", format!("median {median:.2} s, worst {worst:.2} s at arrival ({basis})")));
-        }
-        let lost = match report.packets {
-            Some(received) => {
-                let all = (received + report.packets_lost).max(1);
-                format!("{} of {all} packets ({:.1} %)", report.packets_lost, 100.0 * report.packets_lost as f64 / all as f64)
-            }
-            None => format!("{} packets", report.packets_lost),
-        };
-        rows.push(row(
-            "loss",
-            format!(
-                "{lost}, {} gaps, {} images skipped until a key frame, {} damaged, {} rejected, {} unusable",
-                stats.video.gaps, stats.video.skipped, stats.video.damaged, stats.refused, stats.unusable
-            ),
-        ));
-        if report.connections > 1 {
-            rows.push(row("connections", format!("{} (last failure: {})", report.connections, failure(report))));
-        }
-        rows.push(row("picture", output.display().to_string()));
-        rows
-    }
-}
-
-fn failure(report: &CameraReport) -> String {
-    report.last_failure.as_deref().map_or_else(|| "none".to_owned(), one_line)
 }
 
 /// Whether nothing more is to be expected: the end of a file, a failure that does not pass by itself, or some in a row.

@@ -148,7 +148,7 @@ fn open(bytes: &[u8]) -> Result<Film, FilmError> {
 }
 
 fn undecodable(path: &Path, error: &FilmError) -> CliError {
-    CliError::usage(format!("cannot decode the video `{}`", path.display())).because(error).hint(FORMATS)
+    CliError::usage(format!("cannot decode the video `{}`", path.display())).because(error).hint(error.hint().unwrap_or(FORMATS))
 }
 
 fn default_folder(video: &Path) -> PathBuf {

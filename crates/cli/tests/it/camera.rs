@@ -11,7 +11,7 @@ fn a_film_is_tested_as_a_camera() {
     let run = lab.spf(&args);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
     let rows: Vec<&str> = run.stdout.lines().map(|line| line.split_whitespace().next().unwrap()).collect();
-    assert_eq!(rows, ["image", "rate", "age", "loss", "picture"], "{}", run.stdout);
+    assert_eq!(rows, ["image", "rate", "age", "loss", "omitted", "picture"], "{}", run.stdout);
     assert!(run.stdout.starts_with("image    400×300, H.264\n"), "{}", run.stdout);
     assert!(lab.read("seen.jpg").starts_with(&[0xff, 0xd8]));
     assert_eq!(lab.spf(&args).code, Some(2));
@@ -25,7 +25,16 @@ fn what_is_no_camera_is_refused_and_no_password_is_shown() {
     let gstreamer =
         if cfg!(feature = "gstreamer") { "no image from the camera gstreamer:…" } else { "built without GStreamer" };
     for (args, code, expected) in [
-        (&["camera", "test", "rtps://user:pa55word@cam/x"][..], 2, "has one of the forms"),
+        (
+            &["camera", "test", "rtps://user:pa55word@cam/x"][..],
+            2,
+            "did you mean `rtsp://HOST/PATH`? Cameras are: rtsp://HOST/PATH, ",
+        ),
+        (&["camera", "test", "film.mp4"], 2, "hint: did you mean `file:film.mp4`? Cameras are: "),
+        (&["camera", "test", "udp://:5600"], 2, "did you mean `udp-ts://:5600`, for MPEG-TS, or `udp-rtp://:5600`, for RTP?"),
+        (&["camera", "test", "/dev/video0"], 2, "did you mean `v4l2:/dev/video0`?"),
+        (&["camera", "calibrate", "file:film.mp4"], 2, "a video file cannot film this terminal"),
+        (&["camera", "test", "http://127.0.0.1:1/x"], 6, "hint: nothing listens at this port"),
         (&["camera", "test", "rtsp://user:pa55word@"], 2, "the host is missing"),
         (&["camera", "test", "rtsp://user:pa55word@cam:pa55word/x"], 2, "the port is not a number"),
         (&["camera", "test", "http://user:pa55word@127.0.0.1:1/x?pwd=pa55word"], 6, "http://…@127.0.0.1:1/x?…"),
@@ -44,6 +53,7 @@ fn what_is_no_camera_is_refused_and_no_password_is_shown() {
         let run = lab.spf(args);
         assert_eq!(run.code, Some(code), "{args:?}: {}", run.stderr);
         assert!(run.stderr.contains(expected), "{args:?}: {}", run.stderr);
+        assert!(run.stderr.matches("rtsp+udp://HOST/PATH").count() <= 1, "the list is there once: {}", run.stderr);
         let shown = format!("{}{}", run.stdout, run.stderr);
         assert!(!shown.contains("pa55word"), "{shown}");
     }
@@ -72,7 +82,8 @@ fn the_doctor_watches_a_camera() {
     );
     let run = lab.spf(&["doctor", "--camera", "file:square.mp4", "--camera-calibration", "front.yaml"]);
     let line = run.stdout.lines().find(|line| line.contains("camera")).unwrap_or_else(|| panic!("{}{}", run.stdout, run.stderr));
-    assert!(line.contains("400×300") && line.contains("frames/s, 0 gaps"), "{line}");
+    assert!(line.contains("400×300") && line.contains("frames/s (fine from 10, too few below 5), frames "), "{line}");
+    assert!(line.contains("(fine without gaps, too many from 5 % lost)"), "{line}");
 }
 
 /// A camera that films the terminal and sends its images 0.4 s later; ffmpeg adds its own time.
@@ -108,4 +119,55 @@ fn a_clock_needs_a_terminal() {
     let lab = Lab::new();
     let run = lab.spf(&["camera", "calibrate", "udp-rtp://127.0.0.1:5600"]);
     assert!(run.code == Some(2) && run.stderr.contains("no terminal to show the clock on"), "{}", run.stderr);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_clock_needs_a_terminal_that_is_large_enough() {
+    let lab = Lab::new();
+    // A terminal of 15 lines and 80 columns.
+    let script = "import fcntl, os, pty, struct, sys, termios
+child, terminal = pty.fork()
+if child == 0:
+    fcntl.ioctl(2, termios.TIOCSWINSZ, struct.pack('HHHH', 15, 80, 0, 0))
+    os.execv(sys.argv[1], sys.argv[1:])
+try:
+    while said := os.read(terminal, 4096):
+        sys.stderr.buffer.write(said)
+except OSError:
+    pass
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))";
+    let mut command = std::process::Command::new("python3");
+    command.args(["-c", script, env!("CARGO_BIN_EXE_spf"), "camera", "calibrate", "udp-rtp://127.0.0.1:5600"]);
+    let Ok(output) = command.current_dir(lab.path("")).output() else { return crate::harness::skip("python3") };
+    let run = crate::harness::Run::of(&output);
+    assert_eq!(run.code, Some(2), "{}", run.stderr);
+    assert!(run.stderr.contains("a terminal of 29 columns and 16 lines; this one has 80 and 15"), "{}", run.stderr);
+}
+
+/// What somebody gets who sends the wrong kind of video: at once, and with what to do.
+#[test]
+fn packets_of_another_kind_and_other_colours_are_named() {
+    let lab = Lab::new();
+    let port = || std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port() & !1;
+    let source = ["-v", "error", "-re", "-f", "lavfi", "-i", "testsrc=size=320x240:rate=15", "-c:v", "libx264", "-g", "15"];
+    let codec = ["-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt"];
+    for (scheme, colours, target, expected, hint) in [
+        ("udp-rtp", "yuv420p", "udp", "they seem to be MPEG-TS", "receive them by udp-ts://127.0.0.1:"),
+        ("udp-ts", "yuv420p", "rtp", "they seem to be RTP", "receive them by udp-rtp://127.0.0.1:"),
+        ("udp-rtp", "yuv444p", "rtp", "profile High 4:4:4 Predictive (244)", "`-pix_fmt yuv420p`"),
+        ("udp-ts", "yuv422p", "udp", "profile High 4:2:2 (122)", "`-pix_fmt yuv420p`"),
+    ] {
+        let port = port();
+        let container = if target == "udp" { "mpegts" } else { "rtp" };
+        let to = format!("{target}://127.0.0.1:{port}?pkt_size=1316");
+        let mut ffmpeg = std::process::Command::new("ffmpeg");
+        ffmpeg.args(source).args(codec).args([colours, "-f", container, &to]);
+        let Ok(mut sender) = ffmpeg.stdout(std::process::Stdio::null()).spawn() else { return crate::harness::skip("ffmpeg") };
+        let run = lab.spf(&["camera", "test", &format!("{scheme}://127.0.0.1:{port}")]);
+        sender.kill().unwrap();
+        sender.wait().unwrap();
+        assert_eq!(run.code, Some(6), "{}{}", run.stdout, run.stderr);
+        assert!(run.stderr.contains(expected) && run.stderr.contains(hint), "{scheme} {colours}: {}", run.stderr);
+    }
 }

@@ -92,7 +92,7 @@ fn a_square_is_followed_in_the_images_of_a_camera() {
     for (args, expected) in [
         (&["track", "file:square.mp4", "--box", "40,80,100,140", "--from", "1", "-o", "x"][..], "--from is for videos"),
         (&["track", "square.mp4", "--box", "40,80,100,140", "--seconds", "1"], "--seconds is for cameras"),
-        (&["track", "rtsps://h/x", "--box", "40,80,100,140", "-o", "x"], "has one of the forms"),
+        (&["track", "rtsps://h/x", "--box", "40,80,100,140", "-o", "x"], "did you mean `rtsp://h/x`?"),
     ] {
         let run = lab.spf(args);
         assert!(run.code == Some(2) && run.stderr.contains(expected), "{}", run.stderr);

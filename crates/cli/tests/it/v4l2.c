@@ -3,7 +3,7 @@
 //
 // FAKE_FRAMES: the file. FAKE_FORMAT: MJPG or YUYV. FAKE_FAULT: "busy" (another program streams), "gone" (unplugged after 10
 // frames), "short" (every second buffer is cut in half), "gap" (in every second buffer bytes are missing in the middle, but not its end),
-// "stampless" (buffers have no time), "long" (16 bytes too many), or nothing.
+// "stampless" (buffers have no time), "realtime" (buffers have the time of day, as those of old drivers), "long" (16 bytes too many), or nothing.
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
@@ -26,10 +26,14 @@ static unsigned queue[BUFFERS], queued, requested, sequence;
 static double next_at;
 static FILE *frames;
 
-static double now(void) {
+static double at(clockid_t clock) {
     struct timespec time;
-    clock_gettime(CLOCK_MONOTONIC, &time);
+    clock_gettime(clock, &time);
     return time.tv_sec + time.tv_nsec * 1e-9;
+}
+
+static double now(void) {
+    return at(CLOCK_MONOTONIC);
 }
 
 static int fault(const char *name) {
@@ -117,10 +121,11 @@ static int dequeue(struct v4l2_buffer *buffer) {
     buffer->bytesused = fill(memory[buffer->index]);
     buffer->length = LENGTH;
     buffer->field = V4L2_FIELD_NONE;
-    buffer->flags = V4L2_BUF_FLAG_MAPPED | V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+    int wall = fault("realtime");
+    buffer->flags = V4L2_BUF_FLAG_MAPPED | (wall ? V4L2_BUF_FLAG_TIMESTAMP_UNKNOWN : V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC);
     buffer->sequence = sequence++;
     // Exposed 20 ms ago.
-    double captured = fault("stampless") ? 0 : now() - 0.02;
+    double captured = fault("stampless") ? 0 : at(wall ? CLOCK_REALTIME : CLOCK_MONOTONIC) - 0.02;
     buffer->timestamp.tv_sec = (long)captured;
     buffer->timestamp.tv_usec = (long)((captured - (long)captured) * 1e6);
     return 0;

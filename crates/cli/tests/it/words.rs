@@ -25,6 +25,16 @@ fn help_of_camera_test() {
 }
 
 #[test]
+fn help_of_camera_calibrate() {
+    insta::assert_snapshot!(help(&["camera", "calibrate", "--help"]));
+}
+
+#[test]
+fn help_of_sim_serve() {
+    insta::assert_snapshot!(help(&["sim", "serve", "--help"]));
+}
+
+#[test]
 fn help_of_sim_render() {
     insta::assert_snapshot!(help(&["sim", "render", "--help"]));
 }

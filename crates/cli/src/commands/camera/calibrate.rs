@@ -4,21 +4,23 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
-use spf_camera::CameraSettings;
-use spf_camera::clock_code::{ClockCode, read as read_clock};
+use spf_camera::clock_code::{ClockCode, MODULES, read as read_clock};
 use spf_camera::latency::{FEWEST, Latency, LatencyMeter};
+use spf_camera::{CameraSettings, CameraUrl};
 use spf_core::time::Time;
 use spf_drone::frames::Frames as _;
 
-use super::{POLL_INTERVAL, address, first_image, nothing, start, tello};
+use super::{POLL_INTERVAL, address, first_shown, nothing, start, tello};
 use crate::args::CameraCalibrate;
 use crate::commands::read;
 use crate::error::CliError;
 use crate::exit::Exit;
-use crate::printer::{Printer, one_line};
+use crate::printer::Printer;
 
 /// How long the clock shows one time. It is no multiple of the interval of any usual camera, so that the frames are spread over it.
 const SHOWN: Duration = Duration::from_millis(93);
+/// Columns and lines that the code needs; the cursor is in the line below it.
+const NEEDED: (usize, usize) = (MODULES, MODULES.div_ceil(2) + 1);
 /// Longest latency that is plausible, seconds.
 const LONGEST: f64 = 10.0;
 
@@ -60,17 +62,29 @@ pub(super) fn calibrate(args: &CameraCalibrate, printer: &Printer) -> Result<Exi
             .hint("use --overwrite to replace it, or another file with -o FILE"));
     }
     let url = address("URL", &args.url)?;
+    if let CameraUrl::File { .. } = url {
+        return Err(unable_to_film("a video file"));
+    }
     if !printer.has_terminal() {
         return Err(CliError::usage("no terminal to show the clock on").hint("run the command in a terminal, not through a pipe"));
+    }
+    if let Some((columns, lines)) = printer.terminal_size().filter(|size| size.0 < NEEDED.0 || size.1 < NEEDED.1) {
+        return Err(CliError::usage(format!(
+            "the clock needs a terminal of {} columns and {} lines; this one has {columns} and {lines}",
+            NEEDED.0, NEEDED.1
+        ))
+        .hint("enlarge the window, or choose a smaller font"));
     }
     let begun = Instant::now();
     let now = || Time::ZERO + begun.elapsed();
     // The arrival without the time by which a frame was held back.
     let settings = CameraSettings { latency: Duration::ZERO, own_clock: false, tello: tello(&url, printer)? };
     let camera = start(url.clone(), &settings, begun, Box::new(|image| image))?;
-    printer.log(&format!("Receiving {} …", one_line(&url.to_string())));
-    if first_image(&camera).is_none() {
-        return Err(nothing(&camera.report(), &url));
+    if first_shown(&camera, &url, printer).is_none() {
+        return Err(nothing(&camera, &url));
+    }
+    if camera.report().recorded {
+        return Err(unable_to_film("a pipeline whose source is not live"));
     }
     printer.log("Point the camera at this terminal so that it sees the whole code, until it has been read often enough.");
     let (frames, mut meter, mut seen) = (camera.frames(), LatencyMeter::default(), None);
@@ -109,6 +123,11 @@ pub(super) fn calibrate(args: &CameraCalibrate, printer: &Printer) -> Result<Exi
     write(&args.output, latency)?;
     printer.log(&format!("Written; use it with --camera-latency {}", args.output.display()));
     Ok(Exit::Success)
+}
+
+fn unable_to_film(what: &str) -> CliError {
+    CliError::usage(format!("{what} cannot film this terminal: its images are older than the clock"))
+        .hint("give the address of a live camera, and point it at the terminal")
 }
 
 fn write(path: &Path, latency: f64) -> Result<(), CliError> {
