@@ -1,12 +1,13 @@
 // The cockpit: joins what is seen and what is ordered.
 
 import { Decisions } from "./decisions.js";
+import { caption } from "./draw.js";
 import { Film } from "./film.js";
 import { Orders } from "./fly.js";
 import { byId, clock, element, metres, open } from "./look.js";
 import { MapView } from "./map.js";
 import { Marks } from "./mark.js";
-import { Picture, caption } from "./picture.js";
+import { Picture } from "./picture.js";
 import { Controls, Watch } from "./sockets.js";
 
 let watch;
@@ -79,8 +80,8 @@ function lost(is, over, reason) {
   if (!is) return;
   orders.release();
   // What was true a moment ago may not be now.
-  if (!over) for (const id of ["link", "frame-age", "speed"]) [byId(id).textContent, byId(id).className] = ["?", "bad"];
   const flying = body.dataset.flight === "on";
+  if (!over && flying) for (const id of ["link", "speed"]) [byId(id).textContent, byId(id).className] = ["?", "bad"];
   alarm.textContent = over
     ? (reason || "The program has ended.")
     : `Connection lost. ${flying ? "The drone holds if only this page controls it, and lands after 20 s. " : ""}Trying again …`;
@@ -122,7 +123,8 @@ const handlers = {
     body.dataset.flight = "on";
     for (const part of [map, decisions]) part.clear();
     [map.outlines, map.fence] = [flight.outlines, flight.fence];
-    orders.human = flight.vlm === "human";
+    problems = [];
+    [orders.human, orders.steps] = [flight.vlm === "human", flight.steps];
     byId("point").hidden = orders.human;
     byId("point").disabled = !flight.points;
     byId("answers").hidden = !orders.human;
@@ -138,7 +140,10 @@ const handlers = {
   path: ({ path }) => (map.path = path),
   offset: ({ offset }) => (map.offset = offset),
   obstacles: ({ cells }) => (map.cells = cells),
-  line: (line) => decisions.line(line),
+  line(line) {
+    if (line.recording) problems.push(line.text);
+    decisions.line(line);
+  },
   decision(decision) {
     decisions.decision(decision);
     map.decisions.push(decision.at);
@@ -156,11 +161,21 @@ const handlers = {
   },
   state,
   opened: (message) => decisions.detail(message),
-  end({ outcome, result }) {
+  end({ outcome, result, t, flown, incomplete }) {
     body.dataset.flight = "over";
     byId("phase").textContent = outcome;
+    byId("step").textContent = "";
     question({});
-    byId("ended-lines").replaceChildren(...result.map((line) => element("p", line)));
+    // From here on the figures are those of the result.
+    over();
+    text("time", clock(t));
+    text("flown", metres(flown));
+    const missing = incomplete && problems.length === 0 ? ["The recording of this flight is not complete."] : problems;
+    byId("ended-lines").replaceChildren(
+      ...result.map((line) => element("p", line)),
+      element("p", `Flight time until then: ${clock(t)}.`, { class: "faint" }),
+      ...missing.map((line) => element("p", line, { class: "problem" })),
+    );
     open(byId("ended"));
   },
 };
@@ -196,23 +211,30 @@ function show(id, text) {
 
 let said = "";
 
+/** What could not be recorded of this flight, as told to who flies. */
+let problems = [];
+
+function text(id, value, kind = "") {
+  byId(id).textContent = value;
+  byId(id).className = kind;
+}
+
+/** A drone that has landed is no longer heard of, and that is nothing to worry about. */
+function over() {
+  for (const id of ["link", "speed"]) text(id, "–");
+  picture.age();
+}
+
 function state(state) {
   body.dataset.flight = "on";
   const phases = { ground: "on the ground", take_off: "taking off", flying: "flying", held: "held", manual: "by hand", hovering: "hovering", returning: "returning home", landing: "landing", ended: "ended" };
   show("phase", (phases[state.phase] ?? state.phase) + (state.will_hold ? ", will hold" : ""));
   byId("resume").hidden = !["held", "manual"].includes(state.phase) && !state.will_hold;
   if (state.instruction !== said) instruction((said = state.instruction));
-  const asked = state.asked && !orders.human ? ` – asked ${state.asked.for.toFixed(0)} s ago` : "";
-  byId("age").title = asked;
-  const text = (id, value, kind = "") => {
-    byId(id).textContent = value;
-    byId(id).className = kind;
-  };
   text("height", metres(state.height));
   text("speed", state.speed === null ? "–" : `${state.speed.toFixed(1)} m/s`);
   text("battery", state.battery === null ? "–" : `${Math.round(100 * state.battery)} %`, state.battery !== null && state.battery < 0.2 ? "bad" : "");
   text("link", state.link ? "good" : "LOST", state.link ? "" : "bad");
-  text("frame-age", state.frame_age === null ? "–" : `${state.frame_age.toFixed(2)} s`, state.frame_age > 1 ? "bad" : state.frame_age > 0.5 ? "warn" : "");
   text("heading", `${String(Math.round(state.heading) % 360).padStart(3, "0")}°`);
   text("flown", metres(state.flown));
   text("time", clock(state.t));
@@ -220,6 +242,9 @@ function state(state) {
   label(`Live picture: ${byId("phase").textContent}${seen ? `, ${seen.label && !seen.target ? `to ${seen.label}, ` : ""}${caption(seen)} away` : ""}`);
   orders.marks.list(state.marked);
   map.fly(state);
+  if (state.phase !== "ended") return;
+  over();
+  show("step", "The flight is over. Its recording is being finished …");
 }
 
 byId("say").onsubmit = async (event) => {

@@ -1,5 +1,6 @@
 // The list of decisions and events, and one of them opened.
 
+import { caption, cross, target } from "./draw.js";
 import { byId, clock, element, open } from "./look.js";
 
 const ROWS = 400;
@@ -79,19 +80,12 @@ export class Decisions {
     [canvas.width, canvas.height] = [bitmap.width, bitmap.height];
     const c = canvas.getContext("2d");
     c.drawImage(bitmap, 0, 0);
-    const point = this.rows.get(query)?.point;
-    if (point) {
-      const [x, y] = [point[0] * canvas.width, point[1] * canvas.height];
-      for (const [style, width] of [["#000", 5], ["#ffc233", 2.5]]) {
-        [c.strokeStyle, c.lineWidth] = [style, width];
-        c.beginPath();
-        c.arc(x, y, 12, 0, 2 * Math.PI);
-        c.moveTo(x - 20, y); c.lineTo(x - 6, y); c.moveTo(x + 6, y); c.lineTo(x + 20, y);
-        c.moveTo(x, y - 20); c.lineTo(x, y - 6); c.moveTo(x, y + 6); c.lineTo(x, y + 20);
-        c.stroke();
-      }
-    }
-    byId("opened-picture").replaceChildren(canvas);
+    const { point, flown_to: to } = this.rows.get(query) ?? {};
+    if (point) cross(c, point[0] * canvas.width, point[1] * canvas.height, "#ffffff");
+    // The same as in the live picture, as seen from here.
+    if (to) target(c, to.u * canvas.width, to.v * canvas.height, caption(to), { left: 0, width: canvas.width });
+    const told = [point && "White cross: the point of this answer.", to && `Yellow: what the drone then flew to, as in the live picture (${to.target ? "estimated from all answers" : "the end of its step"}).`];
+    byId("opened-picture").replaceChildren(canvas, element("p", told.filter(Boolean).join(" "), { class: "faint" }));
   }
 }
 

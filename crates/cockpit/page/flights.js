@@ -44,6 +44,9 @@ async function start() {
   else list(flights);
 }
 
+/** All instructions of a flight, in order; the first one names it. */
+const instructions = (flight) => [...(flight.earlier_instructions ?? []), flight.instruction ?? flight.name];
+
 function outcome({ outcome, verified }) {
   const words = String(outcome ?? "unfinished").replaceAll("_", " ");
   return verified === true ? `${words}, verified` : verified === false && outcome === "reached" ? `${words}, NOT verified` : words;
@@ -72,9 +75,11 @@ function list(flights) {
         : element("span", "no film", { class: "blank" });
     if (flight.film) looks.observe(picture);
     const text = element("div");
+    const [first, ...later] = instructions(flight);
     const facts = [clock(flight.time), metres(flight.flown), `${flight.decisions ?? 0} decisions`].join(" · ");
     text.append(
-      element("strong", flight.instruction ?? flight.name),
+      element("strong", first),
+      ...later.map((text) => element("span", `then: ${text}`, { class: "later" })),
       element("span", outcome(flight), { class: `outcome ${kind(flight)}` }),
       element("span", facts, { class: "faint" }),
       element("span", `${flight.scene || flight.drone || ""} · ${flight.vlm ?? ""} · ${new Date(1000 * flight.written).toLocaleString()}`, { class: "faint" }),
@@ -89,14 +94,17 @@ function list(flights) {
 }
 
 async function show(flight) {
-  document.title = `${flight.instruction} – SPF cockpit`;
-  byId("title").textContent = flight.instruction ?? flight.name;
+  const title = instructions(flight).join(" → ");
+  document.title = `${title} – SPF cockpit`;
+  byId("title").textContent = title;
   byId("outcome").textContent = outcome(flight);
   byId("outcome").className = `outcome ${kind(flight)}`;
   byId("cause").textContent = flight.cause ?? "";
   const facts = [
-    ["time", clock(flight.time)], ["flown", metres(flight.flown)], ["decisions", flight.decisions],
+    ["flight time", clock(flight.time)], ["from first motion", flight.since_motion === null ? "–" : `${flight.since_motion.toFixed(1)} s`],
+    ["flown", metres(flight.flown)], ["decisions", flight.decisions],
     ["from the target", metres(flight.distance)], ["collisions", flight.collisions], ["scene", flight.scene || "–"], ["VLM", flight.vlm],
+    ...(flight.not_recorded?.length ? [["not recorded completely", flight.not_recorded.join(", ")]] : []),
   ];
   byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [element("dt", name), element("dd", String(value ?? "–"))]));
   const film = byId("film");
@@ -150,8 +158,10 @@ async function again({ name }) {
 }
 
 /** Deletes it, if somebody is sure. */
-function ask({ name, instruction }) {
-  byId("sure-text").textContent = `“${instruction ?? name}”: its film, log and decisions are gone then, for good.`;
+function ask(flight) {
+  const { name } = flight;
+  const title = instructions(flight).join(" → ");
+  byId("sure-text").textContent = `“${title}”: its film, log and decisions are gone then, for good.`;
   byId("sure-no").onclick = () => byId("sure").close();
   byId("sure-yes").onclick = async () => {
     byId("sure").close();
@@ -161,7 +171,7 @@ function ask({ name, instruction }) {
     const text = (await answer.text()).trim();
     if (!answer.ok) return (byId("removed").textContent = text);
     location.hash = "";
-    told = `${instruction ?? name}: ${text}.`;
+    told = `${title}: ${text}.`;
   };
   byId("sure").showModal();
 }

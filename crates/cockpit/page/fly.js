@@ -1,6 +1,6 @@
 // Orders: to stop, to point, to fly by hand.
 
-import { METRES, byId, isTyping, roughly } from "./look.js";
+import { METRES, byId, isTyping, metres, roughly } from "./look.js";
 
 /** Manual flight is sent anew this often; the drone holds if it comes no more. */
 const REPEAT = 100;
@@ -13,7 +13,7 @@ const KEYS = {
 
 export class Orders {
   constructor(controls, picture) {
-    [this.controls, this.picture, this.held, this.asked, this.human] = [controls, picture, new Map(), null, false];
+    [this.controls, this.picture, this.held, this.asked, this.human, this.steps] = [controls, picture, new Map(), null, false, null];
     byId("hold").onclick = () => this.stop("hold", "hold");
     byId("land").onclick = () => this.stop("land", "land");
     byId("resume").onclick = () => this.give("resume");
@@ -126,9 +126,10 @@ export class Orders {
       this.arms();
     };
     const tell = () => {
-      const text = roughly(METRES[distance.value - 1]) + (distance.value === "10" ? " or more" : "");
-      byId("distance-out").textContent = text;
-      distance.setAttribute("aria-valuetext", text);
+      const [text, most] = [roughly(METRES[distance.value - 1]), distance.value === "10"];
+      byId("distance-out").textContent = most ? `≥ ${text}` : text;
+      distance.setAttribute("aria-valuetext", most ? `${text} or more` : text);
+      this.explain();
     };
     distance.oninput = tell;
     tell();
@@ -145,13 +146,13 @@ export class Orders {
     canvas.addEventListener("focus", () => {
       // Not for who only clicks.
       if (this.aiming && canvas.matches(":focus-visible")) this.picture.aim ??= { u: 0.5, v: 0.5 };
-      document.body.classList.toggle("aiming", this.aiming);
+      this.explain();
       this.picture.overlay();
     });
     canvas.addEventListener("blur", () => {
       this.left = performance.now();
       this.picture.aim = null;
-      document.body.classList.remove("aiming");
+      this.explain();
       this.picture.overlay();
     });
     for (const button of document.querySelectorAll("[data-look]")) button.onclick = () => this.give({ look: button.dataset.look });
@@ -176,11 +177,27 @@ export class Orders {
   arms() {
     document.body.classList.toggle("points", this.armed_to_point);
     document.body.classList.toggle("draws", Boolean(this.marks?.on));
+    this.explain();
     if (this.aiming) byId("picture").tabIndex = 0;
     else {
       if (document.activeElement === byId("picture")) this.left = performance.now();
       byId("picture").removeAttribute("tabindex");
     }
+  }
+
+  /** Says how to point, and how far the drone then flies. */
+  explain() {
+    const label = byId("distance").value;
+    const after = this.human ? "asks again" : "then goes by the model's next answer";
+    // With the target's estimated place it is the way there that counts, and else the step that the distance means.
+    const step = this.steps ? `The drone flies ${metres(this.steps[label - 1])} towards it: its step at ${roughly(METRES[label - 1])}` : `The drone flies towards it, ${roughly(METRES[label - 1])} at most`;
+    const drawn = this.marks?.on;
+    const text = this.picture.aim
+      ? `Arrow keys aim (with Shift in larger steps), Enter ${drawn ? "sets one corner, and the other" : "points"}.`
+      : drawn
+        ? "Draw a box around what to keep away from, with its distance set above. With keys: Tab to the picture, arrows aim, Enter sets one corner, and the other. This button again ends it; Escape lands the drone."
+        : `${this.armed_to_point ? "Set" : "A correction: press “Not that one, this …”, set"} how far away it is (also with the wheel over the picture), and click on it. ${step}; it ${after}.`;
+    if (byId("how").textContent !== text) byId("how").textContent = text;
   }
 
   aims(event) {

@@ -35,7 +35,6 @@ export class Marks {
     if (on) byId("point").setAttribute("aria-pressed", "false");
     this.drop();
     this.orders.arms();
-    if (this.on) this.orders.say("Draw a box around what to keep away from; with the keyboard, in the picture: Enter for one corner, Enter for the other. This button again ends it; Escape lands the drone.");
   }
 
   down(event) {

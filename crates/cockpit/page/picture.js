@@ -1,6 +1,7 @@
 // The live picture, what is drawn over it, and pointing in it.
 
-import { byId, metres, roughly, sharp } from "./look.js";
+import { box, caption, cross, horizon, line, place, target } from "./draw.js";
+import { byId, sharp } from "./look.js";
 
 const OLD = 1.0;
 
@@ -42,6 +43,7 @@ export class Picture {
     [this.head, this.arrived] = [head, arrived];
     this.confirm();
     // From the frame's arrival at the program to its pixels, but for the way here: for measurements.
+    this.canvas.dataset.frame = head.frame;
     this.canvas.dataset.latency = Math.round(1000 * head.received + performance.now() - arrived);
     byId("empty").hidden = true;
     this.overlay();
@@ -52,7 +54,7 @@ export class Picture {
     this.marks = [];
     byId("empty").hidden = false;
     byId("empty-text").textContent = text;
-    byId("age").textContent = "";
+    this.age();
     this.overlay();
   }
 
@@ -61,13 +63,16 @@ export class Picture {
     return this.head ? this.head.age + (performance.now() - this.arrived) / 1000 : null;
   }
 
+  /** Tells the age of the picture: one figure, that of what is seen here. After a flight the last picture stays, and is no longer live. */
   age() {
-    const age = this.seconds;
-    const pill = byId("age");
+    const live = document.body.dataset.flight === "on";
+    const age = live ? this.seconds : null;
     const old = age !== null && age > OLD;
+    const text = age === null ? "–" : old ? `${age.toFixed(1)} s` : `${Math.round(age * 1000)} ms`;
     byId("stage").classList.toggle("old", old);
-    pill.classList.toggle("bad", old);
-    if (age !== null) pill.textContent = old ? `picture ${age.toFixed(1)} s old` : `${Math.round(age * 1000)} ms`;
+    byId("age").textContent = old ? `picture ${text} old` : "";
+    byId("picture-age").textContent = text;
+    byId("picture-age").className = old ? "bad" : age > OLD / 2 ? "warn" : "";
   }
 
   /** The part of the stage that the picture fills, CSS pixels. */
@@ -117,110 +122,15 @@ export class Picture {
     c.clip();
     c.lineJoin = c.lineCap = "round";
     const over = this.head?.overlay ?? {};
-    if (over.horizon) this.horizon(c, over.horizon, x, y, area);
-    for (const box of over.boxes ?? []) this.box(c, box.area, x, y, "#ff8d6b", [6, 4], box.label);
-    for (const place of over.marked ?? []) this.place(c, place, x, y);
-    if (this.rubber) this.box(c, this.rubber, x, y, "#ff6b5e", [4, 4], "");
-    if (over.track) this.box(c, over.track.area, x, y, over.track.sure ? "#5fe08a" : "#c4ecd0", over.track.sure ? [] : [3, 4], "");
-    if (over.path?.length > 1) this.line(c, over.path, x, y, "#55c7ff");
-    if (over.point) this.target(c, x(over.point.u), y(over.point.v), caption(over.point), area);
-    for (const mark of this.marks.filter((mark) => mark.until > performance.now())) this.cross(c, x(mark.u), y(mark.v), "#ffffff");
-    if (this.aim) this.cross(c, x(this.aim.u), y(this.aim.v), "#ffc233");
+    if (over.horizon) horizon(c, over.horizon, x, y, area);
+    for (const { area, label } of over.boxes ?? []) box(c, area, x, y, "#ff8d6b", [6, 4], label);
+    for (const marked of over.marked ?? []) place(c, marked, x, y);
+    if (this.rubber) box(c, this.rubber, x, y, "#ff6b5e", [4, 4], "");
+    if (over.track) box(c, over.track.area, x, y, over.track.sure ? "#5fe08a" : "#c4ecd0", over.track.sure ? [] : [3, 4], "");
+    if (over.path?.length > 1) line(c, over.path, x, y, "#55c7ff");
+    if (over.point) target(c, x(over.point.u), y(over.point.v), caption(over.point), area);
+    for (const mark of this.marks.filter((mark) => mark.until > performance.now())) cross(c, x(mark.u), y(mark.v), "#ffffff");
+    if (this.aim) cross(c, x(this.aim.u), y(this.aim.v), "#ffc233");
     c.restore();
   }
-
-  stroke(c, colour, width) {
-    for (const [style, extra] of [["rgb(0 0 0 / 65%)", 2.5], [colour, 0]]) {
-      [c.strokeStyle, c.lineWidth] = [style, width + extra];
-      c.stroke();
-    }
-  }
-
-  horizon(c, [[u0, v0], [u1, v1]], x, y, area) {
-    const slope = (v1 - v0) / (u1 - u0 || 1);
-    const at = (u) => v0 + (u - u0) * slope;
-    c.globalAlpha = 0.55;
-    c.setLineDash([2, 7]);
-    c.beginPath();
-    c.moveTo(area.left, y(at(0)));
-    c.lineTo(area.left + area.width, y(at(1)));
-    this.stroke(c, "#ffffff", 1.2);
-    c.setLineDash([]);
-    c.globalAlpha = 1;
-  }
-
-  box(c, [left, top, right, bottom], x, y, colour, dash, label) {
-    c.setLineDash(dash);
-    c.beginPath();
-    c.rect(x(left), y(top), x(right) - x(left), y(bottom) - y(top));
-    this.stroke(c, colour, 2);
-    c.setLineDash([]);
-    if (label) this.text(c, label, x(left) + 6, y(top) - 4, colour, undefined, 12);
-  }
-
-  /** A place to keep away from. */
-  place(c, { id, area: [left, top, right, bottom], metres: away }, x, y) {
-    c.save();
-    c.beginPath();
-    c.rect(x(left), y(top), x(right) - x(left), y(bottom) - y(top));
-    c.fillStyle = "rgb(214 40 28 / 22%)";
-    c.fill();
-    this.stroke(c, "#ff6b5e", 2.5);
-    c.clip();
-    c.beginPath();
-    for (let at = x(left) - (y(bottom) - y(top)); at < x(right); at += 16) {
-      c.moveTo(at, y(bottom));
-      c.lineTo(at + y(bottom) - y(top), y(top));
-    }
-    [c.strokeStyle, c.lineWidth] = ["rgb(255 107 94 / 60%)", 1.5];
-    c.stroke();
-    c.restore();
-    this.text(c, `keep away ${id + 1} · ${roughly(away)}`, x(left) + 8, y(bottom) - 10, "#ff9a90", undefined, 12);
-  }
-
-  line(c, points, x, y, colour) {
-    c.beginPath();
-    points.forEach(([u, v], i) => (i ? c.lineTo(x(u), y(v)) : c.moveTo(x(u), y(v))));
-    this.stroke(c, colour, 3);
-  }
-
-  target(c, px, py, label, area) {
-    c.beginPath();
-    c.arc(px, py, 13, 0, 2 * Math.PI);
-    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
-      c.moveTo(px + 9 * dx, py + 9 * dy);
-      c.lineTo(px + 20 * dx, py + 20 * dy);
-    }
-    this.stroke(c, "#ffc233", 2.4);
-    c.font = "600 14px system-ui, sans-serif";
-    const wide = c.measureText(label).width + 16;
-    const left = px + 24 + wide > area.left + area.width ? px - 24 - wide : px + 24;
-    this.text(c, label, left + 8, py + 5, "#ffc233", wide);
-  }
-
-  cross(c, px, py, colour) {
-    c.beginPath();
-    c.arc(px, py, 16, 0, 2 * Math.PI);
-    c.moveTo(px - 24, py); c.lineTo(px - 6, py); c.moveTo(px + 6, py); c.lineTo(px + 24, py);
-    c.moveTo(px, py - 24); c.lineTo(px, py - 6); c.moveTo(px, py + 6); c.lineTo(px, py + 24);
-    this.stroke(c, colour, 2);
-  }
-
-  text(c, text, px, py, colour, wide, size = 14) {
-    c.font = `600 ${size}px system-ui, sans-serif`;
-    const width = wide ?? c.measureText(text).width + 12;
-    c.fillStyle = "rgb(6 9 14 / 78%)";
-    c.beginPath();
-    // Older browsers have no round corners.
-    c[c.roundRect ? "roundRect" : "rect"](px - (wide ? 8 : 6), py - size - 2, width, size + 9, 6);
-    c.fill();
-    c.fillStyle = colour;
-    c.fillText(text, px, py);
-  }
-}
-
-/** What the drone flies to: the place of its target, or the end of a step towards it. */
-export function caption({ label, metres: away, target }) {
-  const far = away < 20 ? metres(away) : roughly(away);
-  return `${target ? label || "target" : "waypoint"} · ${far}`;
 }

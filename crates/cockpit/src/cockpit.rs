@@ -12,7 +12,7 @@ use spf_vlm::Vlm;
 use tokio::sync::{Semaphore, watch};
 
 use crate::controls::{CHECK, Controls, Keys};
-use crate::flight_controls::{FlightControls, ReadInstruction};
+use crate::flight_controls::{FlightControls, FlightEnd, ReadInstruction};
 use crate::flights::Flights;
 use crate::hub::{Hub, Kept};
 use crate::instruments::Instruments;
@@ -129,7 +129,7 @@ impl Cockpit {
     /// Shows an image that belongs to no flight, such as a clock by which the delay is measured. It must have just arrived.
     pub fn show(&self, number: u64, image: Rgb) {
         if self.worker.is_watched() {
-            self.worker.show(LivePicture::alone(number, image));
+            self.worker.show(LivePicture::alone(number, image), Vec::new());
         }
     }
 
@@ -156,11 +156,20 @@ impl Cockpit {
         self.controls.begin(flight);
     }
 
-    /// The flight is over: `result` in lines for everybody, `files` for whoever flew.
-    pub fn end(&self, outcome: &str, result: &[String], files: &str) {
+    /// The flight is over.
+    pub fn end(&self, end: &FlightEnd) {
+        let FlightEnd { outcome, result, flight_time_s, path_length_m, files, problems } = end;
         self.controls.end();
         self.hub.state.send_replace(Arc::from(""));
-        let end = json!({"type": "end", "outcome": outcome, "result": result});
+        for problem in problems {
+            let text = format!("recording failed: {problem}");
+            // It may name files.
+            self.hub.tell_some(Kept::Row, &json!({"type": "line", "level": "error", "text": text, "recording": true}), true);
+        }
+        let end = json!({
+            "type": "end", "outcome": outcome, "result": result, "t": flight_time_s, "flown": path_length_m,
+            "incomplete": !problems.is_empty(),
+        });
         self.hub.tell(Kept::End, &end);
         self.hub.tell_some(Kept::Row, &json!({"type": "line", "level": "info", "text": format!("files: {files}")}), true);
     }

@@ -24,8 +24,8 @@ use crate::pointing::{Given, Pointing};
 pub(crate) use keys::{Keys, May, Refused};
 use lost::Lost;
 
-/// A page that says nothing for this long is lost.
-pub(crate) const LOST_AFTER: Duration = Duration::from_secs(1);
+/// A page that says nothing for this long is lost: with a beat each 250 ms, and checked each 100 ms, that is known within a second.
+pub(crate) const LOST_AFTER: Duration = Duration::from_millis(700);
 /// The second step of cutting the motors counts within this time.
 const CUT_WITHIN: Duration = Duration::from_secs(3);
 /// The page that flies is checked this often.

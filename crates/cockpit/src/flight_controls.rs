@@ -21,3 +21,20 @@ pub struct FlightControls {
     /// Whether nothing but the page controls the flight: if the page is lost, it holds and then lands.
     pub only: bool,
 }
+
+/// How a flight ended, for the page.
+#[derive(Clone, Debug)]
+pub struct FlightEnd {
+    /// The outcome, in words.
+    pub outcome: String,
+    /// The result in lines, for everybody.
+    pub result: Vec<String>,
+    /// Flight time when the outcome was settled, seconds, as in the summary.
+    pub flight_time_s: f64,
+    /// Length of the flown path by then, metres, as in the summary.
+    pub path_length_m: f64,
+    /// Where the files are, for whoever flew.
+    pub files: String,
+    /// What could not be recorded and why, for whoever flew; everybody is told that the recording is not complete.
+    pub problems: Vec<String>,
+}

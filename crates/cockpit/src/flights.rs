@@ -1,7 +1,11 @@
 //! Recorded flights: the list of a folder, and the files of one of them.
 
 mod again;
+#[cfg(test)]
+mod gate;
 mod removal;
+#[cfg(test)]
+mod replay_tests;
 
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
@@ -49,6 +53,9 @@ const FILES: [(&str, &str, bool); 5] = [
 pub struct Flights {
     folder: PathBuf,
     known: Arc<Mutex<Option<Known>>>,
+    /// What a replay waits for before it begins.
+    #[cfg(test)]
+    gate: gate::Gate,
 }
 
 /// What the folder held a moment ago.
@@ -63,7 +70,12 @@ impl Flights {
     /// The flights in a folder, which need not exist yet. A folder that is a flight itself is a list of one.
     #[must_use]
     pub fn of(folder: &Path) -> Self {
-        Self { folder: folder.to_owned(), known: Arc::default() }
+        Self {
+            folder: folder.to_owned(),
+            known: Arc::default(),
+            #[cfg(test)]
+            gate: gate::Gate::default(),
+        }
     }
 
     /// The folders of flights, with the names under which they are served; newest first.
@@ -116,7 +128,10 @@ impl Flights {
 
     /// What differs if a flight is replayed, JSON; given up once `flying`.
     pub(crate) fn again(&self, name: &str, flying: impl Fn() -> bool) -> Result<String, String> {
-        again::differences(&self.folder(name).ok_or("no such flight")?, flying)
+        let folder = self.folder(name).ok_or("no such flight")?;
+        #[cfg(test)]
+        self.gate.pass();
+        again::differences(&folder, flying)
     }
 
     /// The bench's report, if there is one in the folder.
@@ -154,9 +169,11 @@ fn listed(found: &[(String, PathBuf)]) -> String {
         let has = |file: &str| path.join(file).is_file();
         let get = |key: &str| summary.get(key).cloned().unwrap_or(Value::Null);
         json!({
-            "name": name, "written": written(path), "instruction": get("instruction"), "outcome": get("outcome"),
+            "name": name, "written": written(path), "instruction": get("instruction"),
+            "earlier_instructions": get("earlier_instructions"), "outcome": get("outcome"),
             "verified": get("verified"), "cause": get("cause"), "scene": get("scene"), "drone": get("drone"), "vlm": get("vlm"),
-            "time": get("finished_at_s"), "flown": get("path_length_m"), "decisions": get("decisions"),
+            "time": get("finished_at_s"), "since_motion": get("completion_time_s"), "flown": get("path_length_m"),
+            "decisions": get("decisions"), "not_recorded": get("not_recorded"),
             "distance": get("final_distance_m"), "collisions": get("collisions"),
             "film": has("video.mp4"), "map": has("trajectory.svg"), "log": has("flight.mcap"),
         })

@@ -12,6 +12,7 @@ use spf_core::pilot::{Action, Event, Note, OperatorEvent, Phase, Pilot};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_flight::log::FlightHeader;
+use spf_flight::odometer::Odometer;
 use spf_flight::run::Observer;
 use spf_flight::sight::Sight;
 use spf_flight::words;
@@ -50,8 +51,9 @@ pub struct Instruments {
     goal: Option<EnuPosition>,
     /// The operator has ordered to hold, which on the ground is in effect after take-off.
     holds: bool,
-    flown: f64,
-    last: Option<EnuPosition>,
+    odometer: Odometer,
+    /// When the outcome was settled, and what had been flown by then: the figures of the result.
+    settled: Option<(Time, f64)>,
     /// Whether the map was moved to where the craft counts its position from.
     placed: bool,
     next_state: Time,
@@ -76,8 +78,8 @@ impl Instruments {
             asked: None,
             goal: None,
             holds: false,
-            flown: 0.0,
-            last: None,
+            odometer: Odometer::default(),
+            settled: None,
             placed: false,
             next_state: Time::ZERO,
             next_path: Time::ZERO,
@@ -103,7 +105,8 @@ impl Instruments {
         }
         let Some(photo) = self.sight.as_ref().and_then(|sight| sight.photo(meta.id)) else { return };
         let overlay = self.drawn.seen(now, meta.captured, pose, &self.camera, pilot);
-        self.worker.show(LivePicture { meta, photo, overlay, now, at: Instant::now() });
+        let exposed = self.sight.as_ref().map(|sight| sight.exposed(meta.id)).unwrap_or_default();
+        self.worker.show(LivePicture { meta, photo, overlay, now, at: Instant::now() }, exposed);
     }
 
     fn state(&mut self, now: Time, pilot: &Pilot) {
@@ -117,9 +120,12 @@ impl Instruments {
             .guide()
             .map(|guide| guide.path.iter().map(|cell| cell.middle()).map(|at| [at.east, at.north]).collect::<Vec<_>>());
         self.pointing.anchored(pilot.anchor().map(|_| self.instruction.as_str()));
+        // An instruction given later goes on with the flight.
+        let settled = self.settled.filter(|_| pilot.ending().is_some());
+        let (until, flown) = settled.unwrap_or_else(|| (now, self.odometer.metres()));
         let state = json!({
             "type": "state",
-            "t": now.as_secs_f64(),
+            "t": until.as_secs_f64(),
             "phase": pilot.phase(),
             "will_hold": self.holds && matches!(pilot.phase(), Phase::Ground | Phase::TakeOff),
             "phase_text": words::phase(pilot.phase()),
@@ -131,10 +137,9 @@ impl Instruments {
             "speed": speed,
             "battery": telemetry.and_then(|telemetry| telemetry.battery),
             "link": !self.link_lost,
-            "frame_age": self.newest.map(|meta| now.since(meta.captured).as_secs_f64()),
             "telemetry_age": telemetry.map(|telemetry| now.since(telemetry.time).as_secs_f64()),
             "decisions": pilot.decisions(),
-            "flown": self.flown,
+            "flown": flown,
             "sigma": pilot.is_dead_reckoned().then(|| pilot.position_error()),
             "asked": self.asked.map(|(query, at)| json!({"query": query, "for": now.since(at).as_secs_f64()})),
             "goal": self.goal.map(|goal| [goal.east, goal.north]),
@@ -178,6 +183,11 @@ fn marked(pilot: &Pilot) -> Vec<Value> {
     pilot.kept_out().iter().map(ends).collect()
 }
 
+/// Whether the flight goes on by itself, so that there is nothing to resume.
+fn goes_on(phase: Phase) -> bool {
+    matches!(phase, Phase::Ground | Phase::TakeOff | Phase::Flying)
+}
+
 fn rounded(metres: f64) -> f64 {
     (metres * 100.0).round() / 100.0
 }
@@ -211,6 +221,8 @@ impl Observer for Instruments {
                 // Without the path of a program and the address of a server.
                 "vlm": if head.vlm.starts_with("exec:") { "exec" } else { head.vlm.split('@').next().unwrap_or_default() },
                 "points": head.policy.starts_with("spf"),
+                // How far each distance that is pointed at leads; not where the target's estimated place is flown to.
+                "steps": (!head.settings.guidance.anchor).then(|| (1..=10_u8).map(|label| head.settings.step.length(label)).collect::<Vec<_>>()),
                 "camera": {"width": head.camera.width, "height": head.camera.height, "half_fov": [alpha, beta],
                            "tilt": head.camera.tilt},
                 "max_distance": head.limits.max_distance,
@@ -250,9 +262,12 @@ impl Observer for Instruments {
             Action::Cancel(_) => self.asked = None,
             Action::Note(Note::Decision(decision)) => {
                 (self.asked, self.goal) = (None, decision.goal.filter(|_| !decision.passed).map(|goal| goal.position));
-                self.worker.give(Job::Decided(decision.clone()));
+                let flown_to = self.drawn.point(decision.pose, &self.camera, pilot);
+                self.worker.give(Job::Decided(decision.clone(), flown_to));
             }
             Action::Note(Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _)) => {}
+            // Sent with every instruction, for a drone that holds.
+            Action::Note(Note::OperatorIgnored(OperatorEvent::Resume, _)) if goes_on(pilot.phase()) => {}
             Action::Note(note) => {
                 match note {
                     Note::Operator(OperatorEvent::Instruction(text)) => self.instruction.clone_from(text),
@@ -262,7 +277,10 @@ impl Observer for Instruments {
                 }
                 let level = match note {
                     Note::QueryFailed { .. } => "error",
-                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) | Note::LateReply(_) => "warning",
+                    // It lands already.
+                    Note::OperatorIgnored(OperatorEvent::Land, _) => "info",
+                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) => "warning",
+                    // An answer to a cancelled query, as after a hold, is nothing to worry about.
                     _ => "info",
                 };
                 if matches!(note, Note::QueryFailed { .. }) {
@@ -278,7 +296,7 @@ impl Observer for Instruments {
                 }
             }
             Action::Finished(ending) => {
-                self.goal = None;
+                (self.goal, self.settled) = (None, Some((now, self.odometer.metres())));
                 self.line(now, "info", &format!("{}: {}", words::outcome(ending.outcome), ending.cause));
             }
             Action::Track(_) | Action::Untrack | Action::Command(_) => {}
@@ -291,6 +309,7 @@ impl Observer for Instruments {
 
     fn time(&mut self, now: Time, pilot: &Pilot) {
         self.pointing.phase(pilot.phase());
+        self.odometer.tick(now, pilot);
         self.place(now, pilot);
         self.picture(now, pilot);
         if now >= self.next_state {
@@ -300,8 +319,6 @@ impl Observer for Instruments {
         if now >= self.next_path && pilot.phase() != Phase::Ground {
             self.next_path = now + PATH_EVERY;
             let at = pilot.known_pose(now).position;
-            self.flown += self.last.map_or(0.0, |last| last.distance(at));
-            self.last = Some(at);
             self.hub.flown([rounded(at.east), rounded(at.north)]);
         }
         if now >= self.next_map {

@@ -4,6 +4,7 @@
 //! watches gets the newest picture and the newest state, and nothing that a page does or fails to do delays the loop that flies.
 //! Orders of the page go into the operator channel of the flight, like the keys of the terminal.
 
+mod ahead;
 mod cockpit;
 mod controlling;
 mod controls;
@@ -25,7 +26,7 @@ mod watching;
 mod worker;
 
 pub use cockpit::{Announce, Cockpit, CockpitError};
-pub use flight_controls::{FlightControls, ReadInstruction};
+pub use flight_controls::{FlightControls, FlightEnd, ReadInstruction};
 pub use flights::Flights;
 pub use instruments::Instruments;
 pub use pointing::Pointer;

@@ -41,8 +41,9 @@ pub(crate) struct Overlay {
     horizon: Option<[[f64; 2]; 2]>,
 }
 
+/// What the craft flies to, in an image.
 #[derive(Clone, Debug, Serialize)]
-struct Point {
+pub(crate) struct Point {
     u: f64,
     v: f64,
     label: String,
@@ -116,7 +117,8 @@ impl Drawn {
         }
     }
 
-    fn point(&self, pose: Pose, camera: &Camera, pilot: &Pilot) -> Option<Point> {
+    /// What the craft flies to, as seen from a pose.
+    pub(crate) fn point(&self, pose: Pose, camera: &Camera, pilot: &Pilot) -> Option<Point> {
         let anchor = pilot.anchor().map(|anchor| anchor.position());
         let place = anchor.or(self.goal)?;
         let metres = pose.position.distance(place);

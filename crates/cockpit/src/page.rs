@@ -19,6 +19,7 @@ page! {
     "/app.js" => "app.js": JS,
     "/sockets.js" => "sockets.js": JS,
     "/picture.js" => "picture.js": JS,
+    "/draw.js" => "draw.js": JS,
     "/film.js" => "film.js": JS,
     "/map.js" => "map.js": JS,
     "/decisions.js" => "decisions.js": JS,

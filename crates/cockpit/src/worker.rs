@@ -14,12 +14,16 @@ use spf_drone::frames::Photo;
 use spf_flight::words;
 use spf_media::{Jpeg, Rgb, Scaler, marks};
 
+use crate::ahead::{Drawn, Exposed};
 use crate::film::{Film, Unit};
 use crate::hub::{Entry, Hub, Kept};
 use crate::message::Format;
-use crate::overlay::Overlay;
+use crate::overlay::{Overlay, Point};
 use crate::watching::framed;
 
+/// Pictures that wait for their pixels to be drawn at most, and how long nothing may be shown because of that.
+const LATE: usize = 16;
+const PATIENCE: Duration = Duration::from_secs(1);
 /// Maximum number of waiting jobs besides the newest picture.
 const JOBS: usize = 64;
 /// JPEG qualities of live pictures and of those kept with decisions.
@@ -71,19 +75,57 @@ struct Drawing {
     pace: Pace,
     film: Film,
     key_wanted: bool,
+    /// Frames that are drawn before they are delivered, and when one was last shown or the first one began.
+    ahead: Drawn,
+    shown: Option<Instant>,
+}
+
+impl Drawing {
+    /// The picture to show now: the newest one, or, if frames are drawn ahead, the newest one that is drawn.
+    fn choose(&mut self, inbox: &mut Inbox) -> Option<LivePicture> {
+        let drawn = inbox.pictures.iter().rposition(|picture| self.ahead.has(picture.meta.id));
+        let now = Instant::now();
+        let waits = inbox.ahead && self.shown.is_none_or(|at| now.duration_since(at) < PATIENCE);
+        let chosen = match drawn {
+            Some(at) => inbox.pictures.drain(..=at).next_back(),
+            // Its pixels will be there in a moment.
+            None if waits => None,
+            None => inbox.pictures.drain(..).next_back(),
+        };
+        if chosen.is_some() || self.shown.is_none() {
+            self.shown = Some(now);
+        }
+        chosen
+    }
+
+    /// The frame to draw while nothing else is to be done.
+    fn next_exposed(&mut self, inbox: &mut Inbox) -> Option<(FrameMeta, Photo)> {
+        inbox.exposed.frames.retain(|(meta, _)| !self.ahead.has(meta.id));
+        inbox.exposed.take(Instant::now(), self.pace.average)
+    }
+
+    fn ahead(&mut self, meta: &FrameMeta, photo: &Photo) {
+        let began = Instant::now();
+        let pixels = photo.at(sized(photo, self.pace.width()), &mut self.scaler);
+        self.ahead.put(meta.id, pixels, began.elapsed());
+    }
 }
 
 /// Other work.
 pub(crate) enum Job {
     /// A frame was sent to a VLM.
     Asked(Box<Query>, Photo),
-    /// A decision was made.
-    Decided(Box<Decision>),
+    /// A decision was made, after which the craft flies to this place of its frame.
+    Decided(Box<Decision>, Option<Point>),
 }
 
 #[derive(Default)]
 struct Inbox {
-    picture: Option<LivePicture>,
+    /// The newest pictures; only the last one if none is drawn ahead.
+    pictures: VecDeque<LivePicture>,
+    exposed: Exposed,
+    /// Whether frames can be drawn before they are delivered.
+    ahead: bool,
     jobs: VecDeque<Job>,
     stop: bool,
 }
@@ -120,9 +162,18 @@ impl Worker {
         self.hub.is_watched_as(Format::Jpeg) || self.hub.is_watched_as(Format::Film)
     }
 
-    /// Shows a picture, instead of one that waits.
-    pub(crate) fn show(&self, picture: LivePicture) {
-        self.inbox().picture = Some(picture);
+    /// Shows a picture, instead of one that waits. Frames that come after it, and are exposed already, are drawn meanwhile.
+    pub(crate) fn show(&self, picture: LivePicture, exposed: Vec<(FrameMeta, Photo)>) {
+        let mut inbox = self.inbox();
+        // One that is being drawn may be ready a little after it was delivered.
+        inbox.ahead = !exposed.is_empty();
+        let most = if inbox.ahead { LATE } else { 1 };
+        while inbox.pictures.len() >= most {
+            inbox.pictures.pop_front();
+        }
+        inbox.exposed = Exposed { frames: exposed, clock: Some((picture.now, picture.at)) };
+        inbox.pictures.push_back(picture);
+        drop(inbox);
         self.filled.notify_one();
     }
 
@@ -141,31 +192,41 @@ impl Worker {
         let mut drawing = Drawing::default();
         loop {
             let mut inbox = self.inbox();
-            while inbox.picture.is_none() && inbox.jobs.is_empty() && !inbox.stop {
+            let (picture, job, exposed) = loop {
+                if inbox.stop {
+                    return;
+                }
+                let (picture, job) = (drawing.choose(&mut inbox), inbox.jobs.pop_front());
+                // What is not shown yet comes last.
+                let exposed = if picture.is_none() && job.is_none() { drawing.next_exposed(&mut inbox) } else { None };
+                if picture.is_some() || job.is_some() || exposed.is_some() {
+                    break (picture, job, exposed);
+                }
                 inbox = self.filled.wait(inbox).unwrap_or_else(PoisonError::into_inner);
-            }
-            if inbox.stop {
-                return;
-            }
-            let (picture, job) = (inbox.picture.take(), inbox.jobs.pop_front());
+            };
             drop(inbox);
             if let Some(picture) = picture {
                 self.draw(&picture, &mut drawing);
             }
             match job {
                 Some(Job::Asked(query, photo)) => self.asked(&query, &photo, &mut drawing.scaler),
-                Some(Job::Decided(decision)) => self.decided(&decision),
+                Some(Job::Decided(decision, flown_to)) => self.decided(&decision, flown_to.as_ref()),
                 None => {}
+            }
+            if let Some((meta, photo)) = exposed {
+                drawing.ahead(&meta, &photo);
             }
         }
     }
 
-    fn draw(&self, picture: &LivePicture, Drawing { scaler, pace, film, key_wanted }: &mut Drawing) {
+    fn draw(&self, picture: &LivePicture, Drawing { scaler, pace, film, key_wanted, ahead, .. }: &mut Drawing) {
         let began = Instant::now();
         if began < pace.not_before {
             return;
         }
-        let image = picture.photo.at(sized(&picture.photo, pace.width()), scaler);
+        let drawn = ahead.take(picture.meta.id);
+        let (image, took) =
+            drawn.unwrap_or_else(|| (picture.photo.at(sized(&picture.photo, pace.width()), scaler), Duration::ZERO));
         *key_wanted |= self.hub.takes_key();
         if self.hub.is_watched_as(Format::Film)
             && let Some(unit) = film.encode(&image, key_wanted)
@@ -180,7 +241,7 @@ impl Worker {
             self.hub.picture.send_replace(Some(framed(&picture.head().to_string(), jpeg.bytes())));
         }
         scaler.reuse(image);
-        pace.took(began.elapsed());
+        pace.took(took + began.elapsed());
         pace.not_before = began + INTERVAL;
     }
 
@@ -195,13 +256,13 @@ impl Worker {
         scaler.reuse(image);
     }
 
-    fn decided(&self, decision: &Decision) {
+    fn decided(&self, decision: &Decision, flown_to: Option<&Point>) {
         let (query, reading) = (decision.query.id.0, &decision.reading);
         let point = reading.waypoint.or(reading.reply.as_ref().and_then(|reply| reply.point));
         let row = json!({
             "type": "decision", "n": decision.number, "query": query, "t": decision.answered.as_secs_f64(),
             "text": words::decision(decision), "step": decision.step, "latency": decision.latency_s,
-            "age": decision.frame_age_s, "point": point.map(|at| [at.u, at.v]),
+            "age": decision.frame_age_s, "point": point.map(|at| [at.u, at.v]), "flown_to": flown_to,
             "at": [decision.pose.position.east, decision.pose.position.north],
             "goal": decision.goal.map(|goal| [goal.position.east, goal.position.north]),
             "refused": reading.refused.is_some(),

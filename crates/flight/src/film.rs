@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
-use spf_core::avoid::Sighting;
+use spf_core::avoid::{MARKED, Sighting};
 use spf_core::camera::Camera;
 use spf_core::depth::DepthGrid;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -141,7 +141,7 @@ impl Film {
                 self.waypoint = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
                 // They belong to the frame of the decision, and are shown where they are by now.
                 let place = |b: &ObstacleBox| Sighting::new(self.frame_source.camera(), decision.pose, b.area, b.depth);
-                let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes);
+                let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes).filter(|b| b.name != MARKED);
                 self.boxes = boxes.map(|b| (place(b), format!("{} {}", b.name, b.depth))).collect();
                 self.captured = decision.captured;
                 self.drawn_until = now + BOXES_SHOWN;
@@ -190,10 +190,11 @@ impl Film {
         let error = pilot.position_error();
         let drifted = if pilot.is_dead_reckoned() { format!("  position ±{error:.1} m") } else { String::new() };
         let shown = at < self.drawn_until;
-        let boxes = if shown { self.boxes_at(known) } else { Vec::new() };
+        let mut boxes = if shown { self.boxes_at(known) } else { Vec::new() };
         // Whoever walks is no longer where a box was seen.
         let age = at.since(self.captured).as_secs_f64();
         let seen = if boxes.is_empty() { String::new() } else { format!("  boxes seen {age:.1} s ago") };
+        boxes.extend(marked_at(pilot, self.frame_source.camera(), known));
         Shot {
             at,
             photo,
@@ -276,6 +277,11 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     }
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
     Some((point, format!("{:.1} m", ahead.length())))
+}
+
+/// The places that the operator has marked, as seen from a pose.
+fn marked_at(pilot: &Pilot, camera: &Camera, known: Pose) -> impl Iterator<Item = (ImageBox, String)> {
+    pilot.kept_out().iter().filter_map(move |place| Some((place.area_in(camera, known)?, format!("keep away {}", place.id + 1))))
 }
 
 /// Two images of the same width, one above the other, with a line between them.

@@ -8,11 +8,12 @@ use std::time::Instant;
 
 use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
-use spf_core::pilot::{Action, Ending, Event, Note, OperatorEvent, Outcome, Pilot, PilotSettings, Preset};
+use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::prompt::PromptText;
-use spf_core::time::{Duration, Time};
+use spf_core::time::Duration;
 use spf_vlm::Vlm;
 
+use crate::course::Course;
 use crate::ledger::{Accounted, Ledger};
 use crate::log::FlightHeader;
 use crate::pilot::{PolicyMaker, pilot};
@@ -22,7 +23,7 @@ use crate::recorder::{RecordPlan, Recorder};
 use crate::run::{Observer, World, run};
 use crate::sight::Sight;
 use crate::sim::{SimWorld, Simulated, StartError, TrackModel, VlmFactory, VlmFactoryError};
-use crate::site::{Clock, Judge, Parts};
+use crate::site::{Clock, Parts};
 use crate::summary::Summary;
 use crate::tracking::{Follow, TrackBy, Tracking, VirtualTracker};
 use crate::world::{Live, Lockstep, Script};
@@ -224,7 +225,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let sight = Sight::new(drone.frames(), frame_source.clone());
     observers.iter_mut().for_each(|observer| observer.begin(&head, &sight));
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
-    let mut course = Course { instruction: head.instruction.clone(), judge, settled: None };
+    let mut course = Course::new(&head.instruction, judge);
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
             let follow: Option<Box<dyn Follow>> = match (track_by, &world) {
@@ -299,92 +300,4 @@ fn finish_files(summary: Summary, recorder: Option<Recorder>, ledger: Ledger, li
         },
     };
     (unfinished, vec![why])
-}
-
-/// The course of a flight as seen by its judge: instruction and ending.
-struct Course {
-    /// The current instruction.
-    instruction: String,
-    judge: Box<dyn Judge>,
-    settled: Option<Settled>,
-}
-
-/// The outcome.
-struct Settled {
-    at: Time,
-    instruction: String,
-    ending: Ending,
-}
-
-impl Observer for Course {
-    fn event(&mut self, now: Time, event: &Event) {
-        self.judge.event(now, event);
-    }
-
-    fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
-        self.judge.action(now, action, pilot);
-        match action {
-            Action::Finished(ending) => {
-                self.judge.settle(now, &self.instruction);
-                self.settled = Some(Settled { at: now, instruction: self.instruction.clone(), ending: ending.clone() });
-            }
-            Action::Note(Note::Operator(OperatorEvent::Instruction(text))) => self.instruction.clone_from(text),
-            _ => {}
-        }
-    }
-
-    fn time(&mut self, now: Time, pilot: &Pilot) {
-        self.judge.time(now, pilot);
-    }
-}
-
-impl Course {
-    fn summary(self, head: &FlightHeader, seed: u64, pilot: &Pilot) -> Summary {
-        let Settled { at, instruction, ending } = self.settled.unwrap_or_else(|| Settled {
-            at: Time::ZERO,
-            instruction: self.instruction,
-            ending: Ending { outcome: Outcome::Failed, cause: "the flight ended without an outcome".to_owned() },
-        });
-        let mut summary = Summary {
-            format: 1,
-            instruction,
-            outcome: ending.outcome,
-            cause: ending.cause,
-            verified: None,
-            verified_by: None,
-            not_read: Vec::new(),
-            completion_time_s: pilot.first_motion().map(|first| at.since(first).as_secs_f64()),
-            finished_at_s: at.as_secs_f64(),
-            path_length_m: 0.0,
-            decisions: pilot.decisions(),
-            final_distance_m: None,
-            collisions: 0,
-            touched: Vec::new(),
-            followed: None,
-            targets: Vec::new(),
-            target_in_view: None,
-            seed,
-            vlm: head.vlm.clone(),
-            detector: head.detector.clone(),
-            track: TrackBy::Off,
-            preset: head.preset,
-            policy: head.policy.clone(),
-            settings: head.settings,
-            scene: String::new(),
-            light: String::new(),
-            weather: String::new(),
-            drone: head.drone.clone(),
-            drone_model: String::new(),
-            wind: None,
-            battery: None,
-            camera_effects: None,
-            late_replies: pilot.late_replies(),
-            glass_to_decision: None,
-            not_recorded: Vec::new(),
-            prompt: None,
-            vlm_use: None,
-        };
-        self.judge.tell(&mut summary);
-        summary
-    }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use spf_core::camera::Camera;
-use spf_core::frame::FrameId;
+use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
@@ -21,6 +21,12 @@ pub(crate) trait FrameSource: Send + Sync {
 
     /// The view at `at`; `None` if it is not available yet or no longer.
     fn shot(&self, at: Time) -> Option<Photo>;
+
+    /// Frames after this one that are exposed and not delivered yet, oldest first.
+    fn exposed(&self, after: FrameId) -> Vec<(FrameMeta, Photo)> {
+        let _ = after;
+        Vec::new()
+    }
 
     /// The true pose.
     fn true_pose(&self) -> Option<Pose> {

@@ -5,6 +5,7 @@
 //! [`Observer`](run::Observer) watches. The same code flies a real craft and ten thousand simulated trials.
 
 pub mod calibrate;
+mod course;
 pub mod dataset;
 pub mod detector;
 pub mod doctor;
@@ -17,6 +18,7 @@ pub mod keys;
 pub mod ledger;
 pub mod log;
 pub mod methods;
+pub mod odometer;
 pub mod pilot;
 pub mod policy;
 pub mod pose;

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use spf_core::geometry::Pose;
 use spf_core::pilot::{Action, Pilot};
 use spf_core::time::Time;
 use spf_drone::Drone;
 
 use crate::frame_age::FrameAge;
 use crate::frame_source::CameraFrameSource;
+use crate::odometer::Odometer;
 use crate::run::Observer;
 use crate::site::{Clock, Judge, Parts};
 use crate::summary::Summary;
@@ -35,20 +35,15 @@ impl Real {
 #[derive(Default)]
 struct FinalEstimate {
     drone: String,
-    last: Option<Pose>,
+    odometer: Odometer,
+    /// What it showed when the outcome was settled, metres.
     flown: f64,
-    settled: bool,
     frame_age: FrameAge,
 }
 
 impl Observer for FinalEstimate {
     fn time(&mut self, now: Time, pilot: &Pilot) {
-        let pose = pilot.known_pose(now);
-        if let Some(last) = self.last.replace(pose)
-            && !self.settled
-        {
-            self.flown += last.position.distance(pose.position);
-        }
+        self.odometer.tick(now, pilot);
     }
 
     fn action(&mut self, now: Time, action: &Action, pilot: &Pilot) {
@@ -58,7 +53,7 @@ impl Observer for FinalEstimate {
 
 impl Judge for FinalEstimate {
     fn settle(&mut self, _now: Time, _instruction: &str) {
-        self.settled = true;
+        self.flown = self.odometer.metres();
     }
 
     fn tell(&self, summary: &mut Summary) {

@@ -3,6 +3,7 @@
 //!
 //! A recording failure does not end the flight: the first failure of each file is kept and reported at the end.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -12,11 +13,12 @@ use spf_core::time::Time;
 use spf_record::jsonl::JsonLines;
 use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;
-use spf_record::trajectory::{DecisionMark, TrajectoryInput, trajectory_svg};
+use spf_record::trajectory::{DecisionMark, MarkedPlace, TrajectoryInput, trajectory_svg};
 
 use crate::film::{self, Film};
 use crate::frame_source::FrameSource;
 use crate::log::{self, FlightHeader, FlightLog};
+use crate::odometer::Odometer;
 use crate::problems::{Problems, in_full, slow};
 use crate::run::Observer;
 use crate::summary::Summary;
@@ -42,6 +44,23 @@ struct Row<'a> {
     flown_m: f64,
 }
 
+/// A place that the operator has marked to keep away from.
+#[derive(Clone, Copy, Debug)]
+struct Marked {
+    /// Its ends, seen from above.
+    ends: [EnuPosition; 2],
+    from: Time,
+    until: Option<Time>,
+}
+
+impl Marked {
+    fn on_map(self, id: u32) -> MarkedPlace {
+        let Self { ends, from, until } = self;
+        let until = until.map_or("the end".to_owned(), |until| until.to_string());
+        MarkedPlace { number: id + 1, ends, label: format!("keep away {}: from {from} to {until}", id + 1) }
+    }
+}
+
 /// Observes a flight and writes its files.
 pub struct Recorder {
     out: OutDir,
@@ -54,8 +73,9 @@ pub struct Recorder {
     /// True position of the estimate's origin, for a craft whose position is dead-reckoned from its take-off point.
     origin: Option<EnuPosition>,
     marks: Vec<DecisionMark>,
-    flown: f64,
-    last_known: Option<EnuPosition>,
+    /// Places that the operator has marked so far, by number.
+    marked: BTreeMap<u32, Marked>,
+    odometer: Odometer,
     problems: Problems,
     /// Whether a failure of a file has been reported in flight.
     warned: bool,
@@ -93,8 +113,8 @@ impl Recorder {
             known_path: Vec::new(),
             origin: None,
             marks: Vec::new(),
-            flown: 0.0,
-            last_known: None,
+            marked: BTreeMap::new(),
+            odometer: Odometer::default(),
             problems,
             warned: false,
         }
@@ -102,7 +122,7 @@ impl Recorder {
 
     fn decided(&mut self, decision: &Decision) {
         if let Some(rows) = &mut self.decisions
-            && let Err(error) = rows.push(&Row { decision, flown_m: self.flown })
+            && let Err(error) = rows.push(&Row { decision, flown_m: self.odometer.metres() })
         {
             self.problems.note(DECISIONS, in_full(&error));
             self.decisions = None;
@@ -113,6 +133,20 @@ impl Recorder {
             waypoint: decision.goal.map(|goal| goal.position),
             label: words::decision(decision),
         });
+    }
+
+    /// Remembers the places that the operator has marked, and until when.
+    fn mark(&mut self, now: Time, pilot: &Pilot) {
+        let places = pilot.kept_out();
+        for place in places {
+            let [left, _, _, right] = place.panel.corners();
+            self.marked.entry(place.id).or_insert(Marked { ends: [left, right], from: now, until: None });
+        }
+        for (id, marked) in &mut self.marked {
+            if marked.until.is_none() && !places.iter().any(|place| place.id == *id) {
+                marked.until = Some(now);
+            }
+        }
     }
 
     /// Reports the first file that can no longer be written when that happens; the reasons are given at the end.
@@ -153,16 +187,18 @@ impl Recorder {
                 move_by(&mut mark.position);
                 mark.waypoint.iter_mut().for_each(move_by);
             }
+            self.marked.values_mut().flat_map(|marked| &mut marked.ends).for_each(move_by);
         }
         let (outlines, target) = self.frame_source.map(summary.targets.first().map(String::as_str));
         let image = trajectory_svg(&TrajectoryInput {
-            title: summary.instruction.clone(),
+            title: summary.title(),
             outcome: headline(summary),
             outlines,
             path: core::mem::take(&mut self.path),
             known_path: core::mem::take(&mut self.known_path),
             decisions: core::mem::take(&mut self.marks),
             target,
+            marked: core::mem::take(&mut self.marked).into_iter().map(|(id, marked)| marked.on_map(id)).collect(),
         });
         self.problems.kept(TRAJECTORY, self.out.write(TRAJECTORY, image.as_bytes()));
         summary.not_recorded.clone_from(&self.problems.files);
@@ -222,12 +258,8 @@ impl Observer for Recorder {
             };
             self.origin = self.frame_source.true_pose().map(place).or(self.origin);
         }
-        if pilot.phase() != Phase::Ground {
-            if let Some(last) = self.last_known {
-                self.flown += last.distance(known.position);
-            }
-            self.last_known = Some(known.position);
-        }
+        self.odometer.tick(now, pilot);
+        self.mark(now, pilot);
         let due = self.path.last().is_none_or(|(at, _)| now.since(*at).as_secs_f64() >= PATH_STEP_S);
         if due {
             // Without ground truth, the path uses the estimated pose.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use spf_core::camera::Camera;
-use spf_core::frame::FrameId;
+use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::EnuPosition;
 use spf_drone::frames::{Frames, Photo};
 use spf_record::trajectory::Outline;
@@ -32,6 +32,13 @@ impl Sight {
     #[must_use]
     pub fn photo(&self, id: FrameId) -> Option<Photo> {
         self.frames.photo(id)
+    }
+
+    /// Frames after this one that a simulated camera has exposed and not delivered yet, oldest first. A display may draw their pixels
+    /// meanwhile, as a camera develops them, and must show none before the pilot is told of it. None of a real camera.
+    #[must_use]
+    pub fn exposed(&self, after: FrameId) -> Vec<(FrameMeta, Photo)> {
+        self.source.exposed(after)
     }
 
     /// The scene from above, lowest objects first; empty where none is known. Metres east and north of the scene's origin.

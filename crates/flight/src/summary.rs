@@ -66,6 +66,9 @@ pub struct Summary {
     pub format: u32,
     /// The user's instruction; the last one if it was changed in flight.
     pub instruction: String,
+    /// The instructions before it, in order; omitted if it was not changed in flight.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub earlier_instructions: Vec<String>,
     /// Outcome, as judged by the pilot without ground truth.
     pub outcome: Outcome,
     /// Cause of the outcome, in words.
@@ -151,4 +154,13 @@ pub struct Summary {
     /// VLM usage; omitted if nothing was sent over a network.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vlm_use: Option<VlmUse>,
+}
+
+impl Summary {
+    /// The title of the flight: all of its instructions, in order.
+    #[must_use]
+    pub fn title(&self) -> String {
+        let all: Vec<&str> = self.earlier_instructions.iter().chain([&self.instruction]).map(String::as_str).collect();
+        all.join(" → ")
+    }
 }

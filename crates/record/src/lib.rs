@@ -17,7 +17,7 @@ pub mod video;
 pub use jsonl::JsonLines;
 pub use log::{Log, LogError, LogSender};
 pub use out_dir::{FileError, OutDir, OutDirError};
-pub use trajectory::{DecisionMark, Outline, TrajectoryInput, trajectory_svg};
+pub use trajectory::{DecisionMark, MarkedPlace, Outline, TrajectoryInput, trajectory_svg};
 pub use video::{VideoError, VideoFacts, VideoWriter};
 
 /// The examples of the README, run as tests.

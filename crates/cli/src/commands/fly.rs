@@ -34,7 +34,7 @@ use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::reading::Reader;
+use self::reading::{Given, Reader};
 use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
 use self::signals::flight_interrupts;
 use crate::args::Fly;
@@ -198,8 +198,7 @@ fn take_off(
         ));
     }
     if let Some(cockpit) = cockpit {
-        let folder = out.path().display().to_string();
-        cockpit.end(words::outcome(flown.summary.outcome), &result(&flown.summary), &folder);
+        cockpit.end(&page::end(&flown, result(&flown.summary), out.path()));
     }
     report(&flown.summary, out.path(), &printer)?;
     let exit = Exit::of(flown.summary.outcome, flown.summary.verified);
@@ -301,7 +300,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
     let reader = pointing.is_oracle.then(|| Reader::new(&loaded, start));
     if let Some(reader) = &reader {
-        announcements.extend(reading::lines(instruction, &loaded, start)?);
+        announcements.extend(reading::lines(instruction, &loaded, start, Given::for_flight(cockpit.is_some(), realtime))?);
         for (at, text) in script.instructions() {
             announcements.extend(reader.scripted(at, text)?);
         }

@@ -52,6 +52,9 @@ def fly(browser):
     accessible(page, "held")
     page.locator("#list button").first.click()
     expect(page.locator("#opened-detail")).to_contain_text("Prompt")
+    # The point of the answer, and what is flown to: what the list says, and what the live picture shows.
+    expect(page.locator("#opened-picture p")).to_contain_text("White cross")
+    expect(page.locator("#opened-picture p")).to_contain_text("as in the live picture")
     page.wait_for_timeout(400)
     shot(page, "laptop-dark-decision")
     accessible(page, "decision opened")
@@ -59,7 +62,7 @@ def fly(browser):
 
     # A click that changes where it goes: the left edge, whatever the model wants.
     before = page.locator("#list button").count()
-    page.get_by_text("Not that one, this").click()
+    page.get_by_role("button", name="Not that one, this").click()
     box = page.locator("#picture").bounding_box()
     page.mouse.click(box["x"] + 0.15 * box["width"], box["y"] + 0.5 * box["height"])
     wait(lambda: page.locator("#list button").count() > before, "the decision by the click")
@@ -69,13 +72,19 @@ def fly(browser):
     shot(page, "laptop-dark-pointed")
 
     avoid(page)
+    page.get_by_label("Instruction").fill("fly to the church")
+    page.keyboard.press("Enter")
+    expect(page.locator("#reading")).to_contain_text("church")
+    # What is sent with it for a drone that holds is nothing to warn of.
+    page.wait_for_timeout(300)
+    assert page.locator("#list .warning", has_text="ignored").count() == 0, page.locator("#list").inner_text()
     broken(page)
     spectate(browser, program, page)
     lose(program, page)
 
     # By hand: as long as a key is held.
     page.get_by_text("Fly by hand").click()
-    page.locator("h2").first.click()
+    page.locator("#list-title").click()
     page.keyboard.down("KeyD")
     phase(page, "by hand", 3)
     page.wait_for_timeout(300)
@@ -91,11 +100,12 @@ def fly(browser):
     expect(page.get_by_role("button", name="Cut motors")).to_be_visible(timeout=5000)
 
     # Escape lands.
-    page.locator("h2").first.click()
+    page.locator("#list-title").click()
     page.keyboard.press("Escape")
     phase(page, "landing", 3)
     expect(page.locator("#ended")).to_be_visible(timeout=30000)
     expect(page.locator("#ended-lines")).to_contain_text("operator")
+    settled(page)
     shot(page, "laptop-dark-ended")
     accessible(page, "ended")
     page.get_by_role("button", name="Close", exact=True).click()
@@ -116,13 +126,37 @@ def fly(browser):
     page.context.close()
 
 
+def settled(page):
+    """After the flight the figures are those of the result, and nothing warns of a drone that has landed."""
+    lines = page.locator("#ended-lines").inner_text()
+    flown, time_is = re.search(r"([0-9.]+ m) flown", lines)[1], re.search(r"Flight time until then: ([0-9:]+)", lines)[1]
+    assert (page.locator("#flown").inner_text(), page.locator("#time").inner_text()) == (flown, time_is), lines
+    page.wait_for_timeout(1500)
+    for figure in ("link", "picture-age", "speed"):
+        assert page.locator(f"#{figure}").inner_text() == "–", figure
+    assert page.locator("dd.bad, dd.warn").count() == 0 and not page.locator("#age").is_visible()
+
+
+def steady(page, what, place):
+    """The picture, in which somebody may be aiming, is where it was, and as large."""
+    now = page.locator("#picture").bounding_box()
+    assert all(abs(now[side] - place[side]) < 0.5 for side in now), f"{what}: {place}, then {now}"
+
+
 def avoid(page):
-    """Places to keep away from: drawn with the mouse, and with the keyboard; removed."""
+    """Places to keep away from: drawn with the mouse, and with the keyboard; removed. The picture stays where it is."""
     box = page.locator("#picture").bounding_box()
+    for button in ("Not that one, this", "Keep away from"):
+        page.get_by_role("button", name=button).click()
+        for label in (1, 10, 5):
+            page.locator("#distance").fill(str(label))
+            steady(page, f"{button}, label {label}", box)
+        page.get_by_role("button", name=button).click()
     at = lambda u, v: (box["x"] + u * box["width"], box["y"] + v * box["height"])
     page.mouse.move(*at(0.35, 0.3))
     page.mouse.down()
     page.mouse.move(*at(0.5, 0.5), steps=4)
+    steady(page, "drawing", box)
     shot(page, "laptop-dark-drawing")
     page.mouse.move(*at(0.6, 0.7), steps=4)
     page.mouse.up()
@@ -150,24 +184,29 @@ def avoid(page):
     assert page.evaluate("globalThis.kept === document.querySelector('#marked-list button') && globalThis.kept.isConnected")
     page.wait_for_timeout(300)
     shot(page, "laptop-dark-marked")
+    steady(page, "marked", box)
     accessible(page, "places marked")
     for number in (1, 2):
         page.get_by_role("button", name=f"Remove place {number}").click()
         expect(page.locator("#ack")).to_contain_text(f"Place {number} removed")
     expect(page.locator("#marked")).to_be_hidden(timeout=5000)
+    steady(page, "removed", box)
 
 
 def broken(page):
     """An order to stop is sent and its answer shown, whatever fails on the page; here everything that is drawn over the picture."""
-    page.evaluate("globalThis.clip = CanvasRenderingContext2D.prototype.clip")
-    page.evaluate("CanvasRenderingContext2D.prototype.clip = () => { throw new Error('broken on purpose') }")
+    # An expression whose value is a function would be called.
+    page.evaluate("""() => {
+        globalThis.clip = CanvasRenderingContext2D.prototype.clip;
+        CanvasRenderingContext2D.prototype.clip = () => { throw new Error("broken on purpose"); };
+    }""")
     if page.get_by_role("button", name="Resume").is_visible():
         page.get_by_role("button", name="Resume").click()
         phase(page, "flying", 5)
     page.get_by_role("button", name="Hold", exact=True).click()
     expect(page.locator("#ack")).to_contain_text("Hold: received", timeout=3000)
     phase(page, "held", 3)
-    page.evaluate("CanvasRenderingContext2D.prototype.clip = globalThis.clip")
+    page.evaluate("() => { CanvasRenderingContext2D.prototype.clip = globalThis.clip; }")
     page.wait_for_timeout(200)
     complain("broken", "broken on purpose")
 
@@ -215,16 +254,26 @@ def spectate(browser, program, pilot):
 
 def lose(program, page):
     """A program that says nothing is noticed within a second."""
-    program.process.send_signal(signal.SIGSTOP)
-    began = time.monotonic()
-    expect(page.locator("#alarm")).to_be_visible(timeout=3000)
-    noticed = time.monotonic() - began
-    print(f"lost connection shown after {noticed:.2f} s")
-    assert noticed < 1.6, noticed
-    shot(page, "laptop-dark-lost")
-    accessible(page, "lost")
-    program.process.send_signal(signal.SIGCONT)
-    expect(page.locator("#alarm")).to_be_hidden(timeout=8000)
+    for attempt in range(3):
+        page.evaluate("""() => {
+            const alarm = document.getElementById("alarm");
+            globalThis.noticed = new Promise((tell) => {
+                new MutationObserver(() => alarm.hidden || tell(Date.now())).observe(alarm, { attributes: true });
+            });
+        }""")
+        began = time.time()
+        program.process.send_signal(signal.SIGSTOP)
+        noticed = page.evaluate("globalThis.noticed") / 1000 - began
+        print(f"lost connection shown after {noticed:.2f} s")
+        if attempt == 0:
+            shot(page, "laptop-dark-lost")
+            accessible(page, "lost")
+        program.process.send_signal(signal.SIGCONT)
+        expect(page.locator("#alarm")).to_be_hidden(timeout=8000)
+        # Once more if the machine was busy with something else.
+        if noticed < 1:
+            break
+    assert noticed < 1, noticed
     page.wait_for_timeout(1500)
     if page.get_by_role("button", name="Resume").is_visible():
         page.get_by_role("button", name="Resume").click()
@@ -267,7 +316,19 @@ def look(browser):
         page.wait_for_timeout(1500)
         shot(page, f"{name}-flights")
         accessible(page, "flights")
-        page.locator(".card").filter(has_text="red crane").first.click()
+        # Named after its first instruction; the later ones follow.
+        card = page.locator(".card").filter(has_text="then: fly to the church").first
+        expect(card.locator("strong")).to_have_text("fly to the red crane")
+        facts = card.inner_text()
+        card.click()
+        expect(page.locator("#title")).to_have_text("fly to the red crane → fly to the church")
+        flown = page.locator("#facts dt", has_text="flown").locator("+ dd").inner_text()
+        assert flown in facts, (flown, facts)
+        # The map shows where somebody marked places, and the controls of the film hide none of its image.
+        map_text = page.evaluate("fetch(document.getElementById('map-image').src).then((answer) => answer.text())")
+        assert "keep away 1: from" in map_text and "keep away 2: from" in map_text
+        film = page.locator("#film").bounding_box()
+        assert film["height"] >= 0.75 * film["width"] + 70, film
         expect(page.locator("#steps button").first).to_be_visible()
         page.locator("#steps button").last.click()
         page.wait_for_timeout(1200)
@@ -318,12 +379,36 @@ def strange(browser):
     }})""")
     assert told == "refused", told
     page.context.close()
+    hidden(browser, program)
     program.end()
+
+
+def hidden(browser, program):
+    """A hidden tab, whose timers a browser slows down to one in a second or in a minute, is not lost: its socket answers."""
+    page = browser.new_context().new_page()
+    page.add_init_script("""{
+        const slow = (timer) => (then, after, ...rest) => timer(then, Math.max(60000, after ?? 0), ...rest);
+        [globalThis.setInterval, globalThis.setTimeout] = [slow(globalThis.setInterval), slow(globalThis.setTimeout)];
+        Object.defineProperty(document, "hidden", { get: () => true });
+    }""")
+    page.goto(program.url)
+    expect(page.locator("#role")).to_have_text("You fly")
+    other = browser.new_context().new_page()
+    other.goto(program.url.split("#")[0])
+    expect(other.locator("#role")).to_have_text("Watching")
+    for _ in range(10):
+        other.wait_for_timeout(250)
+        # "Take the controls" would be offered.
+        assert other.locator("#ask").inner_text() == "Ask for the controls"
+    page.context.close()
+    other.context.close()
 
 
 def secure(browser):
     """Outside of this machine: encrypted, and the same checks; JPEG where the browser has no decoder."""
-    program = Program("cockpit", "--cockpit=0.0.0.0:0", "--scene", "yard", "--vlm", "oracle:perfect")
+    # No file may grow past 12 KiB, as on a full disk.
+    program = Program("cockpit", "--cockpit=0.0.0.0:0", "--scene", "yard", "--vlm", "oracle:perfect",
+                      within=("sh", "-c", "trap '' XFSZ; ulimit -f 24; exec \"$0\" \"$@\""))
     assert any(re.fullmatch(r"\s*([0-9A-F]{2}:){31}[0-9A-F]{2}", line) for line in program.lines), program.lines
     port = re.search(r":(\d+)/", program.url)[1]
     here = program.url.replace(re.search(r"//([^/:]+)", program.url)[1], "127.0.0.1")
@@ -354,6 +439,10 @@ def secure(browser):
     page.locator("#land").tap()
     phase(page, "landing", 3)
     expect(page.locator("#ended")).to_be_visible(timeout=30000)
+    # What could not be recorded is told: with its cause to who flew, without to who watched.
+    expect(page.locator("#ended-lines .problem").first).to_contain_text("recording failed: cannot write")
+    shot(page, "phone-dark-not-recorded")
+    expect(other.locator("#ended-lines .problem")).to_have_text("The recording of this flight is not complete.")
     complain("encrypted")
     program.end()
     page.context.close()

@@ -30,7 +30,7 @@ def tello(browser):
     shot(page, "laptop-light-tello")
     before = page.locator("#list button").count()
     heading = int(page.locator("#heading").inner_text()[:3])
-    page.get_by_text("Not that one, this").click()
+    page.get_by_role("button", name="Not that one, this").click()
     box = page.locator("#picture").bounding_box()
     page.mouse.click(box["x"] + 0.85 * box["width"], box["y"] + 0.5 * box["height"])
     turned = lambda: (int(page.locator("#heading").inner_text()[:3]) - heading + 180) % 360 - 180

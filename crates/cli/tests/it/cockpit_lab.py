@@ -20,9 +20,9 @@ LAPTOP, PHONE, ACROSS = {"width": 1280, "height": 800}, {"width": 390, "height":
 class Program:
     """A running `spf`, its lines, and the address that it prints."""
 
-    def __init__(self, *args, ready=r"open (https?://\S+)", env=()):
+    def __init__(self, *args, ready=r"open (https?://\S+)", env=(), within=()):
         quiet = {"stdout": subprocess.DEVNULL, "stdin": subprocess.DEVNULL}
-        self.process = subprocess.Popen([SPF, *args], stderr=subprocess.PIPE, text=True, env={**os.environ, **dict(env)}, **quiet)
+        self.process = subprocess.Popen([*within, SPF, *args], stderr=subprocess.PIPE, text=True, env={**os.environ, **dict(env)}, **quiet)
         # However the test ends.
         atexit.register(self.process.kill)
         self.lines = []

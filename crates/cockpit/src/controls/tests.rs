@@ -114,12 +114,12 @@ fn a_flight_that_only_a_lost_page_controls_holds_and_then_lands() {
         cabin.sent()
     };
     cabin.controls.heard(pilot, cabin.after(900));
-    assert_eq!(check(1800), []);
-    // The page answers nothing from 0.9 s on.
-    assert_eq!(check(1900), [OperatorEvent::Hold]);
-    assert_eq!((check(2500), check(21_800)), (vec![], vec![]));
-    cabin.controls.heard(pilot, cabin.after(21_850));
-    assert_eq!(check(21_900), [], "it is back");
+    // The page answers nothing from 0.9 s on: within a second the drone holds.
+    assert_eq!(check(1500), []);
+    assert_eq!(check(1600), [OperatorEvent::Hold]);
+    assert_eq!((check(2500), check(21_500)), (vec![], vec![]));
+    cabin.controls.heard(pilot, cabin.after(21_550));
+    assert_eq!(check(21_600), [], "it is back");
     cabin.controls.leave(pilot, cabin.after(22_000));
     assert_eq!((check(22_100), check(23_100)), (vec![], vec![OperatorEvent::Hold]), "a page loaded anew takes a moment");
     assert_eq!(check(42_100), [OperatorEvent::Land]);
@@ -211,9 +211,9 @@ fn a_late_check_does_not_count_against_the_page() {
     assert_eq!((check(100), check(1150)), (vec![], vec![]), "its answers wait to be read");
     cabin.controls.heard(pilot, cabin.after(1160));
     assert_eq!((check(1250), check(2100)), (vec![], vec![]));
-    // However late the checks are, two seconds without an answer are the limit.
-    assert_eq!((check(2900), check(3100)), (vec![], vec![]));
-    assert_eq!(check(3200), [OperatorEvent::Hold]);
+    // However late the checks are, twice the time without an answer is the limit.
+    assert_eq!((check(2500), check(2550)), (vec![], vec![]));
+    assert_eq!(check(2600), [OperatorEvent::Hold]);
 }
 
 #[test]

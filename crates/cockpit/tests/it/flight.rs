@@ -6,7 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
-use spf_cockpit::{Cockpit, FlightControls};
+use spf_cockpit::{Cockpit, FlightControls, FlightEnd};
 use spf_core::craft::Craft;
 use spf_core::pilot::{Outcome, QueryTiming};
 use spf_flight::flight::{FlightPlan, Flown, Site, fly};
@@ -110,14 +110,30 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
     assert_eq!(controls.order(json!("cut")).0["ok"], json!(true));
     let summary = flight.join().unwrap().summary;
     assert_eq!((summary.outcome, summary.cause.as_str()), (Outcome::Aborted, "the operator cut the motors"));
-    cockpit.end("aborted", &["aborted".to_owned()], "/home/somebody/flights/001");
-    watch.wait("the end", |message| message["type"] == "end");
+    cockpit.end(&FlightEnd {
+        outcome: "aborted".to_owned(),
+        result: vec!["aborted".to_owned()],
+        flight_time_s: summary.finished_at_s,
+        path_length_m: summary.path_length_m,
+        files: "/home/somebody/flights/001".to_owned(),
+        problems: vec!["cannot write /home/somebody/flights/001/video.mp4".to_owned()],
+    });
+    // Whoever flew is told what was not recorded, and why.
+    let failed = watch.wait("what failed", |message| message["recording"] == json!(true));
+    assert!(failed["text"].as_str().unwrap().contains("cannot write /home/somebody"), "{failed}");
+    let end = watch.wait("the end", |message| message["type"] == "end");
+    assert_eq!((&end["incomplete"], &end["t"]), (&json!(true), &json!(summary.finished_at_s)));
     let files =
         |socket: &mut Socket| socket.wait("where the files are", |message| message["text"].to_string().contains("/home/"));
     files(&mut watch);
     assert!(controls.order(json!("hold")).0["ok"] == json!(false), "the flight is over");
+    // What a spectator was told until the end does not say where files are, but that the recording is not complete.
+    let end = looks.wait("the end", |message| {
+        assert!(!message.to_string().contains("/home/"), "{message}");
+        message["type"] == "end"
+    });
+    assert_eq!(end["incomplete"], json!(true));
     drop(cockpit);
-    // What a spectator was told until the end does not say where files are.
     while let Some(message) = looks.next() {
         assert!(!message.to_string().contains("/home/"), "{message}");
     }
@@ -135,7 +151,10 @@ fn a_flight_whose_only_page_is_lost_holds() {
     watch.wait("a hold", |message| {
         message["text"].as_str().is_some_and(|text| text.contains("connection to the pilot's page lost"))
     });
-    assert!(lost.elapsed() < Duration::from_millis(1600), "{:?}", lost.elapsed());
+    let held = lost.elapsed();
+    println!("the flight holds {} ms after the page's last answer", held.as_millis());
+    // Within a second; the machine that tests may be busy with other things.
+    assert!(held < Duration::from_millis(1600), "{held:?}");
     watch.wait("the pilot's note", |message| message["text"] == "operator: hold");
     // Another page with the address may take over, and ends it.
     let url = cockpit.urls().0;

@@ -1,4 +1,7 @@
-"""Reads the clock in the live picture at every animation frame. Arguments: the cockpit's address, and `film` or `jpeg`."""
+"""Reads the clock in the live picture at every animation frame. Arguments: the cockpit's address, and `film` or `jpeg`.
+
+With `flight` instead: prints which frame of a flight was seen when, milliseconds since 1970, as JSON."""
+import json
 import sys
 
 from playwright.sync_api import sync_playwright
@@ -30,6 +33,22 @@ LOOK = """(count) => new Promise((done) => {
     look();
 })"""
 
+# The frame's number is set when its pixels are drawn; from then on an animation frame shows them.
+FRAMES = """(seconds) => new Promise((done) => {
+    const canvas = document.getElementById("picture");
+    const [seen, began] = [[], performance.now()];
+    let last;
+    function look() {
+        if (canvas.dataset.frame !== last) {
+            last = canvas.dataset.frame;
+            seen.push([Number(last), Date.now() % 2 ** 32, Number(canvas.dataset.latency)]);
+        }
+        if (performance.now() - began < 1000 * seconds) requestAnimationFrame(look);
+        else done({ seen, format: canvas.dataset.format, size: canvas.width, rate: seen.length / seconds });
+    }
+    look();
+})"""
+
 with sync_playwright() as playwright:
     browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
     page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -37,6 +56,12 @@ with sync_playwright() as playwright:
         page.add_init_script("delete globalThis.VideoDecoder")
     page.goto(URL)
     page.wait_for_selector("#empty", state="hidden")
+    if FORMAT == "flight":
+        # Chromium compiles and warms up.
+        page.wait_for_timeout(5000)
+        print(json.dumps(page.evaluate(FRAMES, 12)))
+        browser.close()
+        sys.exit()
     # Chromium compiles and warms up.
     page.evaluate(LOOK, 60)
     seen = page.evaluate(LOOK, COUNT)

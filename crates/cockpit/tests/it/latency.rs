@@ -1,13 +1,24 @@
 //! From a frame that is received to its pixels in the browser, by a clock in the picture.
 
+use std::collections::HashMap;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use spf_cockpit::Cockpit;
+use spf_cockpit::{Cockpit, FlightControls};
+use spf_core::craft::Craft;
+use spf_core::pilot::Event;
+use spf_core::time::Time;
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::recorder::RecordPlan;
+use spf_flight::run::Observer;
+use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_media::Rgb;
+use spf_oracle::ErrorFile;
+use spf_record::out_dir::OutDir;
 
 use crate::harness::skip;
 use crate::python;
@@ -41,6 +52,73 @@ fn picture(scenery: &Rgb, number: u64) -> Rgb {
         }
     }
     Rgb::from_raw(SIZE.0, SIZE.1, data).unwrap()
+}
+
+/// When the pilot was told of each frame, milliseconds since 1970.
+#[derive(Default)]
+struct Arrivals(HashMap<u64, u32>);
+
+impl Observer for Arrivals {
+    fn event(&mut self, _: Time, event: &Event) {
+        if let Event::Frame(meta) = event {
+            self.0.insert(meta.id.0, clock());
+        }
+    }
+}
+
+/// A flight in the city as by `spf cockpit`: simulated, recorded with its film, on the wall clock.
+#[test]
+#[ignore = "slow: a browser"]
+fn a_simulated_frame_is_shown_soon_after_it_is_received() {
+    if Command::new("chromium").arg("--version").output().is_err() {
+        return skip("the cockpit's latency in a browser (no chromium)");
+    }
+    let Some(python) = python::with(&["playwright", "axe-playwright-python"]) else { return };
+    let cockpit = Cockpit::open("127.0.0.1:0".parse().unwrap(), None, Arc::new(|_| {})).unwrap();
+    let browser = Command::new(&python)
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/latency.py"))
+        .args([&cockpit.urls().0, "flight"])
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let mut site = Simulated::new(Arc::new(LoadedScene::load("city").unwrap()), "city");
+    site.realtime = true;
+    let oracle = oracle_factory("oracle".to_owned(), ErrorFile::default());
+    let mut plan = FlightPlan::new(Site::Simulated(site), "fly to the red crane", "oracle", oracle);
+    plan.settings.max_time = Duration::from_secs(25);
+    plan.record = Some(RecordPlan { out: OutDir::at(&folder.path().join("one")).unwrap(), video: true, view: None });
+    let (operator, inputs) = channel();
+    plan.operator = Some(inputs);
+    while !cockpit.has_pilot() {
+        std::thread::sleep(INTERVAL);
+    }
+    cockpit.begin(FlightControls { operator, craft: Craft::quad(), read: Arc::new(|_| Ok(String::new())), only: false });
+    let (mut arrivals, mut instruments) = (Arrivals::default(), cockpit.instruments());
+    fly(plan, &mut [&mut arrivals, &mut instruments]).unwrap();
+    drop(cockpit);
+    let output = browser.wait_with_output().unwrap();
+    let told = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    assert!(output.status.success(), "{told}");
+    let told: serde_json::Value = serde_json::from_str(&told).unwrap();
+    let seen = told["seen"].as_array().unwrap();
+    let late = |seen: &serde_json::Value| {
+        let [frame, at] = [0, 1].map(|field| seen[field].as_u64().unwrap());
+        arrivals.0.get(&frame).map(|received| (at as u32).wrapping_sub(*received))
+    };
+    let mut ages: Vec<u32> = seen.iter().filter_map(late).collect();
+    ages.sort_unstable();
+    println!(
+        "a simulated flight, {}, {} px wide: {} ms median, {} ms 95th percentile of {} pictures, {:.1} a second",
+        told["format"],
+        told["size"],
+        ages[ages.len() / 2],
+        ages[ages.len() * 95 / 100],
+        ages.len(),
+        told["rate"].as_f64().unwrap()
+    );
+    // 150 ms on a machine that does nothing else.
+    assert!(ages.len() > 50 && ages[ages.len() / 2] < 500, "{ages:?}");
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! A recorder's access to a simulated world, including ground truth.
 
 use spf_core::camera::Camera;
-use spf_core::frame::FrameId;
+use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_drone::frames::Photo;
 use spf_record::log::foxglove::Prism;
 use spf_record::trajectory::Outline;
+use spf_sim::frame_clock::FrameClock;
 
 use super::frames::photo;
 use super::outline;
@@ -23,6 +24,13 @@ impl FrameSource for SimFrameSource {
 
     fn shot(&self, at: Time) -> Option<Photo> {
         self.0.shot(at).map(|shot| photo(&self.0, shot))
+    }
+
+    fn exposed(&self, after: FrameId) -> Vec<(FrameMeta, Photo)> {
+        let (clock, camera, now) = (FrameClock::default(), self.0.camera(), self.0.craft().time());
+        let exposed = (after.0 + 1..).map(FrameId).take_while(|id| clock.captured(*id) <= now);
+        let frame = |id| Some((clock.meta(id, camera.width, camera.height), photo(&self.0, self.0.capture_shot(id)?)));
+        exposed.filter_map(frame).collect()
     }
 
     fn true_pose(&self) -> Option<Pose> {

@@ -27,7 +27,8 @@ impl View {
     /// whole scene if there is nothing else.
     pub(super) fn fitting(input: &TrajectoryInput, left: f64, top: f64, width: f64) -> Self {
         let flown = input.path.iter().chain(&input.known_path).map(|(_, at)| *at);
-        let decided = input.decisions.iter().filter_map(|decision| decision.waypoint).chain(input.target);
+        let marked = input.marked.iter().flat_map(|place| place.ends);
+        let decided = input.decisions.iter().filter_map(|decision| decision.waypoint).chain(input.target).chain(marked);
         let mut points: Vec<[f64; 2]> = flown.chain(decided).map(|at| [at.east, at.north]).collect();
         if points.is_empty() {
             points = input.outlines.iter().flat_map(|outline| outline.polygons.iter().flatten().copied()).collect();
@@ -97,6 +98,14 @@ pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &View) {
     if let Some(target) = input.target {
         let [x, y] = view.position(target);
         target_sign(svg, x, y);
+    }
+    for place in &input.marked {
+        let [from, to] = place.ends.map(|end| view.position(end));
+        marked_sign(svg, from, to, &place.label);
+        let halo = "paint-order=\"stroke\" stroke=\"#ffffff\" stroke-width=\"3\"";
+        let style = format!("font-size=\"12\" font-weight=\"600\" fill=\"{}\" {halo}", colours::MARKED);
+        let middle = [f64::midpoint(from[0], to[0]), f64::midpoint(from[1], to[1])];
+        svg.text(middle[0] + 6.0, middle[1] - 6.0, "start", &style, &place.number.to_string());
     }
     let known: Vec<_> = input.known_path.iter().map(|(_, at)| view.position(*at)).collect();
     if !known.is_empty() {
@@ -223,6 +232,17 @@ pub(super) fn waypoint_sign(svg: &mut Svg, x: f64, y: f64) {
     for (dx, dy) in [(4.0, 4.0), (4.0, -4.0)] {
         svg.line([x - dx, y - dy], [x + dx, y + dy], colours::WAYPOINT, 1.8, "stroke-linecap=\"round\"");
     }
+}
+
+/// A place to keep away from; a wall has no thickness, and is drawn thick enough to be seen.
+pub(super) fn marked_sign(svg: &mut Svg, from: [f64; 2], to: [f64; 2], title: &str) {
+    svg.open("g", "");
+    if !title.is_empty() {
+        svg.raw(&format!("<title>{}</title>\n", escaped(title)));
+    }
+    svg.line(from, to, "#ffffff", 7.0, "stroke-linecap=\"round\"");
+    svg.line(from, to, colours::MARKED, 4.5, "stroke-linecap=\"round\"");
+    svg.close();
 }
 
 pub(super) fn target_sign(svg: &mut Svg, x: f64, y: f64) {

@@ -34,6 +34,17 @@ pub struct DecisionMark {
     pub label: String,
 }
 
+/// A place that the operator has marked to keep away from, seen from above.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MarkedPlace {
+    /// Its number, as it was shown to the operator.
+    pub number: u32,
+    /// The ends of the wall that it is.
+    pub ends: [EnuPosition; 2],
+    /// Tooltip text, such as when it was in force.
+    pub label: String,
+}
+
 /// The contents of the trajectory image. Points with non-finite coordinates are omitted.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrajectoryInput {
@@ -51,6 +62,8 @@ pub struct TrajectoryInput {
     pub decisions: Vec<DecisionMark>,
     /// Position of the instruction's target, if ground truth is available.
     pub target: Option<EnuPosition>,
+    /// Places that were marked to keep away from.
+    pub marked: Vec<MarkedPlace>,
 }
 
 /// Width of the image, in its own units (pixels at normal size).
@@ -67,6 +80,7 @@ mod colours {
     pub(super) const DECISION: &str = "#1b2a41";
     pub(super) const WAYPOINT: &str = "#d81b60";
     pub(super) const TARGET: &str = "#f59e0b";
+    pub(super) const MARKED: &str = "#b3261e";
     pub(super) const START: &str = "#0f9d6b";
     pub(super) const TEXT: &str = "#1b2430";
     pub(super) const FAINT: &str = "#6b7684";
@@ -111,6 +125,7 @@ fn finite(input: &TrajectoryInput) -> TrajectoryInput {
         decision.waypoint = decision.waypoint.filter(placed);
     }
     input.target = input.target.filter(placed);
+    input.marked.retain(|place| place.ends.iter().all(placed));
     for outline in &mut input.outlines {
         for polygon in &mut outline.polygons {
             polygon.retain(|point| point.iter().all(|metres| metres.abs() < 1e5));
@@ -145,6 +160,9 @@ fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
     }
     if input.target.is_some() {
         entry(svg, "target's middle", &|svg, x| map::target_sign(svg, x, y));
+    }
+    if !input.marked.is_empty() {
+        entry(svg, "keep away", &|svg, x| map::marked_sign(svg, [x - 11.0, y], [x + 11.0, y], ""));
     }
 }
 

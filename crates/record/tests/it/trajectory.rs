@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use spf_core::geometry::EnuPosition;
 use spf_core::time::Time;
-use spf_record::{DecisionMark, Outline, TrajectoryInput, trajectory_svg};
+use spf_record::{DecisionMark, MarkedPlace, Outline, TrajectoryInput, trajectory_svg};
 
 fn at(east: f64, north: f64, up: f64) -> EnuPosition {
     EnuPosition { east, north, up }
@@ -46,6 +46,7 @@ fn flight() -> TrajectoryInput {
         known_path,
         decisions,
         target: Some(at(52.0, 62.0, 12.0)),
+        marked: vec![MarkedPlace { number: 2, ends: [at(20.0, 20.0, 6.0), at(26.0, 20.0, 6.0)], label: "keep away 2".into() }],
     }
 }
 
@@ -77,7 +78,17 @@ fn a_flight_is_plotted_completely_and_repeatably() {
     }
     check_well_formed(&svg);
     assert_eq!(svg, trajectory_svg(&flight()));
-    for part in ["Take off and fly to the red crane", "tall white building", ">9</text>", "20 m", ">N<", "flight time, s"] {
+    for part in [
+        "Take off and fly to the red crane",
+        "tall white building",
+        ">9</text>",
+        "20 m",
+        ">N<",
+        "flight time, s",
+        "<title>keep away 2</title>",
+        ">2</text>",
+        ">keep away</text>",
+    ] {
         assert!(svg.contains(part), "{part}");
     }
     // Nine decisions on the map and nine on the curve, and one in the legend.
@@ -97,6 +108,20 @@ fn the_map_is_to_scale_and_north_is_up() {
     let (right, up) = (numbers[2] - numbers[0], numbers[1] - numbers[3]);
     // 30 m by 20 m with 30 % around them on a map 908 wide: 908 / 39 = 23.28 a metre.
     assert!((right - 698.5).abs() < 0.2 && (up - 465.6).abs() < 0.2, "{right} {up}");
+}
+
+#[test]
+fn a_marked_place_is_where_it_was_and_on_the_map_although_nobody_flew_there() {
+    let path = vec![(Time::ZERO, at(0.0, 0.0, 0.0)), (Time::from_millis(9000), at(30.0, 20.0, 3.0))];
+    let ends = [at(40.0, 0.0, 3.0), at(40.0, 20.0, 3.0)];
+    let marked = vec![MarkedPlace { number: 1, ends, label: "keep away 1".into() }];
+    let svg = trajectory_svg(&TrajectoryInput { path, marked, ..TrajectoryInput::default() });
+    let line = svg.lines().find(|line| line.contains("stroke=\"#b3261e\"")).unwrap();
+    let figure =
+        |name: &str| -> f64 { line.split(&format!("{name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap() };
+    // 40 m by 20 m with 30 % around them on a map 908 wide: 908 / 52 = 17.46 a metre; the wall leads northwards, 20 m.
+    assert!((figure("x1") - figure("x2")).abs() < 0.1 && (figure("y1") - figure("y2") - 349.2).abs() < 0.2, "{line}");
+    assert!(figure("x1") < 46.0 + 908.0, "{line}");
 }
 
 #[test]
@@ -122,6 +147,7 @@ proptest! {
             outlines: vec![Outline { name: name.clone(), colour: [9, 200, 30], polygons: vec![path.iter().map(|(_, p)| [p.east, p.north]).collect()] }],
             decisions: decisions.collect(),
             target: path.first().map(|(_, p)| *p),
+            marked: path.windows(2).map(|ends| MarkedPlace { number: 1, ends: [ends[0].1, ends[1].1], label: name.clone() }).collect(),
             known_path: path.clone(),
             path,
         };

@@ -9,11 +9,13 @@ use std::time::Duration;
 
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
-use spf_cockpit::{Cockpit, FlightControls, Flights, ReadInstruction};
+use spf_cockpit::{Cockpit, FlightControls, FlightEnd, Flights, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_core::pilot::OperatorEvent;
 use spf_core::prompt::PromptText;
+use spf_flight::flight::Flown;
 use spf_flight::sim::VlmFactory;
+use spf_flight::words;
 use spf_vlm::Vlm;
 use spf_vlm::human::HUMAN;
 
@@ -81,6 +83,18 @@ pub(super) fn wait_for_pilot(cockpit: &Cockpit, interrupts: &AtomicU32, printer:
 pub(super) fn controls(operator: Sender<OperatorEvent>, craft: Craft, reader: Option<Reader>, only: bool) -> FlightControls {
     let read = read_by(reader);
     FlightControls { operator, craft, read, only }
+}
+
+/// How a flight ended, for the page: the figures of its summary.
+pub(super) fn end(flown: &Flown, result: Vec<String>, folder: &Path) -> FlightEnd {
+    FlightEnd {
+        outcome: words::outcome(flown.summary.outcome).to_owned(),
+        result,
+        flight_time_s: flown.summary.finished_at_s,
+        path_length_m: flown.summary.path_length_m,
+        files: folder.display().to_string(),
+        problems: flown.recording_problems.clone(),
+    }
 }
 
 /// How an instruction is read; without a reader every one is flown.

@@ -18,16 +18,47 @@ use crate::printer::{one_line, quoted};
 /// Maximum number of scene objects listed if no word matches.
 const EXAMPLES: usize = 8;
 
+/// Where an instruction is given, and so how one lands and flies by hand there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Given {
+    /// On the command line, for a flight in virtual time.
+    AsArgument,
+    /// Typed in the terminal in flight, or on the command line for a flight that has its keys.
+    ByKeys,
+    /// On the page, or on the command line for a flight that has one.
+    OnPage,
+}
+
+impl Given {
+    /// For an instruction on the command line.
+    pub(super) fn for_flight(cockpit: bool, realtime: bool) -> Self {
+        match (cockpit, realtime) {
+            (true, _) => Self::OnPage,
+            (false, true) => Self::ByKeys,
+            (false, false) => Self::AsArgument,
+        }
+    }
+
+    /// What else there is to do than to fly to an object.
+    fn advice(self) -> &'static str {
+        match self {
+            Self::AsArgument => "the drone lands by itself at the end; to fly manually, use --realtime",
+            Self::ByKeys => "to land, press L; to fly manually, the arrow keys, W, A, S and D",
+            Self::OnPage => "to land, press Land; to fly manually, open Fly by hand",
+        }
+    }
+}
+
 /// The lines that show how the instruction is read. `start` is the start pose of the flight, if not the scene's own.
 ///
 /// # Errors
 /// Nothing in the instruction is understood, so that the flight could only end in a fruitless search.
-pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>) -> Result<Vec<String>, CliError> {
+pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>, given: Given) -> Result<Vec<String>, CliError> {
     let objects = loaded.placed(&loaded.cast.starts());
     let from = Some(start.unwrap_or(loaded.scene.start));
     let reading = read_instruction(instruction, &objects, from);
     if !reading.is_understood() {
-        return Err(not_understood(instruction, &reading, loaded));
+        return Err(not_understood(instruction, &reading, loaded, given));
     }
     let steps: Vec<String> = reading.steps.iter().map(|step| described(step, &loaded.tags)).collect();
     let mut lines = vec![format!("reads: {}", steps.join("; then "))];
@@ -65,9 +96,9 @@ impl Reader {
         Self { loaded: loaded.clone(), start }
     }
 
-    /// How an instruction is read, one line; or why it is not flown, in words for a person.
+    /// How an instruction of the page is read, one line; or why it is not flown, in words for a person.
     pub(super) fn understood(&self, text: &str) -> Result<String, String> {
-        lines(text, &self.loaded, self.start).map(|lines| lines.join("; ")).map_err(|error| error.to_string())
+        lines(text, &self.loaded, self.start, Given::OnPage).map(|lines| lines.join("; ")).map_err(|error| error.to_string())
     }
 
     /// The lines for an instruction that a script gives at this time.
@@ -75,7 +106,7 @@ impl Reader {
     /// # Errors
     /// As for [`lines`].
     pub(super) fn scripted(&self, at: Time, text: &str) -> Result<Vec<String>, CliError> {
-        let lines = lines(text, &self.loaded, self.start)?;
+        let lines = lines(text, &self.loaded, self.start, Given::AsArgument)?;
         let at = at.since(Time::ZERO).as_secs_f64();
         Ok(lines.into_iter().map(|line| format!("new instruction at {at} s {line}")).collect())
     }
@@ -90,7 +121,7 @@ impl Reader {
             // The resumption that belongs to a typed instruction is refused with it.
             let resumes = core::mem::take(&mut refused) && event == OperatorEvent::Resume;
             match &event {
-                OperatorEvent::Instruction(text) => match lines(text, &self.loaded, self.start) {
+                OperatorEvent::Instruction(text) => match lines(text, &self.loaded, self.start, Given::ByKeys) {
                     Ok(lines) => printed.extend(lines),
                     Err(error) => {
                         printed.push(format!(
@@ -109,7 +140,7 @@ impl Reader {
     }
 }
 
-fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene) -> CliError {
+fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene, given: Given) -> CliError {
     if reading.is_foreign {
         let what = format!("the oracle reads English only, and cannot parse \"{}\"", one_line(instruction));
         return CliError::usage(what).hint(
@@ -133,11 +164,7 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     };
     // One unknown word is a slip or a name; several without a known one are another language.
     let language = if unknown.len() > 1 && reading.directions.is_empty() { ", which reads English only," } else { "" };
-    let advice = if unknown.is_empty() {
-        "name an object (the drone lands by itself at the end; to fly manually, use --realtime); "
-    } else {
-        ""
-    };
+    let advice = if unknown.is_empty() { format!("name an object ({}); ", given.advice()) } else { String::new() };
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
@@ -215,6 +242,10 @@ mod tests {
         let resume = Pressed { events: vec![OperatorEvent::Resume], hint: Some("a hint") };
         assert_eq!(reader.admit(resume), (vec![OperatorEvent::Resume], vec!["a hint".to_owned()]));
         assert!(reader.scripted(Time::from_secs_f64(12.0), "qwertzuiop").is_err());
+        // How one lands is said as it is done there: the page has no flags and no keys L and W.
+        let on_page = reader.understood("land").unwrap_err();
+        assert!(on_page.contains("press Land") && !on_page.contains("--realtime") && !on_page.contains("by itself"), "{on_page}");
+        assert!(reader.admit(typed("land")).1[0].contains("press L;"));
         let lines = reader.scripted(Time::from_secs_f64(12.0), "fly to the church").unwrap();
         assert_eq!(lines, ["new instruction at 12 s reads: fly to → cream church"]);
     }
