@@ -88,7 +88,12 @@ fn refused(what: &'static str, error: &CliError) -> Check {
     let text = error.to_string();
     let text = text.strip_prefix("error: ").unwrap_or(&text);
     let (found, advice) = text.split_once("\n\nhint: ").map_or((text, None), |(found, hint)| (found, Some(hint)));
-    Check { what, finding: Finding::Bad, found: found.replace('\n', " "), advice: advice.map(str::to_owned) }
+    Check {
+        what,
+        finding: Finding::Bad,
+        found: found.split_whitespace().collect::<Vec<_>>().join(" "),
+        advice: advice.map(str::to_owned),
+    }
 }
 
 fn row(check: &Check) -> Vec<String> {

@@ -94,15 +94,13 @@ fn highest(autopilot: Autopilot, parameters: &[(&str, f64)]) -> f64 {
 /// What the parameters say that the driver reads before a flight: with and without a cone, and with a least climb.
 #[test]
 fn the_virtual_vehicles_climb_for_a_return_as_their_parameters_say() {
-    let cases: [(Autopilot, &[(&str, f64)], f64); 5] = [
-        (Autopilot::Px4, &[], 2.5),
-        (Autopilot::Px4, &[("RTL_CONE_ANG", 0.0), ("RTL_RETURN_ALT", 9.0)], 9.0),
-        (Autopilot::ArduPilot, &[], 5.5),
-        (Autopilot::ArduPilot, &[("RTL_CONE_SLOPE", 0.0), ("RTL_ALT", 1000.0)], 10.0),
-        (Autopilot::ArduPilot, &[("RTL_CONE_SLOPE", 0.0), ("RTL_ALT", 300.0), ("RTL_CLIMB_MIN", 500.0)], 8.0),
-    ];
-    for (autopilot, parameters, expected) in cases {
+    let comes_to = |autopilot, parameters: &[(&str, f64)], expected: f64| {
         let highest = highest(autopilot, parameters);
         assert!((highest - expected).abs() < 1.2, "{autopilot:?} {parameters:?}: {highest} m, not {expected} m");
-    }
+    };
+    comes_to(Autopilot::Px4, &[], 2.5);
+    comes_to(Autopilot::Px4, &[("RTL_CONE_ANG", 0.0), ("RTL_RETURN_ALT", 9.0)], 9.0);
+    comes_to(Autopilot::ArduPilot, &[], 5.5);
+    comes_to(Autopilot::ArduPilot, &[("RTL_CONE_SLOPE", 0.0), ("RTL_ALT", 1000.0)], 10.0);
+    comes_to(Autopilot::ArduPilot, &[("RTL_CONE_SLOPE", 0.0), ("RTL_ALT", 300.0), ("RTL_CLIMB_MIN", 500.0)], 8.0);
 }
