@@ -31,7 +31,7 @@ mod walking;
 
 pub use keep_out::{KeepOut, MARKED, MARKED_MOST};
 pub use memory::ObstacleMemory;
-pub use people::is_person;
+pub use people::{is_grown_up, is_person};
 pub use sighting::Sighting;
 pub use vertical::is_clear_vertically;
 pub use walking::{AHEAD_OF_FRAME, Motion, Walk, Walkers};

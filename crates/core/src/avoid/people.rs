@@ -38,6 +38,19 @@ const WORDS: [&str; 32] = [
 /// Words that make legs and feet those of a thing.
 const THINGS: [&str; 8] = ["table", "chair", "desk", "stool", "bench", "tripod", "furniture", "sofa"];
 
+/// Words for persons who are not of a grown-up person's stature, or of whom a box holds a part.
+const SMALL: [&str; 18] = [
+    "child", "children", "kid", "kids", "boy", "girl", "baby", "toddler", "legs", "leg", "feet", "foot", "face", "head",
+    "cyclist", "sitting", "lying", "kneeling",
+];
+
+/// Whether a box of this name is around one grown-up person, upright, from head to foot.
+#[must_use]
+pub fn is_grown_up(name: &str) -> bool {
+    let mut words = name.split(|c: char| !c.is_alphanumeric()).map(str::to_lowercase);
+    is_person(name) && !words.any(|word| SMALL.contains(&word.as_str()))
+}
+
 /// Whether an obstacle of this name is a person, or a part of one.
 #[must_use]
 pub fn is_person(name: &str) -> bool {
@@ -49,6 +62,16 @@ pub fn is_person(name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn children_cyclists_and_legs_are_not_of_a_grown_up_persons_stature() {
+        for name in ["person with red cone", "Man in a red coat", "the woman"] {
+            assert!(is_grown_up(name), "{name}");
+        }
+        for name in ["child in red", "a sitting man", "the man's legs", "red cone", "boy"] {
+            assert!(!is_grown_up(name), "{name}");
+        }
+    }
 
     #[test]
     fn persons_and_their_legs_are_persons_and_table_legs_are_not() {

@@ -9,15 +9,17 @@ use super::Direction;
 const STATES: usize = 6;
 /// Spectral density of the target's acceleration, m²/s³: a walker that turns and stops.
 const ACCELERATION: f64 = 0.6;
-/// Random walk of the target's height, m²/s, and of its size (a person who turns), 1/s.
-const HEIGHT: f64 = 0.02;
-const SIZE: f64 = 0.001;
+/// Random walk of the target's size (a person who turns), 1/s.
+const SIZE: f64 = 0.004;
 /// Speeds above this are no walker's, m/s.
 const FASTEST: f64 = 2.5;
-/// Standard deviations of a track: bearing and elevation of the box's centre, radians, and the logarithm of its scale.
+/// Standard deviations of a track: bearing of the box's centre, radians, and the logarithm of its scale.
 const BEARING_SD: f64 = 0.02;
-const ELEVATION_SD: f64 = 0.04;
 const SCALE_SD: f64 = 0.02;
+/// Fraction of the difference by which an elevation moves the target's height. It does not move the range: a range from the
+/// elevation would be that of a box whose middle stays at one height above the ground, which it does not where an edge of the image
+/// cuts the box off, and the craft's pitch is known badly while it accelerates.
+const HEIGHT_GAIN: f64 = 0.3;
 /// Standard deviations of a reply's target at first: logarithm of the range, and speed, m/s.
 const FIRST_RANGE_SD: f64 = 0.3;
 const FIRST_SPEED_SD: f64 = 0.7;
@@ -41,8 +43,8 @@ impl Filter {
         // Along the line of sight, and across it.
         let along = direction.unit();
         let (along_var, across_var) = (square(FIRST_RANGE_SD * range), square(2.0 * BEARING_SD * range));
-        for row in 0..3 {
-            for column in 0..3 {
+        for row in 0..2 {
+            for column in 0..2 {
                 p[row][column] = (along_var - across_var) * along[row] * along[column];
             }
             p[row][row] += across_var;
@@ -105,7 +107,6 @@ impl Filter {
             self.p[speed][place] += ACCELERATION * t * t / 2.0;
             self.p[speed][speed] += ACCELERATION * t;
         }
-        self.p[2][2] += HEIGHT * t;
         self.p[5][5] += SIZE * t;
     }
 
@@ -126,12 +127,8 @@ impl Filter {
         let mut h = [0.0; STATES];
         (h[0], h[1]) = (north / square(level), -east / square(level));
         self.correct(&h, wrap_angle(direction.bearing - expected.bearing), square(BEARING_SD));
-        let Sight { east, north, up, level, range } = self.sight(eye);
-        let expected = self.direction(eye);
-        let mut h = [0.0; STATES];
-        (h[0], h[1]) = (-up * east / (level * square(range)), -up * north / (level * square(range)));
-        h[2] = level / square(range);
-        self.correct(&h, direction.elevation - expected.elevation, square(ELEVATION_SD));
+        let Sight { level, .. } = self.sight(eye);
+        self.x[2] += HEIGHT_GAIN * (eye.up + level * libm::tan(direction.elevation) - self.x[2]);
         self.bound();
     }
 

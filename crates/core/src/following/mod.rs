@@ -7,10 +7,12 @@
 //! and backs off if it is close; it turns to where the target was last seen.
 
 mod filter;
+mod standing;
 
 use std::collections::VecDeque;
 
 use filter::Filter;
+use standing::{IMAGE_EDGE, Reading};
 
 use crate::camera::Camera;
 use crate::command::Setpoint;
@@ -41,8 +43,10 @@ const LABEL_VARIANCE: f64 = 0.148 * 0.148 + 0.2 * 0.2;
 const ELSEWHERE: f64 = 0.21;
 /// A range that a label states up to which a target is beside the craft, metres: label 1.
 const BESIDE: f64 = 1.2;
-/// A box that ends this near to the image's edge, as a fraction of its size, goes on beyond it.
-const IMAGE_EDGE: f64 = 0.02;
+/// A range by one box that differs from the label's by more standard deviations than this is not of somebody who stands there.
+const STANDING_GATE: f64 = 2.5;
+/// Standard deviation of the logarithm of the range that no number of readings removes: a person's stature is the same in all.
+const RANGE_FLOOR: f64 = 0.1;
 /// Gains: yaw rate per bearing error, closing speed per distance error, climb rate per height error, 1/s.
 const YAW_GAIN: f64 = 2.0;
 const CLOSING_GAIN: f64 = 0.8;
@@ -107,6 +111,8 @@ pub struct Answer {
     pub area: ImageBox,
     /// The target's range according to its label, metres.
     pub range: f64,
+    /// Whether the target is a person, of a person's stature.
+    pub is_person: bool,
 }
 
 /// A way on which the craft may get away from the target.
@@ -195,17 +201,21 @@ impl Follower {
         if captured >= self.confirmed {
             self.is_beside = range <= BESIDE || fills_image;
         }
+        let stature = standing::by_stature(&self.camera, pose, area).filter(|_| answer.is_person);
+        let readings = [stature, standing::by_ground(&self.camera, pose, area)];
         self.label = if self.label.0 == range { (range, self.label.1 + 1) } else { (range, 1) };
         let then = self.history.iter().min_by_key(|kept| kept.at.since(captured).max(captured.since(kept.at))).copied();
         let then = then.filter(|kept| kept.at.since(captured).max(captured.since(kept.at)) <= SURE);
         match (&mut self.filter, then) {
             (Some(filter), Some(then)) if wrap_angle(then.direction.bearing - direction.bearing).abs() < ELSEWHERE => {
                 // The same correction now as then: growth of the box and own motion connect the two.
-                let variance = LABEL_VARIANCE * f64::from(self.label.1);
-                filter.range(pose.position, libm::log(range) - then.log_range, variance);
+                let label = (libm::log(range), LABEL_VARIANCE * f64::from(self.label.1));
+                let (ln_range, variance) = fused(label, &readings, then.log_range);
+                filter.range(pose.position, ln_range - then.log_range, variance);
             }
             _ => {
-                self.filter = Some(Filter::new(captured, pose.position, direction, range));
+                let (ln_range, _) = fused((libm::log(range), LABEL_VARIANCE), &readings, libm::log(range));
+                self.filter = Some(Filter::new(captured, pose.position, direction, libm::exp(ln_range)));
                 self.history.clear();
                 (self.label.1, self.tracked) = (1, None);
                 self.seen = captured;
@@ -253,7 +263,12 @@ impl Follower {
         let position = filter.position(now, is_sure);
         let velocity = if is_sure { filter.velocity() } else { EnuVelocity::default() };
         let (_, variance) = filter.log_range(from);
-        Some(TargetEstimate { position, velocity, range_sd: variance.max(0.0).sqrt() * from.distance(position), is_sure })
+        Some(TargetEstimate {
+            position,
+            velocity,
+            range_sd: libm::sqrt(variance.max(0.0) + RANGE_FLOOR * RANGE_FLOOR) * from.distance(position),
+            is_sure,
+        })
     }
 
     /// Whether the target's track is good: without one, replies alone are no guide to a target that moves.
@@ -306,6 +321,21 @@ impl Follower {
         let height = level * (libm::tan(elevation) - libm::tan(wanted));
         (CLIMB_GAIN * height).clamp(-0.5 * craft.climb_speed, 0.5 * craft.climb_speed)
     }
+}
+
+/// A label's range with those by one box: mean and variance of the logarithm. A bound counts if both the others and what was known
+/// are farther.
+fn fused(label: (f64, f64), readings: &[Option<Reading>], known: f64) -> (f64, f64) {
+    readings.iter().flatten().fold(label, |(ln_range, variance), reading| {
+        let apart = reading.ln_range - ln_range;
+        let sigma_squared = reading.sigma * reading.sigma;
+        let is_idle = reading.is_bound && ln_range.max(known) <= reading.ln_range;
+        if is_idle || apart * apart > STANDING_GATE * STANDING_GATE * (sigma_squared + variance) {
+            return (ln_range, variance);
+        }
+        let total = 1.0 / (1.0 / sigma_squared + 1.0 / variance);
+        (total * (reading.ln_range / sigma_squared + ln_range / variance), total)
+    })
 }
 
 fn centre(area: ImageBox) -> ImagePoint {

@@ -3,6 +3,7 @@
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 
 use super::{Outcome, Pilot, Waiting};
+use crate::avoid::is_grown_up;
 use crate::command::Setpoint;
 use crate::estimator::MotionEstimate;
 use crate::following::{Answer, Direction, Follower, TargetEstimate, WayOut};
@@ -55,13 +56,15 @@ impl Pilot {
             _ => return self.lose_target(),
         };
         let Some(area) = goto.area else { return };
+        let is_person = self.policy.reading().reply.and_then(|reply| reply.target).is_some_and(|name| is_grown_up(&name));
         let stays = self.is_staying();
         let (camera, keep) = (self.camera, if stays { self.settings.keep_m } else { self.stop_distance() + HALF_PERSON });
         let begun = self.following.follower.take().filter(|_| self.following.stays == stays);
         (self.following.stays, self.following.clear) = (stays, (waiting.view.pose.position, goto.clear));
         let follower = self.following.follower.insert(begun.unwrap_or_else(|| Follower::new(camera, keep)));
         let view = &waiting.view;
-        follower.answer(&Answer { captured: view.frame.captured, pose: view.pose, area, range: range_of_label(goto.label) });
+        let range = range_of_label(goto.label);
+        follower.answer(&Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person });
     }
 
     /// Whether the last reply is one to stay with the target, as opposed to a flight to it.

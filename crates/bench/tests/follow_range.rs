@@ -1,0 +1,132 @@
+//! Is the range of somebody who is followed as uncertain as it says? Flies the paper's tasks to follow somebody with the tracker
+//! from pixels, and compares the pilot's estimate with the distance from the craft to the person's surface twice a second.
+//!
+//! One flight by default; `cargo test --release -p spf-bench --test follow_range -- --ignored --nocapture` flies 40 and prints the
+//! tables (docs/studies/2026-11-26-follow-range.md). With `FOLLOW_OUT=FOLDER` each flight's samples are written there.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the tables are for people")]
+
+mod seen;
+
+use std::fmt::Write;
+use std::sync::{Arc, OnceLock};
+
+use spf_bench::judge::Judge;
+use spf_bench::task::shipped;
+use spf_bench::trial::draw;
+use spf_core::guidance::Guidance;
+use spf_core::pilot::{Pilot, PilotSettings, Preset};
+use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_flight::flight::fly;
+use spf_flight::run::Observer;
+use spf_flight::sim::SimWorld;
+use spf_scene::geometry::ObjectId;
+
+const TASKS: [&str; 2] = ["real-follow-green-shirt", "real-follow-red-cone"];
+/// Between two samples.
+const EVERY: Duration = Duration::from_millis(500);
+
+/// An estimate and the truth at one time.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    at: Time,
+    /// Distance from the craft to the person's surface, metres.
+    range: f64,
+    /// The estimate, and its standard deviation, metres; `None` while nobody is tracked.
+    estimate: Option<(f64, f64)>,
+}
+
+impl Sample {
+    /// Error of the logarithm of the range, and its stated standard deviation.
+    fn error(self) -> Option<(f64, f64)> {
+        let (estimate, sd) = self.estimate?;
+        Some(((estimate / self.range.max(0.05)).ln(), sd / estimate))
+    }
+}
+
+struct Watcher {
+    world: Arc<OnceLock<SimWorld>>,
+    target: ObjectId,
+    samples: Vec<Sample>,
+}
+
+impl Observer for Watcher {
+    fn time(&mut self, now: Time, pilot: &Pilot) {
+        let Some(world) = self.world.get() else { return };
+        if self.samples.last().is_some_and(|last| now.since(last.at) < EVERY) {
+            return;
+        }
+        let here = world.now();
+        let Some(range) = world.loaded().distance_to(self.target, &here.actors, here.pose.position) else { return };
+        let known = pilot.known_pose(now).position;
+        let target = pilot.followed(now).filter(|target| target.is_sure);
+        let estimate = target.map(|target| (known.distance(target.position), target.range_sd));
+        self.samples.push(Sample { at: now, range, estimate });
+    }
+}
+
+/// Flies a task with the settings of the bench's method `spf-track`.
+fn flown(id: &str, vlm: &'static str, seed: u64) -> Vec<Sample> {
+    let task = shipped(id).unwrap().unwrap();
+    let drawn = draw(&task, seed).unwrap();
+    let target = *Judge::new(&task, drawn.loaded.clone(), drawn.start).unwrap().targets().flatten().next().unwrap();
+    let settings = PilotSettings {
+        avoid: true,
+        max_time: duration_from_secs(task.max_time),
+        max_decisions: task.max_decisions,
+        guidance: Guidance { slow_anchor: true, track: true, ..Guidance::default() },
+        ..PilotSettings::preset(Preset::Default)
+    };
+    let (plan, world) = seen::flight(&task, &drawn, vlm, seed, settings);
+    let mut watcher = Watcher { world, target, samples: Vec::new() };
+    fly(plan, &mut [&mut watcher]).unwrap();
+    if let Some(folder) = std::env::var_os("FOLLOW_OUT") {
+        let mut text = String::new();
+        for Sample { at, range, estimate } in &watcher.samples {
+            writeln!(text, "{:.1}\t{range:.3}\t{estimate:?}", at.as_secs_f64()).unwrap();
+        }
+        std::fs::write(std::path::Path::new(&folder).join(format!("{id}-{vlm}-{seed}.tsv")), text).unwrap();
+    }
+    watcher.samples
+}
+
+fn quantile(values: &[f64], part: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[((sorted.len() - 1) as f64 * part).round() as usize]
+}
+
+/// Prints a row of the table, and returns the fraction of the estimates within their standard deviation.
+fn row(name: &str, samples: &[Sample]) -> f64 {
+    let errors: Vec<(f64, f64)> = samples.iter().filter_map(|sample| sample.error()).collect();
+    let within = errors.iter().filter(|(error, sd)| error.abs() <= *sd).count() as f64 / errors.len() as f64;
+    let relative: Vec<f64> = errors.iter().map(|(error, _)| *error).collect();
+    let [low, middle, high] = [0.1, 0.5, 0.9].map(|part| quantile(&relative, part));
+    println!("| {name} | {} | {low:.2} | {middle:.2} | {high:.2} | {:.0} % |", errors.len(), 100.0 * within);
+    within
+}
+
+#[test]
+fn in_a_flight_the_range_of_somebody_followed_is_about_right() {
+    let samples = flown(TASKS[1], "perfect", 3);
+    let errors: Vec<f64> = samples.iter().filter_map(|sample| sample.error()).map(|(error, _)| error.abs()).collect();
+    assert!(errors.len() > 60 && quantile(&errors, 0.5) < 0.2, "{} {samples:?}", errors.len());
+}
+
+#[test]
+#[ignore = "takes twenty minutes"]
+fn in_40_flights_the_range_of_somebody_followed_is_as_uncertain_as_it_says() {
+    println!(
+        "| flights | samples | error of ln range: 10 % | 50 % | 90 % | within one standard deviation |\n|---|---|---|---|---|---|"
+    );
+    let seeds = std::env::var("SEEDS").map_or(10, |seeds| seeds.parse().unwrap());
+    let mut all = Vec::new();
+    for vlm in ["perfect", "default"] {
+        for id in TASKS {
+            let of_task: Vec<Sample> = (0..seeds).flat_map(|seed| flown(id, vlm, seed)).collect();
+            row(&format!("{id}, `{vlm}`"), &of_task);
+            all.extend(of_task);
+        }
+    }
+    let within = row("all", &all);
+    assert!((0.6..=0.76).contains(&within), "{within}");
+}
