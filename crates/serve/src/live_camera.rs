@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant, SystemTime};
 
+use spf_core::rng::RandomStream;
 use spf_core::time::Time;
 use spf_flight::sim::SimWorld;
 use spf_media::Rgb;
@@ -23,6 +24,8 @@ const PATH: &str = "/camera";
 const QUANTISER: u8 = 30;
 /// Images are taken this long ago, so that the whole exposure time has been simulated.
 const SHUTTER: Duration = Duration::from_millis(25);
+/// Greatest movement of an image by vibration, pixels: 0.05 degrees.
+const TREMBLE: f64 = 0.5;
 /// Interval at which waiting threads check whether to stop.
 const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
@@ -122,7 +125,7 @@ fn film(plan: &LiveCameraPlan, server: &Server, stopped: &AtomicBool) {
             reel = Reel::new(plan, &image);
         }
         let Some(rolling) = &mut reel else { return };
-        match rolling.encode(at, &image, server.takes_key(), plan.key_interval) {
+        match rolling.encode(at, &tremble(&image, at), server.takes_key(), plan.key_interval) {
             Some(unit) => server.send(Unit { captured, unit }),
             None => reel = None,
         }
@@ -130,6 +133,26 @@ fn film(plan: &LiveCameraPlan, server: &Server, stopped: &AtomicBool) {
         // Missed images are skipped.
         next = (next + pace.period(plan.fps)).max(Instant::now());
     }
+}
+
+/// Moves an image by a part of a pixel, as the vibration of a craft does. The images of a craft that hovers in a simulator would
+/// be equal, and equal images are those of a frozen camera: a pilot holds because of them, and so they stay equal.
+fn tremble(image: &Rgb, at: Time) -> Rgb {
+    let mut rng = RandomStream::new(0, "vibration", &[at.as_nanos()]);
+    let [right, down] = [(); 2].map(|()| (TREMBLE * 256.0 * rng.uniform()) as u32);
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let (data, row) = (image.data(), 3 * width);
+    let mut moved = Vec::with_capacity(data.len());
+    for y in 0..height {
+        let here = &data[y * row..][..row];
+        let below = &data[(y + 1).min(height - 1) * row..][..row];
+        for x in 0..row {
+            let next = if x + 3 < row { x + 3 } else { x };
+            let across = |line: &[u8]| u32::from(line[x]) * (256 - right) + u32::from(line[next]) * right;
+            moved.push(((across(here) * (256 - down) + across(below) * down) >> 16) as u8);
+        }
+    }
+    Rgb::from_raw(image.width(), image.height(), moved).unwrap_or_else(|_| image.clone())
 }
 
 /// A running encoder.

@@ -12,6 +12,7 @@ mod flights;
 mod harness;
 mod images;
 mod lens;
+mod live_view;
 mod matrix;
 mod mavlink;
 mod memory;
