@@ -186,7 +186,8 @@ async function steps(flight, film) {
     const button = element("button", "", { type: "button" });
     button.append(element("b", `${row.number}. `), element("time", `${clock(seconds(row.answered))} `), said(row));
     button.onclick = () => {
-      if (flight.film) film.currentTime = seconds(row.answered);
+      // Its caption is in the next image of the film, of ten a second.
+      if (flight.film) film.currentTime = seconds(row.answered) + 0.15;
       mark(row);
       detail(row);
     };

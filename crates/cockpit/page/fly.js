@@ -188,15 +188,15 @@ export class Orders {
   /** Says how to point, and how far the drone then flies. */
   explain() {
     const label = byId("distance").value;
-    const after = this.human ? "asks again" : "then goes by the model's next answer";
+    const after = this.human ? "and asks again" : "then the model answers again";
     // With the target's estimated place it is the way there that counts, and else the step that the distance means.
-    const step = this.steps ? `The drone flies ${metres(this.steps[label - 1])} towards it: its step at ${roughly(METRES[label - 1])}` : `The drone flies towards it, ${roughly(METRES[label - 1])} at most`;
+    const step = this.steps ? `The drone flies ${metres(this.steps[label - 1])} towards it (its step at ${roughly(METRES[label - 1])})` : `The drone flies towards it, ${roughly(METRES[label - 1])} at most`;
     const drawn = this.marks?.on;
     const text = this.picture.aim
       ? `Arrow keys aim (with Shift in larger steps), Enter ${drawn ? "sets one corner, and the other" : "points"}.`
       : drawn
         ? "Draw a box around what to keep away from, with its distance set above. With keys: Tab to the picture, arrows aim, Enter sets one corner, and the other. This button again ends it; Escape lands the drone."
-        : `${this.armed_to_point ? "Set" : "A correction: press “Not that one, this …”, set"} how far away it is (also with the wheel over the picture), and click on it. ${step}; it ${after}.`;
+        : `${this.armed_to_point ? "Set" : "A correction: press “Not that one, this …”, set"} how far away it is, and click on it. ${step}, ${after}.`;
     if (byId("how").textContent !== text) byId("how").textContent = text;
   }
 

@@ -33,6 +33,8 @@ const KEPT_QUALITY: u8 = 70;
 const WIDTHS: [u32; 3] = [960, 640, 480];
 /// A picture should take no longer than this.
 const PACE: Duration = Duration::from_millis(45);
+/// Below this the next larger size, of 2.25 times as many pixels at most, is fast enough too.
+const LARGER_BELOW: Duration = Duration::from_millis(18);
 /// Minimum interval between live pictures.
 const INTERVAL: Duration = Duration::from_millis(33);
 /// Width of pictures kept with decisions, pixels.
@@ -258,7 +260,8 @@ impl Worker {
 
     fn decided(&self, decision: &Decision, flown_to: Option<&Point>) {
         let (query, reading) = (decision.query.id.0, &decision.reading);
-        let point = reading.waypoint.or(reading.reply.as_ref().and_then(|reply| reply.point));
+        // Of the answer itself: what was made of it, such as a shift clear of an obstacle, shows in what is flown to.
+        let point = reading.reply.as_ref().and_then(|reply| reply.point).or(reading.waypoint);
         let row = json!({
             "type": "decision", "n": decision.number, "query": query, "t": decision.answered.as_secs_f64(),
             "text": words::decision(decision), "step": decision.step, "latency": decision.latency_s,
@@ -305,7 +308,7 @@ impl Pace {
         self.average = if self.average.is_zero() { time } else { (self.average * 7 + time) / 8 };
         if self.average > PACE && self.width + 1 < WIDTHS.len() {
             (self.width, self.average) = (self.width + 1, Duration::ZERO);
-        } else if self.average < PACE / 4 && self.width > 0 {
+        } else if self.average < LARGER_BELOW && self.width > 0 {
             (self.width, self.average) = (self.width - 1, Duration::ZERO);
         }
     }

@@ -131,9 +131,9 @@ impl Film {
     pub(crate) fn note(&mut self, now: Time, action: &Action) {
         match action {
             // A policy that uses marks holds until the reply arrives, so the marks stay in place.
-            Action::Ask(query) if !query.marks.is_empty() => {
+            Action::Ask(query) if query.marks.iter().any(is_choice) => {
                 self.boxes.clear();
-                self.query_marks.clone_from(&query.marks);
+                self.query_marks = query.marks.iter().filter(|mark| is_choice(mark)).cloned().collect();
                 self.drawn_until = Time::MAX;
             }
             Action::Note(Note::Decision(decision)) => {
@@ -277,6 +277,12 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
     }
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
     Some((point, format!("{:.1} m", ahead.length())))
+}
+
+/// Whether a mark of a query is one to choose from. Boxes are the places that the operator has marked, which are drawn where they
+/// are by now.
+fn is_choice(mark: &Mark) -> bool {
+    !matches!(mark, Mark::Box { .. })
 }
 
 /// The places that the operator has marked, as seen from a pose.

@@ -4,6 +4,7 @@ use spf_core::avoid::Avoidance;
 use spf_core::pilot::{Around, Decision, Note, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
 use spf_vlm::ORACLE_SERVED;
+use spf_vlm::human::HUMAN;
 
 use crate::ledger::VlmUse;
 
@@ -167,6 +168,11 @@ pub fn vlm_use(used: &VlmUse) -> String {
     if is_oracle {
         return format!("VLM: the oracle of a server (no real VLM, free of charge), {} queries{failed}{latency}", used.questions);
     }
+    // A person in the cockpit and the oracle cost nothing, and read no tokens.
+    let is_free = |model: &&str| *model == HUMAN || *model == "oracle" || model.starts_with("oracle:");
+    if !models.is_empty() && models.iter().all(is_free) {
+        return format!("VLM: {names}, {} queries{failed}{latency}", used.questions);
+    }
     let cost = used.cost_usd.map_or("price unknown".to_owned(), |cost| format!("{about}${cost:.4}"));
     format!(
         "VLM: {names}, {} queries{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
@@ -189,5 +195,7 @@ mod tests {
         let oracle = vlm_use(&used(ORACLE_SERVED, Some(0.0)));
         assert!(oracle.starts_with("VLM: the oracle of a server") && !oracle.contains('$'), "{oracle}");
         assert!(vlm_use(&used("gpt-6-luna", Some(0.5))).ends_with("$0.5000"));
+        assert!(vlm_use(&used("gpt-6-luna", None)).ends_with("price unknown"));
+        assert_eq!(vlm_use(&used(HUMAN, None)), "VLM: human, 3 queries");
     }
 }

@@ -65,7 +65,7 @@ def fly(browser):
     page.get_by_role("button", name="Not that one, this").click()
     box = page.locator("#picture").bounding_box()
     page.mouse.click(box["x"] + 0.15 * box["width"], box["y"] + 0.5 * box["height"])
-    wait(lambda: page.locator("#list button").count() > before, "the decision by the click")
+    wait(lambda: page.locator("#list button").count() > before, "the decision by the click", page=page)
     decided = page.locator("#list button").first.inner_text()
     print("by the click:", decided)
     assert re.search(r"at \(0\.[0-3]", decided), decided
@@ -285,11 +285,18 @@ def point(browser):
     page = page_of(browser, PHONE, "light", is_mobile=True, has_touch=True)
     page.goto(program.url)
     expect(page.locator("#question")).to_be_visible(timeout=30000)
+    wait(lambda: page.evaluate("document.getElementById('empty').hidden"), "a picture to tap on")
     shot(page, "phone-light-question")
     accessible(page, "question")
+    # A page that was busy with that for too long counts as lost, and the drone holds.
+    page.wait_for_timeout(1000)
+    if page.locator("#resume").is_visible():
+        page.locator("#resume").tap()
+        expect(page.locator("#resume")).to_be_hidden()
+    expect(page.locator("#question")).to_be_visible(timeout=30000)
     box = page.locator("#picture").bounding_box()
     page.touchscreen.tap(box["x"] + 0.7 * box["width"], box["y"] + 0.5 * box["height"])
-    wait(lambda: page.locator("#list button").count() > 0, "a decision")
+    wait(lambda: page.locator("#list button").count() > 0, "a decision", page=page)
     assert re.search(r"0\.7", page.locator("#list button").first.inner_text())
     expect(page.locator("#question")).to_be_visible(timeout=30000)
     # With the keyboard: aim, and point.
@@ -336,6 +343,7 @@ def look(browser):
         assert at > 1, f"the film is at {at} s"
         page.get_by_role("button", name="Replay it").click()
         expect(page.locator("#replayed")).to_contain_text("No difference", timeout=60000)
+        page.evaluate("scrollTo(0, 0)")
         shot(page, f"{name}-flight")
         accessible(page, "a flight")
         page.context.close()
@@ -366,7 +374,7 @@ def look(browser):
 
 
 def strange(browser):
-    """Another site's page, a rebound name: refused."""
+    """Another site's page, a rebound name: refused; a second tab only watches."""
     program = Program("cockpit", "--cockpit=127.0.0.1:0", "--scene", "yard")
     port = re.search(r":(\d+)/", program.url)[1]
     page = browser.new_context().new_page()
@@ -396,12 +404,17 @@ def hidden(browser, program):
     other = browser.new_context().new_page()
     other.goto(program.url.split("#")[0])
     expect(other.locator("#role")).to_have_text("Watching")
+    # A second tab with the whole address does not take the controls either.
+    second = browser.new_context().new_page()
+    second.goto(program.url)
+    expect(second.locator("#role")).to_have_text("Watching")
+    assert not second.locator("#hold").is_visible()
     for _ in range(10):
         other.wait_for_timeout(250)
         # "Take the controls" would be offered.
         assert other.locator("#ask").inner_text() == "Ask for the controls"
-    page.context.close()
-    other.context.close()
+    for opened in (page, other, second):
+        opened.context.close()
 
 
 def secure(browser):
@@ -409,7 +422,7 @@ def secure(browser):
     # No file may grow past 12 KiB, as on a full disk.
     program = Program("cockpit", "--cockpit=0.0.0.0:0", "--scene", "yard", "--vlm", "oracle:perfect",
                       within=("sh", "-c", "trap '' XFSZ; ulimit -f 24; exec \"$0\" \"$@\""))
-    assert any(re.fullmatch(r"\s*([0-9A-F]{2}:){31}[0-9A-F]{2}", line) for line in program.lines), program.lines
+    wait(lambda: any(re.fullmatch(r"\s*([0-9A-F]{2}:){31}[0-9A-F]{2}", line) for line in program.lines), "a fingerprint")
     port = re.search(r":(\d+)/", program.url)[1]
     here = program.url.replace(re.search(r"//([^/:]+)", program.url)[1], "127.0.0.1")
     refused = browser.new_context().new_page()
@@ -443,7 +456,8 @@ def secure(browser):
     expect(page.locator("#ended-lines .problem").first).to_contain_text("recording failed: cannot write")
     shot(page, "phone-dark-not-recorded")
     expect(other.locator("#ended-lines .problem")).to_have_text("The recording of this flight is not complete.")
-    complain("encrypted")
+    # Of the rebound page, whose icon was asked for a little later.
+    complain("encrypted", "403")
     program.end()
     page.context.close()
     other.context.close()

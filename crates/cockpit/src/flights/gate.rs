@@ -5,7 +5,10 @@ use std::sync::{Arc, Mutex};
 
 /// Where replays wait: each says that it has begun, and goes on when it is told to. The default lets all pass.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Gate(Option<Arc<Mutex<(Sender<()>, Receiver<()>)>>>);
+pub(super) struct Gate(Option<Arc<Mutex<Ends>>>);
+
+/// What tells that a replay has begun, and what it waits for.
+type Ends = (Sender<()>, Receiver<()>);
 
 impl Gate {
     /// A closed one, with what tells of replays that have begun, and what lets them go on.

@@ -7,10 +7,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::Value;
+use spf_core::avoid::KeepOut;
+use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
 use spf_core::craft::CraftKind;
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::grounding::{AxisOrder, GroundingProfile};
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::query::ImageBox;
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
 use spf_detect::{Detector, Place};
@@ -44,6 +48,8 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
     let events = vec![
         (at(11_000), hand),
         (at(11_500), OperatorEvent::Resume),
+        (at(12_000), OperatorEvent::KeepOut(vec![marked(0), marked(1)])),
+        (at(15_000), OperatorEvent::KeepOut(vec![marked(1)])),
         (at(19_000), OperatorEvent::Instruction("fly to the black car".to_owned())),
     ];
     let site = Simulated { kind, seed: 3, ..Simulated::new(Arc::new(LoadedScene::load("city").unwrap()), "city") };
@@ -57,7 +63,21 @@ fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
     change(&mut plan);
     let flown = fly(plan, &mut []).unwrap();
     assert!(flown.recording_problems.is_empty(), "{:?}", flown.recording_problems);
+    // Named after all instructions; the places that were marked are on the map, also the one that was removed.
+    assert_eq!(flown.summary.title(), "fly to the red crane → fly to the black car");
+    let map = std::fs::read_to_string(folder.join("trajectory.svg")).unwrap();
+    for told in
+        ["red crane → fly to the black car", "keep away 1: from 12.00 s to 15.00 s", "keep away 2: from 12.00 s to the end"]
+    {
+        assert!(map.contains(told), "{told}");
+    }
     folder.join("flight.mcap")
+}
+
+/// A place far behind the start, which is in nobody's way.
+fn marked(id: u32) -> KeepOut {
+    let pose = Pose { position: EnuPosition { east: 0.0, north: -60.0, up: 2.0 }, ..Pose::default() };
+    KeepOut::new(id, &Camera::quad(), pose, ImageBox { left: 0.4, top: 0.4, right: 0.6, bottom: 0.6 }, 3).unwrap()
 }
 
 fn replayed(log: &Path, changes: &Changes) -> Report {
