@@ -145,7 +145,7 @@ impl Cockpit {
         move |other| Pointer::new(pointing.clone(), hub.clone(), other)
     }
 
-    /// Whether the page is open that flies, and was heard within a second.
+    /// Whether the page is open that flies, and was heard a moment ago.
     #[must_use]
     pub fn has_pilot(&self) -> bool {
         self.controls.has_pilot()

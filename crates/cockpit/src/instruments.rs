@@ -206,6 +206,7 @@ impl Observer for Instruments {
         (self.camera, self.sight) = (head.camera, Some(sight.clone()));
         self.instruction.clone_from(&head.instruction);
         self.pointing.begin(head.camera, head.vlm == HUMAN);
+        self.worker.begin_flight();
         let (alpha, beta) = head.camera.half_fov();
         let fence: Vec<Vec<(f64, f64)>> =
             head.limits.geofence.iter().flat_map(|fence| fence.outlines()).map(<[_]>::to_vec).collect();

@@ -80,11 +80,16 @@ struct Drawing {
     /// Frames that are drawn before they are delivered, and when one was last shown or the first one began.
     ahead: Drawn,
     shown: Option<Instant>,
+    /// The flight that these are of.
+    flight: u64,
 }
 
 impl Drawing {
     /// The picture to show now: the newest one, or, if frames are drawn ahead, the newest one that is drawn.
     fn choose(&mut self, inbox: &mut Inbox) -> Option<LivePicture> {
+        if self.flight != inbox.flight {
+            (self.flight, self.ahead, self.shown) = (inbox.flight, Drawn::default(), None);
+        }
         let drawn = inbox.pictures.iter().rposition(|picture| self.ahead.has(picture.meta.id));
         let now = Instant::now();
         let waits = inbox.ahead && self.shown.is_none_or(|at| now.duration_since(at) < PATIENCE);
@@ -126,6 +131,8 @@ struct Inbox {
     /// The newest pictures; only the last one if none is drawn ahead.
     pictures: VecDeque<LivePicture>,
     exposed: Exposed,
+    /// Number of the flight: each counts its frames from 0.
+    flight: u64,
     /// Whether frames can be drawn before they are delivered.
     ahead: bool,
     jobs: VecDeque<Job>,
@@ -157,6 +164,14 @@ impl Worker {
     pub(crate) fn stop(&self) {
         self.inbox().stop = true;
         self.filled.notify_all();
+    }
+
+    /// A flight begins: pictures of the one before are not shown any more.
+    pub(crate) fn begin_flight(&self) {
+        let mut inbox = self.inbox();
+        inbox.flight += 1;
+        inbox.pictures.clear();
+        inbox.exposed = Exposed::default();
     }
 
     /// Whether somebody looks at live pictures.
@@ -317,6 +332,22 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_picture_drawn_ahead_in_one_flight_is_not_shown_in_the_next() {
+        let (mut drawing, mut inbox) = (Drawing::default(), Inbox { ahead: true, ..Inbox::default() });
+        assert!(drawing.choose(&mut inbox).is_none());
+        drawing.ahead.put(FrameId(7), Rgb::new(2, 2), Duration::ZERO);
+        inbox.pictures.push_back(LivePicture::alone(7, Rgb::new(2, 2)));
+        assert!(drawing.choose(&mut inbox).is_some(), "of the same flight");
+        let worker = Worker { inbox: Mutex::new(inbox), filled: Condvar::new(), hub: Hub::new() };
+        worker.inbox().pictures.push_back(LivePicture::alone(7, Rgb::new(2, 2)));
+        worker.begin_flight();
+        let mut inbox = worker.inbox();
+        assert!(inbox.pictures.is_empty());
+        inbox.pictures.push_back(LivePicture::alone(7, Rgb::new(2, 2)));
+        assert!(drawing.choose(&mut inbox).is_none(), "its pixels are those of the flight before");
+    }
 
     #[test]
     fn slow_pictures_become_smaller_and_fast_ones_larger() {

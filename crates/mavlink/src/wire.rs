@@ -202,7 +202,7 @@ pub struct LinkStats {
     pub lost: u64,
     /// Messages that came twice or too late, and were dropped.
     pub repeated: u64,
-    /// Whether the autopilot's messages are signed.
+    /// Whether any of the autopilot's messages was signed.
     pub signed: bool,
     /// Whether another ground station or onboard computer was heard.
     pub other_stations: bool,

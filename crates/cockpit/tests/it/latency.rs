@@ -104,10 +104,13 @@ fn a_simulated_frame_is_shown_soon_after_it_is_received() {
     let seen = told["seen"].as_array().unwrap();
     let late = |seen: &serde_json::Value| {
         let [frame, at] = [0, 1].map(|field| seen[field].as_u64().unwrap());
-        arrivals.0.get(&frame).map(|received| (at as u32).wrapping_sub(*received))
+        let received = arrivals.0.get(&frame).unwrap_or_else(|| panic!("frame {frame} was shown, and never delivered"));
+        // Both clocks count milliseconds, and begin anew after 2³² of them.
+        (at as u32).wrapping_sub(*received).cast_signed()
     };
-    let mut ages: Vec<u32> = seen.iter().filter_map(late).collect();
+    let mut ages: Vec<i32> = seen.iter().map(late).collect();
     ages.sort_unstable();
+    assert!(ages.first().is_some_and(|first| *first >= -5), "shown before the pilot had it: {ages:?}");
     println!(
         "a simulated flight, {}, {} px wide: {} ms median, {} ms 95th percentile of {} pictures, {:.1} a second",
         told["format"],

@@ -269,7 +269,7 @@ fn receive(shared: &Shared, mut decoder: Decoder) {
                 }
                 continue;
             }
-            lock(&shared.stats).signed = packet.is_signed;
+            lock(&shared.stats).signed |= packet.is_signed;
             // What came twice, or was overtaken: an old heartbeat would look like another station's change of mode.
             if !sequence.accept(packet.sequence, &mut lock(&shared.stats)) {
                 continue;

@@ -87,6 +87,9 @@ pub struct Facts {
     home_place: Option<GlobalPosition>,
     /// Number of its rally points, to which it may return instead.
     pub rally_points: Option<u16>,
+    /// Whether it has answered a command or request of ours, as what is addressed to us shows. Parameters and versions are addressed
+    /// to nobody: another station may have asked.
+    pub(super) answers: bool,
     /// When a sensor around it that looks level was last heard.
     pub ranged: Option<Time>,
     /// Where its estimator started, on the globe.
@@ -124,6 +127,7 @@ impl Facts {
             home: None,
             home_place: None,
             rally_points: None,
+            answers: false,
             ranged: None,
             origin: None,
             takes_fence: false,
@@ -219,7 +223,7 @@ impl Facts {
     /// Whether it has answered any request of ours.
     #[must_use]
     pub fn has_answered(&self) -> bool {
-        self.firmware.is_some() || !self.parameters.is_empty() || self.rally_points.is_some()
+        self.answers
     }
 
     /// A parameter, if the vehicle has it.

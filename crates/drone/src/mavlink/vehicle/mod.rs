@@ -268,6 +268,7 @@ impl Vehicle {
             Report::Acknowledgement { command, result, target } => {
                 // One for another program's command of the same kind must not end ours.
                 if self.is_for_us(*target) {
+                    self.facts.answers = true;
                     self.commands.acknowledge(now, *command, *result);
                     self.settle(now);
                 }
@@ -278,6 +279,7 @@ impl Vehicle {
             }
             Report::Fence(message, target) => {
                 if self.is_for_us(*target) {
+                    self.facts.answers = true;
                     self.fence.handle(now, *message);
                     self.follow_fence(now);
                 }
@@ -285,6 +287,7 @@ impl Vehicle {
             Report::Ranges(ranges) => self.scan(now, ranges),
             Report::RallyPoints(count, target) => {
                 if self.is_for_us(*target) {
+                    self.facts.answers = true;
                     (self.facts.rally_points, self.rally.2) = (Some(*count), true);
                 }
             }
