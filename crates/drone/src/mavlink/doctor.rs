@@ -81,7 +81,12 @@ pub(super) fn examine(url: &MavlinkUrl, settings: &MavlinkSettings) -> Vec<Check
     let charge = facts.battery.map(|charge| (100.0 * charge).round() as u8);
     checks.push(battery(charge, "charge the battery: the envelope refuses take-off below 20 %"));
     if let Some(tilt) = drone.with_vehicle(|vehicle, now| vehicle.camera_tilt(now)) {
-        checks.push(Check::new("gimbal", Finding::Good, format!("looks {:.0}° below the horizon", tilt.to_degrees().round() + 0.0), None));
+        checks.push(Check::new(
+            "gimbal",
+            Finding::Good,
+            format!("looks {:.0}° below the horizon", tilt.to_degrees().round() + 0.0),
+            None,
+        ));
     }
     checks.extend(position(&facts));
     if let Some(may_arm) = facts.may_arm {
