@@ -85,6 +85,7 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Doctor(args) => commands::doctor(args, &printer),
         Command::Tello(command) => commands::tello(command, &printer),
         Command::Camera(command) => commands::camera::camera(command, &printer),
+        Command::Screen(command) => commands::screen::screen(command, &printer),
         Command::Sim(command) => commands::sim::sim(command, &mut printer),
         Command::Log(command) => commands::log::log(command, &printer),
         Command::Replay(args) => commands::replay::replay(args, &printer),

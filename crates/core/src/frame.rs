@@ -53,6 +53,10 @@ pub enum Unusable {
     Undecodable,
     /// It has another shape than the camera's images had when the flight began.
     Resized,
+    /// The window that shows it is covered, minimised or gone, so that it is an old one.
+    Hidden,
+    /// It has not changed although the craft was to move: the game that shows it is paused, frozen or ended.
+    Frozen,
     /// The gimbal of its camera looks aside, or where it looks is unknown.
     Aside,
     /// The reason is unknown: read from a log, which does not record it.

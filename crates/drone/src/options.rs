@@ -1,6 +1,7 @@
 //! Driver options.
 
 use crate::mavlink::settings::MavlinkSettings;
+use crate::screen::settings::ScreenSettings;
 use crate::tello::settings::TelloSettings;
 
 /// The options of all drivers.
@@ -10,4 +11,6 @@ pub struct Options {
     pub tello: TelloSettings,
     /// MAVLink options.
     pub mavlink: MavlinkSettings,
+    /// Options of games.
+    pub screen: ScreenSettings,
 }

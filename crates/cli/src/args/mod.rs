@@ -10,6 +10,7 @@ mod drones;
 mod ground;
 mod log;
 mod methods;
+mod screen;
 mod serve;
 mod sim;
 mod tello;
@@ -24,8 +25,9 @@ pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
+pub(crate) use screen::{Screen, ScreenPreview};
 pub(crate) use serve::Serve;
-pub(crate) use sim::{Dataset, Render, Scenes, Sim, View};
+pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
 pub(crate) use tello::{Calibrate, Tello, TelloAddress};
 pub(crate) use track::Track;
 
@@ -68,6 +70,9 @@ pub(crate) enum Command {
     /// Cameras that are not part of a drone: test one, measure its delay
     #[command(subcommand)]
     Camera(Camera),
+    /// Games and simulators that are flown through their window: list windows, capture one
+    #[command(subcommand)]
+    Screen(Screen),
     /// The embedded simulator: render, list, view and serve scenes
     #[command(subcommand)]
     Sim(Sim),
@@ -108,6 +113,7 @@ impl Command {
             | Self::Sim(_)
             | Self::Tello(_)
             | Self::Camera(_)
+            | Self::Screen(_)
             | Self::Log(_)
             | Self::Vlm(_)
             | Self::Track(_)

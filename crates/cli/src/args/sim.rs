@@ -15,6 +15,8 @@ pub(crate) enum Sim {
     Scenes(Scenes),
     /// Explore a scene in a browser
     View(View),
+    /// Fly the simulated craft by keys in a window of X11, as in a game
+    Window(SimWindow),
     /// Generate a labelled pointing dataset: images, instructions, targets
     Dataset(Box<Dataset>),
     /// Serve a simulated Tello, or a VLM endpoint backed by the oracle, to other programs
@@ -173,4 +175,42 @@ pub(crate) struct Dataset {
     /// Overwrite the dataset in the folder
     #[arg(long)]
     pub(crate) overwrite: bool,
+}
+
+/// Shows what the simulated craft sees in a window, and moves it by the keys that are held, as a game does.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf sim window city
+  spf sim window park --size 640x480 --truth truth.tsv
+  spf fly \"fly to the red crane\" --drone screen:spf-window --vlm \"exec:python3 examples/exec_blob.py\" --unattended
+
+The last one flies it from another terminal, through the window. Keys: t takes off, l lands, w s fly forward and back, a d to the \
+sides, r f up and down, q e turn, p freezes the picture and the craft.
+
+Lines of the truth: seconds, metres east, north and up, heading in degrees, number of collisions.")]
+pub(crate) struct SimWindow {
+    /// Scene: a built-in name, scene file or .glb; NAME@N is a variant
+    #[arg(default_value = "city")]
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) conditions: ConditionArgs,
+    /// Start pose: east,north,up,heading_deg; the craft is placed on the surface below [default: the scene's]
+    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
+    pub(crate) start: Option<String>,
+    /// Craft to simulate: quad or tello [default: the scene's]
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) drone_model: Option<String>,
+    /// Size of the window, WIDTHxHEIGHT [default: the camera's, 960x720]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<String>,
+    /// Pictures per second, at most
+    #[arg(long, value_name = "N", default_value_t = 20.0, allow_negative_numbers = true)]
+    pub(crate) fps: f64,
+    /// Random seed
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// File for the true poses, twenty a second
+    #[arg(long, value_name = "FILE")]
+    pub(crate) truth: Option<PathBuf>,
 }

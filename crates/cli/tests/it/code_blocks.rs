@@ -95,6 +95,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("needs a camera; modules camera and v4l2 have others")
     } else if has(&["--drone", "tello"]) {
         Some("needs a drone; module tello flies a virtual one")
+    } else if starts(&["screen"]) || starts(&["sim", "window"]) {
+        Some("needs a display; module screen has one")
     } else if starts(&["sim", "serve"]) || starts(&["sim", "view"]) {
         Some("runs until it is ended; modules serve and view do that")
     } else if has(&["--cockpit"]) || starts(&["cockpit"]) {

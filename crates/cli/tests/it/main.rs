@@ -24,6 +24,8 @@ mod mavlink;
 mod operator;
 mod python;
 mod scenes;
+#[cfg(target_os = "linux")]
+mod screen;
 mod serve;
 mod tables;
 #[cfg(target_os = "linux")]

@@ -35,6 +35,16 @@ fn help_of_sim_serve() {
 }
 
 #[test]
+fn help_of_screen_preview() {
+    insta::assert_snapshot!(help(&["screen", "preview", "--help"]));
+}
+
+#[test]
+fn help_of_sim_window() {
+    insta::assert_snapshot!(help(&["sim", "window", "--help"]));
+}
+
+#[test]
 fn help_of_sim_render() {
     insta::assert_snapshot!(help(&["sim", "render", "--help"]));
 }

@@ -54,10 +54,17 @@ impl FrameStore {
     /// that carries no information ([`usable`](super::usable)) becomes an unusable frame.
     pub fn receive(&self, captured: Time, received: Time, image: Rgb) {
         let unusable = why_unusable(&image);
-        self.add(captured, received, image, unusable);
+        self.add(captured, received, image, unusable, false);
     }
 
-    fn add(&self, captured: Time, received: Time, image: Rgb, unusable: Option<Unusable>) {
+    /// The same for a source that knows itself whether its images are new and can be used, such as the screen: each counts as a new
+    /// capture, also one that equals an earlier one. `unusable` is its reason; without one, the image is examined.
+    pub fn receive_live(&self, captured: Time, received: Time, image: Rgb, unusable: Option<Unusable>) {
+        let unusable = unusable.or_else(|| why_unusable(&image));
+        self.add(captured, received, image, unusable, true);
+    }
+
+    fn add(&self, captured: Time, received: Time, image: Rgb, unusable: Option<Unusable>, live: bool) {
         let digest = digest(&image);
         let size = (image.width(), image.height());
         let mut guard = self.kept();
@@ -67,9 +74,9 @@ impl FrameStore {
         if kept.size.replace(size).is_some_and(|before| before != size) {
             kept.tally.sizes += 1;
         }
-        if kept.digests.contains(&digest) {
-            kept.tally.repeated += 1;
-        } else {
+        let repeated = kept.digests.contains(&digest);
+        kept.tally.repeated += u64::from(repeated);
+        if live || !repeated {
             kept.counter += 1;
             if kept.digests.len() >= DIGESTS {
                 kept.digests.pop_front();
@@ -180,6 +187,22 @@ mod tests {
         // With the three above, 128 different images; the next one replaces the first.
         assert!((1..=125).all(|level| advanced(image(0, level))) && !advanced(image(0, 0)));
         assert!(advanced(image(0, 126)) && advanced(image(0, 0)));
+    }
+
+    #[test]
+    fn an_image_of_a_live_source_is_new_also_if_it_was_shown_before() {
+        let frames = FrameStore::default();
+        let mut image = Rgb::filled(64, 48, [9; 3]);
+        (0..64).for_each(|x| (0..24).for_each(|y| image.set_pixel(x, y, [200; 3])));
+        let counter = |unusable| {
+            frames.receive_live(Time::ZERO, Time::ZERO, image.clone(), unusable);
+            let meta = frames.take_new_frame().unwrap();
+            (meta.capture_counter, meta.unusable)
+        };
+        assert_eq!(
+            [counter(None), counter(Some(Unusable::Frozen)), counter(None)],
+            [(1, None), (2, Some(Unusable::Frozen)), (3, None)]
+        );
     }
 
     #[test]

@@ -254,5 +254,5 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
         yaw_rate: configured.yaw_deg_s.get()?.unwrap_or(yaw_rate.to_degrees()).to_radians(),
     };
     let gimbal = settings.mavlink.gimbal.get()?.map_or(GimbalUse::Reported, |pitch| pitch.0);
-    Ok(Options { tello, mavlink: MavlinkSettings { gimbal, ..MavlinkSettings::default() } })
+    Ok(Options { tello, mavlink: MavlinkSettings { gimbal, ..MavlinkSettings::default() }, ..Options::default() })
 }

@@ -7,6 +7,7 @@ mod render;
 mod scenes;
 mod serve;
 mod view;
+mod window;
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -34,6 +35,7 @@ pub(crate) fn sim(command: &Sim, printer: &mut Printer) -> Result<Exit, CliError
         Sim::Render(args) => render::render(args, printer),
         Sim::Scenes(args) => scenes::scenes(args, printer),
         Sim::View(args) => view::view(args, printer),
+        Sim::Window(args) => window::window(args, printer),
         Sim::Serve(args) => serve::serve(args, printer),
         Sim::Dataset(args) => dataset::dataset(args, printer),
     }

@@ -1,0 +1,18 @@
+//! What the X11 display says when it fails, and what to do.
+
+use spf_screen::ScreenError;
+
+use crate::error::CliError;
+
+/// The error of the display with a hint.
+pub(crate) fn failed(error: &ScreenError) -> CliError {
+    let failure = CliError::failed(error.to_string());
+    match error {
+        ScreenError::NoDisplay { .. } => {
+            failure.hint("run it in the session that shows the game; `echo $DISPLAY` there names the display")
+        }
+        ScreenError::Ambiguous { .. } => failure.hint("close the others, or give more of the title in a profile of your own"),
+        ScreenError::NoKey(_) => failure.hint("set the keyboard's layout, or name the key by its code (`#25`; `xev` shows it)"),
+        _ => failure,
+    }
+}

@@ -1,0 +1,6 @@
+//! Games flown through their window, on displays of Xvfb.
+
+mod display;
+mod faults;
+mod luanti;
+mod windows;

@@ -1,0 +1,169 @@
+//! From a velocity setpoint to what is done with the keys: fractions of full deflection, and pixels of the mouse.
+
+use spf_core::command::Setpoint;
+use spf_core::time::{Duration, Time};
+use spf_screen::duty::Pulses;
+use spf_screen::profile::{Axis, Controls, Key, Yaw};
+
+/// Shortest pulse and shortest pause of a key: a program that looks at the keyboard less often does not notice a shorter one.
+const SHORTEST: Duration = Duration::from_millis(15);
+/// Interval between two motions of the mouse.
+const MOUSE_PERIOD: Duration = Duration::from_millis(20);
+/// Most pixels of one motion.
+const MOST_PIXELS: f64 = 100.0;
+
+/// What is wanted of keyboard and mouse at an instant.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Wanted {
+    /// Keys that are to be down; all others are up.
+    pub(super) keys: Vec<Key>,
+    /// Pixels by which the mouse is to be moved to the right.
+    pub(super) mouse: i16,
+}
+
+/// The keys and the mouse of the four axes.
+#[derive(Debug)]
+pub(super) struct Motion {
+    controls: Controls,
+    /// Right, forward, up, yaw.
+    pulses: [Pulses; 4],
+    /// Yaw rate of the mouse, rad/s.
+    turn_rate: f64,
+    /// Pixels not moved yet.
+    pixels: f64,
+    mouse_at: Time,
+}
+
+impl Motion {
+    pub(super) fn new(controls: &Controls) -> Self {
+        let pulses = core::array::from_fn(|_| Pulses::new(controls.pulse_hz, SHORTEST));
+        Self { controls: controls.clone(), pulses, turn_rate: 0.0, pixels: 0.0, mouse_at: Time::ZERO }
+    }
+
+    /// Sets the velocity, and returns what the keys can do of it.
+    pub(super) fn set(&mut self, now: Time, wanted: Setpoint) -> Setpoint {
+        let Controls { forward, right, up, yaw, .. } = &self.controls;
+        let fraction = |axis: Option<&Axis>, speed: f64| axis.map_or(0.0, |axis| of_full(speed, axis.rate(speed)));
+        let full_turn = yaw.rate_deg_s().to_radians();
+        let fractions = [
+            fraction(right.as_ref(), wanted.right),
+            fraction(Some(forward), wanted.forward),
+            fraction(Some(up), wanted.up),
+            of_full(wanted.yaw_rate, full_turn),
+        ];
+        let is_mouse = matches!(yaw, Yaw::Mouse(_));
+        self.turn_rate = if is_mouse { fractions[3] * full_turn } else { 0.0 };
+        if self.turn_rate == 0.0 {
+            self.pixels = 0.0;
+        }
+        for (number, (pulses, fraction)) in self.pulses.iter_mut().zip(fractions).enumerate() {
+            pulses.set(now, if number == 3 && is_mouse { 0.0 } else { fraction });
+        }
+        let speed = |axis: Option<&Axis>, fraction: f64| axis.map_or(0.0, |axis| fraction * axis.rate(fraction));
+        Setpoint {
+            right: speed(right.as_ref(), fractions[0]),
+            forward: speed(Some(forward), fractions[1]),
+            up: speed(Some(up), fractions[2]),
+            yaw_rate: fractions[3] * full_turn,
+        }
+    }
+
+    /// What is wanted now.
+    pub(super) fn poll(&mut self, now: Time) -> Wanted {
+        let Controls { forward, right, up, yaw, .. } = &self.controls;
+        let yaw_keys = match yaw {
+            Yaw::Keys(keys) => Some((keys.plus, keys.minus)),
+            Yaw::Mouse(_) => None,
+        };
+        let pair = |axis: &Axis| (axis.plus, axis.minus);
+        let pairs = [right.as_ref().map(pair), Some(pair(forward)), Some(pair(up)), yaw_keys];
+        let mut keys = Vec::new();
+        for (pulses, pair) in self.pulses.iter_mut().zip(pairs) {
+            match (pulses.level(now), pair) {
+                (1, Some((plus, _))) => keys.push(plus),
+                (-1, Some((_, minus))) => keys.push(minus),
+                _ => {}
+            }
+        }
+        Wanted { keys, mouse: self.mouse(now) }
+    }
+
+    fn mouse(&mut self, now: Time) -> i16 {
+        let passed = now.since(self.mouse_at);
+        let Yaw::Mouse(mouse) = &self.controls.yaw else { return 0 };
+        if passed < MOUSE_PERIOD {
+            return 0;
+        }
+        self.mouse_at = now;
+        // After a pause only what one period is worth.
+        let seconds = passed.min(2 * MOUSE_PERIOD).as_secs_f64();
+        self.pixels += (self.turn_rate * seconds).to_degrees() / mouse.mouse_deg;
+        let whole = self.pixels.round().clamp(-MOST_PIXELS, MOST_PIXELS);
+        self.pixels = (self.pixels - whole).clamp(-MOST_PIXELS, MOST_PIXELS);
+        whole as i16
+    }
+}
+
+/// A rate as a fraction of that at full deflection; what is no number is zero.
+fn of_full(rate: f64, full: f64) -> f64 {
+    let fraction = rate / full;
+    if fraction.is_finite() { fraction.clamp(-1.0, 1.0) } else { 0.0 }
+}
+
+/// The greatest fraction of full deflection in a setpoint.
+pub(super) fn deflection(controls: &Controls, setpoint: Setpoint) -> f64 {
+    let Controls { forward, right, up, yaw, .. } = controls;
+    let fraction = |axis: &Axis, speed: f64| of_full(speed, axis.rate(speed)).abs();
+    let sides = right.as_ref().map_or(0.0, |axis| fraction(axis, setpoint.right));
+    let turn = of_full(setpoint.yaw_rate, yaw.rate_deg_s().to_radians()).abs();
+    [sides, fraction(forward, setpoint.forward), fraction(up, setpoint.up), turn].into_iter().fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use spf_screen::profile::Profile;
+
+    use super::*;
+
+    #[test]
+    fn hand_worked_pulses_and_pixels() {
+        // 4 m/s at full deflection, ten pulses per second; 0.2264° a pixel.
+        let profile = Profile::shipped("luanti").unwrap();
+        let mut motion = Motion::new(&profile.controls);
+        let wanted = Setpoint { forward: 2.0, right: -8.0, up: 0.0, yaw_rate: 30.0_f64.to_radians() };
+        let done = motion.set(Time::ZERO, wanted);
+        assert!(
+            (done.right + 4.0).abs() < 1e-9
+                && (done.forward - 2.0).abs() < 1e-9
+                && (done.yaw_rate - wanted.yaw_rate).abs() < 1e-9
+        );
+        let (mut ahead, mut aside, mut pixels) = (0, 0, 0);
+        for ms in (5..=2000).step_by(5) {
+            let Wanted { keys, mouse } = motion.poll(Time::from_millis(ms));
+            ahead += i32::from(keys.contains(&Key::named("w").unwrap()));
+            aside += i32::from(keys.contains(&Key::named("a").unwrap()));
+            pixels += i32::from(mouse);
+            assert!(keys.len() <= 2 && mouse <= 6);
+        }
+        // 60° in 2 s are 265 pixels, of which the last period is open.
+        assert!((195..=205).contains(&ahead) && aside == 400 && (258..=265).contains(&pixels), "{ahead} {aside} {pixels}");
+        motion.set(Time::from_millis(2001), Setpoint::HOLD);
+        assert_eq!(motion.poll(Time::from_millis(2025)), Wanted::default());
+    }
+
+    proptest! {
+        #[test]
+        fn no_setpoint_presses_opposite_keys_or_exceeds_full_deflection(
+            right in any::<f64>(), forward in any::<f64>(), up in any::<f64>(), yaw_rate in any::<f64>(), name in 0..3_usize, ms in 0_u64..5000
+        ) {
+            let profile = Profile::shipped(Profile::names()[name]).unwrap();
+            let mut motion = Motion::new(&profile.controls);
+            let done = motion.set(Time::ZERO, Setpoint { right, forward, up, yaw_rate });
+            prop_assert!(done.is_finite() && deflection(&profile.controls, done) <= 1.0 + 1e-9);
+            let Wanted { keys, .. } = motion.poll(Time::from_millis(ms));
+            let pressed = |axis: &Axis| keys.contains(&axis.plus) && keys.contains(&axis.minus);
+            prop_assert!(!pressed(&profile.controls.forward) && !pressed(&profile.controls.up) && keys.len() <= 4);
+        }
+    }
+}

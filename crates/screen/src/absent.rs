@@ -1,0 +1,210 @@
+//! What stands in for X11 on systems without it: it cannot be opened.
+
+use std::convert::Infallible;
+use std::time::Instant;
+
+use spf_media::Rgb;
+
+use crate::area::Area;
+use crate::profile::Key;
+use crate::{Hidden, Monitor, ScreenError, Target, Window};
+
+/// A connection to the X11 display.
+#[derive(Clone, Debug)]
+pub struct Display(Infallible);
+
+impl Display {
+    /// Connects to the display.
+    ///
+    /// # Errors
+    /// [`ScreenError::Unsupported`].
+    pub fn open(_name: Option<&str>) -> Result<Self, ScreenError> {
+        Err(ScreenError::Unsupported)
+    }
+
+    /// The windows.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn windows(&self) -> Result<Vec<Window>, ScreenError> {
+        match self.0 {}
+    }
+
+    /// The monitors.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn monitors(&self) -> Result<Vec<Monitor>, ScreenError> {
+        match self.0 {}
+    }
+
+    /// The window with a title.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn find(&self, _title: &str) -> Result<Option<u32>, ScreenError> {
+        match self.0 {}
+    }
+
+    /// What hides a part of a window.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn hidden(&self, _window: u32, _region: &crate::area::Region) -> Result<Option<Hidden>, ScreenError> {
+        match self.0 {}
+    }
+}
+
+/// A picture that was taken.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// The picture.
+    pub image: Rgb,
+    /// Where on the screen it is.
+    pub area: Area,
+    /// When it was taken.
+    pub at: Instant,
+}
+
+/// Takes pictures of a target.
+#[derive(Debug)]
+pub struct Eye(Infallible);
+
+impl Eye {
+    /// For a target on a display.
+    #[must_use]
+    pub fn new(display: Display, _target: Target) -> Self {
+        match display.0 {}
+    }
+
+    /// A picture, or why there is none.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn look(&mut self) -> Result<Result<Shown, Hidden>, ScreenError> {
+        match self.0 {}
+    }
+}
+
+/// Presses keys for one window.
+#[derive(Debug)]
+pub struct Hands(Infallible);
+
+impl Hands {
+    /// For the window with a title.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn open(display: &Display, _title: &str) -> Result<Self, ScreenError> {
+        match display.0 {}
+    }
+
+    /// Whether the keyboard has all these keys.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn check<'a>(&mut self, _keys: impl IntoIterator<Item = &'a Key>) -> Result<(), ScreenError> {
+        match self.0 {}
+    }
+
+    /// Asks for the focus.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn activate(&mut self) -> Result<bool, ScreenError> {
+        match self.0 {}
+    }
+
+    /// Whether the window has the focus.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn has_focus(&mut self) -> Result<bool, ScreenError> {
+        match self.0 {}
+    }
+
+    /// Presses or releases a key.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn set(&mut self, _key: Key, _down: bool) -> Result<(), ScreenError> {
+        match self.0 {}
+    }
+
+    /// Moves the mouse.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn turn(&mut self, _pixels: i16) -> Result<(), ScreenError> {
+        match self.0 {}
+    }
+
+    /// Releases all keys.
+    pub fn release_all(&mut self) {
+        match self.0 {}
+    }
+
+    /// The keys that are held.
+    #[must_use]
+    pub fn held(&self) -> Vec<Key> {
+        match self.0 {}
+    }
+}
+
+/// A window with a picture.
+#[derive(Debug)]
+pub struct Pane(Infallible);
+
+impl Pane {
+    /// Opens a window.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn open(display: &Display, _title: &str, _size: (u16, u16)) -> Result<Self, ScreenError> {
+        match display.0 {}
+    }
+
+    /// Its size.
+    #[must_use]
+    pub fn size(&self) -> (u32, u32) {
+        match self.0 {}
+    }
+
+    /// Shows a picture.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn show(&mut self, _image: &Rgb) -> Result<(), ScreenError> {
+        match self.0 {}
+    }
+
+    /// Whether it was closed.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn is_closed(&mut self) -> Result<bool, ScreenError> {
+        match self.0 {}
+    }
+
+    /// Looks at the keyboard.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn keyboard(&self) -> Result<Keyboard, ScreenError> {
+        match self.0 {}
+    }
+}
+
+/// Looks at the keyboard.
+#[derive(Debug)]
+pub struct Keyboard(Infallible);
+
+impl Keyboard {
+    /// The keys that are down.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn down(&mut self) -> Result<std::collections::BTreeSet<Key>, ScreenError> {
+        match self.0 {}
+    }
+}

@@ -1,0 +1,148 @@
+//! A program as a drone, flown through its window: profiles, the picture of the window, keys and mouse.
+//!
+//! [`Profile`](profile::Profile) describes a game or simulator: its window, its camera, its keys and what they do.
+//! [`Display`] is the X11 display with its windows and monitors, [`Eye`] takes pictures, and [`Hands`] press keys; [`Pane`] is a window of our own. On other systems
+//! than Linux, [`Display::open`] says that there is none.
+//!
+//! Keys go to whatever window has the focus. So [`Hands`] look before each press whether it is still the right one, and release
+//! what they hold as soon as it is not, and when they are dropped.
+
+pub mod area;
+pub mod duty;
+pub mod mask;
+pub mod picture;
+pub mod pixels;
+pub mod profile;
+
+#[cfg(not(target_os = "linux"))]
+mod absent;
+#[cfg(target_os = "linux")]
+mod x11;
+
+#[cfg(not(target_os = "linux"))]
+pub use absent::{Display, Eye, Hands, Keyboard, Pane, Shown};
+#[cfg(target_os = "linux")]
+pub use x11::{Display, Eye, Hands, Keyboard, Pane, Shown};
+
+use area::Area;
+
+/// Why a window cannot be seen.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Hidden {
+    /// No window has the title.
+    #[error("no window has the title `{0}`")]
+    Gone(String),
+    /// It is minimised, or on another desktop.
+    #[error("the window is minimised, or on another desktop")]
+    Minimised,
+    /// Another window lies over it.
+    #[error("the window is covered by {0}")]
+    Covered(String),
+    /// It reaches beyond the screen.
+    #[error("the window reaches beyond the screen")]
+    OffScreen,
+    /// It is too small to be a picture.
+    #[error("the window is only {width}×{height}")]
+    Tiny {
+        /// Width of the region, pixels.
+        width: u32,
+        /// Height of the region, pixels.
+        height: u32,
+    },
+}
+
+/// Why the screen, or a key, cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScreenError {
+    /// This system has no X11.
+    #[error("only X11 on Linux can be captured")]
+    Unsupported,
+    /// The display cannot be reached.
+    #[error("cannot connect to the X11 display `{display}`: {why}")]
+    NoDisplay {
+        /// What `DISPLAY` says.
+        display: String,
+        /// The library's reason.
+        why: String,
+    },
+    /// The display lacks something.
+    #[error("the X11 display has no {0}")]
+    Lacks(&'static str),
+    /// The connection was lost, or the server refused a request.
+    #[error("the X11 display failed: {0}")]
+    Failed(String),
+    /// Several windows have the title.
+    #[error("{count} windows have the title `{title}`: {list}")]
+    Ambiguous {
+        /// The title looked for.
+        title: String,
+        /// How many windows have it.
+        count: usize,
+        /// Their titles.
+        list: String,
+    },
+    /// No monitor has the name.
+    #[error("no monitor `{name}`: {known}")]
+    NoMonitor {
+        /// The name.
+        name: String,
+        /// The names of the monitors.
+        known: String,
+    },
+    /// The keyboard's layout has no such key.
+    #[error("the keyboard has no key `{0}`")]
+    NoKey(String),
+    /// The window does not have the focus: nothing was pressed.
+    #[error("the window does not have the focus")]
+    NoFocus,
+}
+
+/// A window of a program.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// Its number on the display.
+    pub id: u32,
+    /// Its title.
+    pub title: String,
+    /// Where its contents are, without its frame.
+    pub area: Area,
+    /// Whether it is shown on this desktop: not minimised.
+    pub shown: bool,
+    /// Whether it has the focus.
+    pub focused: bool,
+}
+
+/// A monitor.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Monitor {
+    /// Its name, such as `DP-1`.
+    pub name: String,
+    /// Its part of the screen.
+    pub area: Area,
+    /// Whether it is the primary one.
+    pub primary: bool,
+}
+
+/// What to capture.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Target {
+    /// Part of the window whose title contains this text; fractions of its contents.
+    Window {
+        /// The text.
+        title: String,
+        /// The part.
+        region: area::Region,
+    },
+    /// A whole monitor, whatever it shows.
+    Monitor {
+        /// Its name.
+        name: String,
+    },
+}
+
+/// The examples of the README, run as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

@@ -1,0 +1,103 @@
+//! The ranges of a profile's values.
+
+use std::collections::BTreeSet;
+
+use super::{Axis, Controls, Profile, ProfileError, Step, Yaw};
+
+/// Longest text, characters.
+const LONGEST_TEXT: usize = 400;
+/// Greatest number of masks, and of steps in a sequence.
+const MOST: usize = 32;
+/// Longest sequence, seconds.
+const LONGEST_SEQUENCE: f64 = 60.0;
+
+fn value(key: &str, expected: impl Into<String>, found: impl ToString) -> ProfileError {
+    ProfileError::Value { key: key.to_owned(), expected: expected.into(), found: found.to_string() }
+}
+
+fn number(key: &str, found: f64, least: f64, most: f64) -> Result<(), ProfileError> {
+    // No number is in no range.
+    if (least..=most).contains(&found) { Ok(()) } else { Err(value(key, format!("expected {least} to {most}"), found)) }
+}
+
+fn text(key: &str, found: &str, least: usize) -> Result<(), ProfileError> {
+    let length = found.chars().count();
+    let is_clean = !found.chars().any(char::is_control);
+    if (least..=LONGEST_TEXT).contains(&length) && is_clean {
+        return Ok(());
+    }
+    let shown: String = found.chars().filter(|letter| !letter.is_control()).take(40).collect();
+    Err(value(key, format!("expected a line of {least} to {LONGEST_TEXT} characters"), shown))
+}
+
+pub(super) fn check(profile: &Profile) -> Result<(), ProfileError> {
+    let Profile { about, source, window, camera, controls, craft, take_off, landing, reset } = profile;
+    text("about", about, 1)?;
+    text("source", source, 1)?;
+    // A shorter text would be part of the titles of many windows.
+    text("window.title", &window.title, 3)?;
+    let region = "expected [left, top, width, height] as fractions of the size, within the picture";
+    if !window.region.is_valid() {
+        return Err(value("window.region", region, format!("{:?}", window.region.0)));
+    }
+    match (camera.horizontal_fov_deg, camera.vertical_fov_deg) {
+        (Some(fov), None) => number("camera.horizontal_fov_deg", fov, 10.0, 160.0)?,
+        (None, Some(fov)) => number("camera.vertical_fov_deg", fov, 10.0, 140.0)?,
+        (Some(_), Some(_)) => {
+            return Err(value("camera", "expected one field of view: the other follows from the picture's shape", "two"));
+        }
+        (None, None) => return Err(value("camera", "expected horizontal_fov_deg or vertical_fov_deg", "neither")),
+    }
+    number("camera.tilt_deg", camera.tilt_deg, -90.0, 90.0)?;
+    number("camera.latency_s", camera.latency_s, 0.0, 1.0)?;
+    if camera.masks.len() > MOST {
+        return Err(value("camera.masks", format!("expected at most {MOST}"), camera.masks.len()));
+    }
+    if let Some(mask) = camera.masks.iter().find(|mask| !mask.is_valid()) {
+        return Err(value("camera.masks", region, format!("{:?}", mask.0)));
+    }
+    axes(controls)?;
+    number("craft.cruise", craft.cruise, 0.1, 1.0)?;
+    number("craft.radius_m", craft.radius_m, 0.05, 5.0)?;
+    number("craft.acceleration_m_s2", craft.acceleration_m_s2, 0.5, 100.0)?;
+    number("craft.max_altitude_m", craft.max_altitude_m, 1.0, 1000.0)?;
+    number("craft.max_distance_m", craft.max_distance_m, 1.0, 10_000.0)?;
+    number("take_off.height_m", take_off.height_m, 0.0, 50.0)?;
+    sequence("take_off.steps", &take_off.steps)?;
+    sequence("landing.steps", &landing.steps)?;
+    sequence("reset.steps", &reset.steps)
+}
+
+fn axes(controls: &Controls) -> Result<(), ProfileError> {
+    let Controls { pulse_hz, dead_time_s, lag_s, forward, right, up, yaw } = controls;
+    number("controls.pulse_hz", *pulse_hz, 5.0, 50.0)?;
+    number("controls.dead_time_s", *dead_time_s, 0.0, 2.0)?;
+    number("controls.lag_s", *lag_s, 0.01, 5.0)?;
+    let mut keys = Vec::new();
+    for (name, axis) in [("forward", Some(forward)), ("right", right.as_ref()), ("up", Some(up))] {
+        let Some(Axis { plus, minus, rate_m_s, minus_rate_m_s }) = axis else { continue };
+        number(&format!("controls.{name}.rate_m_s"), *rate_m_s, 0.1, 50.0)?;
+        number(&format!("controls.{name}.minus_rate_m_s"), minus_rate_m_s.unwrap_or(*rate_m_s), 0.1, 50.0)?;
+        keys.extend([*plus, *minus]);
+    }
+    number("controls.yaw.rate_deg_s", yaw.rate_deg_s(), 5.0, 360.0)?;
+    match yaw {
+        Yaw::Keys(yaw) => keys.extend([yaw.plus, yaw.minus]),
+        Yaw::Mouse(mouse) => number("controls.yaw.mouse_deg", mouse.mouse_deg.abs(), 0.001, 10.0)?,
+    }
+    let mut seen = BTreeSet::new();
+    match keys.iter().find(|key| !seen.insert(**key)) {
+        Some(twice) => Err(value("controls", "expected each key in one place", twice)),
+        None => Ok(()),
+    }
+}
+
+fn sequence(name: &str, steps: &[Step]) -> Result<(), ProfileError> {
+    if steps.len() > MOST {
+        return Err(value(name, format!("expected at most {MOST} steps"), steps.len()));
+    }
+    for step in steps {
+        number(&format!("{name}.for_s"), step.for_s, 0.02, LONGEST_SEQUENCE)?;
+    }
+    number(name, steps.iter().map(|step| step.for_s).sum(), 0.0, LONGEST_SEQUENCE)
+}

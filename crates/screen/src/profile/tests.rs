@@ -1,0 +1,89 @@
+use proptest::prelude::*;
+
+use super::*;
+
+fn luanti() -> &'static str {
+    SHIPPED.iter().find(|(name, _)| *name == "luanti").unwrap().1
+}
+
+#[test]
+fn every_shipped_profile_is_valid_and_comes_back_from_toml() {
+    for (name, text) in SHIPPED {
+        let profile = Profile::parse(text).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!(Profile::open(name).unwrap(), profile);
+        assert_eq!(Profile::parse(&profile.to_toml().unwrap()).unwrap(), profile, "{name}");
+        assert!(profile.keys().count() >= 4 && profile.source.len() > 10, "{name}");
+    }
+}
+
+#[test]
+fn what_is_wrong_is_named() {
+    let refused = |from: &str, to: &str| {
+        let text = luanti();
+        assert!(text.contains(from), "{from}");
+        Profile::parse(&text.replacen(from, to, 1)).unwrap_err().to_string()
+    };
+    for (from, to, words) in [
+        ("tilt_deg = 0.0", "tilt_deg = 91.0", "`camera.tilt_deg`: expected -90 to 90, found `91`"),
+        ("tilt_deg = 0.0", "tilt = 0.0", "unknown field `tilt`"),
+        ("plus = \"w\"", "plus = \"W\"", "expected a key such as `w`"),
+        ("minus = \"s\"", "minus = \"w\"", "`controls`: expected each key in one place, found `w`"),
+        ("title = \"Minetest\"", "title = \"M\"", "`window.title`: expected a line of 3 to 400"),
+        ("vertical_fov_deg = 78.9", "vertical_fov_deg = nan", "`camera.vertical_fov_deg`"),
+        ("vertical_fov_deg = 78.9", "vertical_fov_deg = 78.9\nhorizontal_fov_deg = 90.0", "one field of view"),
+        ("pulse_hz = 10.0", "pulse_hz = 1e10", "`controls.pulse_hz`"),
+    ] {
+        let error = refused(from, to);
+        assert!(error.contains(words), "{from}: {error}");
+    }
+    let error = Profile::open("lunati").unwrap_err().to_string();
+    assert!(error.contains("no profile `lunati`: use drl, luanti, spf-window, or the path"), "{error}");
+    assert!(Profile::open("./none.toml").unwrap_err().to_string().contains("cannot read the profile"));
+}
+
+#[test]
+fn a_field_of_view_gives_the_other_by_the_shape_of_the_picture() {
+    let camera = Profile::parse(luanti()).unwrap().optics((960, 720));
+    // By hand: tan 39.45° · 4/3 = 1.0972, thus 95.3°.
+    let (across, down) = camera.half_fov();
+    assert!((2.0 * across.to_degrees() - 95.3).abs() < 0.05 && (2.0 * down.to_degrees() - 78.9).abs() < 1e-6);
+    assert!((camera.fx - camera.fy).abs() < 1e-6);
+}
+
+fn any_text() -> impl Strategy<Value = String> {
+    prop_oneof![
+        ".{0,300}",
+        // A valid profile with one place changed.
+        (any::<prop::sample::Index>(), ".{0,8}").prop_map(|(at, put)| {
+            let text = luanti();
+            let mut at = at.index(text.len());
+            while !text.is_char_boundary(at) {
+                at -= 1;
+            }
+            format!("{}{put}{}", &text[..at], &text[at..])
+        }),
+        (any::<prop::sample::Index>(), any::<f64>()).prop_map(|(at, number)| {
+            let text = luanti();
+            let numbers: Vec<(usize, &str)> = text.match_indices("= ").collect();
+            let (start, _) = numbers[at.index(numbers.len())];
+            let end = text[start..].find('\n').map_or(text.len(), |length| start + length);
+            format!("{}= {number:?}{}", &text[..start], &text[end..])
+        }),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+    #[test]
+    fn any_text_is_read_or_refused_and_what_is_read_comes_back(text in any_text()) {
+        match Profile::parse(&text) {
+            Ok(profile) => {
+                let again = Profile::parse(&profile.to_toml().unwrap()).unwrap();
+                prop_assert_eq!(again, profile.clone());
+                let camera = profile.optics((960, 720));
+                prop_assert!(camera.fx.is_finite() && camera.fx > 0.0);
+            }
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+    }
+}

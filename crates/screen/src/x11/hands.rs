@@ -1,0 +1,251 @@
+//! Keys and mouse for one window, by the extension XTest.
+//!
+//! What XTest does goes to the window with the focus. So before each press the focus is looked at, and nothing is pressed if another
+//! window has it. A key that this program holds would stay down for ever if it ended, for the server does not know who pressed it: so
+//! all are released when the value is dropped, which a panic does as well.
+
+use std::time::{Duration, Instant};
+
+use x11rb::connection::{Connection as _, RequestConnection as _};
+use x11rb::protocol::Event;
+use x11rb::protocol::xproto::{
+    ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, EventMask, InputFocus, KEY_PRESS_EVENT, KEY_RELEASE_EVENT,
+    Keycode, MOTION_NOTIFY_EVENT, StackMode,
+};
+use x11rb::protocol::xtest::{ConnectionExt as _, X11_EXTENSION_NAME};
+use x11rb::rust_connection::RustConnection;
+
+use super::windows::ids;
+use super::{Display, Server, unless_gone};
+use crate::ScreenError;
+use crate::profile::Key;
+
+/// How long the focus is awaited after it was asked for.
+const FOCUS_TIME: Duration = Duration::from_millis(1500);
+/// The source of a request for the focus: the user, by a pager or the like (EWMH).
+const BY_USER: u32 = 2;
+/// How deep the window with the focus may lie in the program's window.
+const DEPTH: usize = 8;
+
+/// Presses keys for one window, and releases them.
+pub struct Hands {
+    display: Display,
+    title: String,
+    window: u32,
+    /// For each keycode from the lowest on, the keysym of its first level.
+    symbols: Vec<u32>,
+    held: Vec<(Key, Keycode)>,
+}
+
+impl std::fmt::Debug for Hands {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Hands").field("window", &self.window).field("held", &self.held).finish_non_exhaustive()
+    }
+}
+
+impl Hands {
+    /// For the window whose title contains `title`, on a connection of its own to the same display.
+    ///
+    /// # Errors
+    /// [`ScreenError`]: no display, no XTest, no such window, or several.
+    pub fn open(display: &Display, title: &str) -> Result<Self, ScreenError> {
+        let display = Display::open(display.0.name.as_deref())?;
+        if display.0.connection.extension_information(X11_EXTENSION_NAME)?.is_none() {
+            return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
+        }
+        let window = display.find(title)?.ok_or_else(|| ScreenError::Failed(format!("no window has the title `{title}`")))?;
+        let mut hands = Self { display, title: title.to_owned(), window, symbols: Vec::new(), held: Vec::new() };
+        hands.read_layout()?;
+        Ok(hands)
+    }
+
+    /// Whether the keyboard's layout has all these keys.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoKey`] for the first that it has not.
+    pub fn check<'a>(&mut self, keys: impl IntoIterator<Item = &'a Key>) -> Result<(), ScreenError> {
+        self.handle_events()?;
+        keys.into_iter().try_for_each(|key| self.code(*key).map(drop))
+    }
+
+    /// Asks the window manager for the focus, and waits for it; whether it came.
+    ///
+    /// # Errors
+    /// [`ScreenError::Failed`].
+    pub fn activate(&mut self) -> Result<bool, ScreenError> {
+        self.refind()?;
+        let Server { connection, root, atoms, .. } = &*self.display.0;
+        if ids(&self.display.0, atoms._NET_CLIENT_LIST)?.is_empty() {
+            // Nobody manages the windows.
+            let raise = ConfigureWindowAux::new().stack_mode(StackMode::ABOVE);
+            connection.configure_window(self.window, &raise)?.ignore_error();
+            connection.set_input_focus(InputFocus::PARENT, self.window, x11rb::CURRENT_TIME)?.ignore_error();
+        } else {
+            let data = [BY_USER, x11rb::CURRENT_TIME, 0, 0, 0];
+            let message = ClientMessageEvent::new(32, self.window, atoms._NET_ACTIVE_WINDOW, data);
+            let mask = EventMask::SUBSTRUCTURE_REDIRECT | EventMask::SUBSTRUCTURE_NOTIFY;
+            connection.send_event(false, *root, mask, message)?.ignore_error();
+        }
+        connection.flush()?;
+        let begun = Instant::now();
+        while begun.elapsed() < FOCUS_TIME {
+            if self.has_focus()? {
+                return Ok(true);
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        Ok(false)
+    }
+
+    /// A program that was started again has another window.
+    fn refind(&mut self) -> Result<(), ScreenError> {
+        let exists = unless_gone(self.display.0.connection.get_window_attributes(self.window)?.reply())?.is_some();
+        if !exists && let Some(window) = self.display.find(&self.title)? {
+            self.window = window;
+        }
+        Ok(())
+    }
+
+    /// Whether the window has the focus, both by the window manager and by the server.
+    ///
+    /// # Errors
+    /// [`ScreenError::Failed`].
+    pub fn has_focus(&mut self) -> Result<bool, ScreenError> {
+        let Server { connection, root, atoms, .. } = &*self.display.0;
+        let focus = connection.get_input_focus()?;
+        let active = ids(&self.display.0, atoms._NET_ACTIVE_WINDOW)?;
+        let mut at = focus.reply()?.focus;
+        if active.first().is_some_and(|active| *active != self.window) {
+            return Ok(false);
+        }
+        // The focus may be in a window within that of the program.
+        for _ in 0..DEPTH {
+            if at == self.window {
+                return Ok(true);
+            }
+            // 0 and 1 stand for no window and for the one under the pointer.
+            if at <= 1 || at == *root {
+                return Ok(false);
+            }
+            match unless_gone(connection.query_tree(at)?.reply())? {
+                Some(tree) => at = tree.parent,
+                None => return Ok(false),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Presses a key, if the window has the focus, or releases it.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoFocus`] and [`ScreenError::NoKey`]: nothing was pressed.
+    pub fn set(&mut self, key: Key, down: bool) -> Result<(), ScreenError> {
+        let place = self.held.iter().position(|(held, _)| *held == key);
+        match (place, down) {
+            (Some(place), false) => {
+                let (_, code) = self.held.remove(place);
+                self.fake(KEY_RELEASE_EVENT, code)
+            }
+            (None, true) => {
+                self.handle_events()?;
+                let code = self.code(key)?;
+                if !self.has_focus()? {
+                    return Err(ScreenError::NoFocus);
+                }
+                // Noted first: a key that may be down is released.
+                self.held.push((key, code));
+                self.fake(KEY_PRESS_EVENT, code)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Moves the mouse to the right by pixels, if the window has the focus.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoFocus`]: it was not moved.
+    pub fn turn(&mut self, pixels: i16) -> Result<(), ScreenError> {
+        if pixels == 0 {
+            return Ok(());
+        }
+        if !self.has_focus()? {
+            return Err(ScreenError::NoFocus);
+        }
+        let Server { connection, root, .. } = &*self.display.0;
+        // Relative to where it is.
+        connection.xtest_fake_input(MOTION_NOTIFY_EVENT, 1, x11rb::CURRENT_TIME, *root, pixels, 0, 0)?;
+        connection.flush()?;
+        Ok(())
+    }
+
+    /// Releases all keys, and waits until the server has done so.
+    pub fn release_all(&mut self) {
+        let connection = &self.display.0.connection;
+        for (key, code) in self.held.drain(..) {
+            if let Err(error) = connection.xtest_fake_input(KEY_RELEASE_EVENT, code, x11rb::CURRENT_TIME, x11rb::NONE, 0, 0, 0) {
+                tracing::error!("the key {key:?} was not released: {error}");
+            }
+        }
+        // Any reply shows that what came before was done.
+        if let Ok(cookie) = connection.get_input_focus() {
+            drop(cookie.reply());
+        }
+    }
+
+    /// The keys that are held.
+    #[must_use]
+    pub fn held(&self) -> Vec<Key> {
+        self.held.iter().map(|(key, _)| *key).collect()
+    }
+
+    fn fake(&self, kind: u8, code: Keycode) -> Result<(), ScreenError> {
+        let connection = &self.display.0.connection;
+        connection.xtest_fake_input(kind, code, x11rb::CURRENT_TIME, x11rb::NONE, 0, 0, 0)?;
+        connection.flush()?;
+        Ok(())
+    }
+
+    /// Takes note of a change of the keyboard's layout. Keys that are held are released by their old codes.
+    fn handle_events(&mut self) -> Result<(), ScreenError> {
+        let mut changed = false;
+        while let Some(event) = self.display.0.connection.poll_for_event()? {
+            changed |= matches!(event, Event::MappingNotify(_));
+        }
+        if changed {
+            self.release_all();
+            self.read_layout()?;
+        }
+        Ok(())
+    }
+
+    fn read_layout(&mut self) -> Result<(), ScreenError> {
+        self.symbols = layout(&self.display.0.connection)?;
+        Ok(())
+    }
+
+    fn code(&self, key: Key) -> Result<Keycode, ScreenError> {
+        let least = self.display.0.connection.setup().min_keycode;
+        let code = match key {
+            Key::Code(code) => Some(code),
+            Key::Symbol(symbol) => {
+                let place = self.symbols.iter().position(|known| *known == symbol);
+                place.and_then(|place| u8::try_from(place).ok()).map(|place| least + place)
+            }
+        };
+        code.ok_or_else(|| ScreenError::NoKey(key.to_string()))
+    }
+}
+
+/// The keyboard's layout: for each keycode from the lowest on, the keysym of its first level.
+pub(super) fn layout(connection: &RustConnection) -> Result<Vec<u32>, ScreenError> {
+    let (least, most) = (connection.setup().min_keycode, connection.setup().max_keycode);
+    let mapping = connection.get_keyboard_mapping(least, most - least + 1)?.reply()?;
+    let each = usize::from(mapping.keysyms_per_keycode.max(1));
+    Ok(mapping.keysyms.chunks(each).map(|levels| levels.first().copied().unwrap_or(0)).collect())
+}
+
+impl Drop for Hands {
+    fn drop(&mut self) {
+        self.release_all();
+    }
+}
