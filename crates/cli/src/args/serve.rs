@@ -26,7 +26,7 @@ by it, in another terminal:
   spf camera test rtsp://127.0.0.1:8554/camera
   OPENAI_API_KEY=none spf fly \"go to the person in the green shirt\" --drone tello@127.0.0.1 \\
     --vlm openai@http://127.0.0.1:8080/v1 --no-vlm-check \\
-    --camera rtsp://127.0.0.1:8554/camera --camera-fov 55.4 --camera-tilt 5
+    --camera rtsp://127.0.0.1:8554/camera --camera-fov 55.3 --camera-tilt 5
 Field of view and tilt are printed at the start.
 
 GET /frame.jpg returns an image from the camera in the scene, and PUT /pose moves the camera. The oracle answers questions \
