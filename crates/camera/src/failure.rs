@@ -11,6 +11,9 @@ pub(crate) enum SourceError {
     /// The connection was closed.
     #[error("the camera closed the connection")]
     Ended,
+    /// One image by HTTP, not a stream of them.
+    #[error("the server sends one image, and ends")]
+    Still,
     /// Nothing arrives.
     #[error("no images for {0} s")]
     Silent(u64),
@@ -175,6 +178,11 @@ impl SourceError {
                 "it may have restarted, or allow fewer viewers: close other programs that watch it; or try the address with ffplay or VLC"
                     .to_owned()
             }
+            Self::Still => {
+                "this is the address of a still image, which is too slow to fly by: look for that of the MJPEG stream, or use the camera's \
+                 rtsp:// address"
+                    .to_owned()
+            }
             Self::Silent(_) => {
                 "it is connected, but sends nothing: restart the camera, and see whether ffplay or VLC shows its images".to_owned()
             }
@@ -305,6 +313,7 @@ mod tests {
         let status = |code| SourceError::Status { code, reason: reason(code) };
         let all = [
             (SourceError::Ended, "fewer viewers", false),
+            (SourceError::Still, "a still image", false),
             (SourceError::Silent(5), "sends nothing", false),
             (socket(ErrorKind::AddrInUse), "`ss -ulpn 'sport = :5600'` names it", false),
             (socket(ErrorKind::AddrNotAvailable), "no address of this machine", true),

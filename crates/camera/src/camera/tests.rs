@@ -237,6 +237,12 @@ fn what_is_no_stream_of_images_is_said() {
         assert!(failure.hint.as_ref().unwrap().contains(advice), "{failure:?}");
         assert!(!format!("{failure:?}").contains("127.0.0.1"), "{failure}");
     }
+    let one = [&b"HTTP/1.1 200 OK\r\nContent-Type: image/jpeg\r\n\r\n"[..], Jpeg::encode(&image(64, 48, 1), 80).unwrap().bytes()]
+        .concat();
+    let (address, _requests) = server(move |_, stream| drop(stream.write_all(&one)));
+    let (camera, _) = start(&format!("http://{address}/snapshot.jpg"));
+    wait("a failure", || camera.report().last_failure.is_some());
+    assert_eq!(camera.report().last_failure.unwrap().why, "the server sends one image, and ends");
     // Nobody listens, and a server that speaks no RTSP.
     let (address, _requests) = server(move |_, stream| drop(stream.write_all(b"hello\r\n\r\n")));
     for (url, advice) in [

@@ -34,7 +34,9 @@ async fn receive(server: &Server, feed: &mut Feed) -> Result<(), SourceError> {
     loop {
         let Some(chunk) = unless_stopped(feed, answer.chunk(), SILENCE).await else { return Ok(()) };
         let chunk = chunk.ok_or(SourceError::Silent(SILENCE.as_secs()))?.map_err(|error| connection(&error))?;
-        let Some(chunk) = chunk else { return Err(SourceError::Ended) };
+        let Some(chunk) = chunk else {
+            return Err(if kind.starts_with("image/") { SourceError::Still } else { SourceError::Ended });
+        };
         let at = feed.now();
         reader.push(&chunk, &mut parts);
         feed.tally(VideoStats { damaged: reader.damaged(), ..VideoStats::default() }, Packets::default());
