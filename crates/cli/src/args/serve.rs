@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::ConditionArgs;
 
-/// Serves a simulated Tello, PX4 or ArduPilot, its camera, or a VLM endpoint to other programs, until Ctrl-C.
+/// Serves simulated devices. The help shows the words of the command in `Sim`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

@@ -6,7 +6,6 @@ use std::time::Instant;
 use spf_camera::WithCamera;
 use spf_cockpit::Cockpit;
 use spf_core::pilot::AtEnd;
-use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site};
 use spf_flight::real::Real;
 use spf_flight::sim::Simulated;
@@ -63,15 +62,12 @@ pub(super) fn ready(
         realtime: true,
         ..Simulated::new(loaded.clone(), scene)
     };
-    let mut craft = site.craft().map_err(|error| CliError::usage("cannot start here").because(&error))?;
+    let craft = site.craft().map_err(|error| CliError::usage("cannot start here").because(&error))?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let interrupts = flight_interrupts(false)?;
     let start = Instant::now();
     let (camera, optics) = camera::open(url, &args.flight.camera, options(settings)?.tello, start, printer)?;
     let recorded = camera::recording(&camera, true)?;
-    // What it reported while the camera was connected is too old to take off by.
-    let until = Time::ZERO + start.elapsed();
-    while craft.next_event(until).is_some() {}
     let drone = WithCamera::new(craft, camera, optics);
     let (by_hand, frames) = (limits.capped(&spf_drone::Drone::capabilities(&drone).craft), spf_drone::Drone::frames(&drone));
     let flying = format!(
