@@ -11,6 +11,8 @@ const MOST_TYPES: usize = 4;
 /// Length of the packets of a transport stream, and their first byte (ISO/IEC 13818-1, 2.4.3.2).
 const TS_LENGTH: usize = 188;
 const TS_SYNC: u8 = 0x47;
+/// First bytes of packets, as far apart as these are long, that show a transport stream cut anywhere.
+const FEWEST_SYNCS: usize = 3;
 
 /// What a packet seems to be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,10 +33,19 @@ pub enum Kind {
     Bare,
     /// A JPEG image.
     Jpeg,
-    /// Text, such as that of MAVLink's or a Tello's state.
+    /// Text, such as a Tello's state.
     Text,
     /// Anything else.
     Unknown,
+}
+
+/// Whether it is a piece of a transport stream that begins anywhere in a packet, as with datagrams whose length is no multiple of theirs.
+fn is_cut_ts(bytes: &[u8]) -> bool {
+    let shows = |from: usize| {
+        let mut firsts = bytes.iter().skip(from).step_by(TS_LENGTH);
+        firsts.len() >= FEWEST_SYNCS && firsts.all(|byte| *byte == TS_SYNC)
+    };
+    (1..TS_LENGTH).any(shows)
 }
 
 const KINDS: [Kind; 10] = [
@@ -58,16 +69,22 @@ impl Kind {
         if is_ts(bytes) {
             return Self::Ts;
         }
+        let rtp = Packet::parse(bytes);
+        if rtp.as_ref().is_some_and(|packet| is_ts(&packet.payload)) {
+            return Self::RtpTs;
+        }
+        if is_cut_ts(bytes) {
+            return Self::Ts;
+        }
         if bytes.starts_with(&[0, 0, 0, 1]) || bytes.starts_with(&[0, 0, 1]) {
             return Self::Bare;
         }
         if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
             return Self::Jpeg;
         }
-        if let Some(packet) = Packet::parse(bytes) {
+        if let Some(packet) = rtp {
             // RFC 3551, tables 4 and 5.
             return match packet.payload_type {
-                _ if is_ts(&packet.payload) => Self::RtpTs,
                 26 => Self::RtpJpeg,
                 0..=23 => Self::RtpAudio,
                 _ => Self::Rtp,
@@ -138,6 +155,12 @@ impl Arrivals {
         KINDS.get(at).copied()
     }
 
+    /// Whether there are enough of them to judge, and most are what was expected.
+    #[must_use]
+    pub fn are(&self, expected: Kind) -> bool {
+        self.packets() >= ENOUGH && self.seem() == Some(expected)
+    }
+
     /// What they seem to be, if most of enough packets are not what was expected.
     #[must_use]
     pub fn other_than(&self, expected: Kind) -> Option<Kind> {
@@ -180,7 +203,10 @@ mod tests {
             (b"pitch:0;roll:0;yaw:0;\r\n".to_vec(), Kind::Text),
             (vec![0xfd, 9, 0, 0, 1, 1, 1, 0, 0, 0], Kind::Unknown),
             (ts[..TS_LENGTH + 10].to_vec(), Kind::Ts),
+            (ts[100..].to_vec(), Kind::Ts),
+            (rtp(33, &ts[100..])[12..].to_vec(), Kind::Ts),
             (ts, Kind::Ts),
+            (vec![7; 1472], Kind::Unknown),
             (Vec::new(), Kind::Unknown),
         ] {
             assert_eq!(Kind::of(&packet), kind, "{:x?}", &packet[..packet.len().min(20)]);

@@ -160,6 +160,12 @@ fn receive(url: &CameraUrl, tello: &TelloSettings, mut feed: Feed) {
         }
         tracing::debug!("camera {url}: {error}");
         feed.fail(&error);
+        // Who sends to a port is not asked for anything: it goes on being received, so that a sender that is set right is seen before
+        // the pilot lands.
+        if matches!(url, CameraUrl::UdpRtp(_) | CameraUrl::UdpTs(_)) && error.is_of_content() {
+            feed.wait(FIRST_WAIT);
+            continue;
+        }
         if error.waits_long() {
             feed.wait(LONG_WAIT);
             continue;

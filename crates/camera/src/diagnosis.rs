@@ -7,7 +7,7 @@ use spf_drone::frames::FrameStats;
 use crate::CameraUrl;
 use crate::arrivals::{Arrivals, Kind};
 use crate::failure::SourceError;
-use crate::shared::{CameraReport, Failure};
+use crate::shared::{CameraReport, CameraState, Failure};
 
 /// What makes a sender repeat the parameter sets.
 const REPEAT: &str = "let the sender repeat them before each key frame: with GStreamer `rtph264pay config-interval=-1`, with x264 \
@@ -56,7 +56,8 @@ fn short(address: SocketAddr) -> String {
 /// Why a camera has shown no image within `seconds`, and what to do.
 #[must_use]
 pub fn no_image(url: &CameraUrl, report: &CameraReport, stats: &FrameStats, seconds: u64) -> Failure {
-    if let Some(failure) = &report.last_failure {
+    // One that was overcome is no reason.
+    if let CameraState::Failed(failure) = &report.state {
         return failure.clone();
     }
     let failure = |why: String, hint: String| Failure { why, hint: Some(hint) };
@@ -117,10 +118,11 @@ fn at_a_port(
     let expected = if matches!(url, CameraUrl::UdpRtp(_)) { Kind::Rtp } else { Kind::Ts };
     let packets = arrivals.packets();
     let failure = |why: String, hint: String| Failure { why, hint: Some(hint) };
-    if kind != expected {
+    let images = stats.video.units + stats.video.skipped;
+    // Whatever the packets seem to be, images were found in them.
+    if kind != expected && images == 0 {
         return failure(format!("{packets} packets arrived, but they seem to be {}", kind.words()), instead(address, kind));
     }
-    let images = stats.video.units + stats.video.skipped;
     if images > 0 && report.lacks_parameters {
         return failure(
             format!(
@@ -199,13 +201,16 @@ pub fn progress(report: &CameraReport, stats: &FrameStats) -> String {
     }
     match (parts.is_empty(), &report.last_failure) {
         (true, None) => "nothing yet".to_owned(),
-        (true, Some(failure)) => format!("{failure}; trying again"),
+        (true, Some(failure)) if matches!(report.state, CameraState::Failed(_)) => format!("{failure}; trying again"),
+        (true, Some(failure)) => format!("nothing since the last failure ({failure})"),
         (false, _) => parts.join(", "),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use spf_drone::frames::VideoStats;
+
     use super::*;
 
     fn arrivals(packet: &[u8], count: u64) -> Option<Arrivals> {
@@ -260,13 +265,22 @@ mod tests {
     }
 
     #[test]
+    fn a_failure_is_blamed_only_until_it_is_overcome() {
+        let failure = Failure { why: "the server answers 503".to_owned(), hint: Some("wait".to_owned()) };
+        let stats = FrameStats { video: VideoStats { skipped: 40, ..VideoStats::default() }, ..FrameStats::default() };
+        let report = |state| CameraReport { state, last_failure: Some(failure.clone()), ..CameraReport::default() };
+        assert_eq!(of("rtsp://cam/x", &report(CameraState::Failed(failure.clone())), &stats).0, failure.why);
+        let (why, hint) = of("rtsp://cam/x", &report(CameraState::Receiving), &stats);
+        assert!(why.starts_with("no key frame within 15 s") && hint.contains("-g 15"), "{why}: {hint}");
+    }
+
+    #[test]
     fn progress_says_what_is_waited_for() {
         let mut stats = FrameStats::default();
         assert_eq!(progress(&CameraReport::default(), &stats), "nothing yet");
-        let failed = CameraReport {
-            last_failure: Some(Failure { why: "the server answers 503".to_owned(), hint: None }),
-            ..CameraReport::default()
-        };
+        let failure = Failure { why: "the server answers 503".to_owned(), hint: None };
+        let failed =
+            CameraReport { state: CameraState::Failed(failure.clone()), last_failure: Some(failure), ..CameraReport::default() };
         assert_eq!(progress(&failed, &stats), "the server answers 503; trying again");
         stats.video.skipped = 3;
         let report = CameraReport { arrivals: arrivals(RTP, 7), ..CameraReport::default() };

@@ -11,6 +11,9 @@ pub(crate) enum SourceError {
     /// The connection was closed.
     #[error("the camera closed the connection")]
     Ended,
+    /// One image by HTTP, not a stream of them.
+    #[error("the server sends one image, and ends")]
+    Still,
     /// Nothing arrives.
     #[error("no images for {0} s")]
     Silent(u64),
@@ -33,7 +36,7 @@ pub(crate) enum SourceError {
     Packets {
         /// How many.
         packets: u64,
-        /// What they seem to be, and what was expected.
+        /// What they seem to be.
         what: String,
         /// What to do.
         hint: String,
@@ -55,6 +58,9 @@ pub(crate) enum SourceError {
         /// Whether they were sent.
         given: bool,
     },
+    /// Another server, to which the first one redirects, asks for user name and password.
+    #[error("it redirects to another server, to which the password is not sent")]
+    Elsewhere,
     /// The connection.
     #[error("{why}")]
     Connection {
@@ -140,20 +146,20 @@ impl SourceError {
         Self::Connection { why: "no answer in time".to_owned(), hint: UNREACHABLE }
     }
 
-    /// Whether it does not pass by itself.
-    pub(crate) fn needs_attention(&self) -> bool {
+    /// Whether to try again late, and not to wait for it before a flight: many cameras lock an account after some wrong passwords, and
+    /// what cannot be decoded stays so. A server that is starting does not know its streams yet, an interface gets its address later,
+    /// and a sender is set right: these are tried again soon.
+    pub(crate) fn waits_long(&self) -> bool {
         match self {
             Self::Codec(_)
             | Self::Profile(_)
-            | Self::Packets { .. }
             | Self::NoImages(_)
             | Self::Refused { .. }
+            | Self::Elsewhere
             | Self::File(_)
             | Self::Film(_)
             | Self::Missing(_) => true,
-            // Not found, forbidden, gone: it is so the next time, too.
-            Self::Status { code, .. } => matches!(code, 400..=499) && !matches!(code, 408 | 425 | 429 | 453 | 454),
-            Self::Socket { error, .. } => matches!(error.kind(), ErrorKind::AddrNotAvailable | ErrorKind::PermissionDenied),
+            Self::Status { code, .. } => matches!(code, 401 | 403),
             #[cfg(feature = "gstreamer")]
             Self::Pipeline(_) => true,
             Self::Device { passes, .. } => !passes,
@@ -162,10 +168,9 @@ impl SourceError {
         }
     }
 
-    /// Whether to try again late: many cameras lock an account after some wrong passwords, and what cannot be decoded stays so.
-    pub(crate) fn waits_long(&self) -> bool {
-        // A server that is starting does not know its streams yet.
-        self.needs_attention() && !matches!(self, Self::Status { .. } | Self::Packets { .. } | Self::Socket { .. })
+    /// Whether it is what is sent that cannot be read, not the way to it.
+    pub(crate) fn is_of_content(&self) -> bool {
+        matches!(self, Self::Codec(_) | Self::Profile(_) | Self::Packets { .. })
     }
 
     /// What to do; `None` if the text says so.
@@ -173,6 +178,11 @@ impl SourceError {
         Some(match self {
             Self::Ended => {
                 "it may have restarted, or allow fewer viewers: close other programs that watch it; or try the address with ffplay or VLC"
+                    .to_owned()
+            }
+            Self::Still => {
+                "this is the address of a still image, which is too slow to fly by: look for that of the MJPEG stream, or use the camera's \
+                 rtsp:// address"
                     .to_owned()
             }
             Self::Silent(_) => {
@@ -199,6 +209,9 @@ impl SourceError {
                 "write the user name into the address (rtsp://USER@HOST/PATH), and the password into the environment variable \
                  CAMERA_PASSWORD"
                     .to_owned()
+            }
+            Self::Elsewhere => {
+                "give that address: `curl -sv ADDRESS` shows it in the line `Location`, and the camera's settings may name it".to_owned()
             }
             Self::Connection { hint, .. } => (*hint).to_owned(),
             Self::File(error) => match error.kind() {
@@ -305,10 +318,11 @@ mod tests {
         let status = |code| SourceError::Status { code, reason: reason(code) };
         let all = [
             (SourceError::Ended, "fewer viewers", false),
+            (SourceError::Still, "a still image", false),
             (SourceError::Silent(5), "sends nothing", false),
             (socket(ErrorKind::AddrInUse), "`ss -ulpn 'sport = :5600'` names it", false),
-            (socket(ErrorKind::AddrNotAvailable), "no address of this machine", true),
-            (socket(ErrorKind::PermissionDenied), "below 1024", true),
+            (socket(ErrorKind::AddrNotAvailable), "no address of this machine", false),
+            (socket(ErrorKind::PermissionDenied), "below 1024", false),
             (SourceError::Codec("H.265".to_owned()), "libx264", true),
             (SourceError::Codec("vp8".to_owned()), "web page", true),
             (SourceError::Profile("interlaced".to_owned()), "yuv420p", true),
@@ -316,16 +330,17 @@ mod tests {
             (SourceError::NoImages("video/mp4".to_owned()), "films and HLS", true),
             (SourceError::NoImages(String::new()), "MJPEG address", true),
             (status(302), "has moved", false),
-            (status(400), "does not understand", true),
+            (status(400), "does not understand", false),
             (status(403), "may not see", true),
-            (status(404), "no such stream", true),
-            (status(406), "of another kind", true),
+            (status(404), "no such stream", false),
+            (status(406), "of another kind", false),
             (status(429), "wait a minute", false),
-            (status(461), "rtsp+udp://", true),
+            (status(461), "rtsp+udp://", false),
             (status(500), "itself fails", false),
             (status(503), "busy or just starting", false),
             (SourceError::Refused { given: true }, "case included", true),
             (SourceError::Refused { given: false }, "CAMERA_PASSWORD", true),
+            (SourceError::Elsewhere, "give that address", true),
             (connection(ErrorKind::ConnectionRefused), "nothing listens", false),
             (connection(ErrorKind::ConnectionReset), "broke the connection off", false),
             (SourceError::connection("failed to lookup address information".to_owned(), None), "no machine is known", false),
@@ -336,10 +351,10 @@ mod tests {
             (SourceError::File(ErrorKind::PermissionDenied.into()), "`ls -l`", true),
         ];
         let mut hints = BTreeSet::new();
-        for (error, expected, attention) in &all {
+        for (error, expected, waits_long) in &all {
             let hint = error.hint().unwrap();
             assert!(hint.contains(expected), "{error}: {hint}");
-            assert_eq!(error.needs_attention(), *attention, "{error}");
+            assert_eq!(error.waits_long(), *waits_long, "{error}");
             hints.insert(hint);
         }
         assert_eq!(hints.len(), all.len(), "none stands for two");

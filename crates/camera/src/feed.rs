@@ -88,7 +88,7 @@ impl Feed {
         let mut report = self.shared.report();
         report.state = CameraState::Failed(failure.clone());
         report.last_failure = Some(failure);
-        report.needs_attention = error.needs_attention();
+        report.lasts = error.waits_long();
     }
 
     /// Takes an access unit; fails with one that is not damaged but can never be decoded.
@@ -109,6 +109,15 @@ impl Feed {
         report.lacks_parameters = lacks_parameters;
         if report.other_streams != other_streams {
             report.other_streams = other_streams.to_vec();
+        }
+    }
+
+    /// Tells that what failed was overcome, although there is no image yet.
+    pub(crate) fn goes_on(&self) {
+        let mut report = self.shared.report();
+        if matches!(report.state, CameraState::Failed(_)) {
+            report.state = CameraState::Connecting;
+            report.lasts = false;
         }
     }
 
@@ -159,7 +168,7 @@ impl Feed {
         self.shared.inlet.put(Received { at, captured, coded });
         let mut report = self.shared.report();
         report.state = CameraState::Receiving;
-        report.needs_attention = false;
+        report.lasts = false;
         report.codec = Some(codec);
         // The times of a pipeline may be those of an arrival.
         report.own_clock = age.is_some_and(is_plausible) && codec != "raw";

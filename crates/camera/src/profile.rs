@@ -9,6 +9,8 @@ use spf_media::h264::{NalKind, nal_units};
 const KNOWN: [u32; 6] = [66, 77, 83, 86, 88, 100];
 /// Profiles whose sets tell about colours and depth.
 const DETAILED: [u32; 13] = [44, 83, 86, 100, 110, 118, 122, 128, 134, 135, 138, 139, 244];
+/// Bits per sample beyond 8 (7.4.2.1.1).
+const MOST_MORE_BITS: u32 = 6;
 /// What a set contains at most before what is read here, bytes.
 const LONGEST: usize = 512;
 
@@ -32,9 +34,11 @@ fn of_set(nal: &[u8]) -> Option<String> {
         if chroma > 1 {
             return Some(format!("with the colours {}", if chroma == 2 { "4:2:2" } else { "4:4:4" }));
         }
-        let depth = 8 + bits.number()?.max(bits.number()?);
-        if depth > 8 {
-            return Some(format!("with {depth} bits per sample"));
+        match bits.number()?.max(bits.number()?) {
+            0 => {}
+            more @ 1..=MOST_MORE_BITS => return Some(format!("with {} bits per sample", 8 + more)),
+            // No encoder writes this: the set is damaged.
+            _ => return None,
         }
         bits.bit()?;
         if bits.bit()? == 1 {
@@ -173,6 +177,15 @@ mod tests {
         ] {
             assert_eq!(of(set).as_deref(), Some(expected), "{set:x?}");
         }
+    }
+
+    #[test]
+    fn a_depth_that_cannot_be_is_left_to_the_decoder() {
+        // Set 0 (1), colours 1 (010), depths of 2³² - 2 (31 zeros and 32 ones) and 0 (1).
+        assert_eq!(of(&[0x67, 100, 0, 13, 0b1010_0000, 0, 0, 3, 0, 0b0001_1111, 0xff, 0xff, 0xff, 0xf0, 0x80]), None);
+        // Of 14 and of 15 bits: 6 more (00111) and 7 more (0001000), and 0 (1).
+        assert_eq!(of(&[0x67, 100, 0, 13, 0b1010_0011, 0b1100_0000]).as_deref(), Some("with 14 bits per sample"));
+        assert_eq!(of(&[0x67, 100, 0, 13, 0b1010_0001, 0b0001_0000]), None);
     }
 
     proptest! {

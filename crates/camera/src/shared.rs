@@ -49,8 +49,8 @@ pub struct CameraReport {
     pub state: CameraState,
     /// The last failure, even if it was overcome.
     pub last_failure: Option<Failure>,
-    /// Whether the failure does not pass by itself: a wrong password, a codec that cannot be decoded.
-    pub needs_attention: bool,
+    /// Whether waiting does not help, since the failure does not pass by itself: a wrong password, a codec that cannot be decoded.
+    pub lasts: bool,
     /// Codec of the images: `H.264`, `JPEG`, `YUYV`, or `raw` for pixels.
     pub codec: Option<&'static str>,
     /// How often it was connected.

@@ -14,6 +14,8 @@ use crate::unit::{LONGEST_UNIT, UnitBuilder};
 const SILENCE: Duration = Duration::from_secs(2);
 /// Kinds of streams that are remembered although they are not read.
 const MOST_OTHER: usize = 8;
+/// Packets one behind the other by which a stream counts as found (ETSI TR 101 290, 5.2.1).
+const IN_A_ROW: u32 = 5;
 /// A pause of the whole transport stream, which is nobody's silence.
 const PAUSE: Duration = Duration::from_millis(500);
 
@@ -174,6 +176,9 @@ pub struct TsReceiver {
     rest: Vec<u8>,
     /// Bytes that belong to no packet.
     garbage: u64,
+    /// Packets since the last of these.
+    in_a_row: u32,
+    found: bool,
 }
 
 impl Default for TsReceiver {
@@ -188,7 +193,7 @@ impl Default for TsReceiver {
             heard: Time::ZERO,
             given_up: None,
         };
-        Self { demultiplex: Demultiplex::new(&mut context), context, rest: Vec::new(), garbage: 0 }
+        Self { demultiplex: Demultiplex::new(&mut context), context, rest: Vec::new(), garbage: 0, in_a_row: 0, found: false }
     }
 }
 
@@ -210,9 +215,12 @@ impl TsReceiver {
                 // One at a time: after an invalid packet the crate ignores the others of a buffer.
                 self.demultiplex.push(&mut self.context, packet);
                 at += Packet::SIZE;
+                self.in_a_row = self.in_a_row.saturating_add(1);
+                self.found |= self.in_a_row >= IN_A_ROW;
             } else {
                 at += 1;
                 self.garbage += 1;
+                self.in_a_row = 0;
             }
         }
         self.rest.drain(..at);
@@ -245,6 +253,12 @@ impl TsReceiver {
     #[must_use]
     pub fn has_parameters(&self) -> bool {
         self.context.builder.has_parameters()
+    }
+
+    /// Whether a transport stream was found, wherever its packets begin.
+    #[must_use]
+    pub fn makes_sense(&self) -> bool {
+        self.found || self.has_video() || !self.context.other.is_empty()
     }
 
     /// Whether the tables name a stream with H.264.
@@ -432,6 +446,17 @@ mod tests {
     fn a_pause_of_everything_gives_up_no_stream() {
         let sent = units(128, 96, 9, 0.5);
         assert_eq!(moved(&sent, 5), (0..8).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn a_stream_is_found_wherever_it_is_cut_and_not_in_other_bytes() {
+        let bytes = stream(&units(64, 48, 12, 0.5), 0x1b);
+        let mut receiver = TsReceiver::default();
+        receive(&mut receiver, &bytes[100..], 1472);
+        assert!(receiver.makes_sense());
+        let mut receiver = TsReceiver::default();
+        let noise: Vec<u8> = (0..40_000_u32).map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+        assert!(receive(&mut receiver, &noise, 1472).is_empty() && !receiver.makes_sense());
     }
 
     #[test]

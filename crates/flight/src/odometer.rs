@@ -21,6 +21,11 @@ impl Odometer {
         self.metres += self.last.replace(at).map_or(0.0, |last| last.distance(at));
     }
 
+    #[cfg(test)]
+    pub(crate) fn showing(metres: f64) -> Self {
+        Self { last: None, metres }
+    }
+
     /// The length so far, metres.
     #[must_use]
     pub fn metres(&self) -> f64 {

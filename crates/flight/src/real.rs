@@ -36,9 +36,16 @@ impl Real {
 struct FinalEstimate {
     drone: String,
     odometer: Odometer,
-    /// What it showed when the outcome was settled, metres.
-    flown: f64,
+    /// What it showed when the outcome was settled, metres; `None` before that.
+    flown: Option<f64>,
     frame_age: FrameAge,
+}
+
+impl FinalEstimate {
+    /// Path length, metres: also of a flight that ended without an outcome.
+    fn flown(&self) -> f64 {
+        self.flown.unwrap_or_else(|| self.odometer.metres())
+    }
 }
 
 impl Observer for FinalEstimate {
@@ -53,12 +60,26 @@ impl Observer for FinalEstimate {
 
 impl Judge for FinalEstimate {
     fn settle(&mut self, _now: Time, _instruction: &str) {
-        self.flown = self.odometer.metres();
+        self.flown = Some(self.odometer.metres());
     }
 
     fn tell(&self, summary: &mut Summary) {
-        summary.path_length_m = self.flown;
+        summary.path_length_m = self.flown();
         summary.drone_model.clone_from(&self.drone);
         summary.glass_to_decision = self.frame_age.latency();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_path_ends_with_the_outcome_or_with_the_flight() {
+        let mut judge = FinalEstimate { odometer: Odometer::showing(3.0), ..FinalEstimate::default() };
+        assert_eq!(judge.flown(), 3.0);
+        judge.settle(Time::ZERO, "go");
+        judge.odometer = Odometer::showing(5.0);
+        assert_eq!(judge.flown(), 3.0, "the way down does not count");
     }
 }

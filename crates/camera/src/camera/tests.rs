@@ -237,6 +237,12 @@ fn what_is_no_stream_of_images_is_said() {
         assert!(failure.hint.as_ref().unwrap().contains(advice), "{failure:?}");
         assert!(!format!("{failure:?}").contains("127.0.0.1"), "{failure}");
     }
+    let one = [&b"HTTP/1.1 200 OK\r\nContent-Type: image/jpeg\r\n\r\n"[..], Jpeg::encode(&image(64, 48, 1), 80).unwrap().bytes()]
+        .concat();
+    let (address, _requests) = server(move |_, stream| drop(stream.write_all(&one)));
+    let (camera, _) = start(&format!("http://{address}/snapshot.jpg"));
+    wait("a failure", || camera.report().last_failure.is_some());
+    assert_eq!(camera.report().last_failure.unwrap().why, "the server sends one image, and ends");
     // Nobody listens, and a server that speaks no RTSP.
     let (address, _requests) = server(move |_, stream| drop(stream.write_all(b"hello\r\n\r\n")));
     for (url, advice) in [
@@ -265,7 +271,7 @@ fn packets_of_another_kind_are_named() {
         });
         let failure = camera.report().last_failure.unwrap();
         assert!(failure.why.starts_with("30 packets arrived") && failure.why.contains(expected), "{failure}");
-        assert!(camera.report().needs_attention && failure.hint.unwrap().contains(&format!("127.0.0.1:{port}")));
+        assert!(!camera.report().lasts && failure.hint.unwrap().contains(&format!("127.0.0.1:{port}")));
         // It goes on being received, in case the sender is set right.
         wait("another try", || camera.report().connections > 1);
     }
@@ -275,6 +281,72 @@ fn packets_of_another_kind_are_named() {
     let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
     wait("a failure", || camera.report().last_failure.is_some());
     assert!(camera.report().last_failure.unwrap().hint.unwrap().contains(&format!("'sport = :{port}'")));
+}
+
+#[test]
+fn h264_with_a_payload_type_of_audio_is_received() {
+    let port = free_port();
+    let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    wait("the socket", || camera.report().connections == 1);
+    std::thread::sleep(Duration::from_millis(100));
+    let stream = packets(&units(128, 96, 42, 4.0), 0, 400);
+    // It begins behind a key frame: the next one comes after 39 images, which are more than enough packets to judge by.
+    for packet in stream[1..].concat() {
+        let packet = crate::rtp::Packet { payload_type: 8, ..packet };
+        socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)).unwrap();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    wait("a frame", || camera.frames().newest().is_some());
+    assert_eq!((camera.report().last_failure, camera.report().connections), (None, 1));
+}
+
+#[test]
+fn a_port_with_a_profile_that_cannot_be_decoded_goes_on_being_received() {
+    let port = free_port();
+    let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let sequence = std::cell::Cell::new(0_u16);
+    let send = |profile: Option<u8>| {
+        for mut packet in packets(&units(64, 48, 1, 1.0), sequence.get(), 10_000).concat() {
+            sequence.set(sequence.get().wrapping_add(1));
+            // The set's profile, behind the heads of the aggregate and of the set.
+            if let Some(profile) = profile.filter(|_| packet.payload[0] == 0x78) {
+                packet.payload[4] = profile;
+            }
+            drop(socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)));
+        }
+    };
+    wait("a failure", || {
+        send(Some(122));
+        camera.report().last_failure.is_some()
+    });
+    let report = camera.report();
+    assert!(report.lasts && report.last_failure.unwrap().why.contains("High 4:2:2 (122)"));
+    let failed = Instant::now();
+    wait("a frame", || {
+        send(None);
+        camera.frames().newest().is_some()
+    });
+    assert!(failed.elapsed() < LONG_WAIT / 3, "within the pilot's hold: {:?}", failed.elapsed());
+}
+
+#[test]
+fn a_password_is_not_sent_to_another_server() {
+    let (other, others) = server(|_, stream| {
+        let answer = b"HTTP/1.1 401 Unauthorized\r\nWWW-Authenticate: Basic realm=\"camera\"\r\nContent-Length: 0\r\n\r\n";
+        drop(stream.write_all(answer));
+    });
+    let (address, _requests) = server(move |_, stream| {
+        let answer = format!("HTTP/1.1 302 Found\r\nLocation: http://{other}/video\r\nContent-Length: 0\r\n\r\n");
+        drop(stream.write_all(answer.as_bytes()));
+    });
+    let (camera, _) = start(&format!("http://user:secret@{address}/video"));
+    wait("a failure", || camera.report().last_failure.is_some());
+    let failure = camera.report().last_failure.unwrap();
+    assert_eq!(failure.why, "it redirects to another server, to which the password is not sent");
+    assert!(failure.hint.unwrap().starts_with("give that address") && camera.report().lasts);
+    assert!(!others.recv().unwrap().to_ascii_lowercase().contains("authorization"));
 }
 
 #[test]

@@ -21,6 +21,8 @@ pub struct Depacketizer {
     fragments: Vec<u8>,
     /// Time of the open unit, and arrival of its last packet.
     open: Option<(u32, Time)>,
+    /// Payloads that were read, and those that were invalid.
+    sound: u64,
     damaged: u64,
     h265_signs: u32,
 }
@@ -37,6 +39,12 @@ impl Depacketizer {
     #[must_use]
     pub fn has_parameters(&self) -> bool {
         self.builder.has_parameters()
+    }
+
+    /// Whether most payloads are those of H.264. Of random bytes, such as audio, about a third seem to be.
+    #[must_use]
+    pub fn makes_sense(&self) -> bool {
+        self.sound > self.damaged
     }
 
     /// Whether the stream looks like H.265.
@@ -64,7 +72,9 @@ impl Depacketizer {
             self.end(units);
         }
         self.open = Some((packet.timestamp, at));
-        if !self.payload(&packet.payload) {
+        if self.payload(&packet.payload) {
+            self.sound += u64::from(!packet.payload.is_empty());
+        } else {
             self.damaged += 1;
             self.lost();
         }
@@ -180,7 +190,15 @@ mod tests {
         assert!(push(&mut depacketizer, &packets).is_empty() && depacketizer.is_h265());
         let mut depacketizer = Depacketizer::default();
         push(&mut depacketizer, &super::super::testing::packets(&units(64, 48, 12, 0.5), 0, 200).concat());
-        assert!(!depacketizer.is_h265());
+        assert!(!depacketizer.is_h265() && depacketizer.makes_sense());
+        // Audio: silence by the µ-law, and noise.
+        let noise: Vec<u8> = (0..160_u32 * 160).map(|n| (n.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+        for audio in [vec![0xff; 160 * 160], noise] {
+            let mut depacketizer = Depacketizer::default();
+            let packets: Vec<Packet> = (0..).zip(audio.chunks(160)).map(|(number, payload)| packet(number, payload)).collect();
+            push(&mut depacketizer, &packets);
+            assert!(!depacketizer.makes_sense(), "{depacketizer:?}");
+        }
     }
 
     #[test]

@@ -151,6 +151,12 @@ impl Receiver {
         self.depacketizer.has_parameters()
     }
 
+    /// Whether most of its payloads are those of H.264.
+    #[must_use]
+    pub fn makes_sense(&self) -> bool {
+        self.depacketizer.makes_sense()
+    }
+
     /// Whether the stream looks like H.265, which cannot be decoded.
     #[must_use]
     pub fn is_h265(&self) -> bool {

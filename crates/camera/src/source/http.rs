@@ -34,7 +34,9 @@ async fn receive(server: &Server, feed: &mut Feed) -> Result<(), SourceError> {
     loop {
         let Some(chunk) = unless_stopped(feed, answer.chunk(), SILENCE).await else { return Ok(()) };
         let chunk = chunk.ok_or(SourceError::Silent(SILENCE.as_secs()))?.map_err(|error| connection(&error))?;
-        let Some(chunk) = chunk else { return Err(SourceError::Ended) };
+        let Some(chunk) = chunk else {
+            return Err(if kind.starts_with("image/") { SourceError::Still } else { SourceError::Ended });
+        };
         let at = feed.now();
         reader.push(&chunk, &mut parts);
         feed.tally(VideoStats { damaged: reader.damaged(), ..VideoStats::default() }, Packets::default());
@@ -54,11 +56,11 @@ async fn ask(server: &Server) -> Result<Response, SourceError> {
     let answer = client.get(&server.url).send().await.map_err(|error| connection(&error))?;
     let answer = match (&server.credentials, answer.status()) {
         (Some(credentials), StatusCode::UNAUTHORIZED) => {
-            let authorization = authorization(&answer, credentials)?;
             // The challenge is that of the server to which it redirected, which must be the same, at the same port and as secret.
             if reqwest::Url::parse(&server.url).is_ok_and(|url| url.origin() != answer.url().origin()) {
-                return Err(SourceError::Refused { given: false });
+                return Err(SourceError::Elsewhere);
             }
+            let authorization = authorization(&answer, credentials)?;
             let again = client.get(answer.url().clone()).header(AUTHORIZATION, authorization);
             again.send().await.map_err(|error| connection(&error))?
         }

@@ -48,9 +48,9 @@ pub(super) fn rtp(address: SocketAddr, feed: &mut Feed) -> Result<(), SourceErro
         if receiver.is_h265() {
             return Err(SourceError::Codec("H.265".to_owned()));
         }
-        if let Some(kind) = arrivals.other_than(Kind::Rtp).filter(|_| !feed.has_images()) {
-            return Err(other_packets(address, &arrivals, kind));
-        }
+        // Senders may give H.264 a payload type of audio. Packets of a transport stream seem to be parameter sets.
+        let is_other = |kind: &Kind| *kind == Kind::RtpTs || !receiver.makes_sense();
+        judge(address, &arrivals, Kind::Rtp, is_other, feed)?;
     }
     Ok(())
 }
@@ -75,9 +75,27 @@ pub(super) fn ts(address: SocketAddr, feed: &mut Feed) -> Result<(), SourceError
         if receiver.is_h265() {
             return Err(SourceError::Codec("H.265".to_owned()));
         }
-        if let Some(kind) = arrivals.other_than(Kind::Ts).filter(|_| !feed.has_images()) {
-            return Err(other_packets(address, &arrivals, kind));
-        }
+        judge(address, &arrivals, Kind::Ts, |_| !receiver.makes_sense(), feed)?;
+    }
+    Ok(())
+}
+
+/// Fails if no image came, but packets of another kind, of which the receiver makes nothing.
+fn judge(
+    address: SocketAddr,
+    arrivals: &Arrivals,
+    expected: Kind,
+    is_other: impl Fn(&Kind) -> bool,
+    feed: &Feed,
+) -> Result<(), SourceError> {
+    if feed.has_images() {
+        return Ok(());
+    }
+    if let Some(kind) = arrivals.other_than(expected).filter(is_other) {
+        return Err(other_packets(address, arrivals, kind));
+    }
+    if arrivals.are(expected) {
+        feed.goes_on();
     }
     Ok(())
 }

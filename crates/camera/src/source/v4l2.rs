@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn what_is_no_camera_is_refused_with_advice() {
-        for (path, expected, attention) in [
+        for (path, expected, waits_long) in [
             ("/dev/video-none", "plug the camera in", false),
             ("/dev/null", "this is no camera", true),
             ("/dev/zero", "this is no camera", true),
@@ -276,7 +276,7 @@ mod tests {
             let Err(error) = open(&wanted(path), &mut Known::default()) else { panic!("{path}") };
             let text = error.to_string();
             assert!(text.contains(expected) && text.starts_with(path), "{text}");
-            assert_eq!(error.needs_attention(), attention, "{text}");
+            assert_eq!(error.waits_long(), waits_long, "{text}");
         }
     }
 

@@ -50,6 +50,23 @@ fn mpeg_ts() {
     images(&camera, 12, SIZE);
 }
 
+/// ffmpeg's own size of datagrams is no multiple of 188 bytes.
+#[test]
+fn mpeg_ts_in_datagrams_that_begin_anywhere() {
+    if !have_ffmpeg() {
+        return;
+    }
+    let port = udp_port();
+    // No image is shown before more than 30 datagrams came.
+    let seldom =
+        ["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", "-g", "20", "-b:v", "4M"];
+    let _sender = send(&[&seldom[..], &["-f", "mpegts", &format!("udp://127.0.0.1:{port}")]].concat());
+    std::thread::sleep(Duration::from_millis(500));
+    let camera = camera(&format!("udp-ts://127.0.0.1:{port}"));
+    images(&camera, 8, SIZE);
+    assert_eq!((camera.report().last_failure, camera.report().connections), (None, 1));
+}
+
 #[test]
 fn mjpeg() {
     if !have_ffmpeg() {

@@ -7,9 +7,10 @@ use clap::{Args, Subcommand};
 /// Cameras that are not part of a drone.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Camera {
-    /// Receive a camera for some seconds: frames per second, size, codec, losses, age of the frames, and one image
+    /// Receive a camera for some seconds, before a drone flies by it: frames per second, size, codec, losses, age of the frames, and one
+    /// image, which is written to a file
     Test(CameraTest),
-    /// Measure the latency of a camera that films a clock on this terminal
+    /// Measure the latency of a camera that films a clock on this terminal, which changes eleven times a second
     Calibrate(CameraCalibrate),
 }
 
@@ -37,9 +38,7 @@ pub(crate) struct CameraArgs {
     pub(crate) latency: Option<String>,
 }
 
-/// Receives a camera for some seconds and reports what arrives; one image is written to a file.
-///
-/// Try a camera with this before a drone flies by it.
+/// Tests a camera. The help shows the words of the command in `Camera`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Cameras, each with an example:
@@ -101,10 +100,7 @@ pub(crate) struct CameraTest {
     pub(crate) overwrite: bool,
 }
 
-/// Measures the latency of a camera.
-///
-/// It shows a clock on this terminal that changes eleven times a second, and reads it in the frames
-/// of the camera that films it.
+/// Measures the latency of a camera. The help shows the words of the command in `Camera`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:

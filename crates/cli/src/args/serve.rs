@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::ConditionArgs;
 
-/// Serves a simulated Tello, PX4 or ArduPilot, its camera, or a VLM endpoint to other programs, until Ctrl-C.
+/// Serves simulated devices. The help shows the words of the command in `Sim`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
@@ -26,7 +26,7 @@ by it, in another terminal:
   spf camera test rtsp://127.0.0.1:8554/camera
   OPENAI_API_KEY=none spf fly \"go to the person in the green shirt\" --drone tello@127.0.0.1 \\
     --vlm openai@http://127.0.0.1:8080/v1 --no-vlm-check \\
-    --camera rtsp://127.0.0.1:8554/camera --camera-fov 55.4 --camera-tilt 5
+    --camera rtsp://127.0.0.1:8554/camera --camera-fov 55.3 --camera-tilt 5
 Field of view and tilt are printed at the start.
 
 GET /frame.jpg returns an image from the camera in the scene, and PUT /pose moves the camera. The oracle answers questions \

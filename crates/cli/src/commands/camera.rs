@@ -51,7 +51,7 @@ pub(crate) fn camera(command: &CameraCommand, printer: &Printer) -> Result<Exit,
     }
 }
 
-/// Reads an address given for `what`. It is not quoted in errors, since it may contain a password.
+/// Reads an address given for `what`. Errors quote nothing of it that may be a password.
 pub(crate) fn address(what: &str, text: &str) -> Result<CameraUrl, CliError> {
     let mut url: CameraUrl = text.parse().map_err(|error| {
         let meant = suggestion(text).map(|meant| format!("{meant} "));
@@ -262,11 +262,12 @@ fn nothing(camera: &Camera, url: &CameraUrl) -> CliError {
     }
 }
 
-/// Whether nothing more is to be expected: the end of a file, a failure that does not pass by itself, or some in a row.
+/// Whether nothing more is to be expected: the end of a file, a failure that does not pass by itself, or some in a row. An answer such
+/// as 404 may pass: a server that is starting does not know its streams yet.
 fn is_over(camera: &Camera) -> bool {
     let report = camera.report();
     let failed = matches!(report.state, CameraState::Failed(_));
-    report.state == CameraState::Ended || failed && (report.needs_attention || report.connections >= MOST_FAILURES)
+    report.state == CameraState::Ended || failed && (report.lasts || report.connections >= MOST_FAILURES)
 }
 
 fn write(path: &Path, image: &Rgb) -> Result<(), CliError> {

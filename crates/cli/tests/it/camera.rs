@@ -1,5 +1,9 @@
 //! `spf camera`, and cameras of other commands.
 
+use std::io::{BufRead, BufReader, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+
 use crate::harness::Lab;
 use crate::track::film;
 
@@ -145,7 +149,7 @@ sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))";
     assert!(run.stderr.contains("a terminal of 29 columns and 16 lines; this one has 80 and 15"), "{}", run.stderr);
 }
 
-/// What somebody gets who sends the wrong kind of video: at once, and with what to do.
+/// What somebody gets who sends the wrong kind of video: before the wait is over, and with what to do.
 #[test]
 fn packets_of_another_kind_and_other_colours_are_named() {
     let lab = Lab::new();
@@ -169,5 +173,40 @@ fn packets_of_another_kind_and_other_colours_are_named() {
         sender.wait().unwrap();
         assert_eq!(run.code, Some(6), "{}{}", run.stdout, run.stderr);
         assert!(run.stderr.contains(expected) && run.stderr.contains(hint), "{scheme} {colours}: {}", run.stderr);
+    }
+}
+
+/// A server that is starting does not know its stream yet; one that refuses an account is not asked again.
+#[test]
+fn a_stream_that_is_not_there_yet_is_asked_for_again_and_a_forbidden_one_is_not() {
+    let jpeg = spf_media::Jpeg::encode(&spf_media::Rgb::new(64, 48), 80).unwrap();
+    for (status, code, requests) in [("404 Not Found", 0, 3), ("403 Forbidden", 6, 1)] {
+        let lab = Lab::new();
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let url = format!("http://{}/video", listener.local_addr().unwrap());
+        let (jpeg, asked) = (jpeg.bytes().to_vec(), Arc::new(AtomicU32::new(0)));
+        let count = asked.clone();
+        std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                let mut stream = stream.unwrap();
+                let mut lines = BufReader::new(stream.try_clone().unwrap()).lines();
+                while lines.next().is_some_and(|line| line.is_ok_and(|line| !line.is_empty())) {}
+                if count.fetch_add(1, Ordering::Relaxed) < 2 {
+                    drop(write!(stream, "HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"));
+                    continue;
+                }
+                drop(stream.write_all(b"HTTP/1.1 200 OK\r\nContent-Type: multipart/x-mixed-replace; boundary=b\r\n\r\n"));
+                loop {
+                    let part = format!("--b\r\nContent-Type: image/jpeg\r\nContent-Length: {}\r\n\r\n", jpeg.len());
+                    if stream.write_all(&[part.as_bytes(), &jpeg, b"\r\n"].concat()).is_err() {
+                        break;
+                    }
+                    std::thread::sleep(std::time::Duration::from_millis(50));
+                }
+            }
+        });
+        let run = lab.spf(&["camera", "test", &url, "--seconds", "0.2"]);
+        assert_eq!((run.code, asked.load(Ordering::Relaxed)), (Some(code), requests), "{status}: {}", run.stderr);
+        assert_eq!(run.stderr.contains("403 (Forbidden)"), code == 6, "{}", run.stderr);
     }
 }

@@ -1,5 +1,6 @@
 //! A world on the wall clock.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -8,7 +9,7 @@ use std::time::Instant;
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
-use spf_drone::Drone;
+use spf_drone::{Drone, DroneEvent};
 use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;
@@ -31,6 +32,8 @@ pub struct Live {
     drone: Box<dyn Drone>,
     /// When the craft was last told what is around it.
     told: Option<Time>,
+    /// What it reported before the loop began; `None` before that.
+    earlier: Option<VecDeque<DroneEvent>>,
     queries: Sender<(Query, Cancel)>,
     /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
@@ -93,6 +96,7 @@ impl Live {
             now,
             drone,
             told: None,
+            earlier: None,
             queries,
             out,
             events,
@@ -141,6 +145,22 @@ impl Live {
         Some(event)
     }
 
+    /// What the craft reports next. Of the states that it reported before the loop began, such as while a page was waited for, the newest
+    /// counts: by an older one no craft takes off.
+    fn reported(&mut self) -> Option<DroneEvent> {
+        let earlier = self.earlier.get_or_insert_with(|| {
+            let mut earlier = VecDeque::new();
+            while let Some((_, event)) = self.drone.next_event(self.now) {
+                if matches!(event, DroneEvent::Telemetry(_)) {
+                    earlier.retain(|event| !matches!(event, DroneEvent::Telemetry(_)));
+                }
+                earlier.push_back(event);
+            }
+            earlier
+        });
+        earlier.pop_front().or_else(|| self.drone.next_event(self.now).map(|(_, event)| event))
+    }
+
     fn due(&mut self) -> Option<Event> {
         if !self.interrupted && self.interrupts.load(Ordering::Relaxed) > 0 {
             self.interrupted = true;
@@ -155,7 +175,7 @@ impl Live {
         if let Some(event) = self.pause() {
             return Some(event);
         }
-        while let Some((_, event)) = self.drone.next_event(self.now) {
+        while let Some(event) = self.reported() {
             if let Some(event) = self.of_link(pilot_event(event)) {
                 if let Some(tracker) = &self.tracker {
                     tracker.event(&event);

@@ -312,3 +312,19 @@ fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
     world.apply(&Action::Track(TrackStart { id: QueryId(4), frame: FrameId(16), area: area(16) }));
     drop(world);
 }
+
+/// While a page was waited for, say. By the first of these states, which is too old, no craft would take off.
+#[test]
+fn of_what_a_craft_reported_before_the_flight_only_the_newest_state_counts() {
+    let loaded = Arc::new(LoadedScene::load("city").unwrap());
+    let craft = Simulated::new(loaded, "city").craft().unwrap();
+    let before = Duration::from_secs(5);
+    let start = Instant::now().checked_sub(before).unwrap();
+    let mut world = Live::new(start, craft, Box::new(Silent), Script::default(), Arc::default(), false, false).unwrap();
+    let first = loop {
+        if let Some(Event::Telemetry(telemetry)) = world.wait(Time::ZERO + Duration::from_secs(60)) {
+            break telemetry.time;
+        }
+    };
+    assert!(world.now().since(first) < Duration::from_secs(1), "{first:?} at {:?}", world.now());
+}

@@ -121,7 +121,7 @@ impl Watched {
         let share = all.map_or(0.0, |all| report.packets_lost as f64 / all as f64);
         let lost = match all {
             Some(all) => format!("{} of {all} packets lost", report.packets_lost),
-            None => "no packets counted".to_owned(),
+            None => format!("{} packets known to be lost", report.packets_lost),
         };
         judged.push((
             finding(gaps == 0, share >= MOST_LOST),
@@ -152,8 +152,7 @@ impl Watched {
                 let all = (received + report.packets_lost).max(1);
                 format!("{} of {all} packets ({:.1} %)", report.packets_lost, 100.0 * report.packets_lost as f64 / all as f64)
             }
-            None if report.packets_lost > 0 => format!("{} packets", report.packets_lost),
-            None => "packets are not counted".to_owned(),
+            None => format!("{} packets known to be lost (they are not counted)", report.packets_lost),
         };
         rows.push(row("loss", format!("{lost}, {} gaps in the video", self.stats.video.gaps)));
         rows.push(row("omitted", omitted(&self.stats)));
