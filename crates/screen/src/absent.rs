@@ -131,6 +131,14 @@ impl Hands {
         match self.0 {}
     }
 
+    /// Presses a key that is still wanted.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn press_if(&mut self, _key: Key, _wanted: impl FnOnce() -> bool) -> Result<(), ScreenError> {
+        match self.0 {}
+    }
+
     /// Moves the mouse.
     ///
     /// # Errors
@@ -141,6 +149,12 @@ impl Hands {
 
     /// Releases all keys.
     pub fn release_all(&mut self) {
+        match self.0 {}
+    }
+
+    /// Whether any key is held.
+    #[must_use]
+    pub fn holds(&self) -> bool {
         match self.0 {}
     }
 

@@ -94,6 +94,12 @@ pub enum ScreenError {
     /// The keyboard's layout has no such key.
     #[error("the keyboard has no key `{0}`")]
     NoKey(String),
+    /// Two names of a profile are one key of this keyboard.
+    #[error("`{0}` and `{1}` are the same key of this keyboard")]
+    SameKey(String, String),
+    /// The display is a part of a Wayland session.
+    #[error("the display is Xwayland's, in a Wayland session, where only programs of X11 can be seen")]
+    Wayland,
     /// The window does not have the focus: nothing was pressed.
     #[error("the window does not have the focus")]
     NoFocus,

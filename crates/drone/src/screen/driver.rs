@@ -85,6 +85,8 @@ fn explained(error: ConnectError) -> driver::ConnectError {
         ConnectError::Screen(ScreenError::NoKey(_)) => {
             Some("set the keyboard's layout, or name the key by its code in a profile of your own (`#25`; `xev` shows it)")
         }
+        ConnectError::Screen(ScreenError::SameKey(..)) => Some("give each its own key in a profile of your own"),
+        ConnectError::Screen(ScreenError::Wayland) => Some("log in to a session of X11 (\"on Xorg\"), and start the game there"),
         ConnectError::Screen(ScreenError::Ambiguous { .. }) => {
             Some("close the others, or give more of the title in a profile of your own")
         }

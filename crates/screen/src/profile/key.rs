@@ -70,7 +70,8 @@ impl Key {
     pub fn named(name: &str) -> Result<Self, KeyError> {
         let unknown = || KeyError(name.chars().take(40).collect());
         if let Some(code) = name.strip_prefix('#') {
-            let code = code.parse().ok().filter(|code| *code >= 8 && name.len() <= 4);
+            let is_plain = code.starts_with(|first| matches!(first, '1'..='9'));
+            let code = code.parse().ok().filter(|code| *code >= 8 && is_plain);
             return code.map(Self::Code).ok_or_else(unknown);
         }
         let mut letters = name.chars();
@@ -147,7 +148,7 @@ mod tests {
         ] {
             assert_eq!((Key::named(name), key.to_string()), (Ok(key), name.to_owned()));
         }
-        for name in ["", "W", "ö", "F0", "F13", "F01", "KP_10", "Super_L", "#7", "#256", "#0025", "enter"] {
+        for name in ["", "W", "ö", "F0", "F13", "F01", "KP_10", "Super_L", "#7", "#256", "#0025", "#025", "#+25", "#", "enter"] {
             assert!(Key::named(name).is_err(), "{name}");
         }
     }

@@ -110,7 +110,7 @@ pub struct CameraPart {
     /// Angle by which it looks below the forward axis, degrees.
     #[serde(default)]
     pub tilt_deg: f64,
-    /// Time from the moment that a picture shows to its appearance on the screen, seconds.
+    /// Time from the state of the program that a picture shows to the picture's appearance on the screen, seconds: about one frame.
     #[serde(default = "usual_latency")]
     pub latency_s: f64,
     /// Instruments that are painted over, as parts of the region.

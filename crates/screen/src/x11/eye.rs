@@ -63,6 +63,7 @@ impl Eye {
     /// # Errors
     /// [`ScreenError`]: the display failed, or it is not clear which window or monitor is meant.
     pub fn look(&mut self) -> Result<Result<Shown, Hidden>, ScreenError> {
+        self.display.refuse_wayland()?;
         let area = match self.place()? {
             Ok(area) => area,
             Err(hidden) => return Ok(Err(hidden)),

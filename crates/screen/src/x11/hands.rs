@@ -4,6 +4,8 @@
 //! window has it. A key that this program holds would stay down for ever if it ended, for the server does not know who pressed it: so
 //! all are released when the value is dropped, which a panic does as well.
 
+use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::time::{Duration, Instant};
 
 use x11rb::connection::{Connection as _, RequestConnection as _};
@@ -24,6 +26,8 @@ use crate::profile::Key;
 const FOCUS_TIME: Duration = Duration::from_millis(1500);
 /// The source of a request for the focus: the user, by a pager or the like (EWMH).
 const BY_USER: u32 = 2;
+/// Keysyms of the digits of the keypad.
+const KEYPAD: RangeInclusive<u32> = 0xffb0..=0xffb9;
 /// How deep the window with the focus may lie in the program's window.
 const DEPTH: usize = 8;
 
@@ -32,7 +36,7 @@ pub struct Hands {
     display: Display,
     title: String,
     window: u32,
-    /// For each keycode from the lowest on, the keysym of its first level.
+    /// For each keycode from the lowest on, its keysym ([`layout`]).
     symbols: Vec<u32>,
     held: Vec<(Key, Keycode)>,
 }
@@ -50,6 +54,7 @@ impl Hands {
     /// [`ScreenError`]: no display, no XTest, no such window, or several.
     pub fn open(display: &Display, title: &str) -> Result<Self, ScreenError> {
         let display = Display::open(display.0.name.as_deref())?;
+        display.refuse_wayland()?;
         if display.0.connection.extension_information(X11_EXTENSION_NAME)?.is_none() {
             return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
         }
@@ -59,13 +64,20 @@ impl Hands {
         Ok(hands)
     }
 
-    /// Whether the keyboard's layout has all these keys.
+    /// Whether the keyboard's layout has all these keys, each another one.
     ///
     /// # Errors
-    /// [`ScreenError::NoKey`] for the first that it has not.
+    /// [`ScreenError::NoKey`] for the first that it has not, and [`ScreenError::SameKey`] for two names of one key.
     pub fn check<'a>(&mut self, keys: impl IntoIterator<Item = &'a Key>) -> Result<(), ScreenError> {
         self.handle_events()?;
-        keys.into_iter().try_for_each(|key| self.code(*key).map(drop))
+        let mut known = BTreeMap::new();
+        for key in keys {
+            let first = *known.entry(self.code(*key)?).or_insert(*key);
+            if first != *key {
+                return Err(ScreenError::SameKey(first.to_string(), key.to_string()));
+            }
+        }
+        Ok(())
     }
 
     /// Asks the window manager for the focus, and waits for it; whether it came.
@@ -140,24 +152,38 @@ impl Hands {
     /// # Errors
     /// [`ScreenError::NoFocus`] and [`ScreenError::NoKey`]: nothing was pressed.
     pub fn set(&mut self, key: Key, down: bool) -> Result<(), ScreenError> {
-        let place = self.held.iter().position(|(held, _)| *held == key);
-        match (place, down) {
-            (Some(place), false) => {
+        if down {
+            return self.press_if(key, || true);
+        }
+        match self.held.iter().position(|(held, _)| *held == key) {
+            Some(place) => {
                 let (_, code) = self.held.remove(place);
                 self.fake(KEY_RELEASE_EVENT, code)
             }
-            (None, true) => {
-                self.handle_events()?;
-                let code = self.code(key)?;
-                if !self.has_focus()? {
-                    return Err(ScreenError::NoFocus);
-                }
-                // Noted first: a key that may be down is released.
-                self.held.push((key, code));
-                self.fake(KEY_PRESS_EVENT, code)
-            }
-            _ => Ok(()),
+            None => Ok(()),
         }
+    }
+
+    /// Presses a key, if the window has the focus, and if `wanted` says so right before: the focus is asked of the server, which may
+    /// take a while.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoFocus`] and [`ScreenError::NoKey`]: nothing was pressed.
+    pub fn press_if(&mut self, key: Key, wanted: impl FnOnce() -> bool) -> Result<(), ScreenError> {
+        if self.held.iter().any(|(held, _)| *held == key) {
+            return Ok(());
+        }
+        self.handle_events()?;
+        let code = self.code(key)?;
+        if !self.has_focus()? {
+            return Err(ScreenError::NoFocus);
+        }
+        if !wanted() {
+            return Ok(());
+        }
+        // Noted first: a key that may be down is released.
+        self.held.push((key, code));
+        self.fake(KEY_PRESS_EVENT, code)
     }
 
     /// Moves the mouse to the right by pixels, if the window has the focus.
@@ -198,6 +224,12 @@ impl Hands {
         self.held.iter().map(|(key, _)| *key).collect()
     }
 
+    /// Whether any key is held.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        !self.held.is_empty()
+    }
+
     fn fake(&self, kind: u8, code: Keycode) -> Result<(), ScreenError> {
         let connection = &self.display.0.connection;
         connection.xtest_fake_input(kind, code, x11rb::CURRENT_TIME, x11rb::NONE, 0, 0, 0)?;
@@ -229,19 +261,26 @@ impl Hands {
             Key::Code(code) => Some(code),
             Key::Symbol(symbol) => {
                 let place = self.symbols.iter().position(|known| *known == symbol);
-                place.and_then(|place| u8::try_from(place).ok()).map(|place| least + place)
+                place.and_then(|place| u8::try_from(place).ok()).and_then(|place| least.checked_add(place))
             }
         };
         code.ok_or_else(|| ScreenError::NoKey(key.to_string()))
     }
 }
 
-/// The keyboard's layout: for each keycode from the lowest on, the keysym of its first level.
+/// The keyboard's layout: for each keycode from the lowest on, the keysym of its first level, or `KP_0` to `KP_9`, which are at the
+/// second one: the first level of the digits of the keypad is that without Num Lock.
 pub(super) fn layout(connection: &RustConnection) -> Result<Vec<u32>, ScreenError> {
     let (least, most) = (connection.setup().min_keycode, connection.setup().max_keycode);
     let mapping = connection.get_keyboard_mapping(least, most - least + 1)?.reply()?;
     let each = usize::from(mapping.keysyms_per_keycode.max(1));
-    Ok(mapping.keysyms.chunks(each).map(|levels| levels.first().copied().unwrap_or(0)).collect())
+    Ok(mapping.keysyms.chunks(each).map(symbol).collect())
+}
+
+/// What a key with these levels is named by.
+fn symbol(levels: &[u32]) -> u32 {
+    let digit = levels.iter().find(|symbol| KEYPAD.contains(symbol));
+    digit.or(levels.first()).copied().unwrap_or(0)
 }
 
 impl Drop for Hands {

@@ -23,6 +23,9 @@ pub use eye::{Eye, Shown};
 pub use hands::Hands;
 pub use pane::{Keyboard, Pane};
 
+/// The extension by which Xwayland, since its version 23.1, can be told.
+const XWAYLAND: &str = "XWAYLAND";
+
 x11rb::atom_manager! {
     /// Names of properties.
     pub(super) Atoms: AtomsCookie {
@@ -110,6 +113,15 @@ impl Display {
             .ok_or(ScreenError::Lacks("pixels of 24 bits"))?;
         let atoms = Atoms::new(&connection)?.reply()?;
         Ok(Self(Arc::new(Server { name: name.map(str::to_owned), connection, root, layout, atoms })))
+    }
+
+    /// Fails on a display that is a part of a Wayland session: other programs are neither seen nor noticed there.
+    fn refuse_wayland(&self) -> Result<(), ScreenError> {
+        // Asked once for each connection.
+        match self.0.connection.extension_information(XWAYLAND)? {
+            Some(_) => Err(ScreenError::Wayland),
+            None => Ok(()),
+        }
     }
 
     /// The windows of programs, from the lowest to the uppermost.
