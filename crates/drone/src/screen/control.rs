@@ -16,6 +16,19 @@ const SILENCE: Duration = Duration::from_secs(2);
 /// Shortest take-off and landing: the flight loop is told of them.
 const SHORTEST: Duration = Duration::from_millis(300);
 
+/// What the operator is told when keys of a take-off or a landing could not be pressed.
+const NOT_TAKEN_OFF: &str = "not taken off: the keys could not be pressed";
+const NOT_LANDED: &str = "not landed: the keys could not be pressed; the craft stays in the game where it is";
+
+/// A part without which there is no flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    /// The keyboard.
+    Keys,
+    /// The capture of the window.
+    Picture,
+}
+
 /// Why no key is pressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bar {
@@ -39,9 +52,15 @@ enum Phase {
 struct Running {
     steps: Vec<Step>,
     begun: Time,
+    /// A key of them could not be pressed.
+    missed: bool,
 }
 
 impl Running {
+    fn new(steps: Vec<Step>, begun: Time) -> Self {
+        Self { steps, begun, missed: false }
+    }
+
     fn ends(&self) -> Time {
         self.begun + duration_from_secs(self.steps.iter().map(|step| step.for_s).sum()).max(SHORTEST)
     }
@@ -52,6 +71,15 @@ impl Running {
         self.steps.iter().find(|step| {
             end += duration_from_secs(step.for_s);
             now < end
+        })
+    }
+
+    /// Whether a key is still to be held, or is held now.
+    fn awaits_key(&self, now: Time) -> bool {
+        let mut end = self.begun;
+        self.steps.iter().any(|step| {
+            end += duration_from_secs(step.for_s);
+            now < end && step.hold.is_some()
         })
     }
 }
@@ -68,8 +96,10 @@ pub(super) struct Control {
     heard: Time,
     /// Somebody has taken the focus.
     taken: bool,
-    /// The keyboard or the display cannot be used.
-    broken: bool,
+    /// What cannot be used.
+    broken: Vec<Part>,
+    /// What the operator is to be told.
+    complaint: Option<&'static str>,
     bars: Vec<Bar>,
     /// What the keys are pressed for.
     done: Setpoint,
@@ -88,7 +118,8 @@ impl Control {
             valid_until: now,
             heard: now,
             taken: false,
-            broken: false,
+            broken: Vec::new(),
+            complaint: None,
             bars: Vec::new(),
             done: Setpoint::HOLD,
             events: VecDeque::new(),
@@ -117,7 +148,7 @@ impl Control {
     fn handle(&mut self, now: Time, command: Command, valid_until: Time) {
         match command {
             Command::TakeOff if matches!(self.phase, Phase::OnGround) => {
-                self.phase = Phase::TakingOff(Running { steps: self.take_off.clone(), begun: now });
+                self.phase = Phase::TakingOff(Running::new(self.take_off.clone(), now));
             }
             Command::Setpoint(setpoint) => {
                 // A landing is taken over by a motion; the holds that come with it do not end it.
@@ -135,9 +166,52 @@ impl Control {
 
     fn land(&mut self, now: Time) {
         self.setpoint = Setpoint::HOLD;
-        // With keys that cannot be pressed nothing lands: the craft stays in the game where it is.
-        let steps = if self.may_press() { self.landing.clone() } else { Vec::new() };
-        self.phase = Phase::Landing(Running { steps, begun: now });
+        self.phase = Phase::Landing(Running::new(self.landing.clone(), now));
+        self.miss(now);
+    }
+
+    /// Draws the consequence of keys that cannot be pressed: without them nothing takes off, and nothing lands.
+    fn miss(&mut self, now: Time) {
+        if self.can_press_steps(now) {
+            return;
+        }
+        let may_press = self.may_press();
+        match &mut self.phase {
+            Phase::TakingOff(running) if running.awaits_key(now) => self.break_off(),
+            Phase::Landing(running) if running.awaits_key(now) => {
+                running.missed = true;
+                if !may_press {
+                    // It is not waited for: the craft stays in the game where it is.
+                    (running.steps, running.begun) = (Vec::new(), now);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn break_off(&mut self) {
+        self.phase = Phase::OnGround;
+        self.complaint = Some(NOT_TAKEN_OFF);
+    }
+
+    /// Whether the keys of a take-off or of a landing can be pressed.
+    fn can_press_steps(&self, now: Time) -> bool {
+        // The landing goes on when the flight loop is gone.
+        let is_heard = now.since(self.heard) < SILENCE || matches!(self.phase, Phase::Landing(_));
+        self.may_press() && is_heard && !self.bars.contains(&Bar::Hidden)
+    }
+
+    /// Whether a motion may be pressed.
+    fn can_press_motion(&self, now: Time) -> bool {
+        self.may_press() && self.bars.is_empty() && now < self.valid_until && matches!(self.phase, Phase::Flying)
+    }
+
+    /// Whether what [`poll`](Self::poll) wanted may still be pressed.
+    pub(super) fn still(&self, now: Time) -> bool {
+        match self.phase {
+            Phase::TakingOff(_) | Phase::Landing(_) => self.can_press_steps(now),
+            _ => self.can_press_motion(now),
+        }
     }
 
     /// Ends the flight without the flight loop. The landing's keys are still pressed.
@@ -154,22 +228,30 @@ impl Control {
     }
 
     fn may_press(&self) -> bool {
-        !self.taken && !self.broken
+        !self.taken && self.broken.is_empty()
     }
 
-    /// The window has lost the focus: somebody has taken over.
-    pub(super) fn lose_focus(&mut self, now: Time) {
+    /// The window has lost the focus: somebody has taken over. Whether that is news.
+    pub(super) fn lose_focus(&mut self, now: Time) -> bool {
         if self.taken || self.is_over() {
-            return;
+            return false;
         }
         self.taken = true;
         self.setpoint = Setpoint::HOLD;
         match self.phase {
-            Phase::TakingOff(_) => self.phase = Phase::Flying,
-            Phase::Landing(_) => self.phase = Phase::Landing(Running { steps: Vec::new(), begun: now }),
-            _ => {}
+            // Whether the craft has left the ground is not known.
+            Phase::TakingOff(_) => self.break_off(),
+            _ => self.miss(now),
         }
         self.events.push_back((now, DroneEvent::TakenOver));
+        true
+    }
+
+    /// The operator has resumed, but the window did not get the focus: it is still taken.
+    pub(super) fn refuse_resume(&mut self, now: Time) {
+        if self.taken {
+            self.events.push_back((now, DroneEvent::TakenOver));
+        }
     }
 
     /// The window has the focus again, and the operator resumes.
@@ -181,12 +263,26 @@ impl Control {
         self.taken
     }
 
-    /// Whether keyboard and display can be used.
-    pub(super) fn set_broken(&mut self, now: Time, broken: bool) {
-        if broken != self.broken {
-            self.broken = broken;
+    /// Notes that a part cannot be used, or can again. Whether that is news.
+    pub(super) fn set_broken(&mut self, now: Time, part: Part, broken: bool) -> bool {
+        if broken == self.broken.contains(&part) {
+            return false;
+        }
+        let was_whole = self.broken.is_empty();
+        self.broken.retain(|other| *other != part);
+        if broken {
+            self.broken.push(part);
+        }
+        if was_whole != self.broken.is_empty() {
             self.events.push_back((now, if broken { DroneEvent::LinkLost } else { DroneEvent::LinkRestored }));
         }
+        self.miss(now);
+        true
+    }
+
+    /// What the operator is to be told, once.
+    pub(super) fn take_complaint(&mut self) -> Option<&'static str> {
+        self.complaint.take()
     }
 
     /// Notes a reason not to press keys, or that it has passed.
@@ -203,20 +299,19 @@ impl Control {
 
     /// What is to be pressed now.
     pub(super) fn poll(&mut self, now: Time) -> Wanted {
+        self.miss(now);
         match &self.phase {
             Phase::TakingOff(running) if now >= running.ends() => self.phase = Phase::Flying,
-            Phase::Landing(running) if now >= running.ends() => self.phase = Phase::OnGround,
+            Phase::Landing(running) if now >= running.ends() => {
+                self.complaint = running.missed.then_some(NOT_LANDED);
+                self.phase = Phase::OnGround;
+            }
             _ => {}
         }
-        let is_fresh = now < self.valid_until;
-        let may_move = self.may_press() && self.bars.is_empty() && is_fresh && matches!(self.phase, Phase::Flying);
-        let setpoint = if may_move { self.setpoint } else { Setpoint::HOLD };
+        let setpoint = if self.can_press_motion(now) { self.setpoint } else { Setpoint::HOLD };
         self.done = self.motion.set(now, setpoint);
         let (Phase::TakingOff(running) | Phase::Landing(running)) = &self.phase else { return self.motion.poll(now) };
-        // The landing goes on when the flight loop is gone.
-        let is_heard = now.since(self.heard) < SILENCE || matches!(self.phase, Phase::Landing(_));
-        let hidden = self.bars.contains(&Bar::Hidden);
-        let step = running.step(now).filter(|_| self.may_press() && is_heard && !hidden);
+        let step = running.step(now).filter(|_| self.can_press_steps(now));
         Wanted { keys: step.and_then(|step| step.hold).into_iter().collect(), mouse: 0 }
     }
 
@@ -227,136 +322,4 @@ impl Control {
 }
 
 #[cfg(test)]
-mod tests {
-    use proptest::prelude::*;
-    use spf_screen::profile::Key;
-
-    use super::*;
-
-    fn ms(ms: u64) -> Time {
-        Time::from_millis(ms)
-    }
-
-    fn key(name: &str) -> Key {
-        Key::named(name).unwrap()
-    }
-
-    fn flying() -> Control {
-        let mut control = Control::new(ms(0), &Profile::shipped("spf-window").unwrap());
-        control.handle(ms(0), Command::TakeOff, Time::MAX);
-        // `t` for 0.3 s, then 5 s of waiting.
-        assert_eq!((control.poll(ms(100)).keys, control.phase()), (vec![key("t")], FlightPhase::TakingOff));
-        control.heartbeat(ms(400));
-        assert_eq!(control.poll(ms(400)).keys, []);
-        control.poll(ms(5300));
-        assert_eq!(control.phase(), FlightPhase::Flying);
-        control
-    }
-
-    fn ahead(control: &mut Control, now: u64) {
-        let setpoint = Setpoint { forward: 4.0, ..Setpoint::HOLD };
-        control.heartbeat(ms(now));
-        control.handle(ms(now), Command::Setpoint(setpoint), ms(now + 500));
-    }
-
-    #[test]
-    fn a_setpoint_is_pressed_as_long_as_it_is_valid() {
-        let mut control = flying();
-        ahead(&mut control, 6000);
-        assert_eq!(control.poll(ms(6001)).keys, [key("w")]);
-        assert_eq!(control.poll(ms(6499)).keys, [key("w")]);
-        assert_eq!((control.poll(ms(6500)).keys, control.done()), (vec![], Setpoint::HOLD));
-    }
-
-    #[test]
-    fn without_focus_nothing_is_pressed_until_the_operator_resumes() {
-        let mut control = flying();
-        ahead(&mut control, 6000);
-        control.lose_focus(ms(6050));
-        assert_eq!(control.take_event(), Some((ms(6050), DroneEvent::TakenOver)));
-        ahead(&mut control, 6100);
-        assert_eq!(control.poll(ms(6101)).keys, []);
-        control.lose_focus(ms(6150));
-        assert_eq!(control.take_event(), None);
-        control.take_back();
-        ahead(&mut control, 6200);
-        assert_eq!(control.poll(ms(6201)).keys, [key("w")]);
-    }
-
-    #[test]
-    fn a_hidden_window_and_a_frozen_picture_bar_every_motion() {
-        let mut control = flying();
-        for bar in [Bar::Hidden, Bar::Frozen] {
-            ahead(&mut control, 6000);
-            control.bar(bar, true);
-            control.bar(bar, true);
-            assert_eq!((control.poll(ms(6001)).keys, control.done()), (vec![], Setpoint::HOLD));
-            control.bar(bar, false);
-            assert_eq!(control.poll(ms(6002)).keys, [key("w")]);
-        }
-    }
-
-    #[test]
-    fn a_landing_goes_on_without_the_flight_loop_and_a_motion_takes_it_over() {
-        let mut control = flying();
-        control.handle(ms(6000), Command::Land, Time::MAX);
-        control.handle(ms(6100), Command::Land, Time::MAX);
-        control.handle(ms(6100), Command::Setpoint(Setpoint::HOLD), ms(6600));
-        assert_eq!((control.poll(ms(6250)).keys, control.phase()), (vec![key("l")], FlightPhase::Landing));
-        ahead(&mut control, 6300);
-        control.poll(ms(6310));
-        assert_eq!(control.phase(), FlightPhase::Flying);
-        control.leave(ms(7000));
-        assert_eq!(control.poll(ms(7100)).keys, [key("l")]);
-        control.poll(ms(12_400));
-        assert!(control.is_over());
-        // A take-off that nobody attends presses nothing.
-        control.handle(ms(13_000), Command::TakeOff, Time::MAX);
-        assert_eq!(control.poll(ms(13_010)).keys, []);
-    }
-
-    #[test]
-    fn with_a_broken_keyboard_it_ends_where_it_is() {
-        let mut control = flying();
-        control.set_broken(ms(6000), true);
-        control.set_broken(ms(6001), true);
-        assert_eq!((control.take_event(), control.take_event()), (Some((ms(6000), DroneEvent::LinkLost)), None));
-        control.handle(ms(6100), Command::Land, Time::MAX);
-        assert_eq!(control.poll(ms(6110)).keys, []);
-        control.poll(ms(6400));
-        assert!(control.is_over());
-    }
-
-    proptest! {
-        /// Whatever happens in whatever order, nothing is pressed on the ground, without focus, or after the last setpoint ended.
-        #[test]
-        fn keys_need_a_reason(steps in proptest::collection::vec((0_u64..700, 0..9_u8), 1..120)) {
-            let mut control = Control::new(ms(0), &Profile::shipped("spf-window").unwrap());
-            let (mut now, mut valid) = (0, 0);
-            for (passed, what) in steps {
-                now += passed;
-                control.heartbeat(ms(now));
-                match what {
-                    0 => control.handle(ms(now), Command::TakeOff, Time::MAX),
-                    1 => control.handle(ms(now), Command::Land, Time::MAX),
-                    2 => control.lose_focus(ms(now)),
-                    3 => control.take_back(),
-                    4 => control.set_broken(ms(now), passed % 2 == 0),
-                    5 => control.bar(Bar::Hidden, passed % 2 == 0),
-                    6 => control.bar(Bar::Frozen, passed % 2 == 0),
-                    7 if passed > 600 => control.handle(ms(now), Command::EmergencyStop, Time::MAX),
-                    _ => {
-                        ahead(&mut control, now);
-                        valid = now + 500;
-                    }
-                }
-                let keys = control.poll(ms(now)).keys;
-                let in_sequence = matches!(control.phase, Phase::TakingOff(_) | Phase::Landing(_));
-                let may = control.may_press() && !control.bars.contains(&Bar::Hidden);
-                if control.is_over() || !may || (!in_sequence && (now >= valid || !control.bars.is_empty())) {
-                    prop_assert_eq!(keys, []);
-                }
-            }
-        }
-    }
-}
+mod tests;

@@ -15,6 +15,7 @@ use spf_core::time::{Duration, Time};
 use spf_screen::profile::{Axis, Profile};
 use spf_screen::{Display, Eye, Hands, Hidden, ScreenError};
 
+use super::control::Part;
 use super::pressing::press;
 use super::settings::ScreenSettings;
 use super::shared::Shared;
@@ -58,7 +59,8 @@ pub(super) fn craft_of(profile: &Profile) -> Craft {
     }
 }
 
-/// Nothing is measured but the heading: velocities are those of the keys.
+/// Nothing is measured but the heading: velocities and the height are those of the keys. The reckoned height is reported, since the
+/// take-off raises the craft by keys whose velocity is not known; so the envelope does not widen its margins for it.
 fn senses(profile: &Profile) -> TelemetryAccuracy {
     let cruise = profile.craft.cruise * profile.controls.forward.rate(1.0);
     TelemetryAccuracy { velocity_noise: 0.1 * cruise, heading_noise: 0.5_f64.to_radians(), ..TelemetryAccuracy::EXACT }
@@ -94,18 +96,18 @@ impl ScreenCraft {
             threads: Vec::new(),
         };
         let (one, two) = (shared.clone(), shared);
-        craft.spawn("keys", move || press(hands, &one))?;
+        craft.spawn("keys", Part::Keys, move || press(hands, &one))?;
         let watcher = Watcher::new(now, eye, profile, size, frames);
-        craft.spawn("picture", move || watcher.run(&two))?;
+        craft.spawn("picture", Part::Picture, move || watcher.run(&two))?;
         Ok(craft)
     }
 
-    fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
+    fn spawn(&mut self, name: &str, part: Part, work: impl FnOnce() + Send + 'static) -> Result<(), ConnectError> {
         let shared = self.shared.clone();
         let guarded = move || {
             // A panic has released the keys while it unwound, and its message was printed.
             if std::panic::catch_unwind(AssertUnwindSafe(work)).is_err() {
-                shared.control().set_broken(shared.now(), true);
+                shared.control().set_broken(shared.now(), part, true);
             }
         };
         self.threads.push(Builder::new().name(format!("screen {name}")).spawn(guarded).map_err(ConnectError::Start)?);

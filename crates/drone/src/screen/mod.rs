@@ -6,7 +6,7 @@
 //!
 //! Keys are pressed only while the window has the focus; a focus that somebody takes is somebody who takes over. They are
 //! released when the window cannot be seen, when the picture does not answer to the keys, and however the program ends but by
-//! SIGKILL.
+//! SIGKILL, an abort, and a third Ctrl-C.
 
 mod control;
 mod craft;

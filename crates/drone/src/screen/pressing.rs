@@ -9,11 +9,12 @@ use spf_core::time::Duration;
 use spf_screen::profile::Key;
 use spf_screen::{Hands, ScreenError};
 
+use super::control::Part;
 use super::shared::{Done, Shared};
 
 /// How often keys are pressed and released.
 const TICK: Duration = Duration::from_millis(4);
-/// How often the focus is looked at while no key is pressed.
+/// How often the focus is looked at while no key is down; while one is, it is looked at each time.
 const FOCUS_PERIOD: Duration = Duration::from_millis(50);
 /// How often a keyboard without a key is looked at.
 const RETRY: Duration = Duration::from_millis(500);
@@ -23,15 +24,19 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
     let mut looked = Instant::now();
     let mut last = (FlightPhase::OnGround, Setpoint::HOLD);
     while !shared.stopped.load(Ordering::Relaxed) {
-        if shared.resumes.swap(false, Ordering::Relaxed) && matches!(hands.activate(), Ok(true)) {
-            shared.control().take_back();
+        if shared.resumes.swap(false, Ordering::Relaxed) {
+            resume(&mut hands, shared);
         }
         let now = shared.now();
         let mut control = shared.control();
         let wanted = control.poll(now);
         let state = (control.phase(), control.done());
-        let is_taken = control.is_taken();
+        let is_watched = !control.is_taken() && !control.is_over();
+        let complaint = control.take_complaint();
         drop(control);
+        if let Some(complaint) = complaint {
+            tracing::warn!("{complaint}");
+        }
         if state.1 != last.1 {
             shared.did(now, Done::Motion(state.1));
         }
@@ -41,10 +46,12 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
         last = state;
         let mut result = release(&mut hands, &wanted.keys);
         for key in &wanted.keys {
-            result = result.and_then(|()| hands.set(*key, true));
+            result = result.and_then(|()| hands.press_if(*key, || shared.control().still(shared.now())));
         }
-        result = result.and_then(|()| hands.turn(wanted.mouse));
-        if looked.elapsed() >= FOCUS_PERIOD && !is_taken && state.0 != FlightPhase::OnGround {
+        if wanted.mouse != 0 && shared.control().still(shared.now()) {
+            result = result.and_then(|()| hands.turn(wanted.mouse));
+        }
+        if is_watched && (hands.holds() || looked.elapsed() >= FOCUS_PERIOD) {
             looked = Instant::now();
             result = result.and_then(|()| if hands.has_focus()? { Ok(()) } else { Err(ScreenError::NoFocus) });
         }
@@ -52,15 +59,15 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
             Ok(()) => {}
             Err(ScreenError::NoFocus) => {
                 hands.release_all();
-                shared.control().lose_focus(shared.now());
-                if !is_taken {
+                if shared.control().lose_focus(shared.now()) {
                     tracing::warn!("the window has lost the focus: keys released; resume gives it back");
                 }
             }
             Err(error) => {
                 hands.release_all();
-                tracing::error!("keys can no longer be pressed: {error}");
-                shared.control().set_broken(shared.now(), true);
+                if shared.control().set_broken(shared.now(), Part::Keys, true) {
+                    tracing::error!("keys can no longer be pressed: {error}");
+                }
                 mend(&mut hands, shared, error);
             }
         }
@@ -68,6 +75,18 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
     }
     drop(hands);
     shared.released.store(true, Ordering::Relaxed);
+}
+
+/// Asks for the focus, as the operator wishes.
+fn resume(hands: &mut Hands, shared: &Shared) {
+    let refused = match hands.activate() {
+        Ok(true) => return shared.control().take_back(),
+        Ok(false) => "the window did not get the focus; resume asks again".to_owned(),
+        Err(error) => format!("the window did not get the focus: {error}"),
+    };
+    tracing::warn!("{refused}");
+    // The pilot holds, so that the operator can resume again.
+    shared.control().refuse_resume(shared.now());
 }
 
 fn release(hands: &mut Hands, wanted: &[Key]) -> Result<(), ScreenError> {
@@ -80,9 +99,15 @@ fn mend(hands: &mut Hands, shared: &Shared, error: ScreenError) {
     let Ok(key) = Key::named(&name) else { return };
     while !shared.stopped.load(Ordering::Relaxed) {
         // The phases go on.
-        shared.control().poll(shared.now());
+        let mut control = shared.control();
+        control.poll(shared.now());
+        let complaint = control.take_complaint();
+        drop(control);
+        if let Some(complaint) = complaint {
+            tracing::warn!("{complaint}");
+        }
         if hands.check([&key]).is_ok() {
-            shared.control().set_broken(shared.now(), false);
+            shared.control().set_broken(shared.now(), Part::Keys, false);
             return;
         }
         std::thread::sleep(RETRY);

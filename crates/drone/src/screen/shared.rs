@@ -108,6 +108,9 @@ impl EmergencyLand for Shared {
         while !self.control().is_over() && begun.elapsed() < self.landing + LEAVING {
             std::thread::sleep(TICK);
         }
+        if !self.control().is_over() {
+            tracing::warn!("not landed: the keys could not be pressed in time");
+        }
         self.stopped.store(true, Ordering::Relaxed);
         let begun = Instant::now();
         while !self.released.load(Ordering::Relaxed) && begun.elapsed() < LEAVING {

@@ -18,7 +18,7 @@ use spf_screen::picture::Pictures;
 use spf_screen::profile::Profile;
 use spf_screen::{Eye, Hidden, ScreenError};
 
-use super::control::Bar;
+use super::control::{Bar, Part};
 use super::motion::deflection;
 use super::reckoning::Reckoning;
 use super::shared::{Done, Shared};
@@ -70,9 +70,12 @@ impl Watcher {
     pub(super) fn run(mut self, shared: &Arc<Shared>) {
         let mut next = Instant::now();
         while !shared.stopped.load(Ordering::Relaxed) {
-            if let Err(error) = self.look(shared) {
-                tracing::error!("the window can no longer be captured: {error}");
-                shared.control().set_broken(shared.now(), true);
+            let looked = self.look(shared);
+            let is_news = shared.control().set_broken(shared.now(), Part::Picture, looked.is_err());
+            if let Err(error) = looked {
+                if is_news {
+                    tracing::error!("the window can no longer be captured: {error}");
+                }
                 std::thread::sleep(Duration::from_millis(500));
             }
             next = (next + PERIOD).max(Instant::now());
