@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use spf_core::command::{Command, Setpoint};
+use spf_core::craft::CraftKind;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::Time;
 use spf_flight::sim::{FlightConditions, SimWorld};
@@ -68,8 +69,11 @@ pub(super) fn window(args: &SimWindow, printer: &Printer) -> Result<Exit, CliErr
     let keyboard = pane.keyboard().map_err(|error| failed(&error))?;
     printer.log(&format!(
         "{title}: {} takes off, {} lands, w s fly forward and back, a d to the sides, r f up and down, q e turn, {} freezes. \
-         Fly it with --drone screen:{PROFILE}. Stop with Ctrl-C.",
-        TAKE_OFF, LAND, FREEZE
+         {} Stop with Ctrl-C.",
+        TAKE_OFF,
+        LAND,
+        FREEZE,
+        advice(kind)
     ));
     let stop = interrupts()?;
     let shared = Shared { start: Instant::now(), stopped: AtomicBool::new(false), frozen: AtomicBool::new(false) };
@@ -83,6 +87,18 @@ pub(super) fn window(args: &SimWindow, printer: &Printer) -> Result<Exit, CliErr
         shown.and(flown).map_err(|error| failed(&error))
     })?;
     Ok(Exit::Success)
+}
+
+/// How this craft is flown through the window.
+fn advice(kind: CraftKind) -> String {
+    match kind {
+        CraftKind::Quad => format!("Fly it with --drone screen:{PROFILE}."),
+        CraftKind::Tello => {
+            format!(
+                "The profile {PROFILE} does not fit this craft: its camera's field of view and its rates differ from the quad's."
+            )
+        }
+    }
 }
 
 struct Shared {
@@ -184,4 +200,16 @@ fn fly(
         std::thread::sleep(TICK);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_craft_of_the_profile_is_recommended_to_be_flown_with_it() {
+        assert!(advice(CraftKind::Quad).contains("--drone screen:spf-window"));
+        let tello = advice(CraftKind::Tello);
+        assert!(tello.contains("does not fit") && !tello.contains("--drone"), "{tello}");
+    }
 }

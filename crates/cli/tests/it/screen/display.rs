@@ -1,9 +1,12 @@
 //! A display with a window manager, and `spf sim window` on it.
 
+use std::fs::File;
 use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
+
+use x11rb::protocol::xproto::ConnectionExt as _;
 
 use crate::harness::{Lab, skip};
 
@@ -94,10 +97,27 @@ impl Screen {
         self.spf(args).output().unwrap()
     }
 
-    /// A window of xev with this title, which takes the focus.
+    /// A window of xev with this title, which takes the focus, and prints the keys that it gets to the file `TITLE.txt` in the lab.
     pub(super) fn xev(&mut self, title: &str, geometry: &str) -> String {
-        self.keep(Command::new("xev").args(["-name", title, "-geometry", geometry]));
+        let said = File::create(self.lab.path(&format!("{title}.txt"))).unwrap();
+        let mut xev = Command::new("stdbuf");
+        xev.args(["-oL", "xev", "-name", title, "-geometry", geometry, "-event", "keyboard"]).env("DISPLAY", &self.name);
+        let child = xev.stdin(Stdio::null()).stdout(said).stderr(Stdio::null()).spawn().unwrap();
+        self.programs.push(Program(child));
         self.window(title)
+    }
+
+    /// How many keys were typed into a window of xev.
+    pub(super) fn typed(&self, title: &str) -> usize {
+        let said = self.lab.read(&format!("{title}.txt"));
+        String::from_utf8_lossy(&said).lines().filter(|line| line.starts_with("KeyPress event")).count()
+    }
+
+    /// The codes of the keys that are down, by the server.
+    pub(super) fn keys_down(&self) -> Vec<usize> {
+        let (connection, _) = x11rb::connect(Some(&self.name)).unwrap();
+        let keys = connection.query_keymap().unwrap().reply().unwrap().keys;
+        (0..8 * keys.len()).filter(|code| keys[code / 8] >> (code % 8) & 1 == 1).collect()
     }
 
     /// The number of the window with a title.

@@ -60,6 +60,7 @@ fn a_signal_and_a_panic_release_the_keys() {
         flight.signal(signal);
         let run = flight.end();
         assert_eq!(run.code, Some(code), "{signal}: {}", run.stderr);
+        assert!(flight.screen.keys_down().is_empty(), "{signal}: {:?}", flight.screen.keys_down());
         flight.game.rests();
         // It has landed: the profile's key was pressed at the end.
         wait("the ground", || flight.game.truth().last().unwrap()[3] < 0.5);
@@ -70,14 +71,23 @@ fn a_signal_and_a_panic_release_the_keys() {
 #[ignore = "flies in real time: .ci/interop runs it"]
 fn a_stolen_focus_stops_the_craft_and_nothing_is_typed_elsewhere() {
     let Some(mut flight) = Flight::begin(&[]) else { return };
+    // Keys of the flight do go down.
+    wait("a key", || !flight.screen.keys_down().is_empty());
     flight.screen.xev("Chat", "300x100+700+600");
     flight.game.rests();
+    assert!(flight.screen.keys_down().is_empty());
     let at = *flight.game.truth().last().unwrap();
     std::thread::sleep(Duration::from_secs(3));
     assert!(flight.game.moved_lately(3.0) < 0.2, "{at:?} {:?}", flight.game.truth().last());
     flight.signal("TERM");
     let run = flight.end();
     assert!(run.code == Some(5) && run.stderr.contains("lost the focus"), "{:?} {}", run.code, run.stderr);
+    // The landing's key was not pressed either, which is said, and nothing was typed elsewhere.
+    assert!(run.stderr.contains("not landed: the keys could not be pressed"), "{}", run.stderr);
+    assert!(flight.screen.keys_down().is_empty() && flight.screen.typed("Chat") == 0, "{}", flight.screen.typed("Chat"));
+    // The witness would have seen it.
+    flight.screen.run("xdotool", &["key", "x"]);
+    wait("the witness", || flight.screen.typed("Chat") == 1);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Luanti, a game that nobody here wrote, flown through its window.
+//! Luanti, a game of another project, flown through its window.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,5 +1,7 @@
 //! `spf screen list` and `preview`, and what is refused.
 
+use std::time::{Duration, Instant};
+
 use super::display::Screen;
 use crate::harness::{Lab, Run};
 
@@ -7,8 +9,15 @@ use crate::harness::{Lab, Run};
 fn windows_and_monitors_are_listed_and_captured() {
     let Some(mut screen) = Screen::start(&[]) else { return };
     screen.xev("A plain game 1.0", "300x200+50+50");
-    let listed = Run::of(&screen.output(&["screen", "list"]));
-    assert_eq!(listed.code, Some(0), "{}", listed.stderr);
+    // The window manager gives the focus a while after the window is shown.
+    let begun = Instant::now();
+    let listed = loop {
+        let listed = Run::of(&screen.output(&["screen", "list"]));
+        assert_eq!(listed.code, Some(0), "{}", listed.stderr);
+        if listed.stdout.contains("has the focus") || begun.elapsed() > Duration::from_secs(20) {
+            break listed;
+        }
+    };
     for words in ["luanti", "Minetest", "1100×800 at 0,0", "A plain game 1.0", "300×200 at ", "has the focus"] {
         assert!(listed.stdout.contains(words), "{words}: {}", listed.stdout);
     }
