@@ -71,7 +71,7 @@ impl ScreenCraft {
     /// take-off.
     ///
     /// # Errors
-    /// [`ConnectError`].
+    /// Why there is no such window, or why it cannot be seen or flown.
     pub fn connect(name: &str, profile: &Profile, settings: &ScreenSettings, start: Instant) -> Result<Self, ConnectError> {
         let display = Display::open(settings.display.as_deref())?;
         let mut hands = Hands::open(&display, &profile.window.title)?;
