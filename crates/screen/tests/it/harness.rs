@@ -1,7 +1,7 @@
 //! A display of its own for each test, and windows on it.
 
-use std::io::{BufRead as _, BufReader, Read as _};
-use std::process::{Child, Command, Stdio};
+use std::io::Read as _;
+use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
 use spf_media::Rgb;
@@ -11,71 +11,25 @@ use x11rb::protocol::xproto::{ConnectionExt as _, CreateGCAux, CreateWindowAux, 
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-/// Limit that detects hangs only.
-pub(crate) const PATIENCE: Duration = Duration::from_secs(20);
+use crate::server::Server;
+pub(crate) use crate::server::{PATIENCE, Program, wait};
 
-/// A program that is ended with the test.
-pub(crate) struct Program(pub(crate) Child);
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        self.0.kill().ok();
-        self.0.wait().ok();
-    }
-}
-
-/// An X server without a screen.
-pub(crate) struct Screen {
-    pub(crate) name: String,
-    programs: Vec<Program>,
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        // The server last.
-        while self.programs.len() > 1 {
-            self.programs.pop();
-        }
-    }
-}
+/// A display, and the programs on it.
+pub(crate) struct Screen(Server);
 
 impl Screen {
     /// `None` if a program is missing, which with `CI=true` is a failure.
     pub(crate) fn start(size: &str) -> Option<Self> {
-        let needed = ["Xvfb", "openbox", "xdotool", "xev", "setxkbmap", "xrandr"];
-        let is_there =
-            |name: &str| Command::new("sh").args(["-c", &format!("command -v {name}")]).output().unwrap().status.success();
-        let missing: Vec<&str> = needed.into_iter().filter(|name| !is_there(name)).collect();
-        assert!(missing.is_empty() || std::env::var("CI").as_deref() != Ok("true"), "{missing:?} are missing");
-        if !missing.is_empty() {
-            eprintln!("NOT CHECKED: {missing:?} are missing (Debian's xvfb, openbox, xdotool, x11-utils, x11-xserver-utils)");
+        if let Some(missing) = Server::missing(&[]) {
+            assert!(std::env::var("CI").as_deref() != Ok("true"), "{missing} is missing");
+            eprintln!("NOT CHECKED: {missing} is missing");
             return None;
         }
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-noreset", "-nolisten", "tcp", "-screen", "0", size])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        let name = format!(":{}", number.trim());
-        let mut screen = Self { name, programs: vec![Program(server)] };
-        // Windows that are opened before it is ready are not managed.
-        let ready = tempfile::tempdir().unwrap();
-        let mark = ready.path().join("ready");
-        let args = ["--sm-disable", "--startup", &format!("touch {}", mark.display())];
-        let openbox = screen.command("openbox", &args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        screen.programs.push(Program(openbox));
-        wait("openbox", || mark.exists());
-        Some(screen)
+        Some(Self(Server::start(size)))
     }
 
     pub(crate) fn command(&self, program: &str, args: &[&str]) -> Command {
-        let mut command = Command::new(program);
-        command.args(args).env("DISPLAY", &self.name).env("XDG_CONFIG_HOME", "/nonexistent").stdin(Stdio::null());
-        command
+        self.0.command(program, args)
     }
 
     /// Runs a program; what it printed if it succeeded.
@@ -85,15 +39,7 @@ impl Screen {
     }
 
     pub(crate) fn display(&self) -> Display {
-        Display::open(Some(&self.name)).unwrap()
-    }
-}
-
-pub(crate) fn wait(what: &str, mut until: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !until() {
-        assert!(begun.elapsed() < PATIENCE, "{what}");
-        std::thread::sleep(Duration::from_millis(10));
+        Display::open(Some(&self.0.name)).unwrap()
     }
 }
 
@@ -105,7 +51,7 @@ pub(crate) struct Shop {
 
 impl Shop {
     pub(crate) fn open(screen: &Screen, title: &str, at: (i16, i16), image: &Rgb) -> Self {
-        let (connection, number) = RustConnection::connect(Some(&screen.name)).unwrap();
+        let (connection, number) = RustConnection::connect(Some(&screen.0.name)).unwrap();
         let root = connection.setup().roots[number].clone();
         let (width, height) = (image.width() as u16, image.height() as u16);
         let (window, pixmap, context) =

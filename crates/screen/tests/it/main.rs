@@ -6,3 +6,4 @@
 mod harness;
 mod pressing;
 mod seeing;
+mod server;

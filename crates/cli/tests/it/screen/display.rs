@@ -1,87 +1,34 @@
 //! A display with a window manager, and `spf sim window` on it.
 
 use std::fs::File;
-use std::io::{BufRead as _, BufReader};
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
+use std::process::{Command, Output, Stdio};
 
 use x11rb::protocol::xproto::ConnectionExt as _;
 
+use super::server::Server;
+pub(super) use super::server::{PATIENCE, wait};
 use crate::harness::{Lab, skip};
-
-/// Limit that detects hangs only.
-pub(super) const PATIENCE: Duration = Duration::from_secs(90);
-
-/// A program that is ended with the test.
-pub(super) struct Program(pub(super) Child);
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        self.0.kill().ok();
-        self.0.wait().ok();
-    }
-}
 
 /// A display, and the programs on it.
 pub(super) struct Screen {
+    server: Server,
     pub(super) lab: Lab,
-    name: String,
-    programs: Vec<Program>,
-}
-
-impl Drop for Screen {
-    fn drop(&mut self) {
-        // The server last.
-        while self.programs.pop().is_some() {}
-    }
-}
-
-pub(super) fn wait(what: &str, mut until: impl FnMut() -> bool) {
-    let begun = Instant::now();
-    while !until() {
-        assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
 }
 
 impl Screen {
     /// `None`, with a notice, if a program is missing.
     pub(super) fn start(more: &[&str]) -> Option<Self> {
-        let needed = ["Xvfb", "openbox", "xdotool", "xev", "xrandr", "setxkbmap"];
-        for name in needed.iter().chain(more) {
-            if !Command::new("sh").args(["-c", &format!("command -v {name}")]).output().is_ok_and(|it| it.status.success()) {
-                skip(name);
-                return None;
-            }
+        if let Some(missing) = Server::missing(more) {
+            skip(missing);
+            return None;
         }
-        let mut server = Command::new("Xvfb")
-            .args(["-displayfd", "1", "-noreset", "-nolisten", "tcp", "-screen", "0", "1100x800x24"])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut number = String::new();
-        BufReader::new(server.stdout.take().unwrap()).read_line(&mut number).unwrap();
-        let mut screen = Self { lab: Lab::new(), name: format!(":{}", number.trim()), programs: vec![Program(server)] };
-        // Windows that are opened before it is ready are not managed.
-        let mark = screen.lab.path("ready");
-        screen.keep(Command::new("openbox").args(["--sm-disable", "--startup"]).arg(format!("touch {}", mark.display())));
-        wait("openbox", || mark.exists());
-        Some(screen)
-    }
-
-    /// Starts a program on the display.
-    pub(super) fn keep(&mut self, command: &mut Command) {
-        command.env("DISPLAY", &self.name).env("HOME", self.lab.path(".")).env("XDG_CONFIG_HOME", self.lab.path("."));
-        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        self.programs.push(Program(child));
+        Some(Self { server: Server::start("1100x800x24"), lab: Lab::new() })
     }
 
     /// Runs a program on the display; what it printed.
     pub(super) fn run(&self, program: &str, args: &[&str]) -> String {
-        let output = Command::new(program).args(args).env("DISPLAY", &self.name).output().unwrap();
+        let output = self.server.command(program, args).output().unwrap();
         assert!(output.status.success(), "{program} {args:?}: {}", String::from_utf8_lossy(&output.stderr));
         String::from_utf8(output.stdout).unwrap().trim().to_owned()
     }
@@ -89,7 +36,7 @@ impl Screen {
     /// `spf` on the display.
     pub(super) fn spf(&self, args: &[&str]) -> Command {
         let mut command = self.lab.command(args);
-        command.env("DISPLAY", &self.name);
+        command.env("DISPLAY", &self.server.name);
         command
     }
 
@@ -100,10 +47,9 @@ impl Screen {
     /// A window of xev with this title, which takes the focus, and prints the keys that it gets to the file `TITLE.txt` in the lab.
     pub(super) fn xev(&mut self, title: &str, geometry: &str) -> String {
         let said = File::create(self.lab.path(&format!("{title}.txt"))).unwrap();
-        let mut xev = Command::new("stdbuf");
-        xev.args(["-oL", "xev", "-name", title, "-geometry", geometry, "-event", "keyboard"]).env("DISPLAY", &self.name);
-        let child = xev.stdin(Stdio::null()).stdout(said).stderr(Stdio::null()).spawn().unwrap();
-        self.programs.push(Program(child));
+        let args = ["-oL", "xev", "-name", title, "-geometry", geometry, "-event", "keyboard"];
+        let child = self.server.command("stdbuf", &args).stdout(said).stderr(Stdio::null()).spawn().unwrap();
+        self.server.keep(child);
         self.window(title)
     }
 
@@ -115,7 +61,7 @@ impl Screen {
 
     /// The codes of the keys that are down, by the server.
     pub(super) fn keys_down(&self) -> Vec<usize> {
-        let (connection, _) = x11rb::connect(Some(&self.name)).unwrap();
+        let (connection, _) = x11rb::connect(Some(&self.server.name)).unwrap();
         let keys = connection.query_keymap().unwrap().reply().unwrap().keys;
         (0..8 * keys.len()).filter(|code| keys[code / 8] >> (code % 8) & 1 == 1).collect()
     }
@@ -123,8 +69,7 @@ impl Screen {
     /// The number of the window with a title.
     pub(super) fn window(&self, title: &str) -> String {
         let found = || {
-            let output =
-                Command::new("xdotool").args(["search", "--onlyvisible", "--name", title]).env("DISPLAY", &self.name).output();
+            let output = self.server.command("xdotool", &["search", "--onlyvisible", "--name", title]).output();
             String::from_utf8(output.unwrap().stdout).unwrap().lines().next().map(str::to_owned)
         };
         wait(title, || found().is_some());
@@ -136,7 +81,7 @@ impl Screen {
         let truth = self.lab.path("truth.tsv");
         let args = ["sim", "window", "city", "--size", "480x360", "--fps", "15", "--truth", "truth.tsv"];
         let child = self.spf(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
-        self.programs.push(Program(child));
+        self.server.keep(child);
         let window = self.window("spf sim window");
         Game { window, truth }
     }

@@ -3,4 +3,6 @@
 mod display;
 mod faults;
 mod luanti;
+#[path = "../../../../screen/tests/it/server.rs"]
+mod server;
 mod windows;
