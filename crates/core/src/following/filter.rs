@@ -5,8 +5,10 @@ use crate::time::Time;
 
 use super::Direction;
 
-/// East, north, up of the target, metres; its velocity east and north, m/s; the logarithm of its size in the image at 1 m.
-const STATES: usize = 6;
+/// East and north of the target, metres; its velocity east and north, m/s; the logarithm of its size in the image at 1 m.
+const STATES: usize = 5;
+/// Index of the latter.
+const LN_SIZE: usize = 4;
 /// Spectral density of the target's acceleration, m²/s³: a walker that turns and stops.
 const ACCELERATION: f64 = 0.6;
 /// Random walk of the target's size (a person who turns), 1/s.
@@ -18,7 +20,7 @@ const BEARING_SD: f64 = 0.02;
 const SCALE_SD: f64 = 0.02;
 /// Fraction of the difference by which an elevation moves the target's height. It does not move the range: a range from the
 /// elevation would be that of a box whose middle stays at one height above the ground, which it does not where an edge of the image
-/// cuts the box off, and the craft's pitch is known badly while it accelerates.
+/// cuts the box off.
 const HEIGHT_GAIN: f64 = 0.3;
 /// Standard deviations of a reply's target at first: logarithm of the range, and speed, m/s.
 const FIRST_RANGE_SD: f64 = 0.3;
@@ -32,13 +34,15 @@ pub(super) struct Filter {
     at: Time,
     x: [f64; STATES],
     p: [[f64; STATES]; STATES],
+    /// Height of the target, metres.
+    up: f64,
 }
 
 impl Filter {
     /// A target in this direction from `eye`, `range` metres away, that may walk anywhere.
     pub(super) fn new(at: Time, eye: EnuPosition, direction: Direction, range: f64) -> Self {
         let place = direction.place(eye, range);
-        let mut x = [place.east, place.north, place.up, 0.0, 0.0, 0.0];
+        let x = [place.east, place.north, 0.0, 0.0, libm::log(range.max(NEAREST))];
         let mut p = [[0.0; STATES]; STATES];
         // Along the line of sight, and across it.
         let along = direction.unit();
@@ -49,10 +53,9 @@ impl Filter {
             }
             p[row][row] += across_var;
         }
-        p[3][3] = square(FIRST_SPEED_SD);
-        p[4][4] = p[3][3];
-        x[5] = libm::log(range.max(NEAREST));
-        let mut filter = Self { at, x, p };
+        p[2][2] = square(FIRST_SPEED_SD);
+        p[3][3] = p[2][2];
+        let mut filter = Self { at, x, p, up: place.up };
         filter.begin_size(eye, 1.0);
         filter
     }
@@ -65,12 +68,12 @@ impl Filter {
     /// The target's position at `time`, if it walks on; where it was last seen if not.
     pub(super) fn position(&self, time: Time, walks_on: bool) -> EnuPosition {
         let t = if walks_on { time.since(self.at).as_secs_f64() } else { 0.0 };
-        EnuPosition { east: self.x[0] + self.x[3] * t, north: self.x[1] + self.x[4] * t, up: self.x[2] }
+        EnuPosition { east: self.x[0] + self.x[2] * t, north: self.x[1] + self.x[3] * t, up: self.up }
     }
 
     /// The target's velocity.
     pub(super) fn velocity(&self) -> EnuVelocity {
-        EnuVelocity { east: self.x[3], north: self.x[4], up: 0.0 }
+        EnuVelocity { east: self.x[2], north: self.x[3], up: 0.0 }
     }
 
     /// Logarithm of the range from `eye`, and its variance.
@@ -93,7 +96,7 @@ impl Filter {
             return;
         }
         self.at = to;
-        for (place, speed) in [(0, 3), (1, 4)] {
+        for (place, speed) in [(0, 2), (1, 3)] {
             self.x[place] += self.x[speed] * t;
             // P = F P Fᵀ, one position at a time.
             for column in 0..STATES {
@@ -107,7 +110,7 @@ impl Filter {
             self.p[speed][place] += ACCELERATION * t * t / 2.0;
             self.p[speed][speed] += ACCELERATION * t;
         }
-        self.p[5][5] += SIZE * t;
+        self.p[LN_SIZE][LN_SIZE] += SIZE * t;
     }
 
     /// Takes a track's box at the time of the state.
@@ -115,8 +118,8 @@ impl Filter {
         self.look(eye, direction);
         let Sight { range, .. } = self.sight(eye);
         let mut h = self.range_row(eye).map(|x| -x);
-        h[5] = 1.0;
-        self.correct(&h, libm::log(scale) - (self.x[5] - libm::log(range)), square(SCALE_SD));
+        h[LN_SIZE] = 1.0;
+        self.correct(&h, libm::log(scale) - (self.x[LN_SIZE] - libm::log(range)), square(SCALE_SD));
         self.bound();
     }
 
@@ -128,7 +131,7 @@ impl Filter {
         (h[0], h[1]) = (north / square(level), -east / square(level));
         self.correct(&h, wrap_angle(direction.bearing - expected.bearing), square(BEARING_SD));
         let Sight { level, .. } = self.sight(eye);
-        self.x[2] += HEIGHT_GAIN * (eye.up + level * libm::tan(direction.elevation) - self.x[2]);
+        self.up += HEIGHT_GAIN * (eye.up + level * libm::tan(direction.elevation) - self.up);
         self.bound();
     }
 
@@ -143,26 +146,26 @@ impl Filter {
     pub(super) fn begin_size(&mut self, eye: EnuPosition, scale: f64) {
         let h = self.range_row(eye);
         let Sight { range, .. } = self.sight(eye);
-        self.x[5] = libm::log(scale) + libm::log(range);
-        let row: [f64; STATES] = core::array::from_fn(|column| (0..5).map(|k| h[k] * self.p[k][column]).sum());
-        for (column, value) in row.iter().enumerate().take(5) {
-            self.p[5][column] = *value;
-            self.p[column][5] = *value;
+        self.x[LN_SIZE] = libm::log(scale) + libm::log(range);
+        let row: [f64; STATES] = core::array::from_fn(|column| (0..LN_SIZE).map(|k| h[k] * self.p[k][column]).sum());
+        for (column, value) in row.iter().enumerate().take(LN_SIZE) {
+            self.p[LN_SIZE][column] = *value;
+            self.p[column][LN_SIZE] = *value;
         }
-        self.p[5][5] = (0..5).map(|k| row[k] * h[k]).sum::<f64>() + square(SCALE_SD);
+        self.p[LN_SIZE][LN_SIZE] = (0..LN_SIZE).map(|k| row[k] * h[k]).sum::<f64>() + square(SCALE_SD);
     }
 
     fn sight(&self, eye: EnuPosition) -> Sight {
-        let (east, north, up) = (self.x[0] - eye.east, self.x[1] - eye.north, self.x[2] - eye.up);
+        let (east, north, up) = (self.x[0] - eye.east, self.x[1] - eye.north, self.up - eye.up);
         let level = libm::hypot(east, north).max(NEAREST);
         Sight { east, north, up, level, range: libm::hypot(level, up) }
     }
 
     /// Derivative of the range's logarithm by the state.
     fn range_row(&self, eye: EnuPosition) -> [f64; STATES] {
-        let Sight { east, north, up, range, .. } = self.sight(eye);
+        let Sight { east, north, range, .. } = self.sight(eye);
         let mut h = [0.0; STATES];
-        (h[0], h[1], h[2]) = (east / square(range), north / square(range), up / square(range));
+        (h[0], h[1]) = (east / square(range), north / square(range));
         h
     }
 
@@ -186,10 +189,10 @@ impl Filter {
     }
 
     fn bound(&mut self) {
-        let speed = libm::hypot(self.x[3], self.x[4]);
+        let speed = libm::hypot(self.x[2], self.x[3]);
         if speed > FASTEST {
+            self.x[2] *= FASTEST / speed;
             self.x[3] *= FASTEST / speed;
-            self.x[4] *= FASTEST / speed;
         }
     }
 }
