@@ -256,29 +256,15 @@ fn no_images(kind: &str) -> String {
     .to_owned()
 }
 
-/// What a number stands for, where cameras send it.
+/// What a number stands for: in RTSP (RFC 2326, section 7.1.1), else as in HTTP; empty if unknown.
 pub(crate) fn reason(code: u16) -> &'static str {
     match code {
-        400 => "Bad Request",
-        401 => "Unauthorized",
-        403 => "Forbidden",
-        404 => "Not Found",
-        405 => "Method Not Allowed",
-        406 => "Not Acceptable",
-        408 => "Request Timeout",
-        415 => "Unsupported Media Type",
-        429 => "Too Many Requests",
         453 => "Not Enough Bandwidth",
         454 => "Session Not Found",
         459 => "Aggregate Operation Not Allowed",
         461 => "Unsupported Transport",
-        500 => "Internal Server Error",
-        501 => "Not Implemented",
-        502 => "Bad Gateway",
-        503 => "Service Unavailable",
-        504 => "Gateway Timeout",
         505 => "Version Not Supported",
-        _ => "",
+        _ => reqwest::StatusCode::from_u16(code).ok().and_then(|code| code.canonical_reason()).unwrap_or_default(),
     }
 }
 
