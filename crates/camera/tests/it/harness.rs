@@ -52,7 +52,10 @@ pub(crate) fn tcp_port() -> u16 {
 
 pub(crate) fn camera(url: &str) -> Camera {
     let settings = CameraSettings { latency: Duration::from_millis(100), ..CameraSettings::default() };
-    Camera::start(url.parse().unwrap(), &settings, Instant::now()).unwrap()
+    // The clock of a program runs before its camera does. No frame is captured before its zero, so that one which came sooner than
+    // the latency after it would count as younger.
+    let begin = Instant::now().checked_sub(Duration::from_secs(1)).unwrap();
+    Camera::start(url.parse().unwrap(), &settings, begin).unwrap()
 }
 
 pub(crate) fn wait(what: &str, camera: &Camera, mut until: impl FnMut() -> bool) {
