@@ -19,6 +19,7 @@ use crate::settings::{DroneName, Settings};
 /// Runs all checks and prints their results with advice.
 pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::of(args, printer)?;
+    let mut simulated = None;
     let mut checks = match settings.fly.drone.or_default()? {
         DroneName::Real(_, target) => {
             settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
@@ -33,14 +34,18 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
             checks
         }
         DroneName::Sim => {
-            let loaded = load_scene(settings.fly.scene.text_or_default(), &SceneLook::default())?;
-            vec![doctor::simulator(&loaded)]
+            simulated = Some(load_scene(settings.fly.scene.text_or_default(), &SceneLook::default())?);
+            Vec::new()
         }
     };
     if let Some(url) = &args.camera.url {
         checks.push(camera::check(url, &args.camera, options(&settings)?.tello)?);
     }
     checks.extend(vlm(&settings)?);
+    // It renders for seconds: what is wrong in the command is said before.
+    if let Some(loaded) = simulated {
+        checks.insert(0, doctor::simulator(&loaded));
+    }
     checks.extend(detector::file(&settings).map(watch));
     checks.extend(doctor::disk(Path::new(".")));
     if printer.is_json() {

@@ -155,7 +155,13 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
     }
     match short.first().map(String::as_str) {
         Some("sim") if short[1] == "scenes" => short.retain(|word| word != "--pictures" && word != "previews"),
-        Some("fly") => short.push("--no-video".to_owned()),
+        Some("fly") => {
+            short.push("--no-video".to_owned());
+            // Each of its frames is rendered.
+            if short.iter().any(|word| word == "--depth-sensor") {
+                short.extend(["--max-time", "15"].map(str::to_owned));
+            }
+        }
         Some("bench") if matches!(short[1].as_str(), "run" | "check") => short.extend(["--trials".to_owned(), trials.to_owned()]),
         Some("bench") if short[1] == "show" => short.push("--no-video".to_owned()),
         Some("bench") if short[1] == "merge" => short.retain(|word| !word.starts_with("part") || lab.path(word).exists()),
