@@ -30,6 +30,7 @@ pub mod grounding;
 pub mod guidance;
 pub mod lift;
 pub mod looming;
+pub mod monitor;
 pub mod obstacle_map;
 pub mod odometry;
 pub mod pilot;
