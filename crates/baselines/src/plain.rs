@@ -170,7 +170,7 @@ impl Policy for Plain {
                 self.queue.clear();
                 Step::Wait
             }
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue | PolicyEvent::Monitor { .. } => Step::Wait,
         }
     }
 

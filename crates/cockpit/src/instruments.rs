@@ -8,7 +8,9 @@ use spf_core::avoid::KeepOut;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameMeta;
 use spf_core::geometry::EnuPosition;
+use spf_core::monitor::Verdict;
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Phase, Pilot};
+use spf_core::query::QueryKind;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_flight::log::FlightHeader;
@@ -249,6 +251,8 @@ impl Observer for Instruments {
         self.picture(now, pilot);
         self.drawn.note(now, action, &self.camera);
         match action {
+            // Nobody points for a monitor.
+            Action::Ask(query) if query.kind == QueryKind::Monitor => {}
             Action::Ask(query) => {
                 self.asked = Some((query.id.0, now));
                 if let Some(meta) = self.newest.filter(|meta| meta.id == query.frame)
@@ -260,7 +264,9 @@ impl Observer for Instruments {
                     self.worker.give(Job::Asked(query.clone(), photo));
                 }
             }
-            Action::Cancel(_) => self.asked = None,
+            Action::Cancel(id) => drop(self.asked.take_if(|(asked, _)| *asked == id.0)),
+            // That all is well every 2 s is no news.
+            Action::Note(Note::Monitor(judgement)) if judgement.verdict == Verdict::Continue || judgement.outdated => {}
             Action::Note(Note::Decision(decision)) => {
                 (self.asked, self.goal) = (None, decision.goal.filter(|_| !decision.passed).map(|goal| goal.position));
                 let flown_to = self.drawn.point(decision.pose, &self.camera, pilot);
@@ -280,12 +286,12 @@ impl Observer for Instruments {
                     Note::QueryFailed { .. } => "error",
                     // It lands already.
                     Note::OperatorIgnored(OperatorEvent::Land, _) => "info",
-                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) => "warning",
+                    Note::Monitor(_) | Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) => "warning",
                     // An answer to a cancelled query, as after a hold, is nothing to worry about.
                     _ => "info",
                 };
-                if matches!(note, Note::QueryFailed { .. }) {
-                    self.asked = None;
+                if let Note::QueryFailed { id, .. } = note {
+                    self.asked.take_if(|(asked, _)| *asked == id.0);
                 }
                 // A reason may name programs and servers.
                 let closed = matches!(note, Note::QueryFailed { .. });

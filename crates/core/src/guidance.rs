@@ -26,6 +26,9 @@ pub struct Guidance {
     /// Whether the box of the target is tracked from one answer to the next ([`crate::track`]).
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub track: bool,
+    /// Whether a monitor watches the flight to the target, and asks the VLM how it goes on ([`crate::monitor`]).
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub monitor: bool,
     /// Whether points are followed through the frames, and triangulated into the map ([`crate::triangulation`]). Without `map`, only
     /// the brake sees them.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
@@ -48,9 +51,9 @@ impl Guidance {
         self.points || self.looming
     }
 
-    /// Whether the target's place may be kept.
+    /// Whether the target's place may be kept, to guide the craft or for the monitor.
     #[must_use]
     pub fn keeps_anchor(&self) -> bool {
-        self.anchor || self.slow_anchor
+        self.anchor || self.slow_anchor || self.monitor
     }
 }

@@ -3,6 +3,8 @@
 //! [`Watch`] judges ten times a second from what is measured anyway. A verdict other than [`Verdict::Continue`] stops the craft at most:
 //! whether the instruction is fulfilled, only a second look while it holds can tell.
 
+mod reply;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -10,6 +12,13 @@ use crate::planner::Progress;
 use crate::query::Look;
 use crate::time::{Duration, Time};
 use crate::track::TrackQuality;
+
+pub use reply::{monitor_schema, parse_monitor};
+
+/// Longer side of the image that a [`Monitor`](crate::query::QueryKind::Monitor) query sends, pixels.
+pub const IMAGE_SIDE: u32 = 384;
+/// Width and height of the part of it that goes along enlarged, as a fraction of the image's: 384 pixels of a frame 960 wide.
+pub const REGION: f64 = 0.4;
 
 /// A target that should be visible, and whose track has not been good for this long, is lost.
 const UNSEEN: Duration = Duration::from_secs(1);

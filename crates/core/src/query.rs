@@ -52,6 +52,8 @@ pub enum QueryKind {
     },
     /// Whether the instruction is fulfilled.
     Done,
+    /// How the flight to the target goes on, in one word ([`crate::monitor`]).
+    Monitor,
 }
 
 impl QueryKind {

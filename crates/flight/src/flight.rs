@@ -26,7 +26,7 @@ use crate::sim::{SimWorld, Simulated, StartError, TrackModel, VlmFactory, VlmFac
 use crate::site::{Clock, Parts};
 use crate::summary::Summary;
 use crate::tracking::{Follow, TrackBy, Tracking, VirtualTracker};
-use crate::world::{Live, Lockstep, Script};
+use crate::world::{Live, Lockstep, Script, Vlms};
 
 /// Everything that defines a flight.
 ///
@@ -68,6 +68,9 @@ pub struct FlightPlan {
     pub vlm: String,
     /// Creates the VLM.
     pub vlm_factory: VlmFactory,
+    /// What answers the monitor's queries, if `settings.guidance.monitor` is on: its name on the command line, and how it is created.
+    /// `None` for a second client of the VLM.
+    pub monitor: Option<(String, VlmFactory)>,
     /// Name of the detector; `None` without one.
     pub detector: Option<String>,
     /// The prompt; `None` for the built-in one.
@@ -137,6 +140,7 @@ impl FlightPlan {
             track_by: TrackBy::Pixels,
             vlm: vlm.to_owned(),
             vlm_factory,
+            monitor: None,
             detector: None,
             prompt: None,
             max_cost_usd: None,
@@ -199,7 +203,11 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
-    let vlm = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
+    let vlm: Box<dyn Vlm> = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
+    let monitors = plan.settings.guidance.monitor;
+    let monitor_factory = plan.monitor.as_ref().map_or(&plan.vlm_factory, |(_, factory)| factory);
+    let monitor = monitors.then(|| monitor_factory(world.as_ref(), seed)).transpose().map_err(FlightError::Vlm)?;
+    let monitor = monitor.map(|vlm| Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd)) as Box<dyn Vlm>);
     let image_spec = vlm.image_spec((camera.width, camera.height));
     let head = FlightHeader {
         format: spf_record::log::FORMAT,
@@ -213,6 +221,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         camera,
         limits: plan.limits,
         vlm: plan.vlm,
+        monitor: plan.monitor.map(|(name, _)| name).filter(|_| monitors),
         detector: plan.detector,
         grounding: image_spec.grounding,
         image_size: image_spec.image_size,
@@ -226,6 +235,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     observers.iter_mut().for_each(|observer| observer.begin(&head, &sight));
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course::new(&head.instruction, judge);
+    let vlms = Vlms { vlm, monitor };
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
             let follow: Option<Box<dyn Follow>> = match (track_by, &world) {
@@ -234,12 +244,12 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
                 _ => Some(Box::new(Tracking::new(&camera).with_points(points))),
             };
             let tracker = follow.map(|follow| VirtualTracker::new(follow, drone.frames()));
-            Box::new(Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracker).with_operator(operator))
+            Box::new(Lockstep::new(drone, vlms, script, interrupts).with_tracker(tracker).with_operator(operator))
         }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
             let live =
-                Live::new(start, drone, vlm, script, interrupts, !track_by.is_off(), points).map_err(FlightError::Thread)?;
+                Live::new(start, drone, vlms, script, interrupts, !track_by.is_off(), points).map_err(FlightError::Thread)?;
             Box::new(live.with_operator(operator))
         }
     };

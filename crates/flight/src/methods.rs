@@ -131,6 +131,8 @@ pub struct BenchSettings {
     pub brake: bool,
     /// What keeps the target's box between two answers.
     pub track: TrackBy,
+    /// Whether a monitor watches the flight to the target.
+    pub monitor: bool,
     /// Whether points are followed through the frames, and triangulated into the map.
     pub points: bool,
     /// Whether the brake acts on what points that move apart say the craft flies at.
@@ -183,6 +185,7 @@ impl BenchSettings {
                 map: self.map,
                 sensor: self.depth_sensor,
                 track: !self.track.is_off(),
+                monitor: self.monitor,
                 points: self.points,
                 looming: self.looming,
             },

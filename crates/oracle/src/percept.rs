@@ -126,11 +126,25 @@ impl Percept {
         errors: &'a ErrorFile,
         size: Option<(u32, u32)>,
     ) -> impl Iterator<Item = (&'a PerceivedObject, f64)> {
-        let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
-        let scale = sqrt(pixels(size.unwrap_or(SIZE_SENT)) / pixels(SIZE_SENT));
+        let scale = scale_of(size);
         let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
         chances.filter(|(thing, chance)| thing.luck < *chance)
     }
+
+    /// The objects noticed where each is seen at a size of its own.
+    pub(super) fn seen_where<'a>(
+        &'a self,
+        errors: &'a ErrorFile,
+        size: impl Fn(&PerceivedObject) -> Option<(u32, u32)>,
+    ) -> impl Iterator<Item = &'a PerceivedObject> {
+        self.things.iter().filter(move |thing| thing.luck < chance_seen(errors, thing.size * scale_of(size(thing))))
+    }
+}
+
+/// Scale of an image sent at a size, by default [`SIZE_SENT`].
+fn scale_of(size: Option<(u32, u32)>) -> f64 {
+    let pixels = |(w, h): (u32, u32)| f64::from(w) * f64::from(h);
+    sqrt(pixels(size.unwrap_or(SIZE_SENT)) / pixels(SIZE_SENT))
 }
 
 /// Probability of noticing an object with this square root of its pixel count.

@@ -10,6 +10,8 @@ use spf_core::sign::SignView;
 
 use super::*;
 
+mod monitor;
+
 const W: usize = 960;
 const H: usize = 720;
 

@@ -8,6 +8,7 @@ use std::fs::File;
 use std::hash::Hasher as _;
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use fnv::FnvHasher;
 use serde::{Deserialize, Serialize};
@@ -81,10 +82,14 @@ pub enum CassetteError {
     },
 }
 
+/// The file of a recording; clones write to the same one.
+#[derive(Clone)]
+pub struct Tape(Arc<Mutex<Option<BufWriter<File>>>>);
+
 /// Records the replies of another VLM.
 pub struct Recording {
     vlm: Box<dyn Vlm>,
-    file: Option<BufWriter<File>>,
+    tape: Tape,
 }
 
 impl Recording {
@@ -96,7 +101,19 @@ impl Recording {
         let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
         let mut file = BufWriter::new(made);
         write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec: vlm.image_spec(camera) })?;
-        Ok(Self { vlm, file: Some(file) })
+        Ok(Self { vlm, tape: Tape(Arc::new(Mutex::new(Some(file)))) })
+    }
+
+    /// Records the replies of `vlm` in the file of another recording, whose VLM receives images alike.
+    #[must_use]
+    pub fn beside(vlm: Box<dyn Vlm>, tape: Tape) -> Self {
+        Self { vlm, tape }
+    }
+
+    /// Its file.
+    #[must_use]
+    pub fn tape(&self) -> Tape {
+        self.tape.clone()
     }
 }
 
@@ -132,9 +149,10 @@ impl Vlm for Recording {
             account: answer.account.clone(),
         };
         // A full disk ends the recording, not the flight.
-        if let Some(Err(error)) = self.file.as_mut().map(|file| write_line(file, &row)) {
+        let mut file = self.tape.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(Err(error)) = file.as_mut().map(|file| write_line(file, &row)) {
             tracing::warn!(%error, "the recording of VLM replies ends here");
-            self.file = None;
+            *file = None;
         }
         answer
     }
@@ -206,7 +224,9 @@ impl Vlm for Replay {
             model: String::new(),
             account: Usage::default(),
         };
-        let Some(row) = self.rows.pop_front() else {
+        // In order of number: a monitor's replies stand between those of the policy in the order in which they came.
+        let index = self.rows.iter().position(|row| row.query == query.id).unwrap_or(0);
+        let Some(row) = self.rows.remove(index) else {
             return refused(format!("it ends before query {}", query.id.0));
         };
         if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {

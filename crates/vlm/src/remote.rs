@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
 use spf_core::grounding::GroundingProfile;
+use spf_core::monitor::IMAGE_SIDE;
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::{Query, QueryKind};
 use spf_core::reply::parse_reply;
@@ -138,6 +139,17 @@ impl Remote {
         matches!(query.kind, QueryKind::Point { .. }).then(|| self.prompt.write_point(query, profile))
     }
 
+    /// The size at which the image of a query is sent to a backend: small, if one word answers it.
+    fn size_for(&self, index: usize, camera: (u32, u32), kind: &QueryKind) -> (u32, u32) {
+        match kind {
+            QueryKind::Monitor => {
+                let side = self.strategy.long_side.map_or(IMAGE_SIDE, |side| side.min(IMAGE_SIDE));
+                self.backends[index].model.image.sent(camera, Some(side))
+            }
+            _ => self.sight(index, camera).1,
+        }
+    }
+
     /// The coordinates and image size for querying a backend about a camera's frames.
     fn sight(&self, index: usize, camera: (u32, u32)) -> (GroundingProfile, (u32, u32)) {
         let model = &self.backends[index].model;
@@ -162,7 +174,7 @@ impl Vlm for Remote {
 
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
-        image.prepare(self.sight(0, image.size()).1);
+        image.prepare(self.size_for(0, image.size(), &request.query.kind));
         let began = Instant::now();
         let mut asking = Asking {
             remote: self,
@@ -245,7 +257,8 @@ impl Asking<'_> {
     fn send(&mut self, index: usize, image: &mut dyn QueryImage) -> Result<(), VlmError> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
-        let (grounding, size) = remote.sight(index, self.camera);
+        let grounding = remote.sight(index, self.camera).0;
+        let size = remote.size_for(index, self.camera, &self.request.query.kind);
         let quality = remote.strategy.quality.unwrap_or(backend.model.image.quality).clamp(1, 100);
         let jpeg = image.jpeg(size, quality)?;
         let query = self.request.query;

@@ -233,6 +233,7 @@ impl Trial {
         let settings = settings
             .replace("slow_anchor: false, ", "")
             .replace("ask: Always, ", "")
+            .replace("monitor: false, ", "")
             .replace(", points: false, looming: false }", " }")
             .replace(", track: false }", " }")
             .replace(", keep_m: 2.5, follow_time: None", "")

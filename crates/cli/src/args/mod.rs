@@ -238,6 +238,9 @@ pub(crate) struct MethodArgs {
     /// Record the VLM's replies to a new file; `--vlm replay:FILE` repeats the flight
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_record: Option<String>,
+    /// VLM for the queries of --monitor, for instance a smaller model; given as --vlm is [default: that of --vlm]
+    #[arg(long, value_name = "VLM")]
+    pub(crate) vlm_monitor: Option<String>,
     /// Fallback VLM, used when the first one fails
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm_fallback: Option<String>,
@@ -310,6 +313,10 @@ pub(crate) struct MethodArgs {
     /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]
     #[arg(long, value_name = "TRACKER")]
     pub(crate) track: Option<String>,
+    /// Watch the flight to the target between replies, and ask the VLM every 2 s in a small query whether it goes on, is over, or
+    /// has lost the target: on or off [default: off]
+    #[arg(long, value_name = "SWITCH")]
+    pub(crate) monitor: Option<String>,
     /// With --track pixels, the distance to keep from somebody who is followed, 2 to 10 m [default: 2.5]
     #[arg(long, value_name = "METRES")]
     pub(crate) keep: Option<String>,

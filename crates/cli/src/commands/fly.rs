@@ -39,7 +39,7 @@ use self::settings::{flight_conditions, limits, method, preset_and_policy, promp
 use self::signals::flight_interrupts;
 use crate::args::Fly;
 use crate::background::PrintThread;
-use crate::commands::vlm::{Pace, console, is_human};
+use crate::commands::vlm::{self, Pace, console, is_human};
 use crate::commands::{detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -277,6 +277,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let (pointing, detector) = detector::combine(settings, policy, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
+    let monitor = vlm::monitor(settings, method.guidance.monitor, pace)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
@@ -312,6 +313,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         settings: method,
         limits,
         detector,
+        monitor,
         prompt,
         max_cost_usd,
         script,

@@ -75,6 +75,7 @@ impl MethodArgs {
             vlm,
             prompt,
             vlm_record,
+            vlm_monitor,
             vlm_fallback,
             vlm_hedge,
             vlm_latency,
@@ -97,6 +98,7 @@ impl MethodArgs {
             map,
             brake,
             track,
+            monitor,
             keep,
             follow_time,
             detector,
@@ -104,6 +106,7 @@ impl MethodArgs {
         fly.vlm.flag(vlm.as_deref());
         fly.prompt.flag(prompt.as_deref());
         models.record.flag(vlm_record.as_deref());
+        models.monitor.flag(vlm_monitor.as_deref());
         models.fallback.flag(vlm_fallback.as_deref());
         models.hedge_s.flag(vlm_hedge.as_deref());
         models.latency_s.flag(vlm_latency.as_deref());
@@ -126,6 +129,7 @@ impl MethodArgs {
         fly.map.flag(map.as_deref());
         fly.brake.flag(brake.as_deref());
         fly.track.flag(track.as_deref());
+        fly.monitor.flag(monitor.as_deref());
         fly.keep_m.flag(keep.as_deref());
         fly.follow_time_s.flag(follow_time.as_deref());
         fly.detector.flag(detector.as_deref());

@@ -68,6 +68,8 @@ settings! {
         brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
         /// what keeps the target's box between replies: pixels (a tracker in the camera's frames) or off
         track: TrackBy = "off", Word, "SPF_TRACK", "--track";
+        /// watch the flight to the target from the measurements, and ask the VLM every 2 s in a small query how it goes on: on or off
+        monitor: Switch = "off", Word, "SPF_MONITOR", "--monitor";
         /// distance to keep from somebody who is followed with a tracker, 2 to 10 m
         keep_m: f64 = "2.5", Number(2.0, 10.0), "SPF_KEEP_M", "--keep";
         /// with a tracker, end the flight as reached after following for this many seconds, with the target in view; empty: no end
@@ -128,6 +130,8 @@ settings! {
     vlm: Vlm {
         /// new file to record the VLM's replies to; empty: none
         record: String = "", Text, "SPF_VLM_RECORD", "--vlm-record";
+        /// VLM that answers the monitor's queries, for instance a smaller model (given as --vlm is); empty: that of the flight
+        monitor: String = "", Text, "SPF_VLM_MONITOR", "--vlm-monitor";
         /// fallback VLM, used when the first one fails; empty: none
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
         /// seconds without a reply after which a second request is sent; empty: never

@@ -72,6 +72,12 @@ pub(crate) struct Setting<T: 'static> {
     origin: Origin,
 }
 
+impl<T> Clone for Setting<T> {
+    fn clone(&self) -> Self {
+        Self { key: self.key, reading: self.reading, text: self.text.clone(), origin: self.origin.clone() }
+    }
+}
+
 impl<T> Setting<T> {
     /// The default of a key.
     pub(super) fn new(key: &'static Key, reading: &'static dyn Reading<T>) -> Self {

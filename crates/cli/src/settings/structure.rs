@@ -21,6 +21,7 @@ macro_rules! settings {
     )*) => {
         $(
             $(#[$about])*
+            #[derive(Clone)]
             pub(crate) struct $Table {
                 $(
                     #[doc = $doc]
@@ -52,7 +53,7 @@ macro_rules! settings {
         )*
 
         /// Every setting, in tables as in `spf.toml`.
-        #[derive(Default)]
+        #[derive(Clone, Default)]
         pub(crate) struct Settings {
             $(
                 $(#[$about])*

@@ -77,6 +77,9 @@ impl Pilot {
     }
 
     pub(super) fn reply(&mut self, now: Time, id: QueryId, text: &str) {
+        if self.monitor_reply(now, id, text) {
+            return;
+        }
         let Some(waiting) = self.waiting.remove(&id) else {
             self.late_replies += 1;
             return self.note(Note::LateReply(id));
@@ -92,6 +95,7 @@ impl Pilot {
         }
         self.learn(now, &waiting, &step);
         self.track_reply(&waiting, &step);
+        self.monitor_policy(&waiting, &step);
         let (goal, passed) = self.planned(now, &step);
         self.note_goal(goal.filter(|_| !passed));
         let decision = self.decision(now, &waiting, text, &step, goal, passed);
@@ -117,6 +121,9 @@ impl Pilot {
     }
 
     pub(super) fn reply_failed(&mut self, now: Time, id: QueryId, reason: String) {
+        if self.monitoring_is(id) {
+            return self.monitor_failed(reason);
+        }
         let Some(waiting) = self.waiting.remove(&id) else {
             self.late_replies += 1;
             return self.note(Note::LateReply(id));
@@ -126,6 +133,7 @@ impl Pilot {
 
     /// Cancels queries whose deadline has passed. The VLM client is notified, and a late reply has no effect.
     pub(super) fn expire_queries(&mut self, now: Time) {
+        self.expire_monitor(now);
         while let Some(id) = self.waiting.iter().find(|(_, waiting)| waiting.query.deadline <= now).map(|(id, _)| *id) {
             if let Some(waiting) = self.waiting.remove(&id) {
                 self.outbox.push_back(Action::Cancel(id));
@@ -184,6 +192,7 @@ impl Pilot {
     /// Cancels all open queries. The policy is notified, otherwise it would wait forever, but its answer is not carried
     /// out: the operator has taken over or the flight is over.
     pub(super) fn cancel_queries(&mut self) {
+        self.cancel_monitor();
         for (id, _) in core::mem::take(&mut self.waiting) {
             self.outbox.push_back(Action::Cancel(id));
             self.policy.handle(PolicyEvent::ReplyFailed { id });
@@ -222,12 +231,17 @@ impl Pilot {
         }
     }
 
+    /// When a query that is sent now expires.
+    pub(super) fn reply_deadline(&self, now: Time) -> Time {
+        now + self.settings.reply_timeout.max(LEAST_TIMEOUT)
+    }
+
     fn ask(&mut self, now: Time, mut query: Box<Query>, view: View) {
         if self.waiting.len() >= QUERIES_AT_ONCE {
             self.policy.handle(PolicyEvent::ReplyFailed { id: query.id });
             return;
         }
-        query.deadline = now + self.settings.reply_timeout.max(LEAST_TIMEOUT);
+        query.deadline = self.reply_deadline(now);
         self.waiting.insert(query.id, Waiting { query: query.clone(), view, queried_at: now, decided: false });
         self.outbox.push_back(Action::Ask(query));
     }

@@ -11,6 +11,7 @@ use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::gimbal::GimbalReport;
+use crate::monitor::Judgement;
 use crate::points::PointReport;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
@@ -152,6 +153,8 @@ pub enum Note {
     Around(Around),
     /// A move of the policy was shortened or refused, with the reason.
     Limited(&'static str),
+    /// The monitor has judged how the flight goes on.
+    Monitor(Judgement),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
     /// A query failed or was cancelled.

@@ -138,9 +138,9 @@ impl Guiding {
         self.course.is_some()
     }
 
-    /// A new instruction: another target.
-    pub(super) fn forget_target(&mut self) {
-        if let Some(anchor) = self.anchors.anchor() {
+    /// A new instruction: another target. `guides`: its place has guided the craft, and not only the monitor.
+    pub(super) fn forget_target(&mut self, guides: bool) {
+        if let Some(anchor) = self.anchors.anchor().filter(|_| guides) {
             self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
@@ -210,23 +210,31 @@ impl Pilot {
         if let Some(expected) = self.expected_by_track(now, pose) {
             return expected;
         }
-        let Some(anchor) = self.guiding.anchors.anchor().filter(|_| self.is_anchored()) else { return Expected::Unknown };
+        let guides = self.is_anchored();
+        let Some(anchor) = self.guiding.anchors.anchor().filter(|_| guides || self.monitors()) else { return Expected::Unknown };
         let sight = anchor.seen_from(pose.position, self.estimator.odometry_at(now));
         // The direction to a target that is almost reached is not known.
         if sight.lateral_sd > 0.5 * sight.range {
             return Expected::Unknown;
         }
         let in_view = anchor.image_point(&self.camera, pose, self.settings.lifting);
-        let hidden = self.guiding.map.as_ref().filter(|_| self.settings.guidance.map).is_some_and(|map| {
-            let until = (1.0 - OWN_SURFACE / sight.range.max(OWN_SURFACE)).max(0.0);
-            !map.is_clear(pose.position, pose.position.towards(sight.position, until))
-        });
+        let hidden = self.is_hidden(pose.position, sight.position, sight.range);
         match in_view {
             Some(at) if !hidden => Expected::InView { at, range: sight.range },
+            // A monitor watches the place where it should be in view, and nothing else.
+            _ if !guides => Expected::Unknown,
             // Only a map permits the pilot to climb or sink to it; the policy's search does so otherwise.
             None if !self.is_mapped() && correction(&self.camera, pose, sight.position).is_some() => Expected::Unknown,
             _ => Expected::Aside,
         }
+    }
+
+    /// Whether the map has an obstacle between the craft and the target's place.
+    pub(super) fn is_hidden(&self, from: EnuPosition, place: EnuPosition, range: f64) -> bool {
+        self.guiding.map.as_ref().filter(|_| self.settings.guidance.map).is_some_and(|map| {
+            let until = (1.0 - OWN_SURFACE / range.max(OWN_SURFACE)).max(0.0);
+            !map.is_clear(from, from.towards(place, until))
+        })
     }
 
     /// Takes what a reply says about target and obstacles, at its frame's time and pose.
@@ -234,7 +242,7 @@ impl Pilot {
         let view = &waiting.view;
         self.guiding.ages.add(now.since(view.frame.captured));
         self.guiding.gate = None;
-        if self.is_anchored()
+        if (self.is_anchored() || self.monitors())
             && let Step::Goto(goto) = step
         {
             self.guiding.gate = self.sighting(view, goto).map(|sighting| self.guiding.anchors.observe(sighting));
@@ -242,9 +250,11 @@ impl Pilot {
             self.guiding.anchors.settle(now, open);
         }
         let Some(reply) = self.policy.reading().reply else { return };
-        // A search has begun: the target is not where it was thought to be.
-        if reply.status == Status::NotVisible && !matches!(step, Step::Keep) {
-            self.guiding.forget_target();
+        // A search has begun: the target is not where it was thought to be. What is only hidden, as a monitor lets it be waited for, is.
+        let waits = matches!(step, Step::Keep) || self.monitors() && matches!(step, Step::Look);
+        if reply.status == Status::NotVisible && !waits {
+            let guides = self.is_anchored();
+            self.guiding.forget_target(guides);
         }
         if matches!(waiting.query.kind, QueryKind::Point { .. }) {
             self.map_reply(now, view, &reply);

@@ -20,6 +20,7 @@ mod following;
 mod gimbal;
 mod guiding;
 mod mapping;
+mod monitoring;
 mod moving;
 mod news;
 mod operator;
@@ -99,6 +100,7 @@ pub struct Pilot {
     boxes: boxes::Boxes,
     gimbal: gimbal::GimbalState,
     news: news::News,
+    monitoring: monitoring::Monitoring,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -191,6 +193,7 @@ impl Pilot {
             boxes: boxes::Boxes::default(),
             gimbal: gimbal::GimbalState::default(),
             news: news::News::default(),
+            monitoring: monitoring::Monitoring::default(),
             executing: false,
             pending: None,
             needs_rest: true,
@@ -271,7 +274,12 @@ impl Pilot {
         }
         let queries = self.waiting.values().map(|waiting| waiting.query.deadline);
         let manual = self.manual.map(|(_, until)| until);
-        queries.chain(manual).chain(self.envelope.next_deadline(self.now)).chain([self.next_tick]).min()
+        queries
+            .chain(self.monitor_deadline())
+            .chain(manual)
+            .chain(self.envelope.next_deadline(self.now))
+            .chain([self.next_tick])
+            .min()
     }
 
     /// The outcome; `None` while the flight continues, also after the operator has resumed a flight that had ended.
@@ -406,6 +414,7 @@ impl Pilot {
         self.limits(now);
         self.follow_gimbal(now);
         self.decide(now);
+        self.monitor(now);
         if now >= self.next_tick {
             self.tick(now);
             // From `now`, not from the last due time: a late caller gets one tick, not a burst of missed ones.

@@ -63,6 +63,7 @@ impl Pilot {
             || flown >= CLOSER * range
             || self.news.tracked && !self.has_good_track()
             || view.expected == Expected::Aside
+            || self.has_verdict()
             || self.guiding.is_escaping()
             || self.time_left(now) <= self.guiding.longest_answer() + AHEAD
     }

@@ -120,7 +120,8 @@ impl Pilot {
         self.cancel_queries();
         self.stop_motion(now);
         self.needs_rest = true;
-        self.guiding.forget_target();
+        let guides = self.is_anchored();
+        self.guiding.forget_target(guides);
         self.untrack();
         self.end_following();
         // A fresh start: the policy forgets the previous instruction.

@@ -54,7 +54,8 @@ impl Pilot {
         if self.ending.take().is_none() {
             return;
         }
-        self.guiding.forget_target();
+        let guides = self.is_anchored();
+        self.guiding.forget_target(guides);
         self.untrack();
         self.end_following();
         let text = self.instruction.clone();

@@ -20,8 +20,9 @@ use crate::avoid::KeepOut;
 use crate::camera::Camera;
 use crate::frame::FrameMeta;
 use crate::geometry::{BodyDisplacement, Pose};
+use crate::monitor::Verdict;
 use crate::primitives::Primitives;
-use crate::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
+use crate::query::{ImageBox, ImagePoint, Look, Query, QueryId, VerticalRoom};
 use crate::reply::Reply;
 
 /// A frame with the pilot's estimates for its capture time.
@@ -94,6 +95,14 @@ pub enum PolicyEvent<'a> {
     },
     /// The last step was carried out; is there anything more to do at this instant?
     Continue,
+    /// The monitor has judged that the flight does not go on as it should; open queries are cancelled. The policy decides by a
+    /// frame taken at rest.
+    Monitor {
+        /// How it goes on.
+        verdict: Verdict,
+        /// Of a lost target: the side on which it was last.
+        side: Option<Look>,
+    },
 }
 
 /// The output of a policy.

@@ -105,6 +105,8 @@ pub struct Search {
     deepest: u8,
     /// Heading of the first look: where the target was expected.
     expected: Option<f64>,
+    /// Whether the second turn leads to the other side of that heading.
+    both_sides: bool,
 }
 
 impl Search {
@@ -117,6 +119,7 @@ impl Search {
             climb: craft.take_off_height,
             deepest: label_of_range(LABELLED_PART * NEARBY_S * craft.cruise_speed),
             expected: None,
+            both_sides: false,
             turned: 0.0,
             vertical: 0.0,
             ahead: 0,
@@ -146,6 +149,7 @@ impl Search {
             excursions: 0,
             gone: None,
             expected: None,
+            both_sides: false,
             ..*self
         };
     }
@@ -155,6 +159,11 @@ impl Search {
         let vertical = self.vertical;
         self.reset();
         self.vertical = vertical;
+    }
+
+    /// Turns first to the side that is asked for, and then to the other: a target that was in view a moment ago is near that view.
+    pub fn on_both_sides(&mut self) {
+        self.both_sides = self.turns == 0;
     }
 
     /// Takes up to `wished` metres from those left for climbs and descents; returns what may be flown.
@@ -226,6 +235,8 @@ impl Search {
             Look::Behind => PI,
             _ => self.turn,
         });
+        let other_side = self.both_sides && self.turns == 1;
+        let wished = if other_side { -2.0 * self.turned } else { wished };
         // Whatever the replies ask for, each turn shows something new: left and right in turn are not a full circle.
         let yaw = if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished };
         (self.turning, self.turns) = (true, self.turns + 1);
@@ -305,6 +316,19 @@ mod tests {
         search.reset();
         assert_eq!(search.turned(), 0.0);
         assert_eq!(flown(&mut search, Look::Left, |_| None)[..6], ["-72", "-72", "-72", "-72", "-72", "up 2"]);
+    }
+
+    #[test]
+    fn both_sides_of_where_the_target_was_come_first() {
+        let mut search = searching(PI / 2.0);
+        search.on_both_sides();
+        let turns = flown(&mut search, Look::Left, |_| None);
+        // To the left, then as far to the right, and the rest of the circle once.
+        assert_eq!(turns[..2], ["-72", "144"]);
+        let first = turns.iter().position(|step| step.starts_with("up")).unwrap();
+        assert!((5..=6).contains(&first), "{turns:?}");
+        search.reset();
+        assert_eq!(flown(&mut search, Look::Left, |_| None)[..2], ["-72", "-72"]);
     }
 
     #[test]

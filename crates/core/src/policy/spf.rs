@@ -9,6 +9,7 @@ use crate::detection::{self, Detection, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
+use crate::monitor::Verdict;
 use crate::policy::search::{OpenDirection, Search, SearchAction};
 use crate::policy::{Expected, FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
@@ -16,6 +17,7 @@ use crate::prompt::{PromptKind, PromptText};
 use crate::query::{DepthAs, ImageBox, ImagePoint, Mark, Memory, Query, QueryId, QueryKind};
 use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse_reply};
 use crate::step::StepRule;
+use crate::time::{Duration, Time};
 
 mod aside;
 mod close_up;
@@ -41,6 +43,8 @@ const REMEMBERED_TARGETS: usize = 8;
 /// may be hidden; and aside.
 const MISSES_IN_VIEW: u32 = 1;
 const MISSES_ASIDE: u32 = 5;
+/// How long, with a monitor, a target is waited for that should be in view and that a box of the reply hides.
+const WAITS_FOR_HIDDEN: Duration = Duration::from_secs(8);
 /// The same for a target whose place is not known, but that was small in the last reply, and should still be in view.
 const MISSES_SMALL: u32 = 2;
 /// A reply that points farther than this away from a target's known place, and outside its box, does not report that target,
@@ -149,6 +153,10 @@ pub struct Spf {
     guidance: Guidance,
     /// Replies in a row that did not show a target whose place is known.
     misses: u32,
+    /// With a monitor, the capture of the first frame in a row that should have shown the target and did not.
+    hidden_since: Option<Time>,
+    /// Whether the search that follows turns to either side of where the target was.
+    searches_both_sides: bool,
     /// Places marked by the operator.
     kept_out: Vec<KeepOut>,
     /// Box of the target of the last answer, if it pointed at one.
@@ -203,6 +211,8 @@ impl Spf {
             aside: Aside::default(),
             guidance: Guidance::default(),
             misses: 0,
+            hidden_since: None,
+            searches_both_sides: false,
             last_box: None,
             kept_out: Vec::new(),
         }
@@ -379,7 +389,21 @@ impl Spf {
             Expected::InView { at, range } if !is_hidden(at, range, &reply.boxes) => MISSES_IN_VIEW,
             Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
-        if self.misses < patience {
+        if let Expected::InView { at, range } = open_query.view.expected
+            && self.guidance.monitor
+        {
+            // What was in view a moment ago may be hidden by something that passes: from rest it is waited for before the craft
+            // turns away. What nothing hides gets a second look.
+            let captured = open_query.view.frame.captured;
+            let since = captured.since(*self.hidden_since.get_or_insert(captured));
+            let hidden = is_hidden(at, range, &reply.boxes);
+            if since == Duration::ZERO || hidden && since < WAITS_FOR_HIDDEN {
+                let why = if hidden { "something hides it" } else { "looks again" };
+                self.reading.actions.push(format!("holds: the target should be in view; {why}"));
+                return Step::Look;
+            }
+            self.searches_both_sides = true;
+        } else if self.misses < patience {
             self.misses += 1;
             let why = if open_query.view.expected == Expected::Unknown {
                 "looks again: the target is small, and was seen there before"
@@ -393,6 +417,9 @@ impl Spf {
         let heading = pose.attitude.heading;
         let craft = self.settings.craft;
         let search = self.search.get_or_insert_with(|| search_with(&camera, &craft));
+        if core::mem::take(&mut self.searches_both_sides) {
+            search.on_both_sides();
+        }
         let look = reply.look.or(self.memory.last_seen).unwrap_or(Look::Right);
         let way = reply
             .open_way
@@ -434,6 +461,7 @@ impl Spf {
         if let Some(search) = &mut self.search {
             search.seen();
         }
+        self.hidden_since = None;
         self.remember(reply, point);
         self.fly_to(open_query, reply, point, label)
     }
@@ -517,6 +545,16 @@ impl Policy for Spf {
             PolicyEvent::MoveEnded { completed: false } => {
                 self.turned_first = None;
                 Step::Wait
+            }
+            PolicyEvent::Monitor { verdict, side } => {
+                // Only the reply to a second look ends the flight, and only one about a frame taken at rest begins a search.
+                self.confirming = verdict == Verdict::Stop;
+                if verdict == Verdict::Lost {
+                    self.misses = MISSES_ASIDE;
+                    self.memory.last_seen = side.or(self.memory.last_seen);
+                }
+                self.turned_first = None;
+                Step::Look
             }
             PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::MoveEnded { .. } | PolicyEvent::Continue => {
                 Step::Wait

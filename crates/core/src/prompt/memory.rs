@@ -151,6 +151,6 @@ fn metres(distance: f64) -> f64 {
 }
 
 /// A name given by a model: in quotation marks, on one line.
-fn quoted(name: &str) -> String {
+pub(super) fn quoted(name: &str) -> String {
     format!("\"{}\"", one_line(name).replace('"', "'"))
 }

@@ -31,11 +31,13 @@ pub enum PromptKind {
     Question,
     /// All objects in the image.
     Detect,
+    /// How the flight goes on.
+    Monitor,
 }
 
 impl PromptKind {
     /// All kinds.
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::Point,
         Self::Plain,
         Self::Numeric,
@@ -45,6 +47,7 @@ impl PromptKind {
         Self::Program,
         Self::Question,
         Self::Detect,
+        Self::Monitor,
     ];
 
     /// Its name in the first line of a file.
@@ -60,6 +63,7 @@ impl PromptKind {
             Self::Program => "program",
             Self::Question => "question",
             Self::Detect => "detect",
+            Self::Monitor => "monitor",
         }
     }
 
@@ -89,6 +93,7 @@ impl PromptKind {
             Self::Program => &["instruction", "low_skills", "high_skills", "replanning", "scene", "previous"],
             Self::Question => &["question", "scene"],
             Self::Detect => &["classes"],
+            Self::Monitor => &["instruction", "endings", "stage", "target", "close_up"],
         }
     }
 

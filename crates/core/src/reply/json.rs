@@ -47,6 +47,11 @@ impl Value {
         }
     }
 
+    /// The value as text.
+    pub(crate) fn text(&self) -> Option<&str> {
+        if let Self::Text(text) = self { Some(text) } else { None }
+    }
+
     /// The value as a boolean, also if written as text.
     pub(crate) fn truth(&self) -> Option<bool> {
         match self {

@@ -19,10 +19,10 @@ pub use scan::MAX_TEXT;
 pub(crate) use scan::{ScanError, Verdict, search};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
-pub(crate) use short::plain_numbers;
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
+pub(crate) use short::{find, plain_numbers, wrong};
 pub use stream::{ReplyStream, parse_reply};
 
 use schemars::JsonSchema;

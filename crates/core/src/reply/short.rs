@@ -93,7 +93,7 @@ pub fn parse_completion(text: &str) -> Result<Completion, ShortReplyError> {
     })
 }
 
-fn find<T>(
+pub(crate) fn find<T>(
     text: &str,
     wanted: &'static str,
     judge: impl Fn(&Value, bool) -> Verdict<T, ShortReplyError>,
@@ -106,7 +106,7 @@ fn find<T>(
     })
 }
 
-fn wrong(field: &'static str, wanted: &'static str, found: &Value) -> ShortReplyError {
+pub(crate) fn wrong(field: &'static str, wanted: &'static str, found: &Value) -> ShortReplyError {
     ShortReplyError::WrongType { field, wanted, found: found.excerpt() }
 }
 

@@ -18,6 +18,7 @@ use bytes::Bytes;
 use serde::Serialize;
 use spf_core::command::Command;
 use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::monitor::Verdict;
 use spf_core::obstacle_map::Cell;
 use spf_core::pilot::{Action, Decision, Event, Note, Pilot};
 use spf_core::query::{Query, QueryId};
@@ -232,7 +233,10 @@ impl FlightLog {
     fn note(&mut self, now: Time, note: &Note) {
         let level = match note {
             Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::Operator(_) => Level::Info,
-            Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => Level::Warning,
+            Note::Monitor(judgement) if judgement.verdict == Verdict::Continue || judgement.outdated => Level::Info,
+            Note::Monitor(_) | Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => {
+                Level::Warning
+            }
             Note::QueryFailed { .. } => Level::Error,
         };
         if let Note::Decision(decision) = note {

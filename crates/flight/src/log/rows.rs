@@ -10,6 +10,7 @@ use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
+use spf_core::monitor::Judgement;
 use spf_core::pilot::{Around, Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
@@ -40,6 +41,9 @@ pub struct FlightHeader {
     pub limits: Limits,
     /// Name of the VLM or oracle.
     pub vlm: String,
+    /// Name of what answers the monitor's queries, if it is another one than the VLM.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub monitor: Option<String>,
     /// Name of the detector, in obstacle mode with a detector; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
@@ -218,6 +222,8 @@ pub enum NoteKind {
     Envelope,
     /// The path leads around something.
     Around,
+    /// The monitor has judged how the flight goes on.
+    Monitor,
     /// A move of the policy was shortened or refused.
     Limited,
     /// A reply to a cancelled query arrived.
@@ -250,6 +256,9 @@ pub struct NoteRow {
     /// The detour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub around: Option<Around>,
+    /// What the monitor has judged.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub judgement: Option<Judgement>,
     /// The reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
@@ -258,7 +267,8 @@ pub struct NoteRow {
 impl NoteRow {
     /// The row for a note; `None` for a decision, which has its own topic.
     pub(super) fn of(note: &Note) -> Option<Self> {
-        let row = |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, reason: None };
+        let row =
+            |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, judgement: None, reason: None };
         Some(match note {
             Note::Phase(phase) => Self { phase: Some(*phase), ..row(NoteKind::Phase) },
             Note::Envelope(cause) => Self { cause: Some(*cause), ..row(NoteKind::Envelope) },
@@ -270,6 +280,7 @@ impl NoteRow {
             Note::OperatorIgnored(event, why) => {
                 Self { event: Some(event.clone()), reason: Some((*why).to_owned()), ..row(NoteKind::OperatorIgnored) }
             }
+            Note::Monitor(judgement) => Self { judgement: Some(*judgement), ..row(NoteKind::Monitor) },
             Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
             Note::Decision(_) => return None,

@@ -84,6 +84,7 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
         ("ask = \"news\"", PilotSettings { ask: AskWhen::News, ..preset }),
         ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
+        ("monitor = true", PilotSettings { guidance: Guidance { monitor: true, ..Guidance::default() }, ..preset }),
         ("track = \"pixels\"", PilotSettings { guidance: Guidance { track: true, ..Guidance::default() }, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
@@ -163,7 +164,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 11]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 12]>()).prop_map(
         |(
             preset,
             step,
@@ -172,7 +173,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming, news],
+            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming, news, monitor],
         )| {
             BenchSettings {
                 preset,
@@ -186,6 +187,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 avoid,
                 anchor,
                 slow_anchor,
+                monitor,
                 map,
                 brake,
                 track: if tracked { TrackBy::Pixels } else { TrackBy::Off },

@@ -26,4 +26,4 @@ pub use track_errors::{TargetSeen, TrackErrors};
 pub(crate) use track_model::TrackModel;
 pub use truth::{Verdict, judge, sighted};
 pub use vlm_factory::{VlmFactory, VlmFactoryError, oracle_factory};
-pub use world::{CameraTilt, FlightConditions, SimWorld};
+pub use world::{CameraTilt, FlightConditions, SimWorld, Teleport};

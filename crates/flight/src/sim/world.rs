@@ -6,13 +6,15 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
 use spf_core::frame::FrameId;
-use spf_core::geometry::Pose;
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::gimbal::{Gimbal, GimbalReport};
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
 use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, RenderedImage};
+use spf_scene::actors::ActorPlace;
+use spf_scene::geometry::ObjectId;
 use spf_sim::craft::{SimCraft, Truth};
 use spf_sim::depth_sensor::DepthSensor;
 use spf_sim::dynamics::SimConditions;
@@ -42,6 +44,18 @@ impl Default for FlightConditions {
     }
 }
 
+/// An actor is somewhere else from an instant on, and was on no way there: for tests of what follows when a target is suddenly gone, hidden
+/// or replaced. Images, percepts, sensors and the judge see it there; traffic and collisions know nothing of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Teleport {
+    /// The actor.
+    pub object: ObjectId,
+    /// From then on, until a later teleport of the same actor.
+    pub from: Time,
+    /// Where its base is.
+    pub to: EnuPosition,
+}
+
 /// A simulated craft in its scene, shared by the driver, the oracle, the recorder and the judge.
 #[derive(Clone)]
 pub struct SimWorld {
@@ -50,6 +64,8 @@ pub struct SimWorld {
     surroundings: Arc<Surroundings>,
     craft: Arc<Mutex<SimCraft>>,
     gimbal: CameraTilt,
+    /// In order of time.
+    teleports: Arc<Mutex<Vec<Teleport>>>,
 }
 
 /// The tilt of a simulated camera on a gimbal, set by whoever moves the gimbal. A camera whose tilt was never set is fixed to its craft.
@@ -95,6 +111,7 @@ impl SimWorld {
             surroundings,
             craft: Arc::new(Mutex::new(craft)),
             gimbal: CameraTilt::default(),
+            teleports: Arc::default(),
         }
     }
 
@@ -145,7 +162,25 @@ impl SimWorld {
     pub fn snapshot_at(&self, at: Time) -> Option<WorldSnapshot> {
         let craft = self.craft();
         let pose = craft.true_pose_at(at).map(|pose| self.gimbal.sight(self.camera(), at, pose));
-        pose.zip(craft.actors_at(at)).map(|(pose, actors)| WorldSnapshot { pose, actors })
+        pose.zip(craft.actors_at(at)).map(|(pose, actors)| WorldSnapshot { pose, actors: self.teleported(at, actors) })
+    }
+
+    /// Teleports an actor.
+    pub fn teleport(&self, teleport: Teleport) {
+        let mut all = self.teleports.lock().unwrap_or_else(PoisonError::into_inner);
+        all.push(teleport);
+        all.sort_by_key(|teleport| teleport.from);
+    }
+
+    /// The places of the actors at a time, as far as they were teleported.
+    fn teleported(&self, at: Time, mut actors: Vec<ActorPlace>) -> Vec<ActorPlace> {
+        let all = self.teleports.lock().unwrap_or_else(PoisonError::into_inner);
+        for teleport in all.iter().filter(|teleport| teleport.from <= at) {
+            if let Some(place) = self.loaded.cast.of_object(teleport.object).and_then(|actor| actors.get_mut(actor)) {
+                place.position = teleport.to;
+            }
+        }
+        actors
     }
 
     /// The current state of the world.
@@ -153,7 +188,8 @@ impl SimWorld {
     pub fn now(&self) -> WorldSnapshot {
         let craft = self.craft();
         let pose = self.gimbal.sight(self.camera(), craft.time(), craft.dynamics().pose());
-        WorldSnapshot { pose, actors: craft.actors_at(craft.time()).unwrap_or_default() }
+        let actors = craft.actors_at(craft.time()).unwrap_or_default();
+        WorldSnapshot { pose, actors: self.teleported(craft.time(), actors) }
     }
 
     /// The state of the world at the capture of a frame.

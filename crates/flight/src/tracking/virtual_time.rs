@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use spf_core::pilot::{Action, Event};
+use spf_core::query::QueryKind;
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 
@@ -44,6 +45,8 @@ impl VirtualTracker {
     /// Carries out an action of the pilot, if it concerns a tracker.
     pub(crate) fn apply(&mut self, now: Time, action: &Action) {
         match action {
+            // A monitor's reply begins no track.
+            Action::Ask(query) if query.kind == QueryKind::Monitor => {}
             Action::Ask(query) => self.tracking.asked(query.frame, self.frames.as_ref()),
             Action::Track(start) => {
                 self.tracking.start(*start);

@@ -7,13 +7,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
-use spf_core::query::{Query, QueryId};
+use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
 use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;
-use super::{Script, answer_event, pilot_event};
+use super::{Script, Vlms, answer_event, pilot_event};
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::TrackingThread;
@@ -35,6 +35,8 @@ pub struct Live {
     /// What it reported before the loop began; `None` before that.
     earlier: Option<VecDeque<DroneEvent>>,
     queries: Sender<(Query, Cancel)>,
+    /// The same for the monitor's, if something else answers them.
+    monitor: Option<Sender<(Query, Cancel)>>,
     /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
@@ -51,6 +53,35 @@ pub struct Live {
     paused_until: Option<Time>,
 }
 
+/// Starts the thread in which a VLM answers queries one after the other.
+fn ask_in_thread(
+    name: &str,
+    start: Instant,
+    mut vlm: Box<dyn Vlm>,
+    mut images: QueryImages,
+    answered: Sender<(Time, Event)>,
+) -> std::io::Result<Sender<(Query, Cancel)>> {
+    let (queries, request) = channel::<(Query, Cancel)>();
+    std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+        for (query, cancel) in request {
+            let begun = start.elapsed();
+            let (latency, text) = if cancel.is_cancelled() {
+                (Duration::ZERO, Err(VlmError::Cancelled))
+            } else {
+                let request = QueryRequest { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
+                let answer = vlm.answer(&request, &mut images.about(&query));
+                (answer.latency, answer.text)
+            };
+            let event = answer_event(query.id, text);
+            // The oracle reports a latency without spending it; a real model has already spent it.
+            if answered.send((Time::ZERO + begun + latency, event)).is_err() {
+                return;
+            }
+        }
+    })?;
+    Ok(queries)
+}
+
 impl Live {
     /// A world whose flight time zero is `start`, as for its drone. If `tracks`, a thread of its own tracks what the pilot asks
     /// to be tracked; if `points`, it follows points.
@@ -60,35 +91,22 @@ impl Live {
     pub fn new(
         start: Instant,
         drone: Box<dyn Drone>,
-        mut vlm: Box<dyn Vlm>,
+        vlms: impl Into<Vlms>,
         script: Script,
         interrupts: Arc<AtomicU32>,
         tracks: bool,
         points: bool,
     ) -> std::io::Result<Self> {
-        let mut images = QueryImages::of(drone.as_ref());
-        let (queries, request) = channel::<(Query, Cancel)>();
         let (answered, events) = channel();
         let tracker = (tracks || points)
             .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), points, answered.clone()))
             .transpose()?;
-        std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
-            for (query, cancel) in request {
-                let begun = start.elapsed();
-                let (latency, text) = if cancel.is_cancelled() {
-                    (Duration::ZERO, Err(VlmError::Cancelled))
-                } else {
-                    let request = QueryRequest { query: &query, time_left: query.deadline.since(Time::ZERO + begun), cancel };
-                    let answer = vlm.answer(&request, &mut images.about(&query));
-                    (answer.latency, answer.text)
-                };
-                let event = answer_event(query.id, text);
-                // The oracle reports a latency without spending it; a real model has already spent it.
-                if answered.send((Time::ZERO + begun + latency, event)).is_err() {
-                    return;
-                }
-            }
-        })?;
+        let Vlms { vlm, monitor } = vlms.into();
+        // Beside the VLM's thread: a monitor that waited for its reply would come too late.
+        let monitor =
+            monitor.map(|monitor| ask_in_thread("monitor", start, monitor, QueryImages::of(drone.as_ref()), answered.clone()));
+        let monitor = monitor.transpose()?;
+        let queries = ask_in_thread("vlm", start, vlm, QueryImages::of(drone.as_ref()), answered)?;
         let now = Time::ZERO + start.elapsed();
         let (out, later) = (Vec::new(), Vec::new());
         Ok(Self {
@@ -98,6 +116,7 @@ impl Live {
             told: None,
             earlier: None,
             queries,
+            monitor,
             out,
             events,
             tracker,
@@ -239,7 +258,8 @@ impl World for Live {
             Action::Ask(query) => {
                 let cancel = Cancel::default();
                 self.out.push((query.id, cancel.clone()));
-                if self.queries.send(((**query).clone(), cancel)).is_err() {
+                let queries = self.monitor.as_ref().filter(|_| query.kind == QueryKind::Monitor).unwrap_or(&self.queries);
+                if queries.send(((**query).clone(), cancel)).is_err() {
                     tracing::warn!("the VLM thread has ended: queries are no longer sent");
                 }
             }

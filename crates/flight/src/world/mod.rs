@@ -13,7 +13,27 @@ use spf_core::pilot::{Event, OperatorEvent, Pilot};
 use spf_core::query::QueryId;
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
-use spf_vlm::VlmError;
+use spf_vlm::{Vlm, VlmError};
+
+/// What answers the queries of a flight.
+pub struct Vlms {
+    /// The VLM.
+    pub vlm: Box<dyn Vlm>,
+    /// What answers the monitor's queries, beside the others; `None` for the VLM itself.
+    pub monitor: Option<Box<dyn Vlm>>,
+}
+
+impl From<Box<dyn Vlm>> for Vlms {
+    fn from(vlm: Box<dyn Vlm>) -> Self {
+        Self { vlm, monitor: None }
+    }
+}
+
+impl<V: Vlm + 'static> From<Box<V>> for Vlms {
+    fn from(vlm: Box<V>) -> Self {
+        Self { vlm, monitor: None }
+    }
+}
 
 /// Operator inputs at given flight times, for virtual time and tests.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use serde_json::json;
 use spf_core::grounding::GroundingProfile;
 use spf_core::prompt::MAX_INSTRUCTION;
-use spf_core::query::{DepthAs, Memory as PilotMemory, Query, QueryId, QueryKind};
+use spf_core::query::{Memory as PilotMemory, Query, QueryId, QueryKind};
 use spf_core::reply::parse_reply;
 use spf_core::time::{Duration, Time};
 use spf_flight::sim::OracleVlm;
@@ -75,22 +75,25 @@ impl Responder {
         let size = (image.width(), image.height());
         let wording = wording::read(prompt, size).map_err(Unrecognised::Wording)?;
         let foreign = wording.is_none();
-        let Wording { instruction, memory, profile, avoid, depth } = wording.unwrap_or_else(|| Wording {
+        let Wording { instruction, memory, profile, kind, close_up } = wording.unwrap_or_else(|| Wording {
             instruction: prompt.trim().to_owned(),
             memory: PilotMemory::default(),
             profile: GroundingProfile::default(),
-            avoid: prompt.contains("\"boxes\""),
-            depth: DepthAs::Labels,
+            kind: QueryKind::point(prompt.contains("\"boxes\"")),
+            close_up: None,
         });
         let query = Query {
             instruction: self.instruction_for(&instruction),
             memory,
             image_size: Some(size),
-            ..Query::new(QueryId(number), frame, QueryKind::Point { avoid, depth })
+            close_up,
+            ..Query::new(QueryId(number), frame, kind)
         };
         let answer = self.oracle.answer_at(&query, &snapshot);
         let own = GroundingProfile::default();
         let text = answer.text.unwrap_or_default();
+        // One word has no coordinates.
+        let QueryKind::Point { avoid, depth } = query.kind else { return Ok(OracleReply { text, latency: answer.latency }) };
         let Ok(reply) = parse_reply(&text, &own, avoid) else { return Ok(OracleReply { text, latency: answer.latency }) };
         // A later query would get the first stage again.
         if foreign && reply.stage.is_some() {

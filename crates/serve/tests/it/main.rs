@@ -16,6 +16,7 @@ mod live_view;
 mod matrix;
 mod mavlink;
 mod memory;
+mod monitor;
 mod protocol;
 mod queues;
 mod rtsp;

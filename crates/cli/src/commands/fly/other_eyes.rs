@@ -16,7 +16,7 @@ use super::settings::{flight_conditions, limits, method, options, preset_and_pol
 use super::signals::flight_interrupts;
 use super::{Ready, page, sentence};
 use crate::args::Fly;
-use crate::commands::vlm::Pace;
+use crate::commands::vlm::{self, Pace};
 use crate::commands::{camera, detector, load_scene};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
@@ -63,6 +63,7 @@ pub(super) fn ready(
         ..Simulated::new(loaded.clone(), scene)
     };
     let craft = site.craft().map_err(|error| CliError::usage("cannot start here").because(&error))?;
+    let monitor = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let interrupts = flight_interrupts(false)?;
     let start = Instant::now();
@@ -92,6 +93,7 @@ pub(super) fn ready(
         settings: method,
         limits,
         detector,
+        monitor,
         prompt,
         max_cost_usd,
         script,

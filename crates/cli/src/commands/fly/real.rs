@@ -23,7 +23,7 @@ use super::settings::{fence, limits, method, options, preset_and_policy, prompt,
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, sentence};
 use crate::args::{CameraArgs, Fly};
-use crate::commands::vlm::{Pace, Pointing, advice, is_human};
+use crate::commands::vlm::{self, Pace, Pointing, advice, is_human};
 use crate::commands::{camera, detector};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
@@ -97,6 +97,7 @@ pub(super) fn ready(
     if attended && settings.fly.at_end.get()?.is_none() {
         method.at_end = AtEnd::Hover;
     }
+    let monitor = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = flight_interrupts(true)?;
@@ -163,6 +164,7 @@ pub(super) fn ready(
         settings: method,
         limits,
         detector,
+        monitor,
         prompt,
         max_cost_usd,
         script,

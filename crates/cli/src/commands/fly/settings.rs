@@ -8,7 +8,7 @@ use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
 use spf_core::guidance::Guidance;
 use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
-use spf_core::prompt::PromptText;
+use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
 use spf_drone::mavlink::settings::{FencePlan, GimbalUse, MavlinkSettings};
@@ -116,9 +116,13 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         map: fly.map.or_default()?.or(can_guide && sensor),
         sensor,
         track: fly.track.or_default()? != TrackBy::Off,
+        monitor: fly.monitor.or_default()?.or(false),
         points: false,
         looming: false,
     };
+    if method.guidance.monitor && !matches!(fly.policy.or_default()?.prompt(), PromptKind::Point) {
+        return Err(CliError::usage("--monitor watches the flight to a point").hint("use --policy spf, or leave it off"));
+    }
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
@@ -150,7 +154,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         method.max_decisions = decisions;
     }
     if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
-        return Err(CliError::usage("--anchor, --map and --track need --think continuous and --motion blended")
+        return Err(CliError::usage("--anchor, --map, --track and --monitor need --think continuous and --motion blended")
             .hint("leave them off with the preset paper"));
     }
     if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {

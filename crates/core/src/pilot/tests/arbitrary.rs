@@ -70,10 +70,16 @@ fn texts() -> impl Strategy<Value = String> {
         1 => Just(not_visible(Look::Left)),
         1 => Just(not_visible(Look::Down)),
         1 => Just(done()),
+        1 => Just(r#"{"state":"stop"}"#.to_owned()),
+        1 => Just(r#"{"state":"lost"}"#.to_owned()),
         1 => ".{0,40}",
         1 => Just(r#"{"actions":[{"cmd":"forward","value":3},{"cmd":"up","value":1}],"done":false}"#.to_owned()),
         1 => Just(r#"{"actions":[],"done":true}"#.to_owned()),
     ]
+}
+
+fn is_monitors(id: QueryId) -> bool {
+    id.0 >= crate::pilot::monitoring::FIRST_ID
 }
 
 fn following(u: f64, v: f64, depth: u8) -> String {
@@ -247,7 +253,7 @@ impl Chaos {
     fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
         let guidance = &mut setup.settings.guidance;
-        (guidance.track, guidance.points, guidance.looming) = (track, track, track);
+        (guidance.track, guidance.points, guidance.looming, guidance.monitor) = (track, track, track, track);
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
@@ -290,6 +296,8 @@ impl Chaos {
             Event::Operator(_) => (self.reason, self.hand) = (false, None),
             Event::LinkLost => (self.reason, self.link) = (false, false),
             Event::LinkRestored => self.link = true,
+            // What a monitor says is no reason to move, and neither does its silence end one.
+            Event::Reply { id, .. } | Event::ReplyFailed { id, .. } if is_monitors(*id) => drop(self.out.remove(id)),
             Event::Reply { id, text } if self.out.remove(id) => {
                 let words: &[&str] = if self.legs { &["forward"] } else { &["navigating", "following", "not_visible"] };
                 self.reason = words.iter().any(|word| text.contains(word)) && self.link;
@@ -316,7 +324,7 @@ impl Chaos {
                 }
                 Some(Action::Cancel(id)) => {
                     assert!(self.out.remove(&id), "cancels what is not out");
-                    self.reason = false;
+                    self.reason &= is_monitors(id);
                 }
                 Some(Action::Command(cleared)) => self.command(&cleared),
                 Some(Action::Finished(_)) => self.finished += 1,
@@ -404,7 +412,7 @@ impl Chaos {
     }
 
     fn id(&self, which: u64) -> QueryId {
-        QueryId(self.queries.last().map_or(which, |(_, id)| id.0.saturating_sub(which)))
+        self.queries.iter().rev().nth(which as usize).map_or(QueryId(which), |(_, id)| *id)
     }
 
     fn telemetry(&self, age: i64) -> Telemetry {
@@ -495,15 +503,20 @@ impl Chaos {
             }
             self.tell(Event::Telemetry(self.telemetry(0)));
             self.frame(100, true, false);
-            if let Some(&(at, id)) = self.queries.last()
-                && self.now.since(at) >= secs(0.3)
-                && self.now.since(at) < secs(0.36)
-            {
-                let text = if self.track { following(0.7, 0.4, 7) } else { navigate(0.7, 0.4, 7) };
+            let is_due = |at: Time| (secs(0.3)..secs(0.36)).contains(&self.now.since(at));
+            let due: Vec<QueryId> = self.queries.iter().filter(|(at, _)| is_due(*at)).map(|(_, id)| *id).collect();
+            for id in due {
+                let text = match (is_monitors(id), self.track) {
+                    (true, _) => r#"{"state":"continue"}"#.to_owned(),
+                    (false, true) => following(0.7, 0.4, 7),
+                    (false, false) => navigate(0.7, 0.4, 7),
+                };
                 self.tell(Event::Reply { id, text });
             }
             let area = ImageBox { left: 0.6, top: 0.3, right: 0.8, bottom: 0.5 };
-            self.report(self.id(1), 100, area, 1.0, TrackQuality::Good);
+            let policy: Vec<QueryId> = self.queries.iter().map(|(_, id)| *id).filter(|id| !is_monitors(*id)).collect();
+            let id = policy.iter().rev().nth(1).copied().unwrap_or(QueryId(1));
+            self.report(id, 100, area, 1.0, TrackQuality::Good);
         }
     }
 }

@@ -1,0 +1,33 @@
+//! What a monitor gains: forced losses, and a suite of tasks with and without it.
+//!
+//! ```text
+//! cargo run --release -p spf-bench --example monitor -- losses SEEDS
+//! cargo run --release -p spf-bench --example monitor -- suite NAME SEEDS
+//! ```
+//!
+//! Seeds count from 0, and `SEEDS` is at most 100. Prints a table, one row a method and error file. Tokens are those of a model that reads
+//! a text token in four characters and an image token in 750 pixels.
+
+mod losses;
+mod suite;
+mod tokens;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let seeds = |text: &str| text.parse().ok().filter(|seeds| (1..=100).contains(seeds));
+    let run = match args[..] {
+        ["losses", count] if seeds(count).is_some() => losses::run(seeds(count).unwrap_or(1)),
+        ["suite", name, count] if seeds(count).is_some() => suite::run(name, seeds(count).unwrap_or(1)),
+        _ => Err("usage: monitor losses SEEDS | monitor suite NAME SEEDS (1 to 100 seeds)".into()),
+    };
+    match run {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
+}
