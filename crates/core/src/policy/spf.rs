@@ -396,7 +396,7 @@ impl Spf {
             // turns away. What nothing hides gets a second look.
             let captured = open_query.view.frame.captured;
             let since = captured.since(*self.hidden_since.get_or_insert(captured));
-            let hidden = is_hidden(at, range, &reply.boxes);
+            let hidden = is_covered(at, range, &reply.boxes, 0.0);
             if since == Duration::ZERO || hidden && since < WAITS_FOR_HIDDEN {
                 let why = if hidden { "something hides it" } else { "looks again" };
                 self.reading.actions.push(format!("holds: the target should be in view; {why}"));
@@ -489,7 +489,12 @@ fn is_elsewhere(view: &View, reply: &Reply, point: ImagePoint) -> bool {
 
 /// Whether a box stands in front of a place in the image that is `range` metres away.
 fn is_hidden(at: ImagePoint, range: f64, boxes: &[ObstacleBox]) -> bool {
-    boxes.iter().any(|obstacle| lift::range_of_label(f64::from(obstacle.depth) + 0.5) < range && obstacle.area.contains(at))
+    is_covered(at, range, boxes, 0.5)
+}
+
+/// The same, for boxes whose depth label, and `surely` labels more, mean nearer than that.
+fn is_covered(at: ImagePoint, range: f64, boxes: &[ObstacleBox], surely: f64) -> bool {
+    boxes.iter().any(|obstacle| lift::range_of_label(f64::from(obstacle.depth) + surely) < range && obstacle.area.contains(at))
 }
 
 fn search_with(camera: &Camera, craft: &Craft) -> Search {
