@@ -1,8 +1,8 @@
 //! What a monitor gains: forced losses, and a suite of tasks with and without it.
 //!
 //! ```text
-//! cargo run --release -p spf-bench --example monitor -- losses SEEDS
-//! cargo run --release -p spf-bench --example monitor -- suite NAME SEEDS
+//! cargo run -p spf-bench --example monitor -- losses SEEDS
+//! cargo run -p spf-bench --example monitor -- suite NAME SEEDS
 //! ```
 //!
 //! Seeds count from 0, and `SEEDS` is at most 100. Prints a table, one row a method and error file. Tokens are those of a model that reads

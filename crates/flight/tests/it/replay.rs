@@ -187,10 +187,10 @@ fn a_flight_with_a_monitor_is_the_same_again_without_any_model() {
         let of = rows.iter().filter(|entry| entry.topic == topic).map(|entry| row::<Value>(entry).unwrap().to_string());
         of.filter(|text| text.contains(words)).count()
     };
-    // Asked, answered and judged; a flight of 30 s with two targets.
+    // Asked, answered and judged; most of these 30 s is flown by hand, held or searched.
     let (asked, answered) = (saying("/query", r#""kind":"monitor""#), saying("/reply", r#"{\"state\":"#));
     let judged = saying("/note", r#""by":"vlm""#);
-    assert!(asked > 5 && answered > 4 && judged > 4 && judged <= answered && answered <= asked, "{asked} {answered} {judged}");
+    assert!(judged > 2 && judged <= answered && answered <= asked, "{asked} {answered} {judged}");
     // A different method without it: nothing is asked in the replay.
     let recorded = head(&mut LogReader::open(&log).unwrap()).unwrap().settings;
     let off = Guidance { monitor: false, ..recorded.guidance };
