@@ -8,6 +8,8 @@
 //! Seeds count from 0, and `SEEDS` is at most 100. Prints a table, one row a method and error file. Tokens are those of a model that reads
 //! a text token in four characters and an image token in 750 pixels.
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints a table")]
+
 mod losses;
 mod suite;
 mod tokens;
