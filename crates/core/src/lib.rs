@@ -30,6 +30,7 @@ pub mod grounding;
 pub mod guidance;
 pub mod lift;
 pub mod looming;
+pub mod mono_depth;
 pub mod obstacle_map;
 pub mod odometry;
 pub mod pilot;

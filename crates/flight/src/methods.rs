@@ -185,6 +185,7 @@ impl BenchSettings {
                 track: !self.track.is_off(),
                 points: self.points,
                 looming: self.looming,
+                mono_depth: false,
             },
             ..preset
         }

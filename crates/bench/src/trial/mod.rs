@@ -233,6 +233,7 @@ impl Trial {
         let settings = settings
             .replace("slow_anchor: false, ", "")
             .replace("ask: Always, ", "")
+            .replace(", mono_depth: false }", " }")
             .replace(", points: false, looming: false }", " }")
             .replace(", track: false }", " }")
             .replace(", keep_m: 2.5, follow_time: None", "")

@@ -11,6 +11,7 @@ use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::gimbal::GimbalReport;
+use crate::mono_depth::MonoDepth;
 use crate::points::PointReport;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
@@ -33,6 +34,8 @@ pub enum Event {
     Track(TrackReport),
     /// Where the points that are followed are in a frame.
     Points(PointReport),
+    /// A network has estimated the depth of a frame.
+    MonoDepth(Box<MonoDepth>),
     /// The complete reply of a VLM.
     Reply {
         /// The query that it answers.
@@ -152,6 +155,8 @@ pub enum Note {
     Around(Around),
     /// A move of the policy was shortened or refused, with the reason.
     Limited(&'static str),
+    /// What is known of the scale of a network's depth has changed, in words.
+    DepthScale(String),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
     /// A query failed or was cancelled.

@@ -220,6 +220,8 @@ pub enum NoteKind {
     Around,
     /// A move of the policy was shortened or refused.
     Limited,
+    /// What is known of the scale of a network's depth has changed.
+    DepthScale,
     /// A reply to a cancelled query arrived.
     LateReply,
     /// A query failed or was cancelled.
@@ -272,6 +274,7 @@ impl NoteRow {
             }
             Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
+            Note::DepthScale(words) => Self { reason: Some(words.clone()), ..row(NoteKind::DepthScale) },
             Note::Decision(_) => return None,
         })
     }

@@ -118,6 +118,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         track: fly.track.or_default()? != TrackBy::Off,
         points: false,
         looming: false,
+        mono_depth: false,
     };
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;

@@ -14,6 +14,7 @@ mod following;
 mod gimbal;
 mod guided;
 mod manoeuvres;
+mod mono_depth;
 mod motion;
 mod news;
 mod operator;
