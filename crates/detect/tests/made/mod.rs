@@ -200,6 +200,8 @@ fn places(rows: usize, is_final: bool, stride: usize) -> Vec<f32> {
 pub(crate) struct DepthExport {
     /// What a red of 1 gives.
     pub(crate) gain: f32,
+    /// What is added in each row of the image; nothing if empty.
+    pub(crate) rows: Vec<f32>,
     /// Width and height of its input; any if `None`.
     pub(crate) size: Option<(usize, usize)>,
     /// Dimensions of 1 before the image in the output: 0 to 2.
@@ -214,7 +216,7 @@ pub(crate) struct DepthExport {
 
 impl Default for DepthExport {
     fn default() -> Self {
-        Self { gain: 1.0, size: None, leading: 2, planes: 1, several: false, confidence: false }
+        Self { gain: 1.0, rows: Vec::new(), size: None, leading: 2, planes: 1, several: false, confidence: false }
     }
 }
 
@@ -233,14 +235,19 @@ pub(crate) fn depth(export: &DepthExport) -> Vec<u8> {
     } else {
         "images"
     };
-    let convolved = if export.leading == 2 { "depth" } else { "convolved" };
+    let whole = if export.leading == 2 { "depth" } else { "whole" };
+    let convolved = if export.rows.is_empty() { whole } else { "convolved" };
+    if !export.rows.is_empty() {
+        graph = graph.message(1, &node("Add", &["convolved", "rows"], whole, &[], &[]));
+        graph = graph.message(5, &floats("rows", &[1, 1, export.rows.len(), 1], &export.rows));
+    }
     graph = graph
         .message(1, &node("Conv", &[images, "weights", "bias"], convolved, &[("kernel_shape", &[1, 1])], &[]))
         .message(5, &floats("weights", &[planes, 3, 1, 1], &weights))
         .message(5, &floats("bias", &[planes], &vec![gain * mean; planes]));
     if export.leading < 2 {
         let axes: Vec<u8> = [1_i64, 0].iter().take(2 - export.leading).flat_map(|axis| axis.to_le_bytes()).collect();
-        graph = graph.message(1, &node("Squeeze", &["convolved", "axes"], "depth", &[], &[]));
+        graph = graph.message(1, &node("Squeeze", &["whole", "axes"], "depth", &[], &[]));
         graph = graph.message(5, &tensor("axes", &[2 - export.leading], INT64, &axes));
     }
     let sides = |(width, height): (usize, usize)| [Ok(height), Ok(width)];

@@ -43,6 +43,9 @@ pub struct FlightHeader {
     /// Name of the detector, in obstacle mode with a detector; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
+    /// Name of the depth network; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_model: Option<String>,
     /// The coordinate convention of queries and replies.
     #[serde(default)]
     pub grounding: GroundingProfile,

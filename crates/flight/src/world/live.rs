@@ -14,6 +14,7 @@ use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;
 use super::{Script, answer_event, pilot_event};
+use crate::depth_network::{DepthPlan, DepthThread};
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::TrackingThread;
@@ -39,6 +40,9 @@ pub struct Live {
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
     tracker: Option<TrackingThread>,
+    depth: Option<DepthThread>,
+    /// Leads to `events`.
+    reports: Sender<(Time, Event)>,
     later: Vec<(Time, Event)>,
     script: Script,
     interrupts: Arc<AtomicU32>,
@@ -72,6 +76,7 @@ impl Live {
         let tracker = (tracks || points)
             .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), points, answered.clone()))
             .transpose()?;
+        let reports = answered.clone();
         std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
             for (query, cancel) in request {
                 let begun = start.elapsed();
@@ -101,6 +106,8 @@ impl Live {
             out,
             events,
             tracker,
+            depth: None,
+            reports,
             later,
             script,
             interrupts,
@@ -110,6 +117,17 @@ impl Live {
             link_lost: false,
             paused_until: None,
         })
+    }
+
+    /// Adds a network that estimates the depth of frames, in a thread of its own.
+    ///
+    /// # Errors
+    /// The operating system's error if the thread cannot be started.
+    pub fn with_depth(mut self, plan: Option<DepthPlan>) -> std::io::Result<Self> {
+        let Some(plan) = plan else { return Ok(self) };
+        let (camera, frames) = (self.drone.capabilities().camera, self.drone.frames());
+        self.depth = Some(DepthThread::start(self.start, plan, camera, frames, self.reports.clone())?);
+        Ok(self)
     }
 
     /// Adds manual operator inputs.
@@ -179,6 +197,9 @@ impl Live {
             if let Some(event) = self.of_link(pilot_event(event)) {
                 if let Some(tracker) = &self.tracker {
                     tracker.event(&event);
+                }
+                if let Some(depth) = &mut self.depth {
+                    depth.event(&event);
                 }
                 return Some(event);
             }
