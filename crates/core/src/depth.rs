@@ -1,6 +1,6 @@
 //! Depth grids: what a depth sensor, or a network that estimates depth from a frame, measures at one instant.
 
-mod packed;
+pub(crate) mod packed;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -36,6 +36,9 @@ pub struct Guidance {
     /// Whether the brake also acts on what the craft flies at, by how fast the same points move apart ([`crate::looming`]).
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub looming: bool,
+    /// Whether a network's depth goes into the map ([`crate::mono_depth`]); points are followed for its scale.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub mono_depth: bool,
 }
 
 impl Guidance {
@@ -48,7 +51,7 @@ impl Guidance {
     /// Whether points are followed through the frames.
     #[must_use]
     pub fn follows_points(&self) -> bool {
-        self.points || self.looming
+        self.points || self.looming || self.mono_depth
     }
 
     /// Whether the target's place may be kept, to guide the craft or for the monitor.

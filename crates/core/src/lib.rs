@@ -31,6 +31,7 @@ pub mod guidance;
 pub mod lift;
 pub mod looming;
 pub mod monitor;
+pub mod mono_depth;
 pub mod obstacle_map;
 pub mod odometry;
 pub mod pilot;

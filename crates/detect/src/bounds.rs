@@ -2,6 +2,11 @@
 
 use std::time::Duration;
 
+/// Maximum size of a model file, bytes.
+pub const MAX_MODEL: u64 = 512 << 20;
+/// Maximum side length of a network's input, pixels.
+pub const MAX_SIDE: usize = 4096;
+
 /// What a network may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bounds {
@@ -11,6 +16,11 @@ pub struct Bounds {
     pub load: Duration,
     /// Time of every later run.
     pub run: Duration,
+}
+
+impl Bounds {
+    /// Of a network that estimates depth beside a flight: a depth of a frame that is older than this is of no use.
+    pub const DEPTH: Self = Self { memory: 4 << 30, load: Duration::from_secs(60), run: Duration::from_secs(5) };
 }
 
 impl Default for Bounds {

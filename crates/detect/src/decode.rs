@@ -12,7 +12,7 @@
 use spf_core::detection::MAX_DETECTIONS;
 use spf_core::query::ImageBox;
 
-use crate::DetectError;
+use crate::error::NetworkError;
 
 /// Minimum score.
 pub const MIN_SCORE: f32 = 0.25;
@@ -63,14 +63,14 @@ impl Layout {
     /// class names in the model; `masks`: whether it has masks; `end_to_end`: whether it declares its boxes final.
     ///
     /// # Errors
-    /// [`DetectError::Unfit`] for layouts that are not in the table above.
+    /// [`NetworkError::Unfit`] for layouts that are not in the table above.
     pub fn of(
         shape: &[usize],
         input: (usize, usize),
         classes: Option<usize>,
         masks: bool,
         end_to_end: Option<bool>,
-    ) -> Result<Self, DetectError> {
+    ) -> Result<Self, NetworkError> {
         let masks = if masks { MASK_ROWS } else { 0 };
         let &[1, a, b] = shape else { return Err(unfit(shape, classes)) };
         let cells: usize = [8, 16, 32].map(|stride| (input.0 / stride) * (input.1 / stride)).iter().sum();
@@ -109,8 +109,8 @@ impl Layout {
     /// The boxes of an output with a sufficient score. NaN counts as zero.
     ///
     /// # Errors
-    /// [`DetectError::Unfit`] if the output does not have this layout.
-    pub fn decode(&self, shape: &[usize], values: &[f32]) -> Result<Vec<Candidate>, DetectError> {
+    /// [`NetworkError::Unfit`] if the output does not have this layout.
+    pub fn decode(&self, shape: &[usize], values: &[f32]) -> Result<Vec<Candidate>, NetworkError> {
         let &[1, a, b] = shape else { return Err(unfit(shape, None)) };
         let (rows, boxes) = match self.form {
             Form::Rows(classes) => (a == 4 + classes + self.masks, b),
@@ -200,13 +200,13 @@ fn area(candidate: &Candidate) -> ImageBox {
 }
 
 /// The error for an output of this shape.
-fn unfit(shape: &[usize], classes: Option<usize>) -> DetectError {
+fn unfit(shape: &[usize], classes: Option<usize>) -> NetworkError {
     let shown = shape.iter().map(usize::to_string).collect::<Vec<_>>().join("×");
     let names = classes.map_or(String::new(), |classes| format!(" with {classes} class names"));
     let old = classes.map_or(85, |classes| 5 + classes);
     let hint = if shape.last() == Some(&old) { "; heads with objectness (YOLOv5 and older) are not supported" } else { "" };
     let known = "1×(4+classes)×cells, 1×cells×(4+classes), or 1×boxes×6 with NMS exported";
-    DetectError::Unfit(format!("its output is {shown}{names}, expected {known}{hint}"))
+    NetworkError::Unfit(format!("its output is {shown}{names}, expected {known}{hint}"))
 }
 
 #[cfg(test)]

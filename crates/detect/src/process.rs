@@ -9,9 +9,10 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
 use crate::bounds::Bounds;
+use crate::error::NetworkError;
+use crate::exchange::{Description, Input, Output};
 use crate::wire::{self, Reply};
 use crate::worker::ARGUMENT;
-use crate::{Description, DetectError, Output};
 
 /// Where a network is run.
 #[derive(Clone, Debug)]
@@ -62,8 +63,8 @@ impl Remote {
         program: &std::path::Path,
         args: &[OsString],
         bounds: Bounds,
-    ) -> Result<(Self, Description), DetectError> {
-        let started = |error: std::io::Error| DetectError::Load(format!("cannot start its process: {error}"));
+    ) -> Result<(Self, Description), NetworkError> {
+        let started = |error: std::io::Error| NetworkError::Load(format!("cannot start its process: {error}"));
         let mut command = Command::new(program);
         command.args(args).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         // Ctrl-C on a terminal is for the flight, which lands before it ends this process.
@@ -84,24 +85,24 @@ impl Remote {
             });
         }
         let mut line = Line { child, to, replies, is_warm: false };
-        match line.ask(model, bounds, bounds.load).map_err(DetectError::Load)? {
+        match line.ask(model, bounds, bounds.load).map_err(NetworkError::Load)? {
             Reply::Loaded(description) => Ok((Self { bounds, line: Mutex::new(line) }, description)),
             Reply::Failed(error) => Err(error),
-            Reply::Ran(_) => Err(DetectError::Load("its process answers out of turn".to_owned())),
+            Reply::Ran(_) => Err(NetworkError::Load("its process answers out of turn".to_owned())),
         }
     }
 
     /// Runs it.
-    pub(crate) fn run(&self, values: &[f32]) -> Result<Output, DetectError> {
+    pub(crate) fn run(&self, input: Input<'_>) -> Result<Output, NetworkError> {
         let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
         let time = if line.is_warm { self.bounds.run } else { self.bounds.load };
-        match line.ask(&wire::floats(values), self.bounds, time).map_err(DetectError::Run)? {
+        match line.ask(&wire::input(input), self.bounds, time).map_err(NetworkError::Run)? {
             Reply::Ran(output) => {
                 line.is_warm = true;
                 Ok(output)
             }
             Reply::Failed(error) => Err(error),
-            Reply::Loaded(_) => Err(DetectError::Run("its process answers out of turn".to_owned())),
+            Reply::Loaded(_) => Err(NetworkError::Run("its process answers out of turn".to_owned())),
         }
     }
 }

@@ -5,13 +5,15 @@
 
 use std::io::{self, ErrorKind, Read, Write};
 
-use crate::{Description, DetectError, Output};
+use crate::bounds::MAX_MODEL;
+use crate::error::NetworkError;
+use crate::exchange::{Description, Input, Outlet, Output};
 
 /// Maximum length of a message to the process, bytes: a model.
-pub(crate) const MAX_TO: u64 = crate::MAX_MODEL;
+pub(crate) const MAX_TO: u64 = MAX_MODEL;
 /// Maximum length of a message from the process, bytes: an output. YOLO's with masks at 1280 × 1280 pixels has 16 MB.
 pub(crate) const MAX_FROM: u64 = 256 << 20;
-/// Maximum number of classes and of dimensions.
+/// Maximum number of outputs, of entries of metadata and of dimensions.
 const MAX_COUNT: u64 = 100_000;
 
 /// A reply of the process.
@@ -22,7 +24,7 @@ pub(crate) enum Reply {
     /// It was run.
     Ran(Output),
     /// It could not be loaded or run.
-    Failed(DetectError),
+    Failed(NetworkError),
 }
 
 /// Writes a message.
@@ -52,13 +54,29 @@ pub(crate) fn receive(from: &mut impl Read, most: u64) -> io::Result<Option<(u8,
     if payload.len() as u64 == length { Ok(Some((kind[0], payload))) } else { Err(ErrorKind::UnexpectedEof.into()) }
 }
 
-/// An input, as bytes.
-pub(crate) fn floats(values: &[f32]) -> Vec<u8> {
+/// Numbers as bytes.
+fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
-/// Bytes as an input; a rest of fewer than four is dropped.
-pub(crate) fn to_floats(bytes: &[u8]) -> Vec<f32> {
+/// An input, as bytes.
+pub(crate) fn input(input: Input<'_>) -> Vec<u8> {
+    let numbers = [input.size.0, input.size.1, input.output];
+    let mut bytes: Vec<u8> = numbers.iter().flat_map(|number| (*number as u64).to_le_bytes()).collect();
+    bytes.extend(floats(input.values));
+    bytes
+}
+
+/// Bytes as an input, whose numbers go into `values`; `None` if they are none.
+pub(crate) fn to_input<'a>(mut bytes: &[u8], values: &'a mut Vec<f32>) -> Option<Input<'a>> {
+    let rest = &mut bytes;
+    let (width, height, output) = (number(rest)?, number(rest)?, number(rest)?);
+    *values = to_floats(rest);
+    Some(Input { size: (width, height), values, output }).filter(Input::is_whole)
+}
+
+/// Bytes as numbers; a rest of fewer than four is dropped.
+fn to_floats(bytes: &[u8]) -> Vec<f32> {
     bytes.chunks_exact(4).map(|four| f32::from_le_bytes([four[0], four[1], four[2], four[3]])).collect()
 }
 
@@ -72,20 +90,25 @@ impl Reply {
             bytes.extend(text.as_bytes());
         };
         let kind = match self {
-            Self::Loaded(Description { input, names, end_to_end }) => {
-                number(&mut bytes, input.0);
-                number(&mut bytes, input.1);
-                bytes.push(end_to_end.map_or(2, u8::from));
-                bytes.push(u8::from(names.is_some()));
-                let names = names.as_deref().unwrap_or_default();
-                number(&mut bytes, names.len());
-                for name in names {
+            Self::Loaded(Description { input, outputs, metadata }) => {
+                // 0 stands for any: no side is that long.
+                let side = |bytes: &mut Vec<u8>, side: &Option<usize>| number(bytes, side.unwrap_or(0));
+                side(&mut bytes, &input.0);
+                side(&mut bytes, &input.1);
+                number(&mut bytes, outputs.len());
+                for Outlet { name, shape } in outputs {
                     text(&mut bytes, name);
+                    number(&mut bytes, shape.len());
+                    shape.iter().for_each(|length| side(&mut bytes, length));
+                }
+                number(&mut bytes, metadata.len());
+                for (key, value) in metadata {
+                    text(&mut bytes, key);
+                    text(&mut bytes, value);
                 }
                 b'l'
             }
-            Self::Ran(Output { shape, values, masks }) => {
-                bytes.push(u8::from(*masks));
+            Self::Ran(Output { shape, values }) => {
                 number(&mut bytes, shape.len());
                 for side in shape {
                     number(&mut bytes, *side);
@@ -95,8 +118,8 @@ impl Reply {
             }
             Self::Failed(error) => {
                 let (kind, words) = match error {
-                    DetectError::Load(words) => (b'L', words.clone()),
-                    DetectError::Unfit(words) => (b'U', words.clone()),
+                    NetworkError::Load(words) => (b'L', words.clone()),
+                    NetworkError::Unfit(words) => (b'U', words.clone()),
                     other => (b'R', other.to_string()),
                 };
                 bytes.extend(words.as_bytes());
@@ -112,32 +135,31 @@ impl Reply {
         let words = || String::from_utf8_lossy(bytes).into_owned();
         Some(match kind {
             b'l' => {
-                let input = (number(&mut rest)?, number(&mut rest)?);
-                let end_to_end = match byte(&mut rest)? {
-                    2 => None,
-                    other => Some(other == 1),
+                let rest = &mut rest;
+                let side = |rest: &mut &[u8]| number(rest).map(|side| Some(side).filter(|side| *side > 0));
+                let input = (side(rest)?, side(rest)?);
+                let outlet = |rest: &mut &[u8]| {
+                    let name = text(rest)?;
+                    let shape = (0..count(rest)?).map(|_| side(rest)).collect::<Option<Vec<_>>>()?;
+                    Some(Outlet { name, shape })
                 };
-                let named = byte(&mut rest)? == 1;
-                let names = (0..count(&mut rest)?).map(|_| text(&mut rest)).collect::<Option<Vec<_>>>()?;
-                Self::Loaded(Description { input, names: named.then_some(names), end_to_end })
+                let outputs = (0..count(rest)?).map(|_| outlet(rest)).collect::<Option<Vec<_>>>()?;
+                let entry = |rest: &mut &[u8]| Some((text(rest)?, text(rest)?));
+                let metadata = (0..count(rest)?).map(|_| entry(rest)).collect::<Option<Vec<_>>>()?;
+                Self::Loaded(Description { input, outputs, metadata })
             }
             b'r' => {
-                let masks = byte(&mut rest)? == 1;
                 let shape = (0..count(&mut rest)?).map(|_| number(&mut rest)).collect::<Option<Vec<_>>>()?;
                 let values = to_floats(rest);
                 let size = shape.iter().try_fold(1_usize, |size, side| size.checked_mul(*side))?;
-                (size == values.len()).then_some(Self::Ran(Output { shape, values, masks }))?
+                (size == values.len()).then_some(Self::Ran(Output { shape, values }))?
             }
-            b'L' => Self::Failed(DetectError::Load(words())),
-            b'U' => Self::Failed(DetectError::Unfit(words())),
-            b'R' => Self::Failed(DetectError::Run(words())),
+            b'L' => Self::Failed(NetworkError::Load(words())),
+            b'U' => Self::Failed(NetworkError::Unfit(words())),
+            b'R' => Self::Failed(NetworkError::Run(words())),
             _ => return None,
         })
     }
-}
-
-fn byte(rest: &mut &[u8]) -> Option<u8> {
-    rest.split_off_first().copied()
 }
 
 fn number(rest: &mut &[u8]) -> Option<usize> {
@@ -162,13 +184,17 @@ mod tests {
 
     #[test]
     fn what_is_sent_is_what_arrives() {
-        let loaded = Description { input: (64, 32), names: Some(vec!["ä".to_owned(), String::new()]), end_to_end: None };
-        let ran = Output { shape: vec![1, 2, 3], values: vec![0.5; 6], masks: true };
+        let loaded = Description {
+            input: (Some(64), None),
+            outputs: vec![Outlet { name: "ä".to_owned(), shape: vec![Some(1), None] }],
+            metadata: vec![("names".to_owned(), String::new())],
+        };
+        let ran = Output { shape: vec![1, 2, 3], values: vec![0.5; 6] };
         let mut pipe = Vec::new();
         for reply in [
             Reply::Loaded(loaded.clone()),
-            Reply::Ran(Output { shape: ran.shape.clone(), values: ran.values.clone(), masks: true }),
-            Reply::Failed(DetectError::Unfit("a".to_owned())),
+            Reply::Ran(Output { shape: ran.shape.clone(), values: ran.values.clone() }),
+            Reply::Failed(NetworkError::Unfit("a".to_owned())),
         ] {
             let (kind, bytes) = reply.encode();
             send(&mut pipe, kind, &bytes).unwrap();
@@ -177,15 +203,26 @@ mod tests {
         let mut next = || receive(&mut pipe, MAX_FROM).unwrap().map(|(kind, bytes)| Reply::decode(kind, &bytes).unwrap());
         assert!(matches!(next(), Some(Reply::Loaded(description)) if description == loaded));
         assert!(matches!(next(), Some(Reply::Ran(output)) if output.shape == ran.shape && output.values == ran.values));
-        assert!(matches!(next(), Some(Reply::Failed(DetectError::Unfit(words))) if words == "a"));
+        assert!(matches!(next(), Some(Reply::Failed(NetworkError::Unfit(words))) if words == "a"));
         assert!(next().is_none());
         assert!(receive(&mut &[b'r', 255, 255, 255, 255, 0, 0, 0, 0][..], 1000).is_err(), "too long");
         assert!(receive(&mut &[b'r', 9, 0, 0, 0, 0, 0, 0, 0, 1][..], 1000).is_err(), "cut off");
     }
 
+    #[test]
+    fn an_input_that_is_sent_is_the_one_that_arrives() {
+        let values = [0.5; 3 * 4 * 2];
+        let bytes = input(Input { size: (4, 2), values: &values, output: 1 });
+        let mut arrived = Vec::new();
+        let input = to_input(&bytes, &mut arrived).unwrap();
+        assert_eq!((input.size, input.values, input.output), ((4, 2), &values[..], 1));
+        assert!(to_input(&bytes[..bytes.len() - 4], &mut Vec::new()).is_none(), "cut off");
+    }
+
     proptest! {
         #[test]
         fn any_bytes_are_a_reply_or_none(kind: u8, bytes: Vec<u8>) {
+            let _size = to_input(&bytes, &mut Vec::new()).map(|input| input.size);
             drop(Reply::decode(kind, &bytes));
             drop(receive(&mut &bytes[..], 1000));
         }

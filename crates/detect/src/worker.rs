@@ -7,9 +7,9 @@ use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::mpsc;
 
-use crate::DetectError;
 use crate::bounds::Bounds;
-use crate::onnx::Network;
+use crate::error::NetworkError;
+use crate::network::Network;
 use crate::wire::{self, Reply};
 
 /// The argument with which a program runs [`serve`] in place of anything else.
@@ -21,6 +21,7 @@ pub const ARGUMENT: &str = "detector-process";
 pub fn serve() -> ExitCode {
     let memory = std::env::args().nth(2).and_then(|text| text.parse().ok()).unwrap_or(Bounds::default().memory);
     limit(memory);
+    yield_to_others();
     match answer(&mut io::stdout().lock()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(_) => ExitCode::FAILURE,
@@ -40,6 +41,13 @@ fn limit(memory: u64) {
     let _ = memory;
 }
 
+/// Lets other processes go first: the flight must not wait for a network.
+fn yield_to_others() {
+    // Without it the network is no faster, and the flight a little later.
+    #[cfg(unix)]
+    let _is_lower = rustix::process::nice(5);
+}
+
 fn answer(to: &mut impl Write) -> io::Result<()> {
     let inbox = read_ahead();
     let Ok(model) = inbox.recv() else { return Ok(()) };
@@ -48,13 +56,11 @@ fn answer(to: &mut impl Write) -> io::Result<()> {
         Err(error) => return reply(to, &Reply::Failed(error)),
     };
     reply(to, &Reply::Loaded(network.description().clone()))?;
-    let (width, height) = network.description().input;
     for bytes in inbox {
-        let values = wire::to_floats(&bytes);
-        let ran = if values.len() == 3 * width * height {
-            network.run(&values)
-        } else {
-            Err(DetectError::Run(format!("an input of {} numbers", values.len())))
+        let mut values = Vec::new();
+        let ran = match wire::to_input(&bytes, &mut values) {
+            Some(input) => network.run(input),
+            None => Err(NetworkError::Run("its process got no input".to_owned())),
         };
         reply(to, &ran.map_or_else(Reply::Failed, Reply::Ran))?;
     }

@@ -9,8 +9,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use made::{Export, Trick, hostile, model};
-use spf_detect::{Bounds, DetectError, Detector, Place, worker};
+use made::{DepthExport, Export, Trick, depth, hostile, model};
+use spf_core::camera::Camera;
+use spf_core::frame::FrameId;
+use spf_core::time::Time;
+use spf_detect::{Bounds, DepthNetwork, DepthOptions, Detector, NetworkError, OutputKind, Place, worker};
 use spf_media::Rgb;
 
 fn main() -> ExitCode {
@@ -18,10 +21,11 @@ fn main() -> ExitCode {
     if arguments.first().is_some_and(|argument| argument == worker::ARGUMENT) {
         return worker::serve();
     }
-    let tests: [(&str, fn()); 4] = [
+    let tests: [(&str, fn()); 5] = [
         ("an_ordinary_model_runs_in_a_process_of_its_own", an_ordinary_model_runs_in_a_process_of_its_own),
         ("a_model_that_asks_for_too_much_is_ended", a_model_that_asks_for_too_much_is_ended),
         ("a_program_that_is_no_detector_is_refused", a_program_that_is_no_detector_is_refused),
+        ("a_depth_network_is_bounded_like_a_detector", a_depth_network_is_bounded_like_a_detector),
         ("a_process_that_has_ended_stays_an_error", a_process_that_has_ended_stays_an_error),
     ];
     let wanted = arguments.iter().find(|argument| !argument.starts_with('-'));
@@ -38,7 +42,7 @@ fn main() -> ExitCode {
 
 const BOUNDS: Bounds = Bounds { memory: 512 << 20, load: Duration::from_secs(20), run: Duration::from_secs(10) };
 
-fn open(bytes: &[u8], bounds: Bounds) -> Result<Detector, DetectError> {
+fn open(bytes: &[u8], bounds: Bounds) -> Result<Detector, NetworkError> {
     let folder = tempfile::tempdir().unwrap();
     let path: PathBuf = folder.path().join("model.onnx");
     std::fs::write(&path, bytes).unwrap();
@@ -90,7 +94,7 @@ fn a_program_that_is_no_detector_is_refused() {
     let at = |program: &str| Place::Process { program: program.into(), args: Vec::new(), bounds: BOUNDS };
     for program in ["true", "cat", "/none"] {
         let error = Detector::open(&path, &at(program)).err().unwrap();
-        assert!(matches!(error, DetectError::Load(_)), "{program}: {error}");
+        assert!(matches!(error, NetworkError::Load(_)), "{program}: {error}");
     }
 }
 
@@ -102,4 +106,29 @@ fn a_process_that_has_ended_stays_an_error() {
         let error = detector.detect(&image).unwrap_err();
         assert!(error.to_string().contains(words), "{error}");
     }
+}
+
+fn a_depth_network_is_bounded_like_a_detector() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("depth.onnx");
+    let options = DepthOptions { kind: OutputKind::Relative, size: None };
+    let open = |bytes: &[u8], bounds: Bounds| {
+        std::fs::write(&path, bytes).unwrap();
+        DepthNetwork::open(&path, options, &Place::this_program(bounds).unwrap())
+    };
+    let frame = (FrameId(1), Time::ZERO);
+    let image = Rgb::filled(320, 240, [200, 90, 90]);
+    let network = open(&depth(&DepthExport::default()), BOUNDS).unwrap();
+    let there = network.estimate(frame, &Camera::quad(), &image).unwrap();
+    let here = DepthNetwork::open(&path, options, &Place::Here).unwrap().estimate(frame, &Camera::quad(), &image).unwrap();
+    assert_eq!(there, here);
+    let short = Bounds { load: Duration::from_secs(1), ..BOUNDS };
+    for (trick, bounds, words) in [(Trick::Expanded, BOUNDS, "memory"), (Trick::Loop, short, "it takes longer than 1 s")] {
+        let error = open(&hostile(trick), bounds).err().unwrap_or_else(|| panic!("{trick:?} is taken"));
+        assert!(error.to_string().contains(words), "{trick:?}: {error}");
+    }
+    // One that was quick before the flight, and is not in it.
+    let late = open(&depth(&DepthExport::default()), Bounds { run: Duration::ZERO, ..BOUNDS }).unwrap();
+    let mut answers = (0..3).map(|_| late.estimate(frame, &Camera::quad(), &image));
+    assert!(answers.next().unwrap().is_ok() || answers.all(|answer| answer.is_err()));
 }

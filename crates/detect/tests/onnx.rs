@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use made::{Export, SIDE, model};
 use spf_core::detection::Detection;
 use spf_core::query::ImageBox;
-use spf_detect::{DetectError, Detector, Place};
+use spf_detect::{Detector, NetworkError, Place};
 use spf_media::Rgb;
 
 struct Folder(tempfile::TempDir);
@@ -25,7 +25,7 @@ impl Folder {
         path
     }
 
-    fn open(&self, export: &Export) -> Result<Detector, DetectError> {
+    fn open(&self, export: &Export) -> Result<Detector, NetworkError> {
         Detector::open(&self.file(&model(export)), &Place::Here)
     }
 
@@ -139,5 +139,5 @@ fn what_does_not_fit_is_refused_in_words() {
         assert!(message.contains(words), "{message} has not {words}");
     }
     let missing = Detector::open(&folder.0.path().join("none.onnx"), &Place::Here).err().unwrap();
-    assert!(matches!(missing, DetectError::Read(_)));
+    assert!(matches!(missing, NetworkError::Read(_)));
 }

@@ -91,6 +91,7 @@ impl Course {
             seed,
             vlm: head.vlm.clone(),
             detector: head.detector.clone(),
+            depth_model: head.depth_model.clone(),
             track: TrackBy::Off,
             preset: head.preset,
             policy: head.policy.clone(),

@@ -3,20 +3,28 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use spf_core::frame::FrameId;
 use spf_core::time::Duration as FlightDuration;
-use spf_detect::Detector;
+use spf_core::time::Time;
+use spf_detect::{DepthNetwork, Detector};
 pub use spf_drone::examine::{Check, Finding};
 use spf_media::Rgb;
 use spf_render::Channels;
 use spf_vlm::check::{Verdict, check};
 use spf_vlm::{Vlm, VlmError};
 
+use crate::depth_network::picture;
 use crate::sim::LoadedScene;
 
 /// How long the simulator renders.
 const WATCHED: Duration = Duration::from_secs(3);
 /// Inference time above which a detector is reported as slow.
 const SLOW_DETECTOR: Duration = Duration::from_millis(700);
+/// Number of runs of a depth network that are timed, the height of its test image above the start, metres, and the time above which
+/// it is reported as slow.
+const DEPTH_RUNS: u32 = 3;
+const EYE_HEIGHT: f64 = 1.5;
+const SLOW_DEPTH: Duration = Duration::from_secs(1);
 /// Free disk space needed for a long flight with video, bytes.
 const SPACE: u64 = 1 << 30;
 
@@ -81,6 +89,37 @@ pub fn detector(model: &Detector) -> Check {
             let finding = if took > SLOW_DETECTOR { Finding::Warning } else { Finding::Good };
             let advice = "this delays every decision: use a smaller model or input size";
             Check::new("detector", finding, format!("{found}, {:.2} s per image", took.as_secs_f64()), Some(advice))
+        }
+    }
+}
+
+/// Runs a depth network on a view of a scene, above its start. Returns also a picture of what it sees.
+#[must_use]
+pub fn depth_network(network: &DepthNetwork, loaded: &LoadedScene) -> (Check, Option<Rgb>) {
+    let mut pose = loaded.scene.start;
+    pose.position.up += EYE_HEIGHT;
+    let camera = loaded.scene.default_craft.camera();
+    let drawn = loaded.render(&camera, &loaded.initial_snapshot(pose), Channels::RGB);
+    let image = Rgb::from_raw(drawn.width, drawn.height, drawn.rgb.unwrap_or_default()).unwrap_or_else(|_| Rgb::new(1, 1));
+    let began = Instant::now();
+    let mut seen = network.estimate((FrameId(0), Time::ZERO), &camera, &image);
+    for _ in 1..DEPTH_RUNS {
+        seen = network.estimate((FrameId(0), Time::ZERO), &camera, &image);
+    }
+    let took = began.elapsed() / DEPTH_RUNS;
+    let ((width, height), (columns, rows)) = (network.input(), network.output());
+    let about = format!("{} ({}), {width}×{height} → {columns}×{rows} pixels", network.name(), network.kind());
+    match seen {
+        Err(error) => {
+            let advice = "see docs/guide/obstacles.md, \"A depth network\"";
+            (Check::new("depth network", Finding::Bad, format!("{about}: {error}"), Some(advice)), None)
+        }
+        Ok(estimate) => {
+            let finding = if took > SLOW_DEPTH { Finding::Warning } else { Finding::Good };
+            let advice = "below 1 Hz the map is late: use a smaller model, or --depth-model-size";
+            let hz = 1.0 / took.as_secs_f64().max(1e-6);
+            let found = format!("{about}, {:.2} s per image, {hz:.1} Hz", took.as_secs_f64());
+            (Check::new("depth network", finding, found, Some(advice)), Some(picture(&image, &estimate)))
         }
     }
 }

@@ -14,6 +14,7 @@ use spf_core::time::Duration;
 use spf_vlm::Vlm;
 
 use crate::course::Course;
+use crate::depth_network::{DepthPlan, VirtualDepth};
 use crate::ledger::{Accounted, Ledger};
 use crate::log::FlightHeader;
 use crate::pilot::{PolicyMaker, pilot};
@@ -73,6 +74,8 @@ pub struct FlightPlan {
     pub monitor: Option<(String, VlmFactory)>,
     /// Name of the detector; `None` without one.
     pub detector: Option<String>,
+    /// The network that estimates the depth of frames, if `settings.guidance.mono_depth` is on.
+    pub depth_network: Option<DepthPlan>,
     /// The prompt; `None` for the built-in one.
     pub prompt: Option<Arc<PromptText>>,
     /// Cost limit, US dollars: when it is reached no more queries are sent and the flight ends.
@@ -142,6 +145,7 @@ impl FlightPlan {
             vlm_factory,
             monitor: None,
             detector: None,
+            depth_network: None,
             prompt: None,
             max_cost_usd: None,
             script: Script::default(),
@@ -178,7 +182,7 @@ pub enum FlightError {
     #[error("cannot query the VLM")]
     Vlm(#[source] VlmFactoryError),
     /// A thread could not be started.
-    #[error("cannot start a thread for the VLM")]
+    #[error("cannot start a thread beside the flight")]
     Thread(#[source] std::io::Error),
 }
 
@@ -187,7 +191,9 @@ pub enum FlightError {
 /// # Errors
 /// [`FlightError`] if the flight cannot start; once started it always ends in a [`Flown`].
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
-    let FlightPlan { site, policy, prompt, record, script, interrupts, operator, .. } = plan;
+    let FlightPlan { site, policy, prompt, record, script, interrupts, operator, depth_network, .. } = plan;
+    let depth_network = depth_network.filter(|_| plan.settings.guidance.mono_depth);
+    let depth_name = depth_network.as_ref().map(|depth| depth.network.name().to_owned());
     let near_m = plan.settings.near_m.or_else(|| Some(site.near_m()));
     let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
     let capabilities = drone.capabilities();
@@ -223,6 +229,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         vlm: plan.vlm,
         monitor: plan.monitor.map(|(name, _)| name).filter(|_| monitors),
         detector: plan.detector,
+        depth_model: depth_name,
         grounding: image_spec.grounding,
         image_size: image_spec.image_size,
         prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
@@ -244,13 +251,15 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
                 _ => Some(Box::new(Tracking::new(&camera).with_points(points))),
             };
             let tracker = follow.map(|follow| VirtualTracker::new(follow, drone.frames()));
-            Box::new(Lockstep::new(drone, vlms, script, interrupts).with_tracker(tracker).with_operator(operator))
+            let depth = depth_network.map(|depth| VirtualDepth::new(depth, camera, drone.frames()));
+            let world = Lockstep::new(drone, vlms, script, interrupts).with_tracker(tracker).with_depth(depth);
+            Box::new(world.with_operator(operator))
         }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
             let live =
                 Live::new(start, drone, vlms, script, interrupts, !track_by.is_off(), points).map_err(FlightError::Thread)?;
-            Box::new(live.with_operator(operator))
+            Box::new(live.with_depth(depth_network).map_err(FlightError::Thread)?.with_operator(operator))
         }
     };
     let failures = {

@@ -7,6 +7,7 @@
 pub mod calibrate;
 mod course;
 pub mod dataset;
+pub mod depth_network;
 pub mod detector;
 pub mod doctor;
 mod film;

@@ -188,6 +188,7 @@ impl BenchSettings {
                 monitor: self.monitor,
                 points: self.points,
                 looming: self.looming,
+                mono_depth: false,
             },
             ..preset
         }

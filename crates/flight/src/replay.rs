@@ -263,6 +263,7 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Ranges => Event::Ranges(row(entry)?),
         Channel::Track => Event::Track(row(entry)?),
         Channel::Points => Event::Points(row(entry)?),
+        Channel::MonoDepth => Event::MonoDepth(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
         Channel::Link => match row::<LinkRow>(entry)?.lost {
             true => Event::LinkLost,

@@ -112,6 +112,9 @@ pub struct Summary {
     /// Name of the detector, in obstacle mode with a detector; omitted without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
+    /// Name of the depth network; omitted without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_model: Option<String>,
     /// What keeps the target's box between two answers; omitted if nothing does.
     #[serde(default, skip_serializing_if = "TrackBy::is_off")]
     pub track: TrackBy,

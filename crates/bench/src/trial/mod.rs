@@ -234,6 +234,7 @@ impl Trial {
             .replace("slow_anchor: false, ", "")
             .replace("ask: Always, ", "")
             .replace("monitor: false, ", "")
+            .replace(", mono_depth: false }", " }")
             .replace(", points: false, looming: false }", " }")
             .replace(", track: false }", " }")
             .replace(", keep_m: 2.5, follow_time: None", "")

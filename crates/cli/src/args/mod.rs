@@ -303,7 +303,7 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "SWITCH")]
     pub(crate) anchor: Option<String>,
     /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on, off, or
-    /// auto (on with a depth sensor) [default: auto]
+    /// auto (on with a depth sensor or a depth network) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) map: Option<String>,
     /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says, and for the boxes
@@ -327,6 +327,16 @@ pub(crate) struct MethodArgs {
     /// in the simulator, oracle or oracle:NAME (simulates a detector of the COCO classes)
     #[arg(long, value_name = "DETECTOR")]
     pub(crate) detector: Option<String>,
+    /// Network of your own that estimates the depth of frames, for the obstacle map: FILE.onnx:KIND, where KIND is what its
+    /// output is: disparity, relative, metric, or canonical[=FOCAL] (see docs/guide/obstacles.md)
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) depth_model: Option<String>,
+    /// Size of the depth network's input, if the file leaves it open: WIDTHxHEIGHT [default: 252x196]
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) depth_model_size: Option<String>,
+    /// How often the depth network is asked at most, times per second [default: 2]
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    pub(crate) depth_model_hz: Option<String>,
 }
 
 #[derive(Clone, Debug, Args)]
@@ -418,6 +428,12 @@ pub(crate) struct Doctor {
     /// Detector model FILE.onnx, as for `spf fly --detector`
     #[arg(long, value_name = "FILE")]
     pub(crate) detector: Option<String>,
+    /// Depth network FILE.onnx:KIND, as for `spf fly --depth-model`; writes what it sees to a new file depth-model.png
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) depth_model: Option<String>,
+    /// Size of its input, as for `spf fly --depth-model-size`
+    #[arg(long, value_name = "SIZE")]
+    pub(crate) depth_model_size: Option<String>,
     /// Print the checks as one JSON array on standard output
     #[arg(long)]
     pub(crate) json: bool,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use spf_core::pilot::PilotSettings;
-use spf_detect::{Bounds, DetectError, Detector, Place};
+use spf_detect::{Bounds, Detector, NetworkError, Place};
 use spf_flight::detector::{model_detects, with_detector};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::{VlmFactory, oracle_factory};
@@ -84,8 +84,8 @@ pub(crate) fn open(path: &str) -> Result<Detector, CliError> {
         .map_err(|error| CliError::internal("cannot tell where this program is").because(&error))?;
     Detector::open(Path::new(path), &place).map_err(|error| {
         let hint = match error {
-            DetectError::NotBuilt => "cargo install --path crates/cli --features onnx",
-            DetectError::Read(_) => "give a readable ONNX file",
+            NetworkError::NotBuilt => "cargo install --path crates/cli --features onnx",
+            NetworkError::Read(_) => "give a readable ONNX file",
             _ => "docs/guide/detector.md lists the supported models and how to export them",
         };
         CliError::usage(format!("cannot load the detector `{path}`")).because(&error).hint(hint)

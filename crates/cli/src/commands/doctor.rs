@@ -1,5 +1,6 @@
 //! `spf doctor`: checks before a flight.
 
+use std::io::{ErrorKind, Write};
 use std::path::Path;
 
 use spf_flight::doctor::{self, Check, Finding};
@@ -9,7 +10,7 @@ use super::fly::real::{CAMERA_EXAMPLE, NO_ORACLE};
 use super::fly::settings::options;
 use super::load_scene;
 use super::vlm::{Pace, advice, is_human, pointing};
-use super::{camera, detector};
+use super::{camera, depth_model, detector};
 use crate::args::Doctor;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -47,6 +48,9 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
         checks.insert(0, doctor::simulator(&loaded));
     }
     checks.extend(detector::file(&settings).map(watch));
+    if let Some(named) = settings.fly.depth_model.text() {
+        checks.push(depth(&settings, named)?);
+    }
     checks.extend(doctor::disk(Path::new(".")));
     if printer.is_json() {
         let text = serde_json::to_string(&checks)
@@ -87,6 +91,30 @@ fn watch(path: &str) -> Check {
         Err(error) => refused("detector", &error),
     }
 }
+
+/// Checks a depth network: whether it can be used, how fast it is, and what it sees in a picture of the simulator.
+fn depth(settings: &Settings, named: &str) -> Result<Check, CliError> {
+    let network = match depth_model::open(settings, named) {
+        Ok(network) => network,
+        Err(error) => return Ok(refused("depth network", &error)),
+    };
+    let loaded = load_scene("office", &SceneLook::default())?;
+    let (check, picture) = doctor::depth_network(&network, &loaded);
+    let Some(picture) = picture else { return Ok(check) };
+    let png = spf_media::png::encode(&picture)
+        .map_err(|error| CliError::internal("cannot encode the picture of the depth").because(&error))?;
+    // Never over a file of the user's.
+    let written = std::fs::File::create_new(PICTURE).and_then(|mut file| file.write_all(&png));
+    let place = match written {
+        Ok(()) => format!("its depth of a test image: {PICTURE}"),
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => format!("{PICTURE} exists, and stays as it is"),
+        Err(error) => format!("{PICTURE} cannot be written: {error}"),
+    };
+    Ok(Check { found: format!("{}; {place}", check.found), ..check })
+}
+
+/// Where the picture of a network's depth is written.
+const PICTURE: &str = "depth-model.png";
 
 /// The check result for something unusable.
 fn refused(what: &'static str, error: &CliError) -> Check {

@@ -40,7 +40,7 @@ use self::signals::flight_interrupts;
 use crate::args::Fly;
 use crate::background::PrintThread;
 use crate::commands::vlm::{self, Pace, console, is_human};
-use crate::commands::{detector, load_scene};
+use crate::commands::{depth_model, detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line, quoted};
@@ -307,6 +307,10 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         }
     }
     let site = Simulated { loaded, scene: scene.to_owned(), start, kind, flight_conditions, seed, realtime };
+    let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
+        announcements.push(sentence);
+        plan
+    });
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,
@@ -314,6 +318,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         limits,
         detector,
         monitor,
+        depth_network,
         prompt,
         max_cost_usd,
         script,

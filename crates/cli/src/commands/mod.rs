@@ -4,6 +4,7 @@ pub(crate) mod bench;
 pub(crate) mod camera;
 pub(crate) mod cockpit;
 pub(crate) mod config;
+pub(crate) mod depth_model;
 mod detector;
 mod display;
 mod doctor;

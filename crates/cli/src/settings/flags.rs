@@ -102,6 +102,9 @@ impl MethodArgs {
             keep,
             follow_time,
             detector,
+            depth_model,
+            depth_model_size,
+            depth_model_hz,
         } = self;
         fly.vlm.flag(vlm.as_deref());
         fly.prompt.flag(prompt.as_deref());
@@ -133,6 +136,9 @@ impl MethodArgs {
         fly.keep_m.flag(keep.as_deref());
         fly.follow_time_s.flag(follow_time.as_deref());
         fly.detector.flag(detector.as_deref());
+        fly.depth_model.flag(depth_model.as_deref());
+        fly.depth_model_size.flag(depth_model_size.as_deref());
+        fly.depth_model_hz.flag(depth_model_hz.as_deref());
     }
 }
 
@@ -185,6 +191,8 @@ impl Flags for args::Doctor {
         vlm.send_key_to.flag(self.send_key_to.as_deref());
         fly.scene.flag(self.scene.as_deref());
         fly.detector.flag(self.detector.as_deref());
+        fly.depth_model.flag(self.depth_model.as_deref());
+        fly.depth_model_size.flag(self.depth_model_size.as_deref());
     }
 }
 

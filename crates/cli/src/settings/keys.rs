@@ -18,8 +18,8 @@ use spf_sim::wind::Wind;
 use spf_vlm::setup::KeyHost;
 use spf_vlm::table::PerMillion;
 
-use super::reading::GimbalPitch;
 use super::reading::{Count, DepthSense, Drone, DroneName, Explained, Joined, Number, Parsed, Start, Step, Switch, Text, Word};
+use super::reading::{GimbalPitch, NetworkSize};
 use super::setting::{Flag, Key, Row, Setting};
 use super::structure::settings;
 
@@ -62,7 +62,7 @@ settings! {
         avoid: Switch = "auto", Word, "SPF_AVOID", "--avoid";
         /// keep an estimate of the target's position between replies: on, off, or auto (on with a depth sensor; in obstacle mode, while answers take more than 3 s)
         anchor: Switch = "auto", Word, "SPF_ANCHOR", "--anchor";
-        /// keep a map of obstacles, and plan around them: on, off, or auto (on with a depth sensor)
+        /// keep a map of obstacles, and plan around them: on, off, or auto (on with a depth sensor or a depth network)
         map: Switch = "auto", Word, "SPF_MAP", "--map";
         /// brake for known obstacles: on, off, or auto (on with a depth sensor or a tracker)
         brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
@@ -78,6 +78,12 @@ settings! {
         depth_sensor: DepthSense = "off", Word, "SPF_DEPTH_SENSOR", "--depth-sensor";
         /// detector of obstacle mode: FILE.onnx, oracle[:NAME]; empty: the VLM provides the boxes
         detector: String = "", Text, "SPF_DETECTOR", "--detector";
+        /// network that estimates the depth of frames for the map: FILE.onnx:KIND, KIND being disparity, relative, metric or canonical[=FOCAL]; empty: none
+        depth_model: String = "", Text, "SPF_DEPTH_MODEL", "--depth-model";
+        /// width and height of the depth network's input, pixels, such as 336x252; empty: its own if fixed, else 252x196
+        depth_model_size: NetworkSize = "", Parsed("WIDTHxHEIGHT in pixels, each from 14 to 4096, such as 336x252"), "SPF_DEPTH_MODEL_SIZE", "--depth-model-size";
+        /// how often the depth network is asked at most, times per second
+        depth_model_hz: f64 = "2", Number(0.1, 10.0), "SPF_DEPTH_MODEL_HZ", "--depth-model-hz";
         /// VLM: NAME[#MODEL][@URL], auto, replay:FILE, human, oracle, oracle:NAME or oracle:FILE (exec:COMMAND only as a flag); with a real drone the default is auto
         vlm: String = "oracle", Text, "SPF_VLM", "--vlm";
         /// with a real drone, check the VLM's pointing before take-off: true or false

@@ -264,6 +264,20 @@ impl FromStr for GimbalPitch {
     }
 }
 
+/// Width and height of a network's input, pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct NetworkSize(pub(crate) usize, pub(crate) usize);
+
+impl FromStr for NetworkSize {
+    type Err = ();
+
+    fn from_str(text: &str) -> Result<Self, ()> {
+        let (width, height) = text.split_once(['x', 'X']).ok_or(())?;
+        let side = |text: &str| text.parse().ok().filter(|side| (14..=4096).contains(side)).ok_or(());
+        Ok(Self(side(width)?, side(height)?))
+    }
+}
+
 impl Words for AtEnd {
     fn words() -> Vec<(&'static str, Self)> {
         vec![("land", Self::Land), ("hover", Self::Hover), ("rtl", Self::Return)]

@@ -9,11 +9,11 @@ const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwx
 /// Before three characters instead of two.
 const LONG: u8 = b'=';
 
-pub(super) fn serialize<S: Serializer>(cm: &[u16], serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn serialize<S: Serializer>(cm: &[u16], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(&pack(cm))
 }
 
-pub(super) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u16>, D::Error> {
+pub(crate) fn deserialize<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u16>, D::Error> {
     let text = <std::borrow::Cow<'de, str>>::deserialize(deserializer)?;
     unpack(&text).ok_or_else(|| D::Error::custom("depths must be encoded as two base64 characters per value"))
 }

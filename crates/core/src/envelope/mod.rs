@@ -363,6 +363,12 @@ impl Envelope {
         self.estimate.clearance.is_some()
     }
 
+    /// The distance to the ground below the craft, metres, if the last telemetry had it.
+    #[must_use]
+    pub fn clearance(&self) -> Option<f64> {
+        self.estimate.clearance
+    }
+
     /// Height above the take-off point, and how far the craft may sink and climb, metres.
     #[must_use]
     pub fn room(&self) -> VerticalRoom {

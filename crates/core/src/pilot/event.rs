@@ -12,6 +12,7 @@ use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::gimbal::GimbalReport;
 use crate::monitor::Judgement;
+use crate::mono_depth::MonoDepth;
 use crate::points::PointReport;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
@@ -34,6 +35,8 @@ pub enum Event {
     Track(TrackReport),
     /// Where the points that are followed are in a frame.
     Points(PointReport),
+    /// A network has estimated the depth of a frame.
+    MonoDepth(Box<MonoDepth>),
     /// The complete reply of a VLM.
     Reply {
         /// The query that it answers.
@@ -155,6 +158,8 @@ pub enum Note {
     Limited(&'static str),
     /// The monitor has judged how the flight goes on.
     Monitor(Judgement),
+    /// What is known of the scale of a network's depth has changed, in words.
+    DepthScale(String),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
     /// A query failed or was cancelled.

@@ -5,6 +5,7 @@ use crate::avoid::{MARKED, is_person};
 use crate::depth::DepthGrid;
 use crate::geometry::{EnuPosition, Pose};
 use crate::lift::range_of_label;
+use crate::mono_depth::Metres;
 use crate::obstacle_map::{Cell, MapPoint, Mobility, ObstacleMap};
 use crate::policy::View;
 use crate::ranges::RangeScan;
@@ -49,6 +50,19 @@ impl Pilot {
         }
     }
 
+    /// Whether a depth sensor measures what a network or boxes would only estimate.
+    pub(super) fn is_depth_sensed(&self, now: Time) -> bool {
+        self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED)
+    }
+
+    /// Adds what a network has estimated for a frame taken at `pose`.
+    pub(super) fn map_estimated(&mut self, now: Time, metres: &Metres, pose: Pose) {
+        if let Some(map) = &mut self.guiding.map {
+            map.advance(now, pose.position);
+            map.estimated(metres, pose);
+        }
+    }
+
     pub(super) fn map_ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
         if let Some(map) = &mut self.guiding.map {
             map.advance(now, pose.position);
@@ -74,12 +88,12 @@ impl Pilot {
     /// Adds a reply's boxes to the map, and the free space that it implies.
     pub(super) fn map_reply(&mut self, now: Time, view: &View, reply: &Reply) {
         let at = self.known(now).position;
+        let is_sensed = self.is_depth_sensed(now);
         let Some(map) = self.guiding.map.as_mut().filter(|_| self.settings.guidance.map) else { return };
         map.advance(now, at);
         // Marked places are in the map as such, and do not fade.
         let counts = |obstacle: &&ObstacleBox| obstacle.name != MARKED && reply.target.as_deref() != Some(obstacle.name.as_str());
         let obstacles = || reply.boxes.iter().filter(counts);
-        let is_sensed = self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED);
         for obstacle in obstacles() {
             // A box is a rough solid: where a sensor measures depth, it would block free space.
             if is_sensed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {

@@ -21,6 +21,7 @@ mod gimbal;
 mod guiding;
 mod mapping;
 mod monitoring;
+mod mono_depth;
 mod moving;
 mod news;
 mod operator;
@@ -96,6 +97,7 @@ pub struct Pilot {
     guiding: guiding::Guiding,
     tracking: tracking::Tracking,
     points: points::Points,
+    mono_depth: mono_depth::DepthScale,
     following: following::Following,
     boxes: boxes::Boxes,
     gimbal: gimbal::GimbalState,
@@ -189,6 +191,7 @@ impl Pilot {
             guiding: guiding::Guiding::new(settings.guidance.map || settings.guidance.points),
             tracking: tracking::Tracking::default(),
             points: points::Points::default(),
+            mono_depth: mono_depth::DepthScale::default(),
             following: following::Following::default(),
             boxes: boxes::Boxes::default(),
             gimbal: gimbal::GimbalState::default(),
@@ -236,6 +239,7 @@ impl Pilot {
             Event::Ranges(scan) => self.ranges(now, &scan),
             Event::Track(report) => self.track_report(now, report),
             Event::Points(report) => self.point_report(now, &report),
+            Event::MonoDepth(estimate) => self.estimated_depth(now, &estimate),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
@@ -385,6 +389,7 @@ impl Pilot {
         if let Some(pose) = self.estimator.pose_at(scan.captured.min(now)) {
             self.envelope.observe_ranges(now, scan, pose);
             self.map_ranges(now, scan, pose);
+            self.keep_scan(scan, pose);
         }
     }
 

@@ -75,13 +75,17 @@ impl Pilot {
                 self.envelope.observe_ahead(now, ahead.place);
             }
         }
-        if !self.settings.guidance.points {
+        if !(self.settings.guidance.points || self.settings.guidance.mono_depth) {
             return;
         }
         let reckoned = self.estimator.is_dead_reckoned();
         let Points { triangulation, added, .. } = &mut self.points;
         triangulation.set_error(if reckoned { MotionError::DEAD_RECKONED } else { MotionError::POSITION });
         let points = triangulation.observe(&report, &self.camera, pose);
+        // For a network's scale alone, they are in no map.
+        if !self.settings.guidance.points {
+            return;
+        }
         added.retain(|_, at| now.since(*at) < AGAIN);
         let mut new = Vec::new();
         for point in points {

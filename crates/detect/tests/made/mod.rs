@@ -194,6 +194,77 @@ fn places(rows: usize, is_final: bool, stride: usize) -> Vec<f32> {
     values
 }
 
+/// How a depth network is exported. Its value at a pixel is the red of that pixel, from 0 to 1, times `gain`.
+#[allow(dead_code, reason = "not every test that makes models makes depth networks")]
+#[derive(Clone, Debug)]
+pub(crate) struct DepthExport {
+    /// What a red of 1 gives.
+    pub(crate) gain: f32,
+    /// What is added in each row of the image; nothing if empty.
+    pub(crate) rows: Vec<f32>,
+    /// Width and height of its input; any if `None`.
+    pub(crate) size: Option<(usize, usize)>,
+    /// Dimensions of 1 before the image in the output: 0 to 2.
+    pub(crate) leading: usize,
+    /// Planes of the output; one for depth.
+    pub(crate) planes: usize,
+    /// The input has a dimension for several images.
+    pub(crate) several: bool,
+    /// A second output, before the one named `depth`.
+    pub(crate) confidence: bool,
+}
+
+impl Default for DepthExport {
+    fn default() -> Self {
+        Self { gain: 1.0, rows: Vec::new(), size: None, leading: 2, planes: 1, several: false, confidence: false }
+    }
+}
+
+/// A network that takes depth for what is red, with the input and the outputs of exported depth networks.
+#[allow(dead_code, reason = "not every test that makes models makes depth networks")]
+pub(crate) fn depth(export: &DepthExport) -> Vec<u8> {
+    let planes = export.planes;
+    // The input is normalised by ImageNet's mean and standard deviation.
+    let (gain, mean, deviation) = (export.gain, 0.485, 0.229);
+    let weights = [gain * deviation, 0.0, 0.0].repeat(planes);
+    let mut graph = Message::default().text(2, "red");
+    let images = if export.several {
+        graph = graph.message(1, &node("Squeeze", &["images", "first"], "image", &[], &[]));
+        graph = graph.message(5, &tensor("first", &[1], INT64, &0_i64.to_le_bytes()));
+        "image"
+    } else {
+        "images"
+    };
+    let whole = if export.leading == 2 { "depth" } else { "whole" };
+    let convolved = if export.rows.is_empty() { whole } else { "convolved" };
+    if !export.rows.is_empty() {
+        graph = graph.message(1, &node("Add", &["convolved", "rows"], whole, &[], &[]));
+        graph = graph.message(5, &floats("rows", &[1, 1, export.rows.len(), 1], &export.rows));
+    }
+    graph = graph
+        .message(1, &node("Conv", &[images, "weights", "bias"], convolved, &[("kernel_shape", &[1, 1])], &[]))
+        .message(5, &floats("weights", &[planes, 3, 1, 1], &weights))
+        .message(5, &floats("bias", &[planes], &vec![gain * mean; planes]));
+    if export.leading < 2 {
+        let axes: Vec<u8> = [1_i64, 0].iter().take(2 - export.leading).flat_map(|axis| axis.to_le_bytes()).collect();
+        graph = graph.message(1, &node("Squeeze", &["whole", "axes"], "depth", &[], &[]));
+        graph = graph.message(5, &tensor("axes", &[2 - export.leading], INT64, &axes));
+    }
+    let sides = |(width, height): (usize, usize)| [Ok(height), Ok(width)];
+    let sides = export.size.map_or([Err("height"), Err("width")], sides);
+    let input = [Ok(1), Ok(3)].into_iter().chain(sides);
+    let input: Vec<_> = export.several.then_some(Err("images")).into_iter().chain(input).collect();
+    graph = graph.message(11, &value("images", &input));
+    if export.confidence {
+        graph = graph.message(1, &node("Identity", &["bias"], "conf", &[], &[]));
+        graph = graph.message(12, &value("conf", &[Ok(planes)]));
+    }
+    let output: Vec<_> = [Ok(1), Ok(planes)].into_iter().take(export.leading).chain(sides).collect();
+    graph = graph.message(12, &value("depth", &output));
+    let model = Message::default().number(1, 8).text(2, "test").message(7, &graph);
+    model.message(8, &Message::default().text(1, "").number(2, 13)).0
+}
+
 /// What a hostile model does.
 #[allow(dead_code, reason = "not every test that makes models makes hostile ones")]
 #[derive(Clone, Copy, Debug)]

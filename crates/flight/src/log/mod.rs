@@ -176,6 +176,7 @@ impl FlightLog {
             Event::Ranges(scan) => self.row(Channel::Ranges, now, scan),
             Event::Track(report) => self.row(Channel::Track, now, report),
             Event::Points(report) => self.row(Channel::Points, now, report),
+            Event::MonoDepth(estimate) => self.row(Channel::MonoDepth, now, estimate),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
@@ -232,11 +233,11 @@ impl FlightLog {
 
     fn note(&mut self, now: Time, note: &Note) {
         let level = match note {
-            Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::Operator(_) => Level::Info,
             Note::Monitor(judgement) if judgement.verdict == Verdict::Continue || judgement.outdated => Level::Info,
             Note::Monitor(_) | Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => {
                 Level::Warning
             }
+            Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::DepthScale(_) | Note::Operator(_) => Level::Info,
             Note::QueryFailed { .. } => Level::Error,
         };
         if let Note::Decision(decision) = note {

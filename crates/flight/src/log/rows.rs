@@ -47,6 +47,9 @@ pub struct FlightHeader {
     /// Name of the detector, in obstacle mode with a detector; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
+    /// Name of the depth network; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub depth_model: Option<String>,
     /// The coordinate convention of queries and replies.
     #[serde(default)]
     pub grounding: GroundingProfile,
@@ -226,6 +229,8 @@ pub enum NoteKind {
     Monitor,
     /// A move of the policy was shortened or refused.
     Limited,
+    /// What is known of the scale of a network's depth has changed.
+    DepthScale,
     /// A reply to a cancelled query arrived.
     LateReply,
     /// A query failed or was cancelled.
@@ -283,6 +288,7 @@ impl NoteRow {
             Note::Monitor(judgement) => Self { judgement: Some(*judgement), ..row(NoteKind::Monitor) },
             Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
+            Note::DepthScale(words) => Self { reason: Some(words.clone()), ..row(NoteKind::DepthScale) },
             Note::Decision(_) => return None,
         })
     }

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
 use spf_core::gimbal::GimbalReport;
+use spf_core::mono_depth::MonoDepth;
 use spf_core::pilot::{Decision, Ending};
 use spf_core::points::PointReport;
 use spf_core::query::Query;
@@ -39,6 +40,8 @@ pub enum Channel {
     Track,
     /// Input: where the points that are followed are in a frame.
     Points,
+    /// Input: what a network has estimated for a frame.
+    MonoDepth,
     /// Input: a reply or a failure.
     Reply,
     /// Input: an operator input.
@@ -93,7 +96,7 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 34] = [
+    pub const ALL: [Self; 35] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
@@ -103,6 +106,7 @@ impl Channel {
         Self::Gimbal,
         Self::Track,
         Self::Points,
+        Self::MonoDepth,
         Self::Reply,
         Self::Operator,
         Self::Link,
@@ -161,6 +165,7 @@ impl Channel {
             Self::Gimbal => "/gimbal",
             Self::Track => "/track",
             Self::Points => "/points",
+            Self::MonoDepth => "/depth/network",
             Self::Reply => "/reply",
             Self::Operator => "/operator",
             Self::Link => "/link",
@@ -205,6 +210,7 @@ impl Channel {
             Self::Gimbal => json::<GimbalReport>(self, "spf.Gimbal"),
             Self::Track => json::<TrackReport>(self, "spf.Track"),
             Self::Points => json::<PointReport>(self, "spf.Points"),
+            Self::MonoDepth => json::<MonoDepth>(self, "spf.MonoDepth"),
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
             Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
             Self::Link => json::<LinkRow>(self, "spf.Link"),

@@ -14,6 +14,7 @@ use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;
 use super::{Script, Vlms, answer_event, pilot_event};
+use crate::depth_network::{DepthPlan, DepthThread};
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::TrackingThread;
@@ -41,6 +42,9 @@ pub struct Live {
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
     tracker: Option<TrackingThread>,
+    depth: Option<DepthThread>,
+    /// Leads to `events`.
+    reports: Sender<(Time, Event)>,
     later: Vec<(Time, Event)>,
     script: Script,
     interrupts: Arc<AtomicU32>,
@@ -102,6 +106,7 @@ impl Live {
             .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), points, answered.clone()))
             .transpose()?;
         let Vlms { vlm, monitor } = vlms.into();
+        let reports = answered.clone();
         // Beside the VLM's thread: a monitor that waited for its reply would come too late.
         let monitor =
             monitor.map(|monitor| ask_in_thread("monitor", start, monitor, QueryImages::of(drone.as_ref()), answered.clone()));
@@ -120,6 +125,8 @@ impl Live {
             out,
             events,
             tracker,
+            depth: None,
+            reports,
             later,
             script,
             interrupts,
@@ -129,6 +136,17 @@ impl Live {
             link_lost: false,
             paused_until: None,
         })
+    }
+
+    /// Adds a network that estimates the depth of frames, in a thread of its own.
+    ///
+    /// # Errors
+    /// The operating system's error if the thread cannot be started.
+    pub fn with_depth(mut self, plan: Option<DepthPlan>) -> std::io::Result<Self> {
+        let Some(plan) = plan else { return Ok(self) };
+        let (camera, frames) = (self.drone.capabilities().camera, self.drone.frames());
+        self.depth = Some(DepthThread::start(self.start, plan, camera, frames, self.reports.clone())?);
+        Ok(self)
     }
 
     /// Adds manual operator inputs.
@@ -198,6 +216,9 @@ impl Live {
             if let Some(event) = self.of_link(pilot_event(event)) {
                 if let Some(tracker) = &self.tracker {
                     tracker.event(&event);
+                }
+                if let Some(depth) = &mut self.depth {
+                    depth.event(&event);
                 }
                 return Some(event);
             }

@@ -4,7 +4,10 @@
 mod camera;
 mod clips;
 mod depth;
+mod depth_network;
 mod examples;
+#[path = "../../../detect/tests/made/mod.rs"]
+mod made;
 mod observers;
 mod oracle_language;
 mod points;

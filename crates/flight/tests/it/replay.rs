@@ -1,8 +1,5 @@
 //! Replaying a log gives the same flight, and a different one if the method differs.
 
-#[path = "../../../detect/tests/made/mod.rs"]
-mod made;
-
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -156,7 +153,7 @@ fn a_flight_with_a_detector_is_the_same_again() {
 fn a_flight_with_a_model_is_the_same_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("squares.onnx");
-    std::fs::write(&file, made::model(&made::Export::default())).unwrap();
+    std::fs::write(&file, crate::made::model(&crate::made::Export::default())).unwrap();
     let detector = Detector::open(&file, &Place::Here).unwrap();
     let log = flown(&folder.path().join("flight"), |plan| {
         (plan.policy, plan.detector) = (policy("spf-detector"), Some(detector.name().to_owned()));

@@ -17,7 +17,7 @@ use super::signals::flight_interrupts;
 use super::{Ready, page, sentence};
 use crate::args::Fly;
 use crate::commands::vlm::{self, Pace};
-use crate::commands::{camera, detector, load_scene};
+use crate::commands::{camera, depth_model, detector, load_scene};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
@@ -87,6 +87,10 @@ pub(super) fn ready(
         sentence(&pointing.sentence, &by_hand),
     ];
     announcements.extend(recorded.map(str::to_owned));
+    let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
+        announcements.push(sentence);
+        plan
+    });
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,
@@ -94,6 +98,7 @@ pub(super) fn ready(
         limits,
         detector,
         monitor,
+        depth_network,
         prompt,
         max_cost_usd,
         script,

@@ -24,7 +24,7 @@ use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, sentence};
 use crate::args::{CameraArgs, Fly};
 use crate::commands::vlm::{self, Pace, Pointing, advice, is_human};
-use crate::commands::{camera, detector};
+use crate::commands::{camera, depth_model, detector};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
@@ -158,6 +158,10 @@ pub(super) fn ready(
         let also = if is_human(&pointing.name) && cockpit.is_none() { "" } else { " and accepts a new instruction" };
         announcements.push(format!("After the instruction the drone hovers for up to 60 s{also} (--at-end)."));
     }
+    let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
+        announcements.push(sentence);
+        plan
+    });
     let plan = FlightPlan {
         policy: Arc::new(policy),
         preset,
@@ -165,6 +169,7 @@ pub(super) fn ready(
         limits,
         detector,
         monitor,
+        depth_network,
         prompt,
         max_cost_usd,
         script,

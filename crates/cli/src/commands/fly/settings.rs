@@ -103,6 +103,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     }
     method.ask = fly.ask.or_default()?;
     let sensor = fly.depth_sensor.or_default()?.0.is_some();
+    let mono_depth = fly.depth_model.text().is_some();
     let lists_boxes =
         preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
@@ -113,12 +114,13 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     method.guidance = Guidance {
         anchor: always,
         slow_anchor: !always && anchor.or(can_guide && method.avoid),
-        map: fly.map.or_default()?.or(can_guide && sensor),
+        map: fly.map.or_default()?.or(can_guide && (sensor || mono_depth)),
         sensor,
         track: fly.track.or_default()? != TrackBy::Off,
         monitor: fly.monitor.or_default()?.or(false),
         points: false,
         looming: false,
+        mono_depth,
     };
     if method.guidance.monitor && !matches!(fly.policy.or_default()?.prompt(), PromptKind::Point) {
         return Err(CliError::usage("--monitor watches the flight to a point").hint("use --policy spf, or leave it off"));
@@ -152,6 +154,9 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
+    }
+    if mono_depth && !method.guidance.map {
+        return Err(CliError::usage("--depth-model is for the map, which is off").hint("add --map on, or leave --map out"));
     }
     if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
         return Err(CliError::usage("--anchor, --map, --track and --monitor need --think continuous and --motion blended")

@@ -8,6 +8,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::actions::{ActForm, parse_moves};
 use crate::geometry::Attitude;
+use crate::mono_depth::{DepthKind, MonoDepth};
 use crate::points::{PointReport, TrackedPoint};
 use crate::policy::{Move, PolicyEvent, Reading};
 use crate::primitives::Primitives;
@@ -50,6 +51,11 @@ enum Happens {
     Points {
         age: i64,
         points: Vec<TrackedPoint>,
+    },
+    /// A network's estimate, of a frame of `age` milliseconds ago, which may have too few values.
+    MonoDepth {
+        age: i64,
+        values: Vec<u16>,
     },
     /// A report on the track of the `which`th newest query.
     Track {
@@ -115,6 +121,13 @@ fn point_reports() -> impl Strategy<Value = Happens> {
     (age, points).prop_map(|(age, points)| Happens::Points { age, points })
 }
 
+fn estimates() -> impl Strategy<Value = Happens> {
+    let values =
+        prop_oneof![8 => 24..=24_usize, 1 => 0..40_usize].prop_flat_map(|size| prop::collection::vec(any::<u16>(), size));
+    let age = prop_oneof![8 => 0..4000i64, 1 => -100_000..100_000i64];
+    (age, values).prop_map(|(age, values)| Happens::MonoDepth { age, values })
+}
+
 fn operator_events() -> impl Strategy<Value = OperatorEvent> {
     let speed = prop_oneof![4 => -3.0..3.0, 1 => Just(f64::NAN), 1 => Just(1e9)];
     let setpoint = (speed.clone(), speed.clone(), speed.clone(), speed)
@@ -155,6 +168,7 @@ fn happenings() -> impl Strategy<Value = Happens> {
         1 => any::<bool>().prop_map(Happens::Link),
         6 => track_reports(),
         3 => point_reports(),
+        2 => estimates(),
         12 => (100..6000u64).prop_map(Happens::Good),
     ]
 }
@@ -253,7 +267,8 @@ impl Chaos {
     fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
         let guidance = &mut setup.settings.guidance;
-        (guidance.track, guidance.points, guidance.looming, guidance.monitor) = (track, track, track, track);
+        (guidance.track, guidance.points, guidance.looming, guidance.mono_depth) = (track, track, track, track);
+        guidance.monitor = track;
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
@@ -473,6 +488,11 @@ impl Chaos {
             Happens::Points { age, points } => {
                 let captured = self.ago(age);
                 self.tell(Event::Points(PointReport { frame: FrameId(self.counter), captured, points }));
+            }
+            Happens::MonoDepth { age, values } => {
+                let camera = self.pilot.camera.resized(6, 4);
+                let (frame, captured, kind) = (FrameId(self.counter), self.ago(age), DepthKind::Disparity);
+                self.tell(Event::MonoDepth(Box::new(MonoDepth { frame, captured, kind, camera, values })));
             }
             Happens::Good(millis) => self.go_well(millis),
         }

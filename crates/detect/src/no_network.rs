@@ -2,21 +2,22 @@
 
 use core::convert::Infallible;
 
-use crate::{Description, DetectError, Output};
+use crate::error::NetworkError;
+use crate::exchange::{Description, Input, Output};
 
 /// No network.
 pub(crate) struct Network(Infallible);
 
 impl Network {
-    pub(crate) fn load(_: Vec<u8>) -> Result<Self, DetectError> {
-        Err(DetectError::NotBuilt)
+    pub(crate) fn load(_: Vec<u8>) -> Result<Self, NetworkError> {
+        Err(NetworkError::NotBuilt)
     }
 
     pub(crate) fn description(&self) -> &Description {
         match self.0 {}
     }
 
-    pub(crate) fn run(&self, _: &[f32]) -> Result<Output, DetectError> {
+    pub(crate) fn run(&self, _: Input<'_>) -> Result<Output, NetworkError> {
         match self.0 {}
     }
 }

@@ -1,0 +1,98 @@
+//! A network that estimates the depth of frames, beside the flight (`docs/guide/obstacles.md`, "A depth network").
+//!
+//! It gets the newest frame a few times a second, and its estimates go to the pilot when it is done. It never delays the flight. One
+//! that fails or is too slow is left out for the rest of the flight, which goes on without.
+
+mod network;
+mod picture;
+mod thread;
+mod virtual_time;
+
+pub use network::OnnxDepth;
+pub use picture::picture;
+pub(crate) use thread::DepthThread;
+pub(crate) use virtual_time::VirtualDepth;
+
+use spf_core::camera::Camera;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::mono_depth::MonoDepth;
+use spf_core::pilot::Event;
+use spf_core::time::{Duration, Time};
+use spf_drone::frames::Photo;
+use spf_media::{Rgb, Scaler};
+
+/// An estimate that takes longer is of no use.
+const TOO_LATE: Duration = Duration::from_secs(3);
+/// Number of estimates in a row that may fail or be too late.
+const PATIENCE: u32 = 3;
+
+/// Estimates the depth of images.
+pub trait EstimatesDepth: Send {
+    /// Its name.
+    fn name(&self) -> &str;
+
+    /// Width and height of the images that it wants, pixels.
+    fn size(&self) -> (u32, u32);
+
+    /// The depth of a frame that `camera` took.
+    ///
+    /// # Errors
+    /// Why there is none, as text for a person.
+    fn estimate(&mut self, frame: (FrameId, Time), camera: &Camera, image: &Rgb) -> Result<MonoDepth, String>;
+}
+
+/// A network beside a flight, and how often it is asked.
+pub struct DepthPlan {
+    /// The network.
+    pub network: Box<dyn EstimatesDepth>,
+    /// Least time from one frame to the next.
+    pub period: Duration,
+    /// In virtual time, from a frame to its estimate.
+    pub latency: Duration,
+}
+
+/// Asks the network, and gives it up if it fails.
+struct Estimator {
+    network: Box<dyn EstimatesDepth>,
+    camera: Camera,
+    scaler: Scaler,
+    failures: u32,
+}
+
+impl Estimator {
+    fn new(network: Box<dyn EstimatesDepth>, camera: Camera) -> Self {
+        Self { network, camera, scaler: Scaler::default(), failures: 0 }
+    }
+
+    /// Whether it has been given up.
+    fn is_over(&self) -> bool {
+        self.failures >= PATIENCE
+    }
+
+    /// The depth of a frame; `None` if there is none. `took` tells how long it has taken.
+    fn estimate(&mut self, meta: &FrameMeta, photo: &Photo, took: impl FnOnce() -> Duration) -> Option<Event> {
+        let image = photo.at(self.network.size(), &mut self.scaler);
+        let found = self.network.estimate((meta.id, meta.captured), &self.camera, &image);
+        let took = took();
+        let found = match found {
+            Ok(_) if took > TOO_LATE => Err(format!("it takes {:.1} s per image", took.as_secs_f64())),
+            found => found,
+        };
+        match found {
+            Ok(estimate) => {
+                self.failures = 0;
+                Some(Event::MonoDepth(Box::new(estimate)))
+            }
+            Err(why) => {
+                self.failures += 1;
+                if self.is_over() {
+                    tracing::warn!("the depth network {} is left out from now on: {why}", self.network.name());
+                }
+                None
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
