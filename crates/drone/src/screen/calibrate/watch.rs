@@ -69,7 +69,8 @@ impl Watch {
     fn way(&mut self, camera: &Camera, pairs: &[Pair], tilted: Attitude) -> Option<f64> {
         let expected = Moved { turned: tilted.heading, pitched: tilted.pitch, rolled: tilted.roll, ..self.expected };
         let Some(found) = moved(camera, pairs, &expected) else {
-            self.expected = expected.next().blurred(UNSEEN);
+            // The change is not repeated: it would add up over several pictures without ground.
+            self.expected = Moved { pitched: 0.0, rolled: 0.0, ..expected.next() }.blurred(UNSEEN);
             return None;
         };
         self.expected = found.next();
