@@ -30,7 +30,7 @@ fn rates(truth: &[Truth], of: impl Fn(&Truth, &Truth) -> f64) -> (f64, f64) {
 fn calibrated_rates_are_the_true_ones_within_a_tenth() {
     let Some(mut screen) = Screen::start(&[]) else { return };
     let game = screen.game();
-    screen.lab.write("guesses.toml", &guesses());
+    screen.lab.write("guesses.toml", guesses());
     let run = Run::of(&screen.output(&["screen", "calibrate", "guesses.toml", "--height", &height(&game), "-o", "found.toml"]));
     assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
     let truth = game.truth();
