@@ -25,7 +25,7 @@ pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
-pub(crate) use screen::{Screen, ScreenPreview};
+pub(crate) use screen::{Screen, ScreenCalibrate, ScreenPreview};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
 pub(crate) use tello::{Calibrate, Tello, TelloAddress};

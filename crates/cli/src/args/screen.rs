@@ -11,6 +11,8 @@ pub(crate) enum Screen {
     List,
     /// Capture a window or a monitor for some seconds: size, pictures per second, time per picture, and one picture
     Preview(ScreenPreview),
+    /// Measure in the picture what the keys of a profile do, and write a profile with these rates
+    Calibrate(ScreenCalibrate),
 }
 
 /// Captures a window or a monitor for some seconds; the last picture is written to a file, with the instruments painted over.
@@ -41,6 +43,43 @@ pub(crate) struct ScreenPreview {
     pub(crate) seconds: f64,
     /// JPEG file for the last picture
     #[arg(short, long, value_name = "FILE", default_value = "screen.jpg")]
+    pub(crate) output: PathBuf,
+    /// Replace the file
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// Presses each key of a profile in the game's window, measures in the picture how fast the craft turns and flies by it, and how soon,
+/// and writes the profile with these figures; its comments and all else stay.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf screen calibrate spf-window --height 3
+  spf screen calibrate my-game.toml --height 6 --room 20 -o measured.toml
+
+The profile has to name the keys and the field of view. Its rates may be guesses: they are not used. One length must be known, for a \
+picture has no scale: the height of the camera above flat ground, after the take-off if the profile has one. The ground must have a \
+pattern, and be in view; things that stand on it may be in view as well. Forward, sideways and climb are in proportion to that height: \
+one that is 10 % too large makes them 10 % too large. The turn does not depend on it.
+
+The craft takes off, turns, flies ahead and back, to the right and to the left, climbs and descends, and lands, by the keys of the \
+profile alone. Each key is held until the craft flies steadily, at most for 5 s or half of --room. Nothing else keeps the craft from \
+obstacles: put it where there is free space. Keys go to the window of the profile alone, and only while it has the focus. Clicking \
+on another window, and Ctrl-C, release them.
+
+Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, or nothing moved.")]
+pub(crate) struct ScreenCalibrate {
+    /// Profile: a name that `spf screen list` shows, or the path of a file
+    #[arg(value_name = "PROFILE")]
+    pub(crate) profile: String,
+    /// Height of the camera above flat ground, after the take-off, metres
+    #[arg(long, value_name = "M", allow_negative_numbers = true)]
+    pub(crate) height: Option<f64>,
+    /// Free space to each side, metres
+    #[arg(long, value_name = "M", default_value_t = 30.0, allow_negative_numbers = true)]
+    pub(crate) room: f64,
+    /// File for the profile
+    #[arg(short, long, alias = "out", value_name = "FILE", default_value = "calibrated.toml")]
     pub(crate) output: PathBuf,
     /// Replace the file
     #[arg(long)]

@@ -8,10 +8,12 @@
 //! released when the window cannot be seen, when the picture does not answer to the keys, and however the program ends but by
 //! SIGKILL, an abort, and a third Ctrl-C.
 
+pub mod calibrate;
 mod control;
 mod craft;
 mod doctor;
 pub mod driver;
+mod flow;
 mod motion;
 mod pressing;
 mod reckoning;

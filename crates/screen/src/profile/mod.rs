@@ -3,6 +3,7 @@
 //! Units stand in the names: metres, seconds, degrees. `docs/guide/games.md` explains each key.
 
 mod check;
+mod edit;
 mod key;
 
 use std::path::{Path, PathBuf};
@@ -13,6 +14,7 @@ use spf_core::camera::Camera;
 use crate::Target;
 use crate::area::Region;
 
+pub use edit::{Change, edited};
 pub use key::{Key, KeyError};
 
 /// Longest profile, bytes.
@@ -46,6 +48,9 @@ pub enum ProfileError {
     /// It is not TOML, or has unknown or missing keys.
     #[error("{0}")]
     Syntax(Box<toml::de::Error>),
+    /// Its text cannot be changed.
+    #[error("cannot change the profile: {0}")]
+    Edit(String),
     /// A value is outside its range.
     #[error("`{key}`: {expected}, found `{found}`")]
     Value {
@@ -308,14 +313,24 @@ impl Profile {
     /// # Errors
     /// [`ProfileError`].
     pub fn open(name: &str) -> Result<Self, ProfileError> {
+        Self::parse(&Self::text(name)?)
+    }
+
+    /// The text of a profile that [`open`](Self::open) would read, with its comments.
+    ///
+    /// # Errors
+    /// [`ProfileError::Unknown`] and [`ProfileError::Unreadable`].
+    pub fn text(name: &str) -> Result<String, ProfileError> {
         if !name.contains(['/', '\\']) && !name.ends_with(".toml") {
-            return Self::shipped(name).ok_or_else(|| ProfileError::Unknown { name: name.to_owned() });
+            let shipped = SHIPPED.iter().find(|(shipped, _)| *shipped == name);
+            let unknown = || ProfileError::Unknown { name: name.to_owned() };
+            return shipped.map(|(_, text)| (*text).to_owned()).ok_or_else(unknown);
         }
         let path = Path::new(name);
         let unreadable = |source| ProfileError::Unreadable { path: path.to_owned(), source };
         let bytes = spf_input::read(path, LONGEST).map_err(unreadable)?;
         let not_text = |_| unreadable(std::io::Error::new(std::io::ErrorKind::InvalidData, "it is not UTF-8"));
-        Self::parse(&String::from_utf8(bytes).map_err(not_text)?)
+        String::from_utf8(bytes).map_err(not_text)
     }
 
     /// The profile as TOML.

@@ -1,5 +1,6 @@
 //! `spf screen`: games and simulators that are flown through their window.
 
+mod calibrate;
 mod list;
 mod preview;
 
@@ -16,6 +17,7 @@ use crate::printer::Printer;
 pub(crate) fn screen(command: &Screen, printer: &Printer) -> Result<Exit, CliError> {
     match command {
         Screen::List => list::list(printer),
+        Screen::Calibrate(args) => calibrate::calibrate(args, printer),
         Screen::Preview(args) => preview::preview(args, printer),
     }
 }

@@ -1,5 +1,6 @@
 //! Games flown through their window, on displays of Xvfb.
 
+mod calibrate;
 mod display;
 mod faults;
 mod luanti;
