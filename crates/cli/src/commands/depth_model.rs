@@ -9,7 +9,7 @@ use spf_flight::depth_network::{DepthPlan, OnnxDepth};
 use crate::error::CliError;
 use crate::settings::Settings;
 
-/// In virtual time, from a frame to its estimate: a small network's on two cores (docs/reference/performance.md).
+/// In virtual time, from a frame to its estimate: assumed, so that flights do not depend on the machine.
 const LATENCY: Duration = Duration::from_millis(400);
 
 /// The configured network, opened; `None` without one.

@@ -101,7 +101,7 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("runs until it is ended; modules serve and view do that")
     } else if has(&["--cockpit"]) || starts(&["cockpit"]) {
         Some("waits for its page; module cockpit opens that")
-    } else if has(&["yolov8n.onnx"]) {
+    } else if has(&["yolov8n.onnx", "depth_anything_v2_vits.onnx"]) {
         Some("needs the feature onnx and a model; the tests of the crate detect have small ones")
     } else if has(&["results/part*"]) {
         Some("merges what sbatch has flown; .ci/slurm runs the whole array")

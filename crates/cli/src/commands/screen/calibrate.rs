@@ -90,7 +90,8 @@ fn warning(row: &Measured) -> Option<String> {
     let Measured { axis, key, now, is_steady, .. } = row;
     match now {
         None => Some(format!(
-            "{axis} by `{key}` was not seen, and stays as it was: ground with a pattern, or things all around, must be in view"
+            "{axis} by `{key}` was not seen, and stays as it was (as that of the other key, if it has no rate of its own): ground with a pattern, \
+             or things all around, must be in view"
         )),
         Some(rate) if *rate < 0.0 && key != "mouse" => {
             Some(format!("{axis} by `{key}` goes the other way, and stays as it was: exchange `plus` and `minus` in the profile"))

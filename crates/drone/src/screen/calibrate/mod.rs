@@ -237,9 +237,8 @@ impl Bench<'_> {
                 self.found.changes.push((plus, number(0.5 * (one + other))));
             }
             [one, other] => {
+                // Without a rate of its own, one that was not seen is that of the other key.
                 self.found.changes.extend(one.map(|rate| (plus, number(rate))));
-                // Without a rate of its own it would be that of the other key, which has changed.
-                let other = other.or_else(|| one.map(|_| axis.rate(-1.0)));
                 self.found.changes.extend(other.map(|rate| (minus, number(rate))));
             }
         }
