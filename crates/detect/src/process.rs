@@ -54,6 +54,8 @@ struct Line {
     replies: Receiver<Reply>,
     /// Whether it was run before.
     is_warm: bool,
+    /// Why it was ended; whoever asks again gets the same reason.
+    ended: Option<String>,
 }
 
 impl Remote {
@@ -84,7 +86,7 @@ impl Remote {
                 }
             });
         }
-        let mut line = Line { child, to, replies, is_warm: false };
+        let mut line = Line { child, to, replies, is_warm: false, ended: None };
         match line.ask(model, bounds, bounds.load).map_err(NetworkError::Load)? {
             Reply::Loaded(description) => Ok((Self { bounds, line: Mutex::new(line) }, description)),
             Reply::Failed(error) => Err(error),
@@ -110,6 +112,15 @@ impl Remote {
 impl Line {
     /// Sends a message and waits for the reply. A process that does not reply in time is ended.
     fn ask(&mut self, payload: &[u8], bounds: Bounds, time: Duration) -> Result<Reply, String> {
+        if let Some(why) = &self.ended {
+            return Err(why.clone());
+        }
+        let reply = self.exchange(payload, bounds, time);
+        self.ended = reply.as_ref().err().cloned();
+        reply
+    }
+
+    fn exchange(&mut self, payload: &[u8], bounds: Bounds, time: Duration) -> Result<Reply, String> {
         let Some(to) = &mut self.to else { return Err("its process has ended".to_owned()) };
         // A process that has ended takes nothing; why it has, its status says.
         if wire::send(to, b'>', payload).is_ok() {

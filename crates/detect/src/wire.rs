@@ -120,6 +120,7 @@ impl Reply {
                 let (kind, words) = match error {
                     NetworkError::Load(words) => (b'L', words.clone()),
                     NetworkError::Unfit(words) => (b'U', words.clone()),
+                    NetworkError::Run(words) => (b'R', words.clone()),
                     other => (b'R', other.to_string()),
                 };
                 bytes.extend(words.as_bytes());

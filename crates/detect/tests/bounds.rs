@@ -102,9 +102,10 @@ fn a_process_that_has_ended_stays_an_error() {
     let bounds = Bounds { run: Duration::ZERO, ..BOUNDS };
     let detector = open(&model(&Export::default()), bounds).unwrap();
     let image = Rgb::filled(64, 64, [90, 90, 90]);
-    for words in ["it takes longer than 0 s", "its process has ended"] {
+    // Whoever asks again is told why it has ended.
+    for _ in 0..2 {
         let error = detector.detect(&image).unwrap_err();
-        assert!(error.to_string().contains(words), "{error}");
+        assert!(error.to_string().contains("it takes longer than 0 s"), "{error}");
     }
 }
 

@@ -31,7 +31,15 @@ def tello(browser):
     shot(page, "laptop-light-tello")
     before = page.locator("#list button").count()
     heading = int(page.locator("#heading").inner_text()[:3])
-    turned = lambda: (int(page.locator("#heading").inner_text()[:3]) - heading + 180) % 360 - 180
+    # Every heading that the page shows: the model answers again at once, and the craft turns back.
+    page.evaluate("""() => {
+        const shown = document.getElementById("heading");
+        window.headings = [];
+        new MutationObserver(() => window.headings.push(shown.innerText))
+            .observe(shown, { childList: true, characterData: true, subtree: true });
+    }""")
+    turns = lambda: [(int(text[:3]) - heading + 180) % 360 - 180 for text in page.evaluate("window.headings")]
+    turned = lambda: max(turns(), default=0)
     rows = lambda: page.locator("#list button").all_inner_texts()
     by_click = lambda: next((row for row in rows() if re.search(r"at \(0\.8", row)), None)
     # A page that a busy machine has kept from answering counts as lost: the drone holds, and takes no click.
