@@ -277,7 +277,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let (pointing, detector) = detector::combine(settings, policy, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
-    let monitor = vlm::monitor(settings, method.guidance.monitor, pace)?;
+    let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, pace)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
@@ -299,6 +299,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     );
     let limits = limits(settings, loaded.limits(kind))?;
     let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
+    announcements.extend(monitored_by);
     let reader = pointing.is_oracle.then(|| Reader::new(&loaded, start));
     if let Some(reader) = &reader {
         announcements.extend(reading::lines(instruction, &loaded, start, Given::for_flight(cockpit.is_some(), realtime))?);

@@ -205,6 +205,11 @@ impl Pilot {
         self.guiding.course.as_ref()?.guide.as_ref()
     }
 
+    /// Whether the anchor is there to guide the craft, now or as soon as answers are slow, and not for the monitor alone.
+    pub(super) fn guides_by_anchor(&self) -> bool {
+        self.is_anchored() || !self.monitors()
+    }
+
     /// Whether a frame taken at `pose` should show the target.
     pub(super) fn expected(&self, now: Time, pose: Pose) -> Expected {
         if let Some(expected) = self.expected_by_track(now, pose) {
@@ -253,7 +258,7 @@ impl Pilot {
         // A search has begun: the target is not where it was thought to be. What is only hidden, as a monitor lets it be waited for, is.
         let waits = matches!(step, Step::Keep) || self.monitors() && matches!(step, Step::Look);
         if reply.status == Status::NotVisible && !waits {
-            let guides = self.is_anchored();
+            let guides = self.guides_by_anchor();
             self.guiding.forget_target(guides);
         }
         if matches!(waiting.query.kind, QueryKind::Point { .. }) {

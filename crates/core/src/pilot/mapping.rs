@@ -57,8 +57,10 @@ impl Pilot {
 
     /// Adds what a network has estimated for a frame taken at `pose`.
     pub(super) fn map_estimated(&mut self, now: Time, metres: &Metres, pose: Pose) {
+        // The craft is elsewhere by now, and the map is about it.
+        let at = self.known(now).position;
         if let Some(map) = &mut self.guiding.map {
-            map.advance(now, pose.position);
+            map.advance(now, at);
             map.estimated(metres, pose);
         }
     }

@@ -120,7 +120,7 @@ impl Pilot {
         self.cancel_queries();
         self.stop_motion(now);
         self.needs_rest = true;
-        let guides = self.is_anchored();
+        let guides = self.guides_by_anchor();
         self.guiding.forget_target(guides);
         self.untrack();
         self.end_following();

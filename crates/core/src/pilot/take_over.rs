@@ -54,7 +54,7 @@ impl Pilot {
         if self.ending.take().is_none() {
             return;
         }
-        let guides = self.is_anchored();
+        let guides = self.guides_by_anchor();
         self.guiding.forget_target(guides);
         self.untrack();
         self.end_following();

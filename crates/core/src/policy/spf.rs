@@ -347,6 +347,7 @@ impl Spf {
         let seen = reply.target_box.filter(|_| reply.status.leads_to_a_point());
         // Kept over a reply that may have missed the target (`not_visible`).
         if reply.status != Status::NotVisible {
+            self.hidden_since = None;
             self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
         }
         if let Some(stage) = reply.stage.filter(|&stage| stage != self.memory.stage) {

@@ -63,7 +63,7 @@ pub(super) fn ready(
         ..Simulated::new(loaded.clone(), scene)
     };
     let craft = site.craft().map_err(|error| CliError::usage("cannot start here").because(&error))?;
-    let monitor = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
+    let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let interrupts = flight_interrupts(false)?;
     let start = Instant::now();
@@ -87,6 +87,7 @@ pub(super) fn ready(
         sentence(&pointing.sentence, &by_hand),
     ];
     announcements.extend(recorded.map(str::to_owned));
+    announcements.extend(monitored_by);
     let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
         announcements.push(sentence);
         plan

@@ -97,7 +97,7 @@ pub(super) fn ready(
     if attended && settings.fly.at_end.get()?.is_none() {
         method.at_end = AtEnd::Hover;
     }
-    let monitor = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
+    let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::combine(settings, policy, pointing)?;
     let interrupts = flight_interrupts(true)?;
@@ -149,6 +149,7 @@ pub(super) fn ready(
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
     announcements.splice(0..0, [flying, sentence(&pointing.sentence, &craft), bounds, warning]);
     announcements.extend(recorded.map(str::to_owned));
+    announcements.extend(monitored_by);
     if !attended {
         announcements
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
@@ -213,8 +214,14 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
     }
     printer.log("Checking the VLM with three images of a dot …");
     let time = settings.reply_timeout()?;
-    let mut vlm: Box<dyn Vlm> =
-        (pointing.vlm_factory)(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
+    // The images of a dot are no part of a recorded flight.
+    let mut unrecorded = settings.clone();
+    unrecorded.vlm.record = Settings::default().vlm.record;
+    let factory = match settings.vlm.record.text() {
+        Some(_) => vlm::pointing(&unrecorded, None, Pace::Wall)?.vlm_factory,
+        None => pointing.vlm_factory.clone(),
+    };
+    let mut vlm: Box<dyn Vlm> = factory(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
     match check(vlm.as_mut(), time).verdict {
         Verdict::Good(worst) => {
             printer.log(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));

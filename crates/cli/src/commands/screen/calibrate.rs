@@ -9,7 +9,7 @@ use spf_screen::profile::{Change, Profile, edited};
 use super::profile;
 use crate::args::ScreenCalibrate;
 use crate::commands::display::failed;
-use crate::commands::fly::signals::interrupts;
+use crate::commands::fly::signals::flight_interrupts;
 use crate::commands::sim::write;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -31,7 +31,7 @@ pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exi
     }
     let known = profile(&args.profile)?;
     let text = Profile::text(&args.profile).map_err(|error| CliError::usage("cannot read the profile").because(&error))?;
-    let interrupted = interrupts()?;
+    let interrupted = flight_interrupts(true)?;
     printer.log(&format!(
         "Keys of this display are pressed for the window `{}` for about a minute, as long as it has the focus: do not type. Clicking on \
          another window, or Ctrl-C, ends this and releases them. The craft needs {} m of free space to each side.",

@@ -46,13 +46,16 @@ pub(crate) struct Pointing {
     pub(crate) latency: Option<Duration>,
 }
 
-/// What answers the monitor's queries, if it is another VLM than that of the flight.
-pub(crate) fn monitor(settings: &Settings, is_on: bool, pace: Pace) -> Result<Option<(String, VlmFactory)>, CliError> {
+/// A VLM's name on the command line, and how it is created.
+type NamedVlm = (String, VlmFactory);
+
+/// What answers the monitor's queries, if it is another VLM than that of the flight, and a sentence about it.
+pub(crate) fn monitor(settings: &Settings, is_on: bool, pace: Pace) -> Result<(Option<NamedVlm>, Option<String>), CliError> {
     let row = &settings.vlm.monitor;
     if !is_on {
         return match row.text() {
             Some(_) => Err(CliError::usage(format!("{}: the monitor is off", row.origin())).hint("add --monitor on")),
-            None => Ok(None),
+            None => Ok((None, None)),
         };
     }
     let own = settings.fly.vlm.text_or_default();
@@ -60,7 +63,7 @@ pub(crate) fn monitor(settings: &Settings, is_on: bool, pace: Pace) -> Result<Op
         return match is_human(own) {
             true => Err(CliError::usage("`human` answers only where to fly, and not to a monitor")
                 .hint("give another VLM with --vlm-monitor, or leave --monitor off")),
-            false => Ok(None),
+            false => Ok((None, None)),
         };
     };
     if is_human(name) || name.starts_with("replay:") {
@@ -73,8 +76,8 @@ pub(crate) fn monitor(settings: &Settings, is_on: bool, pace: Pace) -> Result<Op
     }
     let mut of_monitor = settings.clone();
     of_monitor.fly.vlm = settings.vlm.monitor.clone();
-    let Pointing { name, vlm_factory, .. } = pointing(&of_monitor, None, pace)?;
-    Ok(Some((name, vlm_factory)))
+    let Pointing { name, vlm_factory, sentence, .. } = pointing(&of_monitor, None, pace)?;
+    Ok((Some((name, vlm_factory)), Some(format!("Monitor: {}", sentence.strip_prefix("VLM: ").unwrap_or(&sentence)))))
 }
 
 /// The VLM selected by the settings, in a world with this clock.

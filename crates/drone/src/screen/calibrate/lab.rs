@@ -134,6 +134,8 @@ impl<'a> Lab<'a> {
 
     /// Presses the keys of a take-off or a landing. The latter is not ended by the first Ctrl-C.
     pub(super) fn steps<'s>(&mut self, steps: impl IntoIterator<Item = &'s Step>, is_end: bool) -> Result<(), CalibrateError> {
+        // What has failed may have left a key down.
+        self.hands.release_all();
         for step in steps {
             let begun = Instant::now();
             while begun.elapsed().as_secs_f64() < step.for_s {
