@@ -63,9 +63,9 @@ pattern, and be in view; things that stand on it may be in view as well. Forward
 one that is 10 % too large makes them 10 % too large. The turn does not depend on it.
 
 The craft takes off, turns, flies ahead and back, to the right and to the left, climbs and descends, and lands, by the keys of the \
-profile alone. Each key is held until the craft flies steadily, at most for 5 s or half of --room. Nothing else keeps the craft from \
-obstacles: put it where there is free space. Keys go to the window of the profile alone, and only while it has the focus. Clicking \
-on another window, and Ctrl-C, release them.
+profile alone. Each key is held until the craft flies steadily, at most for 5 s or, as the picture tells it, half of --room. Nothing \
+else keeps the craft from obstacles: put it where there is free space. Keys go to the window of the profile alone, and only while it \
+has the focus. Clicking on another window, and Ctrl-C, release them.
 
 Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, or nothing moved.")]
 pub(crate) struct ScreenCalibrate {
