@@ -3,7 +3,7 @@
 //! Each key is held until the craft flies steadily, and what it does then is its rate. A turn follows from the motion of all points and
 //! the field of view ([`turning`](super::turning)). A way has no scale in a picture; its scale is the height above flat ground, which
 //! must be known ([`over_ground`]). What a picture shows of the first motion after the key is the dead time, less that of the picture
-//! itself ([`response`]).
+//! itself ([`mod@response`]).
 
 mod lab;
 pub mod over_ground;
