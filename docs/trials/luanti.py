@@ -206,12 +206,13 @@ def fly(spf, number, out, instruction, extra):
     }
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def run(doc, fly, flights, first, out):
+    """Flies as often as the command line says, with these defaults; `fly` gives the result of one flight. Prints a JSON line for each."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("spf")
-    parser.add_argument("flights", type=int, nargs="?", default=10)
-    parser.add_argument("-o", "--out", default="luanti-flights")
-    parser.add_argument("--first", type=int, default=1, help="number of the first flight, which draws its course")
+    parser.add_argument("flights", type=int, nargs="?", default=flights)
+    parser.add_argument("-o", "--out", default=out)
+    parser.add_argument("--first", type=int, default=first, help="number of the first flight, which draws its course")
     parser.add_argument("--instruction", default="fly to the red tower")
     known, extra = parser.parse_known_args()
     # Ended by a signal, the programs are ended as well.
@@ -227,4 +228,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(__doc__, fly, 10, 1, "luanti-flights"))

@@ -9,13 +9,11 @@ a flight is the simulator's seed, and draws the start and the places of the towe
 the surface of the red tower by the true pose, it has touched nothing, and `spf` says that it has reached it. Prints one JSON line per
 flight, and writes the true poses and the log of each to OUT.
 """
-import argparse
 import json
 import math
 import os
 import random
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -23,7 +21,7 @@ import time
 
 sys.dont_write_bytecode = True  # no folder beside the scripts
 
-from luanti import ROOT, Programs, display, wait  # beside this file
+from luanti import ROOT, Programs, display, run, wait  # beside this file
 
 NEAR_M = 5.0
 HALF_M = 1.0  # half the width of a tower
@@ -138,25 +136,5 @@ def fly(spf, number, out, instruction, extra):
     }
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("spf")
-    parser.add_argument("flights", type=int, nargs="?", default=20)
-    parser.add_argument("-o", "--out", default="window-flights")
-    parser.add_argument("--first", type=int, default=0, help="number of the first flight: seed, and course")
-    parser.add_argument("--instruction", default="fly to the red tower")
-    known, extra = parser.parse_known_args()
-    # Ended by a signal, the programs are ended as well.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
-    os.makedirs(known.out, exist_ok=True)
-    good = 0
-    for number in range(known.first, known.first + known.flights):
-        result = fly(known.spf, number, os.path.abspath(known.out), known.instruction, extra)
-        good += result["success"]
-        print(json.dumps(result), flush=True)
-    print(json.dumps({"flights": known.flights, "successes": good}), flush=True)
-    return 0 if good == known.flights else 3
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run(__doc__, fly, 20, 0, "window-flights"))
