@@ -33,6 +33,8 @@ pub const DEFAULT_KEEP: f64 = 2.5;
 const SURE: Duration = Duration::from_millis(500);
 /// Without one for this long, the target is lost.
 const LOST: Duration = Duration::from_secs(3);
+/// Its last place is worth a look for this long.
+const LAST_SEEN: Duration = Duration::from_secs(10);
 /// Without a reply that confirms it, about a frame newer than this, the target is lost whatever its track says.
 const CONFIRMED: Duration = Duration::from_secs(15);
 /// Ranges are remembered for this long: replies are about older frames.
@@ -269,6 +271,13 @@ impl Follower {
             range_sd: libm::sqrt(variance.max(0.0) + RANGE_FLOOR * RANGE_FLOOR) * from.distance(position),
             is_sure,
         })
+    }
+
+    /// Where the target was last seen, for 10 s; `None` before it has been tracked.
+    #[must_use]
+    pub fn last_place(&self, now: Time) -> Option<EnuPosition> {
+        let filter = self.filter.as_ref().filter(|_| self.tracked.is_some() && now.since(self.seen) <= LAST_SEEN)?;
+        Some(filter.position(now, false))
     }
 
     /// Whether the target's track is good: without one, replies alone are no guide to a target that moves.

@@ -160,12 +160,21 @@ impl Pilot {
         setpoint
     }
 
-    /// Whether a frame taken at `pose` should show the target, as its track tells.
+    /// Whether a frame taken at `pose` should show the target, as its track tells, or the place where somebody who is followed was
+    /// last seen.
     pub(super) fn expected_by_track(&self, now: Time, pose: Pose) -> Option<Expected> {
-        let target = self.followed(now).filter(|target| target.is_sure)?;
-        let away = pose.position.displacement_to(target.position, pose.attitude.heading);
+        let target = self.followed(now).filter(|target| target.is_sure);
+        let lost = || self.following.follower.as_ref().filter(|_| self.following.stays)?.last_place(now);
+        let place = target.map(|target| target.position).or_else(lost)?;
+        let away = pose.position.displacement_to(place, pose.attitude.heading);
         let at = project_displacement(away, &self.camera, pose.attitude, Lifting::Levelled)?;
-        at.is_in_image().then_some(Expected::InView { at, range: away.length() })
+        let range = away.length();
+        let expected = if self.following.stays {
+            Expected::Followed { at, range, is_tracked: target.is_some() }
+        } else {
+            Expected::InView { at, range }
+        };
+        at.is_in_image().then_some(expected)
     }
 
     /// Where the craft can get away from the target over space that it has seen or flown through; straight away if possible, and

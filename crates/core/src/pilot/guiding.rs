@@ -255,8 +255,8 @@ impl Pilot {
             self.guiding.anchors.settle(now, open);
         }
         let Some(reply) = self.policy.reading().reply else { return };
-        // A search has begun: the target is not where it was thought to be. What is only hidden, as a monitor lets it be waited for, is.
-        let waits = matches!(step, Step::Keep) || self.monitors() && matches!(step, Step::Look);
+        // A search has begun: the target is not where it was thought to be. What is only hidden, and is waited for, is.
+        let waits = matches!(step, Step::Keep | Step::Look);
         if reply.status == Status::NotVisible && !waits {
             let guides = self.guides_by_anchor();
             self.guiding.forget_target(guides);

@@ -168,7 +168,9 @@ impl Pilot {
 
     /// Where the target's place is in an image taken at `pose`.
     fn place_in(&self, now: Time, pose: Pose) -> Place {
-        if let Some(Expected::InView { at, .. }) = self.expected_by_track(now, pose) {
+        if let Some(Expected::InView { at, .. } | Expected::Followed { at, is_tracked: true, .. }) =
+            self.expected_by_track(now, pose)
+        {
             return Place::At(at);
         }
         let moves = self.monitoring.target.as_ref().is_some_and(|target| target.moves);

@@ -35,7 +35,7 @@ impl Pilot {
                 self.tracking = Tracking { id: Some(waiting.query.id), last: None };
                 self.outbox.push_back(Action::Track(TrackStart { id: waiting.query.id, frame: waiting.view.frame.id, area }));
             }
-            None if reply.status == Status::NotVisible && !matches!(step, Step::Keep) => self.untrack(),
+            None if reply.status == Status::NotVisible && !matches!(step, Step::Keep | Step::Look) => self.untrack(),
             None => {}
         }
     }

@@ -57,6 +57,15 @@ pub enum Expected {
     },
     /// Its place is outside the image, or a known obstacle hides it.
     Aside,
+    /// The place of somebody who is followed is in view.
+    Followed {
+        /// Where.
+        at: ImagePoint,
+        /// Its distance, metres.
+        range: f64,
+        /// Whether their track says so; if not, they were last seen there a moment ago.
+        is_tracked: bool,
+    },
 }
 
 /// Input of a policy.

@@ -43,7 +43,10 @@ const REMEMBERED_TARGETS: usize = 8;
 /// may be hidden; and aside.
 const MISSES_IN_VIEW: u32 = 1;
 const MISSES_ASIDE: u32 = 5;
-/// How long, with a monitor, a target is waited for that should be in view and that a box of the reply hides.
+/// Somebody who is followed may have walked this far since they were last seen, behind what hides them: metres, and metres per second
+/// since the first frame without them.
+const WALKED: (f64, f64) = (0.5, 1.0);
+/// How long a target is waited for that a box of the reply hides, and that should be in view: with a monitor, or somebody who is followed.
 const WAITS_FOR_HIDDEN: Duration = Duration::from_secs(8);
 /// The same for a target whose place is not known, but that was small in the last reply, and should still be in view.
 const MISSES_SMALL: u32 = 2;
@@ -153,7 +156,7 @@ pub struct Spf {
     guidance: Guidance,
     /// Replies in a row that did not show a target whose place is known.
     misses: u32,
-    /// With a monitor, the capture of the first frame in a row that should have shown the target and did not.
+    /// The capture of the first frame in a row that should have shown the target and did not, where it is waited for.
     hidden_since: Option<Time>,
     /// Whether the search that follows turns to either side of where the target was.
     searches_both_sides: bool,
@@ -388,16 +391,23 @@ impl Spf {
             Expected::Unknown if is_missed => MISSES_SMALL,
             Expected::Unknown => 0,
             Expected::InView { at, range } if !is_hidden(at, range, &reply.boxes) => MISSES_IN_VIEW,
+            Expected::Followed { is_tracked: true, .. } => MISSES_IN_VIEW,
+            Expected::Followed { is_tracked: false, .. } => 0,
             Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
-        if let Expected::InView { at, range } = open_query.view.expected
-            && self.guidance.monitor
-        {
+        let waited_for = match open_query.view.expected {
+            Expected::InView { at, range } if self.guidance.monitor => Some((at, range, (0.0, 0.0))),
+            Expected::Followed { at, range, .. } if self.guidance.monitor || self.misses >= patience => Some((at, range, WALKED)),
+            _ => None,
+        };
+        if let Some((at, range, walked)) = waited_for {
             // What was in view a moment ago may be hidden by something that passes: from rest it is waited for before the craft
             // turns away. What nothing hides gets a second look.
             let captured = open_query.view.frame.captured;
             let since = captured.since(*self.hidden_since.get_or_insert(captured));
-            let hidden = is_covered(at, range, &reply.boxes, 0.0);
+            let walked = walked.0 + walked.1 * since.as_secs_f64();
+            let aside = walked / range.max(walked) * camera.fx / f64::from(camera.width);
+            let hidden = is_covered(at, aside, range + walked, &reply.boxes, 0.0);
             if since == Duration::ZERO || hidden && since < WAITS_FOR_HIDDEN {
                 let why = if hidden { "something hides it" } else { "looks again" };
                 self.reading.actions.push(format!("holds: the target should be in view; {why}"));
@@ -482,7 +492,9 @@ impl Spf {
 
 /// Whether a reply points at something else than the target whose place should be in view.
 fn is_elsewhere(view: &View, reply: &Reply, point: ImagePoint) -> bool {
-    let Expected::InView { at, range } = view.expected else { return false };
+    let (Expected::InView { at, range } | Expected::Followed { at, range, is_tracked: true }) = view.expected else {
+        return false;
+    };
     let (seen, known) = (view.camera.ray(point), view.camera.ray(at));
     let apart = libm::atan(seen.right) - libm::atan(known.right);
     apart.abs() > ELSEWHERE && !reply.target_box.is_some_and(|area| area.contains(at)) && !is_hidden(at, range, &reply.boxes)
@@ -490,12 +502,16 @@ fn is_elsewhere(view: &View, reply: &Reply, point: ImagePoint) -> bool {
 
 /// Whether a box stands in front of a place in the image that is `range` metres away.
 fn is_hidden(at: ImagePoint, range: f64, boxes: &[ObstacleBox]) -> bool {
-    is_covered(at, range, boxes, 0.5)
+    is_covered(at, 0.0, range, boxes, 0.5)
 }
 
-/// The same, for boxes whose depth label, and `surely` labels more, mean nearer than that.
-fn is_covered(at: ImagePoint, range: f64, boxes: &[ObstacleBox], surely: f64) -> bool {
-    boxes.iter().any(|obstacle| lift::range_of_label(f64::from(obstacle.depth) + surely) < range && obstacle.area.contains(at))
+/// The same for a place or one up to `aside` beside it, and boxes whose depth label, and `surely` labels more, mean nearer than that.
+fn is_covered(at: ImagePoint, aside: f64, range: f64, boxes: &[ObstacleBox], surely: f64) -> bool {
+    boxes.iter().any(|obstacle| {
+        let ImageBox { left, top, right, bottom } = obstacle.area;
+        let area = ImageBox { left: left - aside, top: top - aside, right: right + aside, bottom: bottom + aside };
+        lift::range_of_label(f64::from(obstacle.depth) + surely) < range && area.contains(at)
+    })
 }
 
 fn search_with(camera: &Camera, craft: &Craft) -> Search {

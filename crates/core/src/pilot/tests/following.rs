@@ -3,7 +3,8 @@
 use super::*;
 use crate::following::Direction;
 use crate::guidance::Guidance;
-use crate::query::QueryId;
+use crate::query::{QueryId, QueryKind};
+use crate::reply::ObstacleBox;
 use crate::track::{TrackQuality, TrackReport};
 
 /// Where the person is: straight away from the take-off point at 0.8 m/s, and back after 40 m.
@@ -22,18 +23,26 @@ fn person_in(seen: &Seen) -> Option<(ImageBox, f64)> {
     Some((area, range))
 }
 
+/// A reply, with a list of boxes if the query asks for one.
+fn written(query: &Query, reply: &Reply) -> String {
+    reply.to_json(&GroundingProfile::default(), matches!(query.kind, QueryKind::Point { avoid: true, .. }))
+}
+
 fn sees_the_person(latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
     move |query, seen| {
         assert_eq!(query.keep_m, Some(2.5));
         let text = match person_in(seen) {
-            Some((area, range)) => json(&Reply {
-                point: Some(ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) }),
-                depth: Some(crate::lift::label_of_range(range)),
-                target: Some("man".to_owned()),
-                target_box: Some(area),
-                ..Reply::new(Status::Following)
-            }),
-            None => not_visible(Look::Left),
+            Some((area, range)) => written(
+                query,
+                &Reply {
+                    point: Some(ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) }),
+                    depth: Some(crate::lift::label_of_range(range)),
+                    target: Some("man".to_owned()),
+                    target_box: Some(area),
+                    ..Reply::new(Status::Following)
+                },
+            ),
+            None => written(query, &Reply { look: Some(Look::Left), ..Reply::new(Status::NotVisible) }),
         };
         Answer::After(secs(latency), text)
     }
@@ -155,4 +164,51 @@ fn one_reply_that_does_not_see_a_tracked_person_changes_nothing() {
     Tracker::new(1000.0).fly(&mut flight, 60.0);
     let steps: Vec<&str> = flight.decisions().map(|decision| decision.step.as_str()).collect();
     assert!(steps.contains(&"keep") && !steps[4..].contains(&"move"), "{steps:?}");
+}
+
+/// Somebody else stands before the person for 6 s.
+fn is_hidden(at: Time) -> bool {
+    (30.0..36.0).contains(&at.as_secs_f64())
+}
+
+fn hidden_person(covered: bool) -> impl FnMut(&Query, &Seen) -> Answer {
+    move |query, seen| {
+        if !is_hidden(seen.captured) {
+            return sees_the_person(1.0)(query, seen);
+        }
+        let before = person_in(seen).filter(|_| covered).map(|(area, range)| ObstacleBox {
+            name: "woman".to_owned(),
+            area,
+            depth: crate::lift::label_of_range(range) - 1,
+        });
+        let reply = Reply { look: Some(Look::Left), boxes: before.into_iter().collect(), ..Reply::new(Status::NotVisible) };
+        Answer::After(secs(1.0), written(query, &reply))
+    }
+}
+
+fn fly_hidden(covered: bool) -> Flight {
+    let mut setup = follows();
+    setup.settings.avoid = true;
+    let mut flight = setup.fly(hidden_person(covered));
+    Tracker::of(|seen| person_in(seen).filter(|_| !is_hidden(seen.captured)), 1000.0).fly(&mut flight, 60.0);
+    flight
+}
+
+#[test]
+fn somebody_who_is_hidden_by_another_is_waited_for_and_followed_again() {
+    let flight = fly_hidden(true);
+    let steps: Vec<_> = flight.decisions().map(|decision| (decision.answered.as_secs_f64(), decision.step.as_str())).collect();
+    assert!(steps.iter().any(|&(at, step)| step == "look" && (30.0..38.0).contains(&at)), "{steps:?}");
+    assert!(!steps.iter().any(|&(at, step)| step == "move" && at > 30.0), "{steps:?}");
+    assert!(steps.iter().any(|&(at, step)| step == "follow" && at > 36.0), "{steps:?}");
+    let all = distances(&flight, 50.0);
+    assert!(all.iter().filter(|&&distance| distance < 4.0).count() as f64 > 0.9 * all.len() as f64, "{all:?}");
+}
+
+#[test]
+fn somebody_who_is_gone_is_looked_for_again_from_rest_and_then_searched() {
+    let flight = fly_hidden(false);
+    let steps: Vec<_> = flight.decisions().map(|decision| (decision.answered.as_secs_f64(), decision.step.as_str())).collect();
+    let first = |wanted: &str| steps.iter().find(|&&(at, step)| at > 30.0 && step == wanted).map(|&(at, _)| at);
+    assert!(first("look").unwrap() < first("move").unwrap(), "{steps:?}");
 }
