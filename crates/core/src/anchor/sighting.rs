@@ -9,6 +9,7 @@ use crate::lift::{Lifting, UnprojectError, lift, range_of_label, unproject};
 use crate::odometry::Odometry;
 use crate::query::{ImageBox, ImagePoint};
 use crate::reply::DEPTH_LABELS;
+use crate::standing::by_ground;
 use crate::time::Time;
 
 /// A measured range.
@@ -71,6 +72,9 @@ const HEIGHT_SIGMA: f64 = 0.08;
 /// A box of width w holds the point that is meant with this standard deviation, as a fraction of w: that of a uniform
 /// distribution.
 const WITHIN_BOX: f64 = 0.289;
+
+/// A label that says more than the ground by more standard deviations than this is of something else than what stands there.
+const GROUND_GATE: f64 = 2.5;
 
 /// Difference of the natural logarithm of the range that corresponds to one depth label: ln 10 / 4.5.
 const LABEL: f64 = core::f64::consts::LN_10 / 4.5;
@@ -135,6 +139,21 @@ impl Sighting {
             elevation_sigma: libm::hypot(self.elevation_sigma, upright),
             ..self
         }
+    }
+
+    /// The same with what the lower edge of its box tells, in a frame taken at `pose`: a target stands on the ground or hangs above
+    /// it, so the range to the ground there is the most that it can be.
+    #[must_use]
+    pub fn on_ground(self, area: ImageBox, camera: &Camera, pose: Pose) -> Self {
+        let Some((label, ground)) = self.range.zip(by_ground(camera, pose, area, 0.0)) else { return self };
+        let beyond = label.ln_range - ground.ln_range;
+        let (at_label, at_ground) = (label.sigma * label.sigma, ground.sigma * ground.sigma);
+        if beyond <= 0.0 || beyond * beyond > GROUND_GATE * GROUND_GATE * (at_label + at_ground) {
+            return self;
+        }
+        let total = 1.0 / (1.0 / at_label + 1.0 / at_ground);
+        let ln_range = total * (label.ln_range / at_label + ground.ln_range / at_ground);
+        Self { range: Some(RangeReading { ln_range, sigma: libm::sqrt(total) }), ..self }
     }
 
     /// Order of application: by capture, then by number.

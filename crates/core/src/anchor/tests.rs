@@ -418,3 +418,26 @@ fn a_wide_target_is_sighted_less_exactly() {
     assert!((wide.bearing_sigma - across.hypot(narrow.bearing_sigma)).abs() < 1e-12);
     assert!((wide.elevation_sigma - narrow.elevation_sigma).abs() < 1e-12);
 }
+
+#[test]
+fn the_ground_at_a_targets_foot_is_the_most_that_its_range_can_be() {
+    // Level, 1.5 m high; the foot 4 m away appears 20.6° below the horizon, which is at v = 0.5 + (1.5 / 4) / 1.5 = 0.75.
+    let camera = Camera::from_fov(960, 720, 90.0_f64.to_radians(), 2.0 * libm::atan(0.75), 0.0);
+    let pose = Pose { position: at(0.0, 0.0, 1.5), ..Pose::default() };
+    let area = ImageBox { left: 0.45, top: 0.5, right: 0.55, bottom: 0.75 };
+    let point = ImagePoint { u: 0.5, v: 0.6 };
+    let of = |label| {
+        let (time, lifting, trust) = (Time::ZERO, Lifting::Levelled, Trust::default());
+        Sighting::of_label(time, 0, 1, pose, Odometry::default(), &camera, lifting, point, Some(label), &trust).unwrap()
+    };
+    // Label 5 means 7.7 m: between both, nearer to the ground, which is surer; and surer than either.
+    let (by_label, both) = (of(5), of(5).on_ground(area, &camera, pose));
+    let (label, fused) = (by_label.range.unwrap(), both.range.unwrap());
+    let range = libm::exp(fused.ln_range);
+    assert!((4.0..6.0).contains(&range) && fused.sigma < 0.8 * label.sigma, "{range} {fused:?}");
+    // Label 2 means 1.7 m: it may hang. Label 10 is of something else. A box that goes on below the image says even less.
+    assert_eq!(of(2).on_ground(area, &camera, pose), of(2));
+    assert_eq!(of(10).on_ground(area, &camera, pose), of(10));
+    // On the ground itself there is nothing to measure.
+    assert_eq!(of(5).on_ground(area, &camera, Pose::default()), of(5));
+}

@@ -3,7 +3,7 @@
 use crate::geometry::{EnuPosition, EnuVelocity, wrap_angle};
 use crate::time::Time;
 
-use super::Direction;
+use crate::direction::Direction;
 
 /// East and north of the target, metres; its velocity east and north, m/s; the logarithm of its size in the image at 1 m.
 const STATES: usize = 5;

@@ -7,20 +7,19 @@
 //! and backs off if it is close; it turns to where the target was last seen.
 
 mod filter;
-mod standing;
 
 use std::collections::VecDeque;
 
 use filter::Filter;
-use standing::{IMAGE_EDGE, Reading};
 
 use crate::camera::Camera;
 use crate::command::Setpoint;
 use crate::craft::Craft;
+use crate::direction::Direction;
 use crate::estimator::MotionEstimate;
 use crate::geometry::{EnuPosition, EnuVelocity, Pose, wrap_angle};
-use crate::lift::{CameraDisplacement, Lifting, lift};
 use crate::query::{ImageBox, ImagePoint, QueryId};
+use crate::standing::{self, FEET_TO_SURFACE, IMAGE_EDGE, Reading};
 use crate::time::{Duration, Time, duration_from_secs};
 use crate::track::{TrackQuality, TrackReport};
 
@@ -66,41 +65,6 @@ const MIDDLE: f64 = 0.5;
 const SOONER: f64 = 0.7;
 /// With a bearing error above this, the craft only turns, radians: 45°.
 const TURN_FIRST: f64 = core::f64::consts::FRAC_PI_4;
-
-/// A direction in the world, radians.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Direction {
-    /// Clockwise from north.
-    pub bearing: f64,
-    /// Above the horizon.
-    pub elevation: f64,
-}
-
-impl Direction {
-    /// The direction to an image point in a frame taken at `pose`.
-    #[must_use]
-    pub fn of_point(camera: &Camera, pose: Pose, point: ImagePoint) -> Self {
-        let ray = camera.ray(point);
-        let ahead = CameraDisplacement { right: ray.right, forward: 1.0, up: ray.up };
-        let body = lift(ahead, camera, pose.attitude, Lifting::Levelled);
-        Self {
-            bearing: wrap_angle(pose.attitude.heading + libm::atan2(body.right, body.forward)),
-            elevation: libm::atan2(body.up, libm::hypot(body.right, body.forward)),
-        }
-    }
-
-    /// The place in this direction from `eye`.
-    #[must_use]
-    pub fn place(self, eye: EnuPosition, range: f64) -> EnuPosition {
-        let [east, north, up] = self.unit();
-        EnuPosition { east: eye.east + range * east, north: eye.north + range * north, up: eye.up + range * up }
-    }
-
-    fn unit(self) -> [f64; 3] {
-        let level = libm::cos(self.elevation);
-        [level * libm::sin(self.bearing), level * libm::cos(self.bearing), libm::sin(self.elevation)]
-    }
-}
 
 /// What a reply says about the target.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -204,7 +168,7 @@ impl Follower {
             self.is_beside = range <= BESIDE || fills_image;
         }
         let stature = standing::by_stature(&self.camera, pose, area).filter(|_| answer.is_person);
-        let readings = [stature, standing::by_ground(&self.camera, pose, area)];
+        let readings = [stature, standing::by_ground(&self.camera, pose, area, FEET_TO_SURFACE)];
         self.label = if self.label.0 == range { (range, self.label.1 + 1) } else { (range, 1) };
         let then = self.history.iter().min_by_key(|kept| kept.at.since(captured).max(captured.since(kept.at))).copied();
         let then = then.filter(|kept| kept.at.since(captured).max(captured.since(kept.at)) <= SURE);

@@ -3,7 +3,7 @@
 
 use super::{Pilot, Waiting};
 use crate::avoid::{is_person, same_name};
-use crate::following::Direction;
+use crate::direction::Direction;
 use crate::geometry::EnuPosition;
 use crate::lift::range_of_label;
 use crate::query::{ImageBox, ImagePoint};

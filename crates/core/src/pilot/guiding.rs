@@ -286,7 +286,7 @@ impl Pilot {
         )
         .ok()?;
         Some(match goto.area {
-            Some(area) => sighting.of_box(area, camera),
+            Some(area) => sighting.of_box(area, camera).on_ground(area, camera, view.pose),
             None => sighting,
         })
     }

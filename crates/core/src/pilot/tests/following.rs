@@ -1,7 +1,7 @@
 //! A walking person, tracked by a tracker that sees the true box in each frame.
 
 use super::*;
-use crate::following::Direction;
+use crate::direction::Direction;
 use crate::guidance::Guidance;
 use crate::query::{QueryId, QueryKind};
 use crate::reply::ObstacleBox;

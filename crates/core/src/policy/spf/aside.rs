@@ -5,7 +5,7 @@ use core::f64::consts::PI;
 
 use super::{OpenQuery, Spf};
 use crate::avoid::{self, Avoidance, Side};
-use crate::following::Direction;
+use crate::direction::Direction;
 use crate::geometry::{BodyDisplacement, EnuPosition, wrap_angle};
 use crate::lift::{Lifting, lift, project_displacement, range_of_label, unproject};
 use crate::policy::{Move, Step, View};

@@ -1,16 +1,16 @@
-//! Range of somebody who stands on the ground, from one box: by where its lower edge is, and by its height.
+//! Range of what stands on the ground, from one box: by where its lower edge is, and a person's by its height.
 //!
 //! At the height h above the ground, feet that appear at the angle a below the horizon are h/tan a away. A person of stature s whose
 //! head and feet appear at the elevations t and f is s/(tan t − tan f) away. A box that an edge of the image cuts off shows less
 //! than all of the person, who is therefore nearer than what is seen says.
 
-use super::Direction;
 use crate::camera::Camera;
+use crate::direction::Direction;
 use crate::geometry::Pose;
 use crate::query::{ImageBox, ImagePoint};
 
 /// A box that ends this near to the image's edge, as a fraction of its size, goes on beyond it.
-pub(super) const IMAGE_EDGE: f64 = 0.02;
+pub(crate) const IMAGE_EDGE: f64 = 0.02;
 /// Standard deviation of each of a box's edges, as a fraction of its height; and of the camera's pitch, radians.
 const EDGE_SD: f64 = 0.05;
 const PITCH_SD: f64 = 0.02;
@@ -25,7 +25,7 @@ const STATURE: f64 = 1.7;
 const STATURE_SD: f64 = 0.08;
 /// From the middle of a person, and from the feet, to the surface that faces the camera, metres: labels mean that surface.
 const MIDDLE_TO_SURFACE: f64 = 0.2;
-const FEET_TO_SURFACE: f64 = 0.1;
+pub(crate) const FEET_TO_SURFACE: f64 = 0.1;
 /// Nearer than this nobody is, metres.
 const NEAREST: f64 = 0.3;
 /// A range of a larger relative error says less than a label.
@@ -33,11 +33,11 @@ const MOST_SD: f64 = 0.5;
 
 /// Logarithm of a range.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Reading {
-    pub(super) ln_range: f64,
-    pub(super) sigma: f64,
+pub(crate) struct Reading {
+    pub(crate) ln_range: f64,
+    pub(crate) sigma: f64,
     /// An edge of the image cuts the box off: the target is at most this far away.
-    pub(super) is_bound: bool,
+    pub(crate) is_bound: bool,
 }
 
 /// Elevations of a box's upper edge, middle and lower edge, of what the image shows of it.
@@ -59,9 +59,9 @@ impl Edges {
     }
 }
 
-/// The range from the camera to the surface of a target that stands on the ground from which the craft took off; `None` if the
-/// lower edge is not clearly below the horizon.
-pub(super) fn by_ground(camera: &Camera, pose: Pose, area: ImageBox) -> Option<Reading> {
+/// The range from the camera to the surface of a target that stands on the ground from which the craft took off, `depth` metres
+/// before its foot; `None` if the lower edge is not clearly below the horizon. What hangs above the ground is nearer.
+pub(crate) fn by_ground(camera: &Camera, pose: Pose, area: ImageBox, depth: f64) -> Option<Reading> {
     let height = pose.position.up;
     if height.is_nan() || height < LEAST_HEIGHT {
         return None;
@@ -75,12 +75,12 @@ pub(super) fn by_ground(camera: &Camera, pose: Pose, area: ImageBox) -> Option<R
     let angle = if is_bound { PITCH_SD } else { libm::hypot(EDGE_SD * (top - foot), PITCH_SD) };
     let high = (HEIGHT_SD.0 + HEIGHT_SD.1 * height) / height;
     let sigma = libm::hypot(angle / (libm::sin(below) * libm::cos(below)), high);
-    let ln_range = ln_surface(height / (libm::tan(below) * libm::cos(middle)), FEET_TO_SURFACE);
+    let ln_range = ln_surface(height / (libm::tan(below) * libm::cos(middle)), depth);
     (sigma <= MOST_SD).then_some(Reading { ln_range, sigma, is_bound })
 }
 
 /// The range from the camera to the surface of a person, by the box around them; `None` for a box without height.
-pub(super) fn by_stature(camera: &Camera, pose: Pose, area: ImageBox) -> Option<Reading> {
+pub(crate) fn by_stature(camera: &Camera, pose: Pose, area: ImageBox) -> Option<Reading> {
     let is_bound = area.bottom > 1.0 - IMAGE_EDGE || area.top < IMAGE_EDGE;
     let Edges { top, middle, foot } = Edges::of(camera, pose, area);
     let high = libm::tan(top) - libm::tan(foot);
@@ -115,7 +115,7 @@ mod tests {
         let stature = by_stature(&camera, pose, area).unwrap();
         assert!((libm::exp(stature.ln_range) - 5.0).abs() < 1e-9 && !stature.is_bound, "{stature:?}");
         assert!((stature.sigma - 0.1068).abs() < 1e-3, "{stature:?}");
-        let ground = by_ground(&camera, pose, area).unwrap();
+        let ground = by_ground(&camera, pose, area, FEET_TO_SURFACE).unwrap();
         assert!((libm::exp(ground.ln_range) - 5.1).abs() < 1e-9 && !ground.is_bound, "{ground:?}");
         // 0.2425 of 0.85 m, and 0.026 rad at 9.3° below the horizon.
         assert!((ground.sigma - 0.329).abs() < 0.01, "{ground:?}");
@@ -125,7 +125,7 @@ mod tests {
     fn an_edge_of_the_image_makes_it_an_upper_bound() {
         // From 2 m, what ends at the lower edge is at most 2 m / 0.75 away on the ground.
         let (camera, pose, area) = seen(2.0, 0.5, 1.0);
-        let ground = by_ground(&camera, pose, area).unwrap();
+        let ground = by_ground(&camera, pose, area, FEET_TO_SURFACE).unwrap();
         let middle = libm::atan(0.375);
         assert!((libm::exp(ground.ln_range) - (2.0 / 0.75 / libm::cos(middle) - 0.1)).abs() < 1e-9, "{ground:?}");
         let stature = by_stature(&camera, pose, area).unwrap();
@@ -139,11 +139,11 @@ mod tests {
     #[test]
     fn nothing_is_told_from_the_ground_or_by_feet_at_the_horizon_or_by_no_box() {
         let (camera, pose, area) = seen(0.2, 0.4, 0.6);
-        assert_eq!(by_ground(&camera, pose, area), None);
+        assert_eq!(by_ground(&camera, pose, area, FEET_TO_SURFACE), None);
         let (camera, pose, area) = seen(2.0, 0.3, 0.5);
-        assert_eq!(by_ground(&camera, pose, area), None);
+        assert_eq!(by_ground(&camera, pose, area, FEET_TO_SURFACE), None);
         let (camera, pose, area) = seen(f64::NAN, 0.4, 0.6);
-        assert_eq!(by_ground(&camera, pose, area), None);
+        assert_eq!(by_ground(&camera, pose, area, FEET_TO_SURFACE), None);
         let (camera, pose, area) = seen(2.0, 0.6, 0.6);
         assert_eq!(by_stature(&camera, pose, area), None);
     }
