@@ -15,6 +15,7 @@ mod day;
 mod destination;
 mod error;
 pub mod exec;
+mod hedge;
 pub mod human;
 mod image;
 mod key;
@@ -38,6 +39,7 @@ use spf_media::Rgb;
 
 pub use day::today;
 pub use error::VlmError;
+pub use hedge::Hedge;
 pub use image::{ImageRule, SentSize};
 pub use key::ApiKey;
 pub use paced::Paced;

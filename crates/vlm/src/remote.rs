@@ -1,8 +1,8 @@
 //! A vision-language model behind the [`Vlm`] interface: one vendor, or two with one as the fallback.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use spf_core::grounding::GroundingProfile;
@@ -15,6 +15,7 @@ use tokio::task::AbortHandle;
 
 use crate::backend::{Backend, Outcome};
 use crate::error::VlmError;
+use crate::hedge::{Hedge, Replies};
 use crate::request::QueryRequest;
 use crate::table::PerMillion;
 use crate::transport::Transport;
@@ -28,8 +29,8 @@ const GRACE: Duration = Duration::from_millis(20);
 /// How queries are sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RequestOptions {
-    /// After this time without a reply a second request is sent, and the first valid reply counts.
-    pub hedge: Option<Duration>,
+    /// When a second request is sent; the first valid reply counts.
+    pub hedge: Option<Hedge>,
     /// Maximum side length of images, if not the model's own, pixels.
     pub long_side: Option<u32>,
     /// JPEG quality, if not the model's own, 1..=100.
@@ -47,6 +48,8 @@ pub struct Remote {
     backends: Vec<Arc<Backend>>,
     strategy: RequestOptions,
     transport: Arc<Transport>,
+    /// The latencies of the first backend, for [`Hedge::Auto`].
+    replies: Arc<Mutex<Replies>>,
     /// The prompt for a second backend, to be rendered in its coordinates.
     prompt: Arc<PromptText>,
 }
@@ -110,6 +113,7 @@ impl Remote {
             backends: backends.into_iter().map(Arc::new).collect(),
             strategy,
             transport: Arc::new(transport),
+            replies: Arc::default(),
             prompt: PromptText::shipped(PromptKind::Point),
         }
     }
@@ -131,6 +135,24 @@ impl Remote {
                 let answered = request.send().await.is_ok();
                 tracing::debug!(host, answered, "connection opened");
             });
+        }
+    }
+
+    fn replies(&self) -> MutexGuard<'_, Replies> {
+        self.replies.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// When a second request is sent for a query with this much time left.
+    fn hedge(&self, time_left: Duration) -> Option<Duration> {
+        // A fallback needs time to reply.
+        let at_the_latest = (self.backends.len() > 1).then_some(time_left / 2);
+        match self.strategy.hedge {
+            None => at_the_latest,
+            Some(Hedge::After(time)) => Some(time),
+            Some(Hedge::Auto) => {
+                let late = self.replies().late_after();
+                late.map(|late| at_the_latest.map_or(late, |latest| late.min(latest))).or(at_the_latest)
+            }
         }
     }
 
@@ -183,8 +205,7 @@ impl Vlm for Remote {
             deadline: began + request.time_left.min(Duration::from_secs(86_400)) + GRACE,
             camera: image.size(),
             results: channel(),
-            // A fallback needs time to reply.
-            hedge: self.strategy.hedge.or((self.backends.len() > 1).then_some(request.time_left / 2)),
+            hedge: self.hedge(request.time_left),
             sent: 0,
             out: Vec::new(),
             account: Usage::default(),
@@ -206,7 +227,7 @@ impl Asking<'_> {
         }
         self.watch_cancel();
         // The second backend: the fallback, or the same one again if only hedging is on.
-        let mut second = (remote.backends.len() > 1 || remote.strategy.hedge.is_some()).then(|| remote.backends.len() - 1);
+        let mut second = (remote.backends.len() > 1 || self.hedge.is_some()).then(|| remote.backends.len() - 1);
         loop {
             let hedge_at = self.hedge.filter(|_| second.is_some()).map(|hedge| self.began + hedge);
             let until = hedge_at.unwrap_or(self.deadline + GRACE).min(self.deadline + GRACE);
@@ -216,7 +237,13 @@ impl Asking<'_> {
                     self.out.retain(|out| out.number != number);
                     self.settle(&outcome);
                     match outcome.text {
-                        Ok(text) => return (self.translated(index, text), outcome.model),
+                        Ok(text) => {
+                            // Of one that was overtaken, at least this is known.
+                            if !matches!(self.request.query.kind, QueryKind::Monitor) {
+                                remote.replies().replied(self.began.elapsed());
+                            }
+                            return (self.translated(index, text), outcome.model);
+                        }
                         Err(error) => {
                             tracing::debug!(model = remote.backends[index].name, %error, "no reply");
                             failed.get_or_insert(error);
@@ -240,6 +267,7 @@ impl Asking<'_> {
                 }
                 Err(_) => {
                     if let Some(next) = second.take() {
+                        remote.replies().spend();
                         self.try_send(next, image);
                     }
                 }

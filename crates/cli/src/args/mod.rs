@@ -244,8 +244,8 @@ pub(crate) struct MethodArgs {
     /// Fallback VLM, used when the first one fails
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm_fallback: Option<String>,
-    /// Send a second request after this many seconds without a reply, and use the first valid reply
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    /// Send a second request after this many seconds without a reply, and use the first valid reply; auto: beyond what replies usually take
+    #[arg(long, value_name = "S|auto", allow_negative_numbers = true)]
     pub(crate) vlm_hedge: Option<String>,
     /// Simulated latency of every reply, seconds, regardless of the real latency [default: 1.5 for human and exec:]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]

@@ -15,6 +15,7 @@ use spf_flight::tracking::TrackBy;
 use spf_render::effects::Effects;
 use spf_scene::{Lighting, Weather};
 use spf_sim::wind::Wind;
+use spf_vlm::Hedge;
 use spf_vlm::setup::KeyHost;
 use spf_vlm::table::PerMillion;
 
@@ -140,8 +141,8 @@ settings! {
         monitor: String = "", Text, "SPF_VLM_MONITOR", "--vlm-monitor";
         /// fallback VLM, used when the first one fails; empty: none
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
-        /// seconds without a reply after which a second request is sent; empty: never
-        hedge_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_HEDGE_S", "--vlm-hedge";
+        /// seconds without a reply after which a second request is sent, or auto: beyond what the replies usually take; empty: never
+        hedge_s: Hedge = "", Parsed("seconds, 0 to 600, or auto"), "SPF_VLM_HEDGE_S", "--vlm-hedge";
         /// reply latency in virtual time, seconds; empty: 1.5 for human and for an exec: program; the measured latency for models; a random sample for the oracle
         latency_s: f64 = "", Number(0.0, 600.0), "SPF_VLM_LATENCY_S", "--vlm-latency";
         /// price of the VLM as IN,OUT, US dollars per million input and output tokens, for --max-cost; empty: the price shown by `spf vlm list`

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use spf_bench::trial::split_latency;
 use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
-use spf_core::time::{Duration, duration_from_secs};
+use spf_core::time::Duration;
 use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
 use spf_oracle::{ErrorFile, Obedience, Per};
 use spf_vlm::cassette::{Recording, Replay, Tape};
@@ -247,7 +247,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     let second = settings.vlm.fallback.text().map(|text| Name { text, from_file: settings.vlm.fallback.is_from_file() });
     let names: Vec<Name<'_>> = [Some(first), second].into_iter().flatten().collect();
     let strategy = RequestOptions {
-        hedge: settings.vlm.hedge_s.get()?.map(duration_from_secs),
+        hedge: settings.vlm.hedge_s.get()?,
         long_side: settings.vlm.image_long_side.get()?,
         quality: settings.vlm.jpeg_quality.get()?,
         price: settings.vlm.price.get()?,

@@ -14,7 +14,7 @@ use spf_flight::sim::VlmFactory;
 use spf_flight::summary::Summary;
 use spf_vlm::setup::{Access, KeyHost, Name};
 use spf_vlm::table::Table;
-use spf_vlm::{RequestOptions, setup};
+use spf_vlm::{Hedge, RequestOptions, setup};
 
 use super::oracle::plan;
 use super::server::{Piece, Reply, Server};
@@ -310,7 +310,7 @@ fn a_hedge_takes_the_first_good_answer_and_takes_the_other_back() {
     let flight = flown(
         Vendor::Gemini,
         &[],
-        RequestOptions { hedge: Some(Duration::from_secs(2)), ..RequestOptions::default() },
+        RequestOptions { hedge: Some(Hedge::After(Duration::from_secs(2))), ..RequestOptions::default() },
         |plan| plan.settings.reply_timeout = Duration::from_secs(20),
         |number, _| match number {
             0 => hanging(vec![Piece::Hang]),
@@ -325,4 +325,25 @@ fn a_hedge_takes_the_first_good_answer_and_takes_the_other_back() {
     let used = summary.vlm_use.unwrap();
     assert!(used.failed.is_empty() && used.median_latency_s.unwrap() < 5.0, "{used:?}");
     assert_eq!(used.requests as usize, flight.server.questions().len(), "{used:?}");
+}
+
+#[test]
+fn an_adaptive_hedge_waits_for_what_replies_usually_take() {
+    let flight = flown(
+        Vendor::Gemini,
+        &[],
+        RequestOptions { hedge: Some(Hedge::Auto), ..RequestOptions::default() },
+        |plan| plan.settings.reply_timeout = Duration::from_secs(20),
+        |number, _| match number {
+            0..6 => Vendor::Gemini.stream("m", AHEAD),
+            6 => hanging(vec![Piece::Hang]),
+            _ => Vendor::Gemini.stream("m", DONE),
+        },
+    );
+    let (summary, asked) = (flight.summary, flight.server.questions().len());
+    assert_eq!(summary.outcome, Outcome::Reached, "{summary:?}");
+    // The seventh request hangs: 4 s later the eighth is sent for the same query.
+    let used = summary.vlm_use.unwrap();
+    assert!(used.failed.is_empty() && used.requests as usize == asked && used.questions as usize == asked - 1, "{used:?}");
+    assert!((Duration::from_secs(4)..Duration::from_secs(15)).contains(&flight.took), "{:?}", flight.took);
 }
