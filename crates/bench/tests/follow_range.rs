@@ -10,11 +10,11 @@ mod seen;
 use std::fmt::Write;
 use std::sync::{Arc, OnceLock};
 
-use spf_bench::judge::Judge;
+use spf_bench::judge::{Judge, JudgeCamera};
 use spf_bench::task::shipped;
 use spf_bench::trial::draw;
 use spf_core::guidance::Guidance;
-use spf_core::pilot::{Pilot, PilotSettings, Preset};
+use spf_core::pilot::{Action, Note, Pilot, PilotSettings, Preset};
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_flight::flight::fly;
 use spf_flight::run::Observer;
@@ -47,9 +47,27 @@ struct Watcher {
     world: Arc<OnceLock<SimWorld>>,
     target: ObjectId,
     samples: Vec<Sample>,
+    sight: JudgeCamera,
+    /// Samples and decisions, to read.
+    report: String,
 }
 
 impl Observer for Watcher {
+    fn action(&mut self, now: Time, action: &Action, _: &Pilot) {
+        let Action::Note(Note::Decision(decision)) = action else { return };
+        let reply = decision.reading.reply.as_ref();
+        let (status, label) = (reply.map(|reply| reply.status), reply.and_then(|reply| reply.label()));
+        let (age, actions, area) = (decision.frame_age_s, decision.reading.actions.join("; "), reply.and_then(|r| r.target_box));
+        let boxes: Vec<_> = reply.into_iter().flat_map(|r| &r.boxes).map(|b| (&b.name, b.depth, b.area)).collect();
+        writeln!(
+            self.report,
+            "{:.1}\t{age:.1} s ago: {}, {status:?} {label:?}, {actions} {area:?} {boxes:?}",
+            now.as_secs_f64(),
+            decision.step
+        )
+        .unwrap();
+    }
+
     fn time(&mut self, now: Time, pilot: &Pilot) {
         let Some(world) = self.world.get() else { return };
         if self.samples.last().is_some_and(|last| now.since(last.at) < EVERY) {
@@ -60,6 +78,22 @@ impl Observer for Watcher {
         let known = pilot.known_pose(now).position;
         let target = pilot.followed(now).filter(|target| target.is_sure);
         let estimate = target.map(|target| (known.distance(target.position), target.range_sd));
+        let is_clear = !self.sight.clearly(world.loaded(), &here, &[self.target]).is_empty();
+        let wanted = pilot.wanted();
+        let track = pilot
+            .track()
+            .map(|track| (now.since(track.captured).as_secs_f64(), track.quality, track.id.0, track.scale, track.area));
+        writeln!(
+            self.report,
+            "{:.1}\t{range:.2} m{}\t{estimate:.2?}\t{track:.3?}\t{:.2} {:.2} {:.2} {:.2}",
+            now.as_secs_f64(),
+            if is_clear { "" } else { " hidden" },
+            wanted.forward,
+            wanted.right,
+            wanted.up,
+            wanted.yaw_rate,
+        )
+        .unwrap();
         self.samples.push(Sample { at: now, range, estimate });
     }
 }
@@ -77,14 +111,11 @@ fn flown(id: &str, vlm: &'static str, seed: u64) -> Vec<Sample> {
         ..PilotSettings::preset(Preset::Default)
     };
     let (plan, world) = seen::flight(&task, &drawn, vlm, seed, settings);
-    let mut watcher = Watcher { world, target, samples: Vec::new() };
+    let sight = JudgeCamera::of(task.craft);
+    let mut watcher = Watcher { world, target, samples: Vec::new(), sight, report: String::new() };
     fly(plan, &mut [&mut watcher]).unwrap();
     if let Some(folder) = std::env::var_os("FOLLOW_OUT") {
-        let mut text = String::new();
-        for Sample { at, range, estimate } in &watcher.samples {
-            writeln!(text, "{:.1}\t{range:.3}\t{estimate:?}", at.as_secs_f64()).unwrap();
-        }
-        std::fs::write(std::path::Path::new(&folder).join(format!("{id}-{vlm}-{seed}.tsv")), text).unwrap();
+        std::fs::write(std::path::Path::new(&folder).join(format!("{id}-{vlm}-{seed}.tsv")), watcher.report).unwrap();
     }
     watcher.samples
 }

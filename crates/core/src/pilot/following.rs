@@ -53,6 +53,8 @@ impl Pilot {
         let goto = match step {
             Step::Follow(goto) => goto,
             Step::Keep | Step::Look | Step::Ask(_) | Step::Wait | Step::Reject(_) => return,
+            // Something else is in the way first; the reply sees the target all the same.
+            Step::Move(_) if self.is_staying() && self.following.stays => return,
             // A search, or another target.
             _ => return self.lose_target(),
         };
