@@ -6,8 +6,12 @@ use std::time::Instant;
 use spf_media::Rgb;
 
 use crate::area::Area;
+use crate::gamepad::Positions;
 use crate::profile::Key;
 use crate::{Hidden, Monitor, ScreenError, Target, Window};
+
+/// Why there is no gamepad.
+const NOWHERE: &str = "a program can make one on Linux alone; fly by keys";
 
 /// A connection to the X11 display.
 #[derive(Clone, Debug)]
@@ -147,6 +151,19 @@ impl Hands {
         match self.0 {}
     }
 
+    /// Takes a gamepad.
+    pub fn take(&mut self, gamepad: Gamepad) {
+        match gamepad.0 {}
+    }
+
+    /// Moves the sticks of the gamepad.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn push_if(&mut self, _sticks: Positions, _wanted: impl FnOnce() -> bool) -> Result<(), ScreenError> {
+        match self.0 {}
+    }
+
     /// Releases all keys.
     pub fn release_all(&mut self) {
         match self.0 {}
@@ -162,6 +179,28 @@ impl Hands {
     #[must_use]
     pub fn held(&self) -> Vec<Key> {
         match self.0 {}
+    }
+}
+
+/// A gamepad.
+#[derive(Debug)]
+pub struct Gamepad(Infallible);
+
+impl Gamepad {
+    /// Makes the device.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoGamepad`].
+    pub fn open() -> Result<Self, ScreenError> {
+        Err(ScreenError::NoGamepad(NOWHERE.to_owned()))
+    }
+
+    /// Whether a device could be made.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoGamepad`].
+    pub fn check() -> Result<(), ScreenError> {
+        Err(ScreenError::NoGamepad(NOWHERE.to_owned()))
     }
 }
 

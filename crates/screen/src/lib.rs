@@ -9,6 +9,7 @@
 
 pub mod area;
 pub mod duty;
+pub mod gamepad;
 pub mod mask;
 pub mod picture;
 pub mod pixels;
@@ -17,10 +18,14 @@ pub mod profile;
 #[cfg(not(target_os = "linux"))]
 mod absent;
 #[cfg(target_os = "linux")]
+mod uinput;
+#[cfg(target_os = "linux")]
 mod x11;
 
 #[cfg(not(target_os = "linux"))]
-pub use absent::{Display, Eye, Hands, Keyboard, Pane, Shown};
+pub use absent::{Display, Eye, Gamepad, Hands, Keyboard, Pane, Shown};
+#[cfg(target_os = "linux")]
+pub use uinput::Gamepad;
 #[cfg(target_os = "linux")]
 pub use x11::{Display, Eye, Hands, Keyboard, Pane, Shown};
 
@@ -100,6 +105,9 @@ pub enum ScreenError {
     /// The display is a part of a Wayland session.
     #[error("the display is Xwayland's, in a Wayland session, where only programs of X11 can be seen")]
     Wayland,
+    /// No gamepad can be made.
+    #[error("no gamepad: {0}")]
+    NoGamepad(String),
     /// The window does not have the focus: nothing was pressed.
     #[error("the window does not have the focus")]
     NoFocus,

@@ -74,12 +74,12 @@ impl Running {
         })
     }
 
-    /// Whether a key is still to be held, or is held now.
+    /// Whether a key or a stick is still to be pressed, or is pressed now.
     fn awaits_key(&self, now: Time) -> bool {
         let mut end = self.begun;
         self.steps.iter().any(|step| {
             end += duration_from_secs(step.for_s);
-            now < end && step.hold.is_some()
+            now < end && (step.hold.is_some() || step.push.is_some())
         })
     }
 }
@@ -312,7 +312,11 @@ impl Control {
         self.done = self.motion.set(now, setpoint);
         let (Phase::TakingOff(running) | Phase::Landing(running)) = &self.phase else { return self.motion.poll(now) };
         let step = running.step(now).filter(|_| self.can_press_steps(now));
-        Wanted { keys: step.and_then(|step| step.hold).into_iter().collect(), mouse: 0 }
+        let mut wanted = Wanted { keys: step.and_then(|step| step.hold).into_iter().collect(), ..Wanted::default() };
+        if let Some(stick) = step.and_then(|step| step.push) {
+            wanted.sticks.push(stick, 1.0);
+        }
+        wanted
     }
 
     /// The motion for which the keys are pressed.

@@ -13,7 +13,7 @@ use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
 use spf_core::time::{Duration, Time};
 use spf_screen::profile::{Axis, Profile};
-use spf_screen::{Display, Eye, Hands, Hidden, ScreenError};
+use spf_screen::{Display, Eye, Gamepad, Hands, Hidden, ScreenError};
 
 use super::control::Part;
 use super::pressing::press;
@@ -75,7 +75,11 @@ impl ScreenCraft {
     pub fn connect(name: &str, profile: &Profile, settings: &ScreenSettings, start: Instant) -> Result<Self, ConnectError> {
         let display = Display::open(settings.display.as_deref())?;
         let mut hands = Hands::open(&display, &profile.window.title)?;
-        hands.check(profile.keys())?;
+        hands.check(&profile.keys())?;
+        if profile.has_sticks() {
+            // Held until the end: a program that loses its gamepad may pause.
+            hands.take(Gamepad::open()?);
+        }
         if !hands.activate()? {
             return Err(ConnectError::NoFocus);
         }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use spf_core::time::Duration;
 use spf_screen::profile::{Profile, ProfileError};
-use spf_screen::{Display, Eye, Hands};
+use spf_screen::{Display, Eye, Gamepad, Hands};
 
 use super::craft::first_picture;
 use super::settings::ScreenSettings;
@@ -30,9 +30,17 @@ pub(super) fn examine(profile: &Result<Profile, ProfileError>, settings: &Screen
             return checks;
         }
     };
-    match Hands::open(&display, &profile.window.title).and_then(|mut hands| hands.check(profile.keys())) {
+    match Hands::open(&display, &profile.window.title).and_then(|mut hands| hands.check(&profile.keys())) {
         Ok(()) => checks.push(Check::new("keys", Finding::Good, "the keyboard has every key of the profile", None)),
         Err(error) => checks.extend(bad("keys", error.to_string(), "start the game, or see `spf screen list`")),
+    }
+    if profile.has_sticks() {
+        match Gamepad::check() {
+            Ok(()) => {
+                checks.push(Check::new("gamepad", Finding::Good, "one can be made; it is there during a flight alone", None))
+            }
+            Err(error) => checks.extend(bad("gamepad", error.to_string(), "docs/guide/games.md tells what a gamepad needs")),
+        }
     }
     checks.push(picture(Eye::new(display, profile.target())));
     checks

@@ -93,6 +93,7 @@ fn explained(error: ConnectError) -> driver::ConnectError {
         ConnectError::Screen(ScreenError::Failed(_)) | ConnectError::Hidden(_) => {
             Some("start the game, and put its window where nothing covers it; `spf screen list` shows what does")
         }
+        ConnectError::Screen(ScreenError::NoGamepad(_)) => Some("docs/guide/games.md tells what a gamepad needs"),
         ConnectError::NoFocus => Some("click on the game's window, or close what holds the keyboard (menus, screen locks)"),
         _ => None,
     };

@@ -1,8 +1,10 @@
-//! From a velocity setpoint to what is done with the keys: fractions of full deflection, and pixels of the mouse.
+//! From a velocity setpoint to what is done with the controls: fractions of full deflection, by pulses of a key, pixels of the mouse, or
+//! the position of a stick.
 
 use spf_core::command::Setpoint;
 use spf_core::time::{Duration, Time};
 use spf_screen::duty::Pulses;
+use spf_screen::gamepad::Positions;
 use spf_screen::profile::{Axis, Controls, Key, Yaw};
 
 /// Shortest pulse and shortest pause of a key: a program that looks at the keyboard less often does not notice a shorter one.
@@ -12,21 +14,24 @@ const MOUSE_PERIOD: Duration = Duration::from_millis(20);
 /// Most pixels of one motion.
 const MOST_PIXELS: f64 = 100.0;
 
-/// What is wanted of keyboard and mouse at an instant.
+/// What is wanted of keyboard, mouse and gamepad at an instant.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Wanted {
     /// Keys that are to be down; all others are up.
     pub(super) keys: Vec<Key>,
     /// Pixels by which the mouse is to be moved to the right.
     pub(super) mouse: i16,
+    /// Where the sticks are to be.
+    pub(super) sticks: Positions,
 }
 
-/// The keys and the mouse of the four axes.
+/// The controls of the four axes.
 #[derive(Debug)]
 pub(super) struct Motion {
     controls: Controls,
     /// Right, forward, up, yaw.
     pulses: [Pulses; 4],
+    sticks: Positions,
     /// Yaw rate of the mouse, rad/s.
     turn_rate: f64,
     /// Pixels not moved yet.
@@ -37,10 +42,11 @@ pub(super) struct Motion {
 impl Motion {
     pub(super) fn new(controls: &Controls) -> Self {
         let pulses = core::array::from_fn(|_| Pulses::new(controls.pulse_hz, SHORTEST));
-        Self { controls: controls.clone(), pulses, turn_rate: 0.0, pixels: 0.0, mouse_at: Time::ZERO }
+        let controls = controls.clone();
+        Self { controls, pulses, sticks: Positions::default(), turn_rate: 0.0, pixels: 0.0, mouse_at: Time::ZERO }
     }
 
-    /// Sets the velocity, and returns what the keys can do of it.
+    /// Sets the velocity, and returns what the controls can do of it.
     pub(super) fn set(&mut self, now: Time, wanted: Setpoint) -> Setpoint {
         let Controls { forward, right, up, yaw, .. } = &self.controls;
         let fraction = |axis: Option<&Axis>, speed: f64| axis.map_or(0.0, |axis| of_full(speed, axis.rate(speed)));
@@ -56,8 +62,15 @@ impl Motion {
         if self.turn_rate == 0.0 {
             self.pixels = 0.0;
         }
-        for (number, (pulses, fraction)) in self.pulses.iter_mut().zip(fractions).enumerate() {
-            pulses.set(now, if number == 3 && is_mouse { 0.0 } else { fraction });
+        let stick = |axis: &Axis| axis.stick;
+        let sticks = [right.as_ref().and_then(stick), stick(forward), stick(up), yaw.stick()];
+        let curve = self.controls.curve();
+        self.sticks = Positions::default();
+        for (number, (pulses, (fraction, stick))) in self.pulses.iter_mut().zip(fractions.into_iter().zip(sticks)).enumerate() {
+            if let Some(stick) = stick {
+                self.sticks.push(stick, curve.deflection(fraction));
+            }
+            pulses.set(now, if stick.is_some() || (number == 3 && is_mouse) { 0.0 } else { fraction });
         }
         let speed = |axis: Option<&Axis>, fraction: f64| axis.map_or(0.0, |axis| fraction * axis.rate(fraction));
         Setpoint {
@@ -71,12 +84,7 @@ impl Motion {
     /// What is wanted now.
     pub(super) fn poll(&mut self, now: Time) -> Wanted {
         let Controls { forward, right, up, yaw, .. } = &self.controls;
-        let yaw_keys = match yaw {
-            Yaw::Keys(keys) => Some((keys.plus, keys.minus)),
-            Yaw::Mouse(_) => None,
-        };
-        let pair = |axis: &Axis| (axis.plus, axis.minus);
-        let pairs = [right.as_ref().map(pair), Some(pair(forward)), Some(pair(up)), yaw_keys];
+        let pairs = [right.as_ref().and_then(Axis::keys), forward.keys(), up.keys(), yaw.keys()];
         let mut keys = Vec::new();
         for (pulses, pair) in self.pulses.iter_mut().zip(pairs) {
             match (pulses.level(now), pair) {
@@ -85,7 +93,7 @@ impl Motion {
                 _ => {}
             }
         }
-        Wanted { keys, mouse: self.mouse(now) }
+        Wanted { keys, mouse: self.mouse(now), sticks: self.sticks }
     }
 
     fn mouse(&mut self, now: Time) -> i16 {
@@ -120,7 +128,7 @@ pub(super) fn deflection(controls: &Controls, setpoint: Setpoint) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use proptest::prelude::*;
     use spf_screen::profile::Profile;
 
@@ -140,11 +148,11 @@ mod tests {
         );
         let (mut ahead, mut aside, mut pixels) = (0, 0, 0);
         for ms in (5..=2000).step_by(5) {
-            let Wanted { keys, mouse } = motion.poll(Time::from_millis(ms));
+            let Wanted { keys, mouse, sticks } = motion.poll(Time::from_millis(ms));
             ahead += i32::from(keys.contains(&Key::named("w").unwrap()));
             aside += i32::from(keys.contains(&Key::named("a").unwrap()));
             pixels += i32::from(mouse);
-            assert!(keys.len() <= 2 && mouse <= 6);
+            assert!(keys.len() <= 2 && mouse <= 6 && sticks.are_centred());
         }
         // 60° in 2 s are 265 pixels, of which the last period is open.
         assert!((195..=205).contains(&ahead) && aside == 400 && (258..=265).contains(&pixels), "{ahead} {aside} {pixels}");
@@ -152,7 +160,45 @@ mod tests {
         assert_eq!(motion.poll(Time::from_millis(2025)), Wanted::default());
     }
 
+    /// The shipped profile `spf-window`, flown by sticks but for the climb.
+    pub(in crate::screen) fn padded() -> Profile {
+        let text = Profile::text("spf-window").unwrap();
+        let text = text
+            .replace("plus = \"w\"\nminus = \"s\"", "stick = \"-right_y\"")
+            .replace("plus = \"d\"\nminus = \"a\"", "stick = \"right_x\"")
+            .replace("plus = \"e\"\nminus = \"q\"", "stick = \"left_x\"");
+        Profile::parse(&(text + "\n[controls.gamepad]\ndead_zone = 0.2\nexponent = 2.0\n")).unwrap()
+    }
+
+    #[test]
+    fn hand_worked_sticks() {
+        let mut motion = Motion::new(&padded().controls);
+        // Full rates are 4 m/s, 1.5 m/s and 95 °/s.
+        let done = motion.set(Time::ZERO, Setpoint { forward: 1.0, right: -9.0, up: 1.5, yaw_rate: 0.0 });
+        assert_eq!((done.forward, done.right, done.up, done.yaw_rate), (1.0, -4.0, 1.5, 0.0));
+        let Wanted { keys, mouse, sticks } = motion.poll(Time::from_millis(5));
+        // A quarter of the speed by a square: 0.2 + 0.8 · 0.5 of 32767, pushed away.
+        assert_eq!((keys, mouse, sticks.values()), (vec![Key::named("r").unwrap()], 0, [0, 0, -32767, -19660]));
+        motion.set(Time::from_millis(9), Setpoint::HOLD);
+        assert_eq!(motion.poll(Time::from_millis(9)), Wanted::default());
+    }
+
     proptest! {
+        #[test]
+        fn sticks_give_the_wanted_part_of_the_full_rate(
+            right in any::<f64>(), forward in -6.0..6.0_f64, yaw_rate in -2.0..2.0_f64, ms in 0_u64..5000
+        ) {
+            let profile = padded();
+            let mut motion = Motion::new(&profile.controls);
+            let done = motion.set(Time::ZERO, Setpoint { right, forward, up: 0.0, yaw_rate });
+            let Wanted { keys, mouse, sticks } = motion.poll(Time::from_millis(ms));
+            prop_assert!(keys.is_empty() && mouse == 0);
+            let [turn, _, aside, back] = sticks.values();
+            let rate = |value: i16| profile.controls.curve().rate(f64::from(value) / 32767.0);
+            prop_assert!((-4.0 * rate(back) - done.forward).abs() < 1e-3 && (4.0 * rate(aside) - done.right).abs() < 1e-3);
+            prop_assert!((rate(turn) * 95.0_f64.to_radians() - done.yaw_rate).abs() < 1e-3);
+        }
+
         #[test]
         fn no_setpoint_presses_opposite_keys_or_exceeds_full_deflection(
             right in any::<f64>(), forward in any::<f64>(), up in any::<f64>(), yaw_rate in any::<f64>(), name in 0..3_usize, ms in 0_u64..5000
@@ -162,7 +208,7 @@ mod tests {
             let done = motion.set(Time::ZERO, Setpoint { right, forward, up, yaw_rate });
             prop_assert!(done.is_finite() && deflection(&profile.controls, done) <= 1.0 + 1e-9);
             let Wanted { keys, .. } = motion.poll(Time::from_millis(ms));
-            let pressed = |axis: &Axis| keys.contains(&axis.plus) && keys.contains(&axis.minus);
+            let pressed = |axis: &Axis| axis.keys().is_some_and(|(plus, minus)| keys.contains(&plus) && keys.contains(&minus));
             prop_assert!(!pressed(&profile.controls.forward) && !pressed(&profile.controls.up) && keys.len() <= 4);
         }
     }

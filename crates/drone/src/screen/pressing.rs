@@ -1,4 +1,4 @@
-//! The thread that presses keys.
+//! The thread that presses keys and pushes sticks.
 
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -48,6 +48,7 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
         for key in &wanted.keys {
             result = result.and_then(|()| hands.press_if(*key, || shared.control().still(shared.now())));
         }
+        result = result.and_then(|()| hands.push_if(wanted.sticks, || shared.control().still(shared.now())));
         if wanted.mouse != 0 && shared.control().still(shared.now()) {
             result = result.and_then(|()| hands.turn(wanted.mouse));
         }

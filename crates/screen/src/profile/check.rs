@@ -69,25 +69,43 @@ pub(super) fn check(profile: &Profile) -> Result<(), ProfileError> {
 }
 
 fn axes(controls: &Controls) -> Result<(), ProfileError> {
-    let Controls { pulse_hz, dead_time_s, lag_s, forward, right, up, yaw } = controls;
+    let Controls { pulse_hz, dead_time_s, lag_s, forward, right, up, yaw, gamepad: _ } = controls;
     number("controls.pulse_hz", *pulse_hz, 5.0, 50.0)?;
     number("controls.dead_time_s", *dead_time_s, 0.0, 2.0)?;
     number("controls.lag_s", *lag_s, 0.01, 5.0)?;
-    let mut keys = Vec::new();
+    let curve = controls.curve();
+    number("controls.gamepad.dead_zone", curve.dead_zone, 0.0, 0.5)?;
+    number("controls.gamepad.exponent", curve.exponent, 1.0, 4.0)?;
+    let (mut keys, mut sticks) = (Vec::new(), Vec::new());
     for (name, axis) in [("forward", Some(forward)), ("right", right.as_ref()), ("up", Some(up))] {
-        let Some(Axis { plus, minus, rate_m_s, minus_rate_m_s }) = axis else { continue };
+        let Some(axis) = axis else { continue };
+        let Axis { plus, minus, stick, rate_m_s, minus_rate_m_s } = axis;
         number(&format!("controls.{name}.rate_m_s"), *rate_m_s, 0.1, 50.0)?;
         number(&format!("controls.{name}.minus_rate_m_s"), minus_rate_m_s.unwrap_or(*rate_m_s), 0.1, 50.0)?;
-        keys.extend([*plus, *minus]);
+        match (plus, minus, stick) {
+            (Some(plus), Some(minus), None) => keys.extend([*plus, *minus]),
+            (None, None, Some(stick)) => sticks.push(*stick),
+            _ => {
+                let given = [("plus", plus.is_some()), ("minus", minus.is_some()), ("stick", stick.is_some())];
+                let given: Vec<_> = given.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
+                let found = if given.is_empty() { "neither".to_owned() } else { given.join(", ") };
+                return Err(value(&format!("controls.{name}"), "expected two keys, `plus` and `minus`, or a `stick`", found));
+            }
+        }
     }
     number("controls.yaw.rate_deg_s", yaw.rate_deg_s(), 5.0, 360.0)?;
     match yaw {
         Yaw::Keys(yaw) => keys.extend([yaw.plus, yaw.minus]),
+        Yaw::Stick(yaw) => sticks.push(yaw.stick),
         Yaw::Mouse(mouse) => number("controls.yaw.mouse_deg", mouse.mouse_deg.abs(), 0.001, 10.0)?,
     }
     let mut seen = BTreeSet::new();
-    match keys.iter().find(|key| !seen.insert(**key)) {
-        Some(twice) => Err(value("controls", "expected each key in one place", twice)),
+    if let Some(twice) = keys.iter().find(|key| !seen.insert(**key)) {
+        return Err(value("controls", "expected each key in one place", twice));
+    }
+    let mut seen = BTreeSet::new();
+    match sticks.iter().find(|stick| !seen.insert(stick.axis())) {
+        Some(twice) => Err(value("controls", "expected each axis of a stick in one place", twice)),
         None => Ok(()),
     }
 }
@@ -98,6 +116,9 @@ fn sequence(name: &str, steps: &[Step]) -> Result<(), ProfileError> {
     }
     for step in steps {
         number(&format!("{name}.for_s"), step.for_s, 0.02, LONGEST_SEQUENCE)?;
+        if step.hold.is_some() && step.push.is_some() {
+            return Err(value(name, "expected `hold` or `push` in a step", "both"));
+        }
     }
     number(name, steps.iter().map(|step| step.for_s).sum(), 0.0, LONGEST_SEQUENCE)
 }

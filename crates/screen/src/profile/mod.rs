@@ -13,6 +13,7 @@ use spf_core::camera::Camera;
 
 use crate::Target;
 use crate::area::Region;
+use crate::gamepad::{Curve, Stick};
 
 pub use edit::{Change, edited};
 pub use key::{Key, KeyError};
@@ -149,6 +150,17 @@ pub struct Controls {
     pub up: Axis,
     /// Turn.
     pub yaw: Yaw,
+    /// What the program makes of the sticks of a gamepad.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gamepad: Option<Curve>,
+}
+
+impl Controls {
+    /// What the program makes of a stick.
+    #[must_use]
+    pub fn curve(&self) -> Curve {
+        self.gamepad.unwrap_or_default()
+    }
 }
 
 fn usual_pulses() -> f64 {
@@ -163,15 +175,20 @@ fn usual_lag() -> f64 {
     0.2
 }
 
-/// Two keys that move along an axis.
+/// Two keys that move along an axis, or a stick that does.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// Key that moves along the axis.
-    pub plus: Key,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plus: Option<Key>,
     /// Key that moves against it.
-    pub minus: Key,
-    /// Speed with the key `plus` held, metres per second.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub minus: Option<Key>,
+    /// Stick of a gamepad, in place of the keys.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stick: Option<Stick>,
+    /// Speed with the key `plus` held, or at full deflection, metres per second.
     pub rate_m_s: f64,
     /// The same for `minus`; as `rate_m_s` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -179,6 +196,12 @@ pub struct Axis {
 }
 
 impl Axis {
+    /// The keys `plus` and `minus`; none if it has a stick.
+    #[must_use]
+    pub fn keys(&self) -> Option<(Key, Key)> {
+        self.plus.zip(self.minus)
+    }
+
     /// Speed with one of the keys held, metres per second: `plus` for a positive direction.
     #[must_use]
     pub fn rate(&self, direction: f64) -> f64 {
@@ -186,7 +209,7 @@ impl Axis {
     }
 }
 
-/// How the craft turns: by keys or by the mouse.
+/// How the craft turns: by keys, by the mouse, or by a stick.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Yaw {
@@ -194,6 +217,8 @@ pub enum Yaw {
     Keys(YawKeys),
     /// By moving the mouse to the side.
     Mouse(YawMouse),
+    /// By a stick of a gamepad.
+    Stick(YawStick),
 }
 
 /// Keys that turn.
@@ -218,13 +243,42 @@ pub struct YawMouse {
     pub rate_deg_s: f64,
 }
 
+/// A stick that turns.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct YawStick {
+    /// Stick that turns clockwise.
+    pub stick: Stick,
+    /// Rate at full deflection, degrees per second.
+    pub rate_deg_s: f64,
+}
+
 impl Yaw {
+    /// The keys that turn clockwise and counter-clockwise.
+    #[must_use]
+    pub fn keys(&self) -> Option<(Key, Key)> {
+        match self {
+            Self::Keys(keys) => Some((keys.plus, keys.minus)),
+            Self::Mouse(_) | Self::Stick(_) => None,
+        }
+    }
+
+    /// The stick that turns.
+    #[must_use]
+    pub fn stick(&self) -> Option<Stick> {
+        match self {
+            Self::Stick(stick) => Some(stick.stick),
+            Self::Keys(_) | Self::Mouse(_) => None,
+        }
+    }
+
     /// Greatest yaw rate, degrees per second.
     #[must_use]
     pub fn rate_deg_s(&self) -> f64 {
         match self {
             Self::Keys(keys) => keys.rate_deg_s,
             Self::Mouse(mouse) => mouse.rate_deg_s,
+            Self::Stick(stick) => stick.rate_deg_s,
         }
     }
 }
@@ -279,6 +333,9 @@ pub struct Step {
     /// Key that is held; none to wait.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<Key>,
+    /// Stick that is fully pushed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub push: Option<Stick>,
     /// For how long, seconds.
     pub for_s: f64,
 }
@@ -362,15 +419,26 @@ impl Profile {
     }
 
     /// All keys that it presses.
-    pub fn keys(&self) -> impl Iterator<Item = &Key> {
-        let Controls { forward, right, up, yaw, .. } = &self.controls;
-        let axes = [Some(forward), right.as_ref(), Some(up)].into_iter().flatten().flat_map(|axis| [&axis.plus, &axis.minus]);
-        let yaw = match yaw {
-            Yaw::Keys(keys) => vec![&keys.plus, &keys.minus],
-            Yaw::Mouse(_) => Vec::new(),
-        };
-        let steps = [&self.take_off.steps, &self.landing.steps, &self.reset.steps].into_iter().flatten();
-        axes.chain(yaw).chain(steps.filter_map(|step| step.hold.as_ref()))
+    #[must_use]
+    pub fn keys(&self) -> Vec<Key> {
+        let axes = self.axes().filter_map(Axis::keys).chain(self.controls.yaw.keys());
+        axes.flat_map(|(plus, minus)| [plus, minus]).chain(self.steps().filter_map(|step| step.hold)).collect()
+    }
+
+    /// Whether it needs a gamepad.
+    #[must_use]
+    pub fn has_sticks(&self) -> bool {
+        let axes = self.axes().any(|axis| axis.stick.is_some());
+        axes || self.controls.yaw.stick().is_some() || self.steps().any(|step| step.push.is_some())
+    }
+
+    fn axes(&self) -> impl Iterator<Item = &Axis> {
+        let Controls { forward, right, up, .. } = &self.controls;
+        [Some(forward), right.as_ref(), Some(up)].into_iter().flatten()
+    }
+
+    fn steps(&self) -> impl Iterator<Item = &Step> {
+        [&self.take_off.steps, &self.landing.steps, &self.reset.steps].into_iter().flatten()
     }
 }
 

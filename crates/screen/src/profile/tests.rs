@@ -12,7 +12,7 @@ fn every_shipped_profile_is_valid_and_comes_back_from_toml() {
         let profile = Profile::parse(text).unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(Profile::open(name).unwrap(), profile);
         assert_eq!(Profile::parse(&profile.to_toml().unwrap()).unwrap(), profile, "{name}");
-        assert!(profile.keys().count() >= 4 && profile.source.len() > 10, "{name}");
+        assert!(profile.keys().len() >= 4 && profile.source.len() > 10, "{name}");
     }
 }
 
@@ -32,6 +32,15 @@ fn what_is_wrong_is_named() {
         ("vertical_fov_deg = 78.9", "vertical_fov_deg = nan", "`camera.vertical_fov_deg`"),
         ("vertical_fov_deg = 78.9", "vertical_fov_deg = 78.9\nhorizontal_fov_deg = 90.0", "one field of view"),
         ("pulse_hz = 10.0", "pulse_hz = 1e10", "`controls.pulse_hz`"),
+        ("minus = \"s\"\n", "", "`controls.forward`: expected two keys, `plus` and `minus`, or a `stick`, found `plus`"),
+        ("minus = \"s\"", "minus = \"s\"\nstick = \"left_y\"", "found `plus, minus, stick`"),
+        ("plus = \"w\"\nminus = \"s\"", "stick = \"left_z\"", "expected `left_x`, `left_y`, `right_x` or `right_y`"),
+        (
+            "[controls.yaw]",
+            "[controls.gamepad]\ndead_zone = 0.6\n[controls.yaw]",
+            "`controls.gamepad.dead_zone`: expected 0 to 0.5",
+        ),
+        ("[controls.yaw]", "[controls.gamepad]\ndeadzone = 0.1\n[controls.yaw]", "unknown field `deadzone`"),
     ] {
         let error = refused(from, to);
         assert!(error.contains(words), "{from}: {error}");
@@ -39,6 +48,33 @@ fn what_is_wrong_is_named() {
     let error = Profile::open("lunati").unwrap_err().to_string();
     assert!(error.contains("no profile `lunati`: use drl, luanti, spf-window, or the path"), "{error}");
     assert!(Profile::open("./none.toml").unwrap_err().to_string().contains("cannot read the profile"));
+}
+
+/// A profile that is flown by sticks alone.
+fn pad() -> String {
+    luanti()
+        .replace("plus = \"w\"\nminus = \"s\"", "stick = \"-right_y\"")
+        .replace("plus = \"d\"\nminus = \"a\"", "stick = \"right_x\"")
+        .replace("plus = \"space\"\nminus = \"Shift_L\"", "stick = \"-left_y\"")
+        .replace("mouse_deg = 0.2264", "stick = \"left_x\"")
+        + "\n[controls.gamepad]\ndead_zone = 0.15\nexponent = 2.0\n\n[take_off]\nsteps = [{ push = \"-left_y\", for_s = 1.0 }]\n"
+}
+
+#[test]
+fn sticks_take_the_place_of_keys() {
+    let profile = Profile::parse(&pad()).unwrap();
+    assert!(profile.has_sticks() && profile.keys().is_empty());
+    assert_eq!(profile.controls.yaw.stick(), Some(Stick::named("left_x").unwrap()));
+    assert_eq!(profile.controls.curve(), Curve { dead_zone: 0.15, exponent: 2.0 });
+    assert_eq!(Profile::parse(&profile.to_toml().unwrap()).unwrap(), profile);
+    assert!(!Profile::parse(luanti()).unwrap().has_sticks());
+    for (from, to, words) in [
+        ("stick = \"left_x\"", "stick = \"-left_y\"", "`controls`: expected each axis of a stick in one place, found `-left_y`"),
+        ("{ push", "{ hold = \"w\", push", "`take_off.steps`: expected `hold` or `push` in a step"),
+    ] {
+        let error = Profile::parse(&pad().replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
 }
 
 #[test]
@@ -54,16 +90,16 @@ fn any_text() -> impl Strategy<Value = String> {
     prop_oneof![
         ".{0,300}",
         // A valid profile with one place changed.
-        (any::<prop::sample::Index>(), ".{0,8}").prop_map(|(at, put)| {
-            let text = luanti();
+        (any::<prop::sample::Index>(), ".{0,8}", any::<bool>()).prop_map(|(at, put, is_pad)| {
+            let text = if is_pad { pad() } else { luanti().to_owned() };
             let mut at = at.index(text.len());
             while !text.is_char_boundary(at) {
                 at -= 1;
             }
             format!("{}{put}{}", &text[..at], &text[at..])
         }),
-        (any::<prop::sample::Index>(), any::<f64>()).prop_map(|(at, number)| {
-            let text = luanti();
+        (any::<prop::sample::Index>(), any::<f64>(), any::<bool>()).prop_map(|(at, number, is_pad)| {
+            let text = if is_pad { pad() } else { luanti().to_owned() };
             let numbers: Vec<(usize, &str)> = text.match_indices("= ").collect();
             let (start, _) = numbers[at.index(numbers.len())];
             let end = text[start..].find('\n').map_or(text.len(), |length| start + length);

@@ -1,8 +1,9 @@
-//! Keys and mouse for one window, by the extension XTest.
+//! Keys, mouse and gamepad for one window: the first two by the extension XTest.
 //!
 //! What XTest does goes to the window with the focus. So before each press the focus is looked at, and nothing is pressed if another
 //! window has it. A key that this program holds would stay down for ever if it ended, for the server does not know who pressed it: so
-//! all are released when the value is dropped, which a panic does as well.
+//! all are released when the value is dropped, which a panic does as well. What a gamepad does goes to whoever listens; its sticks are
+//! pushed under the same conditions.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -19,8 +20,9 @@ use x11rb::rust_connection::RustConnection;
 
 use super::windows::ids;
 use super::{Display, Server, unless_gone};
-use crate::ScreenError;
+use crate::gamepad::Positions;
 use crate::profile::Key;
+use crate::{Gamepad, ScreenError};
 
 /// How long the focus is awaited after it was asked for.
 const FOCUS_TIME: Duration = Duration::from_millis(1500);
@@ -39,6 +41,7 @@ pub struct Hands {
     /// For each keycode from the lowest on, its keysym ([`layout`]).
     symbols: Vec<u32>,
     held: Vec<(Key, Keycode)>,
+    gamepad: Option<Gamepad>,
 }
 
 impl std::fmt::Debug for Hands {
@@ -59,7 +62,7 @@ impl Hands {
             return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
         }
         let window = display.find(title)?.ok_or_else(|| ScreenError::Failed(format!("no window has the title `{title}`")))?;
-        let mut hands = Self { display, title: title.to_owned(), window, symbols: Vec::new(), held: Vec::new() };
+        let mut hands = Self { display, title: title.to_owned(), window, symbols: Vec::new(), held: Vec::new(), gamepad: None };
         hands.read_layout()?;
         Ok(hands)
     }
@@ -204,8 +207,38 @@ impl Hands {
         Ok(())
     }
 
-    /// Releases all keys, and waits until the server has done so.
+    /// Takes a gamepad, for [`push_if`](Self::push_if).
+    pub fn take(&mut self, gamepad: Gamepad) {
+        self.gamepad = Some(gamepad);
+    }
+
+    /// Moves the sticks of the gamepad: to the centre at any time, elsewhere if the window has the focus, and if `wanted` says so right
+    /// before.
+    ///
+    /// # Errors
+    /// [`ScreenError::NoFocus`] and [`ScreenError::NoGamepad`]: nothing was moved.
+    pub fn push_if(&mut self, sticks: Positions, wanted: impl FnOnce() -> bool) -> Result<(), ScreenError> {
+        let now = self.gamepad.as_ref().map(Gamepad::positions).unwrap_or_default();
+        if sticks == now {
+            return Ok(());
+        }
+        if !sticks.are_centred() {
+            if !self.has_focus()? {
+                return Err(ScreenError::NoFocus);
+            }
+            if !wanted() {
+                return Ok(());
+            }
+        }
+        let missing = || ScreenError::NoGamepad("it was not made".to_owned());
+        self.gamepad.as_mut().ok_or_else(missing)?.set(sticks)
+    }
+
+    /// Releases all keys and centres all sticks, and waits until the server has released the keys.
     pub fn release_all(&mut self) {
+        if let Some(gamepad) = &mut self.gamepad {
+            gamepad.centre();
+        }
         let connection = &self.display.0.connection;
         for (key, code) in self.held.drain(..) {
             if let Err(error) = connection.xtest_fake_input(KEY_RELEASE_EVENT, code, x11rb::CURRENT_TIME, x11rb::NONE, 0, 0, 0) {
@@ -224,10 +257,10 @@ impl Hands {
         self.held.iter().map(|(key, _)| *key).collect()
     }
 
-    /// Whether any key is held.
+    /// Whether any key is held, or a stick pushed.
     #[must_use]
     pub fn holds(&self) -> bool {
-        !self.held.is_empty()
+        !self.held.is_empty() || self.gamepad.as_ref().is_some_and(|gamepad| !gamepad.positions().are_centred())
     }
 
     fn fake(&self, kind: u8, code: Keycode) -> Result<(), ScreenError> {

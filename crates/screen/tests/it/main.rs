@@ -7,3 +7,4 @@ mod harness;
 mod pressing;
 mod seeing;
 mod server;
+mod sticks;

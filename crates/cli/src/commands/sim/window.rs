@@ -13,7 +13,7 @@ use spf_core::time::Time;
 use spf_flight::sim::{FlightConditions, SimWorld};
 use spf_media::Rgb;
 use spf_render::Channels;
-use spf_screen::profile::{Controls, Key, Profile, Yaw};
+use spf_screen::profile::{Controls, Key, Profile};
 use spf_screen::{Display, Keyboard, Pane, ScreenError};
 use spf_sim::craft::SimCraft;
 
@@ -162,17 +162,15 @@ fn fly(
             } else if is_down(land) && phase == FlightPhase::Flying {
                 craft.apply(time, Command::Land, Time::MAX);
             } else if phase == FlightPhase::Flying {
-                let push = |plus: Key, minus: Key| {
-                    f64::from(u8::from(down.contains(&plus))) - f64::from(u8::from(down.contains(&minus)))
+                let push = |keys: Option<(Key, Key)>| {
+                    let part = |key| f64::from(u8::from(down.contains(&key)));
+                    keys.map_or(0.0, |(plus, minus)| part(plus) - part(minus))
                 };
                 let axis = |axis: &spf_screen::profile::Axis| {
-                    let push = push(axis.plus, axis.minus);
+                    let push = push(axis.keys());
                     push * axis.rate(push)
                 };
-                let yaw_rate = match &controls.yaw {
-                    Yaw::Keys(keys) => push(keys.plus, keys.minus) * keys.rate_deg_s.to_radians(),
-                    Yaw::Mouse(_) => 0.0,
-                };
+                let yaw_rate = push(controls.yaw.keys()) * controls.yaw.rate_deg_s().to_radians();
                 let right = controls.right.as_ref().map_or(0.0, axis);
                 let setpoint = Setpoint { right, forward: axis(&controls.forward), up: axis(&controls.up), yaw_rate };
                 craft.apply(time, Command::Setpoint(setpoint), time + VALID);

@@ -120,7 +120,7 @@ impl<'a> Lab<'a> {
     pub(super) fn open(profile: &Profile, settings: &ScreenSettings, stop: &'a dyn Fn() -> bool) -> Result<Self, CalibrateError> {
         let display = Display::open(settings.display.as_deref())?;
         let mut hands = Hands::open(&display, &profile.window.title)?;
-        hands.check(profile.keys())?;
+        hands.check(&profile.keys())?;
         if !hands.activate()? {
             return Err(ScreenError::NoFocus.into());
         }

@@ -76,6 +76,9 @@ pub enum CalibrateError {
     /// The window cannot be seen.
     #[error(transparent)]
     Hidden(#[from] Hidden),
+    /// A profile with sticks.
+    #[error("the calibration presses keys, and this profile is flown by the sticks of a gamepad")]
+    Sticks,
     /// Somebody wants it to end.
     #[error("interrupted")]
     Interrupted,
@@ -92,6 +95,9 @@ pub fn calibrate(
     stop: &dyn Fn() -> bool,
     say: &mut dyn FnMut(&str),
 ) -> Result<Found, CalibrateError> {
+    if profile.has_sticks() {
+        return Err(CalibrateError::Sticks);
+    }
     let lab = Lab::open(profile, settings, stop)?;
     let mut bench = Bench { lab, profile, known, found: Found::default(), dead_times: Vec::new(), lags: Vec::new(), say };
     let measured = bench.measure();
@@ -126,6 +132,7 @@ impl Bench<'_> {
         }
         match &controls.yaw {
             Yaw::Keys(keys) => self.yaw(keys.plus, keys.minus, keys.rate_deg_s)?,
+            Yaw::Stick(_) => return Err(CalibrateError::Sticks),
             Yaw::Mouse(mouse) => self.mouse(mouse.mouse_deg)?,
         }
         let mut height = self.known.height;
@@ -221,8 +228,9 @@ impl Bench<'_> {
         quantity: Quantity,
         height: &mut f64,
     ) -> Result<(), CalibrateError> {
+        let Some((plus_key, minus_key)) = axis.keys() else { return Err(CalibrateError::Sticks) };
         let (mut rates, mut hold) = ([None; 2], None);
-        for (rate, (key, sign)) in rates.iter_mut().zip([(axis.plus, 1.0), (axis.minus, -1.0)]) {
+        for (rate, (key, sign)) in rates.iter_mut().zip([(plus_key, 1.0), (minus_key, -1.0)]) {
             (self.say)(&format!("flying {name} by {key:?}"));
             let (leg, response) = self.press(key, quantity, *height, hold)?;
             hold = response.is_some().then_some(leg.up - leg.down);
@@ -256,4 +264,19 @@ fn told(leg: &Leg) -> Option<Response> {
     let samples = leg.watch.samples();
     response(samples, leg.down, leg.steady, leg.up)
         .filter(|response| leg.watch.is_seen(leg.steady, leg.up) && response.rate != 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::screen::motion::tests::padded;
+
+    #[test]
+    fn sticks_are_refused_before_a_display_is_opened() {
+        let settings = ScreenSettings { display: Some(":none".to_owned()) };
+        let known = Known { height: 3.0, room: 10.0 };
+        let measured = |profile: &Profile| calibrate(profile, &settings, known, &|| false, &mut |_| {}).unwrap_err();
+        assert!(matches!(measured(&padded()), CalibrateError::Sticks));
+        assert!(matches!(measured(&Profile::shipped("luanti").unwrap()), CalibrateError::Screen(_)));
+    }
 }

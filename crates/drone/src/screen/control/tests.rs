@@ -1,7 +1,9 @@
 use proptest::prelude::*;
+use spf_screen::gamepad::{Positions, Stick};
 use spf_screen::profile::Key;
 
 use super::*;
+use crate::screen::motion::tests::padded;
 
 fn ms(ms: u64) -> Time {
     Time::from_millis(ms)
@@ -166,11 +168,43 @@ fn what_was_wanted_is_no_longer_pressed_once_its_time_is_over() {
     assert!(!control.still(ms(6499)));
 }
 
+#[test]
+fn a_stick_of_a_take_off_is_pushed_and_centred() {
+    let mut profile = padded();
+    let up = Stick::named("-left_y").unwrap();
+    profile.take_off.steps = vec![Step { hold: None, push: Some(up), for_s: 1.0 }, Step { hold: None, push: None, for_s: 1.0 }];
+    let mut control = Control::new(ms(0), &profile);
+    control.handle(ms(0), Command::TakeOff, Time::MAX);
+    let pushed = control.poll(ms(900));
+    assert_eq!((pushed.keys, pushed.sticks.values()), (vec![], [0, -32767, 0, 0]));
+    assert_eq!((control.poll(ms(1001)), control.phase()), (Wanted::default(), FlightPhase::TakingOff));
+    // The same without a key or a stick that could be pressed is no take-off.
+    let mut control = Control::new(ms(0), &profile);
+    control.handle(ms(0), Command::TakeOff, Time::MAX);
+    control.bar(Bar::Hidden, true);
+    assert_eq!((control.poll(ms(100)), control.phase()), (Wanted::default(), FlightPhase::OnGround));
+}
+
+#[test]
+fn sticks_are_centred_when_the_focus_is_lost_and_when_the_setpoint_ends() {
+    let mut control = Control::new(ms(0), &padded());
+    control.handle(ms(0), Command::TakeOff, Time::MAX);
+    control.heartbeat(ms(5300));
+    control.poll(ms(5300));
+    ahead(&mut control, 6000);
+    assert_eq!(control.poll(ms(6499)).sticks.values(), [0, 0, 0, -32767]);
+    assert!(control.poll(ms(6500)).sticks.are_centred());
+    ahead(&mut control, 6600);
+    control.lose_focus(ms(6650));
+    assert!(control.poll(ms(6651)).sticks.are_centred());
+}
+
 proptest! {
     /// Whatever happens in whatever order, nothing is pressed on the ground, without focus, or after the last setpoint ended.
     #[test]
-    fn keys_need_a_reason(steps in proptest::collection::vec((0_u64..700, 0..9_u8), 1..120)) {
-        let mut control = Control::new(ms(0), &Profile::shipped("spf-window").unwrap());
+    fn keys_and_sticks_need_a_reason(steps in proptest::collection::vec((0_u64..700, 0..9_u8), 1..120), has_sticks in any::<bool>()) {
+        let profile = if has_sticks { padded() } else { Profile::shipped("spf-window").unwrap() };
+        let mut control = Control::new(ms(0), &profile);
         let (mut now, mut valid) = (0, 0);
         for (passed, what) in steps {
             now += passed;
@@ -193,12 +227,12 @@ proptest! {
                     valid = now + 500;
                 }
             }
-            let keys = control.poll(ms(now)).keys;
-            prop_assert!(keys.is_empty() || control.still(ms(now)));
+            let Wanted { keys, sticks, .. } = control.poll(ms(now));
+            prop_assert!((keys.is_empty() && sticks.are_centred()) || control.still(ms(now)));
             let in_sequence = matches!(control.phase, Phase::TakingOff(_) | Phase::Landing(_));
             let may = control.may_press() && !control.bars.contains(&Bar::Hidden);
             if control.is_over() || !may || (!in_sequence && (now >= valid || !control.bars.is_empty())) {
-                prop_assert_eq!(keys, []);
+                prop_assert_eq!((keys, sticks), (vec![], Positions::default()));
             }
         }
     }
