@@ -126,11 +126,7 @@ impl Link {
             }
             MavlinkUrl::Serial { path, rate } => {
                 let open = |source| LinkError::Serial { url: url.clone(), source };
-                #[cfg(unix)]
-                let port = Port::Serial(serial::open(path, *rate).map_err(open)?);
-                #[cfg(not(unix))]
-                let port = return Err(open(std::io::Error::new(ErrorKind::Unsupported, format!("{path} at {rate}"))));
-                port
+                serial_port(path, *rate).map_err(open)?
             }
         };
         Ok(Self { port })
@@ -222,6 +218,16 @@ fn write_within(mut file: &std::fs::File, mut bytes: &[u8], time: Duration) -> s
         }
     }
     Ok(())
+}
+
+#[cfg(unix)]
+fn serial_port(path: &str, rate: u32) -> std::io::Result<Port> {
+    serial::open(path, rate).map(Port::Serial)
+}
+
+#[cfg(not(unix))]
+fn serial_port(path: &str, rate: u32) -> std::io::Result<Port> {
+    Err(std::io::Error::new(ErrorKind::Unsupported, format!("{path} at {rate}")))
 }
 
 /// Whether a datagram contains the heartbeat of an autopilot (component 1), with its checksum.

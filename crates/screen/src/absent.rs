@@ -8,10 +8,7 @@ use spf_media::Rgb;
 use crate::area::Area;
 use crate::gamepad::Positions;
 use crate::profile::Key;
-use crate::{Hidden, Monitor, ScreenError, Target, Window};
-
-/// Why there is no gamepad.
-const NOWHERE: &str = "a program can make one on Linux alone; fly by keys";
+use crate::{Gamepad, Hidden, Monitor, ScreenError, Target, Window};
 
 /// A connection to the X11 display.
 #[derive(Clone, Debug)]
@@ -153,7 +150,7 @@ impl Hands {
 
     /// Takes a gamepad.
     pub fn take(&mut self, gamepad: Gamepad) {
-        match gamepad.0 {}
+        gamepad.is_none();
     }
 
     /// Moves the sticks of the gamepad.
@@ -182,82 +179,8 @@ impl Hands {
     }
 }
 
-/// A gamepad.
-#[derive(Debug)]
-pub struct Gamepad(Infallible);
-
-impl Gamepad {
-    /// Makes the device.
-    ///
-    /// # Errors
-    /// [`ScreenError::NoGamepad`].
-    pub fn open() -> Result<Self, ScreenError> {
-        Err(ScreenError::NoGamepad(NOWHERE.to_owned()))
-    }
-
-    /// Whether a device could be made.
-    ///
-    /// # Errors
-    /// [`ScreenError::NoGamepad`].
-    pub fn check() -> Result<(), ScreenError> {
-        Err(ScreenError::NoGamepad(NOWHERE.to_owned()))
-    }
-}
-
-/// A window with a picture.
-#[derive(Debug)]
-pub struct Pane(Infallible);
-
-impl Pane {
-    /// Opens a window.
-    ///
-    /// # Errors
-    /// None, since there is no display.
-    pub fn open(display: &Display, _title: &str, _size: (u16, u16)) -> Result<Self, ScreenError> {
-        match display.0 {}
-    }
-
-    /// Its size.
-    #[must_use]
-    pub fn size(&self) -> (u32, u32) {
-        match self.0 {}
-    }
-
-    /// Shows a picture.
-    ///
-    /// # Errors
-    /// None, since there is no display.
-    pub fn show(&mut self, _image: &Rgb) -> Result<(), ScreenError> {
-        match self.0 {}
-    }
-
-    /// Whether it was closed.
-    ///
-    /// # Errors
-    /// None, since there is no display.
-    pub fn is_closed(&mut self) -> Result<bool, ScreenError> {
-        match self.0 {}
-    }
-
-    /// Looks at the keyboard.
-    ///
-    /// # Errors
-    /// None, since there is no display.
-    pub fn keyboard(&self) -> Result<Keyboard, ScreenError> {
-        match self.0 {}
-    }
-}
-
-/// Looks at the keyboard.
-#[derive(Debug)]
-pub struct Keyboard(Infallible);
-
-impl Keyboard {
-    /// The keys that are down.
-    ///
-    /// # Errors
-    /// None, since there is no display.
-    pub fn down(&mut self) -> Result<std::collections::BTreeSet<Key>, ScreenError> {
+impl Drop for Hands {
+    fn drop(&mut self) {
         match self.0 {}
     }
 }

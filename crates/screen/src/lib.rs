@@ -1,8 +1,8 @@
 //! A program as a drone, flown through its window: profiles, the picture of the window, keys and mouse.
 //!
 //! [`Profile`](profile::Profile) describes a game or simulator: its window, its camera, its keys and what they do.
-//! [`Display`] is the X11 display with its windows and monitors, [`Eye`] takes pictures, and [`Hands`] press keys; [`Pane`] is a window of our own. On other systems
-//! than Linux, [`Display::open`] says that there is none.
+//! [`Display`] is the X11 display with its windows and monitors, [`Eye`] takes pictures, and [`Hands`] press keys; [`Pane`] is a window of our own. On Windows
+//! and macOS the feature `screen-native` gives the same without the last one; without it, [`Display::open`] says that there is none.
 //!
 //! Keys go to whatever window has the focus. So [`Hands`] look before each press whether it is still the right one, and release
 //! what they hold as soon as it is not, and when they are dropped.
@@ -15,15 +15,29 @@ pub mod picture;
 pub mod pixels;
 pub mod profile;
 
-#[cfg(not(target_os = "linux"))]
+#[cfg(not(any(target_os = "linux", all(feature = "screen-native", any(windows, target_os = "macos")))))]
 mod absent;
+#[cfg(any(target_os = "linux", all(feature = "screen-native", any(windows, target_os = "macos"))))]
+mod choosing;
+#[cfg(any(test, all(feature = "screen-native", any(windows, target_os = "macos"))))]
+mod native;
+#[cfg(not(target_os = "linux"))]
+mod padless;
+#[cfg(not(target_os = "linux"))]
+mod paneless;
 #[cfg(target_os = "linux")]
 mod uinput;
 #[cfg(target_os = "linux")]
 mod x11;
 
+#[cfg(not(any(target_os = "linux", all(feature = "screen-native", any(windows, target_os = "macos")))))]
+pub use absent::{Display, Eye, Hands, Shown};
+#[cfg(all(feature = "screen-native", any(windows, target_os = "macos")))]
+pub use native::{Display, Eye, Hands, Shown};
 #[cfg(not(target_os = "linux"))]
-pub use absent::{Display, Eye, Gamepad, Hands, Keyboard, Pane, Shown};
+pub use padless::Gamepad;
+#[cfg(not(target_os = "linux"))]
+pub use paneless::{Keyboard, Pane};
 #[cfg(target_os = "linux")]
 pub use uinput::Gamepad;
 #[cfg(target_os = "linux")]
@@ -61,8 +75,10 @@ pub enum Hidden {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScreenError {
-    /// This system has no X11.
-    #[error("only X11 on Linux can be captured")]
+    /// This system has no X11, or only X11 can do it.
+    #[error(
+        "only X11 on Linux can do this; a build with the feature `screen-native` sees and flies windows on Windows and macOS"
+    )]
     Unsupported,
     /// The display cannot be reached.
     #[error("cannot connect to the X11 display `{display}`: {why}")]

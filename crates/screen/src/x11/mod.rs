@@ -16,6 +16,7 @@ use x11rb::protocol::xproto::{ConnectionExt as _, ImageOrder, Window as WindowId
 use x11rb::rust_connection::RustConnection;
 
 use crate::area::{Area, Region};
+use crate::choosing::chosen;
 use crate::pixels::Layout;
 use crate::{Hidden, Monitor, ScreenError, Window};
 
@@ -159,21 +160,7 @@ impl Display {
     /// # Errors
     /// [`ScreenError::Ambiguous`] if several have it, and [`ScreenError::Failed`].
     pub fn find(&self, title: &str) -> Result<Option<u32>, ScreenError> {
-        let mut found = self.windows()?;
-        found.retain(|window| window.title.contains(title));
-        for better in [|window: &Window, title: &str| window.title == title, |window: &Window, _: &str| window.shown] {
-            if found.iter().any(|window| better(window, title)) {
-                found.retain(|window| better(window, title));
-            }
-        }
-        match &found[..] {
-            [] => Ok(None),
-            [one] => Ok(Some(one.id)),
-            several => {
-                let list = several.iter().map(|window| format!("`{}`", window.title)).collect::<Vec<_>>().join(", ");
-                Err(ScreenError::Ambiguous { title: title.to_owned(), count: several.len(), list })
-            }
-        }
+        chosen(self.windows()?, title)
     }
 
     /// What hides a part of a window; `None` if it is wholly visible.
