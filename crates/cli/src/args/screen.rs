@@ -54,28 +54,33 @@ pub(crate) struct ScreenPreview {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  spf screen calibrate spf-window --height 3
+  spf screen calibrate spf-window --height 3.3
   spf screen calibrate my-game.toml --height 6 --room 20 -o measured.toml
 
-The profile has to name the keys and the field of view. Its rates may be guesses: they are not used. One length must be known, for a \
-picture has no scale: the height of the camera above flat ground, after the take-off if the profile has one. The ground must have a \
-pattern, and be in view; things that stand on it may be in view as well. Forward, sideways and climb are in proportion to that height: \
-one that is 10 % too large makes them 10 % too large. The turn does not depend on it.
+Before: write a profile with the window's title, the keys and the field of view (docs/guide/games.md); its rates may be guesses. Put \
+the craft over flat ground that has a pattern and is in view, with free space around. Things that stand on the ground may be in view \
+as well. Do not type meanwhile.
+
+A picture has no scale, so one length must be known: the height of the camera above the ground, after the take-off if the profile has \
+one. Forward, sideways and vertical rates are in proportion to it: 10 % too much of it makes them 10 % too large. The turn does not \
+depend on it.
 
 The craft takes off, turns, flies ahead and back, to the right and to the left, climbs and descends, and lands, by the keys of the \
-profile alone. Each key is held until the craft flies steadily, at most for 5 s or, as the picture tells it, half of --room. Nothing \
-else keeps the craft from obstacles: put it where there is free space. Keys go to the window of the profile alone, and only while it \
-has the focus. Clicking on another window, and Ctrl-C, release them.
+profile alone. A key is held until the craft flies steadily, for at most 5 s, and to at most half of --room. A way that the \
+picture does not show counts as flown at 1.5 times the profile's rate. A key that shows no motion for 1 s is released, and the opposite key \
+brings the craft back. Nothing else keeps it from obstacles.
+
+Keys go to the profile's window alone, and only while it has the focus. Clicking on another window, and Ctrl-C, release them.
 
 Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, or nothing moved.")]
 pub(crate) struct ScreenCalibrate {
     /// Profile: a name that `spf screen list` shows, or the path of a file
     #[arg(value_name = "PROFILE")]
     pub(crate) profile: String,
-    /// Height of the camera above flat ground, after the take-off, metres
+    /// Height of the camera above flat ground, after the take-off, metres; always needed
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub(crate) height: Option<f64>,
-    /// Free space to each side, metres
+    /// Free space around the start, metres: better 6 times its greatest speed in m/s or more, or it is stopped too soon to measure
     #[arg(long, value_name = "M", default_value_t = 30.0, allow_negative_numbers = true)]
     pub(crate) room: f64,
     /// File for the profile

@@ -40,6 +40,11 @@ fn help_of_screen_preview() {
 }
 
 #[test]
+fn help_of_screen_calibrate() {
+    insta::assert_snapshot!(help(&["screen", "calibrate", "--help"]));
+}
+
+#[test]
 fn help_of_sim_window() {
     insta::assert_snapshot!(help(&["sim", "window", "--help"]));
 }

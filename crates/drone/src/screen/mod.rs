@@ -20,6 +20,7 @@ mod reckoning;
 pub mod settings;
 mod shared;
 mod stillness;
+mod turn_check;
 pub mod turning;
 mod watching;
 

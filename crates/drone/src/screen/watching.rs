@@ -17,6 +17,7 @@ use super::motion::deflection;
 use super::reckoning::Reckoning;
 use super::shared::{Done, Shared};
 use super::stillness::Stillness;
+use super::turn_check::TurnCheck;
 use crate::DroneEvent;
 use crate::frames::FrameStore;
 
@@ -32,6 +33,7 @@ pub(super) struct Watcher {
     stillness: Stillness,
     flow: Flow,
     reckoning: Reckoning,
+    turns: TurnCheck,
     last: Option<Rgb>,
     size: (u32, u32),
     hidden: Option<Hidden>,
@@ -47,6 +49,7 @@ impl Watcher {
             stillness: Stillness::default(),
             flow: Flow::new(profile.camera.masks.clone()),
             reckoning: Reckoning::new(now, profile.controls.dead_time_s, profile.controls.lag_s),
+            turns: TurnCheck::default(),
             last: None,
             size,
             hidden: None,
@@ -133,8 +136,15 @@ impl Watcher {
         if size == self.size {
             let camera = self.profile.optics(size);
             let commanded = self.reckoning.commanded_heading();
-            if let Some(more) = self.flow.next(image, &camera, self.reckoning.motion(), commanded) {
+            let more = self.flow.next(image, &camera, self.reckoning.motion(), commanded);
+            if let Some(more) = more {
                 self.reckoning.correct_heading(more);
+            }
+            if let Some(shown) = self.turns.add(captured, commanded, more) {
+                tracing::warn!(
+                    "the last turns in the picture were {shown:.2} times those that were commanded: `controls.yaw` of the profile is wrong, \
+                     or its field of view; `spf screen calibrate` measures the turn"
+                );
             }
         } else {
             self.flow.forget();

@@ -18,7 +18,7 @@ use crate::printer::{Printer, table};
 pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exit, CliError> {
     let height = args.height.ok_or_else(|| {
         CliError::usage("--height is missing: a picture has no scale, so that one length must be known")
-            .hint("give the height of the camera above flat ground after the take-off, metres: --height 3")
+            .hint("give the height of the camera above flat ground after the take-off, metres: --height 3.3")
     })?;
     for (flag, metres, least) in [("--height", height, 0.2), ("--room", args.room, 1.0)] {
         if !(least..=500.0).contains(&metres) {

@@ -11,6 +11,7 @@ use crate::python;
 struct Flight {
     screen: Screen,
     game: Game,
+    beside: String,
     child: Option<Child>,
 }
 
@@ -28,9 +29,11 @@ impl Flight {
         let python = python::with(&["pillow"])?;
         let mut screen = Screen::start(&[])?;
         let game = screen.game();
+        // A window of another program beside it, which does not have the focus in flight.
+        let beside = screen.xev("Beside", "200x150+850+600");
         let mut command = screen.fly(&python, &["--max-time", "60"]);
         let child = command.envs(environment.iter().copied()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-        let flight = Self { screen, game, child: Some(child) };
+        let flight = Self { screen, game, beside, child: Some(child) };
         flight.game.flies();
         Some(flight)
     }
@@ -111,6 +114,12 @@ fn a_window_of_another_size_or_covered_stops_the_craft_and_it_flies_on_after() {
     flight.game.rests();
     flight.screen.run("xdotool", &["windowsize", &window, "480", "360"]);
     wait("the flight after", || flight.game.moved_lately(1.0) > 0.5);
+    // Another window in front of it, without the focus.
+    flight.screen.run("xdotool", &["windowraise", &flight.beside, "windowmove", &flight.beside, "150", "150"]);
+    flight.game.rests();
+    assert!(flight.screen.keys_down().is_empty());
+    flight.screen.run("xdotool", &["windowmove", &flight.beside, "850", "600"]);
+    wait("the flight after it was covered", || flight.game.moved_lately(1.0) > 0.5);
     // Half of it beside the screen.
     flight.screen.run("xdotool", &["windowmove", &window, "900", "200"]);
     flight.game.rests();

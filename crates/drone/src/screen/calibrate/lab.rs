@@ -33,6 +33,12 @@ const SHORTEST: f64 = 1.2;
 const STEADY: f64 = 1.0;
 const MORE: f64 = 0.6;
 const LONGEST: f64 = 5.0;
+/// A key that shows no motion for so long is released, seconds.
+const QUIET: f64 = 1.0;
+/// How much faster than the profile says a craft may be of which the picture tells nothing.
+const FASTER: f64 = 1.5;
+/// How long a craft is left to come to rest that was brought back unseen, seconds.
+const UNTIL_REST_UNSEEN: f64 = 1.5;
 /// Longest time until the craft rests after the key, seconds.
 const UNTIL_REST: f64 = 5.0;
 /// The time in which a craft at rest comes nowhere, and what is nowhere, as a fraction of the greatest way in such a time.
@@ -71,10 +77,20 @@ pub(super) struct Leg {
 pub(super) struct Bounds {
     /// Free space, metres: a way is at most half of it, for the craft needs some to stop.
     pub(super) room: f64,
+    /// Speed by the profile, m/s, which bounds the way of which the picture tells nothing; 0 for a turn.
+    pub(super) rate: f64,
     /// Lowest height of the camera, metres.
     pub(super) floor: f64,
     /// How long the key is held, seconds, instead of until the craft flies steadily.
     pub(super) hold: Option<f64>,
+}
+
+impl Bounds {
+    /// Whether it may have come too far: by the way that the picture tells, and by what it may have flown since the picture told something last,
+    /// seconds ago.
+    fn is_far(&self, way: f64, quiet: f64) -> bool {
+        way.abs() + FASTER * self.rate * quiet > 0.5 * self.room
+    }
 }
 
 /// Releases the keys when the program ends without running destructors.
@@ -150,6 +166,14 @@ impl<'a> Lab<'a> {
         Ok(())
     }
 
+    /// Holds the opposite key for as long as another one was held of which the picture told nothing.
+    pub(super) fn back(&mut self, key: Key, for_s: f64) -> Result<(), CalibrateError> {
+        self.steps(
+            &[Step { hold: Some(key), push: None, for_s }, Step { hold: None, push: None, for_s: UNTIL_REST_UNSEEN }],
+            false,
+        )
+    }
+
     /// Whether it may go on.
     fn check(&mut self, is_end: bool) -> Result<(), CalibrateError> {
         let is_over = self.keeper.stopped.load(Ordering::Relaxed) || (!is_end && (self.stop)());
@@ -182,6 +206,7 @@ impl<'a> Lab<'a> {
         self.picture(&mut leg.watch)?;
         self.wait(now + BEFORE, &mut leg.watch)?;
         leg.down = self.now();
+        leg.watch.begins(leg.down);
         leg.up = self.hold(press, &mut leg, bounds)?;
         self.hands.release_all();
         let patience = leg.up + UNTIL_REST;
@@ -204,9 +229,9 @@ impl<'a> Lab<'a> {
         loop {
             self.check(false)?;
             let held = begun.elapsed().as_secs_f64();
-            let way = leg.watch.total().abs();
-            let is_far = leg.watch.is_way() && way > 0.5 * bounds.room || leg.watch.height() < bounds.floor;
-            if held >= end || is_far {
+            let quiet = self.now() - leg.watch.news();
+            let is_far = leg.watch.is_way() && bounds.is_far(leg.watch.total(), quiet) || leg.watch.height() < bounds.floor;
+            if held >= end || is_far || quiet > QUIET {
                 let up = self.now();
                 if !leg.is_steady {
                     // The best that there is.
@@ -278,5 +303,19 @@ impl<'a> Lab<'a> {
 
     fn now(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_not_seen_counts_as_flown_fast() {
+        let bounds = Bounds { room: 30.0, rate: 4.0, floor: 0.0, hold: None };
+        // By hand: half of the room are 15 m. 1 s unseen counts 6 m.
+        assert!(!bounds.is_far(-8.9, 1.0) && bounds.is_far(-9.1, 1.0) && !bounds.is_far(14.9, 0.0) && bounds.is_far(0.0, 2.51));
+        // A small room ends a hold before a picture without news does.
+        assert!(Bounds { room: 10.0, ..bounds }.is_far(0.0, 0.9 * QUIET));
     }
 }

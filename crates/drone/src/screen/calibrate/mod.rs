@@ -153,15 +153,16 @@ impl Bench<'_> {
         Ok(())
     }
 
-    /// Presses a key; slowly, if the motion of a held one cannot be followed.
+    /// Presses a key; slowly, if the motion of a held one cannot be followed. After a press of which the picture did not tell enough, the opposite
+    /// key brings the craft back. `rate` is what the profile says, m/s; 0 for a turn.
     fn press(
         &mut self,
-        key: Key,
+        (key, opposite): (Key, Key),
         quantity: Quantity,
-        height: f64,
+        (height, rate): (f64, f64),
         hold: Option<f64>,
     ) -> Result<(Leg, Option<Response>), CalibrateError> {
-        let bounds = Bounds { room: self.known.room, floor: FLOOR * self.known.height, hold };
+        let bounds = Bounds { room: self.known.room, rate, floor: FLOOR * self.known.height, hold };
         let leg = self.lab.leg(Press::Key(key, 1.0), quantity, height, bounds)?;
         if let Some(response) = told(&leg) {
             // A craft that gains speed backwards may see no ground at first.
@@ -173,17 +174,26 @@ impl Bench<'_> {
             }
             return Ok((leg, Some(response)));
         }
-        (self.say)(&format!("{key:?} again, in pulses: the picture did not tell"));
+        (self.say)(&format!("back by {opposite:?}: the picture did not tell"));
+        self.lab.back(opposite, leg.up - leg.down)?;
+        if !leg.watch.has_changed() {
+            // Slower it would not show anything either.
+            return Ok((leg, None));
+        }
+        (self.say)(&format!("{key:?} again, in pulses"));
         let leg = self.lab.leg(Press::Key(key, PART), quantity, height, bounds)?;
         let response = told(&leg).filter(|_| leg.is_steady).map(|response| Response { rate: response.rate / PART, ..response });
+        if response.is_none() {
+            self.lab.back(opposite, PART * (leg.up - leg.down))?;
+        }
         Ok((leg, response))
     }
 
     fn yaw(&mut self, plus: Key, minus: Key, before: f64) -> Result<(), CalibrateError> {
         let (mut rates, mut hold) = (Vec::new(), None);
-        for (key, sign) in [(plus, 1.0), (minus, -1.0)] {
+        for (key, opposite, sign) in [(plus, minus, 1.0), (minus, plus, -1.0)] {
             (self.say)(&format!("turning by {key:?}"));
-            let (leg, response) = self.press(key, Quantity::Turn, self.known.height, hold)?;
+            let (leg, response) = self.press((key, opposite), Quantity::Turn, (self.known.height, 0.0), hold)?;
             hold = response.is_some().then_some(leg.up - leg.down);
             let now = response.map(|response| sign * response.rate.to_degrees());
             rates.extend(now.filter(|rate| (5.0..=360.0).contains(rate)));
@@ -195,7 +205,7 @@ impl Bench<'_> {
     }
 
     fn mouse(&mut self, before: f64) -> Result<(), CalibrateError> {
-        let bounds = Bounds { room: self.known.room, floor: 0.0, hold: None };
+        let bounds = Bounds { room: self.known.room, rate: 0.0, floor: 0.0, hold: None };
         let mut each = None;
         for pixels in PIXELS {
             (self.say)(&format!("turning by the mouse, {pixels} pixels at a time"));
@@ -230,13 +240,16 @@ impl Bench<'_> {
     ) -> Result<(), CalibrateError> {
         let Some((plus_key, minus_key)) = axis.keys() else { return Err(CalibrateError::Sticks) };
         let (mut rates, mut hold) = ([None; 2], None);
-        for (rate, (key, sign)) in rates.iter_mut().zip([(plus_key, 1.0), (minus_key, -1.0)]) {
+        for (rate, (key, opposite, sign)) in rates.iter_mut().zip([(plus_key, minus_key, 1.0), (minus_key, plus_key, -1.0)]) {
             (self.say)(&format!("flying {name} by {key:?}"));
-            let (leg, response) = self.press(key, quantity, *height, hold)?;
+            let (leg, response) = self.press((key, opposite), quantity, (*height, axis.rate(sign)), hold)?;
             hold = response.is_some().then_some(leg.up - leg.down);
             let now = response.map(|response| sign * response.rate);
             *rate = now.filter(|rate| (0.1..=50.0).contains(rate));
-            *height = leg.watch.height();
+            if response.is_some() {
+                // Otherwise it was brought back.
+                *height = leg.watch.height();
+            }
             self.note(name, key.to_string(), axis.rate(sign), now, &leg);
         }
         let number = |rate: f64| Change::Number(rate);

@@ -7,7 +7,8 @@
 //! those of things that stand on the ground. Rotation moves all points alike, a way only those that are near, and the tilt changes
 //! which those are: so they can be told apart where the ground is seen over a range of angles. Points above the horizon, at distances
 //! that are not known, tell of the rotation: across the line along which a way moves them. What the picture does not tell is what was
-//! before: a prior ties the tilt to that of the last two pictures.
+//! before: a prior ties the tilt to that of the last two pictures. Where there is too little ground, as below a nose that has risen, all points
+//! are taken to be at unknown distances, so that at least the tilt is followed ([`tilted`]).
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, BodyDisplacement};
@@ -18,6 +19,8 @@ use spf_core::query::ImagePoint;
 const NOISE: f64 = 0.0007;
 /// Ground is looked for below this tangent of the angle under the horizon: nearer to it the ranges are wrong.
 const BELOW: f64 = 0.1;
+/// From this tangent on ground counts in full. Nearer to the horizon, what stands on the ground is taken for ground behind it.
+const FULL: f64 = 0.35;
 /// Fewest points of the ground.
 const FEWEST: usize = 12;
 /// Part of them that has to fit.
@@ -96,13 +99,51 @@ pub fn moved(camera: &Camera, points: &[(ImagePoint, ImagePoint)], expected: &Mo
     if ground.len() < FEWEST {
         return None;
     }
+    let distant = points.iter().filter(|(from, _)| !is_below(camera, *from, level));
+    let all: Vec<_> = ground.iter().map(|pair| (true, **pair)).chain(distant.map(|pair| (false, *pair))).collect();
+    let (found, tilt_sd) = fit(camera, &all, expected)?;
+    let agrees = |(from, to): &&&(ImagePoint, ImagePoint)| {
+        seen(camera, *from, &found).is_some_and(|at| {
+            let (u, v) = miss(camera, at, *to);
+            u.hypot(v) < 4.0 * NOISE
+        })
+    };
+    let agreeing = ground.iter().filter(agrees).count();
+    let is_known = found.iter().all(|value| value.is_finite());
+    (is_known && agreeing >= FEWEST && agreeing as f64 >= AGREEING * ground.len() as f64)
+        .then(|| Moved { tilt_sd, ..Moved::of(found) })
+}
+
+/// Between two pictures that do not show enough ground: how the camera has turned and tilted, from points at any distances. The way is that
+/// which was expected. `None` with too few points, or if they do not agree.
+#[must_use]
+pub fn tilted(camera: &Camera, points: &[(ImagePoint, ImagePoint)], expected: &Moved) -> Option<Moved> {
+    if points.len() < FEWEST {
+        return None;
+    }
+    let all: Vec<_> = points.iter().map(|pair| (false, *pair)).collect();
+    let (found, tilt_sd) = fit(camera, &all, expected)?;
+    let agrees = |pair: &&(ImagePoint, ImagePoint)| aside(camera, pair, &found).is_some_and(|(u, v)| u.hypot(v) < 4.0 * NOISE);
+    let agreeing = points.iter().filter(agrees).count();
+    let is_known = found.iter().all(|value| value.is_finite());
+    let Moved { right, forward, up, .. } = *expected;
+    (is_known && agreeing >= FEWEST && agreeing as f64 >= AGREEING * points.len() as f64).then(|| Moved {
+        tilt_sd,
+        right,
+        forward,
+        up,
+        ..Moved::of(found)
+    })
+}
+
+/// The motion that fits points of the ground (true) and points at unknown distances best, and the standard deviations of pitch and roll after it.
+fn fit(camera: &Camera, all: &[(bool, (ImagePoint, ImagePoint))], expected: &Moved) -> Option<(Vector, (f64, f64))> {
+    let level = Attitude { pitch: expected.pitch, roll: expected.roll, heading: 0.0 };
     let before = expected.vector();
     let prior: Vector = [before[0], before[1], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
     let tilt = |deviation: f64| libm::hypot(deviation, TILT);
     let deviations: Vector = [tilt(expected.tilt_sd.0), tilt(expected.tilt_sd.1), TILTING, TILTING, TURNING, WAY, WAY, WAY];
     let (mut found, mut tilt_sd) = (before, (0.0, 0.0));
-    let distant: Vec<_> = points.iter().filter(|(from, _)| !is_below(camera, *from, level)).collect();
-    let all = || ground.iter().map(|pair| (true, *pair)).chain(distant.iter().map(|pair| (false, *pair)));
     for step in 0..STEPS {
         let scale = NOISE * f64::from(1 << (4_usize.saturating_sub(step)));
         let mut matrix = [[0.0; UNKNOWNS]; UNKNOWNS];
@@ -112,16 +153,17 @@ pub fn moved(camera: &Camera, points: &[(ImagePoint, ImagePoint)], expected: &Mo
             matrix[number][number] += weight;
             right[number] += weight * (prior[number] - found[number]);
         }
-        for (is_ground, pair) in all() {
+        for (is_ground, pair) in all {
             let missed = |motion: &Vector| {
-                if is_ground {
+                if *is_ground {
                     seen(camera, pair.0, motion).map(|at| miss(camera, at, pair.1))
                 } else {
                     aside(camera, pair, motion)
                 }
             };
             let Some((du, dv)) = missed(&found) else { continue };
-            let weight = 1.0 / (NOISE * NOISE * (1.0 + 0.25 * (du * du + dv * dv) / (scale * scale)));
+            let part = if *is_ground { (below(camera, pair.0, level) / FULL).clamp(0.0, 1.0) } else { 1.0 };
+            let weight = part / (NOISE * NOISE * (1.0 + 0.25 * (du * du + dv * dv) / (scale * scale)));
             let mut slopes = [[0.0; UNKNOWNS]; 2];
             for number in 0..UNKNOWNS {
                 let mut beside = found;
@@ -155,22 +197,18 @@ pub fn moved(camera: &Camera, points: &[(ImagePoint, ImagePoint)], expected: &Mo
             *value += change.clamp(-0.3, 0.3);
         }
     }
-    let agrees = |(from, to): &&&(ImagePoint, ImagePoint)| {
-        seen(camera, *from, &found).is_some_and(|at| {
-            let (u, v) = miss(camera, at, *to);
-            u.hypot(v) < 4.0 * NOISE
-        })
-    };
-    let agreeing = ground.iter().filter(agrees).count();
-    let is_known = found.iter().all(|value| value.is_finite());
-    (is_known && agreeing >= FEWEST && agreeing as f64 >= AGREEING * ground.len() as f64)
-        .then(|| Moved { tilt_sd, ..Moved::of(found) })
+    Some((found, tilt_sd))
 }
 
 /// Whether a place of the picture shows what lies well below the horizon.
 fn is_below(camera: &Camera, at: ImagePoint, attitude: Attitude) -> bool {
+    below(camera, at, attitude) > BELOW
+}
+
+/// Tangent of the angle under the horizon at which something is seen.
+fn below(camera: &Camera, at: ImagePoint, attitude: Attitude) -> f64 {
     let level = levelled(camera, at, attitude);
-    -level.up > BELOW * level.right.hypot(level.forward)
+    -level.up / level.right.hypot(level.forward)
 }
 
 fn levelled(camera: &Camera, at: ImagePoint, attitude: Attitude) -> BodyDisplacement {
@@ -304,6 +342,29 @@ mod tests {
         assert_eq!(moved(&camera, &crowd.collect::<Vec<_>>(), &Moved::default()), None);
     }
 
+    #[test]
+    fn a_nose_that_rises_is_seen_by_things_at_any_distance() {
+        let camera = Camera::quad();
+        // Gaining speed backwards: the nose goes up by 6° from 10°, when hardly any ground is seen.
+        let motion = Moved { pitch: 0.17, pitched: 0.105, rolled: -0.01, turned: 0.02, forward: -0.05, ..Moved::default() };
+        let mut points = Vec::new();
+        for n in 0..90_u32 {
+            let from = ImagePoint { u: f64::from(n % 10) / 10.0 + 0.04, v: 0.1 + 0.08 * f64::from(n / 10) };
+            let level = levelled(&camera, from, Attitude { pitch: motion.pitch, roll: 0.0, heading: 0.0 });
+            points.extend(after(&camera, level, 4.0 + f64::from(n * 7 % 30), &motion.vector()).map(|to| (from, to)));
+        }
+        let expected = Moved { pitch: 0.17, forward: -0.05, tilt_sd: (0.01, 0.01), ..Moved::default() };
+        let found = tilted(&camera, &points, &expected).unwrap();
+        assert!((found.pitched - motion.pitched).abs() < 0.005 && (found.rolled - motion.rolled).abs() < 0.005, "{found:?}");
+        assert!((found.turned - motion.turned).abs() < 0.005 && found.forward == -0.05, "{found:?}");
+        assert_eq!(tilted(&camera, &points[..8], &expected), None);
+        let crowd = points.iter().enumerate().map(|(n, (from, to))| {
+            let off = |k: usize| 0.05 * ((n * k % 13) as f64 / 6.0 - 1.0);
+            (*from, ImagePoint { u: to.u + off(5), v: to.v + off(7) })
+        });
+        assert_eq!(tilted(&camera, &crowd.collect::<Vec<_>>(), &expected), None);
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         #[test]
@@ -329,7 +390,8 @@ mod tests {
             places in proptest::collection::vec((-1.0..2.0, -1.0..2.0, -1.0..2.0, -1.0..2.0), 0..60), pitch in any::<f64>()
         ) {
             let points: Vec<_> = places.iter().map(|(a, b, c, d)| (ImagePoint { u: *a, v: *b }, ImagePoint { u: *c, v: *d })).collect();
-            if let Some(found) = moved(&Camera::quad(), &points, &Moved { pitch, ..Moved::default() }) {
+            let expected = Moved { pitch, ..Moved::default() };
+            for found in [moved(&Camera::quad(), &points, &expected), tilted(&Camera::quad(), &points, &expected)].into_iter().flatten() {
                 prop_assert!(found.vector().iter().all(|value| value.is_finite()));
             }
         }

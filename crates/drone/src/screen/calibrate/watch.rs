@@ -4,7 +4,7 @@ use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
 use spf_core::geometry::Attitude;
 
-use super::over_ground::{Moved, moved};
+use super::over_ground::{Moved, moved, tilted};
 use super::response::Sample;
 use crate::screen::flow::Pair;
 use crate::screen::turning::turn;
@@ -13,6 +13,12 @@ use crate::screen::turning::turn;
 const UNSEEN: f64 = 0.1;
 /// Tilts between two pictures in which a craft begins to gain speed, radians.
 const TILTS: [f64; 3] = [0.1, 0.2, 0.3];
+
+/// Time over which a motion is looked at, seconds, and the least one in it: radians, and heights above the ground. Less is noise.
+const LATELY: f64 = 0.5;
+const LEAST: f64 = 0.01;
+/// Least change of the tilt between two pictures that tells of a motion, radians.
+const LEAST_TILT: f64 = 0.01;
 
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +40,12 @@ pub(super) struct Watch {
     /// Of the camera above the ground, metres.
     height: f64,
     expected: Moved,
+    /// Whether it still rests, level: the key has not been pressed yet.
+    rests: bool,
+    /// When the picture told of a motion last, seconds: at the earliest when the key was pressed.
+    news: f64,
+    /// Whether the picture has changed since then.
+    has_changed: bool,
     samples: Vec<Sample>,
     /// When each picture was taken, and whether it told something.
     told: Vec<(f64, bool)>,
@@ -43,7 +55,17 @@ pub(super) struct Watch {
 impl Watch {
     /// With the first picture at this time, seconds.
     pub(super) fn new(quantity: Quantity, height: f64, at: f64) -> Self {
-        Self { quantity, height, expected: Moved::default(), samples: vec![(at, 0.0)], told: Vec::new(), last_step: 0.0 }
+        Self {
+            quantity,
+            height,
+            expected: Moved::default(),
+            rests: true,
+            news: at,
+            has_changed: false,
+            samples: vec![(at, 0.0)],
+            told: Vec::new(),
+            last_step: 0.0,
+        }
     }
 
     /// Takes the next picture into account: the places of points in the last one and in this one, and by about how much it has tilted.
@@ -57,6 +79,35 @@ impl Watch {
         self.last_step = step.unwrap_or(self.last_step);
         let before = self.samples.last().map_or(0.0, |(_, way)| *way);
         self.samples.push((at, before + self.last_step));
+        self.has_changed = true;
+        if (step.is_some() && self.lately(LATELY).abs() > LEAST * self.unit()) || self.tilts() {
+            self.news = at;
+        }
+    }
+
+    /// From now on it may move and tilt.
+    pub(super) fn begins(&mut self, at: f64) {
+        (self.rests, self.news, self.has_changed) = (false, at, false);
+    }
+
+    /// When the picture told of a motion last, seconds; the time of the key, if it has not yet.
+    pub(super) fn news(&self) -> f64 {
+        self.news
+    }
+
+    /// Whether the picture has changed at all since the key.
+    pub(super) fn has_changed(&self) -> bool {
+        self.has_changed
+    }
+
+    /// What a motion is measured by: a radian, or the height.
+    fn unit(&self) -> f64 {
+        if self.is_way() { self.height } else { 1.0 }
+    }
+
+    /// Whether the craft tilted between the last two pictures, as it does when it gains speed.
+    fn tilts(&self) -> bool {
+        self.is_way() && self.expected.pitched.abs().max(self.expected.rolled.abs()) > LEAST_TILT
     }
 
     /// Notes that the picture has not changed up to a time, seconds.
@@ -66,14 +117,17 @@ impl Watch {
         self.samples.push((at, self.total()));
     }
 
-    fn way(&mut self, camera: &Camera, pairs: &[Pair], tilted: Attitude) -> Option<f64> {
-        let expected = Moved { turned: tilted.heading, pitched: tilted.pitch, rolled: tilted.roll, ..self.expected };
+    fn way(&mut self, camera: &Camera, pairs: &[Pair], turned: Attitude) -> Option<f64> {
+        let expected = Moved { turned: turned.heading, pitched: turned.pitch, rolled: turned.roll, ..self.expected };
         let Some(found) = moved(camera, pairs, &expected) else {
-            // The change is not repeated: it would add up over several pictures without ground.
-            self.expected = Moved { pitched: 0.0, rolled: 0.0, ..expected.next() }.blurred(UNSEEN);
+            // A craft that lifts its nose sees little ground for a while, but other things, which tell how it tilts. What they do not
+            // tell is not repeated: it would add up over several pictures.
+            let blind = || Moved { pitched: 0.0, rolled: 0.0, ..self.expected }.blurred(UNSEEN);
+            self.expected = tilted(camera, pairs, &expected).map_or_else(blind, |found| found.next());
             return None;
         };
-        self.expected = found.next();
+        // A picture in which nothing moves tells nothing of the tilt, and what is wrong of it would add up.
+        self.expected = if self.rests { Moved::default() } else { found.next() };
         let step = match self.quantity {
             Quantity::Forward => found.forward,
             Quantity::Right => found.right,
@@ -134,5 +188,33 @@ impl Watch {
         let between = || self.told.iter().filter(|(at, _)| (from..=to).contains(at));
         let blind = between().filter(|(_, told)| !told).count();
         between().count() >= 5 && 4 * blind < between().count()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use spf_core::query::ImagePoint;
+
+    use super::*;
+
+    #[test]
+    fn a_picture_without_structure_or_change_is_no_news_and_a_turn_is() {
+        let camera = Camera::quad();
+        let mut watch = Watch::new(Quantity::Turn, 3.0, 0.0);
+        watch.begins(0.4);
+        watch.rests(0.7);
+        assert!(watch.news() == 0.4 && !watch.has_changed());
+        watch.add(0.8, &camera, &[], Attitude::default());
+        assert!(watch.news() == 0.4 && watch.has_changed());
+        // What stays in its place, as an instrument does, tells of no motion either.
+        let still: Vec<Pair> = (0..40_u32).map(|n| ImagePoint { u: f64::from(n) / 41.0, v: 0.3 }).map(|at| (at, at)).collect();
+        watch.add(0.9, &camera, &still, Attitude::default());
+        assert_eq!(watch.news(), 0.4);
+        let turned: Vec<Pair> = still.iter().map(|(from, _)| (*from, ImagePoint { u: from.u - 0.02, ..*from })).collect();
+        watch.add(1.0, &camera, &turned, Attitude::default());
+        assert_eq!(watch.news(), 1.0);
+        // A way that goes on unseen is reckoned, but no news.
+        watch.add(1.1, &camera, &[], Attitude::default());
+        assert!(watch.news() == 1.0 && watch.lately(0.05).abs() > 0.01);
     }
 }
