@@ -2,6 +2,9 @@
 //!
 //! Like the exported ones they have three heads, with cells of 8, 16 and 32 pixels; only the first evaluates the image.
 
+#[allow(dead_code, reason = "not every test that makes models makes depth networks")]
+pub(crate) mod vit;
+
 /// The side of the input, pixels.
 pub(crate) const SIDE: usize = 64;
 /// Rows of a cell: box, two classes.
