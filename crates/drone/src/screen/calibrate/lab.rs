@@ -168,10 +168,8 @@ impl<'a> Lab<'a> {
 
     /// Holds the opposite key for as long as another one was held of which the picture told nothing.
     pub(super) fn back(&mut self, key: Key, for_s: f64) -> Result<(), CalibrateError> {
-        self.steps(
-            &[Step { hold: Some(key), push: None, for_s }, Step { hold: None, push: None, for_s: UNTIL_REST_UNSEEN }],
-            false,
-        )
+        let step = |hold, for_s| Step { hold, push: None, for_s };
+        self.steps(&[step(Some(key), for_s), step(None, UNTIL_REST_UNSEEN)], false)
     }
 
     /// Whether it may go on.
