@@ -3,7 +3,7 @@
 use super::*;
 use crate::executor::craft_model::CraftModel;
 use crate::frame::FrameId;
-use crate::lift::{label_of_range, project_displacement, range_of_label};
+use crate::lift::{Lifting, label_of_range, project_displacement, range_of_label};
 use crate::rng::RandomStream;
 
 /// Frames, reports and setpoints: 10 a second.
