@@ -20,7 +20,7 @@ const NOISE: f64 = 0.0007;
 /// Ground is looked for below this tangent of the angle under the horizon: nearer to it the ranges are wrong.
 const BELOW: f64 = 0.1;
 /// From this tangent on ground counts in full. Nearer to the horizon, what stands on the ground is taken for ground behind it.
-const FULL: f64 = 0.35;
+const FULL: f64 = 0.5;
 /// Fewest points of the ground.
 const FEWEST: usize = 12;
 /// Part of them that has to fit.
