@@ -31,6 +31,9 @@ const NEAREST: f64 = 0.3;
 /// A range of a larger relative error says less than a label.
 const MOST_SD: f64 = 0.5;
 
+/// A reading and another range that differ by more standard deviations than this are not of the same thing.
+const GATE: f64 = 2.5;
+
 /// Logarithm of a range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reading {
@@ -38,6 +41,15 @@ pub(crate) struct Reading {
     pub(crate) sigma: f64,
     /// An edge of the image cuts the box off: the target is at most this far away.
     pub(crate) is_bound: bool,
+}
+
+impl Reading {
+    /// Fused with another logarithm of the range and its variance; `None` if they are too far apart to be of the same thing.
+    pub(crate) fn fused_with(&self, (ln_range, variance): (f64, f64)) -> Option<(f64, f64)> {
+        let (apart, own) = (self.ln_range - ln_range, self.sigma * self.sigma);
+        let total = 1.0 / (1.0 / own + 1.0 / variance);
+        (apart * apart <= GATE * GATE * (own + variance)).then(|| (total * (self.ln_range / own + ln_range / variance), total))
+    }
 }
 
 /// Elevations of a box's upper edge, middle and lower edge, of what the image shows of it.

@@ -1,12 +1,9 @@
 //! What stands in for X11 on systems without it: it cannot be opened.
 
 use std::convert::Infallible;
-use std::time::Instant;
 
-use spf_media::Rgb;
-
-use crate::area::Area;
 use crate::gamepad::Positions;
+use crate::picture::Shown;
 use crate::profile::Key;
 use crate::{Gamepad, Hidden, Monitor, ScreenError, Target, Window};
 
@@ -54,17 +51,6 @@ impl Display {
     pub fn hidden(&self, _window: u32, _region: &crate::area::Region) -> Result<Option<Hidden>, ScreenError> {
         match self.0 {}
     }
-}
-
-/// A picture that was taken.
-#[derive(Clone, Debug)]
-pub struct Shown {
-    /// The picture.
-    pub image: Rgb,
-    /// Where on the screen it is.
-    pub area: Area,
-    /// When it was taken.
-    pub at: Instant,
 }
 
 /// Takes pictures of a target.

@@ -1,6 +1,15 @@
-//! Which window is meant by a title.
+//! Which window is meant by a title, and how much of it must be visible.
+
+use std::time::Duration;
 
 use crate::{ScreenError, Window};
+
+/// Interval at which a window that is gone is looked for.
+pub(crate) const AGAIN: Duration = Duration::from_millis(300);
+/// Fraction of the region that others may cover, or that may lie beside the screen: a tooltip, a rounding.
+pub(crate) const ALLOWED: f64 = 0.005;
+/// Least width and height of a region, pixels.
+pub(crate) const LEAST: u32 = 64;
 
 /// The window whose title contains `title`; one whose title is just that comes before others, and one that is shown before one that is
 /// not.

@@ -31,17 +31,18 @@ mod uinput;
 mod x11;
 
 #[cfg(not(any(target_os = "linux", all(feature = "screen-native", any(windows, target_os = "macos")))))]
-pub use absent::{Display, Eye, Hands, Shown};
+pub use absent::{Display, Eye, Hands};
 #[cfg(all(feature = "screen-native", any(windows, target_os = "macos")))]
-pub use native::{Display, Eye, Hands, Shown};
+pub use native::{Display, Eye, Hands};
 #[cfg(not(target_os = "linux"))]
 pub use padless::Gamepad;
 #[cfg(not(target_os = "linux"))]
 pub use paneless::{Keyboard, Pane};
+pub use picture::Shown;
 #[cfg(target_os = "linux")]
 pub use uinput::Gamepad;
 #[cfg(target_os = "linux")]
-pub use x11::{Display, Eye, Hands, Keyboard, Pane, Shown};
+pub use x11::{Display, Eye, Hands, Keyboard, Pane};
 
 use area::Area;
 

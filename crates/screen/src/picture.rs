@@ -1,13 +1,26 @@
 //! From what the screen shows to the picture of a camera: instruments painted over, and no larger than a pilot needs.
 
+use std::time::Instant;
+
 use spf_media::{Rgb, Scaler};
 
-use crate::area::Region;
+use crate::area::{Area, Region};
 use crate::mask::paint_over;
 use crate::pixels::limited;
 
 /// Longest side of a picture, pixels.
 pub const LONGEST_SIDE: u32 = 960;
+
+/// What was captured of the screen.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// The picture, in the screen's pixels.
+    pub image: Rgb,
+    /// Where on the screen it is; on macOS in points, of which one may be several pixels.
+    pub area: Area,
+    /// When it was asked for: it is no older.
+    pub at: Instant,
+}
 
 /// Makes pictures of what was captured.
 #[derive(Default)]

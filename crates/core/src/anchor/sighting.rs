@@ -73,9 +73,6 @@ const HEIGHT_SIGMA: f64 = 0.08;
 /// distribution.
 const WITHIN_BOX: f64 = 0.289;
 
-/// A label that says more than the ground by more standard deviations than this is of something else than what stands there.
-const GROUND_GATE: f64 = 2.5;
-
 /// Difference of the natural logarithm of the range that corresponds to one depth label: ln 10 / 4.5.
 const LABEL: f64 = core::f64::consts::LN_10 / 4.5;
 
@@ -146,14 +143,11 @@ impl Sighting {
     #[must_use]
     pub fn on_ground(self, area: ImageBox, camera: &Camera, pose: Pose) -> Self {
         let Some((label, ground)) = self.range.zip(by_ground(camera, pose, area, 0.0)) else { return self };
-        let beyond = label.ln_range - ground.ln_range;
-        let (at_label, at_ground) = (label.sigma * label.sigma, ground.sigma * ground.sigma);
-        if beyond <= 0.0 || beyond * beyond > GROUND_GATE * GROUND_GATE * (at_label + at_ground) {
-            return self;
+        let is_beyond = label.ln_range > ground.ln_range;
+        match ground.fused_with((label.ln_range, label.sigma * label.sigma)).filter(|_| is_beyond) {
+            Some((ln_range, variance)) => Self { range: Some(RangeReading { ln_range, sigma: libm::sqrt(variance) }), ..self },
+            None => self,
         }
-        let total = 1.0 / (1.0 / at_label + 1.0 / at_ground);
-        let ln_range = total * (label.ln_range / at_label + ground.ln_range / at_ground);
-        Self { range: Some(RangeReading { ln_range, sigma: libm::sqrt(total) }), ..self }
     }
 
     /// Order of application: by capture, then by number.

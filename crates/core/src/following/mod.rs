@@ -44,8 +44,6 @@ const LABEL_VARIANCE: f64 = 0.148 * 0.148 + 0.2 * 0.2;
 const ELSEWHERE: f64 = 0.21;
 /// A range that a label states up to which a target is beside the craft, metres: label 1.
 const BESIDE: f64 = 1.2;
-/// A range by one box that differs from the label's by more standard deviations than this is not of somebody who stands there.
-const STANDING_GATE: f64 = 2.5;
 /// Standard deviation of the logarithm of the range that no number of readings removes: a person's stature is the same in all.
 const RANGE_FLOOR: f64 = 0.1;
 /// Gains: yaw rate per bearing error, closing speed per distance error, climb rate per height error, 1/s.
@@ -299,15 +297,9 @@ impl Follower {
 /// A label's range with those by one box: mean and variance of the logarithm. A bound counts if both the others and what was known
 /// are farther.
 fn fused(label: (f64, f64), readings: &[Option<Reading>], known: f64) -> (f64, f64) {
-    readings.iter().flatten().fold(label, |(ln_range, variance), reading| {
-        let apart = reading.ln_range - ln_range;
-        let sigma_squared = reading.sigma * reading.sigma;
-        let is_idle = reading.is_bound && ln_range.max(known) <= reading.ln_range;
-        if is_idle || apart * apart > STANDING_GATE * STANDING_GATE * (sigma_squared + variance) {
-            return (ln_range, variance);
-        }
-        let total = 1.0 / (1.0 / sigma_squared + 1.0 / variance);
-        (total * (reading.ln_range / sigma_squared + ln_range / variance), total)
+    readings.iter().flatten().fold(label, |range, reading| {
+        let is_idle = reading.is_bound && range.0.max(known) <= reading.ln_range;
+        reading.fused_with(range).filter(|_| !is_idle).unwrap_or(range)
     })
 }
 

@@ -1,26 +1,14 @@
 //! Pictures of a part of a window, or of a monitor.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use spf_media::Rgb;
 
 use super::windows::{Display, monitors};
 use crate::area::Area;
+use crate::choosing::AGAIN;
+use crate::picture::Shown;
 use crate::{Hidden, ScreenError, Target};
-
-/// Interval at which a window that is gone is looked for.
-const AGAIN: Duration = Duration::from_millis(300);
-
-/// A picture that was taken.
-#[derive(Clone, Debug)]
-pub struct Shown {
-    /// The picture, in the monitor's pixels.
-    pub image: Rgb,
-    /// Where on the screen it is; on macOS in points, of which one may be several pixels.
-    pub area: Area,
-    /// When it was asked for: it is no older.
-    pub at: Instant,
-}
 
 /// Takes pictures of a target. A window is found by its title, and followed when it moves or is resized.
 #[derive(Debug)]

@@ -13,4 +13,4 @@ pub(crate) mod stack;
 mod windows;
 
 #[cfg(all(feature = "screen-native", any(windows, target_os = "macos")))]
-pub use self::{eye::Eye, eye::Shown, hands::Hands, windows::Display};
+pub use self::{eye::Eye, hands::Hands, windows::Display};

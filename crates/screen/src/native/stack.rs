@@ -2,11 +2,7 @@
 
 use crate::Hidden;
 use crate::area::{Area, Region};
-
-/// Fraction of the region that others may cover, or that may lie beside the monitor: a tooltip, a rounding.
-const ALLOWED: f64 = 0.005;
-/// Least width and height of a region.
-const LEAST: u32 = 64;
+use crate::choosing::{ALLOWED, LEAST};
 
 /// The monitor on which a part of a window is, by its place in the list, and where that part is; or why it cannot be seen.
 ///

@@ -5,12 +5,9 @@ use x11rb::protocol::xproto::{ConnectionExt as _, MapState, Window as WindowId, 
 use super::windows::{ids, title};
 use super::{Server, unless_gone};
 use crate::area::{Area, Region};
+use crate::choosing::{ALLOWED, LEAST};
 use crate::{Hidden, ScreenError};
 
-/// Fraction of the region that others may cover, or that may lie beside the screen: a tooltip, a rounding.
-const ALLOWED: f64 = 0.005;
-/// Least width and height of a region, pixels.
-const LEAST: u32 = 64;
 /// How many windows lie in each other at most.
 const DEPTH: usize = 16;
 

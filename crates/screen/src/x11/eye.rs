@@ -1,6 +1,6 @@
 //! Pictures of a part of a window, or of a monitor.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use spf_media::Rgb;
 
@@ -8,21 +8,9 @@ use super::covering::seen;
 use super::segment::{Segment, is_shared, take_slowly};
 use super::{Display, Server};
 use crate::area::Area;
+use crate::choosing::AGAIN;
+use crate::picture::Shown;
 use crate::{Hidden, ScreenError, Target};
-
-/// Interval at which a window that is gone is looked for.
-const AGAIN: Duration = Duration::from_millis(300);
-
-/// A picture that was taken.
-#[derive(Clone, Debug)]
-pub struct Shown {
-    /// The picture.
-    pub image: Rgb,
-    /// Where on the screen it is.
-    pub area: Area,
-    /// When it was asked for: it is no older.
-    pub at: Instant,
-}
 
 /// Takes pictures of a target. A window is found by its title, and followed when it moves or is resized.
 pub struct Eye {

@@ -20,7 +20,7 @@ use crate::choosing::chosen;
 use crate::pixels::Layout;
 use crate::{Hidden, Monitor, ScreenError, Window};
 
-pub use eye::{Eye, Shown};
+pub use eye::Eye;
 pub use hands::Hands;
 pub use pane::{Keyboard, Pane};
 
