@@ -62,9 +62,8 @@ impl Hands {
             return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
         }
         let window = display.find(title)?.ok_or_else(|| ScreenError::Failed(format!("no window has the title `{title}`")))?;
-        let mut hands = Self { display, title: title.to_owned(), window, symbols: Vec::new(), held: Vec::new(), gamepad: None };
-        hands.read_layout()?;
-        Ok(hands)
+        let symbols = layout(&display.0.connection)?;
+        Ok(Self { display, title: title.to_owned(), window, symbols, held: Vec::new(), gamepad: None })
     }
 
     /// Whether the keyboard's layout has all these keys, each another one.
@@ -178,15 +177,29 @@ impl Hands {
         }
         self.handle_events()?;
         let code = self.code(key)?;
-        if !self.has_focus()? {
-            return Err(ScreenError::NoFocus);
-        }
-        if !wanted() {
-            return Ok(());
-        }
-        // Noted first: a key that may be down is released.
-        self.held.push((key, code));
-        self.fake(KEY_PRESS_EVENT, code)
+        self.with_focus(|hands| {
+            if !wanted() {
+                return Ok(());
+            }
+            // Noted first: a key that may be down is released.
+            hands.held.push((key, code));
+            hands.fake(KEY_PRESS_EVENT, code)
+        })
+    }
+
+    /// Does something if the window has the focus, which no other program can take before it is done: what they ask of the server
+    /// waits meanwhile, for two replies of the server.
+    fn with_focus(&mut self, act: impl FnOnce(&mut Self) -> Result<(), ScreenError>) -> Result<(), ScreenError> {
+        self.display.0.connection.grab_server()?;
+        let done = match self.has_focus() {
+            Ok(true) => act(self),
+            Ok(false) => Err(ScreenError::NoFocus),
+            Err(error) => Err(error),
+        };
+        let connection = &self.display.0.connection;
+        connection.ungrab_server()?;
+        connection.flush()?;
+        done
     }
 
     /// Moves the mouse to the right by pixels, if the window has the focus.
@@ -197,14 +210,12 @@ impl Hands {
         if pixels == 0 {
             return Ok(());
         }
-        if !self.has_focus()? {
-            return Err(ScreenError::NoFocus);
-        }
-        let Server { connection, root, .. } = &*self.display.0;
-        // Relative to where it is.
-        connection.xtest_fake_input(MOTION_NOTIFY_EVENT, 1, x11rb::CURRENT_TIME, *root, pixels, 0, 0)?;
-        connection.flush()?;
-        Ok(())
+        self.with_focus(|hands| {
+            let Server { connection, root, .. } = &*hands.display.0;
+            // Relative to where it is.
+            connection.xtest_fake_input(MOTION_NOTIFY_EVENT, 1, x11rb::CURRENT_TIME, *root, pixels, 0, 0)?;
+            Ok(())
+        })
     }
 
     /// Takes a gamepad, for [`push_if`](Self::push_if).
@@ -270,21 +281,22 @@ impl Hands {
         Ok(())
     }
 
-    /// Takes note of a change of the keyboard's layout. Keys that are held are released by their old codes.
+    /// Takes note of a change of the keyboard's layout. Keys that are held are then released by their old codes.
+    ///
+    /// The server also tells a change when another keyboard with the same layout is used, as when XTest presses its first key: that is
+    /// none.
     fn handle_events(&mut self) -> Result<(), ScreenError> {
         let mut changed = false;
         while let Some(event) = self.display.0.connection.poll_for_event()? {
             changed |= matches!(event, Event::MappingNotify(_));
         }
         if changed {
-            self.release_all();
-            self.read_layout()?;
+            let symbols = layout(&self.display.0.connection)?;
+            if symbols != self.symbols {
+                self.release_all();
+                self.symbols = symbols;
+            }
         }
-        Ok(())
-    }
-
-    fn read_layout(&mut self) -> Result<(), ScreenError> {
-        self.symbols = layout(&self.display.0.connection)?;
         Ok(())
     }
 

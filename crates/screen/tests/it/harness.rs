@@ -12,7 +12,7 @@ use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
 use crate::server::Server;
-pub(crate) use crate::server::{PATIENCE, Program, wait};
+pub(crate) use crate::server::{PATIENCE, Program, wait, wait_or_say};
 
 /// A display, and the programs on it.
 pub(crate) struct Screen(Server);
@@ -78,9 +78,15 @@ impl Shop {
         shop
     }
 
-    /// Moves it; the window manager sets its frame there.
+    /// Moves it, and waits until it is there; the window manager sets its frame there.
     pub(crate) fn place(&self, screen: &Screen, (x, y): (i16, i16)) {
         screen.run("xdotool", &["windowmove", &self.window.to_string(), &x.to_string(), &y.to_string()]).unwrap();
+        // The frame is at most a few dozen pixels thick.
+        let is_near = |at: i32, wanted: i16| (0..50).contains(&(at - i32::from(wanted)));
+        wait("the window's place", || {
+            let windows = screen.display().windows().unwrap();
+            windows.iter().any(|it| it.id == self.window && is_near(it.area.x, x) && is_near(it.area.y, y))
+        });
     }
 
     pub(crate) fn close(self) {

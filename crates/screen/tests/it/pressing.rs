@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 use spf_screen::profile::Key;
 use spf_screen::{Hands, ScreenError};
 
-use crate::harness::{Program, Screen, Shop, pattern, printed, wait};
+use crate::harness::{Program, Screen, Shop, pattern, printed, wait, wait_or_say};
 
 fn key(name: &str) -> Key {
     Key::named(name).unwrap()
@@ -55,7 +55,7 @@ impl Witness {
     }
 
     fn waits_for(&self, what: &str, expected: &[(bool, &str)]) {
-        let is_seen = || {
+        let deduplicated = || {
             // The server repeats a key that is held for long, with a release before each press.
             let mut keys: Vec<(bool, u8, String)> = Vec::new();
             for key in self.keys() {
@@ -66,9 +66,13 @@ impl Witness {
                     keys.push(key);
                 }
             }
-            keys.iter().map(|(is_press, _, name)| (*is_press, name.as_str())).collect::<Vec<_>>() == expected
+            keys
         };
-        wait(&format!("{what}: {expected:?}, so far {:?}", self.keys()), is_seen);
+        let is_seen = || {
+            let keys = deduplicated();
+            keys.iter().map(|(is_press, _, name)| (*is_press, name.as_str())).eq(expected.iter().copied())
+        };
+        wait_or_say(is_seen, || format!("{what}: {expected:?}, so far {:?}; said:\n{}", self.keys(), self.said.lock().unwrap()));
     }
 }
 
@@ -142,6 +146,26 @@ fn without_the_focus_nothing_is_pressed() {
     let keys = witness.keys();
     assert!(keys.iter().all(|(_, _, name)| name != "s"), "{keys:?}");
     assert_eq!(keys.iter().filter(|(is_press, _, name)| *is_press && name == "w").count(), 1, "{keys:?}");
+}
+
+/// The server says so of every keyboard that is used after another one.
+#[test]
+fn a_key_is_held_when_the_same_layout_is_set_again() {
+    let Some(screen) = Screen::start("800x600x24") else { return };
+    screen.run("setxkbmap", &["us"]).unwrap();
+    let witness = Witness::start(&screen);
+    let mut hands = Hands::open(&screen.display(), "spf witness").unwrap();
+    focus(&mut hands);
+    hands.set(key("w"), true).unwrap();
+    for _ in 0..3 {
+        screen.run("setxkbmap", &["us"]).unwrap();
+        // What the server tells has come with the reply.
+        assert!(hands.has_focus().unwrap());
+        hands.check([&key("w")]).unwrap();
+    }
+    assert_eq!(hands.held(), [key("w")]);
+    drop(hands);
+    witness.waits_for("one key, once", &[(true, "w"), (false, "w")]);
 }
 
 #[test]

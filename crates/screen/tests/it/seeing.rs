@@ -2,7 +2,7 @@
 
 use spf_media::Rgb;
 use spf_screen::area::{Area, Region};
-use spf_screen::{Eye, Hidden, ScreenError, Target};
+use spf_screen::{Eye, Hidden, ScreenError, Shown, Target};
 
 use crate::harness::{Screen, Shop, look, pattern};
 
@@ -20,10 +20,13 @@ fn a_window_is_seen_as_it_is_and_followed() {
     let first = look(&mut eye, "the picture", |seen| seen.as_ref().is_ok_and(|shown| shown.image == image)).unwrap();
     // A part of it, in whole pixels: from (80, 60) on, 160×120.
     let target = Target::Window { title: "Old Game".to_owned(), region: Region([0.25, 0.25, 0.5, 0.5]) };
-    let part = Eye::new(display.clone(), target).look().unwrap().unwrap();
+    let corners = (image.pixel(80, 60), image.pixel(239, 179));
+    let as_expected = |part: &Result<Shown, Hidden>| {
+        part.as_ref().is_ok_and(|part| (part.image.pixel(0, 0), part.image.pixel(159, 119)) == corners)
+    };
+    let part = look(&mut Eye::new(display.clone(), target), "the part", as_expected).unwrap();
     let Area { x, y, .. } = first.area;
     assert_eq!(part.area, Area { x: x + 80, y: y + 60, width: 160, height: 120 });
-    assert_eq!((part.image.pixel(0, 0), part.image.pixel(159, 119)), (image.pixel(80, 60), image.pixel(239, 179)));
     shop.place(&screen, (300, 250));
     let moved = look(&mut eye, "the move", |seen| seen.as_ref().is_ok_and(|shown| shown.area.x > x + 150)).unwrap();
     assert!(moved.image == image && moved.area.width == 320);
@@ -86,10 +89,12 @@ fn monitors_of_different_size_are_each_seen_in_their_place() {
     let _shop = Shop::open(&screen, "On the right", (700, 400), &image);
     let mut eye = Eye::new(display.clone(), window("On the right"));
     let shown = look(&mut eye, "the window", |seen| seen.as_ref().is_ok_and(|shown| shown.image == image)).unwrap();
-    let seen = Eye::new(display.clone(), Target::Monitor { name: "right".to_owned() }).look().unwrap().unwrap();
-    assert_eq!((seen.image.width(), seen.image.height()), (400, 300));
     let (x, y) = ((shown.area.x - 600) as u32, (shown.area.y - 300) as u32);
-    assert_eq!(seen.image.pixel(x + 17, y + 23), image.pixel(17, 23));
+    let mut eye = Eye::new(display.clone(), Target::Monitor { name: "right".to_owned() });
+    let in_its_place =
+        |seen: &Result<Shown, Hidden>| seen.as_ref().is_ok_and(|seen| seen.image.pixel(x + 17, y + 23) == image.pixel(17, 23));
+    let seen = look(&mut eye, "the monitor", in_its_place).unwrap();
+    assert_eq!((seen.image.width(), seen.image.height()), (400, 300));
     let error = Eye::new(display, Target::Monitor { name: "DP-1".to_owned() }).look().unwrap_err();
     assert!(error.to_string().contains("`left`") && error.to_string().contains("`right`"), "{error}");
 }

@@ -75,10 +75,15 @@ impl Server {
     }
 }
 
-pub(crate) fn wait(what: &str, mut until: impl FnMut() -> bool) {
+pub(crate) fn wait(what: &str, until: impl FnMut() -> bool) {
+    wait_or_say(until, || what.to_owned());
+}
+
+/// As [`wait`], with what is said in the end told by what is then known.
+pub(crate) fn wait_or_say(mut until: impl FnMut() -> bool, what: impl Fn() -> String) {
     let begun = Instant::now();
     while !until() {
-        assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}");
+        assert!(begun.elapsed() < PATIENCE, "waited in vain for {}", what());
         std::thread::sleep(Duration::from_millis(10));
     }
 }
