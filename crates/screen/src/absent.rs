@@ -5,7 +5,7 @@ use std::convert::Infallible;
 use crate::gamepad::Positions;
 use crate::picture::Shown;
 use crate::profile::Key;
-use crate::{Gamepad, Hidden, Monitor, ScreenError, Target, Window};
+use crate::{Gamepad, Hidden, Monitor, ScreenError, Target, Window, WindowName};
 
 /// A connection to the X11 display.
 #[derive(Clone, Debug)]
@@ -36,11 +36,11 @@ impl Display {
         match self.0 {}
     }
 
-    /// The window with a title.
+    /// The window with a name.
     ///
     /// # Errors
     /// None, since there is no display.
-    pub fn find(&self, _title: &str) -> Result<Option<u32>, ScreenError> {
+    pub fn find(&self, _name: &WindowName) -> Result<Option<u32>, ScreenError> {
         match self.0 {}
     }
 
@@ -78,11 +78,11 @@ impl Eye {
 pub struct Hands(Infallible);
 
 impl Hands {
-    /// For the window with a title.
+    /// For the window with a name.
     ///
     /// # Errors
     /// None, since there is no display.
-    pub fn open(display: &Display, _title: &str) -> Result<Self, ScreenError> {
+    pub fn open(display: &Display, _name: &WindowName) -> Result<Self, ScreenError> {
         match display.0 {}
     }
 

@@ -11,6 +11,7 @@ pub mod area;
 pub mod duty;
 pub mod gamepad;
 pub mod mask;
+mod name;
 pub mod picture;
 pub mod pixels;
 pub mod profile;
@@ -32,6 +33,7 @@ mod x11;
 
 #[cfg(not(any(target_os = "linux", all(feature = "screen-native", any(windows, target_os = "macos")))))]
 pub use absent::{Display, Eye, Hands};
+pub use name::WindowName;
 #[cfg(all(feature = "screen-native", any(windows, target_os = "macos")))]
 pub use native::{Display, Eye, Hands};
 #[cfg(not(target_os = "linux"))]
@@ -50,9 +52,9 @@ use area::Area;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Hidden {
-    /// No window has the title.
-    #[error("no window has the title `{0}`")]
-    Gone(String),
+    /// No window has the name.
+    #[error("no window has {0}")]
+    Gone(WindowName),
     /// It is minimised, or on another desktop.
     #[error("the window is minimised, or on another desktop")]
     Minimised,
@@ -95,11 +97,11 @@ pub enum ScreenError {
     /// The connection was lost, or the server refused a request.
     #[error("the X11 display failed: {0}")]
     Failed(String),
-    /// Several windows have the title.
-    #[error("{count} windows have the title `{title}`: {list}")]
+    /// Several windows have the name.
+    #[error("{count} windows have {name}: {list}")]
     Ambiguous {
-        /// The title looked for.
-        title: String,
+        /// The name looked for.
+        name: WindowName,
         /// How many windows have it.
         count: usize,
         /// Their titles.
@@ -119,8 +121,8 @@ pub enum ScreenError {
     /// Two names of a profile are one key of this keyboard.
     #[error("`{0}` and `{1}` are the same key of this keyboard")]
     SameKey(String, String),
-    /// The display is a part of a Wayland session.
-    #[error("the display is Xwayland's, in a Wayland session, where only programs of X11 can be seen")]
+    /// The display is Xwayland's, in a Wayland session, whose monitors it does not see.
+    #[error("the display is Xwayland's: in a Wayland session only windows of X11 can be captured, not monitors")]
     Wayland,
     /// No gamepad can be made.
     #[error("no gamepad: {0}")]
@@ -137,6 +139,8 @@ pub struct Window {
     pub id: u32,
     /// Its title.
     pub title: String,
+    /// Its class: on X11 the two texts of `WM_CLASS`, elsewhere the name of the program.
+    pub classes: Vec<String>,
     /// Where its contents are, without its frame.
     pub area: Area,
     /// Whether it is shown on this desktop: not minimised.
@@ -159,10 +163,10 @@ pub struct Monitor {
 /// What to capture.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
-    /// Part of the window whose title contains this text; fractions of its contents.
+    /// Part of the window with this name; fractions of its contents.
     Window {
-        /// The text.
-        title: String,
+        /// The name.
+        name: WindowName,
         /// The part.
         region: area::Region,
     },

@@ -11,8 +11,10 @@ pub(crate) fn failed(error: &ScreenError) -> CliError {
         ScreenError::NoDisplay { .. } => {
             failure.hint("run it in the session that shows the game; `echo $DISPLAY` there names the display")
         }
-        ScreenError::Wayland => failure.hint("log in to a session of X11 (\"on Xorg\"), and start the game there"),
-        ScreenError::Ambiguous { .. } => failure.hint("close the others, or give more of the title in a profile of your own"),
+        ScreenError::Wayland => failure.hint("name a window, or log in to a session of X11 (\"on Xorg\")"),
+        ScreenError::Ambiguous { .. } => {
+            failure.hint("close the others, or give more of the title, or the class, in a profile of your own")
+        }
         ScreenError::NoKey(_) => failure.hint("set the keyboard's layout, or name the key by its code (`#25`; `xev` shows it)"),
         _ => failure,
     }

@@ -74,7 +74,7 @@ impl ScreenCraft {
     /// Why there is no such window, or why it cannot be seen or flown.
     pub fn connect(name: &str, profile: &Profile, settings: &ScreenSettings, start: Instant) -> Result<Self, ConnectError> {
         let display = Display::open(settings.display.as_deref())?;
-        let mut hands = Hands::open(&display, &profile.window.title)?;
+        let mut hands = Hands::open(&display, &profile.window.name())?;
         hands.check(&profile.keys())?;
         if profile.has_sticks() {
             // Held until the end: a program that loses its gamepad may pause.

@@ -30,7 +30,7 @@ pub(super) fn examine(profile: &Result<Profile, ProfileError>, settings: &Screen
             return checks;
         }
     };
-    match Hands::open(&display, &profile.window.title).and_then(|mut hands| hands.check(&profile.keys())) {
+    match Hands::open(&display, &profile.window.name()).and_then(|mut hands| hands.check(&profile.keys())) {
         Ok(()) => checks.push(Check::new("keys", Finding::Good, "the keyboard has every key of the profile", None)),
         Err(error) => checks.extend(bad("keys", error.to_string(), "start the game, or see `spf screen list`")),
     }

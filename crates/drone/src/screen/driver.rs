@@ -60,7 +60,7 @@ impl Target for NamedScreen {
         let drone = ScreenCraft::connect("screen", profile, &options.screen, start).map_err(explained)?;
         let name = &self.name;
         let summary =
-            format!("Connected to the window of `{}` (profile {name}). Source: {}.", profile.window.title, profile.source);
+            format!("Connected to the window with {} (profile {name}). Source: {}.", profile.window.name(), profile.source);
         Ok(driver::Connected { drone: Box::new(drone), summary, warning: WARNING.to_owned() })
     }
 
@@ -86,9 +86,8 @@ fn explained(error: ConnectError) -> driver::ConnectError {
             Some("set the keyboard's layout, or name the key by its code in a profile of your own (`#25`; `xev` shows it)")
         }
         ConnectError::Screen(ScreenError::SameKey(..)) => Some("give each its own key in a profile of your own"),
-        ConnectError::Screen(ScreenError::Wayland) => Some("log in to a session of X11 (\"on Xorg\"), and start the game there"),
         ConnectError::Screen(ScreenError::Ambiguous { .. }) => {
-            Some("close the others, or give more of the title in a profile of your own")
+            Some("close the others, or give more of the title, or the class, in a profile of your own")
         }
         ConnectError::Screen(ScreenError::Failed(_)) | ConnectError::Hidden(_) => {
             Some("start the game, and put its window where nothing covers it; `spf screen list` shows what does")

@@ -10,7 +10,7 @@ use crate::choosing::AGAIN;
 use crate::picture::Shown;
 use crate::{Hidden, ScreenError, Target};
 
-/// Takes pictures of a target. A window is found by its title, and followed when it moves or is resized.
+/// Takes pictures of a target. A window is found by its name, and followed when it moves or is resized.
 #[derive(Debug)]
 pub struct Eye {
     display: Display,
@@ -40,20 +40,20 @@ impl Eye {
                 let place = found.ok_or_else(|| ScreenError::NoMonitor { name: name.clone(), known: known() })?;
                 Ok((place, areas.get(place).copied().unwrap_or_default()))
             }
-            Target::Window { title, region } => {
+            Target::Window { name, region } => {
                 if self.window.is_none() && self.looked.is_none_or(|looked| looked.elapsed() >= AGAIN) {
                     self.looked = Some(Instant::now());
-                    self.window = self.display.find(title)?;
+                    self.window = self.display.find(name)?;
                 }
                 match self.window {
                     Some(window) => match self.display.seen(window, region, &areas)? {
                         Err(Hidden::Gone(_)) => {
                             self.window = None;
-                            Err(Hidden::Gone(title.clone()))
+                            Err(Hidden::Gone(name.clone()))
                         }
                         place => place,
                     },
-                    None => Err(Hidden::Gone(title.clone())),
+                    None => Err(Hidden::Gone(name.clone())),
                 }
             }
         };

@@ -12,7 +12,7 @@ use super::places;
 use super::windows::Display;
 use crate::gamepad::Positions;
 use crate::profile::Key;
-use crate::{Gamepad, ScreenError};
+use crate::{Gamepad, ScreenError, WindowName};
 
 /// How long a click on the window is awaited.
 const FOCUS_TIME: Duration = Duration::from_secs(5);
@@ -20,7 +20,7 @@ const FOCUS_TIME: Duration = Duration::from_secs(5);
 /// Presses keys for one window, and releases them.
 pub struct Hands {
     display: Display,
-    title: String,
+    name: WindowName,
     window: u32,
     enigo: Enigo,
     held: Vec<Key>,
@@ -39,19 +39,19 @@ impl From<InputError> for ScreenError {
 }
 
 impl Hands {
-    /// For the window whose title contains `title`.
+    /// For the window with a name.
     ///
     /// # Errors
     /// [`ScreenError`]: no such window, or several, or no permission to press keys (on macOS: Accessibility, for the terminal).
-    pub fn open(display: &Display, title: &str) -> Result<Self, ScreenError> {
-        let window = display.find(title)?.ok_or_else(|| ScreenError::Failed(missing(title)))?;
+    pub fn open(display: &Display, name: &WindowName) -> Result<Self, ScreenError> {
+        let window = display.find(name)?.ok_or_else(|| ScreenError::Failed(missing(name)))?;
         let settings = Settings {
             // Games that turn by the mouse see the motion as it is sent.
             windows_subject_to_mouse_speed_and_acceleration_level: true,
             ..Settings::default()
         };
         let enigo = Enigo::new(&settings).map_err(|error| ScreenError::Failed(format!("keys cannot be pressed: {error}")))?;
-        Ok(Self { display: display.clone(), title: title.to_owned(), window, enigo, held: Vec::new() })
+        Ok(Self { display: display.clone(), name: name.clone(), window, enigo, held: Vec::new() })
     }
 
     /// Whether there is a place on the keyboard for each of these keys.
@@ -70,14 +70,18 @@ impl Hands {
         let begun = Instant::now();
         let mut told = false;
         while begun.elapsed() < FOCUS_TIME {
-            if let Some(window) = self.display.find(&self.title)? {
+            if let Some(window) = self.display.find(&self.name)? {
                 self.window = window;
             }
             if self.has_focus()? {
                 return Ok(true);
             }
             if !std::mem::replace(&mut told, true) {
-                tracing::warn!("click on the window `{}`: within {} s it must have the focus", self.title, FOCUS_TIME.as_secs());
+                tracing::warn!(
+                    "click on the window with {}: within {} s it must have the focus",
+                    self.name,
+                    FOCUS_TIME.as_secs()
+                );
             }
             std::thread::sleep(Duration::from_millis(50));
         }
@@ -246,11 +250,11 @@ fn code(key: Key) -> Result<Code, ScreenError> {
 }
 
 /// Why no window was found.
-fn missing(title: &str) -> String {
+fn missing(name: &WindowName) -> String {
     let permission = if cfg!(target_os = "macos") {
         "; titles are seen with the permission for screen recording, which the terminal needs"
     } else {
         ""
     };
-    format!("no window has the title `{title}`{permission}")
+    format!("no window has {name}{permission}")
 }

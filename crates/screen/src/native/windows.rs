@@ -5,7 +5,7 @@ use xcap::XCapError;
 use super::stack;
 use crate::area::{Area, Region};
 use crate::choosing::chosen;
-use crate::{Hidden, Monitor, ScreenError, Window};
+use crate::{Hidden, Monitor, ScreenError, Window, WindowName};
 
 /// Programs whose windows lie over everything without covering it.
 const SEEN_THROUGH: &[&str] =
@@ -82,13 +82,12 @@ impl Display {
         Ok(monitors()?.into_iter().map(|(monitor, _)| monitor).collect())
     }
 
-    /// The window whose title contains `title`; one whose title is just that comes before others, and one that is shown before one
-    /// that is not.
+    /// The window with a name; one whose title is just that comes before others, and one that is shown before one that is not.
     ///
     /// # Errors
     /// [`ScreenError::Ambiguous`] if several have it, and [`ScreenError::Failed`].
-    pub fn find(&self, title: &str) -> Result<Option<u32>, ScreenError> {
-        chosen(self.windows()?, title)
+    pub fn find(&self, name: &WindowName) -> Result<Option<u32>, ScreenError> {
+        chosen(self.windows()?, name)
     }
 
     /// What hides a part of a window; `None` if it is wholly visible.
@@ -119,14 +118,15 @@ impl Display {
                 above.push((title, area));
             }
         }
-        Ok(Err(Hidden::Gone(String::new())))
+        Ok(Err(Hidden::Gone(WindowName::default())))
     }
 }
 
 fn read(handle: &xcap::Window) -> Result<Window, XCapError> {
     let area = Area { x: handle.x()?, y: handle.y()?, width: handle.width()?, height: handle.height()? };
     let title = handle.title()?.chars().filter(|letter| !letter.is_control()).collect();
-    Ok(Window { id: handle.id()?, title, area, shown: !handle.is_minimized()?, focused: handle.is_focused()? })
+    let classes = vec![handle.app_name()?];
+    Ok(Window { id: handle.id()?, title, classes, area, shown: !handle.is_minimized()?, focused: handle.is_focused()? })
 }
 
 /// The monitors, and what captures them.

@@ -35,7 +35,15 @@ pub(super) fn check(profile: &Profile) -> Result<(), ProfileError> {
     text("about", about, 1)?;
     text("source", source, 1)?;
     // A shorter text would be part of the titles of many windows.
-    text("window.title", &window.title, 3)?;
+    if let Some(title) = &window.title {
+        text("window.title", title, 3)?;
+    }
+    if let Some(class) = &window.class {
+        text("window.class", class, 1)?;
+    }
+    if window.title.is_none() && window.class.is_none() {
+        return Err(value("window", "expected title or class", "neither"));
+    }
     let region = "expected [left, top, width, height] as fractions of the size, within the picture";
     if !window.region.is_valid() {
         return Err(value("window.region", region, format!("{:?}", window.region.0)));

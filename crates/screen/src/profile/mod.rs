@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 
-use crate::Target;
 use crate::area::Region;
 use crate::gamepad::{Curve, Stick};
+use crate::{Target, WindowName};
 
 pub use edit::{Change, edited};
 pub use key::{Key, KeyError};
@@ -92,15 +92,27 @@ pub struct Profile {
     pub reset: Sequence,
 }
 
-/// The window of a program.
+/// The window of a program: a text in its title, its class, or both.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WindowPart {
     /// Text that its title contains.
-    pub title: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub title: Option<String>,
+    /// Its class, for programs whose title changes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<String>,
     /// The part of its contents that is the camera's picture.
     #[serde(default)]
     pub region: Region,
+}
+
+impl WindowPart {
+    /// What the window is found by.
+    #[must_use]
+    pub fn name(&self) -> WindowName {
+        WindowName { title: self.title.clone(), class: self.class.clone() }
+    }
 }
 
 /// The camera that the window shows.
@@ -401,7 +413,7 @@ impl Profile {
     /// What is captured.
     #[must_use]
     pub fn target(&self) -> Target {
-        Target::Window { title: self.window.title.clone(), region: self.window.region }
+        Target::Window { name: self.window.name(), region: self.window.region }
     }
 
     /// The camera of pictures of this size, with square pixels.

@@ -6,27 +6,46 @@ use super::windows::{ids, title};
 use super::{Server, unless_gone};
 use crate::area::{Area, Region};
 use crate::choosing::{ALLOWED, LEAST};
-use crate::{Hidden, ScreenError};
+use crate::{Hidden, ScreenError, WindowName};
 
 /// How many windows lie in each other at most.
 const DEPTH: usize = 16;
 
-/// Where on the screen a part of a window is, or why it cannot be seen.
-pub(super) fn seen(server: &Server, window: WindowId, region: &Region) -> Result<Result<Area, Hidden>, ScreenError> {
+/// Where a part of a window, or of the screen, is found.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Where on the screen it is.
+    pub(super) area: Area,
+    /// Whose pixels are taken: the screen's, or the window's own.
+    pub(super) drawable: WindowId,
+    /// The part of them.
+    pub(super) part: Area,
+}
+
+/// Where a part of a window is, or why it cannot be seen.
+///
+/// It is what the screen shows, since a window without a compositor has no pixels where it is covered. Xwayland shows nothing itself,
+/// and has all pixels of each window, wherever that is and whatever lies over it.
+pub(super) fn seen(server: &Server, window: WindowId, region: &Region) -> Result<Result<Place, Hidden>, ScreenError> {
     let Server { connection, root, .. } = server;
     let (attributes, geometry) = (connection.get_window_attributes(window)?, connection.get_geometry(window)?);
     let corner = connection.translate_coordinates(window, *root, 0, 0)?;
     let (attributes, geometry) = (unless_gone(attributes.reply())?, unless_gone(geometry.reply())?);
     let (Some(attributes), Some(geometry), Some(corner)) = (attributes, geometry, unless_gone(corner.reply())?) else {
-        return Ok(Err(Hidden::Gone(String::new())));
+        return Ok(Err(Hidden::Gone(WindowName::default())));
     };
     if attributes.map_state != MapState::VIEWABLE {
         return Ok(Err(Hidden::Minimised));
     }
     let (width, height) = (geometry.width.into(), geometry.height.into());
-    let area = Area { x: corner.dst_x.into(), y: corner.dst_y.into(), width, height }.part(region);
+    let whole = Area { x: corner.dst_x.into(), y: corner.dst_y.into(), width, height };
+    let area = whole.part(region);
     if area.width < LEAST || area.height < LEAST {
         return Ok(Err(Hidden::Tiny { width: area.width, height: area.height }));
+    }
+    if server.is_rootless {
+        let part = Area { x: area.x - whole.x, y: area.y - whole.y, ..area };
+        return Ok(Ok(Place { area, drawable: window, part }));
     }
     let missing = |part: u64| (area.pixels() - part.min(area.pixels())) as f64 / area.pixels() as f64;
     if missing(server.screen()?.common(&area).pixels()) > ALLOWED {
@@ -45,7 +64,8 @@ pub(super) fn seen(server: &Server, window: WindowId, region: &Region) -> Result
         let name = by.1.map(|other| name(server, other)).transpose()?.flatten();
         return Ok(Err(Hidden::Covered(name.map_or_else(|| "another window".to_owned(), |name| format!("`{name}`")))));
     }
-    Ok(Ok(area.common(&server.screen()?)))
+    let area = area.common(&server.screen()?);
+    Ok(Ok(Place { area, drawable: *root, part: area }))
 }
 
 /// The title of a window, or of one in it: a window manager's frame has none.

@@ -4,15 +4,14 @@ use std::time::Instant;
 
 use spf_media::Rgb;
 
-use super::covering::seen;
+use super::covering::{Place, seen};
 use super::segment::{Segment, is_shared, take_slowly};
 use super::{Display, Server};
-use crate::area::Area;
 use crate::choosing::AGAIN;
 use crate::picture::Shown;
 use crate::{Hidden, ScreenError, Target};
 
-/// Takes pictures of a target. A window is found by its title, and followed when it moves or is resized.
+/// Takes pictures of a target. A window is found by its name, and followed when it moves or is resized.
 pub struct Eye {
     display: Display,
     target: Target,
@@ -51,31 +50,33 @@ impl Eye {
     /// # Errors
     /// [`ScreenError`]: the display failed, or it is not clear which window or monitor is meant.
     pub fn look(&mut self) -> Result<Result<Shown, Hidden>, ScreenError> {
-        self.display.refuse_wayland()?;
-        let area = match self.place()? {
-            Ok(area) => area,
+        let place = match self.place()? {
+            Ok(place) => place,
             Err(hidden) => return Ok(Err(hidden)),
         };
         let at = Instant::now();
-        // What is on the screen, since a window without a compositor has no pixels where it is covered.
-        Ok(self.take(area)?.map(|image| Shown { image, area, at }).ok_or(Hidden::OffScreen))
+        Ok(self.take(place)?.map(|image| Shown { image, area: place.area, at }).ok_or(Hidden::OffScreen))
     }
 
-    fn place(&mut self) -> Result<Result<Area, Hidden>, ScreenError> {
+    fn place(&mut self) -> Result<Result<Place, Hidden>, ScreenError> {
         match &self.target {
             Target::Monitor { name } => {
+                if self.display.0.is_rootless {
+                    return Err(ScreenError::Wayland);
+                }
                 let monitors = self.display.monitors()?;
                 let found = monitors.iter().find(|monitor| monitor.name == *name).map(|monitor| monitor.area);
                 let known = monitors.iter().map(|monitor| format!("`{}`", monitor.name)).collect::<Vec<_>>().join(", ");
                 let area = found.ok_or_else(|| ScreenError::NoMonitor { name: name.clone(), known })?;
-                Ok(Ok(area.common(&self.display.0.screen()?)))
+                let area = area.common(&self.display.0.screen()?);
+                Ok(Ok(Place { area, drawable: self.display.0.root, part: area }))
             }
-            Target::Window { title, region } => {
+            Target::Window { name, region } => {
                 if self.window.is_none() && self.looked.is_none_or(|looked| looked.elapsed() >= AGAIN) {
                     self.looked = Some(Instant::now());
-                    self.window = self.display.find(title)?;
+                    self.window = self.display.find(name)?;
                 }
-                let gone = Hidden::Gone(title.clone());
+                let gone = Hidden::Gone(name.clone());
                 let Some(window) = self.window else { return Ok(Err(gone)) };
                 match seen(&self.display.0, window, region)? {
                     Err(Hidden::Gone(_)) => {
@@ -89,8 +90,8 @@ impl Eye {
     }
 
     /// The pixels of a part of the screen; `None` if the server refuses, as when the screen has just become smaller.
-    fn take(&mut self, area: Area) -> Result<Option<Rgb>, ScreenError> {
-        let Server { connection, root, layout, .. } = &*self.display.0;
+    fn take(&mut self, Place { drawable, part: area, .. }: Place) -> Result<Option<Rgb>, ScreenError> {
+        let Server { connection, layout, .. } = &*self.display.0;
         if matches!(self.memory, Memory::Unknown) {
             self.memory = if is_shared(connection)? { Memory::Shared(None) } else { Memory::None };
         }
@@ -110,10 +111,10 @@ impl Eye {
         let size = (area.width, area.height);
         if let Memory::Shared(Some(segment)) = &self.memory {
             self.bytes.resize(length as usize, 0);
-            let taken = segment.take(connection, *root, area, &mut self.bytes)?;
+            let taken = segment.take(connection, drawable, area, &mut self.bytes)?;
             return Ok(taken.then(|| layout.image(&self.bytes, size)).flatten());
         }
-        let bytes = take_slowly(connection, *root, area)?;
+        let bytes = take_slowly(connection, drawable, area)?;
         Ok(bytes.and_then(|bytes| layout.image(&bytes, size)))
     }
 }

@@ -22,10 +22,10 @@ use super::windows::ids;
 use super::{Display, Server, unless_gone};
 use crate::gamepad::Positions;
 use crate::profile::Key;
-use crate::{Gamepad, ScreenError};
+use crate::{Gamepad, ScreenError, WindowName};
 
-/// How long the focus is awaited after it was asked for.
-const FOCUS_TIME: Duration = Duration::from_millis(1500);
+/// How long the focus is awaited after it was asked for, before the user is asked for it, and in all.
+const FOCUS_TIMES: (Duration, Duration) = (Duration::from_millis(1500), Duration::from_millis(6500));
 /// The source of a request for the focus: the user, by a pager or the like (EWMH).
 const BY_USER: u32 = 2;
 /// Keysyms of the digits of the keypad.
@@ -36,7 +36,7 @@ const DEPTH: usize = 8;
 /// Presses keys for one window, and releases them.
 pub struct Hands {
     display: Display,
-    title: String,
+    name: WindowName,
     window: u32,
     /// For each keycode from the lowest on, its keysym ([`layout`]).
     symbols: Vec<u32>,
@@ -51,19 +51,18 @@ impl std::fmt::Debug for Hands {
 }
 
 impl Hands {
-    /// For the window whose title contains `title`, on a connection of its own to the same display.
+    /// For the window with a name, on a connection of its own to the same display.
     ///
     /// # Errors
     /// [`ScreenError`]: no display, no XTest, no such window, or several.
-    pub fn open(display: &Display, title: &str) -> Result<Self, ScreenError> {
+    pub fn open(display: &Display, name: &WindowName) -> Result<Self, ScreenError> {
         let display = Display::open(display.0.name.as_deref())?;
-        display.refuse_wayland()?;
         if display.0.connection.extension_information(X11_EXTENSION_NAME)?.is_none() {
             return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
         }
-        let window = display.find(title)?.ok_or_else(|| ScreenError::Failed(format!("no window has the title `{title}`")))?;
+        let window = display.find(name)?.ok_or_else(|| ScreenError::Failed(format!("no window has {name}")))?;
         let symbols = layout(&display.0.connection)?;
-        Ok(Self { display, title: title.to_owned(), window, symbols, held: Vec::new(), gamepad: None })
+        Ok(Self { display, name: name.clone(), window, symbols, held: Vec::new(), gamepad: None })
     }
 
     /// Whether the keyboard's layout has all these keys, each another one.
@@ -82,7 +81,8 @@ impl Hands {
         Ok(())
     }
 
-    /// Asks the window manager for the focus, and waits for it; whether it came.
+    /// Asks the window manager for the focus, and waits for it; whether it came. A window manager may give the focus to the user's
+    /// clicks alone, so that the user is then asked.
     ///
     /// # Errors
     /// [`ScreenError::Failed`].
@@ -101,10 +101,14 @@ impl Hands {
             connection.send_event(false, *root, mask, message)?.ignore_error();
         }
         connection.flush()?;
-        let begun = Instant::now();
-        while begun.elapsed() < FOCUS_TIME {
+        let (begun, mut is_told) = (Instant::now(), false);
+        while begun.elapsed() < FOCUS_TIMES.1 {
             if self.has_focus()? {
                 return Ok(true);
+            }
+            if begun.elapsed() >= FOCUS_TIMES.0 && !std::mem::replace(&mut is_told, true) {
+                let left = (FOCUS_TIMES.1 - FOCUS_TIMES.0).as_secs();
+                tracing::warn!("click on the window with {}: within {left} s it must have the focus", self.name);
             }
             std::thread::sleep(Duration::from_millis(10));
         }
@@ -114,7 +118,7 @@ impl Hands {
     /// A program that was started again has another window.
     fn refind(&mut self) -> Result<(), ScreenError> {
         let exists = unless_gone(self.display.0.connection.get_window_attributes(self.window)?.reply())?.is_some();
-        if !exists && let Some(window) = self.display.find(&self.title)? {
+        if !exists && let Some(window) = self.display.find(&self.name)? {
             self.window = window;
         }
         Ok(())

@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use x11rb::connection::{Connection as _, RequestConnection as _};
 use x11rb::errors::{ConnectionError, ReplyError, ReplyOrIdError};
+use x11rb::protocol::composite::{ConnectionExt as _, Redirect};
 use x11rb::protocol::randr::ConnectionExt as _;
 use x11rb::protocol::xproto::{ConnectionExt as _, ImageOrder, Window as WindowId};
 use x11rb::rust_connection::RustConnection;
@@ -18,13 +19,13 @@ use x11rb::rust_connection::RustConnection;
 use crate::area::{Area, Region};
 use crate::choosing::chosen;
 use crate::pixels::Layout;
-use crate::{Hidden, Monitor, ScreenError, Window};
+use crate::{Hidden, Monitor, ScreenError, Window, WindowName};
 
 pub use eye::Eye;
 pub use hands::Hands;
 pub use pane::{Keyboard, Pane};
 
-/// The extension by which Xwayland, since its version 23.1, can be told.
+/// The extension by which Xwayland, since its version 23.1, can be told, and how it names its outputs before.
 const XWAYLAND: &str = "XWAYLAND";
 
 x11rb::atom_manager! {
@@ -57,6 +58,9 @@ struct Server {
     root: WindowId,
     layout: Layout,
     atoms: Atoms,
+    /// Whether it is Xwayland, which shows its windows among those of a Wayland session: the root window has no pixels, and windows of
+    /// other programs may lie over them unseen.
+    is_rootless: bool,
 }
 
 impl From<ConnectionError> for ScreenError {
@@ -113,16 +117,8 @@ impl Display {
             .and_then(|visual| Layout::of([visual.red_mask, visual.green_mask, visual.blue_mask], msb_first))
             .ok_or(ScreenError::Lacks("pixels of 24 bits"))?;
         let atoms = Atoms::new(&connection)?.reply()?;
-        Ok(Self(Arc::new(Server { name: name.map(str::to_owned), connection, root, layout, atoms })))
-    }
-
-    /// Fails on a display that is a part of a Wayland session: other programs are neither seen nor noticed there.
-    fn refuse_wayland(&self) -> Result<(), ScreenError> {
-        // Asked once for each connection.
-        match self.0.connection.extension_information(XWAYLAND)? {
-            Some(_) => Err(ScreenError::Wayland),
-            None => Ok(()),
-        }
+        let is_rootless = is_rootless(&connection, root)?;
+        Ok(Self(Arc::new(Server { name: name.map(str::to_owned), connection, root, layout, atoms, is_rootless })))
     }
 
     /// The windows of programs, from the lowest to the uppermost.
@@ -154,13 +150,12 @@ impl Display {
         Ok(monitors)
     }
 
-    /// The window whose title contains `title`; one whose title is just that comes before others, and one that is shown before one
-    /// that is not.
+    /// The window with a name; one whose title is just that comes before others, and one that is shown before one that is not.
     ///
     /// # Errors
     /// [`ScreenError::Ambiguous`] if several have it, and [`ScreenError::Failed`].
-    pub fn find(&self, title: &str) -> Result<Option<u32>, ScreenError> {
-        chosen(self.windows()?, title)
+    pub fn find(&self, name: &WindowName) -> Result<Option<u32>, ScreenError> {
+        chosen(self.windows()?, name)
     }
 
     /// What hides a part of a window; `None` if it is wholly visible.
@@ -170,6 +165,30 @@ impl Display {
     pub fn hidden(&self, window: u32, region: &Region) -> Result<Option<Hidden>, ScreenError> {
         Ok(covering::seen(&self.0, window, region)?.err())
     }
+}
+
+/// Whether the display is Xwayland's, and its windows are those of a Wayland session.
+///
+/// Xwayland with a window of its own for all (`Xwayland :1`) is like any other server: nobody redirects its windows, so that a program
+/// may ask to do so.
+fn is_rootless(connection: &RustConnection, root: WindowId) -> Result<bool, ScreenError> {
+    let mut is_xwayland = connection.extension_information(XWAYLAND)?.is_some();
+    if !is_xwayland && connection.extension_information(x11rb::protocol::randr::X11_EXTENSION_NAME)?.is_some() {
+        let outputs = connection.randr_get_screen_resources_current(root)?.reply()?.outputs;
+        if let Some(output) = outputs.first() {
+            let name = connection.randr_get_output_info(*output, x11rb::CURRENT_TIME)?.reply()?.name;
+            is_xwayland = name.starts_with(XWAYLAND.as_bytes());
+        }
+    }
+    if !is_xwayland || connection.extension_information(x11rb::protocol::composite::X11_EXTENSION_NAME)?.is_none() {
+        return Ok(false);
+    }
+    connection.composite_query_version(0, 4)?.reply()?;
+    let is_free = unless_gone(connection.composite_redirect_subwindows(root, Redirect::MANUAL)?.check())?.is_some();
+    if is_free {
+        connection.composite_unredirect_subwindows(root, Redirect::MANUAL)?.check()?;
+    }
+    Ok(!is_free)
 }
 
 impl Server {

@@ -63,6 +63,8 @@ impl Pane {
         let looks = CreateWindowAux::new().background_pixel(0).event_mask(EventMask::STRUCTURE_NOTIFY);
         connection.create_window(depth, window, *root, 0, 0, width, height, 0, WindowClass::INPUT_OUTPUT, 0, &looks)?.check()?;
         connection.create_gc(context, window, &CreateGCAux::new())?;
+        // Instance and class (ICCCM section 4.1.2.5).
+        connection.change_property8(PropMode::REPLACE, window, AtomEnum::WM_CLASS, AtomEnum::STRING, b"spf\0Spf\0")?;
         connection.change_property8(PropMode::REPLACE, window, AtomEnum::WM_NAME, AtomEnum::STRING, title.as_bytes())?;
         connection.change_property8(PropMode::REPLACE, window, atoms._NET_WM_NAME, atoms.UTF8_STRING, title.as_bytes())?;
         connection.change_property32(PropMode::REPLACE, window, atoms.WM_PROTOCOLS, AtomEnum::ATOM, &[atoms.WM_DELETE_WINDOW])?;

@@ -34,7 +34,7 @@ pub(super) fn list(server: &Server) -> Result<Vec<Window>, ScreenError> {
             Area { x: corner.dst_x.into(), y: corner.dst_y.into(), width: geometry.width.into(), height: geometry.height.into() };
         let shown = attributes.map_state == MapState::VIEWABLE;
         let title = title(server, id)?.unwrap_or_default();
-        windows.push(Window { id, title, area, shown, focused: focused == Some(id) });
+        windows.push(Window { id, title, classes: classes(server, id)?, area, shown, focused: focused == Some(id) });
     }
     Ok(windows)
 }
@@ -65,6 +65,14 @@ pub(super) fn title(server: &Server, window: WindowId) -> Result<Option<String>,
     };
     let (modern, old) = (unless_gone(modern.reply())?, unless_gone(old.reply())?);
     Ok(modern.and_then(text).or_else(|| old.and_then(text)))
+}
+
+/// The two texts of a window's class; none if it has none or is gone.
+fn classes(server: &Server, window: WindowId) -> Result<Vec<String>, ScreenError> {
+    let asked = server.connection.get_property(false, window, AtomEnum::WM_CLASS, AtomEnum::STRING, 0, LONGEST)?;
+    let texts = unless_gone(asked.reply())?.map(|reply| reply.value).unwrap_or_default();
+    let texts = texts.split(|byte| *byte == 0).filter(|text| !text.is_empty());
+    Ok(texts.take(2).map(|text| String::from_utf8_lossy(text).replace(char::is_control, "")).collect())
 }
 
 /// Windows with a title in the tree below a window, from the lowest to the uppermost: without a window manager nobody lists them.

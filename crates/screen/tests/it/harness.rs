@@ -17,6 +17,9 @@ pub(crate) use crate::server::{PATIENCE, Program, wait, wait_or_say};
 /// A display, and the programs on it.
 pub(crate) struct Screen(Server);
 
+/// The class of the windows, in another case.
+pub(crate) const CLASS: &str = "SPF test";
+
 impl Screen {
     /// `None` if a program is missing, which with `CI=true` is a failure.
     pub(crate) fn start(size: &str) -> Option<Self> {
@@ -26,6 +29,11 @@ impl Screen {
             return None;
         }
         Some(Self(Server::start(size)))
+    }
+
+    /// Another server's display.
+    pub(crate) fn of(name: &str) -> Self {
+        Self(Server::of(name))
     }
 
     pub(crate) fn command(&self, program: &str, args: &[&str]) -> Command {
@@ -51,6 +59,13 @@ pub(crate) struct Shop {
 
 impl Shop {
     pub(crate) fn open(screen: &Screen, title: &str, at: (i16, i16), image: &Rgb) -> Self {
+        let shop = Self::map(screen, title, image);
+        shop.place(screen, at);
+        shop
+    }
+
+    /// Where the window manager wants it.
+    pub(crate) fn map(screen: &Screen, title: &str, image: &Rgb) -> Self {
         let (connection, number) = RustConnection::connect(Some(&screen.0.name)).unwrap();
         let root = connection.setup().roots[number].clone();
         let (width, height) = (image.width() as u16, image.height() as u16);
@@ -70,11 +85,13 @@ impl Shop {
         connection.create_window(root.root_depth, window, root.root, 0, 0, width, height, 0, kind, 0, &looks).unwrap();
         let (name, text) = (x11rb::protocol::xproto::AtomEnum::WM_NAME, x11rb::protocol::xproto::AtomEnum::STRING);
         connection.change_property8(PropMode::REPLACE, window, name, text, title.as_bytes()).unwrap();
+        let class = format!("instance\0{CLASS}\0");
+        let (name, text) = (x11rb::protocol::xproto::AtomEnum::WM_CLASS, x11rb::protocol::xproto::AtomEnum::STRING);
+        connection.change_property8(PropMode::REPLACE, window, name, text, class.as_bytes()).unwrap();
         connection.map_window(window).unwrap();
         connection.flush().unwrap();
         let shop = Self { connection, window };
         wait("the window", || screen.display().windows().unwrap().iter().any(|it| it.id == window && it.shown));
-        shop.place(screen, at);
         shop
     }
 

@@ -8,3 +8,4 @@ mod pressing;
 mod seeing;
 mod server;
 mod sticks;
+mod wayland;

@@ -80,7 +80,7 @@ impl Witness {
 fn keys_and_mouse_reach_the_window_and_are_released_when_dropped() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
-    let mut hands = Hands::open(&screen.display(), "spf witness").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"spf witness".into()).unwrap();
     focus(&mut hands);
     assert!(!hands.holds());
     hands.press_if(key("s"), || false).unwrap();
@@ -109,7 +109,7 @@ fn a_panic_releases_every_key() {
     let witness = Witness::start(&screen);
     let display = screen.display();
     let worker = std::thread::spawn(move || {
-        let mut hands = Hands::open(&display, "spf witness").unwrap();
+        let mut hands = Hands::open(&display, &"spf witness".into()).unwrap();
         focus(&mut hands);
         hands.set(key("a"), true).unwrap();
         hands.set(key("Up"), true).unwrap();
@@ -127,7 +127,7 @@ fn without_the_focus_nothing_is_pressed() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
     let other = Shop::open(&screen, "Chat", (420, 300), &pattern(200, 100, 3));
-    let mut hands = Hands::open(&screen.display(), "spf witness").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"spf witness".into()).unwrap();
     screen.run("xdotool", &["windowactivate", "--sync", &other.window.to_string()]).unwrap();
     assert!(!hands.has_focus().unwrap());
     assert!(matches!(hands.set(key("w"), true), Err(ScreenError::NoFocus)));
@@ -154,7 +154,7 @@ fn a_key_is_held_when_the_same_layout_is_set_again() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     screen.run("setxkbmap", &["us"]).unwrap();
     let witness = Witness::start(&screen);
-    let mut hands = Hands::open(&screen.display(), "spf witness").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"spf witness".into()).unwrap();
     focus(&mut hands);
     hands.set(key("w"), true).unwrap();
     for _ in 0..3 {
@@ -172,7 +172,7 @@ fn a_key_is_held_when_the_same_layout_is_set_again() {
 fn another_layout_of_the_keyboard_is_followed() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
-    let mut hands = Hands::open(&screen.display(), "spf witness").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"spf witness".into()).unwrap();
     focus(&mut hands);
     // Two names of one key cannot be pressed apart.
     let twice = hands.check([&key("w"), &key("#25"), &key("w")]);
@@ -205,7 +205,7 @@ fn another_layout_of_the_keyboard_is_followed() {
 fn the_keypad_is_found_whatever_num_lock_says() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
-    let mut hands = Hands::open(&screen.display(), "spf witness").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"spf witness".into()).unwrap();
     focus(&mut hands);
     for name in ["KP_8", "KP_0", "KP_Add"] {
         hands.set(key(name), true).unwrap();
@@ -222,7 +222,7 @@ fn the_keypad_is_found_whatever_num_lock_says() {
 fn a_window_that_is_started_again_is_found_again() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let first = Shop::open(&screen, "A game", (100, 100), &pattern(200, 100, 3));
-    let mut hands = Hands::open(&screen.display(), "A game").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"A game".into()).unwrap();
     focus(&mut hands);
     first.close();
     wait("gone", || !hands.has_focus().unwrap());
@@ -230,5 +230,5 @@ fn a_window_that_is_started_again_is_found_again() {
     assert!(!hands.activate().unwrap());
     let _second = Shop::open(&screen, "A game", (100, 100), &pattern(200, 100, 3));
     wait("found again", || hands.activate().unwrap());
-    assert!(Hands::open(&screen.display(), "Another game").is_err());
+    assert!(Hands::open(&screen.display(), &"Another game".into()).is_err());
 }

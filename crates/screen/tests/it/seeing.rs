@@ -2,12 +2,12 @@
 
 use spf_media::Rgb;
 use spf_screen::area::{Area, Region};
-use spf_screen::{Eye, Hidden, ScreenError, Shown, Target};
+use spf_screen::{Eye, Hidden, ScreenError, Shown, Target, WindowName};
 
-use crate::harness::{Screen, Shop, look, pattern};
+use crate::harness::{CLASS, Screen, Shop, look, pattern};
 
 fn window(title: &str) -> Target {
-    Target::Window { title: title.to_owned(), region: Region::WHOLE }
+    Target::Window { name: title.into(), region: Region::WHOLE }
 }
 
 #[test]
@@ -19,7 +19,7 @@ fn a_window_is_seen_as_it_is_and_followed() {
     let mut eye = Eye::new(display.clone(), window("Game 3"));
     let first = look(&mut eye, "the picture", |seen| seen.as_ref().is_ok_and(|shown| shown.image == image)).unwrap();
     // A part of it, in whole pixels: from (80, 60) on, 160×120.
-    let target = Target::Window { title: "Old Game".to_owned(), region: Region([0.25, 0.25, 0.5, 0.5]) };
+    let target = Target::Window { name: "Old Game".into(), region: Region([0.25, 0.25, 0.5, 0.5]) };
     let corners = (image.pixel(80, 60), image.pixel(239, 179));
     let as_expected = |part: &Result<Shown, Hidden>| {
         part.as_ref().is_ok_and(|part| (part.image.pixel(0, 0), part.image.pixel(159, 119)) == corners)
@@ -57,7 +57,7 @@ fn a_window_that_cannot_be_seen_says_why() {
     screen.run("xdotool", &["windowactivate", &id]).unwrap();
     look(&mut eye, "shown again", Result::is_ok).unwrap();
     shop.close();
-    look(&mut eye, "gone", |seen| matches!(seen, Err(Hidden::Gone(title)) if title == "Flyer")).unwrap_err();
+    look(&mut eye, "gone", |seen| matches!(seen, Err(Hidden::Gone(name)) if name.title.as_deref() == Some("Flyer"))).unwrap_err();
     // Started again, it is another window.
     let _again = Shop::open(&screen, "Flyer 2", (50, 50), &pattern(320, 240, 6));
     look(&mut eye, "started again", Result::is_ok).unwrap();
@@ -70,8 +70,16 @@ fn two_windows_with_the_title_are_refused_unless_one_has_it_exactly() {
     let _two = Shop::open(&screen, "About Luanti", (200, 0), &pattern(100, 100, 2));
     let error = Eye::new(screen.display(), window("Luanti")).look().unwrap_err();
     assert!(matches!(&error, ScreenError::Ambiguous { count: 2, .. }), "{error}");
-    let _three = Shop::open(&screen, "Luanti", (400, 0), &pattern(100, 100, 3));
+    let three = Shop::open(&screen, "Luanti", (400, 0), &pattern(100, 100, 3));
     assert!(Eye::new(screen.display(), window("Luanti")).look().unwrap().is_ok());
+    // All have the same class: with the title one is meant.
+    let display = screen.display();
+    let class = |class: &str, title: Option<&str>| WindowName { title: title.map(str::to_owned), class: Some(class.to_owned()) };
+    let error = display.find(&class(CLASS, None)).unwrap_err();
+    assert!(error.to_string().starts_with("3 windows have the class `SPF test`: "), "{error}");
+    assert_eq!(display.find(&class("spf Test", Some("Luanti"))).unwrap(), Some(three.window));
+    assert_eq!(display.find(&class("INSTANCE", Some("Luanti"))).unwrap(), Some(three.window));
+    assert_eq!(display.find(&class("SPF", Some("Luanti"))).unwrap(), None);
 }
 
 #[test]

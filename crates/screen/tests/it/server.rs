@@ -41,6 +41,12 @@ impl Server {
         PROGRAMS.iter().chain(more).copied().find(|name| !is_there(name))
     }
 
+    /// One that runs already.
+    #[allow(dead_code, reason = "of the tests that share this file, some need it")]
+    pub(crate) fn of(name: &str) -> Self {
+        Self { name: name.to_owned(), programs: Vec::new() }
+    }
+
     /// `size`: width, height and depth of its screen, as `1100x800x24`.
     pub(crate) fn start(size: &str) -> Self {
         let mut server = Command::new("Xvfb")

@@ -54,7 +54,7 @@ fn sticks_are_pushed_for_the_window_with_the_focus_alone_and_centred_when_droppe
     let Some(screen) = Screen::start("800x600x24") else { return };
     let _game = Shop::open(&screen, "A game", (100, 100), &pattern(200, 150, 3));
     let other = Shop::open(&screen, "A chat", (400, 300), &Rgb::filled(100, 100, [9; 3]));
-    let mut hands = Hands::open(&screen.display(), "A game").unwrap();
+    let mut hands = Hands::open(&screen.display(), &"A game".into()).unwrap();
     wait("the focus", || hands.activate().unwrap());
     // None was made.
     let (ahead, wanted) = (pushed("-right_y", 0.5), || true);

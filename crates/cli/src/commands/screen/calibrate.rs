@@ -33,9 +33,9 @@ pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exi
     let text = Profile::text(&args.profile).map_err(|error| CliError::usage("cannot read the profile").because(&error))?;
     let interrupted = flight_interrupts(true)?;
     printer.log(&format!(
-        "Keys of this display are pressed for the window `{}` for about a minute, as long as it has the focus: do not type. Clicking on \
+        "Keys of this display are pressed for the window with {} for about a minute, as long as it has the focus: do not type. Clicking on \
          another window, or Ctrl-C, ends this and releases them. The craft needs {} m of free space to each side.",
-        known.window.title, args.room
+        known.window.name(), args.room
     ));
     let stop = || interrupted.load(Ordering::Relaxed) > 0;
     let lengths = Known { height, room: args.room };

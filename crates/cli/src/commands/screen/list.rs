@@ -13,7 +13,7 @@ pub(super) fn list(printer: &Printer) -> Result<Exit, CliError> {
     let mut rows = vec![row("profile", "window", "about")];
     for name in Profile::names() {
         if let Some(profile) = Profile::shipped(name) {
-            rows.push(row(name, &profile.window.title, &profile.about));
+            rows.push(row(name, &profile.window.name().to_string(), &profile.about));
         }
     }
     printer.result(&table(&rows));
@@ -23,7 +23,7 @@ pub(super) fn list(printer: &Printer) -> Result<Exit, CliError> {
         rows.push(row(&monitor.name, &place(&monitor.area), if monitor.primary { "primary" } else { "" }));
     }
     printer.result(&format!("\n{}", table(&rows)));
-    let mut rows = vec![row("window", "where", "")];
+    let mut rows = vec![["title", "class", "where", ""].map(str::to_owned).to_vec()];
     for window in display.windows().map_err(|error| failed(&error))?.iter().rev() {
         let hidden = display.hidden(window.id, &Region::WHOLE).map_err(|error| failed(&error))?;
         let state = match hidden {
@@ -31,7 +31,8 @@ pub(super) fn list(printer: &Printer) -> Result<Exit, CliError> {
             None if window.focused => "has the focus".to_owned(),
             None => String::new(),
         };
-        rows.push(row(&one_line(&window.title), &place(&window.area), &state));
+        let class = window.classes.last().cloned().unwrap_or_default();
+        rows.push(vec![one_line(&window.title), one_line(&class), place(&window.area), state]);
     }
     printer.result(&format!("\n{}", table(&rows)));
     Ok(Exit::Success)

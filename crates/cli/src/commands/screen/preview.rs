@@ -31,7 +31,7 @@ pub(super) fn preview(args: &ScreenPreview, printer: &Printer) -> Result<Exit, C
     let profile = args.profile.as_deref().map(profile).transpose()?;
     let target = match (&profile, &args.window, &args.monitor) {
         (Some(profile), ..) => profile.target(),
-        (_, Some(title), _) => Target::Window { title: title.clone(), region: Region::WHOLE },
+        (_, Some(title), _) => Target::Window { name: title.as_str().into(), region: Region::WHOLE },
         (_, _, monitor) => Target::Monitor { name: monitor.clone().unwrap_or_default() },
     };
     let masks = profile.as_ref().map(|profile| profile.camera.masks.clone()).unwrap_or_default();

@@ -64,7 +64,7 @@ pub(super) fn window(args: &SimWindow, printer: &Printer) -> Result<Exit, CliErr
     let (width, height) = size.unwrap_or((world.camera().width, world.camera().height));
     let too_large = || CliError::usage("--size: the window is too large");
     let size = (u16::try_from(width).map_err(|_| too_large())?, u16::try_from(height).map_err(|_| too_large())?);
-    let title = format!("{}: {}", profile.window.title, loaded.scene.name);
+    let title = format!("{}: {}", profile.window.title.as_deref().unwrap_or("spf sim window"), loaded.scene.name);
     let pane = Pane::open(&display, &title, size).map_err(|error| failed(&error))?;
     let keyboard = pane.keyboard().map_err(|error| failed(&error))?;
     printer.log(&format!(

@@ -135,7 +135,7 @@ impl<'a> Lab<'a> {
     /// Asks for the focus of the profile's window. No key is pressed.
     pub(super) fn open(profile: &Profile, settings: &ScreenSettings, stop: &'a dyn Fn() -> bool) -> Result<Self, CalibrateError> {
         let display = Display::open(settings.display.as_deref())?;
-        let mut hands = Hands::open(&display, &profile.window.title)?;
+        let mut hands = Hands::open(&display, &profile.window.name())?;
         hands.check(&profile.keys())?;
         if !hands.activate()? {
             return Err(ScreenError::NoFocus.into());
