@@ -26,6 +26,11 @@ mod native;
 mod padless;
 #[cfg(not(target_os = "linux"))]
 mod paneless;
+#[cfg(all(target_os = "linux", feature = "screen-native"))]
+mod portal;
+#[cfg(all(target_os = "linux", not(feature = "screen-native")))]
+#[path = "portalless.rs"]
+mod portal;
 #[cfg(target_os = "linux")]
 mod uinput;
 #[cfg(target_os = "linux")]
@@ -124,6 +129,9 @@ pub enum ScreenError {
     /// The display is Xwayland's, in a Wayland session, whose monitors it does not see.
     #[error("the display is Xwayland's: in a Wayland session only windows of X11 can be captured, not monitors")]
     Wayland,
+    /// The desktop's portal shows nothing.
+    #[error("the desktop's portal for pictures of the screen: {0}")]
+    Portal(String),
     /// No gamepad can be made.
     #[error("no gamepad: {0}")]
     NoGamepad(String),
@@ -167,6 +175,11 @@ pub enum Target {
     Window {
         /// The name.
         name: WindowName,
+        /// The part.
+        region: area::Region,
+    },
+    /// Part of what the user chooses in the dialog of a Wayland desktop's portal; fractions of it.
+    Portal {
         /// The part.
         region: area::Region,
     },

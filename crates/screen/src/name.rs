@@ -2,7 +2,7 @@
 
 use crate::Window;
 
-/// A window's name: a text in its title, its class, or both.
+/// A window's name: a text in its title, its class, or both. With neither it is that of no window.
 ///
 /// A title may tell what a program is doing, and change; a class stays. On X11 it is one of the two texts of the property `WM_CLASS`
 /// (ICCCM section 4.1.2.5), elsewhere the name of the program.
@@ -18,6 +18,9 @@ impl WindowName {
     /// Whether a window has the name.
     #[must_use]
     pub fn is_of(&self, window: &Window) -> bool {
+        if *self == Self::default() {
+            return false;
+        }
         let has_title = self.title.as_ref().is_none_or(|title| window.title.contains(title));
         let has_class = |class: &String| window.classes.iter().any(|known| known.eq_ignore_ascii_case(class));
         has_title && self.class.as_ref().is_none_or(has_class)
@@ -37,7 +40,7 @@ impl std::fmt::Display for WindowName {
             (Some(title), None) => write!(f, "the title `{title}`"),
             (None, Some(class)) => write!(f, "the class `{class}`"),
             (Some(title), Some(class)) => write!(f, "the title `{title}` and the class `{class}`"),
-            (None, None) => f.write_str("any name"),
+            (None, None) => f.write_str("no name"),
         }
     }
 }

@@ -21,6 +21,11 @@ const WARNING: &str = "Keys and mouse of this display are used for the game as l
 Clicking on another window releases all keys, and the craft holds until resume (r) gives the focus back. Position and height are \
 reckoned from the keys alone.";
 
+/// Warning before take-off of a craft whose window is not known to this program.
+const UNSEEN_FOCUS: &str = "A gamepad flies the game, and every program may listen to it: close other games. Whether the game has the \
+focus is not told by the desktop's portal, so that a click on another window does not stop the craft: the keys of this terminal do. \
+Position and height are reckoned from the sticks alone.";
+
 /// The driver.
 pub const DRIVER: Driver = Driver {
     scheme: "screen",
@@ -59,9 +64,14 @@ impl Target for NamedScreen {
         let profile = self.profile.as_ref().map_err(refused)?;
         let drone = ScreenCraft::connect("screen", profile, &options.screen, start).map_err(explained)?;
         let name = &self.name;
-        let summary =
-            format!("Connected to the window with {} (profile {name}). Source: {}.", profile.window.name(), profile.source);
-        Ok(driver::Connected { drone: Box::new(drone), summary, warning: WARNING.to_owned() })
+        let window = if profile.window.portal {
+            "what the desktop's portal shows".to_owned()
+        } else {
+            format!("the window with {}", profile.window.name())
+        };
+        let summary = format!("Connected to {window} (profile {name}). Source: {}.", profile.source);
+        let warning = if profile.window.portal { UNSEEN_FOCUS } else { WARNING };
+        Ok(driver::Connected { drone: Box::new(drone), summary, warning: warning.to_owned() })
     }
 
     fn examine(&self, options: &Options) -> Vec<Check> {
@@ -92,6 +102,7 @@ fn explained(error: ConnectError) -> driver::ConnectError {
         ConnectError::Screen(ScreenError::Failed(_)) | ConnectError::Hidden(_) => {
             Some("start the game, and put its window where nothing covers it; `spf screen list` shows what does")
         }
+        ConnectError::Screen(ScreenError::Portal(_)) => Some("docs/guide/games.md tells what the portal needs"),
         ConnectError::Screen(ScreenError::NoGamepad(_)) => Some("docs/guide/games.md tells what a gamepad needs"),
         ConnectError::NoFocus => Some("click on the game's window, or close what holds the keyboard (menus, screen locks)"),
         _ => None,

@@ -40,6 +40,7 @@ impl Eye {
                 let place = found.ok_or_else(|| ScreenError::NoMonitor { name: name.clone(), known: known() })?;
                 Ok((place, areas.get(place).copied().unwrap_or_default()))
             }
+            Target::Portal { .. } => return Err(ScreenError::Portal("only Wayland has it".to_owned())),
             Target::Window { name, region } => {
                 if self.window.is_none() && self.looked.is_none_or(|looked| looked.elapsed() >= AGAIN) {
                     self.looked = Some(Instant::now());

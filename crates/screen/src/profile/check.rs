@@ -41,8 +41,14 @@ pub(super) fn check(profile: &Profile) -> Result<(), ProfileError> {
     if let Some(class) = &window.class {
         text("window.class", class, 1)?;
     }
-    if window.title.is_none() && window.class.is_none() {
-        return Err(value("window", "expected title or class", "neither"));
+    match (window.portal, window.title.is_some() || window.class.is_some()) {
+        (false, false) => return Err(value("window", "expected title, class or portal = true", "none of them")),
+        (true, true) => return Err(value("window.portal", "expected no title and no class beside it", "both")),
+        _ => {}
+    }
+    if window.portal && (!profile.keys().is_empty() || matches!(controls.yaw, Yaw::Mouse(_))) {
+        let expected = "expected sticks alone, since a portal does not tell whether the window has the focus";
+        return Err(value("window.portal", expected, "keys or mouse"));
     }
     let region = "expected [left, top, width, height] as fractions of the size, within the picture";
     if !window.region.is_valid() {

@@ -102,13 +102,16 @@ pub struct WindowPart {
     /// Its class, for programs whose title changes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<String>,
+    /// Whether the user chooses it in the dialog of a Wayland desktop's portal, in place of title and class.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub portal: bool,
     /// The part of its contents that is the camera's picture.
     #[serde(default)]
     pub region: Region,
 }
 
 impl WindowPart {
-    /// What the window is found by.
+    /// What the window is found by; no name if the portal shows it.
     #[must_use]
     pub fn name(&self) -> WindowName {
         WindowName { title: self.title.clone(), class: self.class.clone() }
@@ -413,7 +416,8 @@ impl Profile {
     /// What is captured.
     #[must_use]
     pub fn target(&self) -> Target {
-        Target::Window { name: self.window.name(), region: self.window.region }
+        let region = self.window.region;
+        if self.window.portal { Target::Portal { region } } else { Target::Window { name: self.window.name(), region } }
     }
 
     /// The camera of pictures of this size, with square pixels.

@@ -45,6 +45,16 @@ fn what_is_wrong_is_named() {
         let error = refused(from, to);
         assert!(error.contains(words), "{from}: {error}");
     }
+    let portal = |text: &str| text.replace("title = \"Minetest\"", "portal = true");
+    let error = Profile::parse(&portal(luanti())).unwrap_err().to_string();
+    assert!(error.contains("expected sticks alone"), "{error}");
+    let by_portal = Profile::parse(&portal(&pad())).unwrap();
+    assert!(matches!(by_portal.target(), Target::Portal { .. }));
+    assert_eq!(Profile::parse(&by_portal.to_toml().unwrap()).unwrap(), by_portal);
+    for (window, words) in [("portal = false", "none of them"), ("portal = true\nclass = \"Game\"", "both")] {
+        let error = Profile::parse(&pad().replace("title = \"Minetest\"", window)).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
     let error = Profile::open("lunati").unwrap_err().to_string();
     assert!(error.contains("no profile `lunati`: use drl, luanti, spf-window, or the path"), "{error}");
     assert!(Profile::open("./none.toml").unwrap_err().to_string().contains("cannot read the profile"));

@@ -9,7 +9,8 @@ use super::segment::{Segment, is_shared, take_slowly};
 use super::{Display, Server};
 use crate::choosing::AGAIN;
 use crate::picture::Shown;
-use crate::{Hidden, ScreenError, Target};
+use crate::portal::Stream;
+use crate::{Hidden, ScreenError, Target, WindowName};
 
 /// Takes pictures of a target. A window is found by its name, and followed when it moves or is resized.
 pub struct Eye {
@@ -19,6 +20,8 @@ pub struct Eye {
     looked: Option<Instant>,
     memory: Memory,
     bytes: Vec<u8>,
+    /// What the portal shows, once it was asked.
+    stream: Option<Stream>,
 }
 
 impl std::fmt::Debug for Eye {
@@ -42,14 +45,22 @@ impl Eye {
     /// For a target on a display.
     #[must_use]
     pub fn new(display: Display, target: Target) -> Self {
-        Self { display, target, window: None, looked: None, memory: Memory::Unknown, bytes: Vec::new() }
+        Self { display, target, window: None, looked: None, memory: Memory::Unknown, bytes: Vec::new(), stream: None }
     }
 
-    /// A picture of the target, or why it cannot be seen. Takes two or three round trips to the server.
+    /// A picture of the target, or why it cannot be seen. Takes two or three round trips to the server. For [`Target::Portal`] the first
+    /// call waits until the user has chosen.
     ///
     /// # Errors
     /// [`ScreenError`]: the display failed, or it is not clear which window or monitor is meant.
     pub fn look(&mut self) -> Result<Result<Shown, Hidden>, ScreenError> {
+        if let Target::Portal { region } = &self.target {
+            let stream = match self.stream.take() {
+                Some(stream) => stream,
+                None => Stream::open()?,
+            };
+            return self.stream.insert(stream).look(region);
+        }
         let place = match self.place()? {
             Ok(place) => place,
             Err(hidden) => return Ok(Err(hidden)),
@@ -60,6 +71,7 @@ impl Eye {
 
     fn place(&mut self) -> Result<Result<Place, Hidden>, ScreenError> {
         match &self.target {
+            Target::Portal { .. } => Ok(Err(Hidden::Gone(WindowName::default()))),
             Target::Monitor { name } => {
                 if self.display.0.is_rootless {
                     return Err(ScreenError::Wayland);

@@ -13,7 +13,7 @@ use x11rb::connection::{Connection as _, RequestConnection as _};
 use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
     ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _, EventMask, InputFocus, KEY_PRESS_EVENT, KEY_RELEASE_EVENT,
-    Keycode, MOTION_NOTIFY_EVENT, StackMode,
+    Keycode, MOTION_NOTIFY_EVENT, StackMode, Window as WindowId,
 };
 use x11rb::protocol::xtest::{ConnectionExt as _, X11_EXTENSION_NAME};
 use x11rb::rust_connection::RustConnection;
@@ -37,7 +37,8 @@ const DEPTH: usize = 8;
 pub struct Hands {
     display: Display,
     name: WindowName,
-    window: u32,
+    /// `None` without a window, which gets sticks alone.
+    window: Option<WindowId>,
     /// For each keycode from the lowest on, its keysym ([`layout`]).
     symbols: Vec<u32>,
     held: Vec<(Key, Keycode)>,
@@ -51,7 +52,8 @@ impl std::fmt::Debug for Hands {
 }
 
 impl Hands {
-    /// For the window with a name, on a connection of its own to the same display.
+    /// For the window with a name, on a connection of its own to the same display. Without a name no key is pressed, and whether a stick
+    /// may be pushed is not asked of the display: a window of Wayland is not known there.
     ///
     /// # Errors
     /// [`ScreenError`]: no display, no XTest, no such window, or several.
@@ -60,7 +62,11 @@ impl Hands {
         if display.0.connection.extension_information(X11_EXTENSION_NAME)?.is_none() {
             return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
         }
-        let window = display.find(name)?.ok_or_else(|| ScreenError::Failed(format!("no window has {name}")))?;
+        let window = if *name == WindowName::default() {
+            None
+        } else {
+            Some(display.find(name)?.ok_or_else(|| ScreenError::Failed(format!("no window has {name}")))?)
+        };
         let symbols = layout(&display.0.connection)?;
         Ok(Self { display, name: name.clone(), window, symbols, held: Vec::new(), gamepad: None })
     }
@@ -87,16 +93,16 @@ impl Hands {
     /// # Errors
     /// [`ScreenError::Failed`].
     pub fn activate(&mut self) -> Result<bool, ScreenError> {
-        self.refind()?;
+        let Some(window) = self.refind()? else { return Ok(true) };
         let Server { connection, root, atoms, .. } = &*self.display.0;
         if ids(&self.display.0, atoms._NET_CLIENT_LIST)?.is_empty() {
             // Nobody manages the windows.
             let raise = ConfigureWindowAux::new().stack_mode(StackMode::ABOVE);
-            connection.configure_window(self.window, &raise)?.ignore_error();
-            connection.set_input_focus(InputFocus::PARENT, self.window, x11rb::CURRENT_TIME)?.ignore_error();
+            connection.configure_window(window, &raise)?.ignore_error();
+            connection.set_input_focus(InputFocus::PARENT, window, x11rb::CURRENT_TIME)?.ignore_error();
         } else {
             let data = [BY_USER, x11rb::CURRENT_TIME, 0, 0, 0];
-            let message = ClientMessageEvent::new(32, self.window, atoms._NET_ACTIVE_WINDOW, data);
+            let message = ClientMessageEvent::new(32, window, atoms._NET_ACTIVE_WINDOW, data);
             let mask = EventMask::SUBSTRUCTURE_REDIRECT | EventMask::SUBSTRUCTURE_NOTIFY;
             connection.send_event(false, *root, mask, message)?.ignore_error();
         }
@@ -116,29 +122,32 @@ impl Hands {
     }
 
     /// A program that was started again has another window.
-    fn refind(&mut self) -> Result<(), ScreenError> {
-        let exists = unless_gone(self.display.0.connection.get_window_attributes(self.window)?.reply())?.is_some();
-        if !exists && let Some(window) = self.display.find(&self.name)? {
-            self.window = window;
+    fn refind(&mut self) -> Result<Option<WindowId>, ScreenError> {
+        if let Some(window) = self.window
+            && unless_gone(self.display.0.connection.get_window_attributes(window)?.reply())?.is_none()
+            && let Some(found) = self.display.find(&self.name)?
+        {
+            self.window = Some(found);
         }
-        Ok(())
+        Ok(self.window)
     }
 
-    /// Whether the window has the focus, both by the window manager and by the server.
+    /// Whether the window has the focus, both by the window manager and by the server; without a window, always.
     ///
     /// # Errors
     /// [`ScreenError::Failed`].
     pub fn has_focus(&mut self) -> Result<bool, ScreenError> {
+        let Some(window) = self.window else { return Ok(true) };
         let Server { connection, root, atoms, .. } = &*self.display.0;
         let focus = connection.get_input_focus()?;
         let active = ids(&self.display.0, atoms._NET_ACTIVE_WINDOW)?;
         let mut at = focus.reply()?.focus;
-        if active.first().is_some_and(|active| *active != self.window) {
+        if active.first().is_some_and(|active| *active != window) {
             return Ok(false);
         }
         // The focus may be in a window within that of the program.
         for _ in 0..DEPTH {
-            if at == self.window {
+            if at == window {
                 return Ok(true);
             }
             // 0 and 1 stand for no window and for the one under the pointer.
@@ -194,6 +203,9 @@ impl Hands {
     /// Does something if the window has the focus, which no other program can take before it is done: what they ask of the server
     /// waits meanwhile, for two replies of the server.
     fn with_focus(&mut self, act: impl FnOnce(&mut Self) -> Result<(), ScreenError>) -> Result<(), ScreenError> {
+        if self.window.is_none() {
+            return Err(ScreenError::NoFocus);
+        }
         self.display.0.connection.grab_server()?;
         let done = match self.has_focus() {
             Ok(true) => act(self),

@@ -4,6 +4,8 @@
 #![allow(clippy::print_stderr, clippy::unwrap_used, reason = "a test that cannot go on fails; a skipped one says so")]
 
 mod harness;
+#[cfg(feature = "screen-native")]
+mod portal;
 mod pressing;
 mod seeing;
 mod server;
