@@ -186,8 +186,8 @@ fn force(world: &SimWorld, loss: Loss, forced: Forced) {
     }
 }
 
-/// Flies the losses and prints the table.
-pub(crate) fn run(seeds: u64) -> Result<(), Box<dyn Error>> {
+/// Flies the losses, with all methods or one, and prints the table.
+pub(crate) fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
     let folder = std::env::temp_dir().join(format!("spf-losses-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let file = folder.join("losses.toml");
@@ -199,7 +199,7 @@ pub(crate) fn run(seeds: u64) -> Result<(), Box<dyn Error>> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|");
     for errors in ["default", "poor"] {
-        for method in METHODS {
+        for method in METHODS.into_iter().filter(|method| only.is_none_or(|only| only == *method)) {
             let mut all = Vec::new();
             for loss in [Loss::Hidden, Loss::Replaced] {
                 for seed in 0..seeds {

@@ -22,19 +22,22 @@ fn flown(task: &Arc<Task>, method: &str, errors: &str, seed: u64) -> Result<(Rec
     Ok((trial.fly(&drawn, None).record, counts.taken()))
 }
 
-/// Flies the suite and prints the table.
-pub(crate) fn run(name: &str, seeds: u64) -> Result<(), Box<dyn Error>> {
+/// Flies the suite, with all methods or one, and prints the table; the flights that ended by a false `done` go to the standard error.
+pub(crate) fn run(name: &str, seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
     let tasks = suite(name).ok_or("no such suite")?.tasks()?;
     println!(
         "| errors | method | flights | success | false done | collided | seconds of successes | queries, monitor's | tokens |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
     for errors in ["default", "poor"] {
-        for method in METHODS {
+        for method in METHODS.into_iter().filter(|method| only.is_none_or(|only| only == *method)) {
             let trials: Vec<(&Arc<Task>, u64)> = tasks.iter().flat_map(|task| (0..seeds).map(move |seed| (task, seed))).collect();
             let all: Result<Vec<_>, String> = trials.par_iter().map(|(task, seed)| flown(task, method, errors, *seed)).collect();
             let all = all?;
             let count = |what: &dyn Fn(&Record) -> bool| all.iter().filter(|(record, _)| what(record)).count();
+            for ((record, _), (_, seed)) in all.iter().zip(&trials).filter(|((record, _), _)| record.scores.false_stop) {
+                eprintln!("false done: {errors} {method} {} seed {seed}", record.task);
+            }
             let seconds = |record: &Record| record.flight.as_ref().map(|flight| flight.finished_at_s);
             let successes = all.iter().filter(|(record, _)| record.scores.self_stop);
             let mean = |index: usize| all.iter().map(|(_, counts)| counts[index]).sum::<u64>() / all.len().max(1) as u64;

@@ -158,6 +158,8 @@ pub struct Spf {
     misses: u32,
     /// The capture of the first frame in a row that should have shown the target and did not, where it is waited for.
     hidden_since: Option<Time>,
+    /// Whether the monitor has said that the target is lost, and no reply has seen it since.
+    told_lost: bool,
     /// Whether the search that follows turns to either side of where the target was.
     searches_both_sides: bool,
     /// Places marked by the operator.
@@ -215,6 +217,7 @@ impl Spf {
             guidance: Guidance::default(),
             misses: 0,
             hidden_since: None,
+            told_lost: false,
             searches_both_sides: false,
             last_box: None,
             kept_out: Vec::new(),
@@ -351,6 +354,7 @@ impl Spf {
         // Kept over a reply that may have missed the target (`not_visible`).
         if reply.status != Status::NotVisible {
             self.hidden_since = None;
+            self.told_lost = false;
             self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
         }
         if let Some(stage) = reply.stage.filter(|&stage| stage != self.memory.stage) {
@@ -402,13 +406,13 @@ impl Spf {
         };
         if let Some((at, range, walked)) = waited_for {
             // What was in view a moment ago may be hidden by something that passes: from rest it is waited for before the craft
-            // turns away. What nothing hides gets a second look.
+            // turns away. What nothing hides gets a second look, unless this is one: the monitor had not seen the target either.
             let captured = open_query.view.frame.captured;
             let since = captured.since(*self.hidden_since.get_or_insert(captured));
             let walked = walked.0 + walked.1 * since.as_secs_f64();
             let aside = walked / range.max(walked) * camera.fx / f64::from(camera.width);
             let hidden = is_covered(at, aside, range + walked, &reply.boxes, 0.0);
-            if since == Duration::ZERO || hidden && since < WAITS_FOR_HIDDEN {
+            if since == Duration::ZERO && !self.told_lost || hidden && since < WAITS_FOR_HIDDEN {
                 let why = if hidden { "something hides it" } else { "looks again" };
                 self.reading.actions.push(format!("holds: the target should be in view; {why}"));
                 return Step::Look;
@@ -573,6 +577,7 @@ impl Policy for Spf {
                 self.confirming = verdict == Verdict::Stop;
                 if verdict == Verdict::Lost {
                     self.misses = MISSES_ASIDE;
+                    self.told_lost = true;
                     self.memory.last_seen = side.or(self.memory.last_seen);
                 }
                 self.turned_first = None;

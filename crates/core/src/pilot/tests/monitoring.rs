@@ -108,6 +108,8 @@ fn a_loss_holds_and_searches_on_the_side_where_the_target_was() {
     flight.assert_stopped_since(at);
     assert!(flight.cancelled.iter().any(|(then, _)| *then == at), "a reply about an earlier frame is out of date");
     flight.until("a turn", |flight| flight.now > at + secs(3.0) && flight.setpoint().yaw_rate != 0.0);
+    let looks = flight.queries.iter().filter(|(then, query)| *then >= at && !is_monitors(query)).count();
+    assert_eq!(looks, 1, "the monitor has not seen it, and one look at rest has not: that is enough");
     let left = judgement.side == Some(Look::Left);
     assert_eq!(flight.setpoint().yaw_rate < 0.0, left, "{judgement:?}");
     // It never lands by itself: the search has its own end.
