@@ -84,12 +84,12 @@ mod tests {
 
     use super::*;
 
-    /// Fraction of the time in which the key is down, looked at each millisecond for 4 s, and the number of pulses.
+    /// Fraction of the time in which the key is down, looked at each tenth of a millisecond for 4 s, and the number of pulses.
     fn flown(fraction: f64, rate: f64) -> (f64, usize) {
         let mut pulses = Pulses::new(rate, Duration::from_millis(8));
         pulses.set(Time::ZERO, fraction);
-        let levels: Vec<i8> = (0..4000).map(|ms| pulses.level(Time::from_millis(ms))).collect();
-        let down = levels.iter().map(|level| f64::from(*level)).sum::<f64>() / 4000.0;
+        let levels: Vec<i8> = (0..40_000).map(|tenth| pulses.level(Time::from_nanos(tenth * 100_000))).collect();
+        let down = levels.iter().map(|level| f64::from(*level)).sum::<f64>() / 40_000.0;
         (down, levels.windows(2).filter(|pair| pair[0] == 0 && pair[1] != 0).count())
     }
 

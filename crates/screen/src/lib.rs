@@ -112,6 +112,9 @@ pub enum ScreenError {
         /// Their titles.
         list: String,
     },
+    /// No window has the name.
+    #[error("no window has {0}")]
+    NoWindow(WindowName),
     /// No monitor has the name.
     #[error("no monitor `{name}`: {known}")]
     NoMonitor {

@@ -37,9 +37,9 @@ impl From<&str> for WindowName {
 impl std::fmt::Display for WindowName {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match (&self.title, &self.class) {
-            (Some(title), None) => write!(f, "the title `{title}`"),
+            (Some(title), None) => write!(f, "`{title}` in the title"),
             (None, Some(class)) => write!(f, "the class `{class}`"),
-            (Some(title), Some(class)) => write!(f, "the title `{title}` and the class `{class}`"),
+            (Some(title), Some(class)) => write!(f, "`{title}` in the title and the class `{class}`"),
             (None, None) => f.write_str("no name"),
         }
     }

@@ -30,11 +30,14 @@ the screen, there are no pictures. No key is pressed.
 Exit codes: 0 pictures come, 1 the picture cannot be written, 2 usage, 6 no display, no window, or nothing to be seen.")]
 pub(crate) struct ScreenPreview {
     /// Profile: a name that `spf screen list` shows, or the path of a file
-    #[arg(value_name = "PROFILE", required_unless_present_any = ["window", "monitor"], conflicts_with_all = ["window", "monitor"])]
+    #[arg(value_name = "PROFILE", required_unless_present_any = ["window", "class", "monitor"], conflicts_with_all = ["window", "class", "monitor"])]
     pub(crate) profile: Option<String>,
     /// Window whose title contains this text
     #[arg(long, value_name = "TITLE", conflicts_with = "monitor")]
     pub(crate) window: Option<String>,
+    /// Window of this class, as `spf screen list` shows it
+    #[arg(long, value_name = "CLASS", conflicts_with = "monitor")]
+    pub(crate) class: Option<String>,
     /// Monitor of this name
     #[arg(long, value_name = "NAME")]
     pub(crate) monitor: Option<String>,

@@ -189,7 +189,7 @@ impl MavlinkCraft {
             }
             (true, false) => tracing::error!(
                 "the craft is in the air in {mode}: somebody may have paused it, or flies it, so that nothing is sent until you \
-                 resume (r)"
+                 resume (T)"
             ),
             _ => {}
         }

@@ -23,7 +23,7 @@ pub(super) fn tell(notice: &Notice) {
         ),
         Notice::NotOurs { what } => {
             tracing::error!(
-                "no {what} is commanded: another station, the RC transmitter or a failsafe has control, until you resume (r)"
+                "no {what} is commanded: another station, the RC transmitter or a failsafe has control, until you resume (T)"
             )
         }
         Notice::UnknownHeight => tracing::error!(

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use spf_core::time::Duration;
 use spf_screen::profile::{Profile, ProfileError};
-use spf_screen::{Display, Eye, Gamepad, Hands};
+use spf_screen::{Display, Eye, Gamepad, Hands, Hidden};
 
 use super::craft::first_picture;
 use super::settings::ScreenSettings;
@@ -51,7 +51,14 @@ fn picture(mut eye: Eye) -> Check {
     let bad = |found: String| Check::new("picture", Finding::Bad, found, Some(advice));
     let image = match first_picture(&mut eye) {
         Ok(Ok(image)) => image,
-        Ok(Err(hidden)) => return bad(hidden.to_string()),
+        Ok(Err(hidden)) => {
+            let advice = match hidden {
+                Hidden::Gone(_) => "start the game; `spf screen list` shows the titles and classes of all windows",
+                Hidden::Minimised => "restore the window, or change to its desktop",
+                _ => advice,
+            };
+            return Check::new("picture", Finding::Bad, hidden.to_string(), Some(advice));
+        }
         Err(error) => return bad(error.to_string()),
     };
     let (begun, mut taken, mut longest) = (Instant::now(), 0_u32, Duration::ZERO);

@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use spf_core::craft::Craft;
 use spf_core::envelope::Limits;
-use spf_screen::ScreenError;
 use spf_screen::profile::{Profile, ProfileError};
+use spf_screen::{Hidden, ScreenError};
 
 use super::craft::{ConnectError, ScreenCraft, craft_of};
 use super::doctor;
@@ -18,7 +18,7 @@ const USUAL: &str = "spf-window";
 
 /// Warning before take-off.
 const WARNING: &str = "Keys and mouse of this display are used for the game as long as its window has the focus: do not type. \
-Clicking on another window releases all keys, and the craft holds until resume (r) gives the focus back. Position and height are \
+Clicking on another window releases all keys, and the craft holds until resume (T) gives the focus back. Position and height are \
 reckoned from the keys alone.";
 
 /// Warning before take-off of a craft whose window is not known to this program.
@@ -98,6 +98,9 @@ fn explained(error: ConnectError) -> driver::ConnectError {
         ConnectError::Screen(ScreenError::SameKey(..)) => Some("give each its own key in a profile of your own"),
         ConnectError::Screen(ScreenError::Ambiguous { .. }) => {
             Some("close the others, or give more of the title, or the class, in a profile of your own")
+        }
+        ConnectError::Screen(ScreenError::NoWindow(_)) | ConnectError::Hidden(Hidden::Gone(_)) => {
+            Some("start the game; `spf screen list` shows the titles and classes of all windows")
         }
         ConnectError::Screen(ScreenError::Failed(_)) | ConnectError::Hidden(_) => {
             Some("start the game, and put its window where nothing covers it; `spf screen list` shows what does")

@@ -61,7 +61,7 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
             Err(ScreenError::NoFocus) => {
                 hands.release_all();
                 if shared.control().lose_focus(shared.now()) {
-                    tracing::warn!("the window has lost the focus: keys released; resume gives it back");
+                    tracing::warn!("the window has lost the focus: keys released; resume (T) gives it back");
                 }
             }
             Err(error) => {

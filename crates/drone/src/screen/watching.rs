@@ -37,6 +37,7 @@ pub(super) struct Watcher {
     last: Option<Rgb>,
     size: (u32, u32),
     hidden: Option<Hidden>,
+    was_frozen: bool,
 }
 
 impl Watcher {
@@ -53,6 +54,7 @@ impl Watcher {
             last: None,
             size,
             hidden: None,
+            was_frozen: false,
         }
     }
 
@@ -87,6 +89,13 @@ impl Watcher {
                 let image = self.pictures.finish(shown.image);
                 self.reckon(shared, captured);
                 let frozen = self.picture(captured, &image);
+                if frozen && !std::mem::replace(&mut self.was_frozen, frozen) {
+                    tracing::warn!(
+                        "keys were held, and the picture has not changed: the game is paused, frozen or in a menu, or does not notice keys \
+                         as short as `controls.pulse_hz` of the profile makes them, or the craft is stuck"
+                    );
+                }
+                self.was_frozen = frozen;
                 let mut control = shared.control();
                 control.bar(Bar::Hidden, false);
                 control.bar(Bar::Frozen, frozen);

@@ -226,7 +226,7 @@ impl Axis {
 
 /// How the craft turns: by keys, by the mouse, or by a stick.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, try_from = "YawPart")]
 pub enum Yaw {
     /// By keys.
     Keys(YawKeys),
@@ -266,6 +266,44 @@ pub struct YawStick {
     pub stick: Stick,
     /// Rate at full deflection, degrees per second.
     pub rate_deg_s: f64,
+}
+
+/// What a profile may say of the turn.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct YawPart {
+    plus: Option<Key>,
+    minus: Option<Key>,
+    mouse_deg: Option<f64>,
+    stick: Option<Stick>,
+    rate_deg_s: Option<f64>,
+}
+
+impl TryFrom<YawPart> for Yaw {
+    type Error = String;
+
+    fn try_from(part: YawPart) -> Result<Self, String> {
+        let YawPart { plus, minus, mouse_deg, stick, rate_deg_s } = part;
+        match (plus, minus, mouse_deg, stick, rate_deg_s) {
+            (Some(plus), Some(minus), None, None, Some(rate_deg_s)) => Ok(Self::Keys(YawKeys { plus, minus, rate_deg_s })),
+            (None, None, Some(mouse_deg), None, Some(rate_deg_s)) => Ok(Self::Mouse(YawMouse { mouse_deg, rate_deg_s })),
+            (None, None, None, Some(stick), Some(rate_deg_s)) => Ok(Self::Stick(YawStick { stick, rate_deg_s })),
+            _ => {
+                let there = [
+                    ("plus", plus.is_some()),
+                    ("minus", minus.is_some()),
+                    ("mouse_deg", mouse_deg.is_some()),
+                    ("stick", stick.is_some()),
+                    ("rate_deg_s", rate_deg_s.is_some()),
+                ];
+                let found: Vec<&str> = there.iter().filter(|(_, is_there)| *is_there).map(|(name, _)| *name).collect();
+                let found = if found.is_empty() { "nothing".to_owned() } else { found.join(", ") };
+                Err(format!(
+                    "expected `rate_deg_s`, and beside it two keys (`plus` and `minus`), or `mouse_deg`, or a `stick`; found {found}"
+                ))
+            }
+        }
+    }
 }
 
 impl Yaw {

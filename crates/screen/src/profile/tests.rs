@@ -40,6 +40,13 @@ fn what_is_wrong_is_named() {
             "[controls.gamepad]\ndead_zone = 0.6\n[controls.yaw]",
             "`controls.gamepad.dead_zone`: expected 0 to 0.5",
         ),
+        (
+            "mouse_deg = 0.2264",
+            "plus = \"q\"",
+            "expected `rate_deg_s`, and beside it two keys (`plus` and `minus`), or `mouse_deg`",
+        ),
+        ("mouse_deg = 0.2264\nrate_deg_s = 60.0", "mouse_deg = 0.2264", "found mouse_deg"),
+        ("mouse_deg = 0.2264", "mouse_deg = 0.2264\nrate_m_s = 1.0", "unknown field `rate_m_s`"),
         ("[controls.yaw]", "[controls.gamepad]\ndeadzone = 0.1\n[controls.yaw]", "unknown field `deadzone`"),
     ] {
         let error = refused(from, to);

@@ -65,7 +65,7 @@ impl Hands {
         let window = if *name == WindowName::default() {
             None
         } else {
-            Some(display.find(name)?.ok_or_else(|| ScreenError::Failed(format!("no window has {name}")))?)
+            Some(display.find(name)?.ok_or_else(|| ScreenError::NoWindow(name.clone()))?)
         };
         let symbols = layout(&display.0.connection)?;
         Ok(Self { display, name: name.clone(), window, symbols, held: Vec::new(), gamepad: None })

@@ -141,7 +141,9 @@ pub(super) fn ready(
     );
     let bounds = format!(
         "Limits: {} m above and {} m from the take-off point, {} m/s (--max-altitude, --max-distance, --max-speed).",
-        limits.max_altitude, limits.max_distance, limits.max_speed
+        limits.max_altitude,
+        limits.max_distance,
+        (limits.max_speed * 1e3).round() / 1e3
     );
     let (craft, camera) = (limits.capped(&drone.capabilities().craft), Some(drone.frames()));
     #[cfg(all(debug_assertions, unix))]

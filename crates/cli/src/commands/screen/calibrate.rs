@@ -1,5 +1,6 @@
 //! `spf screen calibrate`.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 
 use spf_drone::screen::calibrate::{CalibrateError, Found, Known, Measured, calibrate as measure};
@@ -62,7 +63,24 @@ pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exi
     let text = text.map_err(|error| CliError::failed("what was measured fits no profile").because(&error))?;
     write(&args.output, text.as_bytes())?;
     printer.result(&format!("file: {}", args.output.display()));
-    Ok(Exit::Success)
+    printer.log(&format!(
+        "The craft does not end where it began: before another run, bring it back to {height} m above ground, in level view."
+    ));
+    let guessed = unmeasured(&found.rows);
+    if guessed.is_empty() {
+        return Ok(Exit::Success);
+    }
+    let all = found.rows.iter().map(|row| row.axis).collect::<BTreeSet<_>>().len();
+    Err(CliError::failed(format!("{} of {all} axes were not measured: {}", guessed.len(), guessed.join(", ")))
+        .hint("their rates in the file are still guesses: do not fly with it; close menus of the game, and run this again"))
+}
+
+/// The axes of which neither direction was measured.
+fn unmeasured(rows: &[Measured]) -> Vec<&'static str> {
+    let mut axes: Vec<&'static str> = rows.iter().map(|row| row.axis).collect();
+    axes.dedup();
+    axes.retain(|axis| rows.iter().filter(|row| row.axis == *axis).all(|row| row.now.is_none()));
+    axes
 }
 
 /// The table of what was measured.
@@ -82,18 +100,29 @@ fn lines(found: &Found, profile: &Profile) -> Vec<Vec<String>> {
     {
         lines.push(vec![name.to_owned(), String::new(), format!("{before:.3} s"), seen(now, "s")]);
     }
+    if let Some(pictures) = found.pictures_per_s {
+        lines.push(vec!["game".to_owned(), String::new(), String::new(), format!("{pictures:.1} pictures/s")]);
+    }
+    if let Some(pulses) = found.pulses {
+        let before = format!("{} /s", profile.controls.pulse_hz);
+        lines.push(vec!["pulses".to_owned(), String::new(), before, format!("{pulses} /s, which such a game notices")]);
+    }
     lines
 }
 
 /// What is doubtful about a line.
 fn warning(row: &Measured) -> Option<String> {
-    let Measured { axis, key, now, is_steady, .. } = row;
+    let Measured { axis, key, before, now, is_steady } = row;
     match now {
         None => Some(format!(
             "{axis} by `{key}` was not seen, and stays as it was (as that of the other key, if it has no rate of its own): ground with a pattern, \
              or things all around, must be in view"
         )),
-        Some(rate) if *rate < 0.0 && key != "mouse" => {
+        Some(rate) if key == "mouse" => (rate * before < 0.0).then(|| {
+            "the mouse turns the other way than the profile says: does the game look straight ahead, and not up or down?"
+                .to_owned()
+        }),
+        Some(rate) if *rate < 0.0 => {
             Some(format!("{axis} by `{key}` goes the other way, and stays as it was: exchange `plus` and `minus` in the profile"))
         }
         Some(_) if !is_steady => Some(format!(

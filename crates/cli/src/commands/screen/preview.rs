@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use spf_media::{Jpeg, Rgb};
 use spf_screen::area::Region;
 use spf_screen::picture::Pictures;
-use spf_screen::{Eye, Hidden, Target};
+use spf_screen::{Eye, Hidden, Target, WindowName};
 
 use super::{display, profile};
 use crate::args::ScreenPreview;
@@ -24,19 +24,25 @@ pub(super) fn preview(args: &ScreenPreview, printer: &Printer) -> Result<Exit, C
     if !(0.0..=3600.0).contains(&args.seconds) {
         return Err(CliError::usage(format!("--seconds: `{}` is not a number of seconds from 0 to 3600", args.seconds)));
     }
-    if !args.overwrite && args.output.symlink_metadata().is_ok() {
-        return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
-            .hint("use --overwrite to replace it, or another file with -o FILE"));
-    }
     let profile = args.profile.as_deref().map(profile).transpose()?;
     let target = match (&profile, &args.window, &args.monitor) {
         (Some(profile), ..) => profile.target(),
-        (_, Some(title), _) => Target::Window { name: title.as_str().into(), region: Region::WHOLE },
-        (_, _, monitor) => Target::Monitor { name: monitor.clone().unwrap_or_default() },
+        (_, _, Some(monitor)) => Target::Monitor { name: monitor.clone() },
+        (_, title, None) => {
+            let name = WindowName { title: title.clone(), class: args.class.clone() };
+            Target::Window { name, region: Region::WHOLE }
+        }
     };
     let masks = profile.as_ref().map(|profile| profile.camera.masks.clone()).unwrap_or_default();
     let mut eye = Eye::new(display()?, target);
-    let watched = watch(&mut eye, &mut Pictures::new(&masks), Duration::from_secs_f64(args.seconds))?;
+    let mut pictures = Pictures::new(&masks);
+    // What cannot be captured is said first.
+    let can_be_seen = watch(&mut eye, &mut pictures, Duration::ZERO)?.image.is_some();
+    if can_be_seen && !args.overwrite && args.output.symlink_metadata().is_ok() {
+        return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
+            .hint("use --overwrite to replace it, or another file with -o FILE"));
+    }
+    let watched = watch(&mut eye, &mut pictures, Duration::from_secs_f64(args.seconds))?;
     let Some(image) = &watched.image else {
         let why = watched.hidden.map_or_else(|| "nothing was captured".to_owned(), |hidden| hidden.to_string());
         return Err(CliError::failed(why).hint("`spf screen list` lists windows and monitors, and what hides them"));

@@ -30,7 +30,7 @@ fn windows_and_monitors_are_listed_and_captured() {
     let monitor = preview(&["--monitor", "screen"]);
     assert!(monitor.stdout.contains("960×698, captured 1100×800"), "{}{}", monitor.stdout, monitor.stderr);
     let gone = preview(&["luanti", "-o", "none.jpg"]);
-    assert!(gone.code == Some(6) && gone.stderr.contains("no window has the title `Minetest`"), "{}", gone.stderr);
+    assert!(gone.code == Some(6) && gone.stderr.contains("no window has `Minetest` in the title"), "{}", gone.stderr);
     let other = preview(&["--monitor", "DP-7", "-o", "none.jpg"]);
     assert!(other.code == Some(6) && other.stderr.contains("no monitor `DP-7`: `screen`"), "{}", other.stderr);
     // Nothing takes off, and nothing is pressed, without the game.
@@ -44,7 +44,7 @@ fn windows_and_monitors_are_listed_and_captured() {
         "--no-vlm-check",
         "--unattended",
     ]));
-    assert!(flight.code == Some(6) && flight.stderr.contains("no window has the title"), "{}", flight.stderr);
+    assert!(flight.code == Some(6) && flight.stderr.contains("in the title"), "{}", flight.stderr);
 }
 
 #[test]

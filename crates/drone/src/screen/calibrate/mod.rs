@@ -28,6 +28,10 @@ const LEAST_TURN: f64 = 0.1;
 const FLOOR: f64 = 0.6;
 /// Rates in both directions that differ by less are one, as a fraction.
 const ALIKE: f64 = 0.05;
+/// Most pulses per new picture of the game: a game that looks at its keys once a picture does not notice shorter ones.
+const PULSES: f64 = 0.67;
+/// Fewest pulses per second of a profile.
+const LEAST_PULSES: f64 = 5.0;
 
 /// What has to be known.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +66,10 @@ pub struct Found {
     pub dead_time: Option<f64>,
     /// Time constant of the velocity, seconds.
     pub lag: Option<f64>,
+    /// New pictures of the game per second in motion, if they are fewer than are looked at.
+    pub pictures_per_s: Option<f64>,
+    /// Pulses per second that the game notices, if the profile's are more.
+    pub pulses: Option<f64>,
     /// What is to be changed in the profile.
     pub changes: Vec<(&'static str, Change)>,
 }
@@ -99,7 +107,16 @@ pub fn calibrate(
         return Err(CalibrateError::Sticks);
     }
     let lab = Lab::open(profile, settings, stop)?;
-    let mut bench = Bench { lab, profile, known, found: Found::default(), dead_times: Vec::new(), lags: Vec::new(), say };
+    let mut bench = Bench {
+        lab,
+        profile,
+        known,
+        found: Found::default(),
+        dead_times: Vec::new(),
+        lags: Vec::new(),
+        pictures: Vec::new(),
+        say,
+    };
     let measured = bench.measure();
     let focus_is_lost = matches!(measured, Err(CalibrateError::Screen(ScreenError::NoFocus)));
     if !profile.landing.steps.is_empty() && !focus_is_lost {
@@ -119,6 +136,7 @@ struct Bench<'a> {
     found: Found,
     dead_times: Vec<f64>,
     lags: Vec<f64>,
+    pictures: Vec<f64>,
     say: &'a mut dyn FnMut(&str),
 }
 
@@ -147,7 +165,11 @@ impl Bench<'_> {
         self.found.dead_time =
             median(std::mem::take(&mut self.dead_times)).map(|dead_time| (dead_time - camera.latency_s).clamp(0.0, 2.0));
         self.found.lag = median(std::mem::take(&mut self.lags)).map(|lag| lag.clamp(0.01, 5.0));
-        for (key, value) in [("controls.dead_time_s", self.found.dead_time), ("controls.lag_s", self.found.lag)] {
+        self.found.pictures_per_s = median(std::mem::take(&mut self.pictures));
+        let noticed = self.found.pictures_per_s.map(|pictures| (PULSES * pictures).floor().max(LEAST_PULSES));
+        self.found.pulses = noticed.filter(|pulses| *pulses < controls.pulse_hz);
+        let [dead_time, lag, pulses] = [self.found.dead_time, self.found.lag, self.found.pulses];
+        for (key, value) in [("controls.dead_time_s", dead_time), ("controls.lag_s", lag), ("controls.pulse_hz", pulses)] {
             self.found.changes.extend(value.map(|value| (key, Change::Number(value))));
         }
         Ok(())
@@ -268,6 +290,7 @@ impl Bench<'_> {
 
     fn note(&mut self, axis: &'static str, key: String, before: f64, now: Option<f64>, leg: &Leg) {
         tracing::debug!(axis, key, ?now, down = leg.down, steady = leg.steady, up = leg.up, samples = ?leg.watch.samples(), "measured");
+        self.pictures.extend(leg.pictures_per_s);
         self.found.rows.push(Measured { axis, key, before, now, is_steady: leg.is_steady });
     }
 }
