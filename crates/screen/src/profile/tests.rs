@@ -17,6 +17,18 @@ fn every_shipped_profile_is_valid_and_comes_back_from_toml() {
 }
 
 #[test]
+fn the_profile_of_the_guide_is_valid_with_keys_and_with_the_mouse() {
+    let guide = include_str!("../../../../docs/guide/games.md");
+    let example = guide.split_once("### A profile of your own").and_then(|(_, rest)| rest.split("```").nth(1)).unwrap();
+    let text = example.strip_prefix("toml\n").unwrap();
+    let by_keys = Profile::parse(text).unwrap();
+    assert_eq!((by_keys.keys().len(), by_keys.window.class.as_deref()), (8, Some("MyGame")));
+    let keys = text.lines().find(|line| line.starts_with("yaw = ")).unwrap();
+    let by_mouse = Profile::parse(&text.replace(keys, "").replace("# yaw = ", "yaw = ")).unwrap();
+    assert!(matches!(by_mouse.controls.yaw, Yaw::Mouse(_)));
+}
+
+#[test]
 fn what_is_wrong_is_named() {
     let refused = |from: &str, to: &str| {
         let text = luanti();
