@@ -12,7 +12,7 @@ use spf_screen::profile::{Key, Profile, Step};
 use spf_screen::{Display, Eye, Hands, ScreenError};
 
 use super::CalibrateError;
-use super::response::{Sample, is_steady};
+use super::response::{is_steady, median};
 use super::watch::{Quantity, Watch};
 use crate::abandon::{self, EmergencyLand};
 use crate::screen::craft::first_picture;
@@ -70,8 +70,6 @@ pub(super) struct Leg {
     pub(super) is_steady: bool,
     /// Pixels by which the mouse was moved.
     pub(super) pixels: i64,
-    /// New pictures of the game per second meanwhile; `None` if there were as many as are looked at, or too few to tell.
-    pub(super) pictures_per_s: Option<f64>,
 }
 
 /// Bounds of a press.
@@ -202,7 +200,6 @@ impl<'a> Lab<'a> {
             up: 0.0,
             is_steady: false,
             pixels: 0,
-            pictures_per_s: None,
         };
         self.picture(&mut leg.watch)?;
         self.wait(now + BEFORE, &mut leg.watch)?;
@@ -239,7 +236,6 @@ impl<'a> Lab<'a> {
                     leg.steady = up - (0.4 * held).min(STEADY);
                     leg.is_steady = bounds.hold.is_some() && is_steady(leg.watch.samples(), STEADY);
                 }
-                leg.pictures_per_s = pictures_per_s(leg.watch.samples(), leg.down);
                 return Ok(up);
             }
             match press {
@@ -267,6 +263,35 @@ impl<'a> Lab<'a> {
             }
             std::thread::sleep(TICK);
         }
+    }
+
+    /// New pictures of the game per second while something is pressed for a time, seconds, and then something else for as long; no more
+    /// than are looked at.
+    pub(super) fn pictures_per_s(&mut self, press: Press, back: Press, for_s: f64) -> Result<f64, CalibrateError> {
+        let mut new = Vec::new();
+        for press in [press, back] {
+            let (mut last, mut moved, begun) = (None, None::<Instant>, Instant::now());
+            while begun.elapsed().as_secs_f64() < for_s {
+                self.check(false)?;
+                match press {
+                    Press::Key(key, _) => self.hands.set(key, true)?,
+                    Press::Mouse(pixels) if moved.is_none_or(|moved| moved.elapsed() >= MOUSE) => {
+                        moved = Some(Instant::now());
+                        self.hands.turn(pixels)?;
+                    }
+                    Press::Mouse(_) => {}
+                }
+                let shown = self.eye.look()??;
+                if last.replace(shown.image.clone()).is_none_or(|last| last != shown.image) {
+                    new.push(begun.elapsed().as_secs_f64());
+                }
+                std::thread::sleep(TICK);
+            }
+            self.hands.release_all();
+        }
+        // The median: at the start and the end the craft may rest.
+        let steps: Vec<f64> = new.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+        Ok(median(steps).map_or(0.0, |step| 1.0 / step))
     }
 
     fn wait(&mut self, until: f64, watch: &mut Watch) -> Result<(), CalibrateError> {
@@ -308,27 +333,9 @@ impl<'a> Lab<'a> {
     }
 }
 
-/// New pictures per second while something was pressed; `None` if they are too few to tell, or as many as are looked at.
-fn pictures_per_s(samples: &[Sample], since: f64) -> Option<f64> {
-    let times: Vec<f64> = samples.iter().map(|(at, _)| *at).filter(|at| *at >= since).collect();
-    let [first, .., last] = times[..] else { return None };
-    let rate = (times.len() - 1) as f64 / (last - first);
-    (times.len() > 5 && rate < 0.85 / (PERIOD + LOOK.as_secs_f64())).then_some(rate)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn new_pictures_are_counted_where_they_are_fewer_than_looks() {
-        let samples: Vec<Sample> = (0..21).map(|number| (f64::from(number) * 0.125, 0.0)).collect();
-        // By hand: eight pictures per second.
-        assert!((pictures_per_s(&samples, 1.0).unwrap() - 8.0).abs() < 1e-9);
-        assert_eq!(pictures_per_s(&samples, 2.1), None);
-        let samples: Vec<Sample> = (0..40).map(|number| (f64::from(number) * 0.06, 0.0)).collect();
-        assert_eq!(pictures_per_s(&samples, 0.0), None);
-    }
 
     #[test]
     fn what_was_not_seen_counts_as_flown_fast() {

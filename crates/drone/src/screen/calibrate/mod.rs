@@ -30,6 +30,11 @@ const FLOOR: f64 = 0.6;
 const ALIKE: f64 = 0.05;
 /// Most pulses per new picture of the game: a game that looks at its keys once a picture does not notice shorter ones.
 const PULSES: f64 = 0.67;
+/// How long pictures are counted in a turn, and in the turn back, seconds.
+const COUNTED: f64 = 1.0;
+/// Two measurements of the mouse, at different speeds, differ by at most this factor: a turn that is too fast for the pictures to follow
+/// may look like a slow one.
+const AGREEING: f64 = 1.25;
 /// Fewest pulses per second of a profile.
 const LEAST_PULSES: f64 = 5.0;
 
@@ -66,7 +71,7 @@ pub struct Found {
     pub dead_time: Option<f64>,
     /// Time constant of the velocity, seconds.
     pub lag: Option<f64>,
-    /// New pictures of the game per second in motion, if they are fewer than are looked at.
+    /// New pictures of the game per second in motion; `None` if no turn was measured.
     pub pictures_per_s: Option<f64>,
     /// Pulses per second that the game notices, if the profile's are more.
     pub pulses: Option<f64>,
@@ -114,7 +119,6 @@ pub fn calibrate(
         found: Found::default(),
         dead_times: Vec::new(),
         lags: Vec::new(),
-        pictures: Vec::new(),
         say,
     };
     let measured = bench.measure();
@@ -136,7 +140,6 @@ struct Bench<'a> {
     found: Found,
     dead_times: Vec<f64>,
     lags: Vec<f64>,
-    pictures: Vec<f64>,
     say: &'a mut dyn FnMut(&str),
 }
 
@@ -165,7 +168,6 @@ impl Bench<'_> {
         self.found.dead_time =
             median(std::mem::take(&mut self.dead_times)).map(|dead_time| (dead_time - camera.latency_s).clamp(0.0, 2.0));
         self.found.lag = median(std::mem::take(&mut self.lags)).map(|lag| lag.clamp(0.01, 5.0));
-        self.found.pictures_per_s = median(std::mem::take(&mut self.pictures));
         let noticed = self.found.pictures_per_s.map(|pictures| (PULSES * pictures).floor().max(LEAST_PULSES));
         self.found.pulses = noticed.filter(|pulses| *pulses < controls.pulse_hz);
         let [dead_time, lag, pulses] = [self.found.dead_time, self.found.lag, self.found.pulses];
@@ -221,6 +223,9 @@ impl Bench<'_> {
             rates.extend(now.filter(|rate| (5.0..=360.0).contains(rate)));
             self.note("yaw", key.to_string(), before, now, &leg);
         }
+        if !rates.is_empty() {
+            self.count(Press::Key(plus, 1.0), Press::Key(minus, 1.0))?;
+        }
         let change = median(rates).map(|rate| ("controls.yaw.rate_deg_s", Change::Number(rate)));
         self.found.changes.extend(change);
         Ok(())
@@ -235,11 +240,18 @@ impl Bench<'_> {
             let response = told(&leg);
             let is_enough = leg.watch.total().abs() >= LEAST_TURN;
             if let Some(response) = response.filter(|_| is_enough) {
-                self.dead_times.push(response.dead_time);
-                each = Some(leg.watch.total().to_degrees() / leg.pixels as f64);
-                // And back.
-                let back = Bounds { hold: Some(leg.up - leg.down), ..bounds };
-                self.lab.leg(Press::Mouse(-pixels), Quantity::Turn, self.known.height, back)?;
+                // And back, at another speed for as long a way.
+                let other = if pixels > 1 { pixels / 2 } else { 2 };
+                let longer = f64::from(pixels) / f64::from(other);
+                let hold = Bounds { hold: Some((leg.up - leg.down) * longer), ..bounds };
+                let back = self.lab.leg(Press::Mouse(-other), Quantity::Turn, self.known.height, hold)?;
+                let per_pixel = |leg: &Leg| leg.watch.total().to_degrees() / leg.pixels as f64;
+                let (one, two) = (per_pixel(&leg), per_pixel(&back));
+                if (1.0 / AGREEING..=AGREEING).contains(&(one / two)) {
+                    self.dead_times.push(response.dead_time);
+                    each = Some(0.5 * (one + two));
+                    self.count(Press::Mouse(other), Press::Mouse(-other))?;
+                }
             }
             let is_last = Some(&pixels) == PIXELS.last();
             if each.is_some() || is_last {
@@ -249,6 +261,14 @@ impl Bench<'_> {
         }
         let each = each.filter(|each| (0.001..=10.0).contains(&each.abs()));
         self.found.changes.extend(each.map(|each| ("controls.yaw.mouse_deg", Change::Number(each))));
+        Ok(())
+    }
+
+    /// Counts the game's pictures in a turn, and in the turn back.
+    fn count(&mut self, press: Press, back: Press) -> Result<(), CalibrateError> {
+        (self.say)("counting the game's pictures");
+        let pictures = self.lab.pictures_per_s(press, back, COUNTED)?;
+        self.found.pictures_per_s = (pictures > 0.0).then_some(pictures);
         Ok(())
     }
 
@@ -290,7 +310,6 @@ impl Bench<'_> {
 
     fn note(&mut self, axis: &'static str, key: String, before: f64, now: Option<f64>, leg: &Leg) {
         tracing::debug!(axis, key, ?now, down = leg.down, steady = leg.steady, up = leg.up, samples = ?leg.watch.samples(), "measured");
-        self.pictures.extend(leg.pictures_per_s);
         self.found.rows.push(Measured { axis, key, before, now, is_steady: leg.is_steady });
     }
 }
