@@ -89,7 +89,7 @@ pub enum ScreenError {
     )]
     Unsupported,
     /// The display cannot be reached.
-    #[error("cannot connect to the X11 display `{display}`: {why}")]
+    #[error("cannot connect to the X11 display{}: {why}", if display.is_empty() { String::new() } else { format!(" `{display}`") })]
     NoDisplay {
         /// What `DISPLAY` says.
         display: String,

@@ -112,15 +112,7 @@ pub fn calibrate(
         return Err(CalibrateError::Sticks);
     }
     let lab = Lab::open(profile, settings, stop)?;
-    let mut bench = Bench {
-        lab,
-        profile,
-        known,
-        found: Found::default(),
-        dead_times: Vec::new(),
-        lags: Vec::new(),
-        say,
-    };
+    let mut bench = Bench { lab, profile, known, found: Found::default(), dead_times: Vec::new(), lags: Vec::new(), say };
     let measured = bench.measure();
     let focus_is_lost = matches!(measured, Err(CalibrateError::Screen(ScreenError::NoFocus)));
     if !profile.landing.steps.is_empty() && !focus_is_lost {
