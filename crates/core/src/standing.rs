@@ -103,6 +103,20 @@ pub(crate) fn by_stature(camera: &Camera, pose: Pose, area: ImageBox) -> Option<
     Some(Reading { ln_range, sigma: libm::hypot(STATURE_SD, core::f64::consts::SQRT_2 * EDGE_SD), is_bound })
 }
 
+/// Height of the middle of a person who is `range` metres away, in the frame of the camera's position; `None` if neither head nor
+/// feet are in the image.
+pub(crate) fn middle_of(camera: &Camera, pose: Pose, area: ImageBox, range: f64) -> Option<f64> {
+    let Edges { top, middle, foot } = Edges::of(camera, pose, area);
+    let level = (range + MIDDLE_TO_SURFACE) * libm::cos(middle);
+    let above = match (area.top >= IMAGE_EDGE, area.bottom <= 1.0 - IMAGE_EDGE) {
+        (true, true) => 0.5 * level * (libm::tan(top) + libm::tan(foot)),
+        (true, false) => level * libm::tan(top) - 0.5 * STATURE,
+        (false, true) => level * libm::tan(foot) + 0.5 * STATURE,
+        (false, false) => return None,
+    };
+    Some(pose.position.up + above)
+}
+
 fn ln_surface(range: f64, depth: f64) -> f64 {
     libm::log((range - depth).max(NEAREST))
 }
@@ -158,5 +172,20 @@ mod tests {
         assert_eq!(by_ground(&camera, pose, area, FEET_TO_SURFACE), None);
         let (camera, pose, area) = seen(2.0, 0.6, 0.6);
         assert_eq!(by_stature(&camera, pose, area), None);
+    }
+
+    #[test]
+    fn the_middle_of_a_person_is_known_by_head_or_feet() {
+        // 1.7 m, 5 m to the surface, from 1 m: head 0.7 m above, feet 1 m below.
+        let edge = |above: f64| 0.5 - above / 5.2 / 1.5;
+        let middle = |top: f64, bottom: f64| {
+            let (camera, pose, area) = seen(1.0, top, bottom);
+            middle_of(&camera, pose, area, 5.0)
+        };
+        for (top, bottom) in [(edge(0.7), edge(-1.0)), (edge(0.7), 1.0), (0.0, edge(-1.0))] {
+            let up = middle(top, bottom).unwrap();
+            assert!((up - 0.85).abs() < 0.05, "{up}");
+        }
+        assert_eq!(middle(0.0, 1.0), None);
     }
 }

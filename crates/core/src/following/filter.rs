@@ -130,9 +130,18 @@ impl Filter {
         let mut h = [0.0; STATES];
         (h[0], h[1]) = (north / square(level), -east / square(level));
         self.correct(&h, wrap_angle(direction.bearing - expected.bearing), square(BEARING_SD));
-        let Sight { level, .. } = self.sight(eye);
-        self.up += HEIGHT_GAIN * (eye.up + level * libm::tan(direction.elevation) - self.up);
         self.bound();
+    }
+
+    /// Takes an elevation of the target's middle.
+    pub(super) fn raise(&mut self, eye: EnuPosition, elevation: f64) {
+        let Sight { level, .. } = self.sight(eye);
+        self.up += HEIGHT_GAIN * (eye.up + level * libm::tan(elevation) - self.up);
+    }
+
+    /// Takes the height of the target's middle.
+    pub(super) fn set_height(&mut self, up: f64) {
+        self.up = up;
     }
 
     /// Corrects the range by this much in its logarithm, which has this variance.

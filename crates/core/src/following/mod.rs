@@ -34,6 +34,8 @@ const SURE: Duration = Duration::from_millis(500);
 const LOST: Duration = Duration::from_secs(3);
 /// Its last place is worth a look for this long.
 const LAST_SEEN: Duration = Duration::from_secs(10);
+/// A target that was lost is thought to have walked on for this long.
+const WALKED_ON: Duration = Duration::from_secs(2);
 /// Without a reply that confirms it, about a frame newer than this, the target is lost whatever its track says.
 const CONFIRMED: Duration = Duration::from_secs(15);
 /// Ranges are remembered for this long: replies are about older frames.
@@ -53,12 +55,16 @@ const CLIMB_GAIN: f64 = 0.8;
 /// Closing speed near the target, m/s, and within which multiple of the distance to keep.
 const SLOW: f64 = 0.7;
 const NEAR: f64 = 1.5;
+/// A way aside is flown faster than one straight away, by the reciprocal of this at most.
+const LEAST_AWAY: f64 = 0.5;
 /// Fastest motion away from a target that was lost, m/s.
 const AWAY_LOST: f64 = 0.5;
 /// Added to the distance to keep from a target that was lost, metres.
 const LOST_MARGIN: f64 = 1.0;
 /// The target's centre is kept within this fraction of half of the vertical field of view.
 const MIDDLE: f64 = 0.5;
+/// The same of a person at the distance to keep.
+const UPRIGHT: f64 = 0.1;
 /// Fraction of the distance at which that must hold.
 const SOONER: f64 = 0.7;
 /// With a bearing error above this, the craft only turns, radians: 45°.
@@ -123,6 +129,8 @@ pub struct Follower {
     /// Whether the last reply sees the target beside the craft. Of a box that the image's edges cut off a tracker measures the
     /// size badly.
     is_beside: bool,
+    /// Whether the target is a person, of a person's stature.
+    is_person: bool,
     /// When the target was last seen for sure.
     seen: Time,
     /// When the frame of the last good report was taken.
@@ -144,6 +152,7 @@ impl Follower {
             track: None,
             label: (0.0, 0),
             is_beside: false,
+            is_person: false,
             seen: Time::ZERO,
             tracked: None,
             confirmed: Time::ZERO,
@@ -186,6 +195,14 @@ impl Follower {
                 self.remember(captured, pose);
             }
         }
+        self.is_person = answer.is_person;
+        if let Some(filter) = self.filter.as_mut().filter(|_| answer.is_person) {
+            let (ln_range, _) = filter.log_range(pose.position);
+            let range = then.map_or(ln_range, |then| then.log_range);
+            if let Some(up) = standing::middle_of(&self.camera, pose, area, libm::exp(range)) {
+                filter.set_height(up);
+            }
+        }
         self.seen = self.seen.max(captured);
         self.confirmed = self.confirmed.max(captured);
     }
@@ -204,6 +221,9 @@ impl Follower {
             self.track = Some(report.id);
             filter.look(pose.position, direction);
             filter.begin_size(pose.position, report.scale);
+        }
+        if !self.is_person {
+            filter.raise(pose.position, direction.elevation);
         }
         self.seen = self.seen.max(report.captured);
         self.tracked = Some(report.captured);
@@ -242,6 +262,13 @@ impl Follower {
         Some(filter.position(now, false))
     }
 
+    /// The same, if the target has walked on for a while as it did.
+    #[must_use]
+    pub fn went_to(&self, now: Time) -> Option<EnuPosition> {
+        let filter = self.filter.as_ref().filter(|_| self.tracked.is_some() && now.since(self.seen) <= LAST_SEEN)?;
+        Some(filter.position(now.min(filter.at() + WALKED_ON), true))
+    }
+
     /// Whether the target's track is good: without one, replies alone are no guide to a target that moves.
     #[must_use]
     pub fn is_tracked(&self, now: Time) -> bool {
@@ -274,23 +301,35 @@ impl Follower {
         // Away from the target in the direction that is free, not in its own.
         let (speed, course) = match way_out {
             _ if along >= 0.0 => (along, off),
-            Some(WayOut { bearing, speed }) => (speed.min(-along), wrap_angle(bearing - known.attitude.heading)),
+            Some(WayOut { bearing, speed }) => {
+                let course = wrap_angle(bearing - known.attitude.heading);
+                // Beside the straight way the same speed gets the craft less far away.
+                let away = -libm::cos(wrap_angle(course - off));
+                (speed.min(-along / away.max(LEAST_AWAY)).min(craft.cruise_speed), course)
+            }
             None => (0.0, off),
         };
         let (forward, right) = (speed * libm::cos(course), speed * libm::sin(course));
         Some(Setpoint { forward, right, up: self.climb(known, craft, target.position, distance), yaw_rate })
     }
 
-    /// Climb rate that keeps the target near the middle of the image, m/s.
+    /// Climb rate that keeps the target near the middle of the image, m/s; at the distance to keep, a person's middle in its middle:
+    /// then the image shows all of them.
     fn climb(&self, known: &MotionEstimate, craft: &Craft, target: EnuPosition, distance: f64) -> f64 {
-        let most = MIDDLE * self.camera.half_fov().1;
         let axis = -self.camera.tilt;
+        let above = target.up - known.position.up;
+        let height = |level: f64, part: f64| {
+            let most = part * self.camera.half_fov().1;
+            let elevation = libm::atan2(above, level);
+            let wanted = elevation.clamp(axis - most, axis + most);
+            level * (libm::tan(elevation) - libm::tan(wanted))
+        };
         // Somewhat nearer, where the craft will be soon: there the target appears higher or lower.
-        let level = (SOONER * distance).max(self.keep).min(distance);
-        let elevation = libm::atan2(target.up - known.position.up, level);
-        let wanted = elevation.clamp(axis - most, axis + most);
-        let height = level * (libm::tan(elevation) - libm::tan(wanted));
-        (CLIMB_GAIN * height).clamp(-0.5 * craft.climb_speed, 0.5 * craft.climb_speed)
+        let mut climb = height((SOONER * distance).max(self.keep).min(distance), MIDDLE);
+        if climb == 0.0 && self.is_person {
+            climb = height(self.keep, UPRIGHT);
+        }
+        (CLIMB_GAIN * climb).clamp(-0.5 * craft.climb_speed, 0.5 * craft.climb_speed)
     }
 }
 

@@ -247,3 +247,41 @@ fn somebody_who_fills_the_image_is_not_come_nearer_to_whatever_the_track_says() 
     assert_eq!(forward(whole, 3.0), 0.0, "cut off above and below");
     assert_eq!(forward(part, 1.0), 0.0, "label 1");
 }
+
+/// Beside the straight way the craft is faster, so that it gets away as fast, and it does not get any nearer.
+#[test]
+fn a_way_aside_is_flown_faster_than_one_straight_away() {
+    let (camera, craft) = (Camera::quad(), Craft::quad());
+    let pose = Pose { position: EnuPosition { up: 1.2, ..EnuPosition::default() }, ..Pose::default() };
+    let area = ImageBox { left: 0.4, right: 0.6, top: 0.3, bottom: 0.9 };
+    let speed = |bearing: f64| {
+        let mut follower = Follower::new(camera, DEFAULT_KEEP);
+        follower.answer(&Answer { captured: Time::ZERO, pose, area, range: 2.0, is_person: false });
+        let known = MotionEstimate { position: pose.position, ..MotionEstimate::default() };
+        let setpoint = follower.setpoint(Time::ZERO, &known, &craft, Some(WayOut { bearing, speed: 2.0 })).unwrap();
+        (libm::hypot(setpoint.forward, setpoint.right), setpoint.forward)
+    };
+    let (back, _) = speed(core::f64::consts::PI);
+    let (diagonal, away) = speed(core::f64::consts::PI - core::f64::consts::FRAC_PI_3);
+    let (aside, toward) = speed(core::f64::consts::FRAC_PI_2);
+    assert!((diagonal / back - 2.0).abs() < 0.05 && (away + back).abs() < 0.05, "{back} {diagonal} {away}");
+    assert!((aside / back - 2.0).abs() < 0.05 && toward.abs() < 1e-6, "{aside} {toward}");
+}
+
+#[test]
+fn a_person_is_looked_at_from_where_all_of_them_is_in_the_image() {
+    let (camera, craft) = (Camera::tello(), Craft::tello());
+    let climb = |up: f64| {
+        let pose = Pose { position: EnuPosition { up, ..EnuPosition::default() }, ..Pose::default() };
+        let person = EnuPosition { north: 2.7, ..EnuPosition::default() };
+        let area = box_at(&camera, pose, person, 1.7).unwrap();
+        let area = ImageBox { top: area.top.max(0.0), bottom: area.bottom.min(1.0), ..area };
+        let mut follower = Follower::new(camera, DEFAULT_KEEP);
+        follower.answer(&Answer { captured: Time::ZERO, pose, area, range: 2.5, is_person: true });
+        let known = MotionEstimate { position: pose.position, ..MotionEstimate::default() };
+        follower.setpoint(Time::ZERO, &known, &craft, None).unwrap().up
+    };
+    // From 1.1 m, 5° downwards; from lower the image cuts off the head, from higher the feet.
+    assert_eq!(climb(1.1), 0.0);
+    assert!(climb(0.7) > 0.1 && climb(1.5) < -0.1, "{} {}", climb(0.7), climb(1.5));
+}

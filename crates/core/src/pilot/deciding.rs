@@ -31,7 +31,8 @@ impl Pilot {
             .view
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
         if let Some(known) = self.camera_pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none()) {
-            self.seen.frame(frame.captured, known);
+            let odometry = self.estimator.odometry_at(frame.captured);
+            self.seen.frame(frame.captured, known, odometry);
             self.map_frame(now, frame.captured, known);
             let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
             self.view = Some(View { frame, camera: self.camera, pose: known, at_rest: false, room, expected });

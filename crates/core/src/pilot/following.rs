@@ -16,9 +16,9 @@ use crate::time::Time;
 use crate::track::TrackReport;
 
 /// How far a way out must be known, metres, and how fast it is flown then, m/s: the craft stops within it.
-const WAYS: [(f64, f64); 2] = [(2.0, 2.0), (1.0, 1.0)];
+const WAYS: [(f64, f64); 3] = [(2.0, 2.0), (1.0, 1.0), (0.6, 0.4)];
 /// Directions that lead away from the target, radians from straight away: up to 90° to either side.
-const WAYS_OUT: [f64; 7] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
+const WAYS_OUT: [f64; 7] = [0.0, FRAC_PI_6, -FRAC_PI_6, FRAC_PI_3, -FRAC_PI_3, FRAC_PI_2, -FRAC_PI_2];
 /// From a person's middle to the surface, metres.
 const HALF_PERSON: f64 = 0.25;
 /// A target walks at more than this, m/s.
@@ -38,6 +38,8 @@ pub(super) struct Following {
     clear: (EnuPosition, f64),
     /// The craft flies the step of a reply until the track is good.
     waits: bool,
+    /// Whether the last way out that was not straight led to the left of straight away from the target.
+    to_left: bool,
 }
 
 impl Pilot {
@@ -109,11 +111,11 @@ impl Pilot {
     /// Stays with the target from now on. What is in the way is flown around first; and without a track, for instance of a
     /// target that is still too small, the reply's own step is flown, no nearer than the distance to keep.
     pub(super) fn begin_following(&mut self, now: Time, goto: &Goto) {
-        let is_tracked = self.following.follower.as_ref().is_some_and(|follower| follower.is_tracked(now));
+        let follower = self.following.follower.as_ref();
+        let is_tracked = follower.is_some_and(|follower| follower.is_tracked(now));
         if goto.is_detour || self.link_lost || !self.can_follow() || !is_tracked {
             let mut motion = goto.motion;
-            let keep = self.following.follower.as_ref().map_or(self.settings.keep_m, Follower::keep);
-            let room = range_of_label(goto.label) - keep;
+            let room = range_of_label(goto.label) - follower.map_or(self.settings.keep_m, Follower::keep);
             motion.primitives.forward = motion.primitives.forward.min(room.max(-STEP_BACK));
             self.begin_move(now, motion);
             self.following.waits = !goto.is_detour && self.can_follow() && self.executing;
@@ -141,9 +143,6 @@ impl Pilot {
             self.stop_motion(now);
             return Setpoint::HOLD;
         };
-        if self.following.stays {
-            self.envelope.observe_person(now, target.position);
-        }
         let enough = self.settings.follow_time.zip(self.following.since);
         if let Some((time, _)) =
             enough.filter(|(time, since)| self.following.stays && target.is_sure && now.since(*since) >= *time)
@@ -156,11 +155,21 @@ impl Pilot {
         let setpoint = self.following.follower.as_ref().and_then(|follower| follower.setpoint(now, known, &self.craft, way_out));
         let setpoint = setpoint.unwrap_or(Setpoint::HOLD);
         let (from, clear) = self.following.clear;
-        // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is.
-        if !self.following.stays && setpoint.forward > 0.0 && from.distance(known.position) >= clear {
+        // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is, unless
+        // the reply sees something before them.
+        let is_bounded = !self.following.stays || clear <= 0.0;
+        if is_bounded && setpoint.forward > 0.0 && from.distance(known.position) >= clear {
             return Setpoint { forward: 0.0, right: 0.0, ..setpoint };
         }
         setpoint
+    }
+
+    /// Tells the envelope where somebody is with whom the craft stays, whatever it does.
+    pub(super) fn keep_away_from_person(&mut self, now: Time, at: EnuPosition) {
+        let follower = self.following.follower.as_ref().filter(|_| self.following.stays);
+        if let Some(target) = follower.and_then(|follower| follower.target(now, at)) {
+            self.envelope.observe_person(now, target.position);
+        }
     }
 
     /// Whether a frame taken at `pose` should show the target, as its track tells, or the place where somebody who is followed was
@@ -170,24 +179,33 @@ impl Pilot {
         let lost = || self.following.follower.as_ref().filter(|_| self.following.stays)?.last_place(now);
         let place = target.map(|target| target.position).or_else(lost)?;
         let away = pose.position.displacement_to(place, pose.attitude.heading);
-        let at = project_displacement(away, &self.camera, pose.attitude, Lifting::Levelled)?;
         let range = away.length();
-        let expected = if self.following.stays {
-            Expected::Followed { at, range, is_tracked: target.is_some() }
-        } else {
-            Expected::InView { at, range }
-        };
-        at.is_in_image().then_some(expected)
+        match project_displacement(away, &self.camera, pose.attitude, Lifting::Levelled).filter(|at| at.is_in_image()) {
+            Some(at) if self.following.stays => Some(Expected::Followed { at, range, is_tracked: target.is_some() }),
+            Some(at) => Some(Expected::InView { at, range }),
+            None if self.following.stays => {
+                let place = self.following.follower.as_ref()?.went_to(now)?;
+                let off = wrap_angle(pose.position.bearing_to(place) - pose.attitude.heading);
+                (off.abs() > self.camera.half_fov().0).then_some(Expected::Left { off })
+            }
+            None => None,
+        }
     }
 
-    /// Where the craft can get away from the target over space that it has seen or flown through; straight away if possible, and
-    /// far rather than near.
-    fn way_out(&self, now: Time, known: &MotionEstimate, target: &TargetEstimate) -> Option<WayOut> {
+    /// Where the craft can get away from the target over space that is known to be free; straight away if possible, and far rather
+    /// than near, and to the same side as before.
+    fn way_out(&mut self, now: Time, known: &MotionEstimate, target: &TargetEstimate) -> Option<WayOut> {
         let at = known.position;
         let away = target.position.bearing_to(at);
-        let ways = WAYS.iter().flat_map(|&(far, speed)| WAYS_OUT.iter().map(move |off| (far, speed, wrap_angle(away + off))));
-        let is_free = |far: f64, bearing: f64| self.is_way_out(now, at, Direction { bearing, elevation: 0.0 }.place(at, far));
-        let mut free = ways.filter(|&(far, _, bearing)| is_free(far, bearing));
-        free.next().map(|(_, speed, bearing)| WayOut { bearing, speed })
+        let side = if self.following.to_left { -1.0 } else { 1.0 };
+        let ways = WAYS.iter().flat_map(|&(far, speed)| WAYS_OUT.iter().map(move |off| (far, speed, side * off)));
+        let is_free = |far: f64, off: f64| {
+            self.is_way_out(now, at, Direction { bearing: wrap_angle(away + off), elevation: 0.0 }.place(at, far))
+        };
+        let (_, speed, off) = ways.into_iter().find(|&(far, _, off)| is_free(far, off))?;
+        if off != 0.0 {
+            self.following.to_left = off < 0.0;
+        }
+        Some(WayOut { bearing: wrap_angle(away + off), speed })
     }
 }

@@ -29,6 +29,8 @@ impl Pilot {
             self.guiding.anchors.lose_track(lost.unwrap_or(now));
             self.guiding.tracked = None;
             self.points.clear();
+            self.seen.clear();
+            self.shown.clear();
             if let Some(map) = &mut self.guiding.map {
                 map.clear();
             }

@@ -29,6 +29,7 @@ mod points;
 mod reactions;
 mod returning;
 mod settings;
+mod shown;
 mod take_over;
 mod tracked_target;
 mod tracking;
@@ -90,6 +91,8 @@ pub struct Pilot {
     view: Option<View>,
     /// What the last frames have shown.
     seen: unseen::Seen,
+    /// What replies have shown to be free.
+    shown: shown::Shown,
     used: Option<FrameId>,
     decisions: u32,
     late_replies: u32,
@@ -185,6 +188,7 @@ impl Pilot {
             waiting: BTreeMap::new(),
             view: None,
             seen: unseen::Seen::default(),
+            shown: shown::Shown::default(),
             used: None,
             decisions: 0,
             late_replies: 0,

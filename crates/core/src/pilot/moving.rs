@@ -201,6 +201,7 @@ impl Pilot {
         self.settle(now);
         let known = self.known(now);
         self.envelope.observe_motion(now, &known);
+        self.keep_away_from_person(now, known.position);
         if self.settings.guidance.points {
             self.remember_obstacles(now, known.position);
         }

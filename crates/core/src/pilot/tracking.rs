@@ -29,6 +29,7 @@ impl Pilot {
         self.follow_reply(waiting, step);
         self.track_target(waiting, step);
         self.remember_boxes(waiting);
+        self.remember_free(waiting, step);
         let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
         match reply.target_box.filter(|_| reply.status.leads_to_a_point()) {
             Some(area) => {

@@ -1,14 +1,19 @@
 //! Space that no camera frame has shown: no autonomous motion goes backwards into it, in obstacle mode none goes straight
 //! down into it, and vertical search moves stay between floor and ceiling.
 
+use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 use std::collections::VecDeque;
 
-use super::{Note, Pilot};
+use super::shown::is_same_place;
+use super::{Note, Pilot, Waiting};
+use crate::avoid::BODY_MARGIN;
 use crate::camera::Camera;
+use crate::direction::Direction;
 use crate::executor::Goal;
 use crate::geometry::{EnuPosition, Pose};
 use crate::lift::{Lifting, project_displacement};
-use crate::policy::Move;
+use crate::odometry::Odometry;
+use crate::policy::{Move, Step};
 use crate::primitives::Primitives;
 use crate::time::{Duration, Time};
 
@@ -22,8 +27,8 @@ const LEVEL_WITH: f64 = 0.5;
 const REMEMBERED: Duration = Duration::from_secs(3);
 /// For a motion back, the craft's own path is free for this long: nothing fixed can have come into it.
 const FLOWN: Duration = Duration::from_secs(12);
-/// The same before somebody who is followed and comes nearer: holding still is worse.
-const FLOWN_BEFORE_PERSON: Duration = Duration::from_secs(40);
+/// The same before somebody who comes nearer, as long as the craft still knows where that was: holding still is worse.
+const FLOWN_BEFORE_PERSON: Duration = Duration::from_secs(90);
 /// Minimum interval of remembered frames.
 const SPACING: Duration = Duration::from_millis(100);
 /// Distance of the points checked along a path, metres.
@@ -34,39 +39,52 @@ const SIGHT: f64 = 10.0;
 const OWN_PATH: f64 = 0.3;
 /// A motion back by less than this is a correction, metres.
 const BACK: f64 = 0.05;
+/// Directions away from what is ahead, radians from straight back.
+const ASIDE: [f64; 7] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
 /// An obstacle of the map forbids a vertical search move if it is this near to its path or its end, metres beyond the body.
 const BESIDE: f64 = 0.5;
 const ABOVE: f64 = 0.3;
 /// A vertical search move shorter than this shows nothing new, metres.
 const WORTH_LOOKING: f64 = 0.05;
 
-/// The poses of the frames of the last seconds.
+/// The poses of the frames of the last seconds, with the drift of the position until then.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Seen(VecDeque<(Time, Pose)>);
+pub(super) struct Seen(VecDeque<(Time, Pose, Odometry)>);
 
 impl Seen {
     /// Remembers a usable frame.
-    pub(super) fn frame(&mut self, captured: Time, pose: Pose) {
-        if self.0.back().is_none_or(|(last, _)| captured.since(*last) >= SPACING && captured > *last) {
-            self.0.push_back((captured, pose));
+    pub(super) fn frame(&mut self, captured: Time, pose: Pose, odometry: Odometry) {
+        if self.0.back().is_none_or(|(last, ..)| captured.since(*last) >= SPACING && captured > *last) {
+            self.0.push_back((captured, pose, odometry));
         }
-        while self.0.front().is_some_and(|(first, _)| captured.since(*first) > FLOWN_BEFORE_PERSON) {
+        while self.0.front().is_some_and(|(first, ..)| captured.since(*first) > FLOWN_BEFORE_PERSON) {
             self.0.pop_front();
         }
     }
 
+    /// Forgets everything: the position has jumped.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
     /// Whether the straight path was in view within the last 3 s, or flown since `flown` ago.
-    fn shows(&self, now: Time, camera: &Camera, [from, to]: [EnuPosition; 2], flown: Duration) -> bool {
-        let steps = libm::ceil(from.distance(to) / STRIDE).clamp(1.0, 1000.0) as u32;
-        let is_recent = |captured: Time| now.since(captured) <= REMEMBERED;
-        let was_flown = |captured: Time, at: EnuPosition, point| now.since(captured) <= flown && at.distance(point) <= OWN_PATH;
-        (1..=steps).all(|step| {
-            let point = from.towards(to, f64::from(step) / f64::from(steps));
-            self.0.iter().any(|(captured, pose)| {
-                was_flown(*captured, pose.position, point) || (is_recent(*captured) && in_view(camera, pose, point))
-            })
+    fn shows(&self, now: Time, camera: &Camera, path: [EnuPosition; 2], flown: Duration) -> bool {
+        points_on(path).all(|point| self.shows_point(now, camera, point, |captured, _| now.since(captured) <= flown))
+    }
+
+    /// Whether a place was in view within the last 3 s, or flown through at a time that counts.
+    fn shows_point(&self, now: Time, camera: &Camera, point: EnuPosition, counts: impl Fn(Time, Odometry) -> bool) -> bool {
+        self.0.iter().rev().any(|(captured, pose, odometry)| {
+            (pose.position.distance(point) <= OWN_PATH && counts(*captured, *odometry))
+                || (now.since(*captured) <= REMEMBERED && in_view(camera, pose, point))
         })
     }
+}
+
+/// Places along a straight path, without its beginning.
+fn points_on([from, to]: [EnuPosition; 2]) -> impl Iterator<Item = EnuPosition> {
+    let steps = libm::ceil(from.distance(to) / STRIDE).clamp(1.0, 1000.0) as u32;
+    (1..=steps).map(move |step| from.towards(to, f64::from(step) / f64::from(steps)))
 }
 
 fn in_view(camera: &Camera, pose: &Pose, point: EnuPosition) -> bool {
@@ -96,9 +114,34 @@ impl Pilot {
         self.is_beside_lost_target(at, climb).then_some("no vertical search move: the target was last seen beside the way there")
     }
 
-    /// Whether a straight path away from a person was flown within the last 40 s, or seen within the last 3 s.
+    /// Takes what a reply shows to be free.
+    pub(super) fn remember_free(&mut self, waiting: &Waiting, step: &Step) {
+        let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
+        let odometry = self.estimator.odometry_at(waiting.view.frame.captured);
+        self.shown.reply(waiting, &reply, odometry);
+    }
+
+    /// Whether a straight path away from a person is known to be free of what stands still: it was flown, or shown by a reply,
+    /// and the position has not drifted much since then; or it was in view within the last 3 s.
     pub(super) fn is_way_out(&self, now: Time, from: EnuPosition, to: EnuPosition) -> bool {
-        self.seen.shows(now, &self.camera, [from, to], FLOWN_BEFORE_PERSON)
+        let odometry = self.estimator.odometry_at(now);
+        let around = self.craft.radius + BODY_MARGIN;
+        let is_flown = |_, then: Odometry| is_same_place(then, odometry);
+        points_on([from, to])
+            .all(|point| self.seen.shows_point(now, &self.camera, point, is_flown) || self.shown.is_free(point, around, odometry))
+    }
+
+    /// A motion of the same length that leads away from what is ahead, straight back if possible, over what is known to be free.
+    fn way_back(&self, now: Time, primitives: Primitives) -> Option<Primitives> {
+        let pose = self.known_pose(now);
+        let length = primitives.forward;
+        let ways =
+            ASIDE.map(|off| Primitives { forward: length * libm::cos(off), right: -length * libm::sin(off), ..primitives });
+        ways.into_iter().find(|way| {
+            let heading = pose.attitude.heading + libm::atan2(way.right, way.forward);
+            let to = Direction { bearing: heading, elevation: 0.0 }.place(pose.position, libm::hypot(way.right, way.forward));
+            self.is_way_out(now, pose.position, to)
+        })
     }
 
     /// The part of a move that may be flown; `None` if nothing is left of it.
@@ -108,10 +151,13 @@ impl Pilot {
             let pose = self.known_pose(now);
             let to = Goal::of_primitives(pose, primitives).position;
             if !self.seen.shows(now, &self.camera, [pose.position, to], FLOWN) {
-                primitives.forward = 0.0;
-                self.note(Note::Limited(
-                    "no motion backwards: not flown through in the last 12 s, and no frame of the last 3 s shows it",
-                ));
+                let way = self.way_back(now, primitives).filter(|_| motion.then_rest && primitives.right == 0.0);
+                if way.is_none() {
+                    self.note(Note::Limited(
+                        "no motion backwards: not flown through in the last 12 s, and no frame of the last 3 s shows it",
+                    ));
+                }
+                primitives = way.unwrap_or(Primitives { forward: 0.0, ..primitives });
             }
         }
         let looks = motion.then_rest && primitives.forward == 0.0 && primitives.right == 0.0 && primitives.climb != 0.0;

@@ -66,6 +66,11 @@ pub enum Expected {
         /// Whether their track says so; if not, they were last seen there a moment ago.
         is_tracked: bool,
     },
+    /// Somebody who is followed has left the image.
+    Left {
+        /// Where they are thought to be: angle from the heading, radians clockwise.
+        off: f64,
+    },
 }
 
 /// Input of a policy.

@@ -396,7 +396,7 @@ impl Spf {
             Expected::Unknown => 0,
             Expected::InView { at, range } if !is_hidden(at, range, &reply.boxes) => MISSES_IN_VIEW,
             Expected::Followed { is_tracked: true, .. } => MISSES_IN_VIEW,
-            Expected::Followed { is_tracked: false, .. } => 0,
+            Expected::Followed { is_tracked: false, .. } | Expected::Left { .. } => 0,
             Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
         let waited_for = match open_query.view.expected {
@@ -443,7 +443,12 @@ impl Spf {
         let is_clear = |primitives: &Primitives| {
             primitives.climb == 0.0 || reported.iter().all(|report| report.clears(&pose, primitives.climb, clearance))
         };
-        let mut action = search.next_turning(look, reply.turn_deg.map(f64::to_radians), heading, way);
+        // Where somebody went who was followed, the track has shown.
+        let turn = match open_query.view.expected {
+            Expected::Left { off } => Some(off),
+            _ => reply.turn_deg.map(f64::to_radians),
+        };
+        let mut action = search.next_turning(look, turn, heading, way);
         // A climb or descent that is not clear is left out, and the search goes on turning. Its next action may be another
         // climb, but only one: the search climbs once between its turns.
         while let SearchAction::Look(primitives) = action

@@ -4,6 +4,7 @@ use super::*;
 use crate::frame::FrameId;
 use crate::policy::{Policy, PolicyEvent};
 use crate::primitives::Primitives;
+use crate::query::{QueryId, QueryKind};
 
 /// Flies moves one after the other, whatever the frames show; a refused one is over.
 struct Moves {
@@ -87,6 +88,32 @@ fn no_motion_goes_backwards_into_what_has_not_been_seen_or_flown_through() {
     // Away from the space just observed.
     let (flight, moved, _) = flown(Limits::default(), &[turn(170.0), forward(-1.5)], 10.0);
     assert!((moved - 1.5).abs() < 0.5 && limited(&flight) == 0, "{moved} m");
+}
+
+/// Straight back nothing is known; to the right, an earlier reply has shown that nothing is near.
+#[test]
+fn where_a_reply_has_shown_a_way_aside_the_craft_backs_off_there() {
+    let mut flight = Setup::preset(Preset::Default).policy(Moves::of(&[])).fly(|_, _| Answer::Never);
+    flight.until_phase(Phase::Flying);
+    flight.pass(1.0);
+    let (now, start) = (flight.now, flight.model.position);
+    let back = Move { primitives: forward(-1.0), anchor: None, then_rest: true, looks: false };
+    flight.pilot.begin_move(now, back);
+    flight.pass(3.0);
+    assert!(flight.model.position.distance(start) < 0.1 && limited(&flight) == 1);
+    let now = flight.now;
+    let mut view = flight.pilot.view.unwrap();
+    view.pose.attitude.heading += core::f64::consts::FRAC_PI_2;
+    let query = Box::new(Query::new(QueryId(1000), view.frame.id, QueryKind::point(true)));
+    let waiting = Waiting { query, view, queried_at: now, decided: false };
+    let target_box = Some(ImageBox { left: 0.45, top: 0.4, right: 0.55, bottom: 0.6 });
+    let reply = Reply { target_box, depth: Some(6), ..Reply::new(Status::Navigating) };
+    let odometry = flight.pilot.estimator.odometry_at(now);
+    flight.pilot.shown.reply(&waiting, &reply, odometry);
+    flight.pilot.begin_move(now, back);
+    flight.pass(3.0);
+    let end = flight.model.position;
+    assert!(end.east - start.east > 0.7 && end.north - start.north > -0.7, "{start:?} {end:?}");
 }
 
 /// A forward camera does not see what is below: where nothing measures the distance to it, only what was flown through, or

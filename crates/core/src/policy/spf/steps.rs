@@ -5,7 +5,7 @@ use super::{Boxes, OpenQuery, Spf, is_elsewhere, search_with};
 use crate::avoid::{self, Avoidance, BODY_MARGIN, MARKED, MIN_STEP, PlannedStep};
 use crate::detection;
 use crate::lift;
-use crate::policy::{Goto, Move, Step, View};
+use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::primitives::Primitives;
 use crate::query::ImagePoint;
 use crate::reply::{ObstacleBox, Reply, Status};
@@ -22,6 +22,8 @@ const BACK_OFF: f64 = 1.0;
 const IMAGE_EDGE: f64 = 0.02;
 /// Steps longer than the planned one whose path is compared with the boxes.
 const LONGER_STEPS: u32 = 8;
+/// Nearer than this multiple of the distance to keep, the craft is beside who is followed.
+const BESIDE: f64 = 1.6;
 /// Depth label up to which a person counts as standing in front: 4.6 m.
 const PERSON_IN_FRONT: u8 = 4;
 
@@ -94,6 +96,8 @@ impl Spf {
         let (before, mut turn) = (self.turned_first.take(), None);
         let mut free = None;
         let follows = self.follows(reply);
+        let stays = follows && reply.status == Status::Following;
+        let mut is_held = false;
         if open_query.boxes == Boxes::Skipped {
             let Some(open) = self.open_step(&view, reply, point, step) else { return self.needs_boxes() };
             step = open;
@@ -113,6 +117,8 @@ impl Spf {
                 avoid::avoid_with_guessed_ranges(&plan, clearance, &boxes, &unranged, reply.target.as_deref(), self.detour.keep);
             self.reading.avoidance = Some(outcome);
             match outcome {
+                // The craft stays with somebody whose track tells where they are: it comes no nearer, and goes on looking at them.
+                _ if outcome != Avoidance::Clear && self.is_beside_tracked(&view, reply) => (self.blocked, is_held) = (0, true),
                 Avoidance::Clear => {
                     self.blocked = 0;
                     self.aside.clear();
@@ -134,8 +140,7 @@ impl Spf {
                 Avoidance::Hold { .. } => return self.blocked(open_query, reply, point, label),
             }
             // A craft that follows turns to its target all the time.
-            let turns_anyway = follows && reply.status == Status::Following;
-            if !turns_anyway && avoid::leads_along_edge(&plan, waypoint, step, clearance) {
+            if !stays && avoid::leads_along_edge(&plan, waypoint, step, clearance) {
                 // A target at the very edge of the frame every time is flown to anyway.
                 let right = view.camera.ray(waypoint).right > 0.0;
                 turn = match before {
@@ -173,6 +178,11 @@ impl Spf {
             self.reading.primitives = Some(primitives);
             return Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false });
         }
+        if is_held {
+            primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
+            (self.reading.step, self.reading.displacement) = (None, None);
+            self.reading.actions.push("stays where it is: something else is in the way".to_owned());
+        }
         self.reading.primitives = Some(primitives);
         // An open direction is flown to its end.
         let motion = Move { primitives, anchor: Some(view.pose), then_rest: reply.status == Status::NotVisible, looks: false };
@@ -182,11 +192,12 @@ impl Spf {
         if !(follows || flies_to_place) {
             return Step::Move(motion);
         }
-        let is_detour = waypoint != point || self.reading.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
+        let is_clear = is_held || self.reading.avoidance.is_none_or(|outcome| outcome == Avoidance::Clear);
+        let is_detour = waypoint != point || !is_clear;
         let stage = reply.stage.unwrap_or(self.memory.stage);
         // Only now is the place known that of this target; of a reply that points elsewhere it is not known which one is wrong.
         self.misses = if is_elsewhere(&view, reply, point) { self.misses + 1 } else { 0 };
-        let clear = libm::hypot(primitives.forward, primitives.climb) * free.unwrap_or(step) / step;
+        let clear = if is_held { 0.0 } else { libm::hypot(primitives.forward, primitives.climb) * free.unwrap_or(step) / step };
         let goto = Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour, clear };
         if follows { Step::Follow(goto) } else { Step::Goto(goto) }
     }
@@ -197,6 +208,13 @@ impl Spf {
             && reply.target.as_deref().is_some_and(avoid::is_person)
             && reply.target_box.zip(reply.point).is_some_and(|(area, point)| area.contains(point) && !is_at_edge(point));
         self.guidance.track && reply.target_box.is_some() && (reply.status == Status::Following || to_person)
+    }
+
+    /// Whether the craft is beside somebody with whom it stays and whose track tells where they are: it does not need to get anywhere.
+    fn is_beside_tracked(&self, view: &View, reply: &Reply) -> bool {
+        let beside = BESIDE * self.settings.keep_m;
+        let is_tracked = matches!(view.expected, Expected::Followed { is_tracked: true, range, .. } if range < beside);
+        is_tracked && reply.status == Status::Following && self.follows(reply)
     }
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, goes around, or turns away.

@@ -438,3 +438,32 @@ fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
     spf.handle(PolicyEvent::Instruction("fly to the crane"));
     assert_eq!(told_from(&mut spf, &view, answer).0.marks.len(), 1);
 }
+
+/// Something in the way of somebody who is followed by their track keeps the craft where it is; it goes on looking at them.
+#[test]
+fn something_in_the_way_of_somebody_tracked_ends_no_following() {
+    let boxes = r#"[{"box":[300,0,1000,1000],"depth":1,"name":"hedge"}]"#;
+    let answer = format!(
+        r#"{{"target":"man","status":"following","target_box":[300,400,700,600],"point":[500,500],"depth":4,"boxes":{boxes}}}"#
+    );
+    let at = ImagePoint { u: 0.5, v: 0.5 };
+    let step = |is_tracked: bool| {
+        let mut spf = policy_by_reply(true).with_guidance(Guidance { track: true, ..Guidance::default() });
+        told_expecting(&mut spf, 0, Expected::Followed { at, range: 3.2, is_tracked }, &answer)
+    };
+    let Step::Follow(goto) = step(true) else { panic!("{:?}", step(true)) };
+    assert!(!goto.is_detour && goto.clear == 0.0 && goto.motion.primitives.forward == 0.0, "{goto:?}");
+    assert_eq!(step(false), Step::Look);
+}
+
+#[test]
+fn somebody_who_has_left_the_image_is_looked_for_where_they_went() {
+    let lost = r#"{"target":"man","status":"not_visible","look":"right"}"#;
+    let yaw = |expected: Expected| {
+        let mut spf = policy_by_reply(false).with_guidance(Guidance { track: true, ..Guidance::default() });
+        let Step::Move(motion) = told_expecting(&mut spf, 0, expected, lost) else { panic!() };
+        motion.primitives.yaw
+    };
+    assert_eq!(yaw(Expected::Left { off: -1.2 }), -1.2);
+    assert!(yaw(Expected::Unknown) > 0.0);
+}
