@@ -58,7 +58,9 @@ impl Stream {
         let (proxy, offered) = runtime.block_on(choose()).map_err(|error| ScreenError::Portal(error.to_string()))?;
         let (width, height) = offered.size;
         if !(1..=MOST).contains(&width) || !(1..=MOST).contains(&height) {
-            return Err(ScreenError::Portal(format!("a picture of {width}×{height}")));
+            return Err(ScreenError::Portal(format!(
+                "a picture of {width}×{height}, or of a size that the desktop does not tell"
+            )));
         }
         let mut program = Command::new("gst-launch-1.0")
             .args(["-q", "pipewiresrc", "fd=0", &format!("path={}", offered.node), "keepalive-time=100"])

@@ -75,7 +75,8 @@ brings the craft back. Nothing else keeps it from obstacles.
 
 Keys go to the profile's window alone, and only while it has the focus. Clicking on another window, and Ctrl-C, release them.
 
-Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, or nothing moved.")]
+Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, nothing moved, or an axis was not \
+measured (the file is written).")]
 pub(crate) struct ScreenCalibrate {
     /// Profile: a name that `spf screen list` shows, or the path of a file
     #[arg(value_name = "PROFILE")]

@@ -63,8 +63,10 @@ const AWAY_LOST: f64 = 0.5;
 const LOST_MARGIN: f64 = 1.0;
 /// The target's centre is kept within this fraction of half of the vertical field of view.
 const MIDDLE: f64 = 0.5;
-/// The same of a person at the distance to keep.
+/// The same of a person near the distance to keep.
 const UPRIGHT: f64 = 0.1;
+/// Within this many times the distance to keep.
+const UPRIGHT_WITHIN: f64 = 1.5;
 /// Fraction of the distance at which that must hold.
 const SOONER: f64 = 0.7;
 /// With a bearing error above this, the craft only turns, radians: 45°.
@@ -178,7 +180,7 @@ impl Follower {
         let readings = [stature, standing::by_ground(&self.camera, pose, area, FEET_TO_SURFACE)];
         self.label = if self.label.0 == range { (range, self.label.1 + 1) } else { (range, 1) };
         let then = self.history.iter().min_by_key(|kept| kept.at.since(captured).max(captured.since(kept.at))).copied();
-        let then = then.filter(|kept| kept.at.since(captured).max(captured.since(kept.at)) <= SURE);
+        let mut then = then.filter(|kept| kept.at.since(captured).max(captured.since(kept.at)) <= SURE);
         match (&mut self.filter, then) {
             (Some(filter), Some(then)) if wrap_angle(then.direction.bearing - direction.bearing).abs() < ELSEWHERE => {
                 // The same correction now as then: growth of the box and own motion connect the two.
@@ -187,6 +189,8 @@ impl Follower {
                 filter.range(pose.position, ln_range - then.log_range, variance);
             }
             _ => {
+                // Another place: what was known of the range before is that of another.
+                then = None;
                 let (ln_range, _) = fused((libm::log(range), LABEL_VARIANCE), &readings, libm::log(range));
                 self.filter = Some(Filter::new(captured, pose.position, direction, libm::exp(ln_range)));
                 self.history.clear();
@@ -326,7 +330,7 @@ impl Follower {
         };
         // Somewhat nearer, where the craft will be soon: there the target appears higher or lower.
         let mut climb = height((SOONER * distance).max(self.keep).min(distance), MIDDLE);
-        if climb == 0.0 && self.is_person {
+        if climb == 0.0 && self.is_person && distance < UPRIGHT_WITHIN * self.keep {
             climb = height(self.keep, UPRIGHT);
         }
         (CLIMB_GAIN * climb).clamp(-0.5 * craft.climb_speed, 0.5 * craft.climb_speed)

@@ -158,7 +158,9 @@ impl Pilot {
         // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is, unless
         // the reply sees something before them.
         let is_bounded = !self.following.stays || clear <= 0.0;
-        if is_bounded && setpoint.forward > 0.0 && from.distance(known.position) >= clear {
+        let off = wrap_angle(known.position.bearing_to(target.position) - known.attitude.heading);
+        let towards = setpoint.forward * libm::cos(off) + setpoint.right * libm::sin(off);
+        if is_bounded && towards > 1e-6 && from.distance(known.position) >= clear {
             return Setpoint { forward: 0.0, right: 0.0, ..setpoint };
         }
         setpoint

@@ -13,7 +13,7 @@ use crate::geometry::{EnuPosition, Pose};
 use crate::lift::{Lifting, project_displacement, range_of_label};
 use crate::odometry::Odometry;
 use crate::query::{ImageBox, QueryKind};
-use crate::reply::Reply;
+use crate::reply::{ObstacleBox, Reply};
 use crate::time::{Duration, Time};
 
 /// Replies are remembered for this long.
@@ -24,8 +24,12 @@ const SAME_PLACE: f64 = 0.3;
 const SIGHT: f64 = 8.0;
 /// Number of boxes from which on a list may leave out what is farther away.
 const FULL_LIST: usize = 8;
+/// Part of the body and the space around it that must lie within the image, from its middle on.
+const INSIDE: f64 = 0.5;
 /// A thing is at most this deep, metres.
 const DEEPEST: f64 = 3.0;
+/// Where a person was seen is taken for this long; after that they may have walked on.
+const STOOD: Duration = Duration::from_secs(15);
 
 /// Whether the position at one time can still be compared with that at a later one.
 pub(super) fn is_same_place(then: Odometry, now: Odometry) -> bool {
@@ -62,26 +66,26 @@ impl Thing {
 }
 
 impl View {
-    /// Whether a body with this much space around it is free at `place`, metres; `None` if the view does not show it.
-    fn is_free(&self, place: EnuPosition, around: f64) -> Option<bool> {
+    /// Whether a body with this much space around it is free at `place`, metres; `None` if the view does not show all of it.
+    fn is_free(&self, now: Time, place: EnuPosition, around: f64) -> Option<bool> {
         let ahead = self.pose.position.displacement_to(place, self.pose.attitude.heading);
         let range = ahead.length();
-        if range > self.reach {
-            return None;
-        }
-        let at =
-            project_displacement(ahead, &self.camera, self.pose.attitude, Lifting::Levelled).filter(|at| at.is_in_image())?;
+        let at = project_displacement(ahead, &self.camera, self.pose.attitude, Lifting::Levelled)?;
         let size = around / range.max(around);
         let aside = (size * self.camera.fx / f64::from(self.camera.width), size * self.camera.fy / f64::from(self.camera.height));
         let mut hides = false;
         for thing in self.boxes.iter().filter(|thing| range >= thing.nearest - around) {
-            if range > thing.farthest + around || thing.is_person {
+            let may_have_gone = thing.is_person && now.since(self.captured) > STOOD;
+            if range > thing.farthest + around || may_have_gone {
                 hides |= thing.covers(at.u, at.v, aside);
             } else if thing.covers(at.u, at.v, aside) {
                 return Some(false);
             }
         }
-        (!hides).then_some(true)
+        // What stands beside the image is in no list. Very near the camera a body never fits into the image; its middle half does.
+        let edge = (INSIDE * aside.0, INSIDE * aside.1);
+        let is_whole = (edge.0..=1.0 - edge.0).contains(&at.u) && (edge.1..=1.0 - edge.1).contains(&at.v);
+        (is_whole && range <= self.reach && !hides).then_some(true)
     }
 }
 
@@ -90,8 +94,9 @@ impl View {
 pub(super) struct Shown(VecDeque<View>);
 
 impl Shown {
-    /// Takes a reply, if its query asked for what is near.
-    pub(super) fn reply(&mut self, waiting: &Waiting, reply: &Reply, odometry: Odometry) {
+    /// Takes a reply, if its query asked for what is near: `listed` is what it names itself. Beside that its boxes may hold what earlier
+    /// ones named, which says nothing of how far this one goes.
+    pub(super) fn reply(&mut self, waiting: &Waiting, reply: &Reply, listed: &[ObstacleBox], odometry: Odometry) {
         let view = &waiting.view;
         let now = view.frame.captured;
         while self.0.front().is_some_and(|first| now.since(first.captured) > REMEMBERED) {
@@ -113,22 +118,28 @@ impl Shown {
                 Thing { area: found.area, nearest, farthest: farthest + wide.min(DEEPEST), is_person }
             })
             .collect();
-        let listed = || boxes.iter().map(|thing| thing.nearest);
+        let is_full = listed.len() >= FULL_LIST;
+        let farthest = listed
+            .iter()
+            .filter(|found| found.depth > 1)
+            .map(|found| range_of_label(f64::from(found.depth) - 0.5))
+            .fold(0.0, f64::max);
         let target = reply.target_box.and(reply.label()).map(|label| range_of_label(label - 0.5));
         let reach = match target {
-            Some(target) if boxes.len() < FULL_LIST => target,
-            Some(target) => listed().fold(0.0, f64::max).min(target),
+            Some(target) if !is_full => target,
+            Some(target) => farthest.min(target),
             // Everything nearer than the end of what is in view, if the list is not full; how far that is nobody has said.
-            None => listed().fold(0.0, f64::max),
+            None => farthest,
         };
         let reach = reach.min(SIGHT);
         self.0.push_back(View { captured: now, camera: view.camera, pose: view.pose, odometry, reach, boxes });
     }
 
-    /// Whether the newest reply that has shown a place has shown it to be free for a body with this much space around it, metres.
-    pub(super) fn is_free(&self, place: EnuPosition, around: f64, odometry: Odometry) -> bool {
+    /// Whether the newest reply that has shown a place has shown it to be free for a body with this much space around it, metres; `None`
+    /// if none has.
+    pub(super) fn is_free(&self, now: Time, place: EnuPosition, around: f64, odometry: Odometry) -> Option<bool> {
         let views = self.0.iter().rev().filter(|view| is_same_place(view.odometry, odometry));
-        views.filter_map(|view| view.is_free(place, around)).next().unwrap_or(false)
+        views.filter_map(|view| view.is_free(now, place, around)).next()
     }
 
     /// Forgets everything: the position has jumped.
@@ -143,7 +154,7 @@ mod tests {
     use crate::frame::{FrameId, FrameMeta};
     use crate::policy::Expected;
     use crate::query::{DepthAs, Query, QueryId, VerticalRoom};
-    use crate::reply::{ObstacleBox, Status};
+    use crate::reply::Status;
 
     /// A body of 0.2 m with 0.2 m around it.
     const AROUND: f64 = 0.4;
@@ -182,12 +193,16 @@ mod tests {
 
     fn shown(boxes: Vec<ObstacleBox>) -> Shown {
         let mut shown = Shown::default();
-        shown.reply(&waiting(true, 0.0), &reply(boxes), Odometry::default());
+        take(&mut shown, true, &reply(boxes));
         shown
     }
 
+    fn take(shown: &mut Shown, avoid: bool, reply: &Reply) {
+        shown.reply(&waiting(avoid, 0.0), reply, &reply.boxes, Odometry::default());
+    }
+
     fn is_free(shown: &Shown, at: EnuPosition) -> bool {
-        shown.is_free(at, AROUND, Odometry::default())
+        shown.is_free(Time::ZERO, at, AROUND, Odometry::default()) == Some(true)
     }
 
     #[test]
@@ -200,7 +215,7 @@ mod tests {
         }
         // A reply that was not asked what is near says nothing of it.
         let mut unasked = Shown::default();
-        unasked.reply(&waiting(false, 0.0), &reply(Vec::new()), Odometry::default());
+        take(&mut unasked, false, &reply(Vec::new()));
         assert!(!is_free(&unasked, place(0.0, 3.0)));
     }
 
@@ -214,9 +229,11 @@ mod tests {
         assert!(is_free(&known, place(0.8, 1.5)) && !is_free(&known, place(1.3, 2.8)), "before the lamp and in it");
         // Somebody walks on: what was hidden is not known, but a place where they stood may be free by another reply.
         let mut known = shown(Vec::new());
-        known.reply(&waiting(true, 0.0), &reply(vec![thing(0.4, 0.6, 2, "man")]), Odometry::default());
-        assert!(is_free(&known, place(0.0, 2.0)));
-        known.reply(&waiting(true, 0.0), &reply(vec![thing(0.4, 0.6, 2, "cupboard")]), Odometry::default());
+        take(&mut known, true, &reply(vec![thing(0.4, 0.6, 2, "man")]));
+        let after =
+            |known: &Shown, s: u64| known.is_free(Time::from_millis(1000 * s), place(0.0, 2.0), AROUND, Odometry::default());
+        assert_eq!((after(&known, 14), after(&known, 16)), (Some(false), Some(true)));
+        take(&mut known, true, &reply(vec![thing(0.4, 0.6, 2, "cupboard")]));
         assert!(!is_free(&known, place(0.0, 2.0)), "the newest reply counts");
     }
 
@@ -227,9 +244,17 @@ mod tests {
         // Without a target nobody says how far the list goes.
         let unseen = |boxes| {
             let mut shown = Shown::default();
-            shown.reply(&waiting(true, 0.0), &Reply { boxes, ..Reply::new(Status::NotVisible) }, Odometry::default());
+            take(&mut shown, true, &Reply { boxes, ..Reply::new(Status::NotVisible) });
             shown
         };
+        // What an earlier reply named does not tell how far this one goes, but is there.
+        let mut recalled = Shown::default();
+        let with = |depth: u8| Reply { boxes: vec![thing(0.4, 0.6, depth, "chair")], ..Reply::new(Status::NotVisible) };
+        recalled.reply(&waiting(true, 0.0), &with(5), &[], Odometry::default());
+        assert!(!is_free(&recalled, place(0.0, 1.0)));
+        let mut recalled = shown(Vec::new());
+        recalled.reply(&waiting(true, 0.0), &with(2), &[], Odometry::default());
+        assert_eq!(recalled.is_free(Time::ZERO, place(0.0, 2.0), AROUND, Odometry::default()), Some(false));
         assert!(!is_free(&unseen(Vec::new()), place(0.0, 1.0)));
         assert!(is_free(&unseen(vec![thing(0.0, 0.1, 4, "chair")]), place(0.0, 3.0)));
     }
@@ -237,8 +262,9 @@ mod tests {
     #[test]
     fn what_was_shown_counts_until_the_position_has_drifted() {
         let known = shown(Vec::new());
-        let drifted = |sd: f64| known.is_free(place(0.0, 3.0), AROUND, Odometry { horizontal: sd * sd, ..Odometry::default() });
-        assert!(drifted(0.25) && !drifted(0.35));
+        let drifted =
+            |sd: f64| known.is_free(Time::ZERO, place(0.0, 3.0), AROUND, Odometry { horizontal: sd * sd, ..Odometry::default() });
+        assert_eq!((drifted(0.25), drifted(0.35)), (Some(true), None));
         let mut known = known;
         known.clear();
         assert!(!is_free(&known, place(0.0, 3.0)));

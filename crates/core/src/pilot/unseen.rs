@@ -40,7 +40,7 @@ const OWN_PATH: f64 = 0.3;
 /// A motion back by less than this is a correction, metres.
 const BACK: f64 = 0.05;
 /// Directions away from what is ahead, radians from straight back.
-const ASIDE: [f64; 7] = [0.0, -FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
+const ASIDE: [f64; 6] = [-FRAC_PI_6, FRAC_PI_6, -FRAC_PI_3, FRAC_PI_3, -FRAC_PI_2, FRAC_PI_2];
 /// An obstacle of the map forbids a vertical search move if it is this near to its path or its end, metres beyond the body.
 const BESIDE: f64 = 0.5;
 const ABOVE: f64 = 0.3;
@@ -116,9 +116,10 @@ impl Pilot {
 
     /// Takes what a reply shows to be free.
     pub(super) fn remember_free(&mut self, waiting: &Waiting, step: &Step) {
-        let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
+        let reading = self.policy.reading();
+        let (Some(reply), Some(listed), false) = (reading.reply, reading.listed, matches!(step, Step::Reject(_))) else { return };
         let odometry = self.estimator.odometry_at(waiting.view.frame.captured);
-        self.shown.reply(waiting, &reply, odometry);
+        self.shown.reply(waiting, &reply, &listed, odometry);
     }
 
     /// Whether a straight path away from a person is known to be free of what stands still: it was flown, or shown by a reply,
@@ -127,11 +128,14 @@ impl Pilot {
         let odometry = self.estimator.odometry_at(now);
         let around = self.craft.radius + BODY_MARGIN;
         let is_flown = |_, then: Odometry| is_same_place(then, odometry);
-        points_on([from, to])
-            .all(|point| self.seen.shows_point(now, &self.camera, point, is_flown) || self.shown.is_free(point, around, odometry))
+        // What the newest reply that shows a place says of it comes before the rest.
+        points_on([from, to]).all(|point| {
+            let shown = self.shown.is_free(now, point, around, odometry);
+            shown.unwrap_or_else(|| self.seen.shows_point(now, &self.camera, point, is_flown))
+        })
     }
 
-    /// A motion of the same length that leads away from what is ahead, straight back if possible, over what is known to be free.
+    /// A motion of the same length that leads away from what is ahead, aside and back, over what is known to be free.
     fn way_back(&self, now: Time, primitives: Primitives) -> Option<Primitives> {
         let pose = self.known_pose(now);
         let length = primitives.forward;

@@ -23,7 +23,7 @@ use crate::geometry::{BodyDisplacement, Pose};
 use crate::monitor::Verdict;
 use crate::primitives::Primitives;
 use crate::query::{ImageBox, ImagePoint, Look, Query, QueryId, VerticalRoom};
-use crate::reply::Reply;
+use crate::reply::{ObstacleBox, Reply};
 
 /// A frame with the pilot's estimates for its capture time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -196,6 +196,9 @@ pub struct Goto {
 pub struct Reading {
     /// The parsed reply of a `Point` query.
     pub reply: Option<Reply>,
+    /// The obstacles as a reply lists them that was asked for what is near; those of `reply` may be more, of earlier ones.
+    #[serde(skip)]
+    pub listed: Option<Vec<ObstacleBox>>,
     /// The content of any other reply in words: text actions as commands and values, numbers chosen.
     pub actions: Vec<String>,
     /// The point flown to, which differs from the reply's if the path to it was blocked.

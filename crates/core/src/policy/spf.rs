@@ -321,6 +321,7 @@ impl Spf {
         let listed = open_query.boxes == Boxes::Skipped && !reply.boxes.is_empty();
         let open_query = if listed { OpenQuery { boxes: Boxes::Reply, ..open_query } } else { open_query };
         let has_boxes = open_query.boxes.are_known();
+        self.reading.listed = (open_query.boxes == Boxes::Reply).then(|| reply.boxes.clone());
         if self.settings.avoid && !self.guidance.is_off() {
             self.observe_persons(&open_query.view, &reply);
         }

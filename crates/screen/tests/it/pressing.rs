@@ -19,13 +19,13 @@ fn focus(hands: &mut Hands) {
 }
 
 /// A window of xev, which prints the events that it gets.
-struct Witness {
+pub(crate) struct Witness {
     said: Arc<Mutex<String>>,
     _program: Program,
 }
 
 impl Witness {
-    fn start(screen: &Screen) -> Self {
+    pub(crate) fn start(screen: &Screen) -> Self {
         let args = ["-oL", "xev", "-name", "spf witness", "-geometry", "300x200+50+50", "-event", "keyboard", "-event", "mouse"];
         let mut child = screen.command("stdbuf", &args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let said = printed(&mut child);
@@ -54,7 +54,7 @@ impl Witness {
         found
     }
 
-    fn waits_for(&self, what: &str, expected: &[(bool, &str)]) {
+    pub(crate) fn waits_for(&self, what: &str, expected: &[(bool, &str)]) {
         let deduplicated = || {
             // The server repeats a key that is held for long, with a release before each press.
             let mut keys: Vec<(bool, u8, String)> = Vec::new();

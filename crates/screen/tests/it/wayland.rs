@@ -10,6 +10,7 @@ use spf_screen::profile::Key;
 use spf_screen::{Eye, Hands, ScreenError, Target, WindowName};
 
 use crate::harness::{Program, Screen, Shop, look, pattern, wait};
+use crate::pressing::Witness;
 
 /// Debian's sway, xwayland, foot and x11-xserver-utils.
 const PROGRAMS: [&str; 5] = ["sway", "Xwayland", "swaymsg", "foot", "xhost"];
@@ -103,7 +104,22 @@ fn a_window_of_xwayland_is_seen_though_covered_and_gets_keys_with_the_focus_alon
     assert!(covered.image == image, "{:?}", covered.area);
     session.message(&["[title=\"A game\"]", "focus"]);
     wait("the focus again", || hands.has_focus().unwrap());
+    drop(hands);
+    // A window that says what it gets.
+    let witness = Witness::start(&screen);
+    let mut hands = Hands::open(&display, &"spf witness".into()).unwrap();
+    wait("the focus of the witness", || hands.activate().unwrap());
     hands.set(w, true).unwrap();
+    hands.set(w, false).unwrap();
+    witness.waits_for("a key", &[(true, "w"), (false, "w")]);
+    session.message(&["[title=\"a program of Wayland\"]", "focus"]);
+    wait("no focus", || !hands.has_focus().unwrap());
+    assert!(matches!(hands.set(w, true), Err(ScreenError::NoFocus)));
+    session.message(&["[title=\"spf witness\"]", "focus"]);
+    wait("the focus of the witness again", || hands.has_focus().unwrap());
+    hands.set(Key::named("d").unwrap(), true).unwrap();
+    drop(hands);
+    witness.waits_for("no key without the focus", &[(true, "w"), (false, "w"), (true, "d"), (false, "d")]);
     // What the screen shows is not known.
     let monitor = display.monitors().unwrap().remove(0).name;
     let refused = Eye::new(display, Target::Monitor { name: monitor }).look();

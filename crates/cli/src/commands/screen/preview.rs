@@ -38,9 +38,13 @@ pub(super) fn preview(args: &ScreenPreview, printer: &Printer) -> Result<Exit, C
     let mut pictures = Pictures::new(&masks);
     // What cannot be captured is said first.
     let can_be_seen = watch(&mut eye, &mut pictures, Duration::ZERO)?.image.is_some();
-    if can_be_seen && !args.overwrite && args.output.symlink_metadata().is_ok() {
-        return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
-            .hint("use --overwrite to replace it, or another file with -o FILE"));
+    let refuse_to_replace = || match !args.overwrite && args.output.symlink_metadata().is_ok() {
+        true => Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
+            .hint("use --overwrite to replace it, or another file with -o FILE")),
+        false => Ok(()),
+    };
+    if can_be_seen {
+        refuse_to_replace()?;
     }
     let watched = watch(&mut eye, &mut pictures, Duration::from_secs_f64(args.seconds))?;
     let Some(image) = &watched.image else {
@@ -73,6 +77,7 @@ pub(super) fn preview(args: &ScreenPreview, printer: &Printer) -> Result<Exit, C
         let why = watched.hidden.map_or_else(String::new, |hidden| format!(" ({hidden})"));
         rows.push(row("not seen", format!("{} times{why}", watched.unseen)));
     }
+    refuse_to_replace()?;
     rows.push(row("file", args.output.display().to_string()));
     printer.result(&table(&rows));
     let jpeg = Jpeg::encode(image, QUALITY).map_err(|error| CliError::internal("cannot encode the picture").because(&error))?;

@@ -109,7 +109,7 @@ fn where_a_reply_has_shown_a_way_aside_the_craft_backs_off_there() {
     let target_box = Some(ImageBox { left: 0.45, top: 0.4, right: 0.55, bottom: 0.6 });
     let reply = Reply { target_box, depth: Some(6), ..Reply::new(Status::Navigating) };
     let odometry = flight.pilot.estimator.odometry_at(now);
-    flight.pilot.shown.reply(&waiting, &reply, odometry);
+    flight.pilot.shown.reply(&waiting, &reply, &reply.boxes, odometry);
     flight.pilot.begin_move(now, back);
     flight.pass(3.0);
     let end = flight.model.position;
