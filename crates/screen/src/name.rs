@@ -15,10 +15,16 @@ pub struct WindowName {
 }
 
 impl WindowName {
+    /// Whether nothing is known, as of a window that a portal shows.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.title.is_none() && self.class.is_none()
+    }
+
     /// Whether a window has the name.
     #[must_use]
     pub fn is_of(&self, window: &Window) -> bool {
-        if *self == Self::default() {
+        if self.is_none() {
             return false;
         }
         let has_title = self.title.as_ref().is_none_or(|title| window.title.contains(title));

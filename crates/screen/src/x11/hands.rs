@@ -62,11 +62,8 @@ impl Hands {
         if display.0.connection.extension_information(X11_EXTENSION_NAME)?.is_none() {
             return Err(ScreenError::Lacks("extension XTEST, which presses keys"));
         }
-        let window = if *name == WindowName::default() {
-            None
-        } else {
-            Some(display.find(name)?.ok_or_else(|| ScreenError::NoWindow(name.clone()))?)
-        };
+        let window =
+            if name.is_none() { None } else { Some(display.find(name)?.ok_or_else(|| ScreenError::NoWindow(name.clone()))?) };
         let symbols = layout(&display.0.connection)?;
         Ok(Self { display, name: name.clone(), window, symbols, held: Vec::new(), gamepad: None })
     }
@@ -201,7 +198,7 @@ impl Hands {
     }
 
     /// Does something if the window has the focus, which no other program can take before it is done: what they ask of the server
-    /// waits meanwhile, for two replies of the server.
+    /// waits meanwhile, for as many replies of the server as [`has_focus`](Self::has_focus) needs.
     fn with_focus(&mut self, act: impl FnOnce(&mut Self) -> Result<(), ScreenError>) -> Result<(), ScreenError> {
         if self.window.is_none() {
             return Err(ScreenError::NoFocus);

@@ -38,10 +38,12 @@ pub(super) fn preview(args: &ScreenPreview, printer: &Printer) -> Result<Exit, C
     let mut pictures = Pictures::new(&masks);
     // What cannot be captured is said first.
     let can_be_seen = watch(&mut eye, &mut pictures, Duration::ZERO)?.image.is_some();
-    let refuse_to_replace = || match !args.overwrite && args.output.symlink_metadata().is_ok() {
-        true => Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
-            .hint("use --overwrite to replace it, or another file with -o FILE")),
-        false => Ok(()),
+    let refuse_to_replace = || {
+        if args.overwrite || args.output.symlink_metadata().is_err() {
+            return Ok(());
+        }
+        Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
+            .hint("use --overwrite to replace it, or another file with -o FILE"))
     };
     if can_be_seen {
         refuse_to_replace()?;
@@ -77,6 +79,7 @@ pub(super) fn preview(args: &ScreenPreview, printer: &Printer) -> Result<Exit, C
         let why = watched.hidden.map_or_else(String::new, |hidden| format!(" ({hidden})"));
         rows.push(row("not seen", format!("{} times{why}", watched.unseen)));
     }
+    // It may have been made meanwhile.
     refuse_to_replace()?;
     rows.push(row("file", args.output.display().to_string()));
     printer.result(&table(&rows));
