@@ -27,7 +27,9 @@ fn python() -> Option<PathBuf> {
         Err(_) => false,
     };
     let made = ran(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&place))
-        && ran(Command::new(&python).args(["-m", "pip", "install", "-q", "-r"]).arg(here.join("requirements.txt")));
+        && ran(Command::new(&python)
+            .args(["-m", "pip", "install", "-q", "--no-compile", "-r"])
+            .arg(here.join("requirements.txt")));
     if !made {
         skip("python3 with the packages of tests/it/gltf/requirements.txt");
         return None;

@@ -23,7 +23,9 @@ pub(crate) fn with(packages: &[&str]) -> Option<PathBuf> {
     let marker = folder.join("complete");
     if !marker.exists() {
         let made = message(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder).output())
-            .and_then(|()| message(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages).output()))
+            .and_then(|()| {
+                message(Command::new(&python).args(["-m", "pip", "install", "--quiet", "--no-compile"]).args(packages).output())
+            })
             .and_then(|()| std::fs::write(&marker, "").map_err(|error| error.to_string()));
         if let Err(why) = made {
             skip(&format!("Python with {} ({why})", packages.join(", ")));
