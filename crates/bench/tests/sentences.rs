@@ -17,9 +17,9 @@ use spf_core::command::Setpoint;
 use spf_core::envelope::Limits;
 use spf_core::geometry::{Pose, wrap_angle};
 use spf_core::grounding::GroundingProfile;
-use spf_core::lift::range_of_label;
+use spf_core::lift::{CameraDisplacement, Lifting, lift, range_of_label};
 use spf_core::pilot::{Action, Decision, Event, Note, OperatorEvent, Pilot, PilotSettings, Preset};
-use spf_core::query::{DepthAs, QueryId, QueryKind};
+use spf_core::query::{DepthAs, ImagePoint, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Time, duration_from_secs};
@@ -134,7 +134,7 @@ impl Reader {
             return same("stage", stage, &stages.next_back().unwrap_or(1).to_string());
         }
         if let Some(text) = line.strip_prefix("Stage ") {
-            return self.finished(text);
+            return self.finished(text, decision);
         }
         if let Some(text) = line.strip_prefix("You last pointed at the target ") {
             return self.pointed_last(text, decision);
@@ -162,7 +162,7 @@ impl Reader {
         self.past.len().checked_sub(ago).filter(|_| ago > 0).ok_or_else(|| format!("there was no answer {ago} ago"))
     }
 
-    fn finished(&self, text: &str) -> Result<&'static str, String> {
+    fn finished(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
         let (stage, rest) = text.split_once(" ended with your answer ").ok_or("unknown sentence")?;
         let (ago, target) = rest.split_once(" ago").ok_or("unknown sentence")?;
         let at = self.back(number_of(ago)?)?;
@@ -171,17 +171,73 @@ impl Reader {
         if stage != before.to_string() || after <= before {
             return Err(format!("that answer went from stage {before} to {after}"));
         }
+        // Since the stage began.
+        let began = self.past[..at].iter().rposition(|past| past.reply.stage.is_some_and(|s| s < before)).map_or(0, |i| i + 1);
+        let (target, place) = target.split_once(" That target is now about ").map_or((target, None), |(a, b)| (a, Some(b)));
+        if let Some(place) = place {
+            self.whereabouts(place, began..at, decision)?;
+        }
         let named = between(target, ", target \"", "\".");
         if let Some(named) = named {
-            // Since the stage began.
-            let began =
-                self.past[..at].iter().rposition(|past| past.reply.stage.is_some_and(|s| s < before)).map_or(0, |i| i + 1);
             let known = self.past[began..at].iter().any(|past| past.reply.target.as_deref() == Some(named));
             if !known {
                 return Err("another target".to_owned());
             }
         }
         Ok("finished")
+    }
+
+    /// Where the target of an ended stage is, by the last answer of that stage that pointed at it.
+    fn whereabouts(&self, text: &str, stage: core::ops::Range<usize>, decision: &Decision) -> Result<(), String> {
+        let pointed =
+            self.past[stage].iter().rev().find(|past| past.reply.point.is_some() && past.reply.status.leads_to_a_point());
+        let past = pointed.ok_or("that stage pointed at nothing")?;
+        let camera = self.camera.ok_or("no camera")?;
+        let area = past.reply.target_box.ok_or("no box")?;
+        let ray = camera.ray(ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) });
+        let stated = past.reply.range_m.unwrap_or_else(|| match past.reply.depth {
+            Some(depth @ 2..) => range_of_label(f64::from(depth)),
+            _ => 0.7,
+        });
+        let scale = stated / libm::sqrt(1.0 + ray.right * ray.right + ray.up * ray.up);
+        let straight = CameraDisplacement { right: ray.right * scale, forward: scale, up: ray.up * scale };
+        let from = past.pose;
+        let at = from.position.displaced(lift(straight, &camera, from.attitude, Lifting::Levelled), from.attitude.heading);
+        let now = decision.pose;
+        let (range, place) = text.strip_suffix('.').and_then(|text| text.split_once(" m away, ")).ok_or("unknown end")?;
+        metres_are(range, now.position.distance(at))?;
+        let ahead = now.position.displacement_to(at, now.attitude.heading);
+        let bearing = libm::atan2(ahead.right, ahead.forward).to_degrees();
+        let Some(direction) = place.strip_prefix("outside this image, ") else {
+            let numbers = between(place, "in the box [", "]").ok_or("no box")?.split(", ").map(str::parse::<i32>);
+            let [top, left, bottom, right] = numbers.collect::<Result<Vec<_>, _>>().map_err(|_| "no numbers")?[..] else {
+                return Err("not four numbers".to_owned());
+            };
+            let is_box = 0 <= left && left < right && right <= 1000 && 0 <= top && top < bottom && bottom <= 1000;
+            // The box of what reaches into the image from the side begins or ends at the edge.
+            let is_aside = bearing.abs() > camera.half_fov().0.to_degrees();
+            let reaches_in = if bearing > 0.0 { right == 1000 } else { left == 0 };
+            return if is_box && (!is_aside || reaches_in) { Ok(()) } else { Err(format!("it is {bearing:.0}° off")) };
+        };
+        let elevation = libm::atan2(ahead.up, libm::hypot(ahead.right, ahead.forward)).to_degrees();
+        let (direction, slope) = direction
+            .split_once(" straight ahead, ")
+            .map_or((direction, None), |(_, slope)| (&direction[..direction.len() - slope.len() - ", ".len()], Some(slope)));
+        match slope {
+            Some(slope) => {
+                let (degrees, side) =
+                    slope.strip_suffix(" the horizon").and_then(|slope| slope.split_once("° ")).ok_or("no slope")?;
+                same("slope", side, if elevation < 0.0 { "below" } else { "above" })?;
+                same("slope", degrees, &format!("{}", elevation.abs().round()))?;
+            }
+            None if elevation.abs() >= 15.0 => return Err(format!("it is {elevation:.0}° above the horizon")),
+            None => {}
+        }
+        if direction == "straight ahead" {
+            return if bearing.abs() < 2.0 { Ok(()) } else { Err(format!("{bearing:.1}° off")) };
+        }
+        let (turn, side) = direction.split_once(" to the ").ok_or("unknown end")?;
+        turn_is(&format!("{turn} {}", side.strip_suffix(" of straight ahead").ok_or("unknown end")?), bearing, 360.0)
     }
 
     fn answer(&self, ago: usize, text: &str, decision: &Decision) -> Result<&'static str, String> {

@@ -2,7 +2,9 @@
 
 mod memory;
 
-pub use memory::{Detour, DetourKind, FinishedStage, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said, VerticalRoom};
+pub use memory::{
+    Detour, DetourKind, FinishedPlace, FinishedStage, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said, VerticalRoom,
+};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -19,8 +19,13 @@ impl Sighting {
     /// The panel behind `area` in the frame taken at `pose`, with this depth label.
     #[must_use]
     pub fn new(camera: &Camera, pose: Pose, area: ImageBox, depth: u8) -> Self {
+        Self::at_range(camera, pose, area, range_of_label(f64::from(depth)))
+    }
+
+    /// The same at a range, metres.
+    #[must_use]
+    pub fn at_range(camera: &Camera, pose: Pose, area: ImageBox, range: f64) -> Self {
         let ImageBox { left, top, right, bottom } = area;
-        let range = range_of_label(f64::from(depth));
         let at = |u: f64, v: f64| {
             let ray = camera.ray(ImagePoint { u, v });
             let scale = range / libm::sqrt(1.0 + ray.right * ray.right + ray.up * ray.up);

@@ -3,12 +3,14 @@
 
 use crate::grounding::GroundingProfile;
 use crate::lift::range_of_label;
-use crate::query::{DetourKind, Look, LostTarget, Memory, PastAnswer, Said};
+use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, PastAnswer, Said};
 use crate::reply::one_line;
 
 /// Motions below this are not mentioned, metres and degrees.
 const WORTH_TELLING_M: f64 = 0.1;
 const WORTH_TELLING_DEG: f64 = 2.0;
+/// Something less far above or below the horizon counts as level, degrees.
+const WORTH_TELLING_SLOPE_DEG: f64 = 15.0;
 /// A climb below this is not distinguished from the motion, metres.
 const WORTH_TELLING_CLIMB_M: f64 = 0.3;
 
@@ -17,7 +19,8 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
     let mut lines = vec![format!("Stage {} is being worked on.", memory.stage.max(1))];
     for finished in &memory.finished {
         let target = finished.target.as_deref().map_or(String::new(), |target| format!(", target {}", quoted(target)));
-        lines.push(format!("Stage {} ended with your answer {}{target}.", finished.stage, ago(finished.answers_ago)));
+        let place = finished.place.as_ref().map_or(String::new(), |place| whereabouts(place, profile));
+        lines.push(format!("Stage {} ended with your answer {}{target}.{place}", finished.stage, ago(finished.answers_ago)));
     }
     let count = memory.answers.len() as u32;
     lines.extend((1..=count).rev().zip(&memory.answers).map(|(number, past)| answer(number, past, profile)));
@@ -118,14 +121,29 @@ fn lost(lost: &LostTarget) -> String {
     if lost.turned_deg.abs() >= WORTH_TELLING_DEG {
         text.push_str(&format!(" Since then the drone has turned {} {}.", degrees(lost.turned_deg), side(lost.turned_deg)));
     }
-    let where_now = if lost.bearing_deg.abs() < WORTH_TELLING_DEG {
-        "straight ahead".to_owned()
-    } else {
-        format!("{} to the {} of straight ahead", degrees(lost.bearing_deg), side(lost.bearing_deg))
-    };
+    let where_now = direction(lost.bearing_deg);
     let shown = if lost.in_frame { "in this image's width" } else { "outside this image" };
     text.push_str(&format!(" The direction you pointed in is now {where_now}, {shown}."));
     text
+}
+
+/// Where the target of an ended stage is.
+fn whereabouts(place: &FinishedPlace, profile: &GroundingProfile) -> String {
+    let range = metres(place.range_m);
+    match place.area {
+        Some(area) => {
+            let area = profile.area_numbers(area).map(|number| number.to_string()).join(", ");
+            format!(" That target is now about {range} m away, in the box [{area}].")
+        }
+        None => {
+            let elevation = place.elevation_deg;
+            let slope = match elevation.abs() >= WORTH_TELLING_SLOPE_DEG {
+                true => format!(", {} {} the horizon", degrees(elevation), if elevation < 0.0 { "below" } else { "above" }),
+                false => String::new(),
+            };
+            format!(" That target is now about {range} m away, outside this image, {}{slope}.", direction(place.bearing_deg))
+        }
+    }
 }
 
 /// How long ago an answer was, of which the last one has number 1.
@@ -133,6 +151,14 @@ fn ago(number: u32) -> String {
     match number {
         0 | 1 => "1 answer ago".to_owned(),
         number => format!("{number} answers ago"),
+    }
+}
+
+fn direction(bearing: f64) -> String {
+    if bearing.abs() < WORTH_TELLING_DEG {
+        "straight ahead".to_owned()
+    } else {
+        format!("{} to the {} of straight ahead", degrees(bearing), side(bearing))
     }
 }
 

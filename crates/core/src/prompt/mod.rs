@@ -226,7 +226,9 @@ mod tests {
     use super::*;
     use crate::frame::FrameId;
     use crate::grounding::{AxisOrder, Scale};
-    use crate::query::{Detour, DetourKind, FinishedStage, Look, LostTarget, PastAnswer, QueryId, Said, VerticalRoom};
+    use crate::query::{
+        Detour, DetourKind, FinishedPlace, FinishedStage, ImageBox, Look, LostTarget, PastAnswer, QueryId, Said, VerticalRoom,
+    };
     use crate::reply::parse_reply;
 
     fn input<'a>(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile, avoid: bool) -> PromptInput<'a> {
@@ -266,6 +268,13 @@ mod tests {
             turned_deg: -71.8,
             ..pointed.clone()
         };
+        let ended = |target: &str, area: Option<ImageBox>| FinishedStage {
+            stage: 1,
+            answers_ago: 4,
+            target: Some(target.to_owned()),
+            place: Some(FinishedPlace { area, bearing_deg: -124.0, elevation_deg: -31.0, range_m: 2.04 }),
+        };
+        let area = ImageBox { left: 0.25, top: 0.5, right: 0.5, bottom: 1.0 };
         let memory = Memory {
             stage: 2,
             answers: vec![pointed, unseen],
@@ -276,7 +285,7 @@ mod tests {
                 in_frame: false,
                 turned_deg: -60.0,
             }),
-            finished: vec![FinishedStage { stage: 1, answers_ago: 4, target: Some("the gate".to_owned()) }],
+            finished: vec![ended("the gate", None), ended("the door", Some(area))],
             refused: Some("lacked boxes".to_owned()),
             room: Some(VerticalRoom { height: 3.12, down: 2.3, up: 26.4 }),
             confirming: true,
@@ -286,7 +295,8 @@ mod tests {
         let text = point_prompt(&input("go", &memory, &profile, true));
         let told = r#"
 Stage 2 is being worked on.
-Stage 1 ended with your answer 4 answers ago, target "the gate".
+Stage 1 ended with your answer 4 answers ago, target "the gate". That target is now about 2 m away, outside this image, 124° to the left of straight ahead, 31° below the horizon.
+Stage 1 ended with your answer 4 answers ago, target "the door". That target is now about 2 m away, in the box [160, 240, 320, 480].
 2 answers ago: you pointed at "the 'red' crane" at [160, 240], depth 6; 4 m planned; dodged to the right because of "person", about 1.7 m away; then 2.1 m flown (0.4 m down), 12° turned right.
 1 answer ago: you did not see the target; then 72° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. The direction you pointed in is now 64° to the right of straight ahead, outside this image.

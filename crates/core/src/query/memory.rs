@@ -149,6 +149,25 @@ pub struct FinishedStage {
     /// The last target named while it was worked on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
+    /// Where that target is now; `None` if no answer of that stage pointed at it, if it is a person, who may have walked on, or if
+    /// the craft has flown too far since to tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place: Option<FinishedPlace>,
+}
+
+/// Where the target of an earlier stage is, as seen from where the query's frame was taken. It is reckoned from the last answer that
+/// pointed at it, and from the motion since.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct FinishedPlace {
+    /// Its box in the query's image; `None` if it lies outside.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub area: Option<ImageBox>,
+    /// Its direction, degrees right of straight ahead, within ±180.
+    pub bearing_deg: f64,
+    /// The same above the horizon, degrees, within ±90.
+    pub elevation_deg: f64,
+    /// Its distance, metres.
+    pub range_m: f64,
 }
 
 /// Height, and how far the craft may climb and sink.

@@ -3,15 +3,27 @@
 
 use std::collections::VecDeque;
 
-use crate::avoid::Avoidance;
+use crate::avoid::{self, Avoidance};
 use crate::camera::Camera;
 use crate::geometry::{Pose, wrap_angle};
+use crate::lift::range_of_label;
 use crate::policy::{Reading, View};
-use crate::query::{Detour, DetourKind, FinishedStage, Look, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said};
+use crate::query::{
+    Detour, DetourKind, FinishedPlace, FinishedStage, Look, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said,
+};
 use crate::reply::{ObstacleBox, Reply, Status};
 
 /// Beyond this angle, radians, two frames do not tell whether the turn between them was left or right.
 const HALF_TURN: f64 = 0.9 * core::f64::consts::PI;
+
+/// Range of what has the lowest depth label, metres: the label covers everything up to 1.3 m.
+const NEAREST: f64 = 0.7;
+/// Drift of the position per metre flown.
+const DRIFT: f64 = 0.05;
+/// A place is told while the drift since is below this, metres …
+const DRIFT_MOST: f64 = 0.3;
+/// … or below this part of the distance to it.
+const DRIFT_PART: f64 = 0.25;
 
 /// The events of a flight.
 #[derive(Clone, Debug, Default)]
@@ -21,13 +33,66 @@ pub(super) struct History {
     /// Number of usable answers.
     count: u32,
     sighting: Option<Sighting>,
-    finished: VecDeque<(u32, u32, Option<String>)>,
+    finished: VecDeque<Finished>,
     /// The last target named in the current stage.
     target: Option<String>,
+    /// Where the target of the current stage was last pointed at.
+    place: Option<Place>,
+    /// Path from frame to frame of the answers, metres.
+    flown: f64,
     /// Yaw of the last planned motion, radians.
     yaw: f64,
     /// Turned since the first answer, radians.
     turned: f64,
+}
+
+/// A stage that an answer has left behind.
+#[derive(Clone, Debug)]
+struct Finished {
+    stage: u32,
+    /// Number of that answer.
+    answer: u32,
+    target: Option<String>,
+    place: Option<Place>,
+}
+
+/// Where a target is in the world.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    panel: avoid::Sighting,
+    /// Metres flown when it was pointed at.
+    flown: f64,
+}
+
+impl Place {
+    /// What the reply's box shows, if it holds the point: a point beside, above or behind something is no place of it. None for a
+    /// person, who may walk on.
+    fn new(view: &View, reply: &Reply, flown: f64) -> Option<Self> {
+        let area = reply.target_box.filter(|area| reply.point.is_some_and(|point| area.contains(point)))?;
+        if reply.target.as_deref().is_none_or(avoid::is_person) {
+            return None;
+        }
+        let range = match (reply.range_m, reply.depth?) {
+            (Some(range), _) => range,
+            (None, 0 | 1) => NEAREST,
+            (None, label) => range_of_label(f64::from(label)),
+        };
+        Some(Self { panel: avoid::Sighting::at_range(&view.camera, view.pose, area, range), flown })
+    }
+
+    /// As seen from `view`; `None` if the craft has flown too far to tell.
+    fn seen_from(&self, view: &View, flown: f64) -> Option<FinishedPlace> {
+        let at = self.panel.middle();
+        let range_m = view.pose.position.distance(at);
+        let drift = DRIFT * (flown - self.flown).max(0.0);
+        let ahead = view.pose.position.displacement_to(at, view.pose.attitude.heading);
+        (drift <= DRIFT_MOST || drift <= DRIFT_PART * range_m).then(|| FinishedPlace {
+            area: self.panel.seen_from(&view.camera, view.pose).map(|(area, _)| area),
+            bearing_deg: libm::atan2(ahead.right, ahead.forward).to_degrees(),
+            elevation_deg: libm::atan2(ahead.up, libm::hypot(ahead.right, ahead.forward)).to_degrees(),
+            range_m,
+        })
+    }
 }
 
 /// The last time that the target was pointed at.
@@ -57,11 +122,12 @@ impl History {
         };
         if let Some(next) = reply.stage {
             if next > stage.max(1) {
-                self.finished.push_back((stage.max(1), self.count, self.target.take()));
+                let (target, place) = (self.target.take(), self.place.take());
+                self.finished.push_back(Finished { stage: stage.max(1), answer: self.count, target, place });
             } else if next < stage {
                 // It has gone back: what it thought finished is not.
-                self.finished.retain(|(finished, ..)| *finished < next);
-                self.target = None;
+                self.finished.retain(|finished| finished.stage < next);
+                (self.target, self.place) = (None, None);
             }
             while self.finished.len() > REMEMBERED_ANSWERS {
                 self.finished.pop_front();
@@ -72,6 +138,7 @@ impl History {
         }
         match (said, reply.point) {
             (Said::Pointed, Some(point)) => {
+                self.place = Place::new(view, reply, self.flown);
                 let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(point).right);
                 self.sighting = Some(Sighting { answer: self.count, bearing, turned: 0.0, lost: None });
             }
@@ -124,7 +191,9 @@ impl History {
         }
         let before = past.turned_deg.to_radians();
         self.turned += turned - before;
+        self.flown -= past.moved_m;
         past.moved_m = from.position.distance(pose.position);
+        self.flown += past.moved_m;
         past.climbed_m = pose.position.up - from.position.up;
         past.turned_deg = turned.to_degrees();
         if let Some(sighting) = &mut self.sighting {
@@ -137,10 +206,13 @@ impl History {
         self.moved_to(view.pose);
         memory.answers = self.answers.iter().map(|(past, _)| past.clone()).collect();
         let ago = |answer: u32| self.count + 1 - answer;
-        let finished = self.finished.iter();
-        memory.finished = finished
-            .map(|(stage, answer, target)| FinishedStage { stage: *stage, answers_ago: ago(*answer), target: target.clone() })
-            .collect();
+        let finished = |Finished { stage, answer, target, place }: &Finished| FinishedStage {
+            stage: *stage,
+            answers_ago: ago(*answer),
+            target: target.clone(),
+            place: place.and_then(|place| place.seen_from(view, self.flown)),
+        };
+        memory.finished = self.finished.iter().map(finished).collect();
         memory.lost = self.sighting.and_then(|sighting| {
             let left_on = sighting.lost?;
             let bearing = wrap_angle(sighting.bearing - view.pose.attitude.heading);

@@ -1,9 +1,10 @@
-//! The obstacles that replies reported in the last seconds: what a climb or a descent must not meet.
+//! The obstacles that replies reported in the last seconds, or nearby: what a climb or a descent must not meet.
 
 use super::Spf;
 use crate::avoid::{self, is_person};
 use crate::geometry::{EnuPosition, Pose};
 use crate::policy::View;
+use crate::query::ImageBox;
 use crate::reply::ObstacleBox;
 use crate::time::Duration;
 
@@ -11,6 +12,11 @@ use crate::time::Duration;
 /// whatever else there is, which may leave the view long before the craft climbs beside it.
 const PERSON_REPORTED: Duration = Duration::from_secs(3);
 const REPORTED: Duration = Duration::from_secs(10);
+/// What reaches beyond the upper edge of an image may hang over where the image was taken. However old it is, it counts until the
+/// craft is this far from there, metres.
+const OVERHEAD: f64 = 2.5;
+/// Most reports that are kept.
+const REPORTS: usize = 32;
 
 /// The obstacles that were reported in a view; none outside obstacle mode.
 #[derive(Clone, Debug)]
@@ -51,8 +57,16 @@ impl Spf {
             if report.view.frame.captured + PERSON_REPORTED < now {
                 report.boxes.retain(|obstacle| !is_person(&obstacle.name));
             }
-            report.view.frame.captured + REPORTED >= now
+            if report.view.frame.captured + REPORTED < now {
+                let away = report.view.pose.position.distance(view.pose.position);
+                report.boxes.retain(|obstacle| obstacle.area.top < ImageBox::CUT && away < OVERHEAD);
+                return !report.boxes.is_empty();
+            }
+            true
         });
+        if self.reported.len() >= REPORTS {
+            self.reported.remove(0);
+        }
         self.reported.push(Report { view: *view, boxes: boxes.to_vec() });
     }
 }

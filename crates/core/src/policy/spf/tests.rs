@@ -4,10 +4,10 @@ use super::*;
 use crate::avoid::Avoidance;
 use crate::camera::Camera;
 use crate::frame::{FrameId, FrameMeta};
-use crate::geometry::Pose;
+use crate::geometry::{Attitude, EnuPosition, Pose};
 use crate::lift::label_of_range;
 use crate::query::VerticalRoom;
-use crate::time::Time;
+use crate::time::{Duration, Time};
 
 const CAR_AHEAD: &str = "car_1 x:0.5 y:0.5 width:0.1 height:0.2 score:0.8";
 
@@ -223,6 +223,34 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
     assert!(spf.reading().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading().actions);
 }
 
+/// What a forward camera has seen overhead hangs there for as long as the craft stays below it.
+#[test]
+fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
+    let climb_after = |seconds: u64, north: f64, name: &str| {
+        let mut spf = Spf::new(settings(true));
+        spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+        let at = |seconds: u64, north: f64| {
+            let mut view = view(seconds);
+            view.frame.captured = Time::ZERO + Duration::from_secs(seconds);
+            view.pose.position.north = north;
+            view
+        };
+        let pointing =
+            |boxes: &str| format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
+        told_from(&mut spf, &at(0, 0.0), &pointing(&format!(r#"{{"box":[0,0,300,1000],"depth":1,"name":"{name}"}}"#)));
+        let wall = pointing(r#"{"box":[30,0,1000,1000],"depth":1,"name":"wall"}"#);
+        (0..3).find_map(|i| match told_from(&mut spf, &at(seconds + i, north), &wall).1 {
+            Step::Move(Move { primitives, .. }) => Some(primitives.climb),
+            _ => None,
+        })
+    };
+    assert_eq!(climb_after(5, 0.0, "parasol"), Some(0.0));
+    assert_eq!(climb_after(60, 0.5, "parasol"), Some(0.0));
+    assert_eq!(climb_after(60, 3.0, "parasol"), Some(1.0));
+    // Somebody walks on.
+    assert_eq!(climb_after(60, 0.5, "woman"), Some(1.0));
+}
+
 #[test]
 fn who_is_followed_is_flown_to_and_a_turn_is_turned() {
     let mut spf = policy_by_reply(false);
@@ -331,6 +359,52 @@ fn only_a_point_on_the_boxed_target_is_a_sighting() {
     // At the image's edge the box is cut off, and so is what is pointed at.
     let at_edge = reply("[400,0,600,600]").replace("[500,500]", "[500,5]");
     assert!(matches!(told(&mut anchored(false), 0, &at_edge).1, Step::Move(_)));
+}
+
+#[test]
+fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
+    let mut spf = policy_by_reply(false);
+    let cone = |target: &str, stage: u32| {
+        format!(
+            r#"{{"target":"{target}","status":"navigating","stage":{stage},"target_box":[400,400,600,600],"point":[500,500],"depth":3}}"#
+        )
+    };
+    told(&mut spf, 0, &cone("orange cone", 1));
+    told(&mut spf, 1, &cone("next cone", 2));
+    // 1.8 m nearer, and 30° to the right: 1 m away.
+    let position = EnuPosition { north: 1.8, ..EnuPosition::default() };
+    let turned = |degrees: f64, north: f64| {
+        let attitude = Attitude { heading: degrees.to_radians(), ..Attitude::default() };
+        View { pose: Pose { position: EnuPosition { north, ..position }, attitude }, ..view(2) }
+    };
+    let (query, _) = told_from(&mut spf, &turned(30.0, 1.8), &cone("next cone", 2));
+    let place = query.memory.finished[0].place.unwrap();
+    assert!((place.range_m - 1.0).abs() < 0.02 && (place.bearing_deg + 30.0).abs() < 0.1, "{place:?}");
+    let area = place.area.unwrap();
+    assert!(area.left < 0.1 && (0.4..0.6).contains(&area.right), "{area:?}");
+    assert!(
+        query.prompt.contains(r#"target "orange cone". That target is now about 1 m away, in the box ["#),
+        "{}",
+        query.prompt
+    );
+    let (query, _) = told_from(&mut spf, &turned(150.0, 1.8), &cone("next cone", 2));
+    assert!(query.prompt.contains("about 1 m away, outside this image, 150° to the left of straight ahead."), "{}", query.prompt);
+    // 40 m there and back are a drift of 2 m or more: too far to tell.
+    told_from(&mut spf, &turned(0.0, -18.2), &cone("next cone", 2));
+    let (query, _) = told_from(&mut spf, &turned(0.0, 1.8), &cone("next cone", 2));
+    assert_eq!(query.memory.finished[0].place, None);
+    assert!(query.prompt.contains(r#"target "orange cone"."#), "{}", query.prompt);
+
+    // Somebody may have walked on, and a point beside something is no place of it.
+    let beside =
+        r#"{"target":"left of it","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,900],"depth":3}"#;
+    for first in [cone("man in blue", 1), beside.to_owned()] {
+        let mut spf = policy_by_reply(false);
+        told(&mut spf, 0, &first);
+        told(&mut spf, 1, &cone("next cone", 2));
+        let (query, _) = told(&mut spf, 2, &cone("next cone", 2));
+        assert_eq!((query.memory.finished.len(), query.memory.finished[0].place), (1, None));
+    }
 }
 
 #[test]
