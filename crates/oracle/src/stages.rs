@@ -1,7 +1,7 @@
 //! From verb to stages to where to point: the table of docs/explanation/oracle.md, advanced from percepts and the query's history
 //! alone.
 
-use spf_core::query::{ImageBox, ImagePoint, Query};
+use spf_core::query::{FinishedPlace, FinishedStage, ImageBox, ImagePoint, Query, REMEMBERED_ANSWERS};
 use spf_core::reply::Look;
 
 use super::Oracle;
@@ -69,7 +69,7 @@ enum Step {
     Pass,
     /// Straight on; complete when the object itself is out of view.
     Beyond,
-    /// One move straight on.
+    /// One move straight on; complete when it has been flown, according to the history.
     On,
     /// Beside it, passing it on the right-hand side; complete when it is out of view.
     Beside,
@@ -166,7 +166,7 @@ fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
 
 fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     let stage = plan[at];
-    let (outcome, thing) = take(stage, false, view);
+    let (outcome, thing) = take(stage, &earlier(plan, at, view), false, view);
     let mut aim = Aim { stage: at as u32 + 1, words: words(stage, thing), ..Aim::default() };
     aim.past = past(stage, thing, view);
     aim.target = thing.map(|t| t.tags.opening_of.clone().unwrap_or_else(|| t.tags.key.clone()));
@@ -182,7 +182,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
         Met::Yes(_) => {
             // One stage per answer: the next is evaluated, but not completed by the same frame.
             let stage = plan[at + 1];
-            let (outcome, thing) = take(stage, true, view);
+            let (outcome, thing) = take(stage, &earlier(plan, at + 1, view), true, view);
             aim.stage = at as u32 + 2;
             aim.follows = stage.step == Step::Keep;
             aim.past = past(stage, thing, view);
@@ -197,6 +197,15 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
         }
     }
     aim
+}
+
+/// The places of the targets of earlier clauses, according to the query's history.
+fn earlier(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Vec<FinishedPlace> {
+    let is_earlier = |finished: &&FinishedStage| {
+        let index = finished.stage.max(1) as usize - 1;
+        index < at && plan.get(index).is_some_and(|stage| !core::ptr::eq(stage.clause, plan[at].clause))
+    };
+    view.query.memory.finished.iter().filter(is_earlier).filter_map(|finished| finished.place).collect()
 }
 
 /// On the path to another of several objects: the nearer ones, except the object to which the intended opening belongs
@@ -236,10 +245,10 @@ const TOO_NEAR: f64 = 1.5;
 /// Prefix of a target's name if it differs from the previous one, so that the history distinguishes them.
 const NEXT: &str = "next ";
 
-/// Evaluates one stage. `begins`: the previous stage has just been completed.
-fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<&'v PerceivedObject>) {
+/// Evaluates one stage. `earlier`: the places of earlier targets; `begins`: the previous stage has just been completed.
+fn take<'v>(stage: Stage<'_>, earlier: &[FinishedPlace], begins: bool, view: &'v View<'_>) -> (Met, Option<&'v PerceivedObject>) {
     let phrase = &stage.clause.target;
-    let find = || if stage.another { another(phrase, begins, view) } else { view.find(phrase) };
+    let find = || if stage.another { another(phrase, earlier, begins, view) } else { view.find(phrase) };
     match stage.step {
         Step::Turn => {
             // A full turn less half an image, which the first and the last frame share.
@@ -251,7 +260,7 @@ fn take<'v>(stage: Stage<'_>, begins: bool, view: &'v View<'_>) -> (Met, Option<
             let (thing, _) = sighting(whole(phrase, view));
             (if thing.is_some() { Met::Go(ahead(view)) } else { Met::Yes(Some(ahead(view))) }, None)
         }
-        Step::On => (Met::Yes(Some(ahead(view))), None),
+        Step::On => (if has_moved_on(view) { Met::Yes(Some(ahead(view))) } else { Met::Go(ahead(view)) }, None),
         Step::Opening => {
             let found = opening(phrase, view, false).or_else(|| whole(phrase, view));
             let (thing, lost) = sighting(found);
@@ -416,11 +425,17 @@ fn edge(u: f64, view: &View<'_>) -> Place {
     Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, fraction: 0.0, opening: None }
 }
 
-/// An object other than the previous target, according to the history. Among objects of the same name, one that is not
-/// right here, while starting and searching; after that the one turned to, hence the most central.
-fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v PerceivedObject> {
+/// An object other than the previous targets, according to the history, which tells where these are now. Among objects of the same
+/// name, one that is not right here, while starting and searching; after that the one turned to, hence the most central.
+fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &'v View<'_>) -> Option<&'v PerceivedObject> {
     let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
-    let found = view.all(&alike);
+    let mut found = view.all(&alike);
+    for place in earlier {
+        if let Some(known) = found.iter().filter_map(|thing| Some((off(place, thing, view)?, whole_key(thing)))).min_by(by_offset)
+        {
+            found.retain(|thing| whole_key(thing) != known.1);
+        }
+    }
     let numbered = phrase.ordinal.and_then(|ordinal| view.numbered(ordinal.number, &found));
     if let Some(numbered) = numbered {
         return numbered.first().copied();
@@ -438,6 +453,54 @@ fn another<'v>(phrase: &Phrase, begins: bool, view: &'v View<'_>) -> Option<&'v 
     let off = |thing: &PerceivedObject| (0.5 * (thing.bounds.left + thing.bounds.right) - 0.5).abs();
     found.into_iter().min_by(|a, b| off(a).total_cmp(&off(b)))
 }
+
+/// How far an object is from where an earlier target should be in the image; `None` if it is not that target. Of what lies beside the
+/// image, a part may reach into it.
+fn off(place: &FinishedPlace, thing: &PerceivedObject, view: &View<'_>) -> Option<f64> {
+    let (far, near) = (place.range_m.max(thing.nearest), place.range_m.min(thing.nearest));
+    if far > AS_FAR * near && far > near + AS_FAR_M {
+        return None;
+    }
+    let here = &thing.bounds;
+    let Some(there) = place.area else {
+        let beyond = place.bearing_deg.abs().to_radians() - view.percept.camera.half_fov().0;
+        let reaches_in = if place.bearing_deg < 0.0 { here.left <= RECKONED } else { here.right >= 1.0 - RECKONED };
+        return (reaches_in && beyond < REACHES_IN).then_some(1.0 + beyond);
+    };
+    let overlaps = there.left - RECKONED < here.right
+        && here.left < there.right + RECKONED
+        && there.top - RECKONED < here.bottom
+        && here.top < there.bottom + RECKONED;
+    let middle = |area: &ImageBox| (0.5 * (area.left + area.right), 0.5 * (area.top + area.bottom));
+    let ((u, v), (x, y)) = (middle(&there), middle(here));
+    overlaps.then(|| libm::hypot(u - x, v - y))
+}
+
+fn by_offset(a: &(f64, &str), b: &(f64, &str)) -> core::cmp::Ordering {
+    a.0.total_cmp(&b.0)
+}
+
+/// How far the box that is told of an earlier target may be off, as a fraction of the image …
+const RECKONED: f64 = 0.05;
+/// … and its distance, as a factor, or in metres.
+const AS_FAR: f64 = 2.5;
+const AS_FAR_M: f64 = 2.0;
+/// Angle beyond the image's edge at which the middle of something that reaches into the image may be, radians: 45°.
+const REACHES_IN: f64 = core::f64::consts::FRAC_PI_4;
+
+/// Whether the move straight on that was planned as the present stage began has been flown, if the history tells. A move that cannot
+/// be flown, because something is in the way, is given up after [`REMEMBERED_ANSWERS`] answers.
+fn has_moved_on(view: &View<'_>) -> bool {
+    let memory = &view.query.memory;
+    let began = memory.finished.last().filter(|last| last.stage + 1 == memory.stage).map(|last| last.answers_ago as usize);
+    let Some(since) = began.and_then(|began| memory.answers.get(memory.answers.len().checked_sub(began)?..)) else { return true };
+    let moved: f64 = since.iter().map(|answer| answer.moved_m).sum();
+    since.iter().find_map(|answer| answer.planned_m).is_some_and(|planned| moved >= FLOWN * planned)
+        || since.len() == REMEMBERED_ANSWERS
+}
+
+/// Fraction of a planned move from which it counts as flown.
+const FLOWN: f64 = 0.8;
 
 /// Straight on, for half of the free distance.
 fn ahead(view: &View<'_>) -> Place {

@@ -4,7 +4,9 @@ use spf_core::actions::ActForm;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
-use spf_core::query::{DepthAs, Mark, Memory, Query, QueryId, QueryKind};
+use spf_core::query::{
+    DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, PastAnswer, Query, QueryId, QueryKind, Said,
+};
 use spf_core::reply::{Look, Reply, Status, parse_reply};
 use spf_core::sign::SignView;
 
@@ -410,6 +412,91 @@ fn the_next_is_another_than_the_one_that_was_gone_to() {
 }
 
 #[test]
+fn an_earlier_target_that_is_still_ahead_is_not_the_next() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new().with(tagged(1, "cone", "cone", "orange"), 350..650, 300..700, 0.7).with(
+        tagged(2, "cone", "cone", "orange"),
+        100..160,
+        300..400,
+        3.0,
+    );
+    let mut query = query(0, QueryKind::point(true), "fly to the cone and the next");
+    query.memory.stage = 2;
+    query.memory.targets = ["orange cone", "next orange cone"].map(str::to_owned).to_vec();
+    let finished = |stage: u32, area: Option<ImageBox>, range_m: f64| {
+        let place = Some(FinishedPlace { area, bearing_deg: 0.0, elevation_deg: 0.0, range_m });
+        vec![FinishedStage { stage, answers_ago: 2, target: Some("orange cone".to_owned()), place }]
+    };
+    let ahead = Some(ImageBox { left: 0.4, top: 0.4, right: 0.7, bottom: 1.0 });
+    let mut pointed = |history: Vec<FinishedStage>| {
+        query.memory.finished = history;
+        ask(&oracle, &painting, &query).point.map(|point| point.u < 0.3)
+    };
+    assert_eq!(pointed(finished(1, ahead, 0.6)), Some(true));
+    // Nothing is known of where it is; it is out of the image; it is much farther away; the place is that of this stage's target.
+    for history in [Vec::new(), finished(1, None, 0.6), finished(1, ahead, 9.0), finished(2, ahead, 0.6)] {
+        assert_eq!(pointed(history), Some(false));
+    }
+    // Nothing else is in view.
+    let one = Painting::new().with(tagged(1, "cone", "cone", "orange"), 350..650, 300..700, 0.7);
+    query.memory.finished = finished(1, ahead, 0.6);
+    assert_eq!(ask(&oracle, &one, &query).status, Status::NotVisible);
+}
+
+#[test]
+fn what_reaches_into_the_image_may_be_the_earlier_target_beside_it() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new().with(tagged(1, "tower", "tower", "brown"), 0..150, 0..600, 1.2);
+    let mut query = query(0, QueryKind::point(true), "fly to the first tower and then fly to the second tower");
+    query.memory.stage = 2;
+    query.memory.targets = ["brown tower", "next red tower"].map(str::to_owned).to_vec();
+    let mut seen = |bearing_deg: f64| {
+        let place = Some(FinishedPlace { area: None, bearing_deg, elevation_deg: 0.0, range_m: 1.6 });
+        query.memory.finished = vec![FinishedStage { stage: 1, answers_ago: 9, target: Some("brown tower".to_owned()), place }];
+        ask(&oracle, &painting, &query).status
+    };
+    assert_eq!(seen(-52.0), Status::NotVisible);
+    // On the other side, or behind the craft.
+    assert_ne!(seen(52.0), Status::NotVisible);
+    assert_ne!(seen(-150.0), Status::NotVisible);
+}
+
+#[test]
+fn a_move_straight_on_counts_once_it_is_flown() {
+    let oracle = oracle("perfect");
+    let painting = Painting::new();
+    let mut query = query(0, POINT, "fly over the building and search the surroundings behind it");
+    // The first of ten moves behind the building.
+    query.memory.stage = 3;
+    let answer = |planned_m: Option<f64>, moved_m: f64| PastAnswer {
+        said: Said::Pointed,
+        target: Some("straight on".to_owned()),
+        point: Some(ImagePoint { u: 0.5, v: 0.5 }),
+        depth: Some(6),
+        range_m: None,
+        planned_m,
+        detour: None,
+        moved_m,
+        climbed_m: 0.0,
+        turned_deg: 0.0,
+    };
+    let mut stage = |answers: Vec<PastAnswer>, answers_ago: u32| {
+        query.memory.answers = answers;
+        query.memory.finished = vec![FinishedStage { stage: 2, answers_ago, target: None, place: None }];
+        ask(&oracle, &painting, &query).stage
+    };
+    assert_eq!(stage(vec![answer(Some(4.0), 1.5)], 1), Some(3));
+    assert_eq!(stage(vec![answer(Some(4.0), 1.5), answer(Some(4.0), 2.0)], 2), Some(4));
+    // What was flown in the stage before does not count.
+    assert_eq!(stage(vec![answer(Some(4.0), 4.0), answer(Some(4.0), 0.1)], 1), Some(3));
+    // A turn is no move, and what cannot be flown is given up.
+    assert_eq!(stage(vec![answer(None, 0.2)], 1), Some(3));
+    assert_eq!(stage(vec![answer(Some(4.0), 0.0); 3], 3), Some(4));
+    // Nothing is told of answers.
+    assert_eq!(stage(Vec::new(), 1), Some(4));
+}
+
+#[test]
 fn what_is_visible_through_an_opening_determines_how_far_to_fly() {
     let oracle = oracle("perfect");
     let frame = Tagged { opening: true, opening_of: Some("gate_1".to_owned()), ..tagged(2, "opening", "opening", "") };
@@ -460,7 +547,7 @@ fn the_other_kinds_answer_from_the_same_percept() {
     let painting = site();
     let percept = painting.percept(&oracle, 0);
     let mut choose = query(0, QueryKind::Choose, "fly to the red crane");
-    let number = |u, v, number| Mark::Number { at: spf_core::query::ImagePoint { u, v }, number };
+    let number = |u, v, number| Mark::Number { at: ImagePoint { u, v }, number };
     choose.marks = vec![number(0.9, 0.5, 1), number(0.35, 0.4, 2), number(0.2, 0.1, 3)];
     assert_eq!(oracle.answer(&choose, &percept).text, r#"{"points":[2]}"#);
     choose.marks.truncate(1);
