@@ -199,11 +199,13 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
     aim
 }
 
-/// The places of the targets of earlier clauses, according to the query's history.
+/// The places of the targets of earlier clauses with the same nouns, according to the query's history.
 fn earlier(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Vec<FinishedPlace> {
     let is_earlier = |finished: &&FinishedStage| {
         let index = finished.stage.max(1) as usize - 1;
-        index < at && plan.get(index).is_some_and(|stage| !core::ptr::eq(stage.clause, plan[at].clause))
+        let is_alike = |clause: &Clause| clause.target.nouns == plan[at].clause.target.nouns;
+        let is_other = |stage: &Stage<'_>| !core::ptr::eq(stage.clause, plan[at].clause) && is_alike(stage.clause);
+        index < at && plan.get(index).is_some_and(is_other)
     };
     view.query.memory.finished.iter().filter(is_earlier).filter_map(|finished| finished.place).collect()
 }
@@ -465,7 +467,7 @@ fn off(place: &FinishedPlace, thing: &PerceivedObject, view: &View<'_>) -> Optio
     let Some(there) = place.area else {
         let beyond = place.bearing_deg.abs().to_radians() - view.percept.camera.half_fov().0;
         let reaches_in = if place.bearing_deg < 0.0 { here.left <= RECKONED } else { here.right >= 1.0 - RECKONED };
-        return (reaches_in && beyond < REACHES_IN).then_some(1.0 + beyond);
+        return (reaches_in && (0.0..REACHES_IN).contains(&beyond)).then_some(1.0 + beyond);
     };
     let overlaps = there.left - RECKONED < here.right
         && here.left < there.right + RECKONED

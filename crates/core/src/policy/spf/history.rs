@@ -18,6 +18,8 @@ const HALF_TURN: f64 = 0.9 * core::f64::consts::PI;
 
 /// Range of what has the lowest depth label, metres: the label covers everything up to 1.3 m.
 const NEAREST: f64 = 0.7;
+/// Half the interval of a depth label, as a fraction of its range.
+const LABEL_ERROR: f64 = 0.29;
 /// Drift of the position per metre flown.
 const DRIFT: f64 = 0.05;
 /// A place is told while the drift since is below this, metres …
@@ -57,27 +59,29 @@ struct Finished {
 }
 
 /// Where a target is in the world.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Place {
+    /// Its name in the answer that pointed at it.
+    target: String,
     panel: avoid::Sighting,
     /// Metres flown when it was pointed at.
     flown: f64,
+    /// How far the range may be off, metres.
+    range_error: f64,
 }
 
 impl Place {
     /// What the reply's box shows, if it holds the point: a point beside, above or behind something is no place of it. None for a
-    /// person, who may walk on.
+    /// person, who may walk on, and for whatever is followed.
     fn new(view: &View, reply: &Reply, flown: f64) -> Option<Self> {
         let area = reply.target_box.filter(|area| reply.point.is_some_and(|point| area.contains(point)))?;
-        if reply.target.as_deref().is_none_or(avoid::is_person) {
-            return None;
-        }
-        let range = match (reply.range_m, reply.depth?) {
-            (Some(range), _) => range,
-            (None, 0 | 1) => NEAREST,
-            (None, label) => range_of_label(f64::from(label)),
+        let target = reply.target.clone().filter(|name| !avoid::is_person(name) && reply.status != Status::Following)?;
+        let (range, range_error) = match (reply.range_m, reply.depth?) {
+            (Some(range), _) => (range, LABEL_ERROR * range),
+            (None, 0 | 1) => (NEAREST, NEAREST),
+            (None, label) => (range_of_label(f64::from(label)), LABEL_ERROR * range_of_label(f64::from(label))),
         };
-        Some(Self { panel: avoid::Sighting::at_range(&view.camera, view.pose, area, range), flown })
+        Some(Self { panel: avoid::Sighting::at_range(&view.camera, view.pose, area, range), flown, range_error, target })
     }
 
     /// As seen from `view`; `None` if the craft has flown too far to tell.
@@ -86,7 +90,10 @@ impl Place {
         let range_m = view.pose.position.distance(at);
         let drift = DRIFT * (flown - self.flown).max(0.0);
         let ahead = view.pose.position.displacement_to(at, view.pose.attitude.heading);
-        (drift <= DRIFT_MOST || drift <= DRIFT_PART * range_m).then(|| FinishedPlace {
+        // Of what is nearer than its range is certain, the direction is not known, once the craft has moved.
+        let moved = (flown - self.flown).abs();
+        let is_known = moved < DRIFT_MOST || range_m > self.range_error.min(moved);
+        (is_known && (drift <= DRIFT_MOST || drift <= DRIFT_PART * range_m)).then(|| FinishedPlace {
             area: self.panel.seen_from(&view.camera, view.pose).map(|(area, _)| area),
             bearing_deg: libm::atan2(ahead.right, ahead.forward).to_degrees(),
             elevation_deg: libm::atan2(ahead.up, libm::hypot(ahead.right, ahead.forward)).to_degrees(),
@@ -122,7 +129,9 @@ impl History {
         };
         if let Some(next) = reply.stage {
             if next > stage.max(1) {
-                let (target, place) = (self.target.take(), self.place.take());
+                // What has a place is named as it was when it was pointed at.
+                let (named, place) = (self.target.take(), self.place.take());
+                let target = place.as_ref().map(|place| place.target.clone()).or(named);
                 self.finished.push_back(Finished { stage: stage.max(1), answer: self.count, target, place });
             } else if next < stage {
                 // It has gone back: what it thought finished is not.
@@ -210,7 +219,7 @@ impl History {
             stage: *stage,
             answers_ago: ago(*answer),
             target: target.clone(),
-            place: place.and_then(|place| place.seen_from(view, self.flown)),
+            place: place.as_ref().and_then(|place| place.seen_from(view, self.flown)),
         };
         memory.finished = self.finished.iter().map(finished).collect();
         memory.lost = self.sighting.and_then(|sighting| {

@@ -3,6 +3,7 @@
 use super::Spf;
 use crate::avoid::{self, is_person};
 use crate::geometry::{EnuPosition, Pose};
+use crate::lift::range_of_label;
 use crate::policy::View;
 use crate::query::ImageBox;
 use crate::reply::ObstacleBox;
@@ -12,9 +13,11 @@ use crate::time::Duration;
 /// whatever else there is, which may leave the view long before the craft climbs beside it.
 const PERSON_REPORTED: Duration = Duration::from_secs(3);
 const REPORTED: Duration = Duration::from_secs(10);
-/// What reaches beyond the upper edge of an image may hang over where the image was taken. However old it is, it counts until the
-/// craft is this far from there, metres.
+/// What reaches beyond the upper edge of an image may hang over where the image was taken, or ahead of it. However old it is, it
+/// counts until the craft is this much farther from there, horizontally, than its label says, metres.
 const OVERHEAD: f64 = 2.5;
+/// Farther than this label, 2.8 m, it does not hang over a craft that stays where it is.
+const OVERHEAD_LABEL: u8 = 3;
 /// Most reports that are kept.
 const REPORTS: usize = 32;
 
@@ -49,6 +52,12 @@ impl Report {
     }
 }
 
+/// Whether an obstacle of an image may hang over a craft that is `away` metres from where the image was taken.
+fn hangs_over(obstacle: &ObstacleBox, away: f64) -> bool {
+    let farthest = if obstacle.depth <= 1 { 0.0 } else { range_of_label(f64::from(obstacle.depth) + 0.5) };
+    obstacle.area.top < ImageBox::CUT && obstacle.depth <= OVERHEAD_LABEL && away < OVERHEAD + farthest
+}
+
 impl Spf {
     /// Remembers the obstacles of a view, besides those of the seconds before it.
     pub(super) fn report(&mut self, view: &View, boxes: &[ObstacleBox]) {
@@ -58,14 +67,16 @@ impl Spf {
                 report.boxes.retain(|obstacle| !is_person(&obstacle.name));
             }
             if report.view.frame.captured + REPORTED < now {
-                let away = report.view.pose.position.distance(view.pose.position);
-                report.boxes.retain(|obstacle| obstacle.area.top < ImageBox::CUT && away < OVERHEAD);
+                let away = report.view.pose.position.horizontal_distance(view.pose.position);
+                report.boxes.retain(|obstacle| hangs_over(obstacle, away));
                 return !report.boxes.is_empty();
             }
             true
         });
-        if self.reported.len() >= REPORTS {
-            self.reported.remove(0);
+        // Of several old ones, those with the same obstacles from the same place tell the same.
+        while self.reported.len() >= REPORTS {
+            let is_old = |report: &Report| report.view.frame.captured + REPORTED < now || report.boxes.is_empty();
+            self.reported.remove(self.reported.iter().rposition(is_old).unwrap_or(0));
         }
         self.reported.push(Report { view: *view, boxes: boxes.to_vec() });
     }
