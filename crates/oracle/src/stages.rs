@@ -433,7 +433,10 @@ fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &
     let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
     let mut found = view.all(&alike);
     for place in earlier {
-        if let Some(known) = found.iter().filter_map(|thing| Some((off(place, thing, view)?, whole_key(thing)))).min_by(by_offset)
+        if let Some(known) = found
+            .iter()
+            .filter_map(|thing| Some((offset_from(place, thing, view)?, whole_key(thing))))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
         {
             found.retain(|thing| whole_key(thing) != known.1);
         }
@@ -458,7 +461,7 @@ fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &
 
 /// How far an object is from where an earlier target should be in the image; `None` if it is not that target. Of what lies beside the
 /// image, a part may reach into it.
-fn off(place: &FinishedPlace, thing: &PerceivedObject, view: &View<'_>) -> Option<f64> {
+fn offset_from(place: &FinishedPlace, thing: &PerceivedObject, view: &View<'_>) -> Option<f64> {
     let (far, near) = (place.range_m.max(thing.nearest), place.range_m.min(thing.nearest));
     if far > AS_FAR * near && far > near + AS_FAR_M {
         return None;
@@ -476,10 +479,6 @@ fn off(place: &FinishedPlace, thing: &PerceivedObject, view: &View<'_>) -> Optio
     let middle = |area: &ImageBox| (0.5 * (area.left + area.right), 0.5 * (area.top + area.bottom));
     let ((u, v), (x, y)) = (middle(&there), middle(here));
     overlaps.then(|| libm::hypot(u - x, v - y))
-}
-
-fn by_offset(a: &(f64, &str), b: &(f64, &str)) -> core::cmp::Ordering {
-    a.0.total_cmp(&b.0)
 }
 
 /// How far the box that is told of an earlier target may be off, as a fraction of the image …

@@ -149,8 +149,8 @@ pub struct FinishedStage {
     /// The last target named while it was worked on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
-    /// Where that target is now; `None` if no answer of that stage pointed at it, if it is a person, who may have walked on, or if
-    /// the craft has flown too far since to tell.
+    /// Where that target is now; `None` if no answer of that stage pointed at it, if it is a person or was followed, since it may have
+    /// moved on, or if it can no longer be reckoned.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<FinishedPlace>,
 }

@@ -73,7 +73,7 @@ impl Spf {
             }
             true
         });
-        // Of several old ones, those with the same obstacles from the same place tell the same.
+        // The last of the old ones tells the least: those before it were taken from about the same place.
         while self.reported.len() >= REPORTS {
             let is_old = |report: &Report| report.view.frame.captured + REPORTED < now || report.boxes.is_empty();
             self.reported.remove(self.reported.iter().rposition(is_old).unwrap_or(0));
