@@ -8,6 +8,7 @@ use spf_baselines::typefly::{TypeFly, TypeFlySettings};
 use spf_core::actions::ActForm;
 use spf_core::avoid::PathShape;
 use spf_core::executor::Motion;
+use spf_core::pilot::AskWhen;
 use spf_core::policy::Policy;
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::prompt::PromptKind;
@@ -128,7 +129,7 @@ impl PolicyMaker for PolicyKind {
         let image_size = image_spec.image_size;
         match self.0.policy {
             Family::Spf { detector } => {
-                let guidance = settings.guidance;
+                let (guidance, asks_ahead) = (settings.guidance, settings.ask == AskWhen::News);
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,
@@ -146,7 +147,7 @@ impl PolicyMaker for PolicyKind {
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
-                let spf = Spf::new(settings).with_prompt(prompt).with_guidance(guidance);
+                let spf = Spf::new(settings).with_prompt(prompt).with_guidance(guidance).asking_ahead(asks_ahead);
                 Box::new(if detector { spf.with_detector() } else { spf })
             }
             Family::Plain { form } => {

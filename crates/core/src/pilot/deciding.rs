@@ -41,7 +41,7 @@ impl Pilot {
 
     /// Passes the newest frame to the policy when a decision is due.
     pub(super) fn decide(&mut self, now: Time) {
-        if self.phase != Phase::Flying || self.link_lost || !self.waiting.is_empty() || self.is_tilting() {
+        if self.phase != Phase::Flying || self.link_lost || self.is_tilting() {
             return;
         }
         // Only a good reply ends a hold for failed replies, so one must be requested.
@@ -53,6 +53,9 @@ impl Pilot {
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
         // Beside somebody who walks there is no other rest.
         view.at_rest |= self.goes_along(now);
+        if !self.policy.takes(&view, self.waiting.len()) {
+            return;
+        }
         view.room = self.envelope.room();
         view.expected = self.expected(now, view.pose);
         let from_rest = self.needs_rest || self.settings.think == QueryTiming::Stop;
@@ -62,8 +65,10 @@ impl Pilot {
         if !self.has_news(now, &view) {
             return;
         }
-        if self.counted_decisions() >= self.settings.max_decisions {
-            if self.executing {
+        // An open query is a decision to come.
+        let open = u32::try_from(self.waiting.len()).unwrap_or(u32::MAX);
+        if self.counted_decisions().saturating_add(open) >= self.settings.max_decisions {
+            if self.executing || open > 0 {
                 return; // The last plan is flown to its end.
             }
             let limit = self.settings.max_decisions;
@@ -75,6 +80,15 @@ impl Pilot {
         self.note_asked(&view);
         let step = self.policy.handle(PolicyEvent::Frame(&view));
         self.carry_out(now, step, &view);
+    }
+
+    /// Cancels the queries whose answers the policy no longer needs.
+    fn cancel_unneeded(&mut self) {
+        let unneeded: Vec<QueryId> = self.waiting.keys().copied().filter(|id| !self.policy.awaits(*id)).collect();
+        for id in unneeded {
+            self.waiting.remove(&id);
+            self.outbox.push_back(Action::Cancel(id));
+        }
     }
 
     pub(super) fn reply(&mut self, now: Time, id: QueryId, text: &str) {
@@ -90,6 +104,7 @@ impl Pilot {
             return self.set_aside(now, id, &waiting.view, reason);
         }
         let step = self.policy.handle(PolicyEvent::Reply { id, text });
+        self.cancel_unneeded();
         self.envelope.observe_reply(now, !matches!(step, Step::Reject(_)));
         if decides(&step, &waiting.query) && !waiting.decided {
             self.decisions += 1;
@@ -179,6 +194,7 @@ impl Pilot {
         self.needs_rest = true;
         self.note(Note::QueryFailed { id, reason });
         let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
+        self.cancel_unneeded();
         self.carry_out(now, step, view);
     }
 
@@ -187,6 +203,7 @@ impl Pilot {
         self.stop_motion(now);
         self.note(Note::QueryFailed { id, reason });
         let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
+        self.cancel_unneeded();
         self.carry_out(now, step, view);
     }
 

@@ -80,7 +80,7 @@ pub enum PolicyEvent<'a> {
     /// before it is void, and earlier queries are cancelled. The returned step is not carried out; the policy then
     /// receives a frame taken at rest.
     Instruction(&'a str),
-    /// A fresh frame, with a decision due: no query is open, and no earlier step is pending.
+    /// A fresh frame that the policy takes ([`Policy::takes`]), with a decision due: no earlier step is pending.
     Frame(&'a View),
     /// The complete reply to an open query.
     Reply {
@@ -222,6 +222,16 @@ pub trait Policy: Send {
 
     /// Handles an event and returns one step.
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step;
+
+    /// Whether it takes this frame while so many of its queries are open.
+    fn takes(&self, _view: &View, open_queries: usize) -> bool {
+        open_queries == 0
+    }
+
+    /// Whether the answer to an open query is still of use; the pilot cancels those that are not.
+    fn awaits(&self, _id: QueryId) -> bool {
+        true
+    }
 
     /// Takes the places that the operator has marked, instead of those before. Whatever a policy makes of them, the envelope
     /// stops before them.

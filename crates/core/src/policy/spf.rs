@@ -19,6 +19,7 @@ use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse
 use crate::step::StepRule;
 use crate::time::{Duration, Time};
 
+mod ahead;
 mod aside;
 mod close_up;
 mod detour;
@@ -30,6 +31,7 @@ mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
 
+use ahead::Ahead;
 use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
@@ -129,6 +131,11 @@ pub struct Spf {
     memory: Memory,
     search: Option<Search>,
     open_query: Option<OpenQuery>,
+    /// Whether the craft turns on, and asks about the next view, before a search's last view is answered.
+    asks_ahead: bool,
+    ahead: Option<Ahead>,
+    /// The heading to which the craft turns back, radians, after an answer that shows the target in a view from which it has turned on.
+    turning_back: Option<f64>,
     confirming: bool,
     blocked: u32,
     /// Steps back from a person in a row.
@@ -189,6 +196,12 @@ impl Spf {
         Self { detector: true, ..self }
     }
 
+    /// While searching, turns on and asks about the next view before the answer about the last one has come.
+    #[must_use]
+    pub fn asking_ahead(self, asks_ahead: bool) -> Self {
+        Self { asks_ahead, ..self }
+    }
+
     /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: SpfSettings) -> Self {
@@ -198,6 +211,9 @@ impl Spf {
             memory: Memory::default(),
             search: None,
             open_query: None,
+            asks_ahead: false,
+            ahead: None,
+            turning_back: None,
             confirming: false,
             blocked: 0,
             retreats: 0,
@@ -244,6 +260,7 @@ impl Spf {
 
     /// Records the open query.
     fn asking(&mut self, view: &View, about: QuerySubject) -> OpenQuery {
+        self.turning_back = None;
         let id = QueryId(self.next_id);
         self.next_id += 1;
         *self.open_query.insert(OpenQuery { id, view: *view, about, boxes: self.boxes_for(view) })
@@ -251,7 +268,7 @@ impl Spf {
 
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
-        self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
+        self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned) + self.turned_since_open();
         self.memory.kept_out = self.kept_out.iter().filter_map(|place| place.area_in(&view.camera, view.pose)).collect();
         let OpenQuery { id, boxes, .. } = self.asking(view, QuerySubject::Point { confirming: self.confirming });
         self.history.fill(view, &mut self.memory);
@@ -537,6 +554,7 @@ impl Policy for Spf {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt, detector, guidance) = (self.next_id, self.prompt.clone(), self.detector, self.guidance);
+                let asks_ahead = self.asks_ahead;
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
                 let (obstacles, walkers) = (core::mem::take(&mut self.obstacles), core::mem::take(&mut self.walkers));
                 let kept_out = core::mem::take(&mut self.kept_out);
@@ -546,6 +564,7 @@ impl Policy for Spf {
                     prompt,
                     detector,
                     guidance,
+                    asks_ahead,
                     reported,
                     obstacles,
                     walkers,
@@ -557,11 +576,17 @@ impl Policy for Spf {
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => {
                 self.turn_back(view).unwrap_or_else(|| self.decide(view))
             }
+            PolicyEvent::Frame(view) if self.wants_second() => self.ask_second(view),
+            PolicyEvent::Reply { id, .. } | PolicyEvent::ReplyFailed { id } if self.is_second(id) => {
+                self.give_up_second();
+                Step::Wait
+            }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
                 Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
                     let step = self.answered(open_query, confirming, text);
                     self.ask_boxes_after(open_query.boxes);
+                    self.settle_ahead(&open_query.view, &step);
                     step
                 }
                 None => Step::Wait,
@@ -569,15 +594,20 @@ impl Policy for Spf {
             PolicyEvent::ReplyFailed { id } => {
                 if let Some(failed) = self.open_query.take_if(|open_query| open_query.id == id) {
                     self.ask_boxes_after(failed.boxes);
+                    self.ahead = None;
                 }
                 self.turned_first = None;
                 Step::Wait
             }
             // A turn that was cut short has not shown what lies there.
-            PolicyEvent::MoveEnded { completed: false } => {
-                self.turned_first = None;
+            PolicyEvent::MoveEnded { completed } => {
+                if !completed {
+                    self.turned_first = None;
+                }
+                self.turned_ahead(completed);
                 Step::Wait
             }
+            PolicyEvent::Continue => self.turn_ahead(),
             PolicyEvent::Monitor { verdict, side } => {
                 // Only the reply to a second look ends the flight, and only one about a frame taken at rest begins a search.
                 self.confirming = verdict == Verdict::Stop;
@@ -587,12 +617,23 @@ impl Policy for Spf {
                     self.memory.last_seen = side.or(self.memory.last_seen);
                 }
                 self.turned_first = None;
+                (self.ahead, self.turning_back) = (None, None);
                 Step::Look
             }
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::MoveEnded { .. } | PolicyEvent::Continue => {
-                Step::Wait
-            }
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } => Step::Wait,
         }
+    }
+
+    fn takes(&self, view: &View, open_queries: usize) -> bool {
+        match open_queries {
+            0 => !self.is_turning_back(view),
+            1 => view.at_rest && self.wants_second(),
+            _ => false,
+        }
+    }
+
+    fn awaits(&self, id: QueryId) -> bool {
+        self.open_query.is_some_and(|open_query| open_query.id == id) || self.is_second(id)
     }
 
     fn keep_out(&mut self, places: &[KeepOut]) {

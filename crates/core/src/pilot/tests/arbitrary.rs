@@ -250,6 +250,8 @@ struct Chaos {
     limits: Limits,
     /// An expected answer that requests motion, since the last event that ends every reason to move.
     reason: bool,
+    /// Whether what happens now is an expected answer.
+    answers: bool,
     hand: Option<Time>,
     /// Time at which the last cleared manoeuvre ends, while nothing has ended it.
     own_until: Option<Time>,
@@ -264,8 +266,9 @@ struct Chaos {
 }
 
 impl Chaos {
-    fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
+    fn new(preset: Preset, legs: bool, own: bool, track: bool, ask: AskWhen, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
+        setup.settings.ask = ask;
         let guidance = &mut setup.settings.guidance;
         (guidance.track, guidance.points, guidance.looming, guidance.mono_depth) = (track, track, track, track);
         guidance.monitor = track;
@@ -288,6 +291,7 @@ impl Chaos {
             phase: FlightPhase::OnGround,
             limits,
             reason: false,
+            answers: false,
             hand: None,
             own_until: None,
             captured: None,
@@ -300,6 +304,7 @@ impl Chaos {
     }
 
     fn tell(&mut self, event: Event) {
+        self.answers = matches!(&event, Event::Reply { id, .. } if self.out.contains(id));
         match &event {
             Event::Frame(frame) if frame.unusable.is_none() => {
                 self.captured = self.captured.max(Some(frame.captured.min(self.now)))
@@ -313,6 +318,8 @@ impl Chaos {
             Event::LinkRestored => self.link = true,
             // What a monitor says is no reason to move, and neither does its silence end one.
             Event::Reply { id, .. } | Event::ReplyFailed { id, .. } if is_monitors(*id) => drop(self.out.remove(id)),
+            // The second look at somebody who is followed is taken while the craft goes along with them.
+            Event::Reply { id, text } if self.track && *text == done() => drop(self.out.remove(id)),
             Event::Reply { id, text } if self.out.remove(id) => {
                 let words: &[&str] = if self.legs { &["forward"] } else { &["navigating", "following", "not_visible"] };
                 self.reason = words.iter().any(|word| text.contains(word)) && self.link;
@@ -324,6 +331,7 @@ impl Chaos {
         self.pilot.handle(self.now, event);
         self.reopened += usize::from(ended && self.pilot.ending().is_none());
         self.pump();
+        self.answers = false;
     }
 
     fn pump(&mut self) {
@@ -339,7 +347,8 @@ impl Chaos {
                 }
                 Some(Action::Cancel(id)) => {
                     assert!(self.out.remove(&id), "cancels what is not out");
-                    self.reason &= is_monitors(id);
+                    // An answer may make another open query needless.
+                    self.reason &= is_monitors(id) || self.answers;
                 }
                 Some(Action::Command(cleared)) => self.command(&cleared),
                 Some(Action::Finished(_)) => self.finished += 1,
@@ -548,11 +557,14 @@ proptest! {
         legs: bool,
         own: bool,
         track: bool,
+        news: bool,
         begin in prop_oneof![3 => Just(6000u64), 1 => 0..6000u64],
         happenings in prop::collection::vec(happenings(), 0..60),
     ) {
         let max_time = 90.0;
-        let mut chaos = Chaos::new(if paper { Preset::Paper } else { Preset::Default }, legs, own, track, max_time);
+        let preset = if paper { Preset::Paper } else { Preset::Default };
+        let ask = if news { AskWhen::News } else { AskWhen::Always };
+        let mut chaos = Chaos::new(preset, legs, own, track, ask, max_time);
         chaos.go_well(begin);
         for happens in happenings {
             chaos.happen(happens);
@@ -581,7 +593,7 @@ fn the_property_is_one_of_a_pilot_that_moves() {
     for (preset, own, track, least) in
         [(default, false, false, 20), (Preset::Paper, false, false, 20), (default, true, false, 2), (default, false, true, 20)]
     {
-        let mut chaos = Chaos::new(preset, false, own, track, 90.0);
+        let mut chaos = Chaos::new(preset, false, own, track, AskWhen::Always, 90.0);
         chaos.go_well(12_000);
         assert!(chaos.moved > least, "{preset:?} {}", chaos.moved);
         chaos.happen(Happens::Operator(OperatorEvent::Setpoint(Setpoint { forward: 1.0, ..Setpoint::HOLD })));

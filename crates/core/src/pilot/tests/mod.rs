@@ -5,6 +5,7 @@
 //! captured every 50 ms and arrive 150 ms later. The VLM is a closure that receives the true pose of the frame. Every
 //! loop is bounded: a pilot that never becomes idle fails the test.
 
+mod ahead;
 mod alone;
 mod arbitrary;
 mod asking;
@@ -139,7 +140,8 @@ impl Setup {
                     keep_m: crate::following::DEFAULT_KEEP,
                     close_up: false,
                 })
-                .with_guidance(settings.guidance),
+                .with_guidance(settings.guidance)
+                .asking_ahead(settings.ask == AskWhen::News),
             )
         });
         let pilot = Pilot::new(PilotParts {

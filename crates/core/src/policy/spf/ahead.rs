@@ -1,0 +1,117 @@
+//! Two open queries while searching: the craft turns on before the answer about the last view has come, and asks about the next
+//! view, as if that answer will not show the target. One that does makes the second query void, and leads back: nothing more is
+//! asked until the camera shows the target again.
+
+use super::{OpenQuery, QuerySubject, Spf};
+use crate::geometry::wrap_angle;
+use crate::policy::{Goto, Move, Step, View};
+use crate::primitives::Primitives;
+use crate::query::QueryId;
+
+/// Turns that differ by less than this lead to the same view, radians.
+const SAME_TURN: f64 = 0.05;
+/// A target within this part of half of the field of view is shown.
+const SHOWN: f64 = 0.8;
+
+/// What is done before the open query is answered.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ahead {
+    /// The turn from the view of the open query, radians, clockwise positive.
+    yaw: f64,
+    progress: Progress,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Progress {
+    /// The craft turns.
+    Turning,
+    /// It has turned, and asks about the next frame that is taken at rest.
+    Turned,
+    /// It has asked.
+    Asked(OpenQuery),
+    /// Nothing more until the open query is answered: the turn was cut short, the second query has failed, or it was answered
+    /// first. Whether it is of use is not known then, so that the view is asked about again.
+    Over,
+}
+
+impl Spf {
+    /// Whether the next frame at rest is wanted although a query is open.
+    pub(super) fn wants_second(&self) -> bool {
+        matches!(self.ahead, Some(Ahead { progress: Progress::Turned, .. }))
+    }
+
+    /// The turn that the craft has made since the view of the open query, radians.
+    pub(super) fn turned_since_open(&self) -> f64 {
+        self.ahead.map_or(0.0, |ahead| ahead.yaw)
+    }
+
+    /// Whether a query is the second one.
+    pub(super) fn is_second(&self, id: QueryId) -> bool {
+        matches!(self.ahead, Some(Ahead { progress: Progress::Asked(second), .. }) if second.id == id)
+    }
+
+    /// Turns on while the query just sent, or the one that was the second, is open.
+    pub(super) fn turn_ahead(&mut self) -> Step {
+        let (true, None, Some(open), Some(search)) = (self.asks_ahead, self.ahead, self.open_query, &self.search) else {
+            return Step::Wait;
+        };
+        let is_search = open.about == QuerySubject::Point { confirming: false } && self.hidden_since.is_none() && !self.told_lost;
+        let Some(yaw) = search.expected_turn(open.view.pose.attitude.heading).filter(|_| is_search && !self.lists()) else {
+            return Step::Wait;
+        };
+        self.ahead = Some(Ahead { yaw, progress: Progress::Turning });
+        let primitives = Primitives { yaw, ..Primitives::default() };
+        Step::Move(Move { primitives, anchor: Some(open.view.pose), then_rest: true, looks: false })
+    }
+
+    /// Notes that a motion has ended.
+    pub(super) fn turned_ahead(&mut self, completed: bool) {
+        self.turning_back = None;
+        if let Some(Ahead { progress: progress @ Progress::Turning, .. }) = &mut self.ahead {
+            *progress = if completed { Progress::Turned } else { Progress::Over };
+        }
+    }
+
+    /// Whether a frame is one of a turn back to the target, which it does not show yet.
+    pub(super) fn is_turning_back(&self, view: &View) -> bool {
+        let shown = SHOWN * view.camera.half_fov().0;
+        self.turning_back.is_some_and(|heading| wrap_angle(view.pose.attitude.heading - heading).abs() > shown)
+    }
+
+    /// Asks about the view after the turn.
+    pub(super) fn ask_second(&mut self, view: &View) -> Step {
+        let (Some(ahead), Some(first)) = (self.ahead, self.open_query) else { return Step::Wait };
+        let step = self.ask(view);
+        let second = self.open_query.replace(first);
+        self.ahead = second.map(|second| Ahead { progress: Progress::Asked(second), ..ahead });
+        step
+    }
+
+    /// After the answer to the open query about `view`: the second query is the open one if the answer leads to the turn that was
+    /// begun.
+    pub(super) fn settle_ahead(&mut self, view: &View, step: &Step) {
+        let Some(Ahead { yaw, progress }) = self.ahead.take() else { return };
+        match step {
+            Step::Move(Move { primitives, then_rest: true, .. }) => {
+                let turn = Primitives { yaw: primitives.yaw, ..Primitives::default() };
+                if let Progress::Asked(second) = progress
+                    && *primitives == turn
+                    && (turn.yaw - yaw).abs() < SAME_TURN
+                {
+                    self.open_query = Some(second);
+                }
+            }
+            Step::Move(motion) | Step::Goto(Goto { motion, .. }) | Step::Follow(Goto { motion, .. }) => {
+                self.turning_back = Some(view.pose.attitude.heading + motion.primitives.yaw);
+            }
+            _ => {}
+        }
+    }
+
+    /// The second query has failed, or was answered first.
+    pub(super) fn give_up_second(&mut self) {
+        if let Some(ahead) = &mut self.ahead {
+            ahead.progress = Progress::Over;
+        }
+    }
+}
