@@ -48,6 +48,7 @@ fn of_flags() {
             &["fly", "x", "--camera-effects", "compression=png"],
             &["fly", "x", "--vlm", "orcale"],
             &["fly", "x", "--vlm", "oracle:prefect"],
+            &["fly", "x", "--vlm", "oracle:default@0.5s"],
             &["fly", "x", "--policy", "spfff"],
             &["fly", "x", "--policy", "plain", "--detector", "oracle"],
             &["fly", "x", "--detector", "yolo.pt"],

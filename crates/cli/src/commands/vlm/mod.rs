@@ -149,6 +149,12 @@ pub(crate) fn oracle_named(
     name: &str,
     wrong: impl FnOnce(&str, Option<&str>) -> CliError,
 ) -> Result<(String, ErrorFile), CliError> {
+    if let (oracle, Some(seconds)) = split_latency(name)
+        && oracle.starts_with("oracle")
+    {
+        return Err(CliError::usage(format!("`{name}`: only `spf bench` takes a latency in the name"))
+            .hint(format!("spf fly --vlm {oracle} --vlm-latency {seconds}")));
+    }
     let errors = match name.split_once(':') {
         None if name == "oracle" => ErrorFile::named("default"),
         Some(("oracle", which)) if which.contains(['/', '.']) && !which.starts_with(GULLIBLE) => {
