@@ -22,6 +22,7 @@ pub(super) struct Ahead {
 }
 
 #[derive(Clone, Copy, Debug)]
+#[allow(clippy::large_enum_variant, reason = "there is one at a time")]
 enum Progress {
     /// The craft turns.
     Turning,
