@@ -134,8 +134,9 @@ pub struct Spf {
     /// Whether the craft turns on, and asks about the next view, before a search's last view is answered.
     asks_ahead: bool,
     ahead: Option<Ahead>,
-    /// The heading to which the craft turns back, radians, after an answer that shows the target in a view from which it has turned on.
-    turning_back: Option<f64>,
+    /// The heading to which the craft turns back, radians, and until when at most, after an answer that shows the target in a view
+    /// from which it has turned on.
+    turning_back: Option<(f64, Time)>,
     confirming: bool,
     blocked: u32,
     /// Steps back from a person in a row.

@@ -7,11 +7,14 @@ use crate::geometry::wrap_angle;
 use crate::policy::{Goto, Move, Step, View};
 use crate::primitives::Primitives;
 use crate::query::QueryId;
+use crate::time::Duration;
 
 /// Turns that differ by less than this lead to the same view, radians.
 const SAME_TURN: f64 = 0.05;
 /// A target within this part of half of the field of view is shown.
 const SHOWN: f64 = 0.8;
+/// After this time since the frame that showed the target, one asks in any case.
+const TURNS_BACK: Duration = Duration::from_secs(10);
 
 /// What is done before the open query is answered.
 #[derive(Clone, Copy, Debug)]
@@ -76,7 +79,9 @@ impl Spf {
     /// Whether a frame is one of a turn back to the target, which it does not show yet.
     pub(super) fn is_turning_back(&self, view: &View) -> bool {
         let shown = SHOWN * view.camera.half_fov().0;
-        self.turning_back.is_some_and(|heading| wrap_angle(view.pose.attitude.heading - heading).abs() > shown)
+        self.turning_back.is_some_and(|(heading, until)| {
+            view.frame.captured < until && wrap_angle(view.pose.attitude.heading - heading).abs() > shown
+        })
     }
 
     /// Asks about the view after the turn.
@@ -102,8 +107,10 @@ impl Spf {
                     self.open_query = Some(second);
                 }
             }
-            Step::Move(motion) | Step::Goto(Goto { motion, .. }) | Step::Follow(Goto { motion, .. }) => {
-                self.turning_back = Some(view.pose.attitude.heading + motion.primitives.yaw);
+            // Who is followed may walk on, and is turned to all the time.
+            Step::Move(motion) | Step::Goto(Goto { motion, .. }) => {
+                let heading = view.pose.attitude.heading + motion.primitives.yaw;
+                self.turning_back = Some((heading, view.frame.captured + TURNS_BACK));
             }
             _ => {}
         }
