@@ -192,15 +192,17 @@ impl Pilot {
     fn set_aside(&mut self, now: Time, id: QueryId, view: &View, reason: String) {
         self.stop_motion(now);
         self.needs_rest = true;
-        self.note(Note::QueryFailed { id, reason });
-        let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
-        self.cancel_unneeded();
-        self.carry_out(now, step, view);
+        self.query_failed(now, id, view, reason);
     }
 
     fn give_up(&mut self, now: Time, id: QueryId, view: &View, reason: String) {
         self.envelope.observe_reply(now, false);
         self.stop_motion(now);
+        self.query_failed(now, id, view, reason);
+    }
+
+    /// Tells the policy that a query has no answer, and does what it makes of that.
+    fn query_failed(&mut self, now: Time, id: QueryId, view: &View, reason: String) {
         self.note(Note::QueryFailed { id, reason });
         let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
         self.cancel_unneeded();
