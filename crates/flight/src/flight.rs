@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
-use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::pilot::{AskWhen, OperatorEvent, PilotSettings, Preset};
 use spf_core::prompt::PromptText;
 use spf_core::time::Duration;
 use spf_vlm::Vlm;
@@ -215,6 +215,9 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let monitor = monitors.then(|| monitor_factory(world.as_ref(), seed)).transpose().map_err(FlightError::Vlm)?;
     let monitor = monitor.map(|vlm| Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd)) as Box<dyn Vlm>);
     let image_spec = vlm.image_spec((camera.width, camera.height));
+    let two_queries = plan.settings.ask == AskWhen::News && vlm.is_concurrent();
+    let second = (two_queries && live).then(|| (plan.vlm_factory)(world.as_ref(), seed)).transpose().map_err(FlightError::Vlm)?;
+    let second = second.map(|vlm| Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd)) as Box<dyn Vlm>);
     let head = FlightHeader {
         format: spf_record::log::FORMAT,
         program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -232,6 +235,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         depth_model: depth_name,
         grounding: image_spec.grounding,
         image_size: image_spec.image_size,
+        two_queries,
         prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
         drone: drone.name().to_owned(),
         sim,
@@ -242,7 +246,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     observers.iter_mut().for_each(|observer| observer.begin(&head, &sight));
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course::new(&head.instruction, judge);
-    let vlms = Vlms { vlm, monitor };
+    let vlms = Vlms { vlm, second, monitor };
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
             let follow: Option<Box<dyn Follow>> = match (track_by, &world) {

@@ -226,6 +226,10 @@ impl Vlm for Accounted {
         self.vlm.temperature()
     }
 
+    fn is_concurrent(&self) -> bool {
+        self.vlm.is_concurrent()
+    }
+
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         if let Some(error) = self.spent() {
             let (latency, model) = (spf_core::time::Duration::ZERO, self.vlm.name().to_owned());

@@ -8,7 +8,7 @@ use spf_baselines::typefly::{TypeFly, TypeFlySettings};
 use spf_core::actions::ActForm;
 use spf_core::avoid::PathShape;
 use spf_core::executor::Motion;
-use spf_core::pilot::AskWhen;
+use spf_core::pilot::QueryTiming;
 use spf_core::policy::Policy;
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::prompt::PromptKind;
@@ -125,11 +125,13 @@ impl PolicyMaker for PolicyKind {
     }
 
     fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
-        let PolicyParts { settings, craft, image_spec, prompt, seed } = parts;
+        let PolicyParts { settings, craft, image_spec, two_queries, prompt, seed } = parts;
         let image_size = image_spec.image_size;
         match self.0.policy {
             Family::Spf { detector } => {
-                let (guidance, asks_ahead) = (settings.guidance, settings.ask == AskWhen::News);
+                // Whoever asks at rest alone, or flies one motion after the other, does not turn meanwhile.
+                let in_motion = settings.think == QueryTiming::Continuous && settings.motion == Motion::Blended;
+                let (guidance, asks_ahead) = (settings.guidance, two_queries && in_motion);
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,

@@ -32,6 +32,9 @@ struct Head {
     vlm: String,
     #[serde(flatten)]
     image_spec: ImageSpec,
+    /// Whether it could be asked two things at a time.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    is_concurrent: bool,
 }
 
 /// A query and its reply.
@@ -100,7 +103,8 @@ impl Recording {
     pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
         let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
         let mut file = BufWriter::new(made);
-        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec: vlm.image_spec(camera) })?;
+        let (image_spec, is_concurrent) = (vlm.image_spec(camera), vlm.is_concurrent());
+        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec, is_concurrent })?;
         Ok(Self { vlm, tape: Tape(Arc::new(Mutex::new(Some(file)))) })
     }
 
@@ -134,6 +138,10 @@ impl Vlm for Recording {
 
     fn temperature(&self) -> Option<f64> {
         self.vlm.temperature()
+    }
+
+    fn is_concurrent(&self) -> bool {
+        self.vlm.is_concurrent()
     }
 
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
@@ -216,6 +224,11 @@ impl Vlm for Replay {
         self.head.image_spec
     }
 
+    fn is_concurrent(&self) -> bool {
+        // As when it was recorded: otherwise the flight would ask something else.
+        self.head.is_concurrent
+    }
+
     fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         let query = request.query;
         let refused = |reason: String| Answer {
@@ -265,8 +278,8 @@ mod tests {
     #[test]
     fn other_files_are_refused_by_line() {
         let refused = |text: &str| Replay::read(text.as_bytes()).unwrap_err().to_string();
-        let head = serde_json::to_string(&Head { spf_recording: 1, vlm: "gemini".to_owned(), image_spec: ImageSpec::default() })
-            .unwrap();
+        let (vlm, image_spec) = ("gemini".to_owned(), ImageSpec::default());
+        let head = serde_json::to_string(&Head { spf_recording: 1, vlm, image_spec, is_concurrent: false }).unwrap();
         assert!(Replay::read(head.as_bytes()).is_ok());
         assert!(refused("").contains("line 1"));
         assert!(refused(&format!("{head}\n{{\"query\":0")).contains("line 2"));

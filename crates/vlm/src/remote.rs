@@ -194,6 +194,10 @@ impl Vlm for Remote {
         self.backends[0].model.temperature()
     }
 
+    fn is_concurrent(&self) -> bool {
+        true
+    }
+
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
         image.prepare(self.size_for(0, image.size(), &request.query.kind));

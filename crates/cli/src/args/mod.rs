@@ -288,7 +288,7 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "THINK")]
     pub(crate) think: Option<String>,
     /// When to ask the VLM while flying on: again as soon as it has answered (always), or when something is new, or its answer
-    /// will be needed (news: fewer queries) [default: always]
+    /// will be needed (news: fewer queries with a fast model; a search asks ahead) [default: always]
     #[arg(long, value_name = "WHEN")]
     pub(crate) ask: Option<String>,
     /// Setpoint rate, 5 to 100 Hz [default: 10]

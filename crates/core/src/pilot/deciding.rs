@@ -46,7 +46,7 @@ impl Pilot {
         }
         // Only a good reply ends a hold for failed replies, so one must be requested.
         if !matches!(self.envelope.reaction(now), Reaction::Continue | Reaction::Hold(Cause::FailedReplies)) {
-            return;
+            return self.policy.interrupted();
         }
         let Some(mut view) = self.view else { return };
         // Checked now and not when the frame arrived: the craft may have moved since.
@@ -217,6 +217,7 @@ impl Pilot {
             self.outbox.push_back(Action::Cancel(id));
             self.policy.handle(PolicyEvent::ReplyFailed { id });
         }
+        self.policy.interrupted();
     }
 
     /// Carries out a step, and requests further steps from the policy until it waits.

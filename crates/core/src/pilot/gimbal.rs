@@ -3,7 +3,7 @@
 use super::{Phase, Pilot};
 use crate::camera::Camera;
 use crate::command::Command;
-use crate::geometry::Pose;
+use crate::geometry::{Pose, wrap_angle};
 use crate::gimbal::{Gimbal, GimbalReport};
 use crate::policy::{Move, PolicyEvent};
 use crate::time::{Duration, Time};
@@ -18,6 +18,8 @@ const WORTH_TILTING: f64 = 8.0 / 180.0 * core::f64::consts::PI;
 const HEARD: Duration = Duration::from_secs(1);
 /// The part of the vertical field of view by which one look tilts the camera: the images overlap.
 const LOOK: f64 = 0.7;
+/// A craft that has turned by this since a frame looks elsewhere, radians: 10°.
+const TURNED_AWAY: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 
 /// What is known of the gimbal, and where it was told to look.
 #[derive(Debug, Default)]
@@ -43,6 +45,11 @@ impl Pilot {
     /// it does.
     pub(super) fn look_by_gimbal(&mut self, now: Time, motion: &Move) -> bool {
         let climb = motion.primitives.climb;
+        // It looks up or down from where the frame was taken, and not from where the craft has turned to meanwhile.
+        let heading = self.known_pose(now).attitude.heading;
+        if motion.anchor.is_some_and(|from| wrap_angle(heading - from.attitude.heading).abs() > TURNED_AWAY) {
+            return false;
+        }
         let heard = |report: &&GimbalReport| motion.looks && !report.aside && now.since(report.measured) < HEARD;
         let Some(report) = self.gimbal.reports.newest().filter(heard) else { return false };
         let view = 2.0 * libm::atan(0.5 * f64::from(self.camera.height) / self.camera.fy);

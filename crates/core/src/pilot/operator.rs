@@ -99,6 +99,7 @@ impl Pilot {
         places.retain(|place| self.voided.is_none_or(|last| place.id > last));
         self.stop_motion(now);
         self.policy.keep_out(&places);
+        self.policy.interrupted();
         self.envelope.keep_out(&places);
         self.guiding.keep_out(places.iter().flat_map(KeepOut::points).map(Cell::of));
         self.kept_out = places;

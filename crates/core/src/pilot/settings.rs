@@ -29,7 +29,8 @@ pub enum AskWhen {
     #[default]
     Always,
     /// When something is new: the view has turned by half of the field, half of the range is flown, the target's track has been
-    /// lost, the craft is stuck or about to arrive, or 3 s are over.
+    /// lost, the craft is stuck or about to arrive, or 3 s are over. In a search two queries may be open, if the VLM answers two at a
+    /// time: the craft turns on, and asks about the next view, before the answer.
     News,
 }
 

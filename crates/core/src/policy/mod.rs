@@ -233,6 +233,9 @@ pub trait Policy: Send {
         true
     }
 
+    /// Something else than an answer has stopped the craft, or somebody has taken over: nothing of before is a reason to move any more.
+    fn interrupted(&mut self) {}
+
     /// Takes the places that the operator has marked, instead of those before. Whatever a policy makes of them, the envelope
     /// stops before them.
     fn keep_out(&mut self, _places: &[KeepOut]) {}

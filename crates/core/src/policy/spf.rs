@@ -31,7 +31,7 @@ mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
 
-use ahead::Ahead;
+use ahead::{Ahead, Sweep};
 use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
@@ -134,6 +134,9 @@ pub struct Spf {
     /// Whether the craft turns on, and asks about the next view, before a search's last view is answered.
     asks_ahead: bool,
     ahead: Option<Ahead>,
+    sweep: Sweep,
+    /// Whether an answer has failed, or was too old, after the craft had turned on.
+    came_too_late: bool,
     /// The heading to which the craft turns back, radians, and until when at most, after an answer that shows the target in a view
     /// from which it has turned on.
     turning_back: Option<(f64, Time)>,
@@ -214,6 +217,8 @@ impl Spf {
             open_query: None,
             asks_ahead: false,
             ahead: None,
+            sweep: Sweep::Over,
+            came_too_late: false,
             turning_back: None,
             confirming: false,
             blocked: 0,
@@ -323,6 +328,7 @@ impl Spf {
 
     fn answered(&mut self, open_query: OpenQuery, confirming: bool, text: &str) -> Step {
         self.reading = Reading::default();
+        self.sweep = Sweep::Over;
         // Stated until it has been answered.
         self.memory.refused = None;
         let mut reply = match parse_reply(text, &self.settings.grounding, open_query.boxes == Boxes::Reply) {
@@ -481,6 +487,7 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 // A look up or down is nothing but a climb or a descent.
                 let looks = primitives.climb != 0.0 && Primitives { climb: 0.0, ..primitives } == Primitives::default();
+                self.sweep = Sweep::Turns;
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true, looks })
             }
             (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, f64::from(depth)),
@@ -580,22 +587,24 @@ impl Policy for Spf {
             PolicyEvent::Frame(view) if self.wants_second() => self.ask_second(view),
             PolicyEvent::Reply { id, .. } | PolicyEvent::ReplyFailed { id } if self.is_second(id) => {
                 self.give_up_second();
+                // Nothing was read in this reply.
+                self.reading = Reading::default();
                 Step::Wait
             }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
                 Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
+                    let part = self.memory.stage;
                     let step = self.answered(open_query, confirming, text);
                     self.ask_boxes_after(open_query.boxes);
-                    self.settle_ahead(&open_query.view, &step);
-                    step
+                    self.settle_ahead(&open_query.view, step, part == self.memory.stage)
                 }
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
                 if let Some(failed) = self.open_query.take_if(|open_query| open_query.id == id) {
                     self.ask_boxes_after(failed.boxes);
-                    self.ahead = None;
+                    self.fail_ahead();
                 }
                 self.turned_first = None;
                 Step::Wait
@@ -618,7 +627,7 @@ impl Policy for Spf {
                     self.memory.last_seen = side.or(self.memory.last_seen);
                 }
                 self.turned_first = None;
-                (self.ahead, self.turning_back) = (None, None);
+                (self.ahead, self.sweep, self.turning_back) = (None, Sweep::Over, None);
                 Step::Look
             }
             PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } => Step::Wait,
@@ -635,6 +644,10 @@ impl Policy for Spf {
 
     fn awaits(&self, id: QueryId) -> bool {
         self.open_query.is_some_and(|open_query| open_query.id == id) || self.is_second(id)
+    }
+
+    fn interrupted(&mut self) {
+        self.sweep = Sweep::Over;
     }
 
     fn keep_out(&mut self, places: &[KeepOut]) {

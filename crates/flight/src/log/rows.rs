@@ -56,6 +56,9 @@ pub struct FlightHeader {
     /// Size at which images were sent; absent if it was the camera's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub image_size: Option<(u32, u32)>,
+    /// Whether two queries may be open in a search: `settings.ask` is `news`, and the VLM answers two at a time. Absent if not.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub two_queries: bool,
     /// The complete prompt file; absent for the built-in one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prompt: Option<String>,

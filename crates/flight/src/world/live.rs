@@ -35,9 +35,11 @@ pub struct Live {
     told: Option<Time>,
     /// What it reported before the loop began; `None` before that.
     earlier: Option<VecDeque<DroneEvent>>,
-    queries: Sender<(Query, Cancel)>,
-    /// The same for the monitor's, if something else answers them.
-    monitor: Option<Sender<(Query, Cancel)>>,
+    vlm: Client,
+    /// Answers what is asked while that one answers.
+    second: Option<Client>,
+    /// Answers the monitor's queries, if something else does.
+    monitor: Option<Client>,
     /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
@@ -57,15 +59,37 @@ pub struct Live {
     paused_until: Option<Time>,
 }
 
-/// Starts the thread in which a VLM answers queries one after the other.
+/// A thread in which a VLM answers queries one after the other.
+struct Client {
+    queries: Sender<(Query, Cancel)>,
+    /// Queries that were sent to it and are not answered.
+    open: Arc<AtomicU32>,
+}
+
+impl Client {
+    fn is_busy(&self) -> bool {
+        self.open.load(Ordering::Acquire) > 0
+    }
+
+    fn ask(&self, query: Query, cancel: Cancel) {
+        self.open.fetch_add(1, Ordering::AcqRel);
+        if self.queries.send((query, cancel)).is_err() {
+            tracing::warn!("the VLM thread has ended: queries are no longer sent");
+        }
+    }
+}
+
+/// Starts the thread of a VLM.
 fn ask_in_thread(
     name: &str,
     start: Instant,
     mut vlm: Box<dyn Vlm>,
     mut images: QueryImages,
     answered: Sender<(Time, Event)>,
-) -> std::io::Result<Sender<(Query, Cancel)>> {
+) -> std::io::Result<Client> {
     let (queries, request) = channel::<(Query, Cancel)>();
+    let open = Arc::new(AtomicU32::new(0));
+    let left = open.clone();
     std::thread::Builder::new().name(name.to_owned()).spawn(move || {
         for (query, cancel) in request {
             let begun = start.elapsed();
@@ -76,6 +100,7 @@ fn ask_in_thread(
                 let answer = vlm.answer(&request, &mut images.about(&query));
                 (answer.latency, answer.text)
             };
+            left.fetch_sub(1, Ordering::AcqRel);
             let event = answer_event(query.id, text);
             // The oracle reports a latency without spending it; a real model has already spent it.
             if answered.send((Time::ZERO + begun + latency, event)).is_err() {
@@ -83,7 +108,7 @@ fn ask_in_thread(
             }
         }
     })?;
-    Ok(queries)
+    Ok(Client { queries, open })
 }
 
 impl Live {
@@ -105,13 +130,16 @@ impl Live {
         let tracker = (tracks || points)
             .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), points, answered.clone()))
             .transpose()?;
-        let Vlms { vlm, monitor } = vlms.into();
+        let Vlms { vlm, second, monitor } = vlms.into();
         let reports = answered.clone();
         // Beside the VLM's thread: a monitor that waited for its reply would come too late.
         let monitor =
             monitor.map(|monitor| ask_in_thread("monitor", start, monitor, QueryImages::of(drone.as_ref()), answered.clone()));
         let monitor = monitor.transpose()?;
-        let queries = ask_in_thread("vlm", start, vlm, QueryImages::of(drone.as_ref()), answered)?;
+        let second =
+            second.map(|second| ask_in_thread("vlm 2", start, second, QueryImages::of(drone.as_ref()), answered.clone()));
+        let second = second.transpose()?;
+        let vlm = ask_in_thread("vlm", start, vlm, QueryImages::of(drone.as_ref()), answered)?;
         let now = Time::ZERO + start.elapsed();
         let (out, later) = (Vec::new(), Vec::new());
         Ok(Self {
@@ -120,7 +148,8 @@ impl Live {
             drone,
             told: None,
             earlier: None,
-            queries,
+            vlm,
+            second,
             monitor,
             out,
             events,
@@ -279,10 +308,12 @@ impl World for Live {
             Action::Ask(query) => {
                 let cancel = Cancel::default();
                 self.out.push((query.id, cancel.clone()));
-                let queries = self.monitor.as_ref().filter(|_| query.kind == QueryKind::Monitor).unwrap_or(&self.queries);
-                if queries.send(((**query).clone(), cancel)).is_err() {
-                    tracing::warn!("the VLM thread has ended: queries are no longer sent");
-                }
+                let beside = if query.kind == QueryKind::Monitor {
+                    self.monitor.as_ref()
+                } else {
+                    self.second.as_ref().filter(|_| self.vlm.is_busy())
+                };
+                beside.unwrap_or(&self.vlm).ask((**query).clone(), cancel);
             }
             Action::Cancel(id) => {
                 for (_, cancel) in self.out.extract_if(.., |(of, _)| of == id) {

@@ -19,19 +19,21 @@ use spf_vlm::{Vlm, VlmError};
 pub struct Vlms {
     /// The VLM.
     pub vlm: Box<dyn Vlm>,
+    /// A second client of it, which answers on the wall clock while the first one answers another query.
+    pub second: Option<Box<dyn Vlm>>,
     /// What answers the monitor's queries, beside the others; `None` for the VLM itself.
     pub monitor: Option<Box<dyn Vlm>>,
 }
 
 impl From<Box<dyn Vlm>> for Vlms {
     fn from(vlm: Box<dyn Vlm>) -> Self {
-        Self { vlm, monitor: None }
+        Self { vlm, second: None, monitor: None }
     }
 }
 
 impl<V: Vlm + 'static> From<Box<V>> for Vlms {
     fn from(vlm: Box<V>) -> Self {
-        Self { vlm, monitor: None }
+        Self { vlm, second: None, monitor: None }
     }
 }
 

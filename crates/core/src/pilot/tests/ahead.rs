@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::geometry::wrap_angle;
+use crate::reply::ObstacleBox;
 
 fn asking(ask: AskWhen) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
@@ -87,6 +88,64 @@ fn a_target_that_is_found_is_flown_to_from_beyond_it() {
     }
 }
 
+/// A flight in which the second answer is this one and all others see nothing, with `latency` seconds.
+fn second_is(text: String, latency: f64, setup: Setup) -> Flight {
+    let mut queries = 0;
+    setup.fly(move |_, _| {
+        queries += 1;
+        Answer::After(secs(latency), if queries == 2 { text.clone() } else { not_visible(Look::Right) })
+    })
+}
+
+/// The heading from which a query was asked, degrees, less that of another.
+fn turned(flight: &Flight, from: usize, to: usize) -> f64 {
+    let heading = |i: usize| flight.frames[usize::try_from(flight.queries[i].1.frame.0).unwrap()].pose.attitude.heading;
+    wrap_angle(heading(to) - heading(from)).to_degrees().round()
+}
+
+/// An answer that came too late for a craft that has turned on is asked for again, and then it waits.
+#[test]
+fn answers_older_than_permitted_end_no_search() {
+    let (one, two) = (searched(AskWhen::Always, 9.0), searched(AskWhen::News, 9.0));
+    let failed = |flight: &Flight| flight.notes.iter().filter(|(_, note)| matches!(note, Note::QueryFailed { .. })).count();
+    assert_eq!((failed(&one), failed(&two)), (0, 1));
+    assert_eq!(two.decisions().count(), one.decisions().count());
+    assert_eq!(most_open(&two), 2);
+}
+
+/// A second look, or a step back, is decided by the view that was answered, and not by the one to which the craft has turned.
+#[test]
+fn what_must_be_looked_at_again_is_turned_back_to() {
+    let mut flight = second_is(done(), 4.0, asking(AskWhen::News));
+    flight.until_asked(4);
+    assert!((turned(&flight, 1, 2) - 72.0).abs() < 3.0);
+    assert!(turned(&flight, 1, 3).abs() < 3.0, "{}", turned(&flight, 1, 3));
+    assert!(flight.queries[3].1.memory.confirming);
+
+    let mut setup = asking(AskWhen::News);
+    setup.settings.avoid = true;
+    let area = ImageBox { left: 0.4, top: 0.1, right: 0.6, bottom: 1.0 };
+    let person = ObstacleBox { name: "person".to_owned(), area, depth: 1 };
+    let reply = Reply { boxes: vec![person], look: Some(Look::Right), ..Reply::new(Status::NotVisible) };
+    let mut flight = second_is(reply.to_json(&GroundingProfile::default(), true), 3.0, setup);
+    flight.until_asked(3);
+    let at = flight.model.position;
+    flight.until_asked(4);
+    assert!(turned(&flight, 1, 3).abs() < 3.0, "{}", turned(&flight, 1, 3));
+    assert!(flight.model.position.distance(at) < 0.1, "it does not back off from where it looks by then");
+}
+
+/// The second query was about a part of the instruction that has ended.
+#[test]
+fn a_part_that_ends_makes_the_second_query_void() {
+    let next = Reply { stage: Some(2), look: Some(Look::Right), ..Reply::new(Status::NotVisible) };
+    let mut flight = second_is(json(&next), 4.0, asking(AskWhen::News));
+    flight.until_asked(4);
+    let cancelled: Vec<QueryId> = flight.cancelled.iter().map(|(_, id)| *id).collect();
+    assert_eq!(cancelled, [flight.queries[2].1.id]);
+    assert_eq!(flight.queries[3].1.memory.stage, 2);
+}
+
 /// An answer that asks for another view than the one the craft has turned to.
 #[test]
 fn another_turn_than_the_one_begun_is_flown_from_the_view_that_was_answered() {
@@ -96,8 +155,7 @@ fn another_turn_than_the_one_begun_is_flown_from_the_view_that_was_answered() {
         Answer::After(secs(4.0), not_visible(if queries == 2 { Look::Left } else { Look::Right }))
     });
     flight.until_asked(4);
-    let heading = |i: usize| flight.frames[usize::try_from(flight.queries[i].1.frame.0).unwrap()].pose.attitude.heading;
-    let turned = |from: usize, to: usize| wrap_angle(heading(to) - heading(from)).to_degrees().round();
+    let turned = |from: usize, to: usize| turned(&flight, from, to);
     assert!((turned(0, 1) - 72.0).abs() < 3.0 && (turned(1, 2) - 72.0).abs() < 3.0);
     assert_eq!(flight.cancelled.iter().map(|(_, id)| *id).collect::<Vec<_>>(), [flight.queries[2].1.id]);
     // From the view that was answered, not from where the craft is: back to the first view, which a sweep sees last.
@@ -121,6 +179,9 @@ fn failed_and_overtaken_answers_are_asked_for_again() {
         assert_eq!(flight.end(), Outcome::NotFound, "{case}");
         assert!(most_open(&flight) <= 2, "{case}");
         assert_eq!(flight.decisions().filter(|decision| decision.step == "move").count(), 11, "{case}");
+        // What was not used was not read either: no map takes it for what is seen from where the craft is.
+        let mut unused = flight.decisions().filter(|decision| decision.step == "wait");
+        assert!(unused.all(|decision| decision.reading == crate::policy::Reading::default()), "{case}");
     }
 }
 
@@ -133,7 +194,12 @@ fn whoever_takes_over_ends_both() {
     let held = flight.now;
     flight.pass(4.0);
     flight.assert_stopped_since(held);
+    // What was decided before is no reason to turn: only the next answer is.
+    let asked = flight.queries.len();
     flight.operator(OperatorEvent::Resume);
+    flight.until_asked(asked + 1);
+    flight.pass(2.9);
+    flight.assert_stopped_since(held);
     assert_eq!(flight.end(), Outcome::NotFound);
 }
 

@@ -1,6 +1,9 @@
 //! Two open queries while searching: the craft turns on before the answer about the last view has come, and asks about the next
 //! view, as if that answer will not show the target. One that does makes the second query void, and leads back: nothing more is
 //! asked until the camera shows the target again.
+//!
+//! Each answer that does not show the target is the reason for the turn that it asks for and for one more. Nothing else is: not a
+//! turn of before somebody took over, nor one whose end was followed by anything but the next query.
 
 use super::{OpenQuery, QuerySubject, Spf};
 use crate::geometry::wrap_angle;
@@ -38,6 +41,18 @@ enum Progress {
     Over,
 }
 
+/// What the last answer, if it has led to a turn of a search, permits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Sweep {
+    /// No turn before the next answer.
+    #[default]
+    Over,
+    /// The craft makes the turn for which it asked.
+    Turns,
+    /// One more turn once the next query is sent: that turn was made to its end.
+    Turned,
+}
+
 impl Spf {
     /// Whether the next frame at rest is wanted although a query is open.
     pub(super) fn wants_second(&self) -> bool {
@@ -56,14 +71,14 @@ impl Spf {
 
     /// Turns on while the query just sent, or the one that was the second, is open.
     pub(super) fn turn_ahead(&mut self) -> Step {
-        let (true, None, Some(open), Some(search)) = (self.asks_ahead, self.ahead, self.open_query, &self.search) else {
-            return Step::Wait;
-        };
+        let (true, Sweep::Turned) = (self.asks_ahead && !self.came_too_late, self.sweep) else { return Step::Wait };
+        let (None, Some(open), Some(search)) = (self.ahead, self.open_query, &self.search) else { return Step::Wait };
         let is_search = open.about == QuerySubject::Point { confirming: false } && self.hidden_since.is_none() && !self.told_lost;
         let Some(yaw) = search.expected_turn(open.view.pose.attitude.heading).filter(|_| is_search && !self.lists()) else {
             return Step::Wait;
         };
         self.ahead = Some(Ahead { yaw, progress: Progress::Turning });
+        self.sweep = Sweep::Over;
         let primitives = Primitives { yaw, ..Primitives::default() };
         Step::Move(Move { primitives, anchor: Some(open.view.pose), then_rest: true, looks: false })
     }
@@ -71,6 +86,7 @@ impl Spf {
     /// Notes that a motion has ended.
     pub(super) fn turned_ahead(&mut self, completed: bool) {
         self.turning_back = None;
+        self.sweep = if completed && self.sweep == Sweep::Turns { Sweep::Turned } else { Sweep::Over };
         if let Some(Ahead { progress: progress @ Progress::Turning, .. }) = &mut self.ahead {
             *progress = if completed { Progress::Turned } else { Progress::Over };
         }
@@ -93,27 +109,36 @@ impl Spf {
         step
     }
 
-    /// After the answer to the open query about `view`: the second query is the open one if the answer leads to the turn that was
-    /// begun.
-    pub(super) fn settle_ahead(&mut self, view: &View, step: &Step) {
-        let Some(Ahead { yaw, progress }) = self.ahead.take() else { return };
-        match step {
+    /// After the answer to the open query about `view`, which leads to `step`: the second query is the open one if this is the turn that
+    /// was begun, and the answer has not ended a part of the instruction. Returns the step to take, from where the craft has turned to.
+    pub(super) fn settle_ahead(&mut self, view: &View, step: Step, same_part: bool) -> Step {
+        let Some(Ahead { yaw, progress }) = self.ahead.take() else { return step };
+        match &step {
+            // What backs off from what was seen in that view, or looks at it again, begins with the turn back to it.
+            Step::Move(Move { primitives, then_rest: true, .. }) if primitives.forward != 0.0 || primitives.right != 0.0 => {
+                return turn_back_to(view);
+            }
+            Step::Look => return turn_back_to(view),
             Step::Move(Move { primitives, then_rest: true, .. }) => {
                 let turn = Primitives { yaw: primitives.yaw, ..Primitives::default() };
                 if let Progress::Asked(second) = progress
+                    && same_part
+                    && self.sweep == Sweep::Turns
                     && *primitives == turn
                     && (turn.yaw - yaw).abs() < SAME_TURN
                 {
                     self.open_query = Some(second);
+                    self.sweep = Sweep::Turned;
                 }
             }
             // Who is followed may walk on, and is turned to all the time.
-            Step::Move(motion) | Step::Goto(Goto { motion, .. }) => {
+            Step::Move(motion) | Step::Goto(Goto { motion, .. }) | Step::Follow(Goto { motion, .. }) => {
                 let heading = view.pose.attitude.heading + motion.primitives.yaw;
                 self.turning_back = Some((heading, view.frame.captured + TURNS_BACK));
             }
             _ => {}
         }
+        step
     }
 
     /// The second query has failed, or was answered first.
@@ -122,4 +147,15 @@ impl Spf {
             ahead.progress = Progress::Over;
         }
     }
+
+    /// The open query has no answer, or one that came too late for a craft that has turned on: it does not turn on again.
+    pub(super) fn fail_ahead(&mut self) {
+        self.came_too_late |= self.ahead.take().is_some();
+        self.sweep = Sweep::Over;
+    }
+}
+
+/// Turns to where a frame was taken, and decides by one that is taken there at rest.
+fn turn_back_to(view: &View) -> Step {
+    Step::Move(Move { primitives: Primitives::default(), anchor: Some(view.pose), then_rest: true, looks: false })
 }
