@@ -12,7 +12,7 @@ use spf_scene::geometry::ObjectId;
 use spf_sim::wind::Wind;
 
 use super::drone::SimDrone;
-use super::following::{Course, Followed};
+use super::following::{Course, followed};
 use super::frame_source::SimFrameSource;
 use super::loaded_scene::LoadedScene;
 use super::truth::{Verdict, followed_by, judge};
@@ -187,7 +187,8 @@ struct Found {
     verdict: Verdict,
     path_length: f64,
     touched: Vec<Touch>,
-    followed: Option<Followed>,
+    /// Of an instruction to follow, the distances to the target.
+    distances: Option<Vec<(f64, f64)>>,
 }
 
 impl Observer for Judging {
@@ -215,12 +216,12 @@ impl Judge for Judging {
             verdict: judge(&self.world, instruction, &self.start),
             path_length: truth.path_length,
             touched: truth.collided_with.iter().map(touch).collect(),
-            followed: followed_by(instruction, loaded, &self.start).map(|objects| self.course.followed(loaded, &objects)),
+            distances: followed_by(instruction, loaded, &self.start).map(|objects| self.course.distances(loaded, &objects)),
         };
     }
 
     fn tell(&self, summary: &mut Summary) {
-        let Found { verdict, path_length, touched, followed } = &self.found;
+        let Found { verdict, path_length, touched, distances } = &self.found;
         let (site, scene) = (&self.site, &self.site.loaded.scene);
         *summary = Summary {
             verified: verdict.verified,
@@ -230,7 +231,7 @@ impl Judge for Judging {
             final_distance_m: verdict.final_distance_m,
             collisions: u32::try_from(touched.len()).unwrap_or(u32::MAX),
             touched: touched.clone(),
-            followed: *followed,
+            followed: distances.as_ref().map(|of| followed(of, scene.success_radius, &summary.settings)),
             targets: verdict.targets.clone(),
             target_in_view: verdict.in_view,
             scene: scene.name.clone(),
