@@ -1,5 +1,6 @@
 //! Files of a result folder: written atomically, with errors.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
@@ -23,7 +24,7 @@ pub enum StoreError {
         /// The folder.
         path: PathBuf,
         /// The difference.
-        what: &'static str,
+        what: Cow<'static, str>,
     },
     /// Another process writes to the folder.
     #[error("another run is writing to `{0}`")]

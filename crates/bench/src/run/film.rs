@@ -27,7 +27,7 @@ pub(super) fn fly(trial: &Trial, drawn: &Sampled, folder: &Path) -> Result<Flown
     }
     let out = OutDir::at(&beside).map_err(|error| match error {
         OutDirError::Folder { path, source } => StoreError::File { path, source },
-        _ => StoreError::Other { path: beside.clone(), what: "another process is recording this trial" },
+        _ => StoreError::Other { path: beside.clone(), what: "another process is recording this trial".into() },
     })?;
     let flown = trial.fly(drawn, Some(RecordPlan { out, video: true, view: None }));
     let film = beside.join("video.mp4");

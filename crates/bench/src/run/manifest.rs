@@ -48,7 +48,7 @@ impl RunManifest {
         match std::fs::read_to_string(&path) {
             Ok(text) => match serde_json::from_str(&text) {
                 Ok(made) => Ok(Some(made)),
-                Err(_) => Err(StoreError::Other { path: folder.to_owned(), what: "`run.json` was not written by spf" }),
+                Err(_) => Err(StoreError::Other { path: folder.to_owned(), what: "`run.json` was not written by spf".into() }),
             },
             Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
             Err(error) => Err(failed(&path)(error)),

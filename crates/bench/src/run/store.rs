@@ -3,6 +3,7 @@
 //! A row is appended as soon as its trial ends, after its path, so that nothing is lost if the process is killed. When
 //! all are complete, the rows are sorted in plan order, independent of the number of jobs.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
@@ -72,7 +73,8 @@ impl Store {
         match std::fs::read_to_string(&head_path) {
             Ok(text) => {
                 let other = |what| StoreError::Other { path: folder.to_owned(), what };
-                let there: RunHeader = serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf"))?;
+                let there: RunHeader =
+                    serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf".into()))?;
                 if there != *head {
                     return Err(other(difference(&there, head)));
                 }
@@ -135,16 +137,51 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
     file.write_all(&line).map_err(failed(path))
 }
 
-fn difference(there: &RunHeader, wanted: &RunHeader) -> &'static str {
+fn difference(there: &RunHeader, wanted: &RunHeader) -> Cow<'static, str> {
     if there.program != wanted.program {
-        "its results were written by another version of spf"
+        "its results were written by another version of spf".into()
     } else if there.trials != wanted.trials {
-        "its tasks, methods, models, seeds or numbers of trials are different"
+        other_trials(&there.trials, &wanted.trials).into()
     } else if there.shard != wanted.shard {
-        "its results are of a different shard"
+        "its results are of a different shard".into()
     } else {
-        "the task files or the model settings have changed"
+        "the task files or the model settings have changed".into()
     }
+}
+
+/// In what the trials of two plans differ.
+fn other_trials(there: &[String], wanted: &[String]) -> String {
+    let of = |ids: &[String]| {
+        let mut parts = [const { Vec::new() }; 4];
+        for id in ids {
+            let words: Vec<&str> = id.split('/').collect();
+            if let [task, method, vlm @ .., seed] = words.as_slice() {
+                for (part, word) in
+                    parts.iter_mut().zip([(*task).to_owned(), (*method).to_owned(), vlm.join("/"), (*seed).to_owned()])
+                {
+                    if !part.contains(&word) {
+                        part.push(word);
+                    }
+                }
+            }
+        }
+        parts
+    };
+    let differ: Vec<String> = ["tasks", "methods", "models", "seeds"]
+        .into_iter()
+        .zip(of(there).into_iter().zip(of(wanted)))
+        .filter(|(_, (there, wanted))| there != wanted)
+        .map(|(what, (there, wanted))| format!("its {what} are {}, and not {}", listed(&there), listed(&wanted)))
+        .collect();
+    if differ.is_empty() { "its trials are in another order".to_owned() } else { differ.join("; ") }
+}
+
+/// The first ones of some names.
+fn listed(names: &[String]) -> String {
+    const MOST: usize = 3;
+    let more = names.len().saturating_sub(MOST);
+    let shown = names.iter().take(MOST).cloned().collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{shown} and {more} more") } else { shown }
 }
 
 /// The complete rows of a file by trial, without a truncated last line. Empty if there is no file.
@@ -198,7 +235,7 @@ pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreErr
 pub fn read_head(folder: &Path) -> Result<RunHeader, StoreError> {
     let path = folder.join("bench.json");
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` was not written by spf" };
+    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` was not written by spf".into() };
     serde_json::from_str(&text).map_err(other)
 }
 
@@ -242,6 +279,20 @@ pub fn merge(shards: &[PathBuf], into: &Path) -> Result<usize, StoreError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_differs_between_two_plans_is_named() {
+        let plan = |ids: &[&str]| ids.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>();
+        let one = plan(&["task/spf/oracle-default/0"]);
+        let two = plan(&["task/spf/oracle-default/0", "task/spf/oracle-default/1"]);
+        assert_eq!(other_trials(&one, &two), "its seeds are 0, and not 0, 1");
+        let other = plan(&["other/pivot/http://here/v1/0"]);
+        let expected = "its tasks are task, and not other; its methods are spf, and not pivot; its models are oracle-default, and not \
+                        http://here/v1";
+        assert_eq!(other_trials(&one, &other), expected);
+        assert_eq!(listed(&plan(&["a", "b", "c", "d", "e"])), "a, b, c and 2 more");
+        assert_eq!(other_trials(&two, &plan(&[&two[1], &two[0]])), "its seeds are 0, 1, and not 1, 0");
+    }
 
     /// While one run writes to a folder, another one that would resume it is refused; afterwards it is not.
     #[test]
