@@ -171,6 +171,9 @@ pub fn decision(decision: &Decision) -> String {
         if !parts.is_empty() {
             line.push_str(&format!(" → {}", parts.join(", ")));
         }
+    } else if reading.reply.is_some() && !reading.actions.is_empty() {
+        // Nothing is flown: what is done instead.
+        line.push_str(&format!(": {}", reading.actions.join("; ")));
     }
     line
 }

@@ -35,7 +35,7 @@ use spf_sim::model::Model;
 
 use self::manual::Manual;
 use self::reading::{Given, Reader};
-use self::settings::{flight_conditions, limits, method, preset_and_policy, prompt, script};
+use self::settings::{flight_conditions, limits, method, method_words, preset_and_policy, prompt, script};
 use self::signals::flight_interrupts;
 use crate::args::Fly;
 use crate::background::PrintThread;
@@ -290,12 +290,11 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let kind = kind.unwrap_or(loaded.scene.default_craft);
     let craft = Model::of(kind).craft;
     let flying = format!(
-        "Flying \"{}\" in {}, craft {}, policy {}, preset {}, seed {seed}.",
+        "Flying \"{}\" in {}, craft {}, {}, seed {seed}.",
         one_line(instruction),
         loaded.scene.name,
         kind.name(),
-        policy.name(),
-        settings.fly.preset.text().unwrap_or_default(),
+        method_words(settings, policy, &method),
     );
     let limits = limits(settings, loaded.limits(kind))?;
     let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
@@ -346,18 +345,56 @@ fn report(summary: &Summary, out_dir: &Path, printer: &Printer) -> Result<(), Cl
     }
     result(summary).iter().for_each(|line| printer.result(line));
     printer.result(&format!("files: {}", out_dir.display()));
-    if summary.collisions > 0 && !summary.scene.is_empty() && !summary.settings.guidance.sensor {
-        printer.log(
-            "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)",
-        );
-    }
-    // A real flight has neither scene nor ground truth.
-    if summary.targets.is_empty() && !summary.scene.is_empty() {
-        printer.log(
-            "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects",
-        );
-    }
+    hints(summary).iter().for_each(|hint| printer.log(hint));
     Ok(())
+}
+
+/// What may help where a flight did not end as wished.
+fn hints(summary: &Summary) -> Vec<String> {
+    let mut hints = Vec::new();
+    let settings = &summary.settings;
+    // A real flight has neither scene nor ground truth.
+    let is_simulated = !summary.scene.is_empty();
+    if summary.collisions > 0 && is_simulated && !settings.guidance.sensor {
+        let sensor =
+            "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)";
+        hints.push(sensor.to_owned());
+    }
+    if summary.targets.is_empty() && is_simulated {
+        let none = "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects";
+        hints.push(none.to_owned());
+    }
+    let follows = summary.followed.is_some() && settings.follow_time.is_none();
+    match summary.outcome {
+        Outcome::Timeout if follows => {
+            let track = if settings.guidance.track { "" } else { "--track pixels " };
+            hints.push(format!(
+                "hint: following ends by a limit alone; `{track}--follow-time 30` ends it as reached (docs/guide/track.md)"
+            ));
+        }
+        Outcome::Timeout if summary.decisions >= settings.max_decisions => {
+            let news = if settings.ask.is_always() { "; with a fast model, `--ask news` makes fewer (docs/guide/vlm.md)" } else { "" };
+            hints.push(format!("hint: `--max-decisions {}` permits more decisions{news}", settings.max_decisions.saturating_mul(3)));
+        }
+        Outcome::Timeout => {
+            let seconds = 3.0 * settings.max_time.as_secs_f64();
+            hints.push(format!("hint: `--max-time {seconds:.0}` permits a longer flight"));
+        }
+        Outcome::Failed if summary.vlm_use.as_ref().is_some_and(|used| !used.failed.is_empty()) => {
+            hints.push(format!("hint: `spf vlm check {}` queries the model once, and says what is wrong", summary.vlm));
+        }
+        Outcome::Reached if summary.verified == Some(false) && errs_on_purpose(&summary.vlm) => hints.push(
+            "hint: this stand-in for a model errs on purpose, as models do; `--vlm oracle:perfect` does not (docs/explanation/oracle.md)"
+                .to_owned(),
+        ),
+        _ => {}
+    }
+    hints
+}
+
+/// Whether this is an oracle with errors.
+fn errs_on_purpose(vlm: &str) -> bool {
+    vlm.starts_with("oracle") && vlm != "oracle:perfect"
 }
 
 /// The result of a flight in words.
@@ -377,7 +414,7 @@ fn result(summary: &Summary) -> Vec<String> {
     };
     // The cause in the summary is that the instruction is fulfilled, which the ground truth has just denied.
     let cause = if summary.outcome == Outcome::Reached && summary.verified == Some(false) {
-        "the VLM reports the instruction as fulfilled"
+        "the VLM reports the instruction as fulfilled, too early or at something else"
     } else {
         &summary.cause
     };

@@ -104,7 +104,8 @@ fn report(folder: &Path, counts: [u64; 4], seconds: f64, printer: &Printer) {
         .map(|(quality, count)| format!("{} {count}", quality.word()))
         .collect();
     let images: u64 = counts.iter().sum();
-    printer.result(&format!("{}: {images} images, {seconds:.1} s: {}", folder.display(), parts.join(", ")));
+    let film = folder.join("track.mp4");
+    printer.result(&format!("{}: {images} images, {seconds:.1} s: {}", film.display(), parts.join(", ")));
 }
 
 /// Follows the box in the newest frames of a camera, until Ctrl-C, until the time is over, or until the camera ends.

@@ -56,7 +56,7 @@ fn a_square_is_followed() {
     film(&lab.path("square.mp4"), 40);
     let run = lab.spf(&["track", "square.mp4", "--box", "48,80,108,140", "--from", "0.2"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    assert_eq!(run.stdout, "square-track: 38 images, 3.7 s: good 38\n");
+    assert_eq!(run.stdout, "square-track/track.mp4: 38 images, 3.7 s: good 38\n");
     for (numbers, quality) in rows(&lab, "square-track/track.tsv") {
         let [time, left, top, right, bottom, scale] = numbers[..] else { panic!("{numbers:?}") };
         let true_left = 40.0 + 40.0 * time;

@@ -12,7 +12,7 @@ use spf_flight::sim::Simulated;
 use spf_flight::site::Clock;
 use spf_scene::SceneLook;
 
-use super::settings::{flight_conditions, limits, method, options, preset_and_policy, prompt, script};
+use super::settings::{flight_conditions, limits, method, method_words, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
 use super::{Ready, page, sentence};
 use crate::args::Fly;
@@ -72,11 +72,10 @@ pub(super) fn ready(
     let drone = WithCamera::new(craft, camera, optics);
     let (by_hand, frames) = (limits.capped(&spf_drone::Drone::capabilities(&drone).craft), spf_drone::Drone::frames(&drone));
     let flying = format!(
-        "Flying \"{}\", craft {} of the simulator, policy {}, preset {}.",
+        "Flying \"{}\", craft {} of the simulator, {}.",
         one_line(instruction),
         kind.name(),
-        policy.name(),
-        settings.fly.preset.text().unwrap_or_default(),
+        method_words(settings, policy, &method),
     );
     let mut announcements = vec![
         flying,

@@ -19,7 +19,7 @@ use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
 use super::manual::Manual;
-use super::settings::{fence, limits, method, options, preset_and_policy, prompt, script};
+use super::settings::{fence, limits, method, method_words, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, sentence};
 use crate::args::{CameraArgs, Fly};
@@ -133,12 +133,7 @@ pub(super) fn ready(
         announcements
             .push(format!("After the instruction the drone returns by itself, at up to {height:.0} m, and lands (--at-end)."));
     }
-    let flying = format!(
-        "Flying \"{}\", policy {}, preset {}.",
-        one_line(instruction),
-        policy.name(),
-        settings.fly.preset.text().unwrap_or_default(),
-    );
+    let flying = format!("Flying \"{}\", {}.", one_line(instruction), method_words(settings, policy, &method),);
     let bounds = format!(
         "Limits: {} m above and {} m from the take-off point, {} m/s (--max-altitude, --max-distance, --max-speed).",
         limits.max_altitude,

@@ -28,6 +28,20 @@ use crate::settings::{Setting, Settings};
 /// Time that a person may take: longer than any battery lasts.
 const LEISURE: Duration = Duration::from_secs(86_400);
 
+/// The method of a flight in words, with what is not as it is by default.
+pub(super) fn method_words(settings: &Settings, policy: PolicyKind, method: &PilotSettings) -> String {
+    let preset = settings.fly.preset.text().unwrap_or_default();
+    let mut words = format!("policy {}, preset {preset}", policy.name());
+    for (is_on, word) in [
+        (method.guidance.track, ", track pixels"),
+        (method.guidance.monitor, ", monitor on"),
+        (!method.ask.is_always(), ", ask news"),
+    ] {
+        words.push_str(if is_on { word } else { "" });
+    }
+    words
+}
+
 /// The preset and the policy.
 pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
     Ok((settings.fly.preset.or_default()?, settings.fly.policy.or_default()?))
@@ -132,6 +146,9 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     method.near_m = fly.near_m.get()?;
     if let Some(keep) = fly.keep_m.get()? {
         method.keep_m = keep;
+    }
+    if fly.keep_m.is_given() && !fly.keep_m.is_from_file() && !method.guidance.track {
+        return Err(CliError::usage("--keep needs a tracker").hint("add --track pixels"));
     }
     method.follow_time = fly.follow_time_s.get()?.map(duration_from_secs);
     if method.follow_time.is_some() && !method.guidance.track {

@@ -301,6 +301,17 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]) })
 }
 
+/// The vendor of the models that are called like this one.
+fn vendor_of<'a>(table: &'a Table, name: &str) -> Option<&'a str> {
+    let series = |id: &str| {
+        let last = id.rsplit('/').next().unwrap_or(id);
+        let end = last.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(last.len());
+        last[..end].to_ascii_lowercase()
+    };
+    let wanted = Some(series(name)).filter(|wanted| wanted.len() >= 3)?;
+    table.models().iter().find(|row| series(&row.id) == wanted).map(|row| row.vendor.as_str())
+}
+
 /// The error for a model that cannot be used, with a hint.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
     let failure = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
@@ -310,6 +321,11 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
                 return failure.hint(
                     "the oracle answers in the simulator only: spf fly --vlm oracle, spf ground --dataset, spf sim serve --vlm",
                 );
+            }
+            if let Some(vendor) = table(settings).ok().as_ref().and_then(|table| vendor_of(table, name)) {
+                // A model's name, or only that of its series.
+                let model = if name.contains(|c: char| c.is_ascii_digit()) { format!("#{name}") } else { String::new() };
+                return failure.hint(format!("a vendor comes first: `--vlm {vendor}{model}`"));
             }
             let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
             match nearest(name, words) {
