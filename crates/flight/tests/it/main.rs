@@ -14,3 +14,4 @@ mod points;
 mod replay;
 mod rooms;
 mod tracking;
+mod two_queries;
