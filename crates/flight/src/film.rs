@@ -9,7 +9,7 @@ use spf_core::avoid::{MARKED, Sighting};
 use spf_core::camera::Camera;
 use spf_core::depth::DepthGrid;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::lift::{Lifting, project_displacement};
+use spf_core::lift::{Lifting, project_displacement, range_of_label};
 use spf_core::pilot::{Action, Note, Pilot};
 use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::reply::ObstacleBox;
@@ -142,7 +142,8 @@ impl Film {
                 // They belong to the frame of the decision, and are shown where they are by now.
                 let place = |b: &ObstacleBox| Sighting::new(self.frame_source.camera(), decision.pose, b.area, b.depth);
                 let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes).filter(|b| b.name != MARKED);
-                self.boxes = boxes.map(|b| (place(b), format!("{} {}", b.name, b.depth))).collect();
+                self.boxes =
+                    boxes.map(|b| (place(b), format!("{} {:.0} m", b.name, range_of_label(f64::from(b.depth))))).collect();
                 self.captured = decision.captured;
                 self.drawn_until = now + BOXES_SHOWN;
             }
@@ -276,7 +277,7 @@ fn waypoint(camera: &Camera, shot: &Shot) -> Option<(ImagePoint, String)> {
         return None;
     }
     let point = project_displacement(ahead, camera, shot.known.attitude, Lifting::Levelled)?;
-    Some((point, format!("{:.1} m", ahead.length())))
+    Some((point, format!("waypoint {:.1} m", ahead.length())))
 }
 
 /// Whether a mark of a query is one to choose from. Boxes are the places that the operator has marked, which are drawn where they

@@ -3,7 +3,7 @@
 use spf_core::geometry::EnuPosition;
 use spf_core::time::Time;
 
-use super::map::decision_sign;
+use super::map::decision_signs;
 use super::svg::Svg;
 use super::{TrajectoryInput, colours, figure, round_step};
 
@@ -48,10 +48,10 @@ pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, [left, top, width, he
     }
     let style = format!("stroke=\"{}\" stroke-width=\"2.5\" stroke-linejoin=\"round\"", colours::PATH);
     svg.polyline(&curve(&input.path), &style);
-    for (number, decision) in (1..).zip(&input.decisions) {
-        let [x, y] = place(decision.time.as_secs_f64().min(last), decision.position.up.clamp(lowest, highest));
-        if x.is_finite() && y.is_finite() {
-            decision_sign(svg, x, y, number, &format!("{number}: {} ({})", decision.label, decision.time));
-        }
-    }
+    // On the curve: a decision's own position is that of its frame, which is older.
+    let path = if input.path.is_empty() { &input.known_path } else { &input.path };
+    decision_signs(svg, input, |decision| {
+        let later = path.partition_point(|(time, _)| *time < decision.time).min(path.len() - 1);
+        place(decision.time.as_secs_f64().min(last), path[later].1.up)
+    });
 }

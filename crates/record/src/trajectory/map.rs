@@ -3,10 +3,12 @@
 use spf_core::geometry::EnuPosition;
 
 use super::svg::{Svg, escaped};
-use super::{Outline, TrajectoryInput, colours, figure, round_step};
+use super::{DecisionMark, Outline, TrajectoryInput, colours, figure, round_step};
 
 /// Half the height of the largest symbol, that of the target, in image units.
 const SIGN: f64 = 11.0;
+/// Distance between two numbers that can be read, image units.
+const APART: f64 = 13.0;
 
 /// Transforms metres to image coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -117,16 +119,11 @@ pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &View) {
         let round = "stroke-linejoin=\"round\" stroke-linecap=\"round\"";
         svg.polyline(&path, &format!("stroke=\"{colour}\" stroke-width=\"{wide}\" {round}"));
     }
+    decision_signs(svg, input, |decision| view.position(decision.position));
+    // On top, so that they can be seen where decisions crowd.
     if let (Some(first), Some(last)) = (path.first(), path.last()) {
         start_sign(svg, first[0], first[1]);
         end_sign(svg, last[0], last[1]);
-    }
-    // Earlier decisions are more informative where many overlap, so they are drawn last, on top.
-    for (number, decision) in (1..).zip(&input.decisions).collect::<Vec<_>>().into_iter().rev() {
-        let [x, y] = view.position(decision.position);
-        if x.is_finite() && y.is_finite() {
-            decision_sign(svg, x, y, number, &format!("{number}: {} ({})", decision.label, decision.time));
-        }
     }
     svg.close();
     svg.raw(&format!("<rect {area} fill=\"none\" stroke=\"#b9c2cc\"/>\n"));
@@ -217,6 +214,33 @@ pub(super) fn end_sign(svg: &mut Svg, x: f64, y: f64) {
     let style = format!("fill=\"{}\" stroke=\"#ffffff\" stroke-width=\"2\"", colours::PATH);
     let (left, top) = (x - 6.5, y - 6.5);
     svg.raw(&format!("<rect x=\"{left:.1}\" y=\"{top:.1}\" width=\"13\" height=\"13\" {style}><title>end</title></rect>\n"));
+}
+
+/// The decisions at their places, with their numbers where there is room; a dot where not. Of those that would overlap the earliest has
+/// its number, since it is more informative.
+pub(super) fn decision_signs(svg: &mut Svg, input: &TrajectoryInput, place: impl Fn(&DecisionMark) -> [f64; 2]) {
+    let mut numbered: Vec<[f64; 2]> = Vec::new();
+    let mut signs = Vec::new();
+    for (number, decision) in (1..).zip(&input.decisions) {
+        let [x, y] = place(decision);
+        if x.is_finite() && y.is_finite() {
+            let has_room = numbered.iter().all(|[a, b]| (x - a).hypot(y - b) >= APART);
+            if has_room {
+                numbered.push([x, y]);
+            }
+            signs.push((has_room, x, y, number, format!("{number}: {} ({})", decision.label, decision.time)));
+        }
+    }
+    for (_, x, y, _, title) in signs.iter().filter(|sign| !sign.0) {
+        svg.raw(&format!(
+            "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.5\" fill=\"{}\"><title>{}</title></circle>\n",
+            colours::DECISION,
+            escaped(title)
+        ));
+    }
+    for (_, x, y, number, title) in signs.iter().filter(|sign| sign.0) {
+        decision_sign(svg, *x, *y, *number, title);
+    }
 }
 
 pub(super) fn decision_sign(svg: &mut Svg, x: f64, y: f64, number: usize, title: &str) {
