@@ -121,6 +121,10 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
                 args.next();
                 short.extend(["--task".to_owned(), "sim-nav-red-crane".to_owned()]);
             }
+            "--follow-time" => {
+                args.next();
+                short.extend(["--follow-time", "3"].map(str::to_owned));
+            }
             "--task" if seen_task => _ = args.next(),
             "--task" => {
                 seen_task = true;

@@ -25,7 +25,7 @@ fn its_own_stream_is_tested_tracked_and_flown_by_another_craft() {
     assert!(run.stdout.starts_with("image    960×720, H.264\n") && run.stdout.contains("0 gaps"), "{}", run.stdout);
     let track = ["track", address, "--box", "200,150,760,570", "--seconds", "1", "-o", "followed"];
     let run = from(&lab, "127.0.0.163", &track);
-    assert!(run.code == Some(0) && run.stdout.starts_with("followed: "), "{}{}", run.stdout, run.stderr);
+    assert!(run.code == Some(0) && run.stdout.starts_with("followed/track.mp4: "), "{}{}", run.stdout, run.stderr);
     // A craft of the simulator flies by what the Tello sees, whose lens is known.
     let (server, out) = (model(1), "mine");
     let vlm = format!("gemini@{}", server.url());
