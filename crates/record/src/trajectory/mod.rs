@@ -140,7 +140,7 @@ fn legend(svg: &mut Svg, input: &TrajectoryInput, y: f64) {
     let mut entry = |svg: &mut Svg, name: &str, sign: &dyn Fn(&mut Svg, f64)| {
         sign(svg, x + 11.0);
         svg.text(x + 28.0, y + 4.5, "start", &format!("font-size=\"13\" fill=\"{}\"", colours::TEXT), name);
-        x += 28.0 + name.chars().count() as f64 * 7.0 + 22.0;
+        x += 28.0 + name.chars().count() as f64 * 7.4 + 22.0;
     };
     if !input.path.is_empty() {
         entry(svg, "start", &|svg, x| map::start_sign(svg, x, y));
