@@ -125,6 +125,8 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
                 args.next();
                 short.extend(["--follow-time", "3"].map(str::to_owned));
             }
+            // The tracker in rendered images takes a minute; its stand-in, a second.
+            "spf-track" => short.push("spf-track-model".to_owned()),
             "--task" if seen_task => _ = args.next(),
             "--task" => {
                 seen_task = true;
@@ -162,7 +164,7 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
         Some("fly") => {
             short.push("--no-video".to_owned());
             // Each of its frames is rendered.
-            if short.iter().any(|word| word == "--depth-sensor") {
+            if short.iter().any(|word| word == "--depth-sensor" || word == "--track") {
                 short.extend(["--max-time", "15"].map(str::to_owned));
             }
         }
