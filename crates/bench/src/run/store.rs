@@ -171,9 +171,19 @@ fn other_trials(there: &[String], wanted: &[String]) -> String {
         .into_iter()
         .zip(of(there).into_iter().zip(of(wanted)))
         .filter(|(_, (there, wanted))| there != wanted)
-        .map(|(what, (there, wanted))| format!("its {what} are {}, and not {}", listed(&there), listed(&wanted)))
+        .map(|(what, (there, wanted))| match (without(&there, &wanted), without(&wanted, &there)) {
+            (more, fewer) if more.is_empty() && fewer.is_empty() => format!("its {what} are in another order"),
+            (more, fewer) if fewer.is_empty() => format!("its {what} include {} too", listed(&more)),
+            (more, fewer) if more.is_empty() => format!("its {what} do not include {}", listed(&fewer)),
+            (more, fewer) => format!("its {what} are {}, and not {}", listed(&more), listed(&fewer)),
+        })
         .collect();
     if differ.is_empty() { "its trials are in another order".to_owned() } else { differ.join("; ") }
+}
+
+/// The names that are not among others.
+fn without(names: &[String], others: &[String]) -> Vec<String> {
+    names.iter().filter(|name| !others.contains(name)).cloned().collect()
 }
 
 /// The first ones of some names.
@@ -285,13 +295,14 @@ mod tests {
         let plan = |ids: &[&str]| ids.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>();
         let one = plan(&["task/spf/oracle-default/0"]);
         let two = plan(&["task/spf/oracle-default/0", "task/spf/oracle-default/1"]);
-        assert_eq!(other_trials(&one, &two), "its seeds are 0, and not 0, 1");
+        assert_eq!(other_trials(&one, &two), "its seeds do not include 1");
+        assert_eq!(other_trials(&two, &one), "its seeds include 1 too");
         let other = plan(&["other/pivot/http://here/v1/0"]);
         let expected = "its tasks are task, and not other; its methods are spf, and not pivot; its models are oracle-default, and not \
                         http://here/v1";
         assert_eq!(other_trials(&one, &other), expected);
         assert_eq!(listed(&plan(&["a", "b", "c", "d", "e"])), "a, b, c and 2 more");
-        assert_eq!(other_trials(&two, &plan(&[&two[1], &two[0]])), "its seeds are 0, 1, and not 1, 0");
+        assert_eq!(other_trials(&two, &plan(&[&two[1], &two[0]])), "its seeds are in another order");
     }
 
     /// While one run writes to a folder, another one that would resume it is refused; afterwards it is not.

@@ -18,6 +18,7 @@ use std::sync::mpsc::channel;
 use serde::Serialize;
 use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
+use spf_core::envelope::Cause;
 use spf_core::pilot::{AtEnd, Outcome};
 use spf_drone::frames::Frames;
 use spf_flight::flight::{FlightError, FlightPlan, Site};
@@ -372,7 +373,7 @@ fn hints(summary: &Summary) -> Vec<String> {
                 "hint: following ends by a limit alone; `{track}--follow-time 30` ends it as reached (docs/guide/track.md)"
             ));
         }
-        Outcome::Timeout if summary.decisions >= settings.max_decisions => {
+        Outcome::Timeout if summary.cause.contains(" decisions was reached") => {
             let news = if settings.ask.is_always() { "; with a fast model, `--ask news` makes fewer (docs/guide/vlm.md)" } else { "" };
             hints.push(format!("hint: `--max-decisions {}` permits more decisions{news}", settings.max_decisions.saturating_mul(3)));
         }
@@ -380,8 +381,10 @@ fn hints(summary: &Summary) -> Vec<String> {
             let seconds = 3.0 * settings.max_time.as_secs_f64();
             hints.push(format!("hint: `--max-time {seconds:.0}` permits a longer flight"));
         }
-        Outcome::Failed if summary.vlm_use.as_ref().is_some_and(|used| !used.failed.is_empty()) => {
-            hints.push(format!("hint: `spf vlm check {}` queries the model once, and says what is wrong", summary.vlm));
+        Outcome::Failed if summary.cause.contains(&Cause::FailedReplies.to_string()) && is_model(&summary.vlm) => {
+            // A program's name is a command with its arguments.
+            let name = shlex::try_quote(&summary.vlm).unwrap_or_default();
+            hints.push(format!("hint: `spf vlm check {name}` sends the model some test images, and says what is wrong"));
         }
         Outcome::Reached if summary.verified == Some(false) && errs_on_purpose(&summary.vlm) => hints.push(
             "hint: this stand-in for a model errs on purpose, as models do; `--vlm oracle:perfect` does not (docs/explanation/oracle.md)"
@@ -390,6 +393,11 @@ fn hints(summary: &Summary) -> Vec<String> {
         _ => {}
     }
     hints
+}
+
+/// Whether this is a model, or a program that stands for one.
+fn is_model(vlm: &str) -> bool {
+    !vlm.starts_with("oracle") && !is_human(vlm)
 }
 
 /// Whether this is an oracle with errors.

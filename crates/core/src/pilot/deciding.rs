@@ -215,7 +215,7 @@ impl Pilot {
         self.cancel_monitor();
         for (id, _) in core::mem::take(&mut self.waiting) {
             self.outbox.push_back(Action::Cancel(id));
-            self.policy.handle(PolicyEvent::ReplyFailed { id });
+            self.policy.cancelled(id);
         }
         self.policy.interrupted();
     }

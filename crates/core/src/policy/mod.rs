@@ -96,7 +96,7 @@ pub enum PolicyEvent<'a> {
         /// The new part of the text.
         text: &'a str,
     },
-    /// A query failed. If the pilot itself cancelled it (operator, end of the flight, too many open queries), the
+    /// A query failed. If the pilot itself cancelled it ([`Policy::cancelled`]), or sent it not for too many open queries, the
     /// returned step is not carried out, and the policy continues at the next [`PolicyEvent::Frame`].
     ReplyFailed {
         /// The query.
@@ -224,13 +224,18 @@ pub trait Policy: Send {
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step;
 
     /// Whether it takes this frame while so many of its queries are open.
-    fn takes(&self, _view: &View, open_queries: usize) -> bool {
+    fn takes(&mut self, _view: &View, open_queries: usize) -> bool {
         open_queries == 0
     }
 
     /// Whether the answer to an open query is still of use; the pilot cancels those that are not.
     fn awaits(&self, _id: QueryId) -> bool {
         true
+    }
+
+    /// Notes that the pilot has cancelled a query of its own accord: nothing has failed, nor come too late.
+    fn cancelled(&mut self, id: QueryId) {
+        self.handle(PolicyEvent::ReplyFailed { id });
     }
 
     /// Something else than an answer has stopped the craft, or somebody has taken over: nothing of before is a reason to move any more.

@@ -31,7 +31,7 @@ mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
 
-use ahead::{Ahead, Sweep};
+use ahead::{Ahead, OVERTAKEN, Sweep};
 use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
@@ -137,9 +137,9 @@ pub struct Spf {
     sweep: Sweep,
     /// Whether an answer has failed, or was too old, after the craft had turned on.
     came_too_late: bool,
-    /// The heading to which the craft turns back, radians, and until when at most, after an answer that shows the target in a view
-    /// from which it has turned on.
-    turning_back: Option<(f64, Time)>,
+    /// The heading to which the craft turns back, radians, after an answer that shows the target in a view from which it has turned
+    /// on, and until when at most, from the first frame after that answer.
+    turning_back: Option<(f64, Option<Time>)>,
     confirming: bool,
     blocked: u32,
     /// Steps back from a person in a row.
@@ -585,19 +585,23 @@ impl Policy for Spf {
                 self.turn_back(view).unwrap_or_else(|| self.decide(view))
             }
             PolicyEvent::Frame(view) if self.wants_second() => self.ask_second(view),
-            PolicyEvent::Reply { id, .. } | PolicyEvent::ReplyFailed { id } if self.is_second(id) => {
+            PolicyEvent::Reply { id, .. } if self.is_second(id) => {
                 self.give_up_second();
                 // Nothing was read in this reply.
-                self.reading = Reading::default();
+                self.reading = Reading { actions: vec![OVERTAKEN.to_owned()], ..Reading::default() };
+                Step::Wait
+            }
+            PolicyEvent::ReplyFailed { id } if self.is_second(id) => {
+                self.give_up_second();
                 Step::Wait
             }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
                 Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
-                    let part = self.memory.stage;
+                    let before = self.before_answer();
                     let step = self.answered(open_query, confirming, text);
                     self.ask_boxes_after(open_query.boxes);
-                    self.settle_ahead(&open_query.view, step, part == self.memory.stage)
+                    self.settle_ahead(&open_query.view, step, before)
                 }
                 None => Step::Wait,
             },
@@ -634,7 +638,7 @@ impl Policy for Spf {
         }
     }
 
-    fn takes(&self, view: &View, open_queries: usize) -> bool {
+    fn takes(&mut self, view: &View, open_queries: usize) -> bool {
         match open_queries {
             0 => !self.is_turning_back(view),
             1 => view.at_rest && self.wants_second(),
@@ -644,6 +648,11 @@ impl Policy for Spf {
 
     fn awaits(&self, id: QueryId) -> bool {
         self.open_query.is_some_and(|open_query| open_query.id == id) || self.is_second(id)
+    }
+
+    fn cancelled(&mut self, id: QueryId) {
+        self.ahead = None;
+        self.handle(PolicyEvent::ReplyFailed { id });
     }
 
     fn interrupted(&mut self) {

@@ -301,31 +301,44 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]) })
 }
 
-/// The vendor of the models that are called like this one.
-fn vendor_of<'a>(table: &'a Table, name: &str) -> Option<&'a str> {
+/// The complete name of a model of which only the model's own part, or only its series, is given: `VENDOR#MODEL`, or the vendor.
+fn complete_name(table: &Table, name: &str) -> Option<String> {
+    let last = |id: &str| id.rsplit('/').next().unwrap_or(id).to_ascii_lowercase();
     let series = |id: &str| {
-        let last = id.rsplit('/').next().unwrap_or(id);
-        let end = last.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(last.len());
-        last[..end].to_ascii_lowercase()
+        let last = last(id);
+        last[..last.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(last.len())].to_owned()
     };
+    if let Some(row) = table.models().iter().find(|row| last(&row.id) == last(name)) {
+        return Some(format!("{}#{}", row.vendor, row.id));
+    }
     let wanted = Some(series(name)).filter(|wanted| wanted.len() >= 3)?;
-    table.models().iter().find(|row| series(&row.id) == wanted).map(|row| row.vendor.as_str())
+    let row = table.models().iter().find(|row| series(&row.id) == wanted)?;
+    if !name.contains(|c: char| c.is_ascii_digit()) {
+        return Some(row.vendor.clone());
+    }
+    // Who serves the models of others names them by their maker too.
+    let maker = row.id.rsplit_once('/').filter(|_| !name.contains('/')).map_or(String::new(), |(maker, _)| format!("{maker}/"));
+    Some(format!("{}#{maker}{name}", row.vendor))
 }
 
 /// The error for a model that cannot be used, with a hint.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
     let failure = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
     match error {
-        SetupError::Select(SelectError::Unknown { name, known }) => {
+        SetupError::Select(SelectError::Unknown { name: vendor, known }) => {
+            // On a server of one's own, no vendor is needed.
+            if let Some((_, url)) = name.split_once("@http") {
+                let model = name.split('@').next().unwrap_or_default().trim_start_matches('#');
+                return failure.hint(format!("the server comes first: `--vlm http{url}#{model}`"));
+            }
+            let name = vendor;
             if name.starts_with("oracle") {
                 return failure.hint(
                     "the oracle answers in the simulator only: spf fly --vlm oracle, spf ground --dataset, spf sim serve --vlm",
                 );
             }
-            if let Some(vendor) = table(settings).ok().as_ref().and_then(|table| vendor_of(table, name)) {
-                // A model's name, or only that of its series.
-                let model = if name.contains(|c: char| c.is_ascii_digit()) { format!("#{name}") } else { String::new() };
-                return failure.hint(format!("a vendor comes first: `--vlm {vendor}{model}`"));
+            if let Some(complete) = table(settings).ok().as_ref().and_then(|table| complete_name(table, name)) {
+                return failure.hint(format!("a vendor comes first: `--vlm {complete}`"));
             }
             let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
             match nearest(name, words) {

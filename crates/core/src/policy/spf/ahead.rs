@@ -7,7 +7,8 @@
 
 use super::{OpenQuery, QuerySubject, Spf};
 use crate::geometry::wrap_angle;
-use crate::policy::{Goto, Move, Step, View};
+use crate::policy::search::Search;
+use crate::policy::{Goto, Move, Reading, Step, View};
 use crate::primitives::Primitives;
 use crate::query::QueryId;
 use crate::time::Duration;
@@ -16,8 +17,10 @@ use crate::time::Duration;
 const SAME_TURN: f64 = 0.05;
 /// A target within this part of half of the field of view is shown.
 const SHOWN: f64 = 0.8;
-/// After this time since the frame that showed the target, one asks in any case.
+/// After this time one asks in any case.
 const TURNS_BACK: Duration = Duration::from_secs(10);
+/// What is done with the answer about the second view if it comes first.
+pub(super) const OVERTAKEN: &str = "not used: the view before is not answered yet";
 
 /// What is done before the open query is answered.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +56,20 @@ pub(super) enum Sweep {
     Turned,
 }
 
+/// What an answer may change, and is as before if it is decided again from the view that was answered.
+pub(super) struct Before {
+    /// The part of the instruction.
+    stage: u32,
+    /// The search and the steps back, if the craft has turned on.
+    counted: Option<(Option<Search>, u32)>,
+}
+
 impl Spf {
+    /// What there is before an answer is read.
+    pub(super) fn before_answer(&self) -> Before {
+        Before { stage: self.memory.stage, counted: self.ahead.map(|_| (self.search.clone(), self.retreats)) }
+    }
+
     /// Whether the next frame at rest is wanted although a query is open.
     pub(super) fn wants_second(&self) -> bool {
         matches!(self.ahead, Some(Ahead { progress: Progress::Turned, .. }))
@@ -93,11 +109,11 @@ impl Spf {
     }
 
     /// Whether a frame is one of a turn back to the target, which it does not show yet.
-    pub(super) fn is_turning_back(&self, view: &View) -> bool {
+    pub(super) fn is_turning_back(&mut self, view: &View) -> bool {
+        let Some((heading, until)) = &mut self.turning_back else { return false };
+        let until = *until.get_or_insert(view.frame.captured + TURNS_BACK);
         let shown = SHOWN * view.camera.half_fov().0;
-        self.turning_back.is_some_and(|(heading, until)| {
-            view.frame.captured < until && wrap_angle(view.pose.attitude.heading - heading).abs() > shown
-        })
+        view.frame.captured < until && wrap_angle(view.pose.attitude.heading - *heading).abs() > shown
     }
 
     /// Asks about the view after the turn.
@@ -111,18 +127,18 @@ impl Spf {
 
     /// After the answer to the open query about `view`, which leads to `step`: the second query is the open one if this is the turn that
     /// was begun, and the answer has not ended a part of the instruction. Returns the step to take, from where the craft has turned to.
-    pub(super) fn settle_ahead(&mut self, view: &View, step: Step, same_part: bool) -> Step {
+    pub(super) fn settle_ahead(&mut self, view: &View, step: Step, before: Before) -> Step {
         let Some(Ahead { yaw, progress }) = self.ahead.take() else { return step };
         match &step {
             // What backs off from what was seen in that view, or looks at it again, begins with the turn back to it.
             Step::Move(Move { primitives, then_rest: true, .. }) if primitives.forward != 0.0 || primitives.right != 0.0 => {
-                return turn_back_to(view);
+                return self.turn_back_to(view, before);
             }
-            Step::Look => return turn_back_to(view),
+            Step::Look => return self.turn_back_to(view, before),
             Step::Move(Move { primitives, then_rest: true, .. }) => {
                 let turn = Primitives { yaw: primitives.yaw, ..Primitives::default() };
                 if let Progress::Asked(second) = progress
-                    && same_part
+                    && self.memory.stage == before.stage
                     && self.sweep == Sweep::Turns
                     && *primitives == turn
                     && (turn.yaw - yaw).abs() < SAME_TURN
@@ -134,7 +150,7 @@ impl Spf {
             // Who is followed may walk on, and is turned to all the time.
             Step::Move(motion) | Step::Goto(Goto { motion, .. }) | Step::Follow(Goto { motion, .. }) => {
                 let heading = view.pose.attitude.heading + motion.primitives.yaw;
-                self.turning_back = Some((heading, view.frame.captured + TURNS_BACK));
+                self.turning_back = Some((heading, None));
             }
             _ => {}
         }
@@ -153,9 +169,19 @@ impl Spf {
         self.came_too_late |= self.ahead.take().is_some();
         self.sweep = Sweep::Over;
     }
-}
 
-/// Turns to where a frame was taken, and decides by one that is taken there at rest.
-fn turn_back_to(view: &View) -> Step {
-    Step::Move(Move { primitives: Primitives::default(), anchor: Some(view.pose), then_rest: true, looks: false })
+    /// Turns to where a frame was taken, and decides by one that is taken there at rest, in place of what was to be flown.
+    fn turn_back_to(&mut self, view: &View, before: Before) -> Step {
+        if let Some((search, retreats)) = before.counted {
+            (self.search, self.retreats) = (search, retreats);
+        }
+        self.reading = Reading {
+            reply: self.reading.reply.take(),
+            listed: self.reading.listed.take(),
+            actions: vec!["turns back to that view first".to_owned()],
+            ..Reading::default()
+        };
+        self.history.nothing_planned();
+        Step::Move(Move { primitives: Primitives::default(), anchor: Some(view.pose), then_rest: true, looks: false })
+    }
 }
