@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 
 use serde::Serialize;
+use spf_bench::run::shell_word;
 use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_core::envelope::Cause;
@@ -383,7 +384,7 @@ fn hints(summary: &Summary) -> Vec<String> {
         }
         Outcome::Failed if summary.cause.contains(&Cause::FailedReplies.to_string()) && is_model(&summary.vlm) => {
             // A program's name is a command with its arguments.
-            let name = shlex::try_quote(&summary.vlm).unwrap_or_default();
+            let name = shell_word(&summary.vlm);
             hints.push(format!("hint: `spf vlm check {name}` sends the model some test images, and says what is wrong"));
         }
         Outcome::Reached if summary.verified == Some(false) && errs_on_purpose(&summary.vlm) => hints.push(

@@ -125,8 +125,6 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
                 args.next();
                 short.extend(["--follow-time", "3"].map(str::to_owned));
             }
-            // The tracker in rendered images takes a minute; its stand-in, a second.
-            "spf-track" => short.push("spf-track-model".to_owned()),
             "--task" if seen_task => _ = args.next(),
             "--task" => {
                 seen_task = true;
@@ -143,6 +141,8 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
             "--realtime" => short.extend(["--realtime", "--max-time", "1"].map(str::to_owned)),
             "--method" | "--vlm" => {
                 let first = args.next().unwrap().split(',').next().unwrap().to_owned();
+                // The tracker in rendered images takes a minute; its stand-in, a second.
+                let first = if first == "spf-track" { "spf-track-model".to_owned() } else { first };
                 short.extend([word, first]);
             }
             "-n" => {

@@ -7,7 +7,7 @@ use crate::geometry::{EnuDirection, EnuPosition};
 /// Growth from which a range is read: before, the error of the scale is most of it.
 const GROWN: f64 = 1.2;
 /// Standard deviation of the natural logarithm of a track's scale between two frames, fitted to 388 ranges of 89 flights
-/// (`crates/bench/tests/track_range.rs`).
+/// (`crates/bench/tests/all/track_range.rs`).
 const SCALE_SD: f64 = 0.05;
 /// Standard deviation of the distance flown, as a fraction of it.
 const FLOWN_SD: f64 = 0.05;

@@ -1,6 +1,6 @@
 //! The history in sentences. Each states one event or measurement, so that none can be false; where the
 //! target of an ended stage is now is reckoned from such. A test reads the prompts of whole
-//! flights and checks every sentence against them (`crates/bench/tests/sentences.rs`).
+//! flights and checks every sentence against them (`crates/bench/tests/all/sentences.rs`).
 
 use crate::grounding::GroundingProfile;
 use crate::lift::range_of_label;

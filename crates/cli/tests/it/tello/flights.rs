@@ -17,7 +17,11 @@ pub(super) struct Served(Child);
 impl Served {
     /// Each at its own address, so that tests do not interfere.
     pub(super) fn start(lab: &Lab, address: &str, args: &[&str]) -> Self {
-        let all = [&["sim", "serve", "--tello", "--listen", address][..], args].concat();
+        let mut all = [&["sim", "serve", "--tello", "--listen", address][..], args].concat();
+        // What is rendered in real time is most of what these tests cost.
+        if !args.contains(&"--quality") {
+            all.extend(["--quality", "draft"]);
+        }
         let mut child = lab.command(&all).spawn().unwrap();
         let mut line = String::new();
         BufReader::new(child.stdout.as_mut().unwrap()).read_line(&mut line).unwrap();

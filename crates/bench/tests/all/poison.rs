@@ -5,7 +5,6 @@
 //! neither of them senses. So while pilot, observers and judge run, true pose, actors, ids, depths and frames are those of another
 //! craft elsewhere, and the judge judges that one. Whatever else than deliveries had an influence in either flight, the commands
 //! would differ.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::path::Path;
 use std::sync::{Arc, Mutex};

@@ -1,5 +1,4 @@
 //! What a point of an image shows in a simulated flight: the truth behind what is estimated.
-#![allow(clippy::unwrap_used, dead_code, reason = "a test that cannot go on fails; each test uses its part")]
 
 use std::sync::{Arc, OnceLock};
 

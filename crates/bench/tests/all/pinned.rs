@@ -1,7 +1,6 @@
 //! What is compared with must not change: flights of `spf` and `spf-paper` without guidance between two answers, the data that
 //! answer them, and the tasks. A change of these digests changes published results, so it needs a measurement of all methods
 //! before and after.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,4 @@
 //! Hostile signs: what follows if a model obeys them stays within the envelope. A tenth of the suite `signs` is flown here.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::sync::Arc;
 

@@ -2,11 +2,8 @@
 //! last sighting of each flight with the surface point that the reply pointed at, by the normalised estimation error squared
 //! (NEES): χ² with 3 degrees of freedom if the stated covariance is right (docs/studies/2026-11-25-anchor-in-flights.md).
 //!
-//! Six flights by default; `cargo test --release -p spf-bench --test anchor_consistency -- --ignored --nocapture` flies 500,
+//! Six flights by default; `cargo test --release -p spf-bench --test all anchor_consistency -- --ignored --nocapture` flies 500,
 //! half of them with each oracle, and prints the tables.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the tables are for people")]
-
-mod seen;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -26,7 +23,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::{SimWorld, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 
-use seen::{ACROSS_M, Shown, flight, minus, shown, targets};
+use crate::seen::{ACROSS_M, Shown, flight, minus, shown, targets};
 
 /// Sightings from nearer than this do not count, metres: there the target surrounds the craft.
 const NEAREST_M: f64 = 1.5;

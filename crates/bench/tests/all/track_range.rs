@@ -1,11 +1,8 @@
 //! Is the range by the growth of a track as uncertain as it says? Flies tasks whose targets are less than 3 m across with the
 //! tracker from pixels, and compares each range that the growth of a track gives with the surface that the tracked box shows.
 //!
-//! Two flights by default; `cargo test --release -p spf-bench --test track_range -- --ignored --nocapture` flies 90 and prints the
+//! Two flights by default; `cargo test --release -p spf-bench --test all track_range -- --ignored --nocapture` flies 90 and prints the
 //! tables (docs/studies/2026-11-26-track-range.md).
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the tables are for people")]
-
-mod seen;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
@@ -25,7 +22,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
 use spf_scene::geometry::ObjectId;
 
-use seen::{Shown, flight, minus, shown, targets};
+use crate::seen::{Shown, flight, minus, shown, targets};
 
 /// One track, from the frame in which a reply saw its target.
 struct Track {

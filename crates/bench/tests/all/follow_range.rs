@@ -1,12 +1,9 @@
 //! Is the range of somebody who is followed as uncertain as it says? Flies the paper's tasks to follow somebody with the tracker
 //! from pixels, and compares the pilot's estimate with the distance from the craft to the person's surface twice a second.
 //!
-//! One flight by default; `cargo test --release -p spf-bench --test follow_range -- --ignored --nocapture` flies 40 and prints the
+//! One flight by default; `cargo test --release -p spf-bench --test all follow_range -- --ignored --nocapture` flies 40 and prints the
 //! tables (docs/studies/2026-11-26-follow-range.md), with what the tasks' judge makes of each flight. `SEEDS=FIRST-LAST`,
 //! `TASKS=WORD` and `VLMS=NAME,NAME` choose flights. With `FOLLOW_OUT=FOLDER` each flight's samples are written there.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the tables are for people")]
-
-mod seen;
 
 use std::fmt::Write;
 use std::sync::{Arc, OnceLock};

@@ -1,6 +1,5 @@
 //! The built-in tasks: each judges its own trajectories as its file declares, and the starts of its trials match the
 //! instruction.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};

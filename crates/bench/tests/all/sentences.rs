@@ -1,9 +1,8 @@
 //! No false sentence: reads every prompt of whole flights of all suites and checks each sentence of the history against what the
 //! pilot knew and did: who, when, where, which side, which stage, how far.
 //!
-//! Ten flights are read by default; `cargo test -p spf-bench --test sentences hundred -- --ignored` flies 100, `thousand` a
+//! Ten flights are read by default; `cargo test -p spf-bench --test all hundred -- --ignored` flies 100, `thousand` a
 //! thousand.
-#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the counts are for people")]
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};

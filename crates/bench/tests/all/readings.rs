@@ -1,6 +1,5 @@
 //! The reading of every built-in task's instruction in the task's own scene. A change of the language must leave all of them
 //! as they are: otherwise results of the bench from before and after it cannot be compared.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

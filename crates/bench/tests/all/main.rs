@@ -1,0 +1,15 @@
+//! Flights of the bench and its tasks, in one program: it is linked once, and its tests run beside each other.
+//!
+//! What is `#[ignore]`d here makes the tables of studies and takes minutes to hours; each file names its command.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the tables are for people")]
+
+mod anchor_consistency;
+mod follow_range;
+mod pinned;
+mod poison;
+mod readings;
+mod seen;
+mod sentences;
+mod signs;
+mod tasks;
+mod track_range;
