@@ -151,7 +151,7 @@ fn flown(id: &str, vlm: &'static str, seed: u64) -> (Vec<Sample>, Verdict) {
         guidance: Guidance { slow_anchor: true, track: true, ..Guidance::default() },
         ..PilotSettings::preset(Preset::Default)
     };
-    let (plan, world) = seen::flight(&task, &drawn, vlm, seed, settings);
+    let (plan, world) = crate::seen::flight(&task, &drawn, vlm, seed, settings);
     let plan = FlightPlan { limits: Limits { brake: Some(BrakeLimits::without_sensor()), ..plan.limits }, ..plan };
     let sight = JudgeCamera::of(task.craft);
     let mut watcher = Watcher {

@@ -23,8 +23,8 @@ def resumed(page):
 def tello(browser):
     """The virtual Tello over its own protocol: an instruction typed, a click that changes where it goes, hold, land."""
     port = free_port()
-    served = Program("sim", "serve", "--tello", "--listen", "127.0.0.201", "--scene", "office", "--vlm", "--vlm-listen",
-                     f"127.0.0.1:{port}", ready=r"(http://127\S+)")
+    served = Program("sim", "serve", "--tello", "--listen", "127.0.0.201", "--scene", "office", "--quality", "draft",
+                     "--vlm", "--vlm-listen", f"127.0.0.1:{port}", ready=r"(http://127\S+)")
     program = Program("cockpit", "--cockpit=127.0.0.1:0", "--drone", "tello@127.0.0.201", "--no-vlm-check", "--no-video",
                       "--vlm", f"openai@http://127.0.0.1:{port}/v1", env={"OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": "127.0.0.202"})
     page = page_of(browser, LAPTOP, "light")
@@ -109,7 +109,7 @@ def clicks(browser):
     for _ in range(40):
         # It hovers when the instruction has ended.
         over = lambda: page.locator("#phase").inner_text() in ("hovering", "landing", "ended")
-        wait(lambda: page.locator("#question").is_visible() or over(), "a question", 40)
+        wait(lambda: page.locator("#question").is_visible() or over(), "a question", 120)
         if over():
             break
         page.wait_for_timeout(300)

@@ -45,7 +45,7 @@ class Program:
         return self.process.wait(timeout=30)
 
 
-def wait(what, name, seconds=60, page=None):
+def wait(what, name, seconds=120, page=None):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         found = what()

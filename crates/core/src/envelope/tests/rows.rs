@@ -504,7 +504,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../serve/tests/it/fault_matrix.rs"),
         include_str!("../../../../serve/tests/it/flights.rs"),
         include_str!("../../../../serve/tests/it/images.rs"),
-        include_str!("../../../../bench/tests/signs.rs"),
+        include_str!("../../../../bench/tests/all/signs.rs"),
         include_str!("../../prompt/mod.rs"),
         include_str!("../../../../drone/src/frames/usable/tests.rs"),
         include_str!("../../../../drone/src/tello/camera/tests.rs")
