@@ -308,7 +308,7 @@ def point(browser):
     shot(page, "phone-light-tapped")
     page.locator("#land").tap()
     phase(page, "landing", 3)
-    assert program.process.wait(timeout=30) == 5
+    assert program.process.wait(timeout=90) == 5
     complain("by tapping")
     page.context.close()
 

@@ -109,7 +109,7 @@ def clicks(browser):
     for _ in range(40):
         # It hovers when the instruction has ended.
         over = lambda: page.locator("#phase").inner_text() in ("hovering", "landing", "ended")
-        wait(lambda: page.locator("#question").is_visible() or over(), "a question", 120)
+        wait(lambda: resumed(page) and (page.locator("#question").is_visible() or over()), "a question", page=page)
         if over():
             break
         page.wait_for_timeout(300)
