@@ -15,11 +15,10 @@ use std::panic::AssertUnwindSafe;
 use std::process::ExitCode;
 
 use clap::Parser;
-use clap::error::ErrorKind;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::prelude::*;
 
-use crate::args::{Cli, Command, Config, Vlm};
+use crate::args::{Cli, Command, Config, Vlm, refused};
 use crate::background::LogWriter;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -47,17 +46,15 @@ fn main() -> ExitCode {
     if std::env::args_os().nth(1).is_some_and(|argument| argument == spf_detect::worker::ARGUMENT) {
         return spf_detect::worker::serve();
     }
-    let cli = match Cli::try_parse_from(with_avoid_joined(std::env::args_os())) {
+    let line = with_avoid_joined(std::env::args_os());
+    let cli = match Cli::try_parse_from(&line) {
         Ok(cli) => cli,
         Err(error) => {
+            let error = refused::explained(error, &line);
             // Help and version are not errors, and neither is a closed pipe.
             drop(error.print());
-            let words = std::env::args().skip(2).take_while(|word| !word.starts_with('-')).count();
-            if error.kind() == ErrorKind::UnknownArgument
-                && std::env::args().nth(1).is_some_and(|word| word == "fly")
-                && words > 1
-            {
-                Printer::new(false).log("hint: put the instruction in quotes: spf fly \"go to the lake\"");
+            if let Some(hint) = refused::hint(&error, &line) {
+                Printer::new(false).log(hint);
             }
             return if error.use_stderr() { Exit::Usage.into() } else { Exit::Success.into() };
         }

@@ -10,6 +10,7 @@ mod drones;
 mod ground;
 mod log;
 mod methods;
+pub(crate) mod refused;
 mod screen;
 mod serve;
 mod sim;

@@ -30,6 +30,8 @@ fn of_flags() {
             &["flyy", "x"],
             &["fly"],
             &["fly", "x", "--sceen", "city"],
+            &["fly", "x", "--speed", "1"],
+            &["fly", "x", "--track"],
             &["fly", "  "],
             &["fly", "x", "--scene", "citty"],
             &["fly", "x", "--scene", "moon"],
