@@ -52,7 +52,7 @@ pub struct Contrast {
     pub pair: [(String, String); 2],
     /// Success rates: the first minus the second.
     pub paired: PairedDifference,
-    /// Two-sided exact McNemar p value, with Holm's correction over all pairs of the run.
+    /// Two-sided exact McNemar p value, with Holm's correction over all pairs compared.
     pub p_holm: f64,
 }
 
@@ -71,39 +71,70 @@ impl Contrast {
     }
 }
 
-/// All pairs of methods and models, in order of appearance; empty for a single one. Trials of one task are treated as
-/// independent, which they are not quite, so p is slightly too small.
+/// Two methods to be compared: the difference is the first minus the second.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MethodPair {
+    /// Name of the first method.
+    pub first: String,
+    /// Name of the second method.
+    pub second: String,
+}
+
+/// The pairs of methods in `planned`, with each VLM; without any, all pairs of methods and models. Both in order of
+/// appearance, and empty where nothing was flown by both. Trials of one task are treated as independent, which they are not
+/// quite, so p is slightly too small.
 #[must_use]
-pub fn contrasts(records: &[Record], scoring: Scoring) -> Vec<Contrast> {
+pub fn contrasts(records: &[Record], scoring: Scoring, planned: &[MethodPair]) -> Vec<Contrast> {
     let seed = |record: &'_ Record| record.run_id.rsplit('/').next().unwrap_or_default().to_owned();
     let trial =
         |record: &Record| ((record.method.clone(), vlm_of(record)), (record.task.clone(), seed(record)), scoring.of(record));
-    between(records.iter().map(trial))
+    between(records.iter().map(trial), planned)
 }
 
 /// Task and seed.
 type TrialKey = (String, String);
 
-fn between(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>) -> Vec<Contrast> {
-    let mut arms: Vec<((String, String), BTreeMap<TrialKey, bool>)> = Vec::new();
+/// Method, VLM, and whether each trial succeeded.
+type Arm = ((String, String), BTreeMap<TrialKey, bool>);
+
+fn between(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>, planned: &[MethodPair]) -> Vec<Contrast> {
+    let mut arms: Vec<Arm> = Vec::new();
     for (pair, of, hit) in trials {
         match arms.iter_mut().find(|(arm, _)| *arm == pair) {
             Some((_, trials)) => drop(trials.insert(of, hit)),
             None => arms.push((pair, BTreeMap::from([(of, hit)]))),
         }
     }
-    let mut found = Vec::new();
-    for (number, (first, one)) in arms.iter().enumerate() {
-        for (second, other) in &arms[number + 1..] {
-            let pairs: Vec<(bool, bool)> = one.iter().filter_map(|(of, hit)| Some((*hit, *other.get(of)?))).collect();
-            if let Some(paired) = PairedDifference::of(&pairs) {
-                found.push(Contrast { pair: [first.clone(), second.clone()], paired, p_holm: 1.0 });
-            }
-        }
-    }
+    let mut found: Vec<Contrast> = compared(&arms, planned).into_iter().filter_map(|(one, other)| contrast(one, other)).collect();
     let adjusted = holm(&found.iter().map(|contrast| contrast.paired.p).collect::<Vec<_>>());
     found.iter_mut().zip(adjusted).for_each(|(contrast, p)| contrast.p_holm = p);
     found
+}
+
+/// The arms to be compared.
+fn compared<'a>(arms: &'a [Arm], planned: &[MethodPair]) -> Vec<(&'a Arm, &'a Arm)> {
+    if planned.is_empty() {
+        return arms
+            .iter()
+            .enumerate()
+            .flat_map(|(number, one)| arms[number + 1..].iter().map(move |other| (one, other)))
+            .collect();
+    }
+    let of = |method: &'_ str| arms.iter().filter(move |((name, _), _)| name == method).collect::<Vec<_>>();
+    let with = |pair: &MethodPair| {
+        let (firsts, seconds) = (of(&pair.first), of(&pair.second));
+        firsts
+            .into_iter()
+            .filter_map(|one| Some((one, *seconds.iter().find(|((_, vlm), _)| *vlm == one.0.1)?)))
+            .collect::<Vec<_>>()
+    };
+    planned.iter().flat_map(with).collect()
+}
+
+/// The comparison of two arms; `None` if they have flown no start in common.
+fn contrast((first, one): &Arm, (second, other): &Arm) -> Option<Contrast> {
+    let pairs: Vec<(bool, bool)> = one.iter().filter_map(|(of, hit)| Some((*hit, *other.get(of)?))).collect();
+    Some(Contrast { pair: [first.clone(), second.clone()], paired: PairedDifference::of(&pairs)?, p_holm: 1.0 })
 }
 
 #[cfg(test)]
@@ -118,7 +149,8 @@ mod tests {
         let a = (0..8).map(|seed| (pair("a"), draw(seed), true));
         let b = (0..10).map(|seed| (pair("b"), draw(seed), seed < 2));
         let c = (20..22).map(|seed| (pair("c"), draw(seed), true));
-        let found = between(a.chain(b).chain(c));
+        let all = || a.clone().chain(b.clone()).chain(c.clone());
+        let found = between(all(), &[]);
         assert_eq!(found.len(), 1, "{found:?}");
         let contrast = &found[0];
         assert_eq!(contrast.pair, [pair("a"), pair("b")]);
@@ -126,5 +158,23 @@ mod tests {
         assert!((contrast.paired.difference.value - 0.75).abs() < 1e-12);
         // Both of two pairs of six differ in the same direction.
         assert!((contrast.p_holm - 2.0 / 64.0).abs() < 1e-12, "{}", contrast.p_holm);
+        // A planned pair has its own direction, and one that was not flown is left out.
+        let planned = |first: &str, second: &str| MethodPair { first: first.to_owned(), second: second.to_owned() };
+        let found = between(all(), &[planned("b", "a"), planned("a", "nothing")]);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].pair, [pair("b"), pair("a")]);
+        assert!((found[0].paired.difference.value + 0.75).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_correction_counts_the_planned_pairs_alone() {
+        let pair = |name: &str| (name.to_owned(), "oracle".to_owned());
+        let draw = |seed: u64| ("task".to_owned(), seed.to_string());
+        let of = |name: &'static str, hits: u64| (0..8).map(move |seed| (pair(name), draw(seed), seed < hits));
+        let trials = || of("a", 8).chain(of("b", 2)).chain(of("c", 1));
+        let planned = [MethodPair { first: "a".to_owned(), second: "b".to_owned() }];
+        // Six of six, once as one of three comparisons (the second smallest p), once alone.
+        assert!((between(trials(), &[])[0].p_holm - 4.0 / 64.0).abs() < 1e-12);
+        assert!((between(trials(), &planned)[0].p_holm - 2.0 / 64.0).abs() < 1e-12);
     }
 }

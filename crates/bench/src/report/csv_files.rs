@@ -5,7 +5,7 @@ use super::curve::{self, Curve};
 use super::map::seed;
 use super::published::{METHODS, TABLE};
 use super::source::Source;
-use crate::contrast::{Contrast, Scoring, contrasts};
+use crate::contrast::{Contrast, Scoring};
 use crate::stats::Rate;
 use crate::table::{table, vlm_of};
 use crate::trial::Record;
@@ -190,7 +190,7 @@ fn compared(source: &Source) -> String {
         "p_holm",
     ]);
     for scoring in Scoring::ALL {
-        contrasts(&source.records, scoring).iter().for_each(|contrast| rows.row(comparison(scoring, contrast)));
+        source.contrasts(scoring).iter().for_each(|contrast| rows.row(comparison(scoring, contrast)));
     }
     rows.finish()
 }

@@ -4,7 +4,7 @@ use super::arm::{Arm, Sums};
 use super::matrix::{Row, matrix};
 use super::published::{METHODS, TABLE, total};
 use super::source::Source;
-use crate::contrast::{Contrast, Scoring, contrasts};
+use crate::contrast::{Contrast, Scoring};
 use crate::stats::Rate;
 use crate::task::TaskSet;
 
@@ -73,8 +73,8 @@ fn compared(source: &Source) -> String {
             contrast.format_p().replace('<', "$<$"),
         ]
     };
-    let blocks = Scoring::ALL
-        .map(|scoring| contrasts(&source.records, scoring).iter().map(|contrast| row(scoring, contrast)).collect::<Vec<_>>());
+    let blocks =
+        Scoring::ALL.map(|scoring| source.contrasts(scoring).iter().map(|contrast| row(scoring, contrast)).collect::<Vec<_>>());
     let blocks: Vec<Vec<Vec<String>>> = blocks.into_iter().filter(|block| !block.is_empty()).collect();
     tabular(Some(source), &head, &blocks)
 }

@@ -60,6 +60,14 @@ pub enum ReportError {
         /// The other.
         second: PathBuf,
     },
+    /// A method to be compared that no trial has.
+    #[error("no trial was flown with the method `{method}`; these were: {flown}")]
+    NotFlown {
+        /// The method.
+        method: String,
+        /// The methods flown.
+        flown: String,
+    },
     /// A file of the report cannot be written.
     #[error("cannot write `{}`", path.display())]
     Write {

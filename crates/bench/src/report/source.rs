@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::ReportError;
 use super::arm::Arm;
+use crate::contrast::{Contrast, MethodPair, Scoring, contrasts};
 use crate::run::{RunHeader, RunManifest, Shard, read_head, read_paths, read_records};
 use crate::table::vlm_of;
 use crate::trial::{FlownPath, Record, run_id};
@@ -32,6 +33,8 @@ pub struct Source {
     pub paths: BTreeMap<String, FlownPath>,
     /// The arms, in order of appearance.
     pub arms: Vec<Arm>,
+    /// The pairs of methods to be compared; every pair if empty.
+    planned: Vec<MethodPair>,
     /// Index of the folder of each row.
     of: Vec<usize>,
 }
@@ -53,7 +56,14 @@ impl Source {
     /// # Errors
     /// [`ReportError`] for folders without results, with damaged results, or with a trial that another folder also has.
     pub fn read(folders: &[PathBuf]) -> Result<Self, ReportError> {
-        let mut source = Self { runs: Vec::new(), records: Vec::new(), paths: BTreeMap::new(), arms: Vec::new(), of: Vec::new() };
+        let mut source = Self {
+            runs: Vec::new(),
+            records: Vec::new(),
+            paths: BTreeMap::new(),
+            arms: Vec::new(),
+            planned: Vec::new(),
+            of: Vec::new(),
+        };
         let mut seen: BTreeMap<String, usize> = BTreeMap::new();
         for folder in folders {
             if !folder.join("bench.json").is_file() {
@@ -80,6 +90,30 @@ impl Source {
         }
         source.arms = Arm::all(&source.records);
         Ok(source)
+    }
+
+    /// Compares only these pairs of methods, instead of every pair.
+    ///
+    /// # Errors
+    /// [`ReportError::NotFlown`] if there is no trial of a method.
+    pub fn comparing(mut self, planned: Vec<MethodPair>) -> Result<Self, ReportError> {
+        let flown = |name: &String| self.arms.iter().any(|arm| arm.method == *name);
+        if let Some(method) = planned.iter().flat_map(|pair| [&pair.first, &pair.second]).find(|name| !flown(name)) {
+            let mut flown: Vec<&str> = Vec::new();
+            for arm in &self.arms {
+                if !flown.contains(&arm.method.as_str()) {
+                    flown.push(&arm.method);
+                }
+            }
+            return Err(ReportError::NotFlown { method: method.clone(), flown: flown.join(", ") });
+        }
+        self.planned = planned;
+        Ok(self)
+    }
+
+    /// The pairs of methods and models, compared.
+    pub(super) fn contrasts(&self, scoring: Scoring) -> Vec<Contrast> {
+        contrasts(&self.records, scoring, &self.planned)
     }
 
     /// The folder of a row, by its index.

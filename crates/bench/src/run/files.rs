@@ -29,6 +29,9 @@ pub enum StoreError {
     /// Another process writes to the folder.
     #[error("another run is writing to `{0}`")]
     InUse(PathBuf),
+    /// The files that a run writes to are no longer in its folder.
+    #[error("the files in `{0}` were deleted or replaced while this run was writing to them")]
+    Replaced(PathBuf),
     /// An invalid row.
     #[error("`{path}`, line {line}: not a valid result row")]
     Row {

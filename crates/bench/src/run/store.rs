@@ -98,17 +98,35 @@ impl Store {
     /// Appends the rows of a trial.
     ///
     /// # Errors
-    /// [`StoreError::File`] if writing fails.
+    /// [`StoreError::File`] if writing fails, [`StoreError::Replaced`] if the files are no longer those of this run.
     pub fn push(&mut self, flown: &Flown) -> Result<(), StoreError> {
         append(&mut self.paths, &flown.path, &self.folder.join(PATHS))?;
-        append(&mut self.results, &flown.record, &self.folder.join(RESULTS))
+        append(&mut self.results, &flown.record, &self.folder.join(RESULTS))?;
+        self.are_ours()
+    }
+
+    /// Whether the folder still has the files that this run writes to. A folder that was deleted meanwhile, or deleted and
+    /// begun anew by another run, has not: rows would be written to where nobody finds them, and sorting would replace those of
+    /// the other run. Another file of the same length is not told apart.
+    fn are_ours(&self) -> Result<(), StoreError> {
+        for (file, name) in [(&self.results, RESULTS), (&self.paths, PATHS)] {
+            let path = self.folder.join(name);
+            let written = file.metadata().map_err(failed(&path))?.len();
+            match std::fs::metadata(&path) {
+                Ok(there) if there.len() == written => {}
+                Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(&path)(error)),
+                Ok(_) | Err(_) => return Err(StoreError::Replaced(self.folder.clone())),
+            }
+        }
+        Ok(())
     }
 
     /// Sorts the rows in plan order.
     ///
     /// # Errors
-    /// [`StoreError`] if they cannot be read or written.
+    /// [`StoreError`] if they cannot be read or written, or are no longer those of this run.
     pub fn finish(&self, head: &RunHeader) -> Result<(), StoreError> {
+        self.are_ours()?;
         for path in [RESULTS, PATHS].map(|name| self.folder.join(name)) {
             replace(&path, &in_order(head, complete_rows(&path)?))?;
         }
@@ -314,5 +332,22 @@ mod tests {
         assert!(matches!(Store::open(folder.path(), &head), Err(StoreError::InUse(_))));
         drop(first);
         assert!(Store::open(folder.path(), &head).is_ok());
+    }
+
+    /// A run whose folder was deleted and begun anew by another one says so, and leaves the other's rows alone.
+    #[test]
+    fn a_folder_that_was_replaced_is_not_written_to() {
+        let above = tempfile::tempdir().unwrap();
+        let folder = above.path().join("out");
+        let head = RunHeader::new(vec!["task/spf/oracle-default/0".to_owned()], Shard::WHOLE, "plan".to_owned());
+        let (mut first, _) = Store::open(&folder, &head).unwrap();
+        append(&mut first.results, &serde_json::json!({"run_id": head.trials[0]}), &folder).unwrap();
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert!(matches!(first.finish(&head), Err(StoreError::Replaced(_))));
+        let (mut second, _) = Store::open(&folder, &head).unwrap();
+        append(&mut second.results, &serde_json::json!({"run_id": head.trials[0], "second": true}), &folder).unwrap();
+        assert!(matches!(first.finish(&head), Err(StoreError::Replaced(_))));
+        second.finish(&head).unwrap();
+        assert!(std::fs::read_to_string(folder.join(RESULTS)).unwrap().contains("second"));
     }
 }

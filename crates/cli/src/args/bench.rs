@@ -136,6 +136,7 @@ Examples:
   spf bench run --suite table1 && spf bench report
   spf bench report out
   spf bench report oracle-run gemini-run -o report
+  spf bench report out --pairs spf-avoid:spf,spf-map:spf-avoid
 
 The report has success rates by category with confidence intervals, paired tests, curves over error level and latency, times, \
 top-down trajectories, videos (of runs with --videos), every failure with the command that repeats it, and the paper's \
@@ -148,6 +149,10 @@ pub(crate) struct BenchReport {
     /// Output folder for the report [default: DIR/report, for a single DIR]
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
+    /// Compare only these pairs of methods, METHOD:METHOD, comma-separated; the first minus the second, and Holm's correction
+    /// counts these pairs alone [default: every pair]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub(crate) pairs: Vec<String>,
 }
 
 /// Repeats one trial: the same trajectory, with its video and its log.

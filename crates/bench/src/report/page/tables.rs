@@ -8,7 +8,7 @@ use super::super::map::seed;
 use super::super::matrix::matrix;
 use super::super::source::Source;
 use super::from;
-use crate::contrast::{Contrast, Scoring, contrasts};
+use crate::contrast::{Contrast, Scoring};
 use crate::stats::Rate;
 use crate::table::words;
 use crate::trial::Record;
@@ -84,10 +84,10 @@ pub(super) fn compared(source: &Source) -> Markup {
             @if source.arms.len() < 2 { p { "The trials have only one method and VLM." } } @else {
                 p class="note" { "On the trials flown by both: the difference in percentage points with Newcombe's paired \
                     interval, trials in which only one of the two succeeded, and McNemar's exact test with Holm correction over \
-                    all pairs under the same scoring." }
+                    all pairs of the table." }
                 @for scoring in Scoring::ALL {
                     h3 { (scoring.words()) }
-                    @let found = contrasts(&source.records, scoring);
+                    @let found = source.contrasts(scoring);
                     @if found.len() > OPEN {
                         details { summary { (found.len()) " pairs" } (pairs(&found)) }
                     } @else { (pairs(&found)) }

@@ -8,6 +8,7 @@ use folder::{Folder, Row};
 use proptest::prelude::*;
 
 use super::{ReportError, Source, csv_files, latex, page};
+use crate::contrast::MethodPair;
 use crate::stats::wilson;
 
 fn source(folder: &Folder) -> Source {
@@ -178,6 +179,19 @@ fn a_folder_of_an_older_version_is_reported_without_ways() {
     let page = page_of(&folder);
     assert!(page.contains("12 flights have no trajectory") && page.contains("did not record its arguments"));
     assert!(!page.contains("class=\"map\""));
+}
+
+#[test]
+fn planned_pairs_are_compared_alone() {
+    let folder = two_methods();
+    let pair = |first: &str, second: &str| vec![MethodPair { first: first.to_owned(), second: second.to_owned() }];
+    let source = |planned| Source::read(&[folder.path()]).unwrap().comparing(planned);
+    let page = page::page(&source(pair("plain", "spf")).unwrap(), &folder.path());
+    assert!(page.contains("plain · oracle-perfect − spf · oracle-perfect</th><td>4</td><td>−50.0<small>"), "{page}");
+    // `plain` was flown with one VLM only.
+    assert!(!page.contains("− spf · oracle-poor</th>") && !page.contains("spf · oracle-perfect − plain"), "{page}");
+    let error = source(pair("spf", "plian")).unwrap_err().to_string();
+    assert!(error.starts_with("no trial was flown with the method `plian`; these were: spf, plain"), "{error}");
 }
 
 #[test]

@@ -67,6 +67,9 @@ pub(crate) fn store_error(error: &StoreError) -> CliError {
         StoreError::InUse(_) => {
             CliError::usage("the folder is in use").because(error).hint("wait for that run to end, or use another folder with -o")
         }
+        StoreError::Replaced(_) => CliError::internal("the rows of this run are lost")
+            .because(error)
+            .hint("repeat the command with another folder, -o DIR; end a run with Ctrl-C before its folder is deleted"),
         StoreError::Shards(_) => CliError::usage("cannot merge the shards").because(error).hint(
             "give the folders of all \
             shards, each finished",

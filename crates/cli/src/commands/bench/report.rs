@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use spf_bench::contrast::MethodPair;
 use spf_bench::report::{ReportError, Source, write};
 
 use super::store_error;
@@ -13,7 +14,8 @@ use crate::printer::Printer;
 /// Writes the report on folders of results.
 pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliError> {
     let output = output(args)?;
-    let source = Source::read(&args.folders).map_err(|error| refused(&error))?;
+    let pairs = args.pairs.iter().map(|words| pair(words)).collect::<Result<_, _>>()?;
+    let source = Source::read(&args.folders).and_then(|source| source.comparing(pairs)).map_err(|error| refused(&error))?;
     for plan in source.missing() {
         let folders: Vec<String> = plan.folders.iter().map(|folder| folder.display().to_string()).collect();
         printer.log(&format!("{} of {} trials are missing in {}", plan.trials.len(), plan.of, folders.join(", ")));
@@ -24,6 +26,17 @@ pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliE
     let page = write(&source, &output).map_err(|error| refused(&error))?;
     printer.result(&page.display().to_string());
     Ok(Exit::Success)
+}
+
+/// Two methods with a colon in between.
+fn pair(words: &str) -> Result<MethodPair, CliError> {
+    match words.split_once(':') {
+        Some((first, second)) if !first.is_empty() && !second.is_empty() && !second.contains(':') && first != second => {
+            Ok(MethodPair { first: first.to_owned(), second: second.to_owned() })
+        }
+        _ => Err(CliError::usage(format!("--pairs: `{words}` is not a pair of methods"))
+            .hint("give two methods with a colon in between: --pairs spf-avoid:spf,spf-map:spf-avoid")),
+    }
 }
 
 /// The output folder: beside the results of a single folder.
@@ -45,6 +58,7 @@ fn refused(error: &ReportError) -> CliError {
             "the folder contains rows of other runs; rerun this run with -o and a separate \
             folder",
         ),
+        ReportError::NotFlown { .. } => failed.hint("--pairs compares methods of the folders given"),
         ReportError::Twice { .. } => failed.hint("give only one of the two folders; merged results already contain the shards"),
         _ => CliError::internal("cannot write the report").because(error),
     }

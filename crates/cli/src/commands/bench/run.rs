@@ -82,7 +82,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
         printer.data(&json_of(&lines).to_string());
     } else {
         printer.result(&table(&rows(&lines)));
-        let pairs = contrasts(&records, Scoring::SelfStop);
+        let pairs = contrasts(&records, Scoring::SelfStop, &[]);
         if !pairs.is_empty() {
             printer.result(&format!("\n{}", table(&compared(&pairs))));
         }
