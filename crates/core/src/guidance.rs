@@ -14,8 +14,7 @@ pub const SLOW_ANSWERS: Duration = Duration::from_secs(3);
 pub struct Guidance {
     /// Whether the target's place is kept in the world, fused from all replies ([`crate::anchor`]).
     pub anchor: bool,
-    /// Whether it is kept in any case while the VLM's answers are slow ([`SLOW_ANSWERS`]). Where answers are fast, each one is
-    /// a better guide than the average of all.
+    /// Whether it is kept while the VLM's answers are slow ([`SLOW_ANSWERS`]), though `anchor` is off.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub slow_anchor: bool,
     /// Whether obstacles are kept in a map, around which the planner leads ([`crate::obstacle_map`], [`crate::planner`]).

@@ -300,7 +300,7 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "SWITCH", num_args = 0..=1, require_equals = true, default_missing_value = "on")]
     pub(crate) avoid: Option<String>,
     /// Keep an estimate of the target's position between replies, fused from all of them: on, off, or auto (on
-    /// with a depth sensor; in obstacle mode, while answers take more than 3 s) [default: auto]
+    /// with a depth sensor, and in obstacle mode) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) anchor: Option<String>,
     /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on, off, or

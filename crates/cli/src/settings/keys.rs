@@ -61,7 +61,7 @@ settings! {
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: on, off, or auto (on with the policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:)
         avoid: Switch = "auto", Word, "SPF_AVOID", "--avoid";
-        /// keep an estimate of the target's position between replies: on, off, or auto (on with a depth sensor; in obstacle mode, while answers take more than 3 s)
+        /// keep an estimate of the target's position between replies: on, off, or auto (on with a depth sensor, and in obstacle mode)
         anchor: Switch = "auto", Word, "SPF_ANCHOR", "--anchor";
         /// keep a map of obstacles, and plan around them: on, off, or auto (on with a depth sensor or a depth network)
         map: Switch = "auto", Word, "SPF_MAP", "--map";

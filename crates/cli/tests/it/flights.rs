@@ -239,7 +239,7 @@ fn a_depth_sensor_turns_on_what_it_is_for() {
 
 /// Without a depth sensor the VLM is asked for boxes; not of a person or a program, which may know nothing of them.
 #[test]
-fn boxes_and_an_anchor_for_slow_answers_are_on_by_default() {
+fn boxes_and_an_anchor_are_on_by_default() {
     let lab = Lab::new();
     std::fs::write(lab.path("model.py"), "import sys\nfor line in sys.stdin: print('{\"status\":\"done\"}', flush=True)\n")
         .unwrap();
@@ -247,7 +247,7 @@ fn boxes_and_an_anchor_for_slow_answers_are_on_by_default() {
         let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
         let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));
         let settings = lab.fly(&folder, &args).1["settings"].clone();
-        (settings["avoid"] == true, settings["guidance"]["slow_anchor"] == true)
+        (settings["avoid"] == true, settings["guidance"]["anchor"] == true)
     };
     assert_eq!(parts(&[]), (true, true));
     assert_eq!(parts(&["--avoid"]), (true, true));

@@ -16,12 +16,17 @@ use crate::avoid::KeepOut;
 use crate::executor::{Goal, Motion};
 use crate::geometry::{EnuPosition, Pose};
 use crate::guidance::SLOW_ANSWERS;
+use crate::lift::range_of_label;
 use crate::obstacle_map::{Cell, ObstacleMap};
 use crate::planner::{Guide, Planner, Progress};
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
 use crate::reply::Status;
 use crate::time::{Duration, Time};
+
+/// Height above which a target is tall, metres: each answer may mean another part of it, such as the jib of a crane and then its
+/// foot, and their average is a place where a craft may see neither.
+const TALL: f64 = 6.0;
 
 /// Place of a target, and what is known about obstacles.
 #[derive(Debug, Default)]
@@ -45,6 +50,8 @@ pub(super) struct Guiding {
     pub(super) depth_at: Option<Time>,
     /// The target of the last reply, while its track agrees with the anchor.
     pub(super) tracked: Option<TrackedTarget>,
+    /// The stage of the last target if that is tall ([`TALL`]).
+    tall: Option<u32>,
     /// Ages of the last answers.
     ages: AnswerAges,
     /// When the brake last received the obstacles.
@@ -144,7 +151,7 @@ impl Guiding {
             self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
-        (self.gate, self.tracked) = (None, None);
+        (self.gate, self.tracked, self.tall) = (None, None, None);
     }
 }
 
@@ -152,7 +159,23 @@ impl Pilot {
     /// Whether the target's place guides the craft.
     pub(super) fn is_anchored(&self) -> bool {
         let guidance = self.settings.guidance;
-        (guidance.anchor || guidance.slow_anchor && self.guiding.ages.are_slow()) && self.is_guided()
+        let is_slow = self.guiding.ages.are_slow();
+        // The planner needs a place to go to; and an old answer about a tall target is a worse guide than the average of all.
+        let may_be_tall = guidance.map || is_slow;
+        let is_placed = guidance.anchor && (may_be_tall || self.guiding.tall.is_none());
+        (is_placed || guidance.slow_anchor && is_slow) && self.is_guided()
+    }
+
+    /// Notes whether the target of a reply is tall. It stays so in its stage: near it, the image shows only a part.
+    fn note_height(&mut self, view: &View, goto: &Goto) {
+        if self.guiding.tall.is_some_and(|stage| stage != goto.stage) {
+            self.guiding.tall = None;
+        }
+        let Some(area) = goto.area else { return };
+        let per_metre = 2.0 * libm::tan(view.camera.half_fov().1);
+        if range_of_label(goto.label) * per_metre * (area.bottom - area.top) > TALL {
+            self.guiding.tall = Some(goto.stage);
+        }
     }
 
     /// Whether the map does.
@@ -247,6 +270,9 @@ impl Pilot {
         let view = &waiting.view;
         self.guiding.ages.add(now.since(view.frame.captured));
         self.guiding.gate = None;
+        if let Step::Goto(goto) = step {
+            self.note_height(view, goto);
+        }
         if (self.is_anchored() || self.monitors())
             && let Step::Goto(goto) = step
         {

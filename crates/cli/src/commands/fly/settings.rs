@@ -123,11 +123,9 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    let anchor = fly.anchor.or_default()?;
-    let always = anchor.or(can_guide && sensor);
     method.guidance = Guidance {
-        anchor: always,
-        slow_anchor: !always && anchor.or(can_guide && method.avoid),
+        anchor: fly.anchor.or_default()?.or(can_guide && (sensor || method.avoid)),
+        slow_anchor: false,
         map: fly.map.or_default()?.or(can_guide && (sensor || mono_depth)),
         sensor,
         track: fly.track.or_default()? != TrackBy::Off,

@@ -214,6 +214,30 @@ fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
     assert_eq!(anchored(4.0), [false, false, true, true, true, true, true]);
 }
 
+/// Each answer may mean another part of a tall target: only old answers are averaged there, and what is not tall always is.
+#[test]
+fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
+    let anchored = |half_height: f64, latency: f64| {
+        let mut setup = Setup::preset(Preset::Default);
+        setup.settings.guidance = Guidance { anchor: true, ..Guidance::default() };
+        let goal = target(0.0, 60.0, 3.0);
+        let mut flight = setup.fly(move |_: &Query, seen: &Seen| {
+            let profile = GroundingProfile::default();
+            let mut reply = crate::reply::parse_reply(&points_at(goal, seen), &profile, false).unwrap();
+            if let (Some(area), Some(point)) = (reply.target_box.as_mut(), reply.point) {
+                (area.top, area.bottom) = ((point.v - half_height).max(0.0), (point.v + half_height).min(1.0));
+            }
+            Answer::After(secs(latency), reply.to_json(&profile, false))
+        });
+        flight.until_asked(8);
+        flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
+    };
+    assert!(anchored(0.02, 1.0).iter().all(|&anchored| anchored));
+    // Some 11 m.
+    assert!(anchored(0.1, 1.0).iter().all(|&anchored| !anchored));
+    assert_eq!(anchored(0.1, 4.0), [false, false, true, true, true, true, true]);
+}
+
 #[test]
 fn a_place_that_the_operator_marks_in_flight_is_flown_around() {
     let goal = target(0.0, 26.0, 3.0);
