@@ -80,6 +80,14 @@ pub struct MethodPair {
     pub second: String,
 }
 
+impl MethodPair {
+    /// Whether both compare the same two methods, in whatever order.
+    #[must_use]
+    pub fn is_same(&self, other: &Self) -> bool {
+        self == other || (self.first == other.second && self.second == other.first)
+    }
+}
+
 /// The pairs of methods in `planned`, with each VLM; without any, all pairs of methods and models. Both in order of
 /// appearance, and empty where nothing was flown by both. Trials of one task are treated as independent, which they are not
 /// quite, so p is slightly too small.

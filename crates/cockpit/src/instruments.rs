@@ -224,8 +224,8 @@ impl Observer for Instruments {
                 // Without the path of a program and the address of a server.
                 "vlm": if head.vlm.starts_with("exec:") { "exec" } else { head.vlm.split('@').next().unwrap_or_default() },
                 "points": head.policy.starts_with("spf"),
-                // How far each distance that is pointed at leads; not where the target's estimated place is flown to.
-                "steps": (!head.settings.guidance.anchor).then(|| (1..=10_u8).map(|label| head.settings.step.length(label)).collect::<Vec<_>>()),
+                // How far each distance that is pointed at leads: a place without a box is no sighting of the target.
+                "steps": (1..=10_u8).map(|label| head.settings.step.length(label)).collect::<Vec<_>>(),
                 "camera": {"width": head.camera.width, "height": head.camera.height, "half_fov": [alpha, beta],
                            "tilt": head.camera.tilt},
                 "max_distance": head.limits.max_distance,

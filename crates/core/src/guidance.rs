@@ -12,7 +12,8 @@ pub const SLOW_ANSWERS: Duration = Duration::from_secs(3);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Guidance {
-    /// Whether the target's place is kept in the world, fused from all replies ([`crate::anchor`]).
+    /// Whether the target's place is kept in the world, fused from all replies ([`crate::anchor`]). Without a map, that of a tall
+    /// target is kept only while the VLM's answers are slow ([`SLOW_ANSWERS`]).
     pub anchor: bool,
     /// Whether it is kept while the VLM's answers are slow ([`SLOW_ANSWERS`]), though `anchor` is off.
     #[serde(skip_serializing_if = "core::ops::Not::not")]

@@ -5,7 +5,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, Metadata, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
@@ -107,13 +107,13 @@ impl Store {
 
     /// Whether the folder still has the files that this run writes to. A folder that was deleted meanwhile, or deleted and
     /// begun anew by another run, has not: rows would be written to where nobody finds them, and sorting would replace those of
-    /// the other run. Another file of the same length is not told apart.
+    /// the other run. Where a file has no number (outside Unix), another one of the same length is not told apart.
     fn are_ours(&self) -> Result<(), StoreError> {
         for (file, name) in [(&self.results, RESULTS), (&self.paths, PATHS)] {
             let path = self.folder.join(name);
-            let written = file.metadata().map_err(failed(&path))?.len();
+            let written = file.metadata().map_err(failed(&path))?;
             match std::fs::metadata(&path) {
-                Ok(there) if there.len() == written => {}
+                Ok(there) if is_same_file(&there, &written) => {}
                 Err(error) if error.kind() != ErrorKind::NotFound => return Err(failed(&path)(error)),
                 Ok(_) | Err(_) => return Err(StoreError::Replaced(self.folder.clone())),
             }
@@ -132,6 +132,17 @@ impl Store {
         }
         Ok(())
     }
+}
+
+#[cfg(unix)]
+fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (one.dev(), one.ino()) == (other.dev(), other.ino())
+}
+
+#[cfg(not(unix))]
+fn is_same_file(one: &Metadata, other: &Metadata) -> bool {
+    one.len() == other.len()
 }
 
 /// The rows in plan order.
@@ -345,6 +356,9 @@ mod tests {
         std::fs::remove_dir_all(&folder).unwrap();
         assert!(matches!(first.finish(&head), Err(StoreError::Replaced(_))));
         let (mut second, _) = Store::open(&folder, &head).unwrap();
+        // Both are as long: the other run has no row yet, and this one's first is taken back.
+        first.results.set_len(0).unwrap();
+        assert!(matches!(first.finish(&head), Err(StoreError::Replaced(_))));
         append(&mut second.results, &serde_json::json!({"run_id": head.trials[0], "second": true}), &folder).unwrap();
         assert!(matches!(first.finish(&head), Err(StoreError::Replaced(_))));
         second.finish(&head).unwrap();

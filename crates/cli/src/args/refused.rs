@@ -54,10 +54,11 @@ fn meant(mut command: Command, line: &[OsString]) -> Command {
     command
 }
 
-/// The one flag of `command` of whose words, separated by hyphens, `flag` is one: `--max-speed` for `--speed`.
+/// The one flag of `command` of whose words, separated by hyphens, `flag` is one: `--max-speed` for `--speed`, but not
+/// `--no-video` for `--video`.
 fn with_word(command: &Command, flag: &str) -> Option<String> {
     let word = flag.strip_prefix("--")?;
-    let has_it = |long: &&str| long.split('-').any(|part| part == word);
+    let has_it = |long: &&str| !long.starts_with("no-") && long.split('-').any(|part| part == word);
     let mut found = command.get_arguments().filter(|arg| !arg.is_hide_set()).filter_map(clap::Arg::get_long).filter(has_it);
     let first = found.next()?;
     found.next().is_none().then(|| format!("--{first}"))
@@ -89,6 +90,7 @@ mod tests {
         // Two flags have this word: the parser's own guess stands.
         assert!(!message("spf fly x --model m").contains("'--drone-model'"));
         assert!(message("spf fly x --sceen city").contains("'--scene'"));
+        assert!(!message("spf fly x --check").contains("'--no-vlm-check'"));
     }
 
     #[test]

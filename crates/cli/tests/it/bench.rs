@@ -229,6 +229,7 @@ fn folders_that_are_none_of_results_are_reported() {
         (["bench", "report"].as_slice(), "`bench-results` is not a results folder"),
         (&["bench", "report", "a", "b"], "set it with -o DIR"),
         (&["bench", "report", "--pairs", "spf"], "`spf` is not a pair of methods"),
+        (&["bench", "report", "--pairs", "spf:plain,plain:spf"], "`plain` and `spf` are compared twice"),
     ] {
         let run = lab.spf(args);
         assert!(run.code == Some(2) && run.stderr.contains(message), "{}", run.stderr);

@@ -166,7 +166,8 @@ impl Pilot {
         (is_placed || guidance.slow_anchor && is_slow) && self.is_guided()
     }
 
-    /// Notes whether the target of a reply is tall. It stays so in its stage: near it, the image shows only a part.
+    /// Notes whether the target of a reply is tall: the angle of its box times the range of its label. It stays so until it is
+    /// given up, or the next stage begins: near it, the image shows only a part.
     fn note_height(&mut self, view: &View, goto: &Goto) {
         if self.guiding.tall.is_some_and(|stage| stage != goto.stage) {
             self.guiding.tall = None;

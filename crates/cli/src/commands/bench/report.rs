@@ -14,7 +14,12 @@ use crate::printer::Printer;
 /// Writes the report on folders of results.
 pub(super) fn report(args: &BenchReport, printer: &Printer) -> Result<Exit, CliError> {
     let output = output(args)?;
-    let pairs = args.pairs.iter().map(|words| pair(words)).collect::<Result<_, _>>()?;
+    let pairs = args.pairs.iter().map(|words| pair(words)).collect::<Result<Vec<_>, _>>()?;
+    let is_again = |(number, one): (usize, &MethodPair)| pairs.iter().take(number).any(|other| one.is_same(other));
+    if let Some(again) = pairs.iter().enumerate().find(|&pair| is_again(pair)).map(|(_, pair)| pair) {
+        return Err(CliError::usage(format!("--pairs: `{}` and `{}` are compared twice", again.first, again.second))
+            .hint("name each pair once: every comparison counts in the correction"));
+    }
     let source = Source::read(&args.folders).and_then(|source| source.comparing(pairs)).map_err(|error| refused(&error))?;
     for plan in source.missing() {
         let folders: Vec<String> = plan.folders.iter().map(|folder| folder.display().to_string()).collect();
