@@ -5,7 +5,7 @@
 
 Each FOLDER is that of one flight. The time goes from the first setpoint that moves the craft to the end of the
 instruction; it moves while the setpoint that the safety envelope lets pass is not zero. Needs `spf` on the PATH, or
-its path in SPF. Prints a line per flight, and medians by outcome.
+its path in SPF. Prints a line per flight, and by outcome the median and the ratio of all seconds together.
 """
 import csv
 import json
@@ -47,9 +47,11 @@ def main():
         outcome, whole, moving = ratio(folder)
         share = whole / moving if moving else float("inf")
         print(f"{folder}: {outcome}, {whole:.1f} s, {moving:.1f} s in motion: {share:.2f}")
-        by_outcome.setdefault(outcome, []).append(share)
-    for outcome, shares in sorted(by_outcome.items()):
-        print(f"{outcome}: median {statistics.median(shares):.2f} of {len(shares)} flights")
+        by_outcome.setdefault(outcome, []).append((share, whole, moving))
+    for outcome, flights in sorted(by_outcome.items()):
+        shares, wholes, movings = zip(*flights)
+        together = sum(wholes) / sum(movings) if sum(movings) else float("inf")
+        print(f"{outcome}: median {statistics.median(shares):.2f} of {len(flights)} flights, {together:.2f} together")
 
 
 if __name__ == "__main__":
