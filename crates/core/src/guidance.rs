@@ -12,10 +12,13 @@ pub const SLOW_ANSWERS: Duration = Duration::from_secs(3);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct Guidance {
-    /// Whether the target's place is kept in the world, fused from all replies ([`crate::anchor`]). Without a map, that of a tall
-    /// target is kept only while the VLM's answers are slow ([`SLOW_ANSWERS`]).
+    /// Whether the target's place is kept in the world, fused from all replies ([`crate::anchor`]).
     pub anchor: bool,
-    /// Whether it is kept while the VLM's answers are slow ([`SLOW_ANSWERS`]), though `anchor` is off.
+    /// Whether it is kept, though `anchor` is off, unless the target is tall and the VLM's answers are fast: each answer may mean
+    /// another part of what is tall.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub low_anchor: bool,
+    /// Whether it is kept, though `anchor` is off, while the VLM's answers are slow ([`SLOW_ANSWERS`]).
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub slow_anchor: bool,
     /// Whether obstacles are kept in a map, around which the planner leads ([`crate::obstacle_map`], [`crate::planner`]).
@@ -57,6 +60,6 @@ impl Guidance {
     /// Whether the target's place may be kept, to guide the craft or for the monitor.
     #[must_use]
     pub fn keeps_anchor(&self) -> bool {
-        self.anchor || self.slow_anchor || self.monitor
+        self.anchor || self.low_anchor || self.slow_anchor || self.monitor
     }
 }

@@ -123,6 +123,8 @@ pub struct BenchSettings {
     pub avoid: bool,
     /// Whether the target's place is kept between two answers.
     pub anchor: bool,
+    /// Whether it is kept, unless the target is tall and answers are fast.
+    pub low_anchor: bool,
     /// Whether it is kept while answers are slow.
     pub slow_anchor: bool,
     /// Whether obstacles are kept in a map, around which the planner leads.
@@ -181,6 +183,7 @@ impl BenchSettings {
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
             guidance: Guidance {
                 anchor: self.anchor,
+                low_anchor: self.low_anchor,
                 slow_anchor: self.slow_anchor,
                 map: self.map,
                 sensor: self.depth_sensor,

@@ -231,6 +231,7 @@ impl Trial {
         let settings = format!("{:?}", self.method.settings(&self.task));
         // What is off is left out: a trial without it is the one that it was before it could be switched on.
         let settings = settings
+            .replace("low_anchor: false, ", "")
             .replace("slow_anchor: false, ", "")
             .replace("ask: Always, ", "")
             .replace("monitor: false, ", "")

@@ -145,13 +145,18 @@ impl Guiding {
         self.course.is_some()
     }
 
-    /// A new instruction: another target. `guides`: its place has guided the craft, and not only the monitor.
+    /// The target is given up, or it is another. `guides`: its place has guided the craft, and not only the monitor.
     pub(super) fn forget_target(&mut self, guides: bool) {
         if let Some(anchor) = self.anchors.anchor().filter(|_| guides) {
             self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
-        (self.gate, self.tracked, self.tall) = (None, None, None);
+        (self.gate, self.tracked) = (None, None);
+    }
+
+    /// Forgets that the target is tall: it is another instruction's.
+    pub(super) fn forget_height(&mut self) {
+        self.tall = None;
     }
 }
 
@@ -160,17 +165,18 @@ impl Pilot {
     pub(super) fn is_anchored(&self) -> bool {
         let guidance = self.settings.guidance;
         let is_slow = self.guiding.ages.are_slow();
-        // The planner needs a place to go to; and an old answer about a tall target is a worse guide than the average of all.
-        let may_be_tall = guidance.map || is_slow;
-        let is_placed = guidance.anchor && (may_be_tall || self.guiding.tall.is_none());
-        (is_placed || guidance.slow_anchor && is_slow) && self.is_guided()
+        // An old answer about a tall target is a worse guide than the average of all.
+        let is_low = guidance.low_anchor && (is_slow || self.guiding.tall.is_none());
+        (guidance.anchor || is_low || guidance.slow_anchor && is_slow) && self.is_guided()
     }
 
-    /// Notes whether the target of a reply is tall: the angle of its box times the range of its label. It stays so until it is
-    /// given up, or the next stage begins: near it, the image shows only a part.
+    /// Notes whether the target of a reply is tall: the angle of its box times the range of its label. It stays so until the next
+    /// stage begins: near it, the image shows only a part. A late answer about an earlier stage says nothing.
     fn note_height(&mut self, view: &View, goto: &Goto) {
-        if self.guiding.tall.is_some_and(|stage| stage != goto.stage) {
-            self.guiding.tall = None;
+        match self.guiding.tall {
+            Some(stage) if stage > goto.stage => return,
+            Some(stage) if stage < goto.stage => self.guiding.tall = None,
+            _ => {},
         }
         let Some(area) = goto.area else { return };
         let per_metre = 2.0 * libm::tan(view.camera.half_fov().1);

@@ -123,6 +123,7 @@ impl Pilot {
         self.needs_rest = true;
         let guides = self.guides_by_anchor();
         self.guiding.forget_target(guides);
+        self.guiding.forget_height();
         self.untrack();
         self.end_following();
         // A fresh start: the policy forgets the previous instruction.

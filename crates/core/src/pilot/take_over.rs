@@ -56,6 +56,7 @@ impl Pilot {
         }
         let guides = self.guides_by_anchor();
         self.guiding.forget_target(guides);
+        self.guiding.forget_height();
         self.untrack();
         self.end_following();
         let text = self.instruction.clone();

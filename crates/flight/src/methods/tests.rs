@@ -164,7 +164,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 12]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 13]>()).prop_map(
         |(
             preset,
             step,
@@ -173,7 +173,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, fence, anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming, news, monitor],
+            [avoid, fence, anchor, low_anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming, news, monitor],
         )| {
             BenchSettings {
                 preset,
@@ -186,6 +186,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 confirm_done,
                 avoid,
                 anchor,
+                low_anchor,
                 slow_anchor,
                 monitor,
                 map,

@@ -123,10 +123,14 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
+    let map = fly.map.or_default()?.or(can_guide && (sensor || mono_depth));
+    let anchor = fly.anchor.or_default()?;
     method.guidance = Guidance {
-        anchor: fly.anchor.or_default()?.or(can_guide && (sensor || method.avoid)),
+        // The planner needs a place to go to, also where that is tall.
+        anchor: anchor.or(can_guide && (sensor || method.avoid && map)),
+        low_anchor: anchor.is_auto() && can_guide && method.avoid && !sensor && !map,
         slow_anchor: false,
-        map: fly.map.or_default()?.or(can_guide && (sensor || mono_depth)),
+        map,
         sensor,
         track: fly.track.or_default()? != TrackBy::Off,
         monitor: fly.monitor.or_default()?.or(false),

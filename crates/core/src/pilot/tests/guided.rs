@@ -217,9 +217,9 @@ fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
 /// Each answer may mean another part of a tall target: only old answers are averaged there, and what is not tall always is.
 #[test]
 fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
-    let anchored = |half_height: f64, latency: f64| {
+    let anchored = |half_height: f64, latency: f64, always: bool| {
         let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = Guidance { anchor: true, ..Guidance::default() };
+        setup.settings.guidance = Guidance { anchor: always, low_anchor: true, ..Guidance::default() };
         let goal = target(0.0, 60.0, 3.0);
         let mut flight = setup.fly(move |_: &Query, seen: &Seen| {
             let profile = GroundingProfile::default();
@@ -232,10 +232,11 @@ fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
         flight.until_asked(8);
         flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
     };
-    assert!(anchored(0.02, 1.0).iter().all(|&anchored| anchored));
+    assert!(anchored(0.02, 1.0, false).iter().all(|&anchored| anchored));
     // Some 11 m.
-    assert!(anchored(0.1, 1.0).iter().all(|&anchored| !anchored));
-    assert_eq!(anchored(0.1, 4.0), [false, false, true, true, true, true, true]);
+    assert!(anchored(0.1, 1.0, false).iter().all(|&anchored| !anchored));
+    assert!(anchored(0.1, 1.0, true).iter().all(|&anchored| anchored));
+    assert_eq!(anchored(0.1, 4.0, false), [false, false, true, true, true, true, true]);
 }
 
 #[test]
