@@ -42,10 +42,14 @@ pub(crate) enum Control {
 struct LastLimit(Option<(Cause, Time)>);
 
 impl LastLimit {
-    /// Takes a limit that applies now; whether it is the last one again, a moment later.
-    fn is_again(&mut self, now: Time, limit: Cause) -> bool {
-        let last = self.0.replace((limit, now));
-        last.is_some_and(|(last, at)| last == limit && now.since(at) < SAME_LIMIT)
+    /// Takes what the envelope does now; whether that needs no line: a limit of a rate, or the last limit again a moment later.
+    fn hides(&mut self, now: Time, cause: Cause) -> bool {
+        if cause.is_rate() {
+            return true;
+        }
+        let last = self.0.replace((cause, now));
+        let is_limit = cause.is_boundary() || matches!(cause, Cause::FloorLimit | Cause::Person);
+        is_limit && last.is_some_and(|(last, at)| last == cause && now.since(at) < SAME_LIMIT)
     }
 }
 
@@ -68,7 +72,10 @@ impl Progress {
             Note::Decision(decision) => {
                 format!("{:>2}. {}  [flown {:.1} m]", decision.number, words::decision(decision), self.flown)
             }
-            Note::Envelope(cause) if cause.is_boundary() && self.limit.is_again(now, *cause) => return,
+            Note::Envelope(cause) if self.limit.hides(now, *cause) => {
+                tracing::debug!(at = now.as_secs_f64(), %cause, "envelope");
+                return;
+            }
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
             // That all is well every 2 s is no news.
@@ -127,11 +134,15 @@ mod tests {
     #[test]
     fn a_limit_that_applies_again_soon_is_not_printed_again() {
         let mut last = LastLimit::default();
-        let mut again = |seconds: u64, limit| last.is_again(Time::from_millis(seconds * 1000), limit);
-        assert!(!again(0, Cause::Obstacle));
-        assert!(again(4, Cause::Obstacle));
-        assert!(!again(5, Cause::AltitudeLimit));
-        assert!(!again(6, Cause::Obstacle));
-        assert!(!again(11, Cause::Obstacle));
+        let mut hides = |seconds: u64, cause| last.hides(Time::from_millis(seconds * 1000), cause);
+        assert!(!hides(0, Cause::Obstacle));
+        assert!(hides(4, Cause::Obstacle));
+        assert!(!hides(5, Cause::AltitudeLimit));
+        assert!(!hides(6, Cause::Obstacle));
+        assert!(!hides(11, Cause::Obstacle));
+        // A craft at its cruise speed.
+        assert!(hides(20, Cause::SpeedLimit));
+        assert!(!hides(21, Cause::FrozenFrame));
+        assert!(!hides(22, Cause::FrozenFrame));
     }
 }

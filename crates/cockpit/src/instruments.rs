@@ -275,6 +275,7 @@ impl Observer for Instruments {
             Action::Note(Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _)) => {}
             // Sent with every instruction, for a drone that holds.
             Action::Note(Note::OperatorIgnored(OperatorEvent::Resume, _)) if goes_on(pilot.phase()) => {}
+            Action::Note(Note::Envelope(cause)) if cause.is_rate() => {}
             Action::Note(note) => {
                 match note {
                     Note::Operator(OperatorEvent::Instruction(text)) => self.instruction.clone_from(text),

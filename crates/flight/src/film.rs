@@ -147,7 +147,7 @@ impl Film {
                 self.captured = decision.captured;
                 self.drawn_until = now + BOXES_SHOWN;
             }
-            Action::Note(Note::Envelope(cause)) => self.decision = format!("envelope: {cause}"),
+            Action::Note(Note::Envelope(cause)) if !cause.is_rate() => self.decision = format!("envelope: {cause}"),
             Action::Finished(ending) => {
                 self.decision = format!("{}: {}", words::outcome(ending.outcome), ending.cause);
                 self.waypoint = None;

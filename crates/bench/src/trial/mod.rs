@@ -228,18 +228,7 @@ impl Trial {
         let prompt = PromptText::shipped(policy.prompt());
         let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
         let fence = if self.method.is_fenced() { " fence" } else { "" };
-        let settings = format!("{:?}", self.method.settings(&self.task));
-        // What is off is left out: a trial without it is the one that it was before it could be switched on.
-        let settings = settings
-            .replace("low_anchor: false, ", "")
-            .replace("slow_anchor: false, ", "")
-            .replace("ask: Always, ", "")
-            .replace("monitor: false, ", "")
-            .replace(", mono_depth: false }", " }")
-            .replace(", points: false, looming: false }", " }")
-            .replace(", track: false }", " }")
-            .replace(", keep_m: 2.5, follow_time: None", "")
-            .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "");
+        let settings = without_what_is_off(&format!("{:?}", self.method.settings(&self.task)));
         // Whoever tracks is no setting of the pilot's.
         let tracked = if self.method.track_by() == TrackBy::Model { " track model" } else { "" };
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
@@ -395,6 +384,20 @@ impl Trial {
     }
 }
 
+/// Settings as `Debug` writes them, less what is off: a trial without it is the one that it was before it could be switched on.
+fn without_what_is_off(settings: &str) -> String {
+    settings
+        .replace(" low_anchor: false,", "")
+        .replace(" slow_anchor: false,", "")
+        .replace("ask: Always, ", "")
+        .replace("monitor: false, ", "")
+        .replace(", mono_depth: false }", " }")
+        .replace(", points: false, looming: false }", " }")
+        .replace(", track: false }", " }")
+        .replace(", keep_m: 2.5, follow_time: None", "")
+        .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "")
+}
+
 fn provider(vlm: &str) -> String {
     vlm.split(['#', ':', '@']).next().unwrap_or_default().to_owned()
 }
@@ -402,4 +405,26 @@ fn provider(vlm: &str) -> String {
 fn milliseconds(seconds: &[f64]) -> Option<Milliseconds> {
     let at = |fraction| percentile(seconds, fraction).map(|value| 1e3 * value);
     Some(Milliseconds { p50: at(0.5)?, p95: at(0.95)?, p99: at(0.99)?, max: at(1.0)? })
+}
+
+#[cfg(test)]
+mod tests {
+    use spf_core::guidance::Guidance;
+    use spf_core::pilot::{PilotSettings, Preset};
+
+    use super::without_what_is_off;
+
+    #[test]
+    fn what_is_off_is_not_part_of_a_trial() {
+        let written = |guidance| {
+            let settings = PilotSettings { guidance, ..PilotSettings::preset(Preset::Default) };
+            without_what_is_off(&format!("{settings:?}"))
+        };
+        let off = written(Guidance::default());
+        assert!(!off.contains("anchor") && !off.contains("Guidance") && !off.contains("ask"), "{off}");
+        let anchored = written(Guidance { anchor: true, ..Guidance::default() });
+        assert!(anchored.contains("Guidance { anchor: true, map: false, sensor: false }"), "{anchored}");
+        let low = written(Guidance { low_anchor: true, ..Guidance::default() });
+        assert!(low.contains("Guidance { anchor: false, low_anchor: true, map: false, sensor: false }"), "{low}");
+    }
 }

@@ -70,6 +70,13 @@ impl Cause {
     pub fn is_boundary(self) -> bool {
         matches!(self, Self::AltitudeLimit | Self::DistanceLimit | Self::GeofenceLimit | Self::Obstacle)
     }
+
+    /// Whether it is a limit of speed or of a rate: the craft flies as it was told to, only slower. Near its cruise speed that comes
+    /// and goes many times a minute, and is worth a row of the log, but no line on a display.
+    #[must_use]
+    pub fn is_rate(self) -> bool {
+        matches!(self, Self::SpeedLimit | Self::ClimbLimit | Self::YawRateLimit)
+    }
 }
 
 impl fmt::Display for Cause {

@@ -176,7 +176,7 @@ impl Pilot {
         match self.guiding.tall {
             Some(stage) if stage > goto.stage => return,
             Some(stage) if stage < goto.stage => self.guiding.tall = None,
-            _ => {},
+            _ => {}
         }
         let Some(area) = goto.area else { return };
         let per_metre = 2.0 * libm::tan(view.camera.half_fov().1);
