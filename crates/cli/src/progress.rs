@@ -1,5 +1,7 @@
 //! Progress display during a flight: one live line, and a line per decision.
 
+use std::collections::BTreeMap;
+
 use spf_core::envelope::Cause;
 use spf_core::monitor::Verdict;
 use spf_core::pilot::{Action, Note, OperatorEvent, Phase, Pilot};
@@ -22,7 +24,7 @@ pub(crate) struct Progress {
     shown: Time,
     flown: f64,
     at: Option<spf_core::geometry::EnuPosition>,
-    limit: LastLimit,
+    limits: LastLimits,
     control: Control,
 }
 
@@ -37,25 +39,22 @@ pub(crate) enum Control {
     None,
 }
 
-/// The limit of the envelope that applied last, and when.
+/// When each limit of the envelope applied last.
 #[derive(Default)]
-struct LastLimit(Option<(Cause, Time)>);
+struct LastLimits(BTreeMap<Cause, Time>);
 
-impl LastLimit {
-    /// Takes what the envelope does now; whether that needs no line: a limit of a rate, or the last limit again a moment later.
+impl LastLimits {
+    /// Takes what the envelope does now; whether that needs no line: a limit of a rate, or a limit again a moment later.
     fn hides(&mut self, now: Time, cause: Cause) -> bool {
-        if cause.is_rate() {
-            return true;
-        }
-        let last = self.0.replace((cause, now));
         let is_limit = cause.is_boundary() || matches!(cause, Cause::FloorLimit | Cause::Person);
-        is_limit && last.is_some_and(|(last, at)| last == cause && now.since(at) < SAME_LIMIT)
+        let is_again = is_limit && self.0.insert(cause, now).is_some_and(|at| now.since(at) < SAME_LIMIT);
+        cause.is_rate() || is_again
     }
 }
 
 impl Progress {
     pub(crate) fn new(lines: Lines, control: Control) -> Self {
-        Self { lines, shown: Time::ZERO, flown: 0.0, at: None, limit: LastLimit::default(), control }
+        Self { lines, shown: Time::ZERO, flown: 0.0, at: None, limits: LastLimits::default(), control }
     }
 
     fn note(&mut self, now: Time, note: &Note) {
@@ -72,7 +71,7 @@ impl Progress {
             Note::Decision(decision) => {
                 format!("{:>2}. {}  [flown {:.1} m]", decision.number, words::decision(decision), self.flown)
             }
-            Note::Envelope(cause) if self.limit.hides(now, *cause) => {
+            Note::Envelope(cause) if self.limits.hides(now, *cause) => {
                 tracing::debug!(at = now.as_secs_f64(), %cause, "envelope");
                 return;
             }
@@ -133,12 +132,13 @@ mod tests {
 
     #[test]
     fn a_limit_that_applies_again_soon_is_not_printed_again() {
-        let mut last = LastLimit::default();
+        let mut last = LastLimits::default();
         let mut hides = |seconds: u64, cause| last.hides(Time::from_millis(seconds * 1000), cause);
         assert!(!hides(0, Cause::Obstacle));
         assert!(hides(4, Cause::Obstacle));
-        assert!(!hides(5, Cause::AltitudeLimit));
-        assert!(!hides(6, Cause::Obstacle));
+        assert!(!hides(5, Cause::FloorLimit));
+        assert!(hides(6, Cause::Obstacle));
+        assert!(hides(7, Cause::FloorLimit));
         assert!(!hides(11, Cause::Obstacle));
         // A craft at its cruise speed.
         assert!(hides(20, Cause::SpeedLimit));

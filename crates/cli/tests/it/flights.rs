@@ -247,12 +247,16 @@ fn boxes_and_an_anchor_are_on_by_default() {
         let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
         let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));
         let settings = lab.fly(&folder, &args).1["settings"].clone();
-        (settings["avoid"] == true, settings["guidance"]["anchor"] == true)
+        let guidance = &settings["guidance"];
+        (settings["avoid"] == true, guidance["anchor"] == true, guidance["low_anchor"] == true)
     };
-    assert_eq!(parts(&[]), (true, true));
-    assert_eq!(parts(&["--avoid"]), (true, true));
-    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, false));
+    assert_eq!(parts(&[]), (true, false, true));
+    assert_eq!(parts(&["--avoid"]), (true, false, true));
+    assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, true, false));
+    assert_eq!(parts(&["--avoid", "--map", "on"]), (true, true, false));
+    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, false, false));
+    assert_eq!(parts(&["--depth-sensor", "on", "--map", "off"]), (false, false, true));
     for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {
-        assert_eq!(parts(off), (false, false), "{off:?}");
+        assert_eq!(parts(off), (false, false, false), "{off:?}");
     }
 }

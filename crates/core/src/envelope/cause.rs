@@ -71,8 +71,8 @@ impl Cause {
         matches!(self, Self::AltitudeLimit | Self::DistanceLimit | Self::GeofenceLimit | Self::Obstacle)
     }
 
-    /// Whether it is a limit of speed or of a rate: the craft flies as it was told to, only slower. Near its cruise speed that comes
-    /// and goes many times a minute, and is worth a row of the log, but no line on a display.
+    /// Whether it is a limit of speed or of a rate, which the operator has set: the craft flies as it was told to, only slower. At its
+    /// cruise speed that comes and goes many times a minute, and is worth a row of the log, but no line on a display.
     #[must_use]
     pub fn is_rate(self) -> bool {
         matches!(self, Self::SpeedLimit | Self::ClimbLimit | Self::YawRateLimit)

@@ -51,11 +51,12 @@ impl Envelope {
             return (None, confined);
         }
         let fastest = allowed.speed_within(limits.max_speed, limits.max_climb);
-        if !(speed > 0.0 && fastest > 0.0 && most > 0.0) {
-            return (None, Some(Cause::SpeedLimit));
-        }
+        let why = if most < fastest { Cause::Obstacle } else { Cause::SpeedLimit };
         let fastest = fastest.min(most);
-        let slowed = (speed > fastest).then_some(Cause::SpeedLimit);
+        if !(speed > 0.0 && fastest > 0.0) {
+            return (None, Some(why));
+        }
+        let slowed = (speed > fastest).then_some(why);
         (Some(Manoeuvre::Go { displacement: allowed, speed: speed.min(fastest) }), confined.or(slowed))
     }
 

@@ -7,6 +7,7 @@
 use std::collections::VecDeque;
 
 use super::course::{Aim, Course, FLOWN, OWN_SURFACE};
+use super::target_height::TargetHeight;
 use super::tracked_target::TrackedTarget;
 use super::unseen::may_overhang;
 use super::view_height::correction;
@@ -23,10 +24,6 @@ use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::query::QueryKind;
 use crate::reply::Status;
 use crate::time::{Duration, Time};
-
-/// Height above which a target is tall, metres: each answer may mean another part of it, such as the jib of a crane and then its
-/// foot, and their average is a place where a craft may see neither.
-const TALL: f64 = 6.0;
 
 /// Place of a target, and what is known about obstacles.
 #[derive(Debug, Default)]
@@ -50,8 +47,7 @@ pub(super) struct Guiding {
     pub(super) depth_at: Option<Time>,
     /// The target of the last reply, while its track agrees with the anchor.
     pub(super) tracked: Option<TrackedTarget>,
-    /// The stage of the last target if that is tall ([`TALL`]).
-    tall: Option<u32>,
+    height: TargetHeight,
     /// Ages of the last answers.
     ages: AnswerAges,
     /// When the brake last received the obstacles.
@@ -154,9 +150,9 @@ impl Guiding {
         (self.gate, self.tracked) = (None, None);
     }
 
-    /// Forgets that the target is tall: it is another instruction's.
+    /// Forgets the target's height: it is another instruction's.
     pub(super) fn forget_height(&mut self) {
-        self.tall = None;
+        self.height = TargetHeight::default();
     }
 }
 
@@ -166,23 +162,15 @@ impl Pilot {
         let guidance = self.settings.guidance;
         let is_slow = self.guiding.ages.are_slow();
         // An old answer about a tall target is a worse guide than the average of all.
-        let is_low = guidance.low_anchor && (is_slow || self.guiding.tall.is_none());
+        let is_low = guidance.low_anchor && (is_slow || !self.guiding.height.is_tall());
         (guidance.anchor || is_low || guidance.slow_anchor && is_slow) && self.is_guided()
     }
 
-    /// Notes whether the target of a reply is tall: the angle of its box times the range of its label. It stays so until the next
-    /// stage begins: near it, the image shows only a part. A late answer about an earlier stage says nothing.
+    /// Notes the height of a reply's target: the angle of its box times the range of its label.
     fn note_height(&mut self, view: &View, goto: &Goto) {
-        match self.guiding.tall {
-            Some(stage) if stage > goto.stage => return,
-            Some(stage) if stage < goto.stage => self.guiding.tall = None,
-            _ => {}
-        }
-        let Some(area) = goto.area else { return };
         let per_metre = 2.0 * libm::tan(view.camera.half_fov().1);
-        if range_of_label(goto.label) * per_metre * (area.bottom - area.top) > TALL {
-            self.guiding.tall = Some(goto.stage);
-        }
+        let high = goto.area.map_or(0.0, |area| area.bottom - area.top);
+        self.guiding.height.note(goto.stage, range_of_label(goto.label) * per_metre * high);
     }
 
     /// Whether the map does.

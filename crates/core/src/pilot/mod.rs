@@ -31,6 +31,7 @@ mod returning;
 mod settings;
 mod shown;
 mod take_over;
+mod target_height;
 mod tracked_target;
 mod tracking;
 mod unseen;

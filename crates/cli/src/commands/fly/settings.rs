@@ -125,10 +125,11 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
     let map = fly.map.or_default()?.or(can_guide && (sensor || mono_depth));
     let anchor = fly.anchor.or_default()?;
+    let by_itself = can_guide && (sensor || method.avoid);
     method.guidance = Guidance {
         // The planner needs a place to go to, also where that is tall.
-        anchor: anchor.or(can_guide && (sensor || method.avoid && map)),
-        low_anchor: anchor.is_auto() && can_guide && method.avoid && !sensor && !map,
+        anchor: anchor.or(by_itself && map),
+        low_anchor: anchor.is_auto() && by_itself && !map,
         slow_anchor: false,
         map,
         sensor,

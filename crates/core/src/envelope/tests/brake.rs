@@ -109,6 +109,17 @@ fn a_missing_dead_or_late_sensor_means_flying_blind() {
     assert!((speed(&mut rig, ms(1610)) - 0.5).abs() < 1e-9, "black");
 }
 
+/// It is the brake that slows it, and not the operator's limit.
+#[test]
+fn a_manoeuvre_flown_blind_is_slowed_for_what_may_be_there() {
+    let mut rig = braked(BrakeLimits::with_sensor());
+    let displacement = BodyDisplacement { right: 0.0, forward: 2.0, up: 0.0 };
+    let asked = |speed| Manoeuvre::Go { displacement, speed };
+    assert_eq!(rig.fly(ms(1000), asked(0.4)), (Some(asked(0.4)), None));
+    let mut rig = braked(BrakeLimits::with_sensor());
+    assert_eq!(rig.fly(ms(1000), asked(1.0)), (Some(asked(0.5)), Some(Cause::Obstacle)));
+}
+
 /// By hand: the lowest pixels look 36.85° down (at 0.95 of the image 34.0°), 0.674 m a metre, so that at 3 m the ground is
 /// due at 4.5 m, and at 12 m, where it would be at 17.8 m, it is not.
 #[test]

@@ -12,7 +12,7 @@ fn go(right: f64, forward: f64, up: f64) -> Manoeuvre {
 
 impl Rig {
     /// The cleared part of a manoeuvre, if any, and why it is not all of it.
-    fn fly(&mut self, now: Time, requested: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
+    pub(super) fn fly(&mut self, now: Time, requested: Manoeuvre) -> (Option<Manoeuvre>, Option<Cause>) {
         let clearance = self.envelope.clear(now, Command::Manoeuvre(requested)).unwrap();
         match *clearance.cleared.get() {
             Command::Manoeuvre(manoeuvre) => (Some(manoeuvre), clearance.changed),

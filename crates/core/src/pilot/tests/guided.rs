@@ -214,21 +214,24 @@ fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
     assert_eq!(anchored(4.0), [false, false, true, true, true, true, true]);
 }
 
+/// The reply that points at a goal, with a box twice `half` of the image high.
+fn pointed(goal: EnuPosition, seen: &Seen, half: f64, latency: f64) -> Answer {
+    let profile = GroundingProfile::default();
+    let mut reply = crate::reply::parse_reply(&points_at(goal, seen), &profile, false).unwrap();
+    if let (Some(area), Some(point)) = (reply.target_box.as_mut(), reply.point) {
+        (area.top, area.bottom) = ((point.v - half).max(0.0), (point.v + half).min(1.0));
+    }
+    Answer::After(secs(latency), reply.to_json(&profile, false))
+}
+
 /// Each answer may mean another part of a tall target: only old answers are averaged there, and what is not tall always is.
 #[test]
 fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
-    let anchored = |half_height: f64, latency: f64, always: bool| {
+    let anchored = |half: f64, latency: f64, always: bool| {
         let mut setup = Setup::preset(Preset::Default);
         setup.settings.guidance = Guidance { anchor: always, low_anchor: true, ..Guidance::default() };
         let goal = target(0.0, 60.0, 3.0);
-        let mut flight = setup.fly(move |_: &Query, seen: &Seen| {
-            let profile = GroundingProfile::default();
-            let mut reply = crate::reply::parse_reply(&points_at(goal, seen), &profile, false).unwrap();
-            if let (Some(area), Some(point)) = (reply.target_box.as_mut(), reply.point) {
-                (area.top, area.bottom) = ((point.v - half_height).max(0.0), (point.v + half_height).min(1.0));
-            }
-            Answer::After(secs(latency), reply.to_json(&profile, false))
-        });
+        let mut flight = setup.fly(move |_: &Query, seen: &Seen| pointed(goal, seen, half, latency));
         flight.until_asked(8);
         flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
     };
@@ -237,6 +240,30 @@ fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
     assert!(anchored(0.1, 1.0, false).iter().all(|&anchored| !anchored));
     assert!(anchored(0.1, 1.0, true).iter().all(|&anchored| anchored));
     assert_eq!(anchored(0.1, 4.0, false), [false, false, true, true, true, true, true]);
+}
+
+/// A target that is searched for is as tall as it was; that of the next instruction need not be.
+#[test]
+fn a_target_stays_tall_while_it_is_searched_for() {
+    let mut setup = Setup::preset(Preset::Default);
+    setup.settings.guidance = Guidance { low_anchor: true, ..Guidance::default() };
+    let goal = target(0.0, 60.0, 3.0);
+    let mut queries = 0;
+    let mut flight = setup.fly(move |_: &Query, seen: &Seen| {
+        queries += 1;
+        match queries {
+            1 | 2 => pointed(goal, seen, 0.1, 1.0),
+            3 => Answer::After(secs(1.0), not_visible(Look::Right)),
+            4 => Answer::After(secs(1.0), not_visible(Look::Left)),
+            _ => pointed(goal, seen, 0.02, 1.0),
+        }
+    });
+    flight.until_asked(9);
+    assert_eq!(flight.decisions().filter(|decision| decision.reading.reply.is_some()).count(), 8);
+    assert!(flight.decisions().all(|decision| decision.anchor.is_none()));
+    flight.operator(OperatorEvent::Instruction("fly to the tree".to_owned()));
+    flight.until_asked(13);
+    assert!(flight.decisions().last().unwrap().anchor.is_some());
 }
 
 #[test]
