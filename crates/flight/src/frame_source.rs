@@ -44,9 +44,9 @@ pub(crate) trait FrameSource: Send + Sync {
         Vec::new()
     }
 
-    /// The scene from above, and the position of the object with this key.
-    fn map(&self, target: Option<&str>) -> (Vec<Outline>, Option<EnuPosition>) {
-        let _ = target;
+    /// The scene from above, and the position of that of the objects with these keys which is nearest to the craft.
+    fn map(&self, targets: &[String]) -> (Vec<Outline>, Option<EnuPosition>) {
+        let _ = targets;
         (Vec::new(), None)
     }
 }

@@ -189,7 +189,7 @@ impl Recorder {
             }
             self.marked.values_mut().flat_map(|marked| &mut marked.ends).for_each(move_by);
         }
-        let (outlines, target) = self.frame_source.map(summary.targets.first().map(String::as_str));
+        let (outlines, target) = self.frame_source.map(&summary.targets);
         let image = trajectory_svg(&TrajectoryInput {
             title: summary.title(),
             outcome: headline(summary),
@@ -250,7 +250,9 @@ impl Observer for Recorder {
             log.time(now, pilot);
         }
         let known = pilot.known_pose(now);
-        if pilot.phase() == Phase::Ground && pilot.is_dead_reckoned() {
+        // On the ground the first telemetry may come with the command to take off.
+        let begins = pilot.phase() == Phase::Ground || pilot.phase() == Phase::TakeOff && self.origin.is_none();
+        if begins && pilot.is_dead_reckoned() {
             let place = |pose: Pose| EnuPosition {
                 east: pose.position.east - known.position.east,
                 north: pose.position.north - known.position.north,

@@ -44,7 +44,7 @@ impl Sight {
     /// The scene from above, lowest objects first; empty where none is known. Metres east and north of the scene's origin.
     #[must_use]
     pub fn outlines(&self) -> Vec<Outline> {
-        self.source.map(None).0
+        self.source.map(&[]).0
     }
 
     /// Where the craft truly is on that map, metres; `None` where no simulator tells. To place the map below a craft that counts

@@ -375,7 +375,7 @@ fn hints(summary: &Summary) -> Vec<String> {
             ));
         }
         Outcome::Timeout if summary.cause.contains(" decisions was reached") => {
-            let news = if settings.ask.is_always() { "; with a fast model, `--ask news` makes fewer (docs/guide/vlm.md)" } else { "" };
+            let news = if settings.ask.is_always() { "; with a model that answers within a second, `--ask news` asks less often (docs/guide/vlm.md)" } else { "" };
             hints.push(format!("hint: `--max-decisions {}` permits more decisions{news}", settings.max_decisions.saturating_mul(3)));
         }
         Outcome::Timeout => {

@@ -222,6 +222,21 @@ fn the_configuration_reaches_the_pilot() {
     assert_eq!(lab.names("mine"), ["decisions.jsonl", "flight.mcap", "summary.json", "trajectory.svg"]);
 }
 
+/// A craft that reckons its position from its take-off point flies in the map of the scene, wherever that point is.
+#[test]
+fn the_estimated_path_begins_where_the_true_one_does() {
+    let lab = Lab::new();
+    lab.fly("mine", &["fly to the door", "--scene", "office", "--max-decisions", "1"]);
+    let map = std::fs::read_to_string(lab.path("mine/trajectory.svg")).unwrap();
+    let begins = |width: &str| -> Vec<f64> {
+        let line = map.lines().find(|line| line.starts_with("<polyline") && line.contains(width)).unwrap();
+        let first = line.split('"').nth(1).unwrap().split(' ').next().unwrap();
+        first.split(',').map(|at| at.parse().unwrap()).collect()
+    };
+    let (known, flown) = (begins(r#"stroke-width="1.8""#), begins(r#"stroke-width="6""#));
+    assert!((known[0] - flown[0]).hypot(known[1] - flown[1]) < 3.0, "pixels: {known:?} {flown:?}");
+}
+
 /// What guides between two answers is on with a depth sensor, unless it is switched off or the preset cannot use it.
 #[test]
 fn a_depth_sensor_turns_on_what_it_is_for() {

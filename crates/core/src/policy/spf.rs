@@ -171,6 +171,8 @@ pub struct Spf {
     hidden_since: Option<Time>,
     /// Whether the monitor has said that the target is lost, and no reply has seen it since.
     told_lost: bool,
+    /// Whether no reply has told the place of this stage's target yet: what is known is that of the stage before.
+    is_unplaced: bool,
     /// Whether the search that follows turns to either side of where the target was.
     searches_both_sides: bool,
     /// Places marked by the operator.
@@ -240,6 +242,7 @@ impl Spf {
             misses: 0,
             hidden_since: None,
             told_lost: false,
+            is_unplaced: false,
             searches_both_sides: false,
             last_box: None,
             kept_out: Vec::new(),
@@ -386,6 +389,7 @@ impl Spf {
             self.memory.stage = stage;
             // The place that is known is that of the stage before.
             self.misses = MISSES_ASIDE;
+            self.is_unplaced = true;
         }
         let step = retreat.or_else(|| self.look_aside(open_query, &reply)).unwrap_or_else(|| match reply.status {
             Status::Done => self.done(confirming),
@@ -425,7 +429,7 @@ impl Spf {
             Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
         let waited_for = match open_query.view.expected {
-            Expected::InView { at, range } if self.guidance.monitor => Some((at, range, (0.0, 0.0))),
+            Expected::InView { at, range } if self.guidance.monitor && !self.is_unplaced => Some((at, range, (0.0, 0.0))),
             Expected::Followed { at, range, .. } if self.guidance.monitor || self.misses >= patience => Some((at, range, WALKED)),
             _ => None,
         };

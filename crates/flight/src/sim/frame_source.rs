@@ -45,9 +45,11 @@ impl FrameSource for SimFrameSource {
         outline::prisms(self.0.loaded())
     }
 
-    fn map(&self, target: Option<&str>) -> (Vec<Outline>, Option<EnuPosition>) {
-        let (loaded, actors) = (self.0.loaded(), self.0.now().actors);
-        let centre = target.and_then(|key| outline::centre(loaded, &actors, key));
-        (outline::outlines(loaded, &actors), centre)
+    fn map(&self, targets: &[String]) -> (Vec<Outline>, Option<EnuPosition>) {
+        let (loaded, now) = (self.0.loaded(), self.0.now());
+        let distance = |key: &str| loaded.distance_to(loaded.scene.by_key(key)?.id, &now.actors, now.pose.position);
+        let near = targets.iter().filter_map(|key| Some((key, distance(key)?))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let centre = near.and_then(|(key, _)| outline::centre(loaded, &now.actors, key));
+        (outline::outlines(loaded, &now.actors), centre)
     }
 }

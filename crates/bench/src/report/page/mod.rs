@@ -17,14 +17,19 @@ use super::{chart, curve};
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; media-src 'self' file:";
 const STYLE: &str = include_str!("style.css");
 
+/// A number of things, with the plural where it belongs.
+fn counted(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 /// The complete page, to be placed in the folder `into`.
 pub(super) fn page(source: &Source, into: &Path) -> String {
     let maps = TrialMap::all(source);
     let films = trials::VideoLinks::of(source, into);
     let body = html! {
         h1 { "SPF benchmark report" }
-        p class="note" { (source.records.len()) " trials of " (source.tasks().len()) " tasks by " (source.arms.len())
-            " method and VLM pairs. Written by spf " (env!("CARGO_PKG_VERSION")) "." }
+        p class="note" { (counted(source.records.len(), "trial")) " of " (counted(source.tasks().len(), "task")) " by "
+            (counted(source.arms.len(), "method and VLM pair")) ". Written by spf " (env!("CARGO_PKG_VERSION")) "." }
         (unfinished(source))
         nav {
             a href="#made" { "Provenance" } a href="#success" { "Success" } a href="#compared" { "Pairwise comparisons" }
