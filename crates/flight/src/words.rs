@@ -1,5 +1,7 @@
 //! Display text for outcomes, phases and decisions, in one place.
 
+use std::fmt::Display;
+
 use spf_core::avoid::Avoidance;
 use spf_core::monitor::{JudgedBy, Judgement, Verdict};
 use spf_core::pilot::{Around, Decision, Note, OperatorEvent, Outcome, Passage, Phase};
@@ -48,7 +50,7 @@ pub fn operator(event: &OperatorEvent) -> String {
         OperatorEvent::Instruction(text) => format!("new instruction \"{text}\""),
         OperatorEvent::KeepOut(places) if places.is_empty() => "no places to keep out of".to_owned(),
         OperatorEvent::KeepOut(places) => {
-            format!("keep out of {} marked place{}", places.len(), if places.len() == 1 { "" } else { "s" })
+            format!("keep out of {}", counted(places.len(), "marked place"))
         }
         OperatorEvent::Land => "land".to_owned(),
         OperatorEvent::CutMotors => "cut the motors".to_owned(),
@@ -201,6 +203,12 @@ pub fn vlm_use(used: &VlmUse) -> String {
         "VLM: {names}, {} queries{failed}{latency}, {about}{} tokens in, {} out, {} thinking, {cost}",
         used.questions, used.tokens_in, used.tokens_out, used.tokens_thinking
     )
+}
+
+/// A number of things, with the plural where it belongs.
+#[must_use]
+pub fn counted<N: Display + PartialEq + From<u8>>(number: N, what: &str) -> String {
+    format!("{number} {what}{}", if number == N::from(1) { "" } else { "s" })
 }
 
 #[cfg(test)]

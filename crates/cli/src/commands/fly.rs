@@ -52,6 +52,9 @@ use crate::settings::{DroneName, Settings};
 /// Maximum length of an instruction, characters, as in prompts.
 const MAX_INSTRUCTION: usize = 2000;
 
+/// Follows the hint at the limit of decisions: with slower models, asking less often saves next to nothing.
+const FEWER_QUERIES: &str = "; with a model that answers within a second, `--ask news` asks less often (docs/guide/vlm.md)";
+
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
     let settings = Settings::of(&args.flight, &printer)?;
@@ -375,7 +378,7 @@ fn hints(summary: &Summary) -> Vec<String> {
             ));
         }
         Outcome::Timeout if summary.cause.contains(" decisions was reached") => {
-            let news = if settings.ask.is_always() { "; with a model that answers within a second, `--ask news` asks less often (docs/guide/vlm.md)" } else { "" };
+            let news = if settings.ask.is_always() { FEWER_QUERIES } else { "" };
             hints.push(format!("hint: `--max-decisions {}` permits more decisions{news}", settings.max_decisions.saturating_mul(3)));
         }
         Outcome::Timeout => {
@@ -438,8 +441,8 @@ fn result(summary: &Summary) -> Vec<String> {
     lines.push(format!(
         "{time}, {:.1} m flown, {}, {}{touched}{distance}",
         summary.path_length_m,
-        counted(summary.decisions, "decision"),
-        counted(summary.collisions, "collision"),
+        words::counted(summary.decisions, "decision"),
+        words::counted(summary.collisions, "collision"),
     ));
     if let Some(GlassToDecision { median_s, worst_s }) = summary.glass_to_decision {
         lines.push(format!("frame-to-decision latency: median {median_s:.2} s, worst {worst_s:.2} s"));
@@ -448,8 +451,4 @@ fn result(summary: &Summary) -> Vec<String> {
         lines.push(words::vlm_use(used));
     }
     lines
-}
-
-fn counted(number: u32, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
 }

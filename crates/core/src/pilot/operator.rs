@@ -117,15 +117,20 @@ impl Pilot {
         }
     }
 
-    fn instruct(&mut self, now: Time, text: String) {
-        self.cancel_queries();
-        self.stop_motion(now);
-        self.needs_rest = true;
+    /// Forgets what belongs to the instruction until now: the target's place, height and track, and whom the craft follows.
+    pub(super) fn forget_instruction(&mut self) {
         let guides = self.guides_by_anchor();
         self.guiding.forget_target(guides);
         self.guiding.forget_height();
         self.untrack();
         self.end_following();
+    }
+
+    fn instruct(&mut self, now: Time, text: String) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.needs_rest = true;
+        self.forget_instruction();
         // A fresh start: the policy forgets the previous instruction.
         self.policy.handle(PolicyEvent::Instruction(&text));
         self.instruction = text;

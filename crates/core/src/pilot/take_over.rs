@@ -54,11 +54,7 @@ impl Pilot {
         if self.ending.take().is_none() {
             return;
         }
-        let guides = self.guides_by_anchor();
-        self.guiding.forget_target(guides);
-        self.guiding.forget_height();
-        self.untrack();
-        self.end_following();
+        self.forget_instruction();
         let text = self.instruction.clone();
         self.policy.handle(PolicyEvent::Instruction(&text));
         (self.counted_from, self.counted_to) = (now, now);

@@ -8,6 +8,7 @@ mod trials;
 use std::path::Path;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use spf_flight::words::counted;
 
 use super::map::TrialMap;
 use super::source::Source;
@@ -16,11 +17,6 @@ use super::{chart, curve};
 /// Only videos from the same origin, and no scripts.
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; media-src 'self' file:";
 const STYLE: &str = include_str!("style.css");
-
-/// A number of things, with the plural where it belongs.
-fn counted(number: usize, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
-}
 
 /// The complete page, to be placed in the folder `into`.
 pub(super) fn page(source: &Source, into: &Path) -> String {
