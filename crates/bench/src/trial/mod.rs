@@ -18,6 +18,7 @@ use spf_core::prompt::PromptText;
 use spf_flight::detector::with_detector;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
+use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::{Summary, VerifiedBy};
 use spf_flight::tracking::TrackBy;
@@ -105,6 +106,12 @@ impl Trial {
     /// Flies it from the sampled start. Never fails: a trial that cannot be flown results in a row with an `error`.
     #[must_use]
     pub fn fly(&self, drawn: &Sampled, record: Option<RecordPlan>) -> Flown {
+        self.fly_observed(drawn, record, &mut [])
+    }
+
+    /// The same, with observers beside the judge.
+    #[must_use]
+    pub fn fly_observed(&self, drawn: &Sampled, record: Option<RecordPlan>, others: &mut [&mut dyn Observer]) -> Flown {
         let judge = match Judge::new(&self.task, drawn.loaded.clone(), drawn.start) {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
@@ -120,7 +127,9 @@ impl Trial {
         }
         let signs = SignWatch::new(&self.task, &drawn.loaded, drawn.start.position, reference, plan.limits.clone());
         let mut watcher = Watcher::new(world, judge, signs);
-        match fly(plan, &mut [&mut watcher]) {
+        let mut observers: Vec<&mut dyn Observer> = vec![&mut watcher];
+        observers.extend(others.iter_mut().map(|other| &mut **other as &mut dyn Observer));
+        match fly(plan, &mut observers) {
             Ok(flown) => {
                 let mut flown = self.scored(drawn, watcher, flown.summary);
                 if let Some(query_settings) = query_settings.get() {

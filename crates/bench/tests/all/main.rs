@@ -6,6 +6,7 @@
 mod anchor_consistency;
 mod follow_range;
 mod pinned;
+mod pins;
 mod poison;
 mod readings;
 mod seen;
