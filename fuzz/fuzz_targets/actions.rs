@@ -2,8 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_core::actions::{MAX_ACTIONS, parse_actions};
+use spf_baselines::actions::parse_actions;
 use spf_core::primitives::Primitives;
+use spf_core::reply::MAX_ACTIONS;
 
 fuzz_target!(|text: &str| {
     let Ok(reply) = parse_actions(text) else { return };

@@ -2,8 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_core::actions::{ActForm, parse_moves};
+use spf_baselines::actions::parse_moves;
 use spf_core::monitor::{Verdict, parse_monitor};
+use spf_core::query::ActForm;
 use spf_core::reply::{MAX_CHOSEN, MAX_STAGE, parse_choice, parse_completion};
 
 fuzz_target!(|text: &str| {

@@ -6,10 +6,11 @@
 //! and [`Plain`](plain::Plain) flies moves given in words and numbers. Like the core, this crate does no I/O and reads
 //! no clock.
 //!
-//! The queries and reply formats of the baselines (choices, text actions, lists of detections) are part of the core,
-//! since every VLM implementation needs them.
+//! The queries of the baselines and the schemas of their replies are part of the core, since every VLM implementation
+//! needs them, and so are choices and lists of detections. Text actions are read here, in [`actions`].
 #![forbid(unsafe_code)]
 
+pub mod actions;
 pub mod pivot;
 pub mod plain;
 pub mod typefly;

@@ -4,12 +4,13 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use spf_core::actions::{ActForm, parse_moves};
 use spf_core::grounding::GroundingProfile;
 use spf_core::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
-use spf_core::query::{Memory, Query, QueryId, QueryKind};
+use spf_core::query::{ActForm, Memory, Query, QueryId, QueryKind};
+
+use crate::actions::parse_moves;
 
 /// Number of earlier actions included in the prompt.
 const REMEMBERED_ACTIONS: usize = 5;

@@ -1,7 +1,6 @@
 //! Parsing a reply (the aim is under 20 µs) and checking a path against obstacles.
 
 use divan::{Bencher, black_box};
-use spf_core::actions::parse_actions;
 use spf_core::avoid::{Avoidance, PathShape, PlannedStep, avoid};
 use spf_core::camera::Camera;
 use spf_core::geometry::Attitude;
@@ -58,12 +57,6 @@ fn refuse_hostile_64_kib(bencher: Bencher<'_, '_>) {
     let profile = GroundingProfile::default();
     let text = "[".repeat(16) + &"[],".repeat((MAX_TEXT - 16) / 3);
     bencher.bench(|| parse_reply(black_box(&text), &profile, true).expect_err("no reply"));
-}
-
-#[divan::bench]
-fn parse_three_actions(bencher: Bencher<'_, '_>) {
-    let text = r#"{"actions":[{"cmd":"forward","value":1.5},{"cmd":"yaw_right","value":20},{"cmd":"hover"}],"done":false}"#;
-    bencher.bench(|| parse_actions(black_box(text)).expect("valid actions"));
 }
 
 #[divan::bench]

@@ -8,7 +8,6 @@
 //! [`primitives`] a displacement to control primitives (§3.4) and [`executor`] those to velocity setpoints.
 #![forbid(unsafe_code)]
 
-pub mod actions;
 pub mod anchor;
 pub mod avoid;
 pub mod camera;

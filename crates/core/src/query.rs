@@ -89,7 +89,7 @@ impl DepthAs {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ActForm {
-    /// Up to three commands with a value each: [`parse_actions`](crate::actions::parse_actions).
+    /// Up to three commands with a value each: `{"actions":[{"cmd":"forward","value":1.5}],"done":false}`.
     #[default]
     Commands,
     /// One displacement and turn in numbers: `{"dx":1.5,"dy":0,"dz":0.2,"dyaw":20,"done":false}`.

@@ -4,11 +4,11 @@
 use std::sync::LazyLock;
 
 use serde::Deserialize;
-use spf_core::actions::ActForm;
 use spf_core::executor::{Ending, Motion};
 use spf_core::guidance::Guidance;
 use spf_core::lift::Lifting;
 use spf_core::pilot::{AskWhen, PilotSettings, Preset, QueryTiming};
+use spf_core::query::ActForm;
 use spf_core::step::StepRule;
 use thiserror::Error;
 

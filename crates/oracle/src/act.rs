@@ -2,8 +2,7 @@
 
 use libm::{atan2, exp, hypot, round};
 use serde_json::{Value, json};
-use spf_core::actions::ActForm;
-use spf_core::query::Query;
+use spf_core::query::{ActForm, Query};
 use spf_core::reply::Look;
 
 use super::Oracle;

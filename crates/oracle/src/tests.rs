@@ -1,11 +1,11 @@
 use std::collections::BTreeMap;
 
-use spf_core::actions::ActForm;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{
-    DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, PastAnswer, Query, QueryId, QueryKind, Said,
+    ActForm, DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, PastAnswer, Query, QueryId, QueryKind,
+    Said,
 };
 use spf_core::reply::{Look, Reply, Status, parse_reply};
 use spf_core::sign::SignView;

@@ -1,9 +1,8 @@
 //! Text actions in flight.
 
 use spf_baselines::plain::{Plain, PlainSettings};
-use spf_core::actions::ActForm;
 use spf_core::pilot::{OperatorEvent, Outcome, Preset};
-use spf_core::query::QueryKind;
+use spf_core::query::{ActForm, QueryKind};
 use spf_core::time::Time;
 
 use crate::flight::Flight;

@@ -139,7 +139,7 @@ pub(super) fn blind(metres: f64) -> VlmFactory {
 
 #[cfg(test)]
 mod tests {
-    use spf_core::actions::parse_actions;
+    use spf_baselines::actions::{Action, parse_actions};
     use spf_core::executor::{Ending, Motion};
     use spf_core::pilot::QueryTiming;
     use spf_core::step::StepRule;
@@ -184,7 +184,7 @@ mod tests {
     fn the_blind_control_goes_straight_on_and_is_done() {
         let blind = Blind { metres: 5.0 };
         let go = parse_actions(&blind.text(0)).unwrap();
-        assert_eq!((go.actions, go.done), (vec![spf_core::actions::Action::Forward(5.0)], false));
+        assert_eq!((go.actions, go.done), (vec![Action::Forward(5.0)], false));
         let end = parse_actions(&blind.text(MOVES)).unwrap();
         assert!(end.done && end.actions.is_empty());
     }

@@ -12,12 +12,11 @@ use std::sync::{Arc, LazyLock};
 
 pub use template::{PromptError, PromptKind, PromptText};
 
-use crate::actions::{MAX_ACTIONS, MOVE_METRES, TURN_DEGREES};
 use crate::detection::{self, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::lift::range_of_label;
 use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryKind};
-use crate::reply::{DEPTH_LABELS, ObstacleBox, Reply, Status, one_line};
+use crate::reply::{DEPTH_LABELS, MAX_ACTIONS, MOVE_METRES, ObstacleBox, Reply, Status, TURN_DEGREES, one_line};
 
 /// Maximum length of an instruction, characters; longer ones are truncated.
 pub const MAX_INSTRUCTION: usize = 2000;
@@ -409,7 +408,5 @@ Your last answer could not be used: it lacked boxes.
         for banned in ["point", "depth", "box", "pixel", "coordinate"] {
             assert!(!text.contains(banned), "{banned}: {text}");
         }
-        let (_, example) = text.rsplit_once("For example: ").unwrap();
-        assert_eq!(crate::actions::parse_actions(example).unwrap().actions.len(), 2);
     }
 }

@@ -9,18 +9,25 @@ pub(crate) const MAX_DEPTH: usize = 16;
 
 /// A JSON value. Objects keep the order and repetitions of their keys.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Value {
+pub enum Value {
+    /// `null`, or Python's `None`.
     Null,
+    /// A truth value.
     Bool(bool),
+    /// A number; infinite if it overflows.
     Number(f64),
+    /// A string.
     Text(String),
+    /// An array.
     Array(Vec<Self>),
+    /// An object: its keys and values.
     Object(Vec<(String, Self)>),
 }
 
 impl Value {
     /// The value of the first of `keys` that is present and not null; for a repeated key the last value counts.
-    pub(crate) fn field(&self, keys: &[&str]) -> Option<&Self> {
+    #[must_use]
+    pub fn field(&self, keys: &[&str]) -> Option<&Self> {
         let Self::Object(fields) = self else { return None };
         keys.iter().find_map(|key| {
             fields
@@ -33,13 +40,15 @@ impl Value {
     }
 
     /// The value of `key` if it is present, null included; for a repeated key the last value counts.
-    pub(crate) fn key(&self, key: &str) -> Option<&Self> {
+    #[must_use]
+    pub fn key(&self, key: &str) -> Option<&Self> {
         let Self::Object(fields) = self else { return None };
         fields.iter().rev().find(|(name, _)| name.eq_ignore_ascii_case(key)).map(|(_, value)| value)
     }
 
     /// The value as a number, also if written as text.
-    pub(crate) fn number(&self) -> Option<f64> {
+    #[must_use]
+    pub fn number(&self) -> Option<f64> {
         match self {
             Self::Number(n) => Some(*n),
             Self::Text(text) => text.trim().parse().ok(),
@@ -48,12 +57,14 @@ impl Value {
     }
 
     /// The value as text.
-    pub(crate) fn text(&self) -> Option<&str> {
+    #[must_use]
+    pub fn text(&self) -> Option<&str> {
         if let Self::Text(text) = self { Some(text) } else { None }
     }
 
     /// The value as a boolean, also if written as text.
-    pub(crate) fn truth(&self) -> Option<bool> {
+    #[must_use]
+    pub fn truth(&self) -> Option<bool> {
         match self {
             Self::Bool(truth) => Some(*truth),
             Self::Text(text) => match text.trim().to_ascii_lowercase().as_str() {
@@ -66,7 +77,8 @@ impl Value {
     }
 
     /// A short rendering for error messages, at most 40 characters.
-    pub(crate) fn excerpt(&self) -> String {
+    #[must_use]
+    pub fn excerpt(&self) -> String {
         match self {
             Self::Null => "null".to_owned(),
             Self::Bool(b) => b.to_string(),

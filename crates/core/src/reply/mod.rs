@@ -3,26 +3,27 @@
 //!
 //! [`parse_reply`] reads a complete answer and [`ReplyStream`] one that is still arriving. [`reply_schema`] is the
 //! schema for VLMs that support structured output, and [`Reply::to_json`] writes the same form, so that the oracle also
-//! answers through text. Coordinates are converted here from a model's own convention, its
+//! answers through text. [`search`] finds the JSON of any other answer. Coordinates are converted here from a model's own convention, its
 //! [`GroundingProfile`](crate::grounding), to fractions of the image.
 
 mod json;
+mod moves;
 mod parse;
 mod scan;
 mod schema;
 mod short;
 mod stream;
 
-pub(crate) use json::Value;
+pub use json::Value;
+pub use moves::{MAX_ACTIONS, MOVE_METRES, TURN_DEGREES, moves_schema};
 pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError, one_line, one_line_within};
-pub use scan::MAX_TEXT;
-pub(crate) use scan::{ScanError, Verdict, search};
+pub use scan::{MAX_TEXT, ScanError, Verdict, search};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
-pub(crate) use short::{find, plain_numbers, wrong};
+pub(crate) use short::{find, wrong};
 pub use stream::{ReplyStream, parse_reply};
 
 use schemars::JsonSchema;

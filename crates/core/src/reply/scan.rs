@@ -10,7 +10,7 @@ pub const MAX_TEXT: usize = 64 * 1024;
 
 /// The verdict on a JSON value.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Verdict<T, E> {
+pub enum Verdict<T, E> {
     /// The value searched for.
     Accepted(T),
     /// Intended as the value searched for, but invalid.
@@ -56,7 +56,7 @@ const THOUGHT: &[u8] = b"</think>";
 
 /// Why nothing was accepted in a complete answer.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum ScanError<E> {
+pub enum ScanError<E> {
     /// Longer than [`MAX_TEXT`]: not parsed.
     TooLong,
     /// Intended as the value searched for, but invalid.
@@ -69,8 +69,12 @@ pub(crate) enum ScanError<E> {
     NoJson,
 }
 
-/// The first value that `judge` accepts in the JSON of a complete answer.
-pub(crate) fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -> Result<T, ScanError<E>> {
+/// The first value that `judge` accepts in the JSON of a complete answer. `judge` receives each value and whether it lies inside a
+/// larger one that failed to parse.
+///
+/// # Errors
+/// [`ScanError`] if it accepts none.
+pub fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -> Result<T, ScanError<E>> {
     if text.len() > MAX_TEXT {
         return Err(ScanError::TooLong);
     }

@@ -3,10 +3,9 @@
 use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
-use spf_core::actions::moves_schema;
 use spf_core::monitor::monitor_schema;
 use spf_core::query::{DepthAs, QueryKind};
-use spf_core::reply::{choice_schema, completion_schema, reply_schema};
+use spf_core::reply::{choice_schema, completion_schema, moves_schema, reply_schema};
 
 // Needed for every decision.
 static POINT: LazyLock<Value> = LazyLock::new(|| reply_schema(false, DepthAs::Labels));

@@ -6,13 +6,12 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 
 use super::*;
-use crate::actions::{ActForm, parse_moves};
 use crate::geometry::Attitude;
 use crate::mono_depth::{DepthKind, MonoDepth};
 use crate::points::{PointReport, TrackedPoint};
 use crate::policy::{Move, PolicyEvent, Reading};
 use crate::primitives::Primitives;
-use crate::query::QueryKind;
+use crate::query::{ActForm, QueryKind};
 use crate::track::{TrackQuality, TrackReport};
 
 /// The possible events.
@@ -79,8 +78,8 @@ fn texts() -> impl Strategy<Value = String> {
         1 => Just(r#"{"state":"stop"}"#.to_owned()),
         1 => Just(r#"{"state":"lost"}"#.to_owned()),
         1 => ".{0,40}",
-        1 => Just(r#"{"actions":[{"cmd":"forward","value":3},{"cmd":"up","value":1}],"done":false}"#.to_owned()),
-        1 => Just(r#"{"actions":[],"done":true}"#.to_owned()),
+        1 => Just(r#"{"forward":3,"climb":1}"#.to_owned()),
+        1 => Just(r#"{"legs":"none"}"#.to_owned()),
     ]
 }
 
@@ -208,13 +207,16 @@ impl Policy for Legs {
                 Step::Ask(Box::new(Query::new(id, view.frame.id, QueryKind::Act { form: ActForm::Commands })))
             }
             PolicyEvent::Reply { id, text } if self.pending.take_if(|pending| *pending == id).is_some() => {
-                match parse_moves(ActForm::Commands, text) {
-                    Ok(reply) if reply.done => Step::Done,
-                    Ok(reply) => {
-                        self.left = reply.moves.into_iter().rev().map(|(_, primitives)| primitives).collect();
+                let reply: serde_json::Value = serde_json::from_str(text).unwrap_or_default();
+                let metres = |key: &str| reply.get(key).and_then(serde_json::Value::as_f64);
+                match (metres("forward"), metres("climb")) {
+                    (Some(forward), Some(climb)) => {
+                        let still = Primitives::default();
+                        self.left = vec![Primitives { climb, ..still }, Primitives { forward, ..still }];
                         self.next_leg()
                     }
-                    Err(error) => Step::Reject(error.to_string()),
+                    _ if reply.get("legs").is_some() => Step::Done,
+                    _ => Step::Reject("no legs".to_owned()),
                 }
             }
             PolicyEvent::ReplyFailed { id } => {

@@ -4,33 +4,21 @@
 //! `{"actions":[{"cmd":"forward","value":1.5}],"done":false}`, in metres and degrees on the wire, metres and radians
 //! here. Parsing is as lenient as [`parse_reply`].
 //!
-//! [`parse_reply`]: crate::reply::parse_reply
+//! [`parse_reply`]: spf_core::reply::parse_reply
 
 mod forms;
 
 use core::f64::consts::PI;
 
-pub use forms::{Moves, moves_schema, parse_moves};
+pub use forms::{Moves, parse_moves};
+use spf_core::primitives::Primitives;
+use spf_core::reply::{MAX_ACTIONS, MAX_TEXT, MOVE_METRES, ScanError, TURN_DEGREES, Value, Verdict, search};
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use crate::primitives::Primitives;
-pub use crate::query::ActForm;
-use crate::reply::{MAX_TEXT, ScanError, Value, Verdict, search};
-
-/// Maximum number of actions flown per reply.
-pub const MAX_ACTIONS: usize = 3;
-/// Minimum and maximum move of one action, metres.
-pub const MOVE_METRES: (f64, f64) = (0.2, 5.0);
-/// Minimum and maximum turn of one action, degrees.
-pub const TURN_DEGREES: (f64, f64) = (1.0, 180.0);
 /// Fraction of a limit by which a value may exceed it and still be clamped to it.
 const TOLERANCE: f64 = 0.01;
 
 /// One action in words, in the level body frame.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", tag = "cmd", content = "value")]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {
     /// Metres along the heading, 0.2..=5.
     Forward(f64),
@@ -112,8 +100,8 @@ impl core::fmt::Display for Action {
     }
 }
 
-/// One answer to an [`Act`](crate::query::QueryKind::Act) query.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// One answer to an [`Act`](spf_core::query::QueryKind::Act) query.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActionsReply {
     /// Actions to fly, in order; at most [`MAX_ACTIONS`], empty only if `done`.
     pub actions: Vec<Action>,
@@ -286,42 +274,8 @@ fn action(item: &Value, index: usize) -> Result<Action, ActionsError> {
         "yawright" | "turnright" | "rotateright" => Action::YawRight(radians("yaw_right")?),
         "hover" | "hold" | "wait" => Action::Hover,
         "stop" => Action::Stop,
-        _ => return Err(ActionsError::UnknownCommand { found: crate::reply::one_line(word) }),
+        _ => return Err(ActionsError::UnknownCommand { found: spf_core::reply::one_line(word) }),
     })
-}
-
-/// What to do next.
-#[derive(JsonSchema)]
-#[allow(dead_code, reason = "used only for its schema; `to_json` writes the same form")]
-struct WireActions {
-    /// One to three commands, carried out in order.
-    actions: Vec<WireAction>,
-    /// Whether the whole instruction is fulfilled.
-    done: bool,
-}
-
-/// One command.
-#[derive(JsonSchema)]
-#[allow(dead_code, reason = "used only for its schema")]
-struct WireAction {
-    /// What to do.
-    #[schemars(schema_with = "commands")]
-    cmd: String,
-    /// Metres or degrees; null with `hover` and `stop`.
-    value: Option<f64>,
-}
-
-fn commands(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    schemars::json_schema!({
-        "type": "string",
-        "enum": ["forward", "back", "left", "right", "up", "down", "yaw_left", "yaw_right", "hover", "stop"]
-    })
-}
-
-/// The JSON schema of an actions reply, in the same portable subset as [`reply_schema`](crate::reply::reply_schema).
-#[must_use]
-pub fn actions_schema() -> serde_json::Value {
-    crate::reply::closed_schema::<WireActions>()
 }
 
 impl ActionsReply {
@@ -343,20 +297,11 @@ impl ActionsReply {
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use spf_core::grounding::GroundingProfile;
+    use spf_core::prompt::{PromptInput, plain_prompt};
+    use spf_core::query::Memory;
 
     use super::*;
-
-    #[test]
-    fn the_schema_names_every_command_and_leaves_nothing_open() {
-        let schema = actions_schema();
-        let action = &schema["properties"]["actions"]["items"];
-        assert_eq!((&schema["additionalProperties"], &action["additionalProperties"]), (&false.into(), &false.into()));
-        assert_eq!(action["required"], serde_json::json!(["cmd", "value"]));
-        for command in action["properties"]["cmd"]["enum"].as_array().unwrap() {
-            let text = format!("{{\"actions\":[{{\"cmd\":{command},\"value\":2}}],\"done\":false}}");
-            assert!(parse_actions(&text).is_ok(), "{text}");
-        }
-    }
 
     #[test]
     fn example_reads_as_written() {
@@ -371,6 +316,14 @@ mod tests {
         let flown: Vec<Primitives> =
             [Action::YawLeft(1.0), Action::Left(2.0), Action::Back(3.0), Action::Down(4.0)].map(Into::into).to_vec();
         assert_eq!((flown[0].yaw, flown[1].right, flown[2].forward, flown[3].climb), (-1.0, -2.0, -3.0, -4.0));
+    }
+
+    #[test]
+    fn the_example_of_the_prompt_is_read() {
+        let (memory, profile) = (Memory::default(), GroundingProfile::default());
+        let text = plain_prompt(&PromptInput::new("fly to the red crane", &memory, &profile));
+        let (_, example) = text.rsplit_once("For example: ").unwrap();
+        assert_eq!(parse_actions(example).unwrap().actions.len(), 2);
     }
 
     #[test]

@@ -1,11 +1,10 @@
 //! Alternative forms of the plain-text baseline: four numbers at once, or one of a few fixed moves.
 
-use schemars::JsonSchema;
+use spf_core::primitives::Primitives;
+use spf_core::query::ActForm;
+use spf_core::reply::{MOVE_METRES, TURN_DEGREES, Value, Verdict, one_line};
 
-use super::{ActionsError, MOVE_METRES, TURN_DEGREES, find, parse_actions, truth, wrong};
-use crate::primitives::Primitives;
-use crate::query::ActForm;
-use crate::reply::{Value, Verdict};
+use super::{ActionsError, find, parse_actions, truth, wrong};
 
 /// An answer in any of the forms, as a sequence of moves.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -75,54 +74,14 @@ fn discrete(word: &Value) -> Result<Moves, ActionsError> {
         return Ok(Moves { moves: Vec::new(), done: true });
     }
     let found = FIXED.into_iter().find(|(name, _)| plain(name) == given);
-    let (name, [forward, right, climb, degrees]) =
-        found.ok_or_else(|| ActionsError::UnknownCommand { found: crate::reply::one_line(text) })?;
+    let (name, [forward, right, climb, degrees]) = found.ok_or_else(|| ActionsError::UnknownCommand { found: one_line(text) })?;
     Ok(Moves { moves: vec![(name.to_owned(), Primitives { yaw: degrees.to_radians(), forward, right, climb })], done: false })
-}
-
-/// How to move next.
-#[derive(JsonSchema)]
-#[allow(dead_code, reason = "used only for its schema")]
-struct WireNumeric {
-    /// Metres forward, negative backward.
-    dx: f64,
-    /// Metres to the right, negative to the left.
-    dy: f64,
-    /// Metres up, negative down.
-    dz: f64,
-    /// Degrees clockwise, negative counter-clockwise; turned first.
-    dyaw: f64,
-    /// Whether the whole instruction is fulfilled.
-    done: bool,
-}
-
-/// What to do next.
-#[derive(JsonSchema)]
-#[allow(dead_code, reason = "used only for its schema")]
-struct WireDiscrete {
-    /// The move.
-    #[schemars(schema_with = "fixed")]
-    action: String,
-}
-
-fn fixed(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
-    let words: Vec<&str> = FIXED.iter().map(|(word, _)| *word).chain(["stop"]).collect();
-    schemars::json_schema!({ "type": "string", "enum": words })
-}
-
-/// The JSON schema of an answer in a form, in the same portable subset as [`reply_schema`](crate::reply::reply_schema).
-#[must_use]
-pub fn moves_schema(form: ActForm) -> serde_json::Value {
-    match form {
-        ActForm::Commands => super::actions_schema(),
-        ActForm::Numeric => crate::reply::plain_numbers(crate::reply::closed_schema::<WireNumeric>()),
-        ActForm::Discrete => crate::reply::closed_schema::<WireDiscrete>(),
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
+    use spf_core::reply::moves_schema;
 
     use super::*;
 
@@ -151,14 +110,16 @@ mod tests {
     }
 
     #[test]
-    fn every_form_has_a_schema_whose_words_are_read() {
-        for form in [ActForm::Commands, ActForm::Numeric, ActForm::Discrete] {
-            let schema = moves_schema(form);
-            assert_eq!(schema["additionalProperties"], false);
-            assert!(!schema.to_string().contains("format"), "{schema}");
+    fn every_word_of_a_schema_is_read() {
+        let commands = moves_schema(ActForm::Commands);
+        for command in commands["properties"]["actions"]["items"]["properties"]["cmd"]["enum"].as_array().unwrap() {
+            let text = format!("{{\"actions\":[{{\"cmd\":{command},\"value\":2}}],\"done\":false}}");
+            assert!(parse_actions(&text).is_ok(), "{text}");
         }
-        for word in moves_schema(ActForm::Discrete)["properties"]["action"]["enum"].as_array().unwrap() {
-            assert!(parse_moves(ActForm::Discrete, &format!("{{\"action\":{word}}}")).is_ok());
+        let words: Vec<&str> = FIXED.iter().map(|(word, _)| *word).chain(["stop"]).collect();
+        assert_eq!(moves_schema(ActForm::Discrete)["properties"]["action"]["enum"], serde_json::json!(words));
+        for word in words {
+            assert!(parse_moves(ActForm::Discrete, &format!("{{\"action\":\"{word}\"}}")).is_ok());
         }
     }
 
