@@ -20,7 +20,6 @@ pub mod direction;
 pub mod envelope;
 pub mod estimator;
 pub mod executor;
-pub mod fault;
 pub mod following;
 pub mod frame;
 pub mod geofence;

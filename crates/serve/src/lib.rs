@@ -4,10 +4,11 @@
 //! compatible with vision-language model APIs. [`live_camera`] sends the view of a simulated craft by [`rtsp`]. All run on the
 //! wall clock and use the same
 //! [`SimWorld`](spf_flight::sim::SimWorld), whose behaviour still depends on the seed. [`truth`] evaluates flights made
-//! by others.
+//! by others. [`fault`] disturbs the links of virtual drones.
 //!
 //! This crate contains no pilot; complete flights are in `spf_flight`.
 
+pub mod fault;
 pub mod live_camera;
 pub mod mavlink;
 pub mod rtsp;

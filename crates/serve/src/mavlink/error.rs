@@ -1,9 +1,9 @@
 //! Errors of the virtual vehicle's server.
 
-use spf_core::fault::FaultError;
 use spf_mavlink::link::LinkError;
 use spf_mavlink::url::MavlinkUrl;
 
+use crate::fault::FaultError;
 use crate::tello::ServerError;
 
 /// Why a server could not start.

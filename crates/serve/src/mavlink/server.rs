@@ -8,7 +8,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 use std::time::Instant;
 
-use spf_core::fault::{FaultMachine, Stream};
 use spf_core::time::{Duration, Time};
 use spf_flight::sim::CameraTilt;
 use spf_mavlink::modes::{Autopilot, Mode};
@@ -19,6 +18,7 @@ use spf_sim::craft::SimCraft;
 use super::error::VehicleServerError;
 use super::machine::{Peer, VirtualVehicle};
 use super::transport::{Happened, Transports};
+use crate::fault::{FaultMachine, Stream};
 use crate::tello::FaultSource;
 use crate::tello::faults::{Watch, read};
 use crate::tello::link::Link;

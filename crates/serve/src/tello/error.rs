@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use spf_core::fault::FaultError;
+use crate::fault::FaultError;
 
 /// Why a server could not start.
 #[derive(Debug, thiserror::Error)]

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::time::SystemTime;
 
-use spf_core::fault::{FaultMachine, FaultPlan};
 use spf_core::time::{Duration, Time};
 
 use super::error::ServerError;
+use crate::fault::{FaultMachine, FaultPlan};
 
 /// Polling interval of the fault file.
 const FAULTS_LOOK: Duration = Duration::from_millis(250);

@@ -6,7 +6,6 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::SyncSender;
 use std::time::Instant;
 
-use spf_core::fault::Stream;
 use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
 use spf_media::h264::{Encoder, EncoderSettings, nal_units};
@@ -17,6 +16,7 @@ use super::machine::VideoRequest;
 use super::pace::{Pace, RenderQuality, VideoQuality};
 use super::shared::{POLL_INTERVAL, Shared, lock};
 use super::video::datagrams;
+use crate::fault::Stream;
 
 /// Interval of key frames. In time, not in frames, so that at any frame rate the effect of a lost datagram ends after
 /// this.

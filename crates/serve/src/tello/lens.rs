@@ -1,9 +1,10 @@
 //! Faults of the camera: images that show nothing.
 
-use spf_core::fault::{CraftFault, FaultMachine};
 use spf_core::rng::RandomStream;
 use spf_core::time::Time;
 use spf_media::Rgb;
+
+use crate::fault::{CraftFault, FaultMachine};
 
 /// Brightness of the images of a covered lens, and the standard deviation of their noise, of 255 levels.
 const COVERED: (f64, f64) = (8.0, 4.0);

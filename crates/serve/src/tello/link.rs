@@ -2,8 +2,9 @@
 
 use std::net::SocketAddr;
 
-use spf_core::fault::{Content, CraftFault, FaultMachine, Stream};
 use spf_core::time::Time;
+
+use crate::fault::{Content, CraftFault, FaultMachine, Stream};
 
 /// Maximum number of datagrams in transit; more are lost, as on a radio link.
 const MOST: usize = 1024;

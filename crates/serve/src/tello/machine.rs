@@ -5,7 +5,6 @@ mod tasks;
 use std::net::{IpAddr, SocketAddr};
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::fault::{CraftFault, FaultMachine, Stream};
 use spf_core::rng::RandomStream;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
@@ -16,6 +15,7 @@ use super::figures::{Firmware, ProtocolParameters};
 use super::link::Link;
 use super::manoeuvre::CONTROL;
 use super::state::State;
+use crate::fault::{CraftFault, FaultMachine, Stream};
 use tasks::{Running, Task};
 
 /// Default ports of clients for state and video.

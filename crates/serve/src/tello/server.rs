@@ -10,7 +10,6 @@ use std::sync::{Arc, Mutex};
 use std::thread::{Builder, JoinHandle};
 use std::time::Instant;
 
-use spf_core::fault::{FaultMachine, Stream};
 use spf_core::time::Duration;
 use spf_sim::craft::SimCraft;
 
@@ -22,6 +21,7 @@ use super::link::Link;
 use super::machine::{Output, VirtualTello};
 use super::pace::VideoQuality;
 use super::shared::{Counters, POLL_INTERVAL, SendStats, Shared, lock};
+use crate::fault::{FaultMachine, Stream};
 
 /// Maximum number of images waiting to be sent.
 const WAITING: usize = 16;

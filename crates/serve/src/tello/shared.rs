@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use spf_core::fault::FaultMachine;
 use spf_core::time::{Duration, Time};
 
 use super::machine::VideoRequest;
+use crate::fault::FaultMachine;
 
 /// Maximum sleep of a thread, so that it notices the shutdown.
 pub(super) const POLL_INTERVAL: Duration = Duration::from_millis(20);

@@ -3,7 +3,6 @@
 
 use crate::wired::CAMERA_FAULTS;
 use spf_core::camera::Camera;
-use spf_core::fault::{CraftFaultRule, FaultMachine, FaultPlan};
 use spf_core::frame::Unusable;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::rng::RandomStream;
@@ -14,6 +13,7 @@ use spf_media::Rgb;
 use spf_media::h264::{Decoder, Encoder, EncoderSettings};
 use spf_render::{Channels, Quality};
 use spf_scene::{Lighting, SceneLook};
+use spf_serve::fault::{CraftFaultRule, FaultMachine, FaultPlan};
 use spf_serve::tello::lens::disturb;
 
 /// A free place in the scene: at least this far from every surface, metres.

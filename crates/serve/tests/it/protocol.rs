@@ -3,10 +3,10 @@
 use std::net::SocketAddr;
 
 use proptest::prelude::*;
-use spf_core::fault::{CraftFault, CraftFaultRule, Fault, FaultMachine, FaultPlan, Rule, Stream};
 use spf_core::geometry::{EnuPosition, wrap_angle};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
+use spf_serve::fault::{CraftFault, CraftFaultRule, Fault, FaultMachine, FaultPlan, Rule, Stream};
 use spf_serve::tello::command::{Malformed, parse};
 use spf_serve::tello::{Firmware, Output, ProtocolParameters, VirtualTello};
 use spf_sim::craft::SimCraft;

@@ -156,7 +156,7 @@ fn after_motion_of_a_craft_whose_pose_is_unknown_a_reply_moves_nothing() {
 
 #[test]
 fn a_gap_in_dead_reckoning_leaves_the_pose_unknown() {
-    let setup = Setup::preset(Preset::Default).fault(Stream::Telemetry, 14.0, Some(15.3), Fault::Drop { p: 1.0 });
+    let setup = Setup::preset(Preset::Default).fault(Stream::Telemetry, 14.0, Some(15.3), Fault::Drop);
     let mut flight = Setup { reports: |telemetry| Telemetry { position: None, ..telemetry }, ..setup }
         .fly(always(navigate(0.5, 0.5, 10), 3.0));
     flight.at(Time::from_secs_f64(25.0));

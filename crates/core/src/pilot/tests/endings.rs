@@ -191,7 +191,7 @@ fn a_fence_on_the_path_keeps_the_flight_inside() {
 #[test]
 fn silent_telemetry_stops_and_lands_as_failed() {
     let mut flight = on_the_way(Preset::Default, |setup| {
-        setup.faults.push(Rule { stream: Stream::Telemetry, from: 10.0, until: None, fault: Fault::Drop { p: 1.0 } });
+        setup.faults.push(Rule { stream: Stream::Telemetry, from: 10.0, until: None, fault: Fault::Drop });
     });
     flight.at(Time::from_secs_f64(15.0));
     flight.assert_stopped_since(Time::from_secs_f64(11.0));
@@ -213,7 +213,7 @@ fn a_take_off_that_is_refused_ends_on_the_ground_with_its_reason() {
 
 #[test]
 fn a_craft_that_never_gets_off_the_ground_is_failed() {
-    let setup = Setup::preset(Preset::Default).fault(Stream::Commands, 0.0, None, Fault::Drop { p: 1.0 });
+    let setup = Setup::preset(Preset::Default).fault(Stream::Commands, 0.0, None, Fault::Drop);
     let mut flight = setup.fly(always(done(), 1.0));
     assert_eq!(flight.end(), Outcome::Failed);
     assert!((29.0..31.0).contains(&flight.finished[0].0.as_secs_f64()));
@@ -222,7 +222,7 @@ fn a_craft_that_never_gets_off_the_ground_is_failed() {
 #[test]
 fn a_lost_land_command_is_repeated() {
     let mut flight = on_the_way(Preset::Default, |setup| {
-        setup.faults.push(Rule { stream: Stream::Commands, from: 10.0, until: Some(15.0), fault: Fault::Drop { p: 1.0 } });
+        setup.faults.push(Rule { stream: Stream::Commands, from: 10.0, until: Some(15.0), fault: Fault::Drop });
     });
     flight.at(Time::from_secs_f64(11.0));
     flight.operator(OperatorEvent::Land);

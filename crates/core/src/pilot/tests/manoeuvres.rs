@@ -66,7 +66,7 @@ fn a_manoeuvre_ends_with_its_reason() {
         flight.until_going();
         let begun = flight.manoeuvres().last().unwrap().0;
         let cut = flight.now.as_secs_f64();
-        let mut again = own().fault(stream, cut, None, Fault::Drop { p: 1.0 }).fly(always(navigate(0.5, 0.45, 10), 0.5));
+        let mut again = own().fault(stream, cut, None, Fault::Drop).fly(always(navigate(0.5, 0.45, 10), 0.5));
         again.until_going();
         assert_eq!(again.manoeuvres().last().unwrap().0, begun);
         again.pass(2.0);

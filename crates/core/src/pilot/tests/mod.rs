@@ -11,6 +11,7 @@ mod arbitrary;
 mod asking;
 mod endings;
 mod failings;
+mod faults;
 mod following;
 mod gimbal;
 mod guided;
@@ -32,13 +33,14 @@ mod whole;
 
 use std::collections::BTreeMap;
 
+use faults::{Content, Fault, Rule, Stream, pass};
+
 use super::*;
 use crate::avoid::PathShape;
 use crate::command::Command;
 use crate::envelope::Cleared;
 use crate::executor::Motion;
 use crate::executor::craft_model::CraftModel;
-use crate::fault::{Content, Fault, FaultMachine, FaultPlan, Rule, Stream};
 use crate::frame::FrameMeta;
 use crate::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose};
 use crate::grounding::GroundingProfile;
@@ -164,7 +166,7 @@ impl Setup {
             reports: self.reports,
             now: Time::ZERO,
             vlm: Box::new(vlm),
-            faults: FaultMachine::new(FaultPlan { rules: self.faults, ..FaultPlan::default() }, 1).unwrap(),
+            faults: self.faults,
             sent: [0; 4],
             queue: BTreeMap::new(),
             queued: 0,
@@ -197,7 +199,7 @@ struct Flight {
     reports: fn(Telemetry) -> Telemetry,
     now: Time,
     vlm: Vlm,
-    faults: FaultMachine,
+    faults: Vec<Rule>,
     /// Messages so far of each stream of the faults.
     sent: [u64; 4],
     queue: BTreeMap<(Time, u64), Happening>,
@@ -238,14 +240,14 @@ impl Flight {
     ) {
         let index = &mut self.sent[stream as usize];
         *index += 1;
-        for delivery in self.faults.pass(self.now, stream, *index) {
-            let event = match delivery.content {
+        for (delay, content) in pass(&self.faults, self.now, stream, *index) {
+            let event = match content {
                 Content::Intact => Some(event.clone()),
                 Content::FrozenSince(since) => frozen(self, since),
-                Content::Corrupt(_) | Content::Blank => blank.clone(),
+                Content::Blank => blank.clone(),
             };
             if let Some(event) = event {
-                self.enqueue(at + delivery.at.since(self.now), Happening::Deliver(event));
+                self.enqueue(at + delay, Happening::Deliver(event));
             }
         }
     }
@@ -322,7 +324,7 @@ impl Flight {
         self.commands.push((self.now, *cleared.get()));
         let index = &mut self.sent[Stream::Commands as usize];
         *index += 1;
-        if self.faults.pass(self.now, Stream::Commands, *index).is_empty() {
+        if pass(&self.faults, self.now, Stream::Commands, *index).is_empty() {
             return;
         }
         let (up, phase) = (self.model.position.up, self.phase);

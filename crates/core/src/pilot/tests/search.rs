@@ -178,7 +178,7 @@ fn time_runs_while_the_operator_holds_or_flies_and_on_the_ground() {
 
 #[test]
 fn without_telemetry_nothing_takes_off_and_the_run_ends() {
-    let setup = Setup::preset(Preset::Default).fault(Stream::Telemetry, 0.0, None, Fault::Drop { p: 1.0 });
+    let setup = Setup::preset(Preset::Default).fault(Stream::Telemetry, 0.0, None, Fault::Drop);
     let mut flight = setup.fly(always(done(), 1.0));
     assert_eq!(flight.end(), Outcome::Timeout);
     assert!(flight.commands.is_empty());

@@ -60,9 +60,8 @@ fn a_key_held_since_before_the_landing_does_not_take_it_over() {
 
 #[test]
 fn a_landing_that_the_envelope_began_can_be_taken_over() {
-    let mut flight = Setup::preset(Preset::Default)
-        .fault(Stream::Frames, 8.0, None, Fault::Drop { p: 1.0 })
-        .fly(always(navigate(0.6, 0.45, 9), 2.0));
+    let mut flight =
+        Setup::preset(Preset::Default).fault(Stream::Frames, 8.0, None, Fault::Drop).fly(always(navigate(0.6, 0.45, 9), 2.0));
     flight.until_phase(Phase::Landing);
     flight.pass(0.3);
     flight.operator(OperatorEvent::Setpoint(LEFT));
@@ -100,14 +99,7 @@ fn a_landing_on_a_low_battery_is_not_taken_over() {
 #[test]
 fn a_craft_that_lands_all_the_same_is_followed() {
     let mut flight = landing();
-    flight.faults = FaultMachine::new(
-        FaultPlan {
-            rules: vec![Rule { stream: Stream::Commands, from: 0.0, until: None, fault: Fault::Drop { p: 1.0 } }],
-            ..FaultPlan::default()
-        },
-        1,
-    )
-    .unwrap();
+    flight.faults.push(Rule { stream: Stream::Commands, from: 0.0, until: None, fault: Fault::Drop });
     flight.operator(OperatorEvent::Hold);
     assert_eq!(flight.pilot.phase(), Phase::Held);
     assert_eq!(flight.end(), Outcome::Aborted);
@@ -233,7 +225,7 @@ fn take_off_needs_a_battery_charge_and_a_cool_craft_where_the_limits_require_it(
 fn video_and_telemetry_that_stay_late_hold_then_land() {
     for (stream, land_after) in [(Stream::Frames, 10.0), (Stream::Telemetry, 5.0)] {
         let mut flight = Setup::preset(Preset::Default)
-            .fault(stream, 8.0, None, Fault::Delay { mean: 1.5, jitter: 0.0 })
+            .fault(stream, 8.0, None, Fault::Delay { by: 1.5 })
             .fly(always(navigate(0.6, 0.45, 9), 2.0));
         flight.until_phase(Phase::Landing);
         let after = flight.now.as_secs_f64() - 8.0;

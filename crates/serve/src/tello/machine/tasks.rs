@@ -4,12 +4,12 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::fault::CraftFault;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_sim::craft::SimCraft;
 
 use super::VirtualTello;
+use crate::fault::CraftFault;
 use crate::tello::command::{Direction, Offset, Request};
 use crate::tello::manoeuvre::{Manoeuvre, Step, arc, place};
 

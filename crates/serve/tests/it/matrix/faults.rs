@@ -1,6 +1,6 @@
 //! The faults of the matrix, and the phases of a flight in which each begins.
 
-use spf_core::fault::{CraftFault, CraftFaultRule, Fault, FaultPlan, Rule, Stream};
+use spf_serve::fault::{CraftFault, CraftFaultRule, Fault, FaultPlan, Rule, Stream};
 
 /// When a fault begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

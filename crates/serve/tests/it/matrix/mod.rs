@@ -12,7 +12,6 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_core::envelope::{BrakeLimits, Limits};
-use spf_core::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::guidance::Guidance;
 use spf_core::pilot::{OperatorEvent, Phase, PilotSettings, Preset};
@@ -25,6 +24,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimDrone, SimWorld, VlmFactory};
 use spf_flight::site::Clock;
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
+use spf_serve::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
 use spf_serve::tello::ProtocolParameters;
 use spf_sim::depth_sensor::DepthSensor;
 use spf_vlm::Vlm;
@@ -185,7 +185,7 @@ impl Cell {
         let world = SimWorld::new(scene.clone(), self.column.kind(), self.start(scene), SEED);
         let mut told = None;
         let plan = onset.map_or_else(FaultPlan::default, |onset| self.row.plan(onset.as_secs_f64()));
-        let frames = |rule: &spf_core::fault::Rule| rule.stream == Stream::Frames;
+        let frames = |rule: &spf_serve::fault::Rule| rule.stream == Stream::Frames;
         // A Tello's state, commands and responses pass its virtual link; its driver receives the remainder.
         let (drone, outside): (Box<dyn Drone>, FaultPlan) = match self.column {
             Column::Px4 | Column::ArduPilot => {

@@ -8,13 +8,13 @@ use std::time::{Instant, SystemTime};
 
 use spf_camera::{Camera, CameraSettings, WithCamera};
 use spf_core::camera::Camera as Optics;
-use spf_core::fault::FaultPlan;
 use spf_drone::mavlink::craft::MavlinkCraft;
 use spf_drone::mavlink::settings::MavlinkSettings;
 use spf_mavlink::dialect::MavMessage;
 use spf_mavlink::url::MavlinkUrl;
 use spf_media::Rgb;
 use spf_media::h264::{Encoder as Video, EncoderSettings};
+use spf_serve::fault::FaultPlan;
 use spf_serve::mavlink::{Equipment, VehicleServer, VehicleSetup};
 use spf_serve::rtsp::{Server, Unit};
 use spf_serve::tello::FaultSource;

@@ -17,7 +17,6 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_core::craft::{Craft, CraftKind};
 use spf_core::envelope::Limits;
-use spf_core::fault::{Fault, FaultPlan, Rule, Stream};
 use spf_core::pilot::{Action, AtEnd, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
@@ -32,6 +31,7 @@ use spf_flight::world::Script;
 use spf_mavlink::command::{CommandResult, VehicleCommand, ids};
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_oracle::ErrorFile;
+use spf_serve::fault::{Fault, FaultPlan, Rule, Stream};
 use spf_vlm::Vlm;
 
 use self::wired::{Deed, Told, WiredVehicle};

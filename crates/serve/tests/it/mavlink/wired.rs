@@ -8,7 +8,6 @@ use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::envelope::Cleared;
 use spf_core::estimator::TelemetryAccuracy;
-use spf_core::fault::{Content, FaultMachine, FaultPlan, Stream};
 use spf_core::frame::FrameId;
 use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
@@ -20,6 +19,7 @@ use spf_mavlink::command::VehicleCommand;
 use spf_mavlink::message;
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::wire::{Body, Decoder, Encoder, LinkStats, Sequence};
+use spf_serve::fault::{Content, FaultMachine, FaultPlan, Stream};
 use spf_serve::mavlink::{Peer, VirtualVehicle};
 use spf_sim::frame_clock::FrameClock;
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use spf_core::fault::FaultPlan;
 use spf_mavlink::modes::Autopilot;
 use spf_mavlink::url::MavlinkUrl;
+use spf_serve::fault::FaultPlan;
 use spf_serve::mavlink::{Equipment, VehiclePlan, VehicleServerError, VehicleService};
 use spf_serve::tello::FaultSource;
 use spf_serve::truth::SharedInstruction;

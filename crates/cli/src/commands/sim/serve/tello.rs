@@ -5,9 +5,9 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::Path;
 use std::sync::Arc;
 
-use spf_core::fault::FaultPlan;
 use spf_core::geometry::Pose;
 use spf_flight::sim::FlightConditions;
+use spf_serve::fault::FaultPlan;
 use spf_serve::tello::{FaultSource, Firmware, ServerError, TelloPlan, TelloService, VideoQuality};
 use spf_serve::truth::{SharedInstruction, truth_file};
 use spf_serve::vlm::OnboardCamera;

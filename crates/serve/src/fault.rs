@@ -1,28 +1,26 @@
-//! Fault injection: one seeded machine shared by simulator, virtual drones and tests.
+//! Fault injection: one seeded machine shared by the virtual drones and the tests of flights.
 //!
 //! It is sans-IO: given message number `index` of a stream, sent at `now`, it returns when copies of it arrive and in
 //! what state. The result depends only on the seed, the stream and the index, so neither the order of calls nor the
 //! traffic of other streams changes it.
 //!
 //! ```
-//! use spf_core::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream};
+//! use spf_serve::fault::{Fault, FaultMachine, FaultPlan, Rule, Stream};
 //! use spf_core::time::Time;
 //!
 //! let rule = Rule { stream: Stream::Frames, from: 10.0, until: Some(20.0), fault: Fault::Drop { p: 1.0 } };
 //! let machine = FaultMachine::new(FaultPlan { rules: vec![rule], ..FaultPlan::default() }, 7)?;
 //! assert_eq!(machine.pass(Time::from_millis(9_999), Stream::Frames, 3).len(), 1);
 //! assert!(machine.pass(Time::from_millis(10_000), Stream::Frames, 4).is_empty());
-//! # Ok::<(), spf_core::fault::FaultError>(())
+//! # Ok::<(), spf_serve::fault::FaultError>(())
 //! ```
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::rng::RandomStream;
-use crate::time::{Duration, Time, duration_from_secs};
+use spf_core::rng::RandomStream;
+use spf_core::time::{Duration, Time, duration_from_secs};
 
 /// The stream that is disturbed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stream {
     /// Camera frames from the craft to the pilot.
@@ -51,7 +49,7 @@ impl Stream {
 }
 
 /// What happens to a message. Probabilities are 0..=1, times in seconds.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
 pub enum Fault {
@@ -104,7 +102,7 @@ pub enum Fault {
 }
 
 /// One fault of one stream during an interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rule {
     /// The affected stream.
@@ -120,7 +118,7 @@ pub struct Rule {
 }
 
 /// A fault of the craft itself, or of the whole link to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum CraftFault {
@@ -149,7 +147,7 @@ pub enum CraftFault {
 }
 
 /// One fault of the craft during an interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CraftFaultRule {
     /// The fault.
@@ -163,7 +161,7 @@ pub struct CraftFaultRule {
 }
 
 /// All faults of a flight. Rules apply in order, each to the result of the earlier ones; delays add up.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultPlan {
     /// Message faults.
@@ -209,7 +207,7 @@ pub enum FaultError {
 }
 
 /// State of a message on arrival.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Content {
     /// As sent.
@@ -223,7 +221,7 @@ pub enum Content {
 }
 
 /// One arrival of a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Delivery {
     /// Time of arrival; never before it was sent.
     pub at: Time,
