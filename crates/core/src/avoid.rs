@@ -163,21 +163,6 @@ pub fn avoid(
     target: Option<&str>,
     passing: Option<PassingSide>,
 ) -> Avoidance {
-    avoid_with_guessed_ranges(plan, clearance, boxes, &[], target, passing)
-}
-
-/// The same for boxes of which some have no range: their label, the nearest, is a guess (`guessed`, by the index of the box;
-/// a missing entry is false). What they block is shortened or held and never led around: a guess that is wrong would lead
-/// far aside, and to where a detector that knows a few classes of objects sees no wall.
-#[must_use]
-pub fn avoid_with_guessed_ranges(
-    plan: &PlannedStep<'_>,
-    clearance: f64,
-    boxes: &[ObstacleBox],
-    guessed: &[bool],
-    target: Option<&str>,
-    passing: Option<PassingSide>,
-) -> Avoidance {
     let Some(path) = plan.path(plan.point, plan.step) else { return Avoidance::Hold { by: None } };
     let solids_within = |clearance: f64| -> Vec<Solid> {
         let obstacles = boxes.iter().enumerate().filter(|(_, obstacle)| !is_target(obstacle, plan.point, target));
@@ -212,10 +197,7 @@ pub fn avoid_with_guessed_ranges(
         Some(PassingSide { side, strict: true }) => try_side(Some(side)),
         Some(PassingSide { side, strict: false }) => try_side(Some(side)).or_else(|| try_side(None)),
     };
-    let is_guess = |solid: &Solid| guessed.get(solid.index) == Some(&true) && solid.blocks(&path);
-    if !solids.iter().any(is_guess)
-        && let Some(point) = shifted()
-    {
+    if let Some(point) = shifted() {
         return Avoidance::Shifted { point, by };
     }
     let shortened = (1..SHORTENINGS).rev().map(|part| plan.step * f64::from(part) / f64::from(SHORTENINGS));

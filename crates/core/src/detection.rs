@@ -2,7 +2,7 @@
 //!
 //! A detector reports boxes and scores but no range. The range of a box is estimated from its class's typical height, or from
 //! the least height of an instance where there is none. Where the upper or lower image edge cuts the box, the object counts as
-//! near, and a path that it blocks is shortened rather than led around it.
+//! near.
 
 use core::fmt::Write as _;
 
@@ -220,12 +220,6 @@ pub fn obstacles(detections: &[Detection], camera: &Camera, target: Option<&str>
     detections.iter().map(obstacle).collect()
 }
 
-/// Which of the [`obstacles`] have no known range, so that their label is a guess.
-#[must_use]
-pub fn unranged(detections: &[Detection], camera: &Camera) -> Vec<bool> {
-    detections.iter().map(|detection| detection.range(camera).is_none()).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -276,10 +270,9 @@ mod tests {
         // Of a class of any height: as near as the smallest, 0.3 m on 72 pixels.
         let kite = detection("kite", [0.4, 0.4, 0.45, 0.5]);
         assert!((kite.range(&camera).unwrap() - 0.3 * camera.fy / 72.0).abs() < 1e-9);
-        // Cut by the lower edge: near, and a guess.
+        // Cut by the lower edge: near.
         let cut = detection("person", [0.4, 0.4, 0.45, 1.0]);
         assert_eq!((cut.range(&camera), label(&cut)), (None, 1));
-        assert_eq!(unranged(&[cut, person], &camera), [true, false]);
     }
 
     #[test]

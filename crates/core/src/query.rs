@@ -44,7 +44,7 @@ pub enum QueryKind {
         /// The question.
         text: String,
     },
-    /// All objects in the image, one per line (TypeFly, and obstacle mode with a detector).
+    /// All objects in the image, one per line (TypeFly and detectors).
     Detect {
         /// Restrict to COCO classes, which are all that common detectors know.
         coco: bool,
@@ -246,8 +246,8 @@ pub struct Query {
     pub prompt: String,
     /// Marks to overlay on the image.
     pub marks: Vec<Mark>,
-    /// Detections, one per line, that a `Program` or `Question` query refers to, or that a `Point` query must keep
-    /// clear of.
+    /// Detections, one per line, that a `Program` or `Question` query refers to, or that a detector has found in the frame of a
+    /// `Point` query.
     pub detections: Vec<String>,
     /// Flight time at which the query expires.
     pub deadline: Time,

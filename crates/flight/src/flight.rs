@@ -15,6 +15,7 @@ use spf_vlm::Vlm;
 
 use crate::course::Course;
 use crate::depth_network::{DepthPlan, VirtualDepth};
+use crate::detector::{DetectorPlan, WithDetector};
 use crate::ledger::{Accounted, Ledger};
 use crate::log::FlightHeader;
 use crate::pilot::{PolicyMaker, pilot};
@@ -72,8 +73,8 @@ pub struct FlightPlan {
     /// What answers the monitor's queries, if `settings.guidance.monitor` is on: its name on the command line, and how it is created.
     /// `None` for a second client of the VLM.
     pub monitor: Option<(String, VlmFactory)>,
-    /// Name of the detector; `None` without one.
-    pub detector: Option<String>,
+    /// The detector whose boxes replies have in obstacle mode; `None` without one.
+    pub detector: Option<DetectorPlan>,
     /// The network that estimates the depth of frames, if `settings.guidance.mono_depth` is on.
     pub depth_network: Option<DepthPlan>,
     /// The prompt; `None` for the built-in one.
@@ -209,6 +210,15 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
+    let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
+    let detector_name = plan.detector.as_ref().map(|detector| detector.name.clone());
+    let vlm: Box<dyn Vlm> = match plan.detector {
+        Some(DetectorPlan { factory, .. }) => {
+            let detector = factory.map(|factory| factory(world.as_ref(), seed)).transpose().map_err(FlightError::Vlm)?;
+            Box::new(WithDetector { vlm, detector, camera, prompt: prompt_text.clone() })
+        }
+        None => vlm,
+    };
     let vlm: Box<dyn Vlm> = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
     let monitors = plan.settings.guidance.monitor;
     let monitor_factory = plan.monitor.as_ref().map_or(&plan.vlm_factory, |(_, factory)| factory);
@@ -231,7 +241,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         limits: plan.limits,
         vlm: plan.vlm,
         monitor: plan.monitor.map(|(name, _)| name).filter(|_| monitors),
-        detector: plan.detector,
+        detector: detector_name,
         depth_model: depth_name,
         grounding: image_spec.grounding,
         image_size: image_spec.image_size,
@@ -240,7 +250,6 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         drone: drone.name().to_owned(),
         sim,
     };
-    let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
     let mut pilot = pilot(&head, policy.as_ref(), prompt_text);
     let sight = Sight::new(drone.frames(), frame_source.clone());
     observers.iter_mut().for_each(|observer| observer.begin(&head, &sight));

@@ -52,9 +52,13 @@ impl<'a> Marked<'a> {
         Self { query, size, photo, scaler, drawn: None, encoded: Vec::new() }
     }
 
-    fn draw(&mut self, size: (u32, u32)) -> Result<Rgb, VlmError> {
+    fn plain(&mut self, size: (u32, u32)) -> Result<Rgb, VlmError> {
         let gone = || VlmError::Image(format!("frame {} is no longer stored", self.query.frame.0));
-        let mut image = self.photo.as_ref().ok_or_else(gone)?.at(size, self.scaler);
+        Ok(self.photo.as_ref().ok_or_else(gone)?.at(size, self.scaler))
+    }
+
+    fn draw(&mut self, size: (u32, u32)) -> Result<Rgb, VlmError> {
+        let mut image = self.plain(size)?;
         spf_media::marks::draw(&mut image, &self.query.marks);
         Ok(image)
     }
@@ -75,6 +79,10 @@ impl QueryImage for Marked<'_> {
             Some(drawn) => Ok(drawn),
             None => self.draw(self.size),
         }
+    }
+
+    fn frame(&mut self) -> Result<Rgb, VlmError> {
+        self.plain(self.size)
     }
 
     fn jpeg(&mut self, size: (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::frame::FrameId;
-use spf_core::query::{QueryId, QueryKind};
+use spf_core::query::QueryId;
 use spf_record::jsonl::JsonLines;
 pub use spf_vlm::ORACLE_SERVED;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
@@ -132,10 +132,6 @@ impl Ledger {
 
     fn enter(&self, request: &QueryRequest<'_>, answer: &Answer) {
         let account = &answer.account;
-        // A local detector has no cost.
-        if account.requests == 0 && matches!(request.query.kind, QueryKind::Detect { .. }) {
-            return;
-        }
         let mut sums = self.sums();
         if account.requests > 0
             && let Some(path) = sums.path.take()

@@ -57,11 +57,7 @@ pub struct MethodRow {
 #[serde(tag = "family", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Family {
     /// Image points (the SPF method).
-    Spf {
-        /// Whether obstacle boxes come from a detector instead of the reply in obstacle mode.
-        #[serde(default)]
-        detector: bool,
-    },
+    Spf {},
     /// Text actions (the baseline).
     Plain {
         /// Form of the actions.
@@ -90,7 +86,7 @@ impl Family {
     /// Position of its members in the help of `spf fly`.
     pub(crate) fn place(self) -> usize {
         match self {
-            Self::Spf { .. } => 0,
+            Self::Spf {} => 0,
             Self::Plain { .. } => 1,
             Self::Pivot { .. } => 2,
             Self::TypeFly { .. } => 3,
@@ -121,6 +117,8 @@ pub struct BenchSettings {
     pub confirm_done: Option<bool>,
     /// Whether obstacle mode is on in every task, not only in those that require it.
     pub avoid: bool,
+    /// Whether the boxes of replies in obstacle mode are those of a detector of COCO's classes.
+    pub detector: bool,
     /// Whether the target's place is kept between two answers.
     pub anchor: bool,
     /// Whether it is kept, unless the target is tall and answers are fast.

@@ -46,10 +46,10 @@ impl PolicyKind {
         Self::of(row.policy)
     }
 
-    /// SPF with obstacle boxes from the reply.
+    /// SPF.
     #[must_use]
     pub fn spf() -> Self {
-        Self::of(Family::Spf { detector: false })
+        Self::of(Family::Spf {})
     }
 
     /// Text actions.
@@ -78,25 +78,10 @@ impl PolicyKind {
     #[must_use]
     pub fn prompt(self) -> PromptKind {
         match self.0.policy {
-            Family::Spf { .. } => PromptKind::Point,
+            Family::Spf {} => PromptKind::Point,
             Family::Plain { form } => prompt_kind(form),
             Family::Pivot { .. } => PromptKind::Choose,
             Family::TypeFly { .. } => PromptKind::Program,
-        }
-    }
-
-    /// Whether it uses boxes from a detector in obstacle mode.
-    #[must_use]
-    pub fn has_detector(self) -> bool {
-        self.0.policy == Family::Spf { detector: true }
-    }
-
-    /// The variant with boxes from a detector in obstacle mode; `None` if there is none.
-    #[must_use]
-    pub fn with_detector(self) -> Option<Self> {
-        match self.0.policy {
-            Family::Spf { .. } => Some(Self::of(Family::Spf { detector: true })),
-            _ => None,
         }
     }
 }
@@ -128,7 +113,7 @@ impl PolicyMaker for PolicyKind {
         let PolicyParts { settings, craft, image_spec, two_queries, prompt, seed } = parts;
         let image_size = image_spec.image_size;
         match self.0.policy {
-            Family::Spf { detector } => {
+            Family::Spf {} => {
                 // Whoever asks at rest alone, or flies one motion after the other, does not turn meanwhile.
                 let in_motion = settings.think == QueryTiming::Continuous && settings.motion == Motion::Blended;
                 let (guidance, asks_ahead) = (settings.guidance, two_queries && in_motion);
@@ -149,8 +134,7 @@ impl PolicyMaker for PolicyKind {
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
-                let spf = Spf::new(settings).with_prompt(prompt).with_guidance(guidance).asking_ahead(asks_ahead);
-                Box::new(if detector { spf.with_detector() } else { spf })
+                Box::new(Spf::new(settings).with_prompt(prompt).with_guidance(guidance).asking_ahead(asks_ahead))
             }
             Family::Plain { form } => {
                 let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form, near_m: settings.near_m };
@@ -195,15 +179,5 @@ mod tests {
         }
         assert_eq!((PolicyKind::spf().name(), PolicyKind::plain().name()), ("spf", "plain"));
         assert_eq!(PolicyKind::of_name("spf-paper"), None, "a method of the bench alone is no policy");
-    }
-
-    #[test]
-    fn only_spf_comes_with_a_detector() {
-        let detector = PolicyKind::of_name("spf-detector").unwrap();
-        assert!(detector.has_detector() && !PolicyKind::spf().has_detector());
-        for kind in PolicyKind::all() {
-            let wanted = matches!(kind.0.policy, Family::Spf { .. }).then_some(detector);
-            assert_eq!(kind.with_detector(), wanted, "{kind:?}");
-        }
     }
 }

@@ -67,6 +67,14 @@ pub trait QueryImage {
         spf_media::jpeg::decode(&jpeg).map_err(|error| VlmError::Image(error.to_string()))
     }
 
+    /// The frame's pixels at its own size, without marks; for a detector.
+    ///
+    /// # Errors
+    /// [`VlmError::Image`] if the frame is not available.
+    fn frame(&mut self) -> Result<Rgb, VlmError> {
+        self.pixels()
+    }
+
     /// A part of the frame, cut out of its own pixels and enlarged to `size`, as JPEG.
     ///
     /// # Errors

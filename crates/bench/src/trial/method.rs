@@ -53,6 +53,11 @@ impl Method {
         (self.settings.brake, self.settings.depth_sensor)
     }
 
+    /// Whether the boxes of replies are those of a detector.
+    pub(super) fn has_detector(self) -> bool {
+        self.settings.detector
+    }
+
     /// What keeps the target's box between two answers.
     pub(super) fn track_by(self) -> TrackBy {
         self.settings.track

@@ -15,7 +15,7 @@ use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::pilot::Outcome;
 use spf_core::prompt::PromptText;
-use spf_flight::detector::with_detector;
+use spf_flight::detector::DetectorPlan;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
 use spf_flight::run::Observer;
@@ -169,7 +169,6 @@ impl Trial {
             None => method::blind(if task.set == TaskSet::Simulation { 5.0 } else { 1.0 }),
         };
         let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
-        let vlm_factory = self.with_detector(vlm_factory);
         let seen: VlmFactory = Arc::new(move |of, seed| {
             let vlm = vlm_factory(of, seed)?;
             // A flight has one world, requested once.
@@ -216,18 +215,13 @@ impl Trial {
         }
     }
 
-    /// The detector's name, if the method uses one: the trial's own oracle, with the same percept; the default oracle
+    /// The detector, if the method uses one: the trial's own oracle, with the same percept; the default oracle
     /// if a model is used. Both only detect COCO classes.
-    fn detector(&self) -> Option<String> {
+    fn detector(&self) -> Option<DetectorPlan> {
         let own = provider(self.vlm()) == "oracle";
-        self.method.policy().has_detector().then(|| if own { self.vlm() } else { DETECTOR }.to_owned())
-    }
-
-    fn with_detector(&self, vlm_factory: VlmFactory) -> VlmFactory {
-        match self.detector() {
-            Some(name) if name != self.vlm() => with_detector(vlm_factory, oracle_factory(name, ErrorFile::default())),
-            _ => vlm_factory,
-        }
+        let name = if own { self.vlm() } else { DETECTOR }.to_owned();
+        let factory = (!own).then(|| oracle_factory(name.clone(), ErrorFile::default()));
+        self.method.has_detector().then_some(DetectorPlan { name, factory })
     }
 
     /// A digest of everything that determines the flight besides scene, start and VLM: policy, settings, limits,
@@ -241,7 +235,8 @@ impl Trial {
         // Whoever tracks is no setting of the pilot's.
         let tracked = if self.method.track_by() == TrackBy::Model { " track model" } else { "" };
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
-        let all = format!("{} {settings} {limits:?} {}{fence}{extra}{tracked}", policy.name(), prompt.source());
+        let detector = if self.method.has_detector() { " detector" } else { "" };
+        let all = format!("{} {settings} {limits:?} {}{fence}{extra}{tracked}{detector}", policy.name(), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))
     }
 

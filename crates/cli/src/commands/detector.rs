@@ -4,7 +4,7 @@ use std::path::Path;
 
 use spf_core::pilot::PilotSettings;
 use spf_detect::{Bounds, Detector, NetworkError, Place};
-use spf_flight::detector::{model_detects, with_detector};
+use spf_flight::detector::{DetectorPlan, model_detects};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::{VlmFactory, oracle_factory};
 
@@ -12,44 +12,24 @@ use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
 use crate::settings::Settings;
 
-/// The default detector of a flight with a model, if the policy needs one.
-const DEFAULT: &str = "oracle";
-
-/// The policy and settings of a flight with the configured detector; unchanged if there is none.
-pub(crate) fn policy_and_settings(
-    settings: &Settings,
-    policy: PolicyKind,
-    method: PilotSettings,
-) -> Result<(PolicyKind, PilotSettings), CliError> {
-    let named = settings.fly.detector.text().is_some();
-    if !named && !policy.has_detector() {
-        return Ok((policy, method));
+/// The settings of a flight with the configured detector: with obstacle mode; unchanged if there is none.
+pub(crate) fn with_detector(settings: &Settings, policy: PolicyKind, method: PilotSettings) -> Result<PilotSettings, CliError> {
+    if settings.fly.detector.text().is_none() {
+        return Ok(method);
     }
-    let Some(policy) = policy.with_detector() else {
+    if policy != PolicyKind::spf() {
         return Err(CliError::usage(format!("the policy {} does not support --detector", policy.name()))
             .hint("--detector requires --policy spf; typefly has its own detector"));
-    };
-    Ok((policy, PilotSettings { avoid: true, ..method }))
+    }
+    Ok(PilotSettings { avoid: true, ..method })
 }
 
-/// The VLM combined with the detector, and the detector's name; `None` if the policy does not use one.
-pub(crate) fn combine(
-    settings: &Settings,
-    policy: PolicyKind,
-    pointing: Pointing,
-) -> Result<(Pointing, Option<String>), CliError> {
-    if !policy.has_detector() {
-        return Ok((pointing, None));
-    }
-    let name = match settings.fly.detector.text() {
-        Some(name) => name,
-        // If the oracle is also the VLM, its lists come from the same percept.
-        None if pointing.name.split(':').next() == Some("oracle") => return Ok((pointing.clone(), Some(pointing.name))),
-        None => DEFAULT,
-    };
+/// The configured detector of a flight with this VLM, and the VLM with a sentence about both; `None` if there is none.
+pub(crate) fn combine(settings: &Settings, pointing: Pointing) -> Result<(Pointing, Option<DetectorPlan>), CliError> {
+    let Some(name) = settings.fly.detector.text() else { return Ok((pointing, None)) };
     let Detecting { name, vlm_factory, sentence } = detecting(settings, name)?;
-    let (vlm_factory, sentence) = (with_detector(pointing.vlm_factory, vlm_factory), format!("{} {sentence}", pointing.sentence));
-    Ok((Pointing { vlm_factory, sentence, ..pointing }, Some(name)))
+    let sentence = format!("{} {sentence}", pointing.sentence);
+    Ok((Pointing { sentence, ..pointing }, Some(DetectorPlan { name, factory: Some(vlm_factory) })))
 }
 
 /// A detector.

@@ -270,7 +270,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     // A flight in virtual time is over before anyone could watch it.
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();
     let pace = if realtime { Pace::Wall } else { Pace::Virtual };
-    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, pace)?)?;
+    let mut method = detector::with_detector(settings, policy, method(settings, preset, pace)?)?;
     if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
         // Whoever watches may give the next instruction.
         method.at_end = AtEnd::Hover;
@@ -281,7 +281,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     }
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let (pointing, detector) = detector::combine(settings, policy, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
+    let (pointing, detector) = detector::combine(settings, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
     let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, pace)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;

@@ -39,7 +39,7 @@ settings! {
         drone: DroneName = "sim", Drone, "SPF_DRONE", "--drone";
         /// craft to simulate, quad or tello; empty: the scene's
         drone_model: CraftKind = "", Word, "SPF_DRONE_MODEL", "--drone-model";
-        /// decision policy: spf[-detector], plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]
+        /// decision policy: spf, plain[-numeric|-discrete], pivot[-parallel], typefly[-coco|-once]
         policy: PolicyKind = "spf", Word, "SPF_POLICY", "--policy";
         /// preset: default or paper
         preset: Preset = "default", Word, "SPF_PRESET", "--preset";

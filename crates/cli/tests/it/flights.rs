@@ -191,20 +191,19 @@ fn flags_reach_the_pilot() {
 }
 
 #[test]
-fn a_detector_is_queried_before_each_decision() {
+fn a_detectors_boxes_are_those_of_each_reply() {
     let lab = Lab::new();
     let args = ["fly to the red crane", "--detector", "oracle:perfect", "--vlm", "oracle:perfect", "--max-decisions", "4"];
     let (_, summary) = lab.fly("mine", &args);
-    assert_eq!([&summary["detector"], &summary["policy"]], ["oracle:perfect", "spf-detector"]);
+    assert_eq!([&summary["detector"], &summary["policy"]], ["oracle:perfect", "spf"]);
     assert_eq!((&summary["settings"]["avoid"], summary["decisions"].as_u64()), (&Value::from(true), Some(4)));
     let decisions = lab.decisions("mine");
-    for pair in decisions.chunks_exact(2) {
-        assert_eq!([&pair[0]["query"]["kind"], &pair[1]["query"]["kind"]], ["detect", "point"]);
-        assert_eq!((&pair[0]["query"]["frame"], &pair[0]["step"]), (&pair[1]["query"]["frame"], &Value::from("ask")));
-        assert_eq!(pair[0]["number"], pair[1]["number"]);
+    for decision in &decisions {
+        assert_eq!((&decision["query"]["kind"], &decision["query"]["avoid"]), (&Value::from("point"), &Value::from(true)));
     }
-    assert!(decisions[0]["reply"].as_str().unwrap().contains("score:1.00"), "{}", decisions[0]["reply"]);
-    assert!(!decisions[1]["reading"]["reply"]["boxes"].as_array().unwrap().is_empty());
+    // Of COCO's classes, of which the oracle itself uses other names.
+    let boxes = decisions[0]["reading"]["reply"]["boxes"].as_array().unwrap();
+    assert!(boxes.iter().any(|found| found["name"] == "car"), "{boxes:?}");
 }
 
 #[test]

@@ -121,31 +121,6 @@ fn a_box_that_an_edge_cuts_off_extends_beyond_it() {
     }
 }
 
-/// A range that is a guess leads nowhere: what it blocks is shortened or held.
-#[test]
-fn a_box_of_unknown_range_shortens_or_holds_and_never_leads_aside() {
-    let camera = square();
-    let avoided = |boxes: &[ObstacleBox], guessed: &[bool]| {
-        avoid_with_guessed_ranges(&plan(&camera, 4.0), CLEARANCE, boxes, guessed, None, None)
-    };
-    // Ahead: into it leads nothing, however short.
-    let ahead = [boxed(0.45, 0.5, 0.55, 1.0, 1, "boat")];
-    assert!(matches!(avoided(&ahead, &[false]), Avoidance::Shifted { .. }));
-    assert_eq!(avoided(&ahead, &[true]), Avoidance::Hold { by: Some(0) });
-    // Beside the path: as far as leads past the nearest that it can be.
-    let beside = [boxed(0.6, 0.5, 1.0, 1.0, 1, "car")];
-    assert!(
-        matches!(avoided(&beside, &[true]), Avoidance::Shortened { by: 0, .. } | Avoidance::Hold { by: Some(0) }),
-        "{:?}",
-        avoided(&beside, &[true])
-    );
-    // What has a range is led around, but not into what has none.
-    let both = [boxed(0.45, 0.0, 0.55, 1.0, 3, "pole"), boxed(0.95, 0.95, 1.0, 1.0, 1, "car")];
-    let Avoidance::Shifted { point, by: 0 } = avoided(&both, &[false, true]) else { panic!() };
-    assert!(point.u < 0.5, "{point:?}");
-    assert_eq!(avoided(&both, &[false, true]), avoided(&both, &[]));
-}
-
 #[test]
 fn what_is_far_beside_or_the_target_itself_is_not_in_the_way() {
     let camera = square();

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use crate::avoid::{BODY_MARGIN, KeepOut, ObstacleMemory, PathShape, Walkers};
 use crate::camera::Camera;
 use crate::craft::Craft;
-use crate::detection::{self, Detection, parse_detections};
 use crate::grounding::GroundingProfile;
 use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
@@ -90,7 +89,8 @@ pub struct SpfSettings {
 struct OpenQuery {
     id: QueryId,
     view: View,
-    about: QuerySubject,
+    /// Whether it is the confirmation of a `done`.
+    confirming: bool,
     boxes: Boxes,
 }
 
@@ -103,24 +103,13 @@ enum Boxes {
     Reply,
     /// The reply is not asked for them: nothing is near ([`OpenSpace`]).
     Skipped,
-    /// From a detector.
-    Detector,
 }
 
 impl Boxes {
     /// Whether there is a list of what is near, empty or not.
     fn are_known(self) -> bool {
-        matches!(self, Self::Reply | Self::Detector)
+        self == Self::Reply
     }
-}
-
-/// Subject of the query.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum QuerySubject {
-    /// To the detector: the objects in the frame.
-    List,
-    /// To the VLM: where to fly; or the confirmation of a `done`.
-    Point { confirming: bool },
 }
 
 /// The SPF policy.
@@ -157,10 +146,6 @@ pub struct Spf {
     next_id: u64,
     reading: Reading,
     prompt: Arc<PromptText>,
-    /// Whether obstacle boxes come from a detector.
-    detector: bool,
-    /// Its detections in the current frame.
-    detections: Vec<Detection>,
     history: History,
     detour: DetourSide,
     aside: Aside,
@@ -195,13 +180,6 @@ impl Spf {
         Self { prompt, ..self }
     }
 
-    /// Adds a detector: in obstacle mode each decision starts with a list of detections ([`QueryKind::Detect`]), which
-    /// goes into the prompt and provides the obstacle boxes. The VLM is then queried for the point and its depth only.
-    #[must_use]
-    pub fn with_detector(self) -> Self {
-        Self { detector: true, ..self }
-    }
-
     /// While searching, turns on and asks about the next view before the answer about the last one has come.
     #[must_use]
     pub fn asking_ahead(self, asks_ahead: bool) -> Self {
@@ -233,8 +211,6 @@ impl Spf {
             next_id: 0,
             reading: Reading::default(),
             prompt: PromptText::shipped(PromptKind::Point),
-            detector: false,
-            detections: Vec::new(),
             history: History::default(),
             detour: DetourSide::default(),
             aside: Aside::default(),
@@ -249,37 +225,19 @@ impl Spf {
         }
     }
 
-    /// Starts a decision: with the detector's list in obstacle mode with a detector, else with the VLM.
-    fn decide(&mut self, view: &View) -> Step {
-        if !self.lists() {
-            return self.ask(view);
-        }
-        self.detections.clear();
-        // A detector has neither a prompt nor an image size of its own: it receives the camera's frame.
-        let OpenQuery { id, .. } = self.asking(view, QuerySubject::List);
-        Step::Ask(Box::new(Query {
-            instruction: self.instruction.clone(),
-            ..Query::new(id, view.frame.id, QueryKind::Detect { coco: true, scored: true })
-        }))
-    }
-
-    fn lists(&self) -> bool {
-        self.detector && self.settings.avoid
-    }
-
     /// Records the open query.
-    fn asking(&mut self, view: &View, about: QuerySubject) -> OpenQuery {
+    fn asking(&mut self, view: &View) -> OpenQuery {
         self.turning_back = None;
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        *self.open_query.insert(OpenQuery { id, view: *view, about, boxes: self.boxes_for(view) })
+        *self.open_query.insert(OpenQuery { id, view: *view, confirming: self.confirming, boxes: self.boxes_for(view) })
     }
 
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned) + self.turned_since_open();
         self.memory.kept_out = self.kept_out.iter().filter_map(|place| place.area_in(&view.camera, view.pose)).collect();
-        let OpenQuery { id, boxes, .. } = self.asking(view, QuerySubject::Point { confirming: self.confirming });
+        let OpenQuery { id, boxes, .. } = self.asking(view);
         self.history.fill(view, &mut self.memory);
         let kind = QueryKind::Point { avoid: boxes == Boxes::Reply, depth: self.settings.depth };
         let mut query = Query {
@@ -287,7 +245,6 @@ impl Spf {
             memory: self.memory.clone(),
             near_m: self.settings.near_m,
             keep_m: self.guidance.track.then_some(self.settings.keep_m),
-            detections: if self.lists() { detection::lines(&self.detections) } else { Vec::new() },
             image_size: self.settings.image_size,
             close_up: self.close_up(view),
             ..Query::new(id, view.frame.id, kind)
@@ -309,19 +266,6 @@ impl Spf {
         last.close_up(&view.camera, view.pose, size)
     }
 
-    /// Handles the detector's list: the VLM is queried about the same frame.
-    fn listed(&mut self, view: &View, text: &str) -> Step {
-        self.reading = Reading::default();
-        match parse_detections(text) {
-            Ok(detections) => self.detections = detections,
-            Err(error) => return self.refuse(&error),
-        }
-        let names: Vec<&str> = self.detections.iter().map(|detection| detection.name.as_str()).collect();
-        let names = if names.is_empty() { "nothing".to_owned() } else { names.join(", ") };
-        self.reading.actions = vec![format!("the detector found {}", one_line(&names))];
-        self.ask(view)
-    }
-
     /// Rejects an unusable reply; the pilot counts it.
     fn refuse(&mut self, error: &dyn std::error::Error) -> Step {
         self.turned_first = None;
@@ -329,7 +273,7 @@ impl Spf {
         Step::Reject(error.to_string())
     }
 
-    fn answered(&mut self, open_query: OpenQuery, confirming: bool, text: &str) -> Step {
+    fn answered(&mut self, open_query: OpenQuery, text: &str) -> Step {
         self.reading = Reading::default();
         self.sweep = Sweep::Over;
         // Stated until it has been answered.
@@ -341,9 +285,6 @@ impl Spf {
                 return self.refuse(&error);
             }
         };
-        if open_query.boxes == Boxes::Detector {
-            reply.boxes = detection::obstacles(&self.detections, &open_query.view.camera, reply.target.as_deref());
-        }
         // A list that was not asked for counts as well.
         let listed = open_query.boxes == Boxes::Skipped && !reply.boxes.is_empty();
         let open_query = if listed { OpenQuery { boxes: Boxes::Reply, ..open_query } } else { open_query };
@@ -392,7 +333,7 @@ impl Spf {
             self.is_unplaced = true;
         }
         let step = retreat.or_else(|| self.look_aside(open_query, &reply)).unwrap_or_else(|| match reply.status {
-            Status::Done => self.done(confirming),
+            Status::Done => self.done(open_query.confirming),
             Status::NotVisible => self.not_visible(open_query, &reply),
             Status::Navigating | Status::Following => self.navigate(open_query, &reply),
             Status::Blocked => self.held_up(open_query, &reply),
@@ -565,7 +506,7 @@ impl Policy for Spf {
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
-                let (next_id, prompt, detector, guidance) = (self.next_id, self.prompt.clone(), self.detector, self.guidance);
+                let (next_id, prompt, guidance) = (self.next_id, self.prompt.clone(), self.guidance);
                 let asks_ahead = self.asks_ahead;
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
                 let (obstacles, walkers) = (core::mem::take(&mut self.obstacles), core::mem::take(&mut self.walkers));
@@ -574,7 +515,6 @@ impl Policy for Spf {
                     instruction,
                     next_id,
                     prompt,
-                    detector,
                     guidance,
                     asks_ahead,
                     reported,
@@ -586,7 +526,7 @@ impl Policy for Spf {
                 Step::Look
             }
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => {
-                self.turn_back(view).unwrap_or_else(|| self.decide(view))
+                self.turn_back(view).unwrap_or_else(|| self.ask(view))
             }
             PolicyEvent::Frame(view) if self.wants_second() => self.ask_second(view),
             PolicyEvent::Reply { id, .. } if self.is_second(id) => {
@@ -600,10 +540,9 @@ impl Policy for Spf {
                 Step::Wait
             }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
-                Some(OpenQuery { view, about: QuerySubject::List, .. }) => self.listed(&view, text),
-                Some(open_query @ OpenQuery { about: QuerySubject::Point { confirming }, .. }) => {
+                Some(open_query) => {
                     let before = self.before_answer();
-                    let step = self.answered(open_query, confirming, text);
+                    let step = self.answered(open_query, text);
                     self.ask_boxes_after(open_query.boxes);
                     self.settle_ahead(&open_query.view, step, before)
                 }

@@ -18,7 +18,7 @@ const SPF: &str = "family = \"spf\"";
 #[test]
 fn options_that_are_left_out_are_those_of_the_first_of_a_family() {
     let bare = |family: &str| read(&row("some", &format!("family = \"{family}\""), "")).unwrap().remove(0).policy;
-    assert_eq!(bare("spf"), Family::Spf { detector: false });
+    assert_eq!(bare("spf"), Family::Spf {});
     assert_eq!(bare("plain"), Family::Plain { form: ActForm::Commands });
     assert_eq!(bare("pivot"), Family::Pivot { runs: 1 });
     assert_eq!(bare("typefly"), Family::TypeFly { coco: false, replanning: true });
@@ -56,7 +56,7 @@ fn a_wrong_row_is_reported() {
 fn an_unknown_word_is_reported_with_its_line() {
     for (wrong, piece) in [
         (row("a", "family = \"spff\"", ""), "unknown variant `spff`, expected one of `spf`, `plain`, `pivot`, `typefly`"),
-        (row("a", "family = \"spf\", runs = 3", ""), "unknown field `runs`, expected `detector`"),
+        (row("a", "family = \"spf\", runs = 3", ""), "unknown field `runs`"),
         (row("a", "family = \"plain\", form = \"loud\"", ""), "unknown variant `loud`"),
         (row("a", "runs = 3", ""), "missing field `family`"),
         (row("a", SPF, "speed = 1"), "unknown field `speed`"),
@@ -120,7 +120,7 @@ fn shipped() -> Vec<(String, Family)> {
 /// Every set of options of a family. A new family does not compile until it has an arm.
 fn members(family: Family) -> BoxedStrategy<Family> {
     match family {
-        Family::Spf { .. } => any::<bool>().prop_map(|detector| Family::Spf { detector }).boxed(),
+        Family::Spf {} => Just(Family::Spf {}).boxed(),
         Family::Plain { .. } => {
             let form = prop_oneof![Just(ActForm::Commands), Just(ActForm::Numeric), Just(ActForm::Discrete)];
             form.prop_map(|form| Family::Plain { form }).boxed()
@@ -152,7 +152,7 @@ fn the_head_of_the_table_describes_every_family() {
 #[test]
 fn documents_name_every_policy() {
     let baselines = include_str!("../../../../docs/explanation/baselines.md");
-    for row in rows().iter().filter(|row| row.fly.is_some() && !matches!(row.policy, Family::Spf { .. })) {
+    for row in rows().iter().filter(|row| row.fly.is_some() && !matches!(row.policy, Family::Spf {})) {
         assert!(baselines.contains(&format!("`{}`", row.name)), "docs/explanation/baselines.md does not name `{}`", row.name);
     }
 }
@@ -164,7 +164,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 13]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 14]>()).prop_map(
         |(
             preset,
             step,
@@ -173,7 +173,22 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, fence, anchor, low_anchor, slow_anchor, map, brake, depth_sensor, tracked, points, looming, news, monitor],
+            [
+                avoid,
+                detector,
+                fence,
+                anchor,
+                low_anchor,
+                slow_anchor,
+                map,
+                brake,
+                depth_sensor,
+                tracked,
+                points,
+                looming,
+                news,
+                monitor,
+            ],
         )| {
             BenchSettings {
                 preset,
@@ -185,6 +200,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 ask: news.then_some(AskWhen::News),
                 confirm_done,
                 avoid,
+                detector,
                 anchor,
                 low_anchor,
                 slow_anchor,

@@ -33,7 +33,7 @@ pub(super) fn ready(
     printer: &Printer,
 ) -> Result<Ready, CliError> {
     let (preset, policy) = preset_and_policy(settings)?;
-    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, Pace::Wall)?)?;
+    let mut method = detector::with_detector(settings, policy, method(settings, preset, Pace::Wall)?)?;
     if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
         method.at_end = AtEnd::Hover;
     }
@@ -47,7 +47,7 @@ pub(super) fn ready(
         return Err(CliError::usage("the oracle reads the simulator's own images; what a camera sees needs a VLM")
             .hint("choose one with --vlm; `spf vlm list` lists them"));
     }
-    let (pointing, detector) = detector::combine(settings, policy, pointing)?;
+    let (pointing, detector) = detector::combine(settings, pointing)?;
     let script = args.flight.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
     let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
     let scene = settings.fly.scene.text_or_default();

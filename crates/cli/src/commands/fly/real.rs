@@ -55,7 +55,7 @@ pub(super) fn ready(
     printer: &Printer,
 ) -> Result<Ready, CliError> {
     let (preset, policy) = preset_and_policy(settings)?;
-    let (policy, mut method) = detector::policy_and_settings(settings, policy, method(settings, preset, Pace::Wall)?)?;
+    let mut method = detector::with_detector(settings, policy, method(settings, preset, Pace::Wall)?)?;
     let prompt = prompt(settings, policy)?;
     let mut options = options(settings)?;
     let mut announcements = Vec::new();
@@ -99,7 +99,7 @@ pub(super) fn ready(
     }
     let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     check_vlm(settings, &pointing, printer)?;
-    let (pointing, detector) = detector::combine(settings, policy, pointing)?;
+    let (pointing, detector) = detector::combine(settings, pointing)?;
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
     let seen = other_camera.map(|url| camera::open(url, &args.flight.camera, options.tello, start, printer)).transpose()?;

@@ -5,7 +5,7 @@
 //! Each answer that does not show the target is the reason for the turn that it asks for and for one more. Nothing else is: not a
 //! turn of before somebody took over, nor one whose end was followed by anything but the next query.
 
-use super::{OpenQuery, QuerySubject, Spf};
+use super::{OpenQuery, Spf};
 use crate::geometry::wrap_angle;
 use crate::policy::search::Search;
 use crate::policy::{Goto, Move, Reading, Step, View};
@@ -89,8 +89,8 @@ impl Spf {
     pub(super) fn turn_ahead(&mut self) -> Step {
         let (true, Sweep::Turned) = (self.asks_ahead && !self.came_too_late, self.sweep) else { return Step::Wait };
         let (None, Some(open), Some(search)) = (self.ahead, self.open_query, &self.search) else { return Step::Wait };
-        let is_search = open.about == QuerySubject::Point { confirming: false } && self.hidden_since.is_none() && !self.told_lost;
-        let Some(yaw) = search.expected_turn(open.view.pose.attitude.heading).filter(|_| is_search && !self.lists()) else {
+        let is_search = !open.confirming && self.hidden_since.is_none() && !self.told_lost;
+        let Some(yaw) = search.expected_turn(open.view.pose.attitude.heading).filter(|_| is_search) else {
             return Step::Wait;
         };
         self.ahead = Some(Ahead { yaw, progress: Progress::Turning });

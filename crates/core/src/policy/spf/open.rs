@@ -73,11 +73,10 @@ impl Spf {
     /// nothing is near.
     pub(super) fn boxes_for(&self, view: &View) -> Boxes {
         let may_skip = !self.guidance.is_off() && !self.guidance.map && self.kept_out.is_empty();
-        match (self.settings.avoid, self.detector) {
-            (false, _) => Boxes::Off,
-            (true, true) => Boxes::Detector,
-            (true, false) if may_skip && self.open.is_some_and(|open| open.left(view).is_some()) => Boxes::Skipped,
-            (true, false) => Boxes::Reply,
+        match self.settings.avoid {
+            false => Boxes::Off,
+            true if may_skip && self.open.is_some_and(|open| open.left(view).is_some()) => Boxes::Skipped,
+            true => Boxes::Reply,
         }
     }
 

@@ -3,7 +3,6 @@
 use super::detour::{DetourSide, TURNS_FIRST, TurnedFirst};
 use super::{Boxes, OpenQuery, Spf, is_elsewhere, search_with};
 use crate::avoid::{self, Avoidance, BODY_MARGIN, MARKED, MIN_STEP, PlannedStep};
-use crate::detection;
 use crate::lift;
 use crate::policy::{Expected, Goto, Move, Step, View};
 use crate::primitives::Primitives;
@@ -108,13 +107,7 @@ impl Spf {
             let boxes: Vec<ObstacleBox> = reply.boxes.iter().filter(counts).cloned().collect();
             let plan = self.plan_to(&view, point, step);
             let clearance = self.clearance();
-            let unranged = if self.lists() && self.checks_boxes() {
-                detection::unranged(&self.detections, &view.camera)
-            } else {
-                Vec::new()
-            };
-            let outcome =
-                avoid::avoid_with_guessed_ranges(&plan, clearance, &boxes, &unranged, reply.target.as_deref(), self.detour.keep);
+            let outcome = avoid::avoid(&plan, clearance, &boxes, reply.target.as_deref(), self.detour.keep);
             self.reading.avoidance = Some(outcome);
             match outcome {
                 // The craft stays with somebody whose track tells where they are: it comes no nearer, and goes on looking at them.
@@ -124,7 +117,7 @@ impl Spf {
                     self.aside.clear();
                     self.detour.clear();
                     if self.guidance.keeps_anchor() || follows {
-                        free = Some(longest_clear(&plan, clearance, &boxes, &unranged, reply.target.as_deref(), label));
+                        free = Some(longest_clear(&plan, clearance, &boxes, reply.target.as_deref(), label));
                     }
                 }
                 Avoidance::Shifted { point, .. } => {
@@ -261,19 +254,12 @@ impl Spf {
 
 /// The longest step towards the point of `plan`, up to half of the range that `label` states, that the boxes leave clear, metres
 /// along the optical axis; at least the planned one, which does.
-fn longest_clear(
-    plan: &PlannedStep<'_>,
-    clearance: f64,
-    boxes: &[ObstacleBox],
-    unranged: &[bool],
-    target: Option<&str>,
-    label: f64,
-) -> f64 {
+fn longest_clear(plan: &PlannedStep<'_>, clearance: f64, boxes: &[ObstacleBox], target: Option<&str>, label: f64) -> f64 {
     let half = 0.5 * lift::range_of_label(label);
     let longer = (0..LONGER_STEPS).map(|nth| half + (plan.step - half) * f64::from(nth) / f64::from(LONGER_STEPS));
     let is_clear = |step: f64| {
         let plan = PlannedStep { step, ..*plan };
-        avoid::avoid_with_guessed_ranges(&plan, clearance, boxes, unranged, target, None) == Avoidance::Clear
+        avoid::avoid(&plan, clearance, boxes, target, None) == Avoidance::Clear
     };
     longer.take_while(|&step| step > plan.step).find(|&step| is_clear(step)).unwrap_or(plan.step)
 }

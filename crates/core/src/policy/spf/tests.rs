@@ -1,24 +1,14 @@
-//! Obstacle mode with a detector, decision by decision; whole flights are in the pilot's tests.
+//! The policy, decision by decision; whole flights are in the pilot's tests.
 
 use super::*;
 use crate::avoid::Avoidance;
 use crate::camera::Camera;
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::{Attitude, EnuPosition, Pose};
-use crate::lift::label_of_range;
 use crate::query::VerticalRoom;
 use crate::time::{Duration, Time};
 
-const CAR_AHEAD: &str = "car_1 x:0.5 y:0.5 width:0.1 height:0.2 score:0.8";
-
-fn policy(avoid: bool) -> Spf {
-    let mut spf = Spf::new(settings(avoid)).with_detector();
-    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
-    spf
-}
-
-/// The same without a detector.
-pub(super) fn policy_by_reply(avoid: bool) -> Spf {
+pub(super) fn policy(avoid: bool) -> Spf {
     let mut spf = Spf::new(settings(avoid));
     assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
     spf
@@ -77,15 +67,13 @@ pub(super) fn sent_query(step: Step) -> Query {
     *query
 }
 
-/// The policy's response to a frame, this list, and then this answer.
-fn decided(spf: &mut Spf, frame: u64, list: &str, answer: &str) -> (Query, Step) {
-    let detect = sent_query(spf.handle(PolicyEvent::Frame(&view(frame))));
-    assert_eq!(detect.kind, QueryKind::Detect { coco: true, scored: true });
-    assert_eq!((detect.frame, detect.image_size), (FrameId(frame), None), "a detector sees the camera's frame");
-    let point = sent_query(spf.handle(PolicyEvent::Reply { id: detect.id, text: list }));
-    assert_eq!((&point.kind, point.frame), (&QueryKind::point(false), FrameId(frame)));
-    let step = spf.handle(PolicyEvent::Reply { id: point.id, text: answer });
-    (point, step)
+const CAR_AHEAD: &str = r#"{"box":[400,450,600,550],"depth":4,"name":"car"}"#;
+
+/// What the policy asks about a frame, and does when it hears this answer with these boxes.
+fn decided(spf: &mut Spf, frame: u64, boxes: &str, answer: &str) -> (Query, Step) {
+    let (query, step) = told(spf, frame, &format!(r#"{},"boxes":[{boxes}]}}"#, answer.strip_suffix('}').unwrap()));
+    assert_eq!(query.kind, QueryKind::point(true));
+    (query, step)
 }
 
 fn ahead(target: &str) -> String {
@@ -93,69 +81,28 @@ fn ahead(target: &str) -> String {
 }
 
 #[test]
-fn the_list_is_in_the_prompt_and_its_boxes_are_kept_clear_of() {
-    let mut spf = policy(true);
-    let (point, step) = decided(&mut spf, 0, CAR_AHEAD, &ahead("red crane"));
-    assert_eq!(point.detections, ["car_1 x:0.5000 y:0.5000 width:0.1000 height:0.2000 score:0.80"]);
-    assert!(point.prompt.contains("\ncar, [400, 450, 600, 550], 0.80\n"), "{}", point.prompt);
-    assert!(matches!(step, Step::Move(_)));
-    let reading = spf.reading();
-    // 1.5 m high on 144 of 480 pixels of focal length: 5 m away, and the step is 8.3 m.
-    assert_eq!(reading.reply.unwrap().boxes[0].depth, label_of_range(5.0));
-    assert!(matches!(reading.avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", reading.avoidance);
-}
-
-#[test]
-fn boxes_in_the_reply_have_no_effect() {
-    let mut spf = policy(true);
-    let wall = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{"box":[0,0,1000,1000],"depth":1,"name":"wall"}]}"#;
-    let (_, step) = decided(&mut spf, 0, "none", wall);
-    assert!(matches!(step, Step::Move(_)));
-    assert_eq!((spf.reading().avoidance, spf.reading().reply.unwrap().boxes), (Some(Avoidance::Clear), Vec::new()));
-}
-
-#[test]
 fn the_target_is_no_obstacle() {
     let mut spf = policy(true);
-    // Cut off by the lower edge, so its range is unknown.
-    let list = "car_1 x:0.5 y:0.7 width:0.8 height:0.6 score:0.8";
-    decided(&mut spf, 0, list, &ahead("the black car"));
+    // Cut off by the lower edge.
+    let car = r#"{"box":[400,100,1000,900],"depth":1,"name":"the black car"}"#;
+    decided(&mut spf, 0, car, &ahead("the black car"));
     assert_eq!(spf.reading().avoidance, Some(Avoidance::Clear));
-    decided(&mut spf, 1, list, &ahead("red crane"));
+    decided(&mut spf, 1, car, &ahead("red crane"));
     assert!(!matches!(spf.reading().avoidance, Some(Avoidance::Clear)));
 }
 
 #[test]
-fn without_a_list_nobody_points() {
-    let mut spf = policy(true);
-    let detect = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
-    assert_eq!(spf.handle(PolicyEvent::Frame(&view(1))), Step::Wait);
-    assert!(matches!(spf.handle(PolicyEvent::Reply { id: detect.id, text: "I see a car." }), Step::Reject(_)));
-    let again = sent_query(spf.handle(PolicyEvent::Frame(&view(1))));
-    assert_eq!(spf.handle(PolicyEvent::ReplyFailed { id: again.id }), Step::Wait);
-    // A new instruction keeps the detector.
-    spf.handle(PolicyEvent::Instruction("land"));
-    decided(&mut spf, 2, "none", r#"{"status":"not_visible","look":"left"}"#);
-}
-
-#[test]
-fn a_second_look_begins_with_a_list_too() {
+fn a_second_look_has_boxes_too() {
     let mut spf = policy(true);
     let done = r#"{"status":"done"}"#;
-    let (first, step) = decided(&mut spf, 0, "none", done);
+    let (first, step) = decided(&mut spf, 0, "", done);
     assert_eq!((first.memory.confirming, step), (false, Step::Look));
-    let (second, step) = decided(&mut spf, 1, "none", done);
+    let (second, step) = decided(&mut spf, 1, "", done);
     assert_eq!((second.memory.confirming, step), (true, Step::Done));
 }
 
 #[test]
-fn outside_obstacle_mode_no_detector_is_queried() {
-    let query = sent_query(policy(false).handle(PolicyEvent::Frame(&view(0))));
-    assert_eq!((&query.kind, query.detections.len()), (&QueryKind::point(false), 0));
-}
-
-#[test]
-fn a_search_keeps_clear_of_the_list_too() {
+fn a_search_keeps_clear_of_the_boxes_too() {
     let mut spf = policy(true);
     let open = r#"{"status":"not_visible","look":"right","point":[500,500],"depth":9}"#;
     let flown = (0..40).find(|frame| {
@@ -172,13 +119,13 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     let aside = r#"{"status":"navigating","point":[500,970],"depth":5,"target":"crane"}"#;
     let mut spf = policy(true);
     for _ in 0..2 {
-        let (_, step) = decided(&mut spf, 0, "none", aside);
+        let (_, step) = decided(&mut spf, 0, "", aside);
         let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
         // tan = 0.94 right of the middle: 43.2°.
         assert!((primitives.yaw.to_degrees() - 43.2).abs() < 0.5 && primitives.forward == 0.0, "{primitives:?}");
         assert!(spf.reading().actions[0].starts_with("turns first"), "{:?}", spf.reading().actions);
         // If repeated, it is flown to.
-        let (_, step) = decided(&mut spf, 1, "none", aside);
+        let (_, step) = decided(&mut spf, 1, "", aside);
         let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
         assert!(primitives.forward > 1.0, "{primitives:?}");
     }
@@ -187,13 +134,13 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     let forward = |step: Step| matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0);
     let mut spf = policy(true);
     for (answer, flies) in [(aside, false), (&left, false), (aside, true)] {
-        assert_eq!(forward(decided(&mut spf, 0, "none", answer).1), flies, "{answer}");
+        assert_eq!(forward(decided(&mut spf, 0, "", answer).1), flies, "{answer}");
     }
-    assert!(!forward(decided(&mut spf, 0, "none", aside).1));
+    assert!(!forward(decided(&mut spf, 0, "", aside).1));
     spf.handle(PolicyEvent::MoveEnded { completed: false });
-    assert!(!forward(decided(&mut spf, 0, "none", aside).1), "the turn was cut short");
-    decided(&mut spf, 0, "none", r#"{"status":"not_visible","look":"left"}"#);
-    assert!(!forward(decided(&mut spf, 0, "none", aside).1), "it has turned elsewhere");
+    assert!(!forward(decided(&mut spf, 0, "", aside).1), "the turn was cut short");
+    decided(&mut spf, 0, "", r#"{"status":"not_visible","look":"left"}"#);
+    assert!(!forward(decided(&mut spf, 0, "", aside).1), "it has turned elsewhere");
     // Outside obstacle mode it flies as in the paper.
     let mut spf = policy(false);
     let query = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
@@ -253,7 +200,7 @@ fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
 
 #[test]
 fn who_is_followed_is_flown_to_and_a_turn_is_turned() {
-    let mut spf = policy_by_reply(false);
+    let mut spf = policy(false);
     let (query, step) = told(&mut spf, 0, r#"{"status":"following","point":[500,500],"depth":5,"target":"man"}"#);
     assert!(query.prompt.contains("the drone is within 3 m of it"), "{}", query.prompt);
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 2.0), "{step:?}");
@@ -267,19 +214,19 @@ fn a_blocked_way_is_held_before_a_person_and_backed_off_from_otherwise() {
     let blocked = |name: &str, depth| {
         format!(r#"{{"status":"blocked","boxes":[{{"box":[300,400,900,600],"depth":{depth},"name":"{name}"}}]}}"#)
     };
-    let mut spf = policy_by_reply(true);
+    let mut spf = policy(true);
     assert_eq!(told(&mut spf, 0, &blocked("woman", 2)).1, Step::Look);
     for (name, depth) in [("shelf", 2), ("woman", 8)] {
-        let (_, step) = told(&mut policy_by_reply(true), 1, &blocked(name, depth));
+        let (_, step) = told(&mut policy(true), 1, &blocked(name, depth));
         assert!(matches!(step, Step::Move(Move { primitives, then_rest: true, .. }) if primitives.forward == -1.0), "{step:?}");
     }
     // Nobody says what it is.
-    assert_eq!(told(&mut policy_by_reply(false), 0, r#"{"status":"blocked"}"#).1, Step::Look);
+    assert_eq!(told(&mut policy(false), 0, r#"{"status":"blocked"}"#).1, Step::Look);
 }
 
 #[test]
 fn what_was_wrong_is_told_once() {
-    let mut spf = policy_by_reply(true);
+    let mut spf = policy(true);
     let (first, step) = told(&mut spf, 0, &ahead("red crane"));
     assert!(first.memory.refused.is_none() && matches!(step, Step::Reject(_)), "{step:?}");
     let (second, _) = told(&mut spf, 1, r#"{"status":"not_visible","boxes":[]}"#);
@@ -297,7 +244,7 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
             r#"{{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[{{"box":[100,{left},900,{right}],"depth":4,"name":"post"}}]}}"#
         )
     };
-    let mut spf = policy_by_reply(true);
+    let mut spf = policy(true);
     let mut sides = Vec::new();
     for (frame, u) in [490, 510, 480, 520, 490].into_iter().enumerate() {
         told(&mut spf, frame as u64, &post(u));
@@ -328,7 +275,7 @@ fn a_small_target_goes_along_enlarged_if_wanted() {
     assert!(second.prompt.contains("The second image enlarges the part [400, 400, 600, 600]"), "{}", second.prompt);
     let (third, _) = told(&mut spf, 2, small);
     assert_eq!(third.close_up, None);
-    let mut spf = policy_by_reply(false);
+    let mut spf = policy(false);
     told(&mut spf, 0, small);
     assert_eq!(told(&mut spf, 1, small).0.close_up, None);
 }
@@ -363,7 +310,7 @@ fn only_a_point_on_the_boxed_target_is_a_sighting() {
 
 #[test]
 fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
-    let mut spf = policy_by_reply(false);
+    let mut spf = policy(false);
     let cone = |target: &str, stage: u32| {
         format!(
             r#"{{"target":"{target}","status":"navigating","stage":{stage},"target_box":[400,400,600,600],"point":[500,500],"depth":3}}"#
@@ -399,7 +346,7 @@ fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
     let beside =
         r#"{"target":"left of it","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,900],"depth":3}"#;
     for first in [cone("man in blue", 1), beside.to_owned()] {
-        let mut spf = policy_by_reply(false);
+        let mut spf = policy(false);
         told(&mut spf, 0, &first);
         told(&mut spf, 1, &cone("next cone", 2));
         let (query, _) = told(&mut spf, 2, &cone("next cone", 2));
@@ -440,7 +387,7 @@ fn a_target_that_was_never_seen_is_not_waited_for_where_the_last_one_was() {
     };
     let after = |replies: &[String]| {
         let guidance = Guidance { slow_anchor: true, monitor: true, ..Guidance::default() };
-        let mut spf = policy_by_reply(true).with_guidance(guidance);
+        let mut spf = policy(true).with_guidance(guidance);
         let steps = replies.iter().zip(0..).map(|(reply, frame)| told_expecting(&mut spf, frame, known, reply));
         steps.last().unwrap()
     };
@@ -496,7 +443,7 @@ fn a_reply_that_points_elsewhere_counts_as_one_without_the_target() {
 fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_away() {
     let missed = r#"{"status":"not_visible","look":"right"}"#;
     let steps = |guidance: Guidance, box_: &str| {
-        let mut spf = policy_by_reply(false).with_guidance(guidance);
+        let mut spf = policy(false).with_guidance(guidance);
         let seen = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"kite","target_box":{box_}}}"#);
         told(&mut spf, 0, &seen);
         [1, 2, 3].map(|frame| matches!(told(&mut spf, frame, missed).1, Step::Keep))
@@ -546,7 +493,7 @@ fn something_in_the_way_of_somebody_tracked_ends_no_following() {
     );
     let at = ImagePoint { u: 0.5, v: 0.5 };
     let step = |is_tracked: bool| {
-        let mut spf = policy_by_reply(true).with_guidance(Guidance { track: true, ..Guidance::default() });
+        let mut spf = policy(true).with_guidance(Guidance { track: true, ..Guidance::default() });
         told_expecting(&mut spf, 0, Expected::Followed { at, range: 3.2, is_tracked }, &answer)
     };
     let Step::Follow(goto) = step(true) else { panic!("{:?}", step(true)) };
@@ -558,7 +505,7 @@ fn something_in_the_way_of_somebody_tracked_ends_no_following() {
 fn somebody_who_has_left_the_image_is_looked_for_where_they_went() {
     let lost = r#"{"target":"man","status":"not_visible","look":"right"}"#;
     let yaw = |expected: Expected| {
-        let mut spf = policy_by_reply(false).with_guidance(Guidance { track: true, ..Guidance::default() });
+        let mut spf = policy(false).with_guidance(Guidance { track: true, ..Guidance::default() });
         let Step::Move(motion) = told_expecting(&mut spf, 0, expected, lost) else { panic!() };
         motion.primitives.yaw
     };

@@ -3,7 +3,7 @@
 use crate::avoid::Avoidance;
 use crate::guidance::Guidance;
 use crate::lift::label_of_range;
-use crate::policy::spf::tests::{policy_by_reply, sent_query, told_from, view};
+use crate::policy::spf::tests::{policy, sent_query, told_from, view};
 use crate::policy::{Move, Policy, PolicyEvent, Step};
 use crate::time::{Duration, Time};
 
@@ -19,7 +19,7 @@ fn persons_while(status: &str, labels: &[u8], left: u32) -> Vec<bool> {
 
 /// The same with guidance, and with a box that grows and goes to the right from answer to answer, in thousandths of the image.
 fn guided_persons_while(guidance: Guidance, status: &str, labels: &[u8], left: u32, [grows, crosses]: [u32; 2]) -> Vec<bool> {
-    let mut spf = policy_by_reply(true).with_guidance(guidance);
+    let mut spf = policy(true).with_guidance(guidance);
     let mut backs_off = |(frame, depth): (usize, &u8)| {
         let (more, left) = (grows * frame as u32, left + crosses * frame as u32);
         let (top, bottom, left, right) = (400 - 2 * more, 900 + more / 2, left - more, left + 200 + more);
@@ -60,7 +60,7 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
 /// answers, which are `seconds` apart. He is half a metre wide and 1.7 m tall, his middle half a metre to the left of the way: from
 /// 1.1 m on the image holds neither his height nor his width.
 fn before_a_man(ranges: &[f64], stride: f64, seconds: u64) -> Vec<bool> {
-    let mut spf = policy_by_reply(true).with_guidance(Guidance { slow_anchor: true, ..Guidance::default() });
+    let mut spf = policy(true).with_guidance(Guidance { slow_anchor: true, ..Guidance::default() });
     let mut backs_off = |(nth, range): (usize, &f64)| {
         let mut view = view(nth as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(seconds * nth as u64);
@@ -89,7 +89,7 @@ fn the_craft_does_not_back_off_from_who_stands_beside_its_way_because_it_has_com
 #[test]
 fn the_craft_does_not_go_to_meet_a_person_who_walks_towards_it() {
     let forward = |guidance: Guidance, ranges: &[f64]| -> Vec<f64> {
-        let mut spf = policy_by_reply(true).with_guidance(guidance);
+        let mut spf = policy(true).with_guidance(guidance);
         let mut steps = |(nth, range): (usize, &f64)| {
             let mut view = view(nth as u64);
             view.frame.captured = Time::ZERO + Duration::from_secs(2 * nth as u64);
@@ -129,7 +129,7 @@ fn who_begins_to_walk_towards_the_craft_or_comes_between_slow_answers_is_backed_
 #[test]
 fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
     let outcome = |guidance: Guidance, left: [u32; 2]| {
-        let mut spf = policy_by_reply(true).with_guidance(guidance);
+        let mut spf = policy(true).with_guidance(guidance);
         for (nth, left) in left.into_iter().enumerate() {
             let mut view = view(nth as u64);
             view.frame.captured = Time::ZERO + Duration::from_secs(2 * nth as u64);
@@ -158,7 +158,7 @@ fn only_without_guidance_a_step_leads_under_a_wall() {
     let wall = r#"{"status":"navigating","point":[450,500],"depth":8,"target":"crane",
         "boxes":[{"box":[0,0,550,1000],"depth":4,"name":"white wall"}]}"#;
     let avoided = |guidance: Guidance| {
-        let mut spf = policy_by_reply(true).with_guidance(guidance);
+        let mut spf = policy(true).with_guidance(guidance);
         told_from(&mut spf, &view(0), wall);
         spf.reading().avoidance
     };
