@@ -82,7 +82,6 @@ impl Progress {
             Note::Monitor(judgement) => words::monitor(judgement),
             Note::Around(around) => words::around(around),
             Note::Limited(why) => (*why).to_owned(),
-            Note::DepthScale(words) => words.clone(),
             Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
             // A held key repeats its setpoint ten times per second; the phase is shown instead.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,

@@ -32,29 +32,13 @@ pub struct Guidance {
     /// Whether a monitor watches the flight to the target, and asks the VLM how it goes on ([`crate::monitor`]).
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub monitor: bool,
-    /// Whether points are followed through the frames, and triangulated into the map ([`crate::triangulation`]). Without `map`, only
-    /// the brake sees them.
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
-    pub points: bool,
-    /// Whether the brake also acts on what the craft flies at, by how fast the same points move apart ([`crate::looming`]).
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
-    pub looming: bool,
-    /// Whether a network's depth goes into the map ([`crate::mono_depth`]); points are followed for its scale.
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
-    pub mono_depth: bool,
 }
 
 impl Guidance {
     /// Whether every part is off, which serialisation omits.
     #[must_use]
     pub fn is_off(&self) -> bool {
-        !self.keeps_anchor() && !self.map && !self.track && !self.follows_points()
-    }
-
-    /// Whether points are followed through the frames.
-    #[must_use]
-    pub fn follows_points(&self) -> bool {
-        self.points || self.looming || self.mono_depth
+        !self.keeps_anchor() && !self.map && !self.track
     }
 
     /// Whether the target's place may be kept, to guide the craft or for the monitor.

@@ -28,14 +28,11 @@ pub mod gimbal;
 pub mod grounding;
 pub mod guidance;
 pub mod lift;
-pub mod looming;
 pub mod monitor;
-pub mod mono_depth;
 pub mod obstacle_map;
 pub mod odometry;
 pub mod pilot;
 pub mod planner;
-pub mod points;
 pub mod policy;
 pub mod primitives;
 pub mod prompt;
@@ -50,7 +47,6 @@ pub mod tags;
 pub mod telemetry;
 pub mod time;
 pub mod track;
-pub mod triangulation;
 
 /// The examples of the README, run as tests.
 #[cfg(doctest)]

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
-use spf_core::mono_depth::MonoDepth;
 use spf_core::time::Time;
 use spf_media::{Rgb, resize};
 
@@ -13,6 +12,7 @@ use crate::bounds::MAX_SIDE;
 use crate::error::NetworkError;
 use crate::exchange::{Description, Input};
 use crate::model::Model;
+use crate::mono_depth::MonoDepth;
 use crate::output_kind::OutputKind;
 use crate::process::Place;
 

@@ -3,8 +3,9 @@
 //!
 //! A [`Detector`] returns the objects in an image, a [`DepthNetwork`] its depths. The network itself needs the feature `onnx`, and runs
 //! in a process of its own, with bounded memory and time ([`Place`]). The parts around it are common to models of a kind: for
-//! detectors the [`letterbox`], which converts an image to the network's input, and [`decode`], which converts its output to boxes.
-//! No model is included.
+//! detectors the [`letterbox`], which converts an image to the network's input, and [`decode`], which converts its output to boxes;
+//! for depth networks the scale of their depth, [`mono_depth`], and the [`triangulation`] that tells it from a moving camera. No model is
+//! included.
 
 #![cfg_attr(not(feature = "onnx"), allow(dead_code, reason = "pre- and postprocessing are only used with a network"))]
 
@@ -16,6 +17,7 @@ mod error;
 mod exchange;
 pub mod letterbox;
 mod model;
+pub mod mono_depth;
 mod names;
 #[cfg(feature = "onnx")]
 mod network;
@@ -24,6 +26,7 @@ mod network;
 mod network;
 mod output_kind;
 mod process;
+pub mod triangulation;
 mod wire;
 pub mod worker;
 

@@ -3,7 +3,7 @@
 use core::fmt;
 use core::str::FromStr;
 
-use spf_core::mono_depth::DepthKind;
+use crate::mono_depth::DepthKind;
 
 /// The kinds, for error messages.
 pub const KINDS: &str = "disparity, relative, metric, canonical or canonical=FOCAL";

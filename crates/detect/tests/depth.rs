@@ -9,9 +9,9 @@ use spf_core::camera::Camera;
 use spf_core::depth::CameraAxes;
 use spf_core::frame::FrameId;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::mono_depth::{Clues, DepthKind, MonoDepth, ScaleSource};
 use spf_core::query::ImagePoint;
 use spf_core::time::Time;
+use spf_detect::mono_depth::{Clues, DepthKind, MonoDepth, ScaleSource};
 use spf_detect::{DepthNetwork, DepthOptions, NetworkError, OutputKind, Place};
 use spf_media::Rgb;
 

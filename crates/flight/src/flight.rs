@@ -11,10 +11,11 @@ use spf_core::executor::Motion;
 use spf_core::pilot::{AskWhen, OperatorEvent, PilotSettings, Preset};
 use spf_core::prompt::PromptText;
 use spf_core::time::Duration;
+use spf_drone::Drone;
 use spf_vlm::Vlm;
 
 use crate::course::Course;
-use crate::depth_network::{DepthPlan, VirtualDepth};
+use crate::depth_network::{DepthPlan, WithDepth};
 use crate::detector::{DetectorPlan, WithDetector};
 use crate::ledger::{Accounted, Ledger};
 use crate::log::FlightHeader;
@@ -75,7 +76,7 @@ pub struct FlightPlan {
     pub monitor: Option<(String, VlmFactory)>,
     /// The detector whose boxes replies have in obstacle mode; `None` without one.
     pub detector: Option<DetectorPlan>,
-    /// The network that estimates the depth of frames, if `settings.guidance.mono_depth` is on.
+    /// The network that estimates the depth of frames; `None` without one.
     pub depth_network: Option<DepthPlan>,
     /// The prompt; `None` for the built-in one.
     pub prompt: Option<Arc<PromptText>>,
@@ -177,7 +178,7 @@ pub enum FlightError {
     #[error("`{0}` does not support autonomous manoeuvres")]
     Manoeuvres(String),
     /// The plan needs the stand-in for a tracker where it cannot be had.
-    #[error("only a simulated craft in virtual time can be tracked without pixels, and points cannot")]
+    #[error("only a simulated craft in virtual time can be tracked without pixels")]
     TrackModel,
     /// The VLM could not be created.
     #[error("cannot query the VLM")]
@@ -193,10 +194,14 @@ pub enum FlightError {
 /// [`FlightError`] if the flight cannot start; once started it always ends in a [`Flown`].
 pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flown, FlightError> {
     let FlightPlan { site, policy, prompt, record, script, interrupts, operator, depth_network, .. } = plan;
-    let depth_network = depth_network.filter(|_| plan.settings.guidance.mono_depth);
     let depth_name = depth_network.as_ref().map(|depth| depth.network.name().to_owned());
     let near_m = plan.settings.near_m.or_else(|| Some(site.near_m()));
     let (Parts { drone, clock, seed, frame_source, judge, sim }, world) = site.open()?;
+    let drone: Box<dyn Drone> = match depth_network {
+        Some(plan) if clock == Clock::Virtual => Box::new(WithDepth::in_virtual_time(drone, plan)),
+        Some(plan) => Box::new(WithDepth::in_threads(drone, plan).map_err(FlightError::Thread)?),
+        None => drone,
+    };
     let capabilities = drone.capabilities();
     if plan.settings.motion == Motion::Manoeuvres && !capabilities.manoeuvres {
         return Err(FlightError::Manoeuvres(drone.name().to_owned()));
@@ -204,8 +209,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let camera = capabilities.camera;
     let live = clock != Clock::Virtual;
     let track_by = if plan.settings.guidance.track { plan.track_by } else { TrackBy::Off };
-    let points = plan.settings.guidance.follows_points();
-    if track_by == TrackBy::Model && (live || points || world.is_none()) {
+    if track_by == TrackBy::Model && (live || world.is_none()) {
         return Err(FlightError::TrackModel);
     }
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
@@ -259,20 +263,18 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
             let follow: Option<Box<dyn Follow>> = match (track_by, &world) {
-                (TrackBy::Off, _) if !points => None,
+                (TrackBy::Off, _) => None,
                 (TrackBy::Model, Some(world)) => Some(Box::new(TrackModel::new(world.clone(), seed))),
-                _ => Some(Box::new(Tracking::new(&camera).with_points(points))),
+                _ => Some(Box::new(Tracking::new(&camera))),
             };
             let tracker = follow.map(|follow| VirtualTracker::new(follow, drone.frames()));
-            let depth = depth_network.map(|depth| VirtualDepth::new(depth, camera, drone.frames()));
-            let world = Lockstep::new(drone, vlms, script, interrupts).with_tracker(tracker).with_depth(depth);
+            let world = Lockstep::new(drone, vlms, script, interrupts).with_tracker(tracker);
             Box::new(world.with_operator(operator))
         }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
-            let live =
-                Live::new(start, drone, vlms, script, interrupts, !track_by.is_off(), points).map_err(FlightError::Thread)?;
-            Box::new(live.with_depth(depth_network).map_err(FlightError::Thread)?.with_operator(operator))
+            let live = Live::new(start, drone, vlms, script, interrupts, !track_by.is_off()).map_err(FlightError::Thread)?;
+            Box::new(live.with_operator(operator))
         }
     };
     let failures = {

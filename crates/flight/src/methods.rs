@@ -133,10 +133,6 @@ pub struct BenchSettings {
     pub track: TrackBy,
     /// Whether a monitor watches the flight to the target.
     pub monitor: bool,
-    /// Whether points are followed through the frames, and triangulated into the map.
-    pub points: bool,
-    /// Whether the brake acts on what points that move apart say the craft flies at.
-    pub looming: bool,
     /// Whether the craft has a depth sensor.
     pub depth_sensor: bool,
     /// Whether a geofence is drawn around the straight path from the start to the goals.
@@ -187,9 +183,6 @@ impl BenchSettings {
                 sensor: self.depth_sensor,
                 track: !self.track.is_off(),
                 monitor: self.monitor,
-                points: self.points,
-                looming: self.looming,
-                mono_depth: false,
             },
             ..preset
         }

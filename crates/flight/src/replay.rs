@@ -262,8 +262,6 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Gimbal => Event::Gimbal(row(entry)?),
         Channel::Ranges => Event::Ranges(row(entry)?),
         Channel::Track => Event::Track(row(entry)?),
-        Channel::Points => Event::Points(row(entry)?),
-        Channel::MonoDepth => Event::MonoDepth(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
         Channel::Link => match row::<LinkRow>(entry)?.lost {
             true => Event::LinkLost,

@@ -96,7 +96,6 @@ pub fn note(note: &Note) -> String {
         Note::Monitor(judgement) => monitor(judgement),
         Note::Around(detour) => around(detour),
         Note::Limited(why) => (*why).to_owned(),
-        Note::DepthScale(words) => words.clone(),
         Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
         Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
         Note::Operator(event) => format!("operator: {}", operator(event)),

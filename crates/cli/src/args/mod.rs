@@ -308,7 +308,7 @@ pub(crate) struct MethodArgs {
     #[arg(long, value_name = "SWITCH")]
     pub(crate) map: Option<String>,
     /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says, and for the boxes
-    /// of replies while somebody is followed: on, off, or auto (on with a depth sensor or a tracker) [default: auto]
+    /// of replies while somebody is followed: on, off, or auto (on with a depth sensor, a depth network or a tracker) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) brake: Option<String>,
     /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]

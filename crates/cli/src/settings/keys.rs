@@ -65,7 +65,7 @@ settings! {
         anchor: Switch = "auto", Word, "SPF_ANCHOR", "--anchor";
         /// keep a map of obstacles, and plan around them: on, off, or auto (on with a depth sensor or a depth network)
         map: Switch = "auto", Word, "SPF_MAP", "--map";
-        /// brake for known obstacles: on, off, or auto (on with a depth sensor or a tracker)
+        /// brake for known obstacles: on, off, or auto (on with a depth sensor, a depth network or a tracker)
         brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
         /// what keeps the target's box between replies: pixels (a tracker in the camera's frames) or off
         track: TrackBy = "off", Word, "SPF_TRACK", "--track";

@@ -1,11 +1,11 @@
 //! The brake: limits the speed near known obstacles, whatever planner, pilot or VLM request.
 //!
-//! It uses points in the world: those of the newest depth grid, the occupied cells of the obstacle map, and the place
-//! that looming says to be ahead. Along a direction, the speed is limited so that the craft comes to rest the margin
-//! before the nearest point in the corridor of the body. In directions that no working sensor shows (sideways,
-//! backwards, or with a dead, frozen or late sensor) it is also limited to the blind speed. A direction in the field of
-//! view without a return does not count as blind: open space gives none, and neither does glass. But where the ground
-//! should give a return in a part of the image and gives none, that part has failed, and what it would show is blind.
+//! It uses points in the world: those of the newest depth grid, and the occupied cells of the obstacle map. Along a
+//! direction, the speed is limited so that the craft comes to rest the margin before the nearest point in the corridor
+//! of the body. In directions that no working sensor shows (sideways, backwards, or with a dead, frozen or late sensor)
+//! it is also limited to the blind speed. A direction in the field of view without a return does not count as blind:
+//! open space gives none, and neither does glass. But where the ground should give a return in a part of the image and
+//! gives none, that part has failed, and what it would show is blind.
 
 use std::collections::BTreeMap;
 
@@ -32,7 +32,7 @@ const STRIPS: usize = 8;
 const BLOCK: usize = 4;
 /// Points farther than this from the craft do not matter, metres: no craft of ours needs as much to stop.
 const SIGHT: f64 = 12.0;
-/// A motion estimate, or a thing ahead, older than this is not used, s.
+/// A motion estimate older than this is not used, s.
 const FRESH: f64 = 0.5;
 /// What a sensor around the craft has measured counts for this long: over a slow link it comes twice a second.
 const RANGED: Duration = Duration::from_secs(1);
@@ -49,8 +49,6 @@ pub(super) struct Brake {
     proved: bool,
     strips: [bool; STRIPS],
     remembered: Vec<EnuPosition>,
-    /// The place of something that the craft flies at, and when it was told.
-    ahead: Option<(Time, EnuPosition)>,
     /// The places that the sensors around the craft have hit last, with the time of measurement, by sensor.
     ranges: BTreeMap<u32, (Time, Vec<EnuPosition>)>,
     /// Position and heading according to the motion estimate that depth and map are based on.
@@ -159,20 +157,11 @@ impl Brake {
         self.ranges.insert(scan.sensor, (scan.captured.min(now), places));
     }
 
-    /// Takes the place of something that the craft flies at.
-    pub(super) fn ahead(&mut self, now: Time, place: EnuPosition) {
-        self.ahead = [place.east, place.north, place.up].iter().all(|x| x.is_finite()).then_some((now, place));
-    }
-
     /// The places that count at `now` besides those of the newest grid.
     fn known(&self, now: Time) -> impl Iterator<Item = &EnuPosition> {
-        let is_fresh = |told: Time| now.since(told) <= duration_from_secs(FRESH);
         let ranged = self.ranges.values().filter(move |(captured, _)| now.since(*captured) <= RANGED);
         let ranged = ranged.flat_map(|(_, places)| places);
-        self.remembered
-            .iter()
-            .chain(ranged)
-            .chain(self.ahead.as_ref().filter(|(told, _)| is_fresh(*told)).map(|(_, place)| place))
+        self.remembered.iter().chain(ranged)
     }
 
     /// Takes the position according to the motion estimate that depth and map are based on, and the heading.

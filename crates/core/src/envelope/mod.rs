@@ -245,12 +245,6 @@ impl Envelope {
         self.marked.set(places, self.spread);
     }
 
-    /// Takes the place of something that the craft flies at, according to the motion estimate: it counts for half a second.
-    pub fn observe_ahead(&mut self, now: Time, place: EnuPosition) {
-        let now = self.advance(now);
-        self.brake.ahead(now, place);
-    }
-
     /// Takes the position at `now` of a person whom the craft follows, according to the motion estimate: for a second, the pilot's
     /// setpoints come no nearer than 2 m.
     pub fn observe_person(&mut self, now: Time, at: EnuPosition) {

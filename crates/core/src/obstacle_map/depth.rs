@@ -3,21 +3,11 @@
 use super::{CELL, CELLS, Cell, Line, ObstacleMap, SIZE, passed, struck};
 use crate::depth::{CameraAxes, DepthGrid};
 use crate::geometry::{EnuPosition, Pose};
-use crate::mono_depth::Metres;
 
 /// Marks of one insertion.
 const PASSED: u8 = 1;
 const ENDED: u8 = 2;
 const STRUCK: u8 = 4;
-/// The way to an estimated depth is free up to this many standard deviations before it.
-const SPREAD: f64 = 2.0;
-
-/// A ray of an insertion.
-struct Ray {
-    end: EnuPosition,
-    /// The part of the way to its end that is free.
-    free: f64,
-}
 
 impl ObstacleMap {
     /// Adds a depth grid, measured at `pose`. Pixels without a value carry no information. An invalid grid is ignored.
@@ -26,36 +16,20 @@ impl ObstacleMap {
             return;
         }
         let axes = CameraAxes::new(&grid.camera, pose);
-        let rays = grid.points().map(|(_, at)| Ray { end: axes.place(at.right, at.forward, at.up), free: 1.0 });
-        self.cast(axes.origin, rays);
+        let ends = grid.points().map(|(_, at)| axes.place(at.right, at.forward, at.up));
+        self.cast(axes.origin, ends);
     }
 
-    /// Adds depths that a network has estimated for a frame taken at `pose`: a hit where each ends, and free space up to two standard
-    /// deviations before it. Invalid ones are ignored.
-    pub fn estimated(&mut self, metres: &Metres, pose: Pose) {
-        let Metres { grid, log_sd } = metres;
-        if grid.check().is_err() || log_sd.len() != grid.cm.len() {
-            return;
-        }
-        let axes = CameraAxes::new(&grid.camera, pose);
-        let rays = grid.points().map(|(index, at)| {
-            let free = libm::exp(-SPREAD * f64::from(log_sd[index]));
-            Ray { end: axes.place(at.right, at.forward, at.up), free: if free.is_finite() { free.min(1.0) } else { 0.0 } }
-        });
-        self.cast(axes.origin, rays);
-    }
-
-    fn cast(&mut self, from: EnuPosition, rays: impl Iterator<Item = Ray>) {
+    fn cast(&mut self, from: EnuPosition, ends: impl Iterator<Item = EnuPosition>) {
         let Some(corner) = self.corner else { return };
         self.changed += 1;
         let origin = Cell::of(from);
         // The grid's box, shrunk a little, so that a clipped end stays inside.
         let low = [corner.east, corner.north, corner.up].map(|i| f64::from(i) * CELL + 1e-6);
         let high = [0, 1, 2].map(|i| low[i] + SIZE[i] as f64 * CELL - 2e-6);
-        for Ray { end, free } in rays {
-            let free = if free < 1.0 { from.towards(end, free) } else { end };
-            let free = self.index(Cell::of(free)).or_else(|| self.index(Cell::of(clip(from, free, low, high))));
+        for end in ends {
             let hit = self.index(Cell::of(end));
+            let free = hit.or_else(|| self.index(Cell::of(clip(from, end, low, high))));
             for (index, mark) in [(free, ENDED), (hit, STRUCK)] {
                 let Some(index) = index else { continue };
                 if self.marks[index] == 0 {

@@ -4,14 +4,13 @@
 //! the log-odds of being occupied as an integer: a hit marks it at once, rays that pass through clear it, and without
 //! confirmation it fades to unknown within 20 s. In addition, the map stores the views of the last seconds: which
 //! places a usable frame has shown, and which a reply has implied to be free. Every source feeds the same map: depth
-//! grids, boxes, triangulated points, single ranges.
+//! grids, boxes, single ranges.
 //!
 //! Positions are converted to integer cells before any decision, so that the map is the same on every machine.
 
 mod boxes;
 mod depth;
 mod line;
-mod points;
 mod ranges;
 mod views;
 
@@ -19,7 +18,6 @@ use std::collections::VecDeque;
 
 pub use self::boxes::Mobility;
 pub(crate) use self::line::Line;
-pub use self::points::MapPoint;
 use self::views::{FreeView, SeenView};
 use crate::geometry::EnuPosition;
 use crate::time::{Duration, Time};

@@ -207,42 +207,6 @@ proptest! {
         }
     }
 
-    /// Points that are anywhere, or nowhere, change only the cells of their own lines: occupied are those in which points lie, free
-    /// are others before them.
-    #[test]
-    fn points_change_only_the_cells_of_their_lines(
-        places in prop::collection::vec(
-            (
-                prop_oneof![12 => -15.0..15.0_f64, 1 => Just(f64::NAN), 1 => Just(1e300)],
-                prop_oneof![12 => -15.0..15.0_f64, 1 => Just(f64::NEG_INFINITY)],
-                -6.0..9.0_f64,
-                prop_oneof![8 => 0.0..1.0_f64, 1 => Just(f64::NAN), 1 => -9.0..9.0_f64],
-            ),
-            0..20,
-        ),
-        odd in prop_oneof![8 => Just(0.1), 1 => Just(f64::NAN), 1 => Just(400.0)],
-    ) {
-        let mut map = map();
-        let from = at(odd, 0.1, 2.1);
-        let points: Vec<_> = places.iter().map(|&(x, y, z, free)| MapPoint { place: at(x, y, z), free }).collect();
-        map.points(from, &points);
-        let (origin, inside) = (Cell::of(from), |place: &EnuPosition| [place.east, place.north, place.up].iter().all(|x: &f64| x.is_finite()));
-        let ends: Vec<_> = points.iter().map(|point| point.place).filter(|place| inside(place)).map(Cell::of).collect();
-        for index in 0..CELLS {
-            let cell = map.cell(index).unwrap();
-            match map.known(cell) {
-                CellState::Unknown => {}
-                CellState::Occupied => prop_assert!(ends.contains(&cell)),
-                CellState::Free => {
-                    let near = |end: &Cell| Line::new(origin, *end).any(|on| {
-                        (on.east - cell.east).abs() <= 1 && (on.north - cell.north).abs() <= 1 && (on.up - cell.up).abs() <= 1
-                    });
-                    prop_assert!(ends.iter().any(near) && !ends.contains(&cell));
-                }
-            }
-        }
-    }
-
     /// Whatever a grid contains, no cell in which a ray ends is free, and none beyond the nearest return is.
     #[test]
     fn no_depth_clears_what_it_has_hit(seed in 0..1000_u64, heading in -3.0..3.0_f64, pitch in -0.4..0.4_f64) {

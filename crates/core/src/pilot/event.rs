@@ -12,8 +12,6 @@ use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::gimbal::GimbalReport;
 use crate::monitor::Judgement;
-use crate::mono_depth::MonoDepth;
-use crate::points::PointReport;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
 use crate::ranges::RangeScan;
@@ -33,10 +31,6 @@ pub enum Event {
     Depth(Box<DepthGrid>),
     /// The tracker reports where the target is in a frame.
     Track(TrackReport),
-    /// Where the points that are followed are in a frame.
-    Points(PointReport),
-    /// A network has estimated the depth of a frame.
-    MonoDepth(Box<MonoDepth>),
     /// The complete reply of a VLM.
     Reply {
         /// The query that it answers.
@@ -158,8 +152,6 @@ pub enum Note {
     Limited(&'static str),
     /// The monitor has judged how the flight goes on.
     Monitor(Judgement),
-    /// What is known of the scale of a network's depth has changed, in words.
-    DepthScale(String),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
     /// A query failed or was cancelled.

@@ -1,12 +1,11 @@
-//! What fills the obstacle map, and what the brake gets of it: telemetry, depth grids, range scans, points, frames, replies.
+//! What fills the obstacle map, and what the brake gets of it: telemetry, depth grids, range scans, frames, replies.
 
 use super::Pilot;
 use crate::avoid::{MARKED, is_person};
 use crate::depth::DepthGrid;
 use crate::geometry::{EnuPosition, Pose};
 use crate::lift::range_of_label;
-use crate::mono_depth::Metres;
-use crate::obstacle_map::{Cell, MapPoint, Mobility, ObstacleMap};
+use crate::obstacle_map::{Cell, Mobility, ObstacleMap};
 use crate::policy::View;
 use crate::ranges::RangeScan;
 use crate::reply::{ObstacleBox, Reply};
@@ -28,7 +27,6 @@ impl Pilot {
             self.guiding.lost = lost;
             self.guiding.anchors.lose_track(lost.unwrap_or(now));
             self.guiding.tracked = None;
-            self.points.clear();
             self.seen.clear();
             self.shown.clear();
             if let Some(map) = &mut self.guiding.map {
@@ -52,33 +50,15 @@ impl Pilot {
         }
     }
 
-    /// Whether a depth sensor measures what a network or boxes would only estimate.
+    /// Whether a depth sensor measures what boxes would only bound.
     pub(super) fn is_depth_sensed(&self, now: Time) -> bool {
         self.guiding.depth_at.is_some_and(|at| now.since(at) < SENSED)
-    }
-
-    /// Adds what a network has estimated for a frame taken at `pose`.
-    pub(super) fn map_estimated(&mut self, now: Time, metres: &Metres, pose: Pose) {
-        // The craft is elsewhere by now, and the map is about it.
-        let at = self.known(now).position;
-        if let Some(map) = &mut self.guiding.map {
-            map.advance(now, at);
-            map.estimated(metres, pose);
-        }
     }
 
     pub(super) fn map_ranges(&mut self, now: Time, scan: &RangeScan, pose: Pose) {
         if let Some(map) = &mut self.guiding.map {
             map.advance(now, pose.position);
             map.ranges(scan, pose);
-        }
-    }
-
-    /// Adds triangulated points, seen from `from`.
-    pub(super) fn map_points(&mut self, now: Time, from: EnuPosition, points: &[MapPoint]) {
-        if let Some(map) = &mut self.guiding.map {
-            map.advance(now, from);
-            map.points(from, points);
         }
     }
 

@@ -21,11 +21,9 @@ mod gimbal;
 mod guiding;
 mod mapping;
 mod monitoring;
-mod mono_depth;
 mod moving;
 mod news;
 mod operator;
-mod points;
 mod reactions;
 mod returning;
 mod settings;
@@ -100,8 +98,6 @@ pub struct Pilot {
 
     guiding: guiding::Guiding,
     tracking: tracking::Tracking,
-    points: points::Points,
-    mono_depth: mono_depth::DepthScale,
     following: following::Following,
     boxes: boxes::Boxes,
     gimbal: gimbal::GimbalState,
@@ -193,10 +189,8 @@ impl Pilot {
             used: None,
             decisions: 0,
             late_replies: 0,
-            guiding: guiding::Guiding::new(settings.guidance.map || settings.guidance.points),
+            guiding: guiding::Guiding::new(settings.guidance.map),
             tracking: tracking::Tracking::default(),
-            points: points::Points::default(),
-            mono_depth: mono_depth::DepthScale::default(),
             following: following::Following::default(),
             boxes: boxes::Boxes::default(),
             gimbal: gimbal::GimbalState::default(),
@@ -243,8 +237,6 @@ impl Pilot {
             Event::Gimbal(report) => self.gimbal.reports.observe(report),
             Event::Ranges(scan) => self.ranges(now, &scan),
             Event::Track(report) => self.track_report(now, report),
-            Event::Points(report) => self.point_report(now, &report),
-            Event::MonoDepth(estimate) => self.estimated_depth(now, &estimate),
             Event::Reply { id, text } => self.reply(now, id, &text),
             Event::Chunk { id, text } => self.chunk(now, id, &text),
             Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
@@ -394,7 +386,6 @@ impl Pilot {
         if let Some(pose) = self.estimator.pose_at(scan.captured.min(now)) {
             self.envelope.observe_ranges(now, scan, pose);
             self.map_ranges(now, scan, pose);
-            self.keep_scan(scan, pose);
         }
     }
 

@@ -207,9 +207,6 @@ impl Pilot {
         let known = self.known(now);
         self.envelope.observe_motion(now, &known);
         self.keep_away_from_person(now, known.position);
-        if self.settings.guidance.points {
-            self.remember_obstacles(now, known.position);
-        }
         let mut finished = false;
         let by_hand = self.phase == Phase::Manual && !self.link_lost;
         let clearance = match self.manual.filter(|(_, until)| by_hand && now < *until) {

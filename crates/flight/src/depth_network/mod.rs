@@ -1,23 +1,25 @@
-//! A network that estimates the depth of frames, beside the flight (`docs/guide/obstacles.md`, "A depth network").
+//! A craft with a depth network: a network of the user's estimates the depth of the camera's frames, beside the flight
+//! (`docs/guide/obstacles.md`, "A depth network").
 //!
-//! It gets the newest frame a few times a second, and its estimates go to the pilot when it is done. It never delays the flight. One
-//! that fails or is too slow is left out for the rest of the flight, which goes on without.
+//! What comes of it is a depth grid as of a depth sensor, in metres; whoever flies does not know where it is from. The network gets the
+//! newest frame a few times a second, and never delays the flight. One that fails or is too slow is left out for the rest of the
+//! flight, which goes on without.
 
+mod beside;
+mod craft;
 mod network;
 mod picture;
-mod thread;
-mod virtual_time;
+mod points;
+mod scaling;
 
+pub(crate) use craft::WithDepth;
 pub use network::OnnxDepth;
 pub use picture::picture;
-pub(crate) use thread::DepthThread;
-pub(crate) use virtual_time::VirtualDepth;
 
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
-use spf_core::mono_depth::MonoDepth;
-use spf_core::pilot::Event;
 use spf_core::time::{Duration, Time};
+use spf_detect::mono_depth::MonoDepth;
 use spf_drone::frames::Photo;
 use spf_media::{Rgb, Scaler};
 
@@ -70,7 +72,10 @@ impl Estimator {
     }
 
     /// The depth of a frame; `None` if there is none. `took` tells how long it has taken.
-    fn estimate(&mut self, meta: &FrameMeta, photo: &Photo, took: impl FnOnce() -> Duration) -> Option<Event> {
+    fn estimate(&mut self, meta: &FrameMeta, photo: &Photo, took: impl FnOnce() -> Duration) -> Option<MonoDepth> {
+        if self.is_over() {
+            return None;
+        }
         let image = photo.at(self.network.size(), &mut self.scaler);
         let found = self.network.estimate((meta.id, meta.captured), &self.camera, &image);
         let took = took();
@@ -81,7 +86,7 @@ impl Estimator {
         match found {
             Ok(estimate) => {
                 self.failures = 0;
-                Some(Event::MonoDepth(Box::new(estimate)))
+                Some(estimate)
             }
             Err(why) => {
                 self.failures += 1;

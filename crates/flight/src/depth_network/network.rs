@@ -2,9 +2,9 @@
 
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
-use spf_core::mono_depth::MonoDepth;
 use spf_core::time::Time;
 use spf_detect::DepthNetwork;
+use spf_detect::mono_depth::MonoDepth;
 use spf_media::Rgb;
 
 use super::EstimatesDepth;

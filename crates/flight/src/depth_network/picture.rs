@@ -1,6 +1,6 @@
 //! What a network sees, for people.
 
-use spf_core::mono_depth::{DepthKind, MonoDepth};
+use spf_detect::mono_depth::{DepthKind, MonoDepth};
 use spf_media::{Rgb, resize};
 
 /// Width of each half, pixels.

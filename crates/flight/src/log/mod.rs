@@ -175,8 +175,6 @@ impl FlightLog {
             Event::Gimbal(report) => self.row(Channel::Gimbal, now, report),
             Event::Ranges(scan) => self.row(Channel::Ranges, now, scan),
             Event::Track(report) => self.row(Channel::Track, now, report),
-            Event::Points(report) => self.row(Channel::Points, now, report),
-            Event::MonoDepth(estimate) => self.row(Channel::MonoDepth, now, estimate),
             Event::Reply { id, text } => self.reply(now, *id, Some(text), None, false),
             Event::Chunk { id, text } => self.reply(now, *id, Some(text), None, true),
             Event::ReplyFailed { id, reason } => self.reply(now, *id, None, Some(reason), false),
@@ -237,7 +235,7 @@ impl FlightLog {
             Note::Monitor(_) | Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => {
                 Level::Warning
             }
-            Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::DepthScale(_) | Note::Operator(_) => Level::Info,
+            Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::Operator(_) => Level::Info,
             Note::QueryFailed { .. } => Level::Error,
         };
         if let Note::Decision(decision) = note {

@@ -232,8 +232,6 @@ pub enum NoteKind {
     Monitor,
     /// A move of the policy was shortened or refused.
     Limited,
-    /// What is known of the scale of a network's depth has changed.
-    DepthScale,
     /// A reply to a cancelled query arrived.
     LateReply,
     /// A query failed or was cancelled.
@@ -291,7 +289,6 @@ impl NoteRow {
             Note::Monitor(judgement) => Self { judgement: Some(*judgement), ..row(NoteKind::Monitor) },
             Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
-            Note::DepthScale(words) => Self { reason: Some(words.clone()), ..row(NoteKind::DepthScale) },
             Note::Decision(_) => return None,
         })
     }

@@ -4,9 +4,7 @@ use schemars::JsonSchema;
 use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
 use spf_core::gimbal::GimbalReport;
-use spf_core::mono_depth::MonoDepth;
 use spf_core::pilot::{Decision, Ending};
-use spf_core::points::PointReport;
 use spf_core::query::Query;
 use spf_core::ranges::RangeScan;
 use spf_core::telemetry::Telemetry;
@@ -38,10 +36,6 @@ pub enum Channel {
     Gimbal,
     /// Input: where the tracked target is in a frame.
     Track,
-    /// Input: where the points that are followed are in a frame.
-    Points,
-    /// Input: what a network has estimated for a frame.
-    MonoDepth,
     /// Input: a reply or a failure.
     Reply,
     /// Input: an operator input.
@@ -96,7 +90,7 @@ pub enum Channel {
 
 impl Channel {
     /// Every channel, by number.
-    pub const ALL: [Self; 35] = [
+    pub const ALL: [Self; 33] = [
         Self::Flight,
         Self::Wake,
         Self::Telemetry,
@@ -105,8 +99,6 @@ impl Channel {
         Self::Ranges,
         Self::Gimbal,
         Self::Track,
-        Self::Points,
-        Self::MonoDepth,
         Self::Reply,
         Self::Operator,
         Self::Link,
@@ -164,8 +156,6 @@ impl Channel {
             Self::Ranges => "/ranges",
             Self::Gimbal => "/gimbal",
             Self::Track => "/track",
-            Self::Points => "/points",
-            Self::MonoDepth => "/depth/network",
             Self::Reply => "/reply",
             Self::Operator => "/operator",
             Self::Link => "/link",
@@ -209,8 +199,6 @@ impl Channel {
             Self::Ranges => json::<RangeScan>(self, "spf.Ranges"),
             Self::Gimbal => json::<GimbalReport>(self, "spf.Gimbal"),
             Self::Track => json::<TrackReport>(self, "spf.Track"),
-            Self::Points => json::<PointReport>(self, "spf.Points"),
-            Self::MonoDepth => json::<MonoDepth>(self, "spf.MonoDepth"),
             Self::Reply => json::<ReplyRow>(self, "spf.Reply"),
             Self::Operator => json::<OperatorRow>(self, "spf.Operator"),
             Self::Link => json::<LinkRow>(self, "spf.Link"),

@@ -164,7 +164,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 14]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 12]>()).prop_map(
         |(
             preset,
             step,
@@ -173,22 +173,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [
-                avoid,
-                detector,
-                fence,
-                anchor,
-                low_anchor,
-                slow_anchor,
-                map,
-                brake,
-                depth_sensor,
-                tracked,
-                points,
-                looming,
-                news,
-                monitor,
-            ],
+            [avoid, detector, fence, anchor, low_anchor, slow_anchor, map, brake, depth_sensor, tracked, news, monitor],
         )| {
             BenchSettings {
                 preset,
@@ -208,8 +193,6 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 map,
                 brake,
                 track: if tracked { TrackBy::Pixels } else { TrackBy::Off },
-                points,
-                looming,
                 depth_sensor,
                 fence,
                 blind: false,

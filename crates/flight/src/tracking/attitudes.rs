@@ -17,12 +17,12 @@ const STALE: Duration = Duration::from_millis(300);
 const MOST: usize = 900;
 
 /// Attitudes of the last seconds, oldest first.
-#[derive(Debug, Default)]
-pub(super) struct Attitudes(VecDeque<(Time, Attitude)>);
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Attitudes(VecDeque<(Time, Attitude)>);
 
 impl Attitudes {
     /// Adds what a telemetry report has measured; one that is not newer, or no number, is left out.
-    pub(super) fn add(&mut self, at: Time, attitude: Attitude) {
+    pub(crate) fn add(&mut self, at: Time, attitude: Attitude) {
         let is_number = [attitude.heading, attitude.pitch, attitude.roll].iter().all(|angle| angle.is_finite());
         if !is_number || self.0.back().is_some_and(|(last, _)| *last >= at) {
             return;
@@ -55,7 +55,7 @@ impl Attitudes {
 
     /// How far the turning of the camera from one time to another moves a place in its image, pixels. `None` if the attitude is
     /// not known, or the place leaves the half of space before the lens.
-    pub(super) fn shift(&self, camera: &Camera, (x, y): (f64, f64), from: Time, to: Time) -> Option<Shift> {
+    pub(crate) fn shift(&self, camera: &Camera, (x, y): (f64, f64), from: Time, to: Time) -> Option<Shift> {
         let (before, after) = (self.at(from)?, self.at(to)?);
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         let place = seen_after_turn(ImagePoint { u: x / width, v: y / height }, camera, before, after)?;

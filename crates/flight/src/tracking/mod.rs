@@ -7,8 +7,7 @@
 //! Pure given frames and telemetry: the times are those of the frames. A `Photo` that is rendered on demand is rendered only if
 //! the tracker needs it.
 
-mod attitudes;
-mod points;
+pub(crate) mod attitudes;
 mod ring;
 mod thread;
 mod virtual_time;
@@ -22,7 +21,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
-use spf_core::points::PointReport;
 use spf_core::query::ImageBox;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
@@ -31,7 +29,6 @@ use spf_drone::frames::{Frames, Photo};
 use spf_media::track::{PixelBox, Quality, TrackImage, Tracker};
 
 use attitudes::Attitudes;
-use points::PointFollower;
 use ring::Ring;
 
 /// What keeps the target's box between two answers.
@@ -67,6 +64,13 @@ const WIDTH: u32 = 480;
 /// third one; and so on, so that it arrives in any case.
 const PATIENCE: u64 = 10;
 
+/// A camera at the size of the images in which it is tracked.
+pub(crate) fn camera_of_images(camera: &Camera) -> Camera {
+    let width = camera.width.clamp(1, WIDTH);
+    let height = (f64::from(width) * f64::from(camera.height) / f64::from(camera.width.max(1))).round().max(1.0);
+    camera.resized(width, height as u32)
+}
+
 /// An image that is kept.
 type Image = Arc<TrackImage>;
 
@@ -79,8 +83,6 @@ pub(crate) enum Progress {
     Behind,
     /// The target in the newest frame.
     Report(TrackReport),
-    /// The points in the newest frame.
-    Points(PointReport),
 }
 
 /// Follows a box through frames, one step at a time.
@@ -104,15 +106,13 @@ pub(crate) trait Follow {
     fn step(&mut self) -> Progress;
 }
 
-/// Keeps the frames of the last seconds, and tracks one box through them, and points from one to the next.
+/// Keeps the frames of the last seconds, and tracks one box through them.
 pub(crate) struct Tracking {
     /// The camera at the size of the images.
     camera: Camera,
     ring: Ring,
     attitudes: Attitudes,
     task: Option<Task>,
-    /// The points, if they are followed.
-    points: Option<PointFollower>,
 }
 
 /// The track that was asked for.
@@ -138,17 +138,9 @@ enum State {
 impl Tracking {
     /// Nothing to track yet.
     pub(crate) fn new(camera: &Camera) -> Self {
-        let width = camera.width.clamp(1, WIDTH);
-        let height = (f64::from(width) * f64::from(camera.height) / f64::from(camera.width.max(1))).round().max(1.0);
-        let camera = camera.resized(width, height as u32);
+        let camera = camera_of_images(camera);
         let ring = Ring::new((camera.width, camera.height));
-        Self { camera, ring, attitudes: Attitudes::default(), task: None, points: None }
-    }
-
-    /// Follows points as well, in every frame that is tracked in.
-    pub(crate) fn with_points(mut self, points: bool) -> Self {
-        self.points = points.then(PointFollower::default);
-        self
+        Self { camera, ring, attitudes: Attitudes::default(), task: None }
     }
 
     /// Notes the attitude, from which the turning of the camera follows.
@@ -196,17 +188,8 @@ impl Tracking {
         self.task = None;
     }
 
-    /// Follows the points into the newest frame, or tracks the box in one further image.
+    /// Tracks the box in one further image.
     pub(crate) fn step(&mut self) -> Progress {
-        // Points come first: they cost one image, and a track that catches up may cost many.
-        let points = self.points.as_mut().and_then(|points| points.step(&mut self.ring, &self.attitudes, &self.camera));
-        match points {
-            Some(report) => Progress::Points(report),
-            None => self.step_box(),
-        }
-    }
-
-    fn step_box(&mut self) -> Progress {
         let Some(task) = &mut self.task else { return Progress::Idle };
         match &mut task.state {
             State::Over => Progress::Idle,

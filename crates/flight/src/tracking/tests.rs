@@ -88,7 +88,7 @@ impl Scene {
         for steps in 1..200 {
             match self.tracking.step() {
                 Progress::Report(report) => return (steps, report),
-                Progress::Behind | Progress::Points(_) => {}
+                Progress::Behind => {}
                 Progress::Idle => panic!("idle after {steps} steps"),
             }
         }
@@ -124,27 +124,6 @@ fn a_track_begins_in_the_old_frame_and_arrives_in_the_newest() {
     scene.tracking.stop();
     scene.arrive(84);
     assert_eq!((scene.tracking.step(), scene.drawn()), (Progress::Idle, 32));
-}
-
-#[test]
-fn points_are_followed_in_the_newest_frame_and_share_its_image_with_the_track() {
-    let mut scene = Scene::new();
-    scene.tracking = Tracking::new(&scene.camera).with_points(true);
-    (0..=20).for_each(|number| scene.arrive(number));
-    let points = |scene: &mut Scene| match scene.tracking.step() {
-        Progress::Points(report) => report,
-        other => panic!("{other:?}"),
-    };
-    let first = points(&mut scene);
-    assert_eq!((first.frame, scene.tracking.step(), scene.drawn()), (FrameId(20), Progress::Idle, 1));
-    scene.begin(20);
-    assert!(matches!(scene.tracking.step(), Progress::Report(report) if report.frame == FrameId(20)));
-    scene.arrive(22);
-    let second = points(&mut scene);
-    assert!(matches!(scene.tracking.step(), Progress::Report(report) if report.frame == FrameId(22)));
-    assert_eq!((scene.tracking.step(), scene.drawn()), (Progress::Idle, 2));
-    let kept = second.points.iter().filter(|point| first.points.iter().any(|old| old.id() == point.id())).count();
-    assert!(kept > 20 && second.frame == FrameId(22), "{kept} of {}", first.points.len());
 }
 
 #[test]

@@ -83,7 +83,7 @@ pub(crate) struct TrackingThread {
 }
 
 impl TrackingThread {
-    /// Starts the thread, which also follows `points`. Reports go to `events`, with their flight times since `start`.
+    /// Starts the thread. Reports go to `events`, with their flight times since `start`.
     ///
     /// # Errors
     /// The operating system's error if the thread cannot be started.
@@ -91,11 +91,10 @@ impl TrackingThread {
         start: Instant,
         camera: &Camera,
         frames: Arc<dyn Frames>,
-        points: bool,
         events: Sender<(Time, Event)>,
     ) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
-        let (of_thread, mut tracking) = (inbox.clone(), Tracking::new(camera).with_points(points));
+        let (of_thread, mut tracking) = (inbox.clone(), Tracking::new(camera));
         let report = move |event: Event| events.send((Time::ZERO + start.elapsed(), event)).is_ok();
         let thread = Builder::new().name("tracker".to_owned()).spawn(move || track(&of_thread, &mut tracking, report))?;
         Ok(Self { inbox, frames, thread: Some(thread) })
@@ -158,12 +157,6 @@ fn track(inbox: &Inbox, tracking: &mut Tracking, report: impl Fn(Event) -> bool)
             Progress::Behind => false,
             Progress::Report(found) => {
                 if !report(Event::Track(found)) {
-                    return;
-                }
-                false
-            }
-            Progress::Points(found) => {
-                if !report(Event::Points(found)) {
                     return;
                 }
                 false

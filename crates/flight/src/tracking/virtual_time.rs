@@ -18,7 +18,7 @@ const PER_IMAGE: Duration = Duration::from_millis(10);
 pub(crate) struct VirtualTracker {
     tracking: Box<dyn Follow>,
     frames: Arc<dyn Frames>,
-    /// [`Event::Track`] and [`Event::Points`], in the order of their times.
+    /// [`Event::Track`], in the order of their times.
     reports: VecDeque<(Time, Event)>,
     /// When the last image is finished.
     busy_until: Time,
@@ -73,29 +73,25 @@ impl VirtualTracker {
 
     /// Reports on a track that are still being computed are no longer of use.
     fn give_up(&mut self, now: Time) {
-        self.reports.retain(|(_, event)| !matches!(event, Event::Track(_)));
-        self.busy_until = self.reports.back().map_or(now, |(at, _)| now.max(*at));
+        self.reports.clear();
+        self.busy_until = now;
     }
 
-    /// Tracks target and points up to the newest frame.
+    /// Tracks the target up to the newest frame.
     fn work(&mut self, now: Time) {
         let mut images = 0;
         loop {
             let progress = self.tracking.step();
             images += u32::from(progress != Progress::Idle);
-            let event = match progress {
-                Progress::Behind => continue,
+            match progress {
+                Progress::Behind => {}
                 Progress::Idle => return,
-                Progress::Report(report) => Event::Track(report),
-                Progress::Points(report) => Event::Points(report),
-            };
-            let is_last = matches!(event, Event::Track(_));
-            self.busy_until = self.busy_until.max(now) + images * PER_IMAGE;
-            self.reports.push_back((self.busy_until, event));
-            if is_last {
-                return;
+                Progress::Report(report) => {
+                    self.busy_until = self.busy_until.max(now) + images * PER_IMAGE;
+                    self.reports.push_back((self.busy_until, Event::Track(report)));
+                    return;
+                }
             }
-            images = 0;
         }
     }
 }

@@ -14,7 +14,6 @@ use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;
 use super::{Script, Vlms, answer_event, pilot_event};
-use crate::depth_network::{DepthPlan, DepthThread};
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::TrackingThread;
@@ -44,9 +43,6 @@ pub struct Live {
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
     tracker: Option<TrackingThread>,
-    depth: Option<DepthThread>,
-    /// Leads to `events`.
-    reports: Sender<(Time, Event)>,
     later: Vec<(Time, Event)>,
     script: Script,
     interrupts: Arc<AtomicU32>,
@@ -113,7 +109,7 @@ fn ask_in_thread(
 
 impl Live {
     /// A world whose flight time zero is `start`, as for its drone. If `tracks`, a thread of its own tracks what the pilot asks
-    /// to be tracked; if `points`, it follows points.
+    /// to be tracked.
     ///
     /// # Errors
     /// The operating system's error if a thread cannot be started.
@@ -124,14 +120,12 @@ impl Live {
         script: Script,
         interrupts: Arc<AtomicU32>,
         tracks: bool,
-        points: bool,
     ) -> std::io::Result<Self> {
         let (answered, events) = channel();
-        let tracker = (tracks || points)
-            .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), points, answered.clone()))
+        let tracker = tracks
+            .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), answered.clone()))
             .transpose()?;
         let Vlms { vlm, second, monitor } = vlms.into();
-        let reports = answered.clone();
         // Beside the VLM's thread: a monitor that waited for its reply would come too late.
         let monitor =
             monitor.map(|monitor| ask_in_thread("monitor", start, monitor, QueryImages::of(drone.as_ref()), answered.clone()));
@@ -154,8 +148,6 @@ impl Live {
             out,
             events,
             tracker,
-            depth: None,
-            reports,
             later,
             script,
             interrupts,
@@ -165,17 +157,6 @@ impl Live {
             link_lost: false,
             paused_until: None,
         })
-    }
-
-    /// Adds a network that estimates the depth of frames, in a thread of its own.
-    ///
-    /// # Errors
-    /// The operating system's error if the thread cannot be started.
-    pub fn with_depth(mut self, plan: Option<DepthPlan>) -> std::io::Result<Self> {
-        let Some(plan) = plan else { return Ok(self) };
-        let (camera, frames) = (self.drone.capabilities().camera, self.drone.frames());
-        self.depth = Some(DepthThread::start(self.start, plan, camera, frames, self.reports.clone())?);
-        Ok(self)
     }
 
     /// Adds manual operator inputs.
@@ -245,9 +226,6 @@ impl Live {
             if let Some(event) = self.of_link(pilot_event(event)) {
                 if let Some(tracker) = &self.tracker {
                     tracker.event(&event);
-                }
-                if let Some(depth) = &mut self.depth {
-                    depth.event(&event);
                 }
                 return Some(event);
             }

@@ -11,7 +11,6 @@ use spf_drone::Drone;
 use spf_vlm::QueryRequest;
 
 use super::{Script, Vlms, answer_event, pilot_event};
-use crate::depth_network::VirtualDepth;
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::VirtualTracker;
@@ -34,7 +33,6 @@ pub struct Lockstep {
     interrupted: bool,
     operator: Option<Receiver<OperatorEvent>>,
     tracker: Option<VirtualTracker>,
-    depth: Option<VirtualDepth>,
 }
 
 impl Lockstep {
@@ -54,19 +52,12 @@ impl Lockstep {
             interrupted: false,
             operator: None,
             tracker: None,
-            depth: None,
         }
     }
 
     /// Adds a tracker for what the pilot asks to be tracked.
     pub(crate) fn with_tracker(mut self, tracker: Option<VirtualTracker>) -> Self {
         self.tracker = tracker;
-        self
-    }
-
-    /// Adds a network that estimates the depth of frames.
-    pub(crate) fn with_depth(mut self, depth: Option<VirtualDepth>) -> Self {
-        self.depth = depth;
         self
     }
 
@@ -92,10 +83,9 @@ impl Lockstep {
         Some(self.answers.remove(index).2)
     }
 
-    /// The earliest report of the tracker, or else of the depth network, if it is due by `at`.
+    /// The earliest report of the tracker, if it is due by `at`.
     fn take_report(&mut self, at: Time) -> Option<Event> {
-        let tracked = self.tracker.as_mut().and_then(|tracker| tracker.take(at));
-        tracked.or_else(|| self.depth.as_mut()?.take(at))
+        self.tracker.as_mut()?.take(at)
     }
 }
 
@@ -114,10 +104,9 @@ impl World for Lockstep {
         }
         let answer = self.answers.iter().map(|(at, ..)| *at).min();
         let report = self.tracker.as_ref().and_then(VirtualTracker::next_at);
-        let estimate = self.depth.as_ref().and_then(VirtualDepth::next_at);
-        let next = [self.drone.next_event_at(), answer, self.script.next_at(), report, estimate];
+        let next = [self.drone.next_event_at(), answer, self.script.next_at(), report];
         self.now = self.now.max(next.into_iter().flatten().fold(deadline, Time::min));
-        // At equal times: the operator first, then the craft, then replies, then the tracker, then the depth network.
+        // At equal times: the operator first, then the craft, then replies, then the tracker.
         if let Some(event) = self.script.take(self.now) {
             return Some(Event::Operator(event));
         }
@@ -125,9 +114,6 @@ impl World for Lockstep {
             let event = pilot_event(event);
             if let Some(tracker) = &mut self.tracker {
                 tracker.event(self.now, &event);
-            }
-            if let Some(depth) = &mut self.depth {
-                depth.event(self.now, &event);
             }
             return Some(event);
         }

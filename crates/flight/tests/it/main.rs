@@ -10,7 +10,6 @@ mod examples;
 mod made;
 mod observers;
 mod oracle_language;
-mod points;
 mod replay;
 mod rooms;
 mod tracking;

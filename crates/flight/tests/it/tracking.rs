@@ -291,7 +291,7 @@ fn newest(world: &mut Live, after: Duration) -> FrameMeta {
 fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
     let stand = Stand { frames: FrameStore::default(), number: 0, waiting: VecDeque::new() };
     let drone = Box::new(stand);
-    let mut world = Live::new(Instant::now(), drone, Box::new(Silent), Script::default(), Arc::default(), true, false).unwrap();
+    let mut world = Live::new(Instant::now(), drone, Box::new(Silent), Script::default(), Arc::default(), true).unwrap();
     newest(&mut world, Duration::from_millis(900));
     // A frame that was captured half a second ago; it is one of those in which the tracker looks.
     let frame = FrameId(8);
@@ -320,7 +320,7 @@ fn of_what_a_craft_reported_before_the_flight_only_the_newest_state_counts() {
     let craft = Simulated::new(loaded, "city").craft().unwrap();
     let before = Duration::from_secs(5);
     let start = Instant::now().checked_sub(before).unwrap();
-    let mut world = Live::new(start, craft, Box::new(Silent), Script::default(), Arc::default(), false, false).unwrap();
+    let mut world = Live::new(start, craft, Box::new(Silent), Script::default(), Arc::default(), false).unwrap();
     let first = loop {
         if let Some(Event::Telemetry(telemetry)) = world.wait(Time::ZERO + Duration::from_secs(60)) {
             break telemetry.time;

@@ -51,7 +51,7 @@ fn a_second_client_answers_while_the_first_one_does() {
     let asked = Asked::default();
     let both = || Box::new(Both(asked.clone())) as Box<dyn Vlm>;
     let vlms = Vlms { vlm: both(), second: Some(both()), monitor: None };
-    let mut world = Live::new(Instant::now(), craft, vlms, Script::default(), Arc::default(), false, false).unwrap();
+    let mut world = Live::new(Instant::now(), craft, vlms, Script::default(), Arc::default(), false).unwrap();
     for id in [1, 2] {
         let mut query = Query::new(QueryId(id), FrameId(0), QueryKind::point(false));
         query.deadline = Time::ZERO + PATIENCE;

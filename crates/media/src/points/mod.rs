@@ -2,7 +2,7 @@
 //!
 //! Corners are those of Shi and Tomasi (1994), at most one in each cell of a grid, so that they are spread over the image. The
 //! pyramidal method of Lucas and Kanade (Bouguet 2001) follows them there and back; those that do not come back are dropped, and
-//! the emptied cells get new corners. What they tell about ranges is `spf_core::triangulation`'s.
+//! the emptied cells get new corners.
 //!
 //! Pure given the images, with the arithmetic of [`track`](crate::track): equal images give equal bits on every machine.
 

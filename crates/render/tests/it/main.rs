@@ -2,7 +2,6 @@
 
 mod gltf;
 mod light;
-mod looming;
 #[path = "../../../scene/tests/it/model/mod.rs"]
 mod model;
 mod render;

@@ -25,6 +25,8 @@ use crate::commands::vlm::{Pace, is_human};
 use crate::error::CliError;
 use crate::settings::{Setting, Settings};
 
+/// Age at which the brake no longer takes a network's depth for what is there, seconds.
+const NETWORK_AGE_S: f64 = 1.5;
 /// Time that a person may take: longer than any battery lasts.
 const LEISURE: Duration = Duration::from_secs(86_400);
 
@@ -117,27 +119,26 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     }
     method.ask = fly.ask.or_default()?;
     let sensor = fly.depth_sensor.or_default()?.0.is_some();
-    let mono_depth = fly.depth_model.text().is_some();
+    let network = fly.depth_model.text().is_some();
     let lists_boxes =
         preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    let map = fly.map.or_default()?.or(can_guide && (sensor || mono_depth));
+    // A depth network is a depth sensor to the pilot, but one that may be without its scale: boxes are asked for as well.
+    let measures = sensor || network;
+    let map = fly.map.or_default()?.or(can_guide && measures);
     let anchor = fly.anchor.or_default()?;
-    let by_itself = can_guide && (sensor || method.avoid);
+    let by_itself = can_guide && (measures || method.avoid);
     method.guidance = Guidance {
         // The planner needs a place to go to, also where that is tall.
         anchor: anchor.or(by_itself && map),
         low_anchor: anchor.is_auto() && by_itself && !map,
         slow_anchor: false,
         map,
-        sensor,
+        sensor: measures,
         track: fly.track.or_default()? != TrackBy::Off,
         monitor: fly.monitor.or_default()?.or(false),
-        points: false,
-        looming: false,
-        mono_depth,
     };
     if method.guidance.monitor && !matches!(fly.policy.or_default()?.prompt(), PromptKind::Point) {
         return Err(CliError::usage("--monitor watches the flight to a point").hint("use --policy spf, or leave it off"));
@@ -175,7 +176,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
     }
-    if mono_depth && !method.guidance.map {
+    if network && !method.guidance.map {
         return Err(CliError::usage("--depth-model is for the map, which is off").hint("add --map on, or leave --map out"));
     }
     if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
@@ -214,9 +215,15 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
         limits.max_failed_replies = replies;
     }
     let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
+    let network = settings.fly.depth_model.text().is_some();
     let track = settings.fly.track.or_default()? != TrackBy::Off;
-    if settings.fly.brake.or_default()?.or(sensor || track) {
-        limits.brake = Some(if sensor { BrakeLimits::with_sensor() } else { BrakeLimits::without_sensor() });
+    if settings.fly.brake.or_default()?.or(sensor || network || track) {
+        limits.brake = Some(match (sensor, network) {
+            (true, _) => BrakeLimits::with_sensor(),
+            // A network's depth comes seldom and late, and a craft whose network has no scale flies on as one without.
+            (false, true) => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
+            (false, false) => BrakeLimits::without_sensor(),
+        });
     }
     if let Some(path) = settings.fly.geofence.text() {
         let text = read(Path::new(path), "geofence")?;

@@ -78,18 +78,6 @@ fn what_is_remembered_counts_in_every_direction() {
 }
 
 #[test]
-fn what_looms_ahead_counts_for_half_a_second() {
-    let mut rig = braked(BrakeLimits::without_sensor());
-    rig.envelope.observe_ahead(ms(1000), place(0.0, 1.5, 3.0));
-    let (is, cause) = rig.ask(ms(1000), forward(3.0));
-    assert!(is.forward < 1.0 && cause == Some(Cause::Obstacle), "{is:?}");
-    rig.fresh(ms(1600));
-    assert_eq!(rig.ask(ms(1600), forward(3.0)), (forward(3.0), None));
-    rig.envelope.observe_ahead(ms(1600), place(f64::NAN, 1.5, 3.0));
-    assert_eq!(rig.ask(ms(1600), forward(3.0)).1, None);
-}
-
-#[test]
 fn a_missing_dead_or_late_sensor_means_flying_blind() {
     let mut rig = braked(BrakeLimits::with_sensor());
     let speed = |rig: &mut Rig, now| rig.ask(now, forward(3.0)).0.forward;

@@ -7,8 +7,6 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::geometry::Attitude;
-use crate::mono_depth::{DepthKind, MonoDepth};
-use crate::points::{PointReport, TrackedPoint};
 use crate::policy::{Move, PolicyEvent, Reading};
 use crate::primitives::Primitives;
 use crate::query::{ActForm, QueryKind};
@@ -46,16 +44,6 @@ enum Happens {
     },
     Operator(OperatorEvent),
     Link(bool),
-    /// A report on points.
-    Points {
-        age: i64,
-        points: Vec<TrackedPoint>,
-    },
-    /// A network's estimate, of a frame of `age` milliseconds ago, which may have too few values.
-    MonoDepth {
-        age: i64,
-        values: Vec<u16>,
-    },
     /// A report on the track of the `which`th newest query.
     Track {
         which: u64,
@@ -113,20 +101,6 @@ fn track_reports() -> impl Strategy<Value = Happens> {
     })
 }
 
-fn point_reports() -> impl Strategy<Value = Happens> {
-    let id = prop_oneof![8 => 0..6_u32, 1 => any::<u32>()];
-    let points = prop::collection::vec((id, any::<u16>(), any::<u16>()).prop_map(|(id, u, v)| TrackedPoint(id, u, v)), 0..12);
-    let age = prop_oneof![8 => 0..400i64, 1 => -100_000..100_000i64];
-    (age, points).prop_map(|(age, points)| Happens::Points { age, points })
-}
-
-fn estimates() -> impl Strategy<Value = Happens> {
-    let values =
-        prop_oneof![8 => 24..=24_usize, 1 => 0..40_usize].prop_flat_map(|size| prop::collection::vec(any::<u16>(), size));
-    let age = prop_oneof![8 => 0..4000i64, 1 => -100_000..100_000i64];
-    (age, values).prop_map(|(age, values)| Happens::MonoDepth { age, values })
-}
-
 fn operator_events() -> impl Strategy<Value = OperatorEvent> {
     let speed = prop_oneof![4 => -3.0..3.0, 1 => Just(f64::NAN), 1 => Just(1e9)];
     let setpoint = (speed.clone(), speed.clone(), speed.clone(), speed)
@@ -166,8 +140,6 @@ fn happenings() -> impl Strategy<Value = Happens> {
         4 => operator_events().prop_map(Happens::Operator),
         1 => any::<bool>().prop_map(Happens::Link),
         6 => track_reports(),
-        3 => point_reports(),
-        2 => estimates(),
         12 => (100..6000u64).prop_map(Happens::Good),
     ]
 }
@@ -259,7 +231,7 @@ struct Chaos {
     own_until: Option<Time>,
     captured: Option<Time>,
     link: bool,
-    /// Targets are tracked and followed, and points triangulated.
+    /// Targets are tracked and followed.
     track: bool,
     moved: usize,
     finished: usize,
@@ -272,8 +244,7 @@ impl Chaos {
         let mut setup = Setup::preset(preset);
         setup.settings.ask = ask;
         let guidance = &mut setup.settings.guidance;
-        (guidance.track, guidance.points, guidance.looming, guidance.mono_depth) = (track, track, track, track);
-        guidance.monitor = track;
+        (guidance.track, guidance.monitor) = (track, track);
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
@@ -495,15 +466,6 @@ impl Chaos {
             Happens::Track { which, age, area: [left, top, right, bottom], scale, good } => {
                 let quality = if good { TrackQuality::Good } else { TrackQuality::Lost };
                 self.report(self.id(which), age, ImageBox { left, top, right, bottom }, scale, quality);
-            }
-            Happens::Points { age, points } => {
-                let captured = self.ago(age);
-                self.tell(Event::Points(PointReport { frame: FrameId(self.counter), captured, points }));
-            }
-            Happens::MonoDepth { age, values } => {
-                let camera = self.pilot.camera.resized(6, 4);
-                let (frame, captured, kind) = (FrameId(self.counter), self.ago(age), DepthKind::Disparity);
-                self.tell(Event::MonoDepth(Box::new(MonoDepth { frame, captured, kind, camera, values })));
             }
             Happens::Good(millis) => self.go_well(millis),
         }

@@ -17,7 +17,6 @@ mod gimbal;
 mod guided;
 mod manoeuvres;
 mod monitoring;
-mod mono_depth;
 mod motion;
 mod news;
 mod operator;

@@ -1,12 +1,13 @@
 //! What is known of distances in a frame, and what the network says at these places.
 
+use spf_core::camera::Camera;
+use spf_core::depth::CameraAxes;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::query::ImagePoint;
+use spf_core::ranges::{RangeRay, RangeScan};
+
 use super::MonoDepth;
 use super::fit::Sample;
-use crate::camera::Camera;
-use crate::depth::CameraAxes;
-use crate::geometry::{EnuPosition, Pose};
-use crate::query::ImagePoint;
-use crate::ranges::{RangeRay, RangeScan};
 use crate::triangulation::StaticPoint;
 
 /// Nearer than this nothing is used, metres.

@@ -1,5 +1,5 @@
 //! Triangulation: where the static things are that a moving camera sees, from points followed through its frames and from the
-//! motion that telemetry gives (`docs/explanation/between-answers.md`).
+//! motion that telemetry gives (`docs/guide/obstacles.md`, "A depth network").
 //!
 //! For each point, the rays of the last 3 s are kept in the world, from the positions at which they were seen. The place that is
 //! nearest to all of them is the point's (linear least squares, weighted by distance; Hartley and Sturm 1997, "Triangulation"). Only
@@ -12,17 +12,16 @@
 
 mod rotation;
 
-use std::collections::BTreeMap;
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use glam::{DMat3, DVec3};
+use spf_core::camera::Camera;
+use spf_core::depth::CameraAxes;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::query::ImagePoint;
+use spf_core::time::{Duration, Time};
 
 use self::rotation::{Correction, Errors};
-use crate::camera::Camera;
-use crate::depth::CameraAxes;
-use crate::geometry::{EnuPosition, Pose};
-use crate::points::{PointReport, TrackedPoint};
-use crate::time::{Duration, Time};
 
 /// How long rays are kept.
 const KEPT: Duration = Duration::from_secs(3);
@@ -78,6 +77,15 @@ impl MotionError {
     }
 }
 
+/// Where the points that are followed are in a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointReport {
+    /// When that frame was captured.
+    pub captured: Time,
+    /// Their numbers, which they keep from frame to frame, and their places; those that the frame does not show are left out.
+    pub points: Vec<(u32, ImagePoint)>,
+}
+
 /// A static point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StaticPoint {
@@ -89,6 +97,15 @@ pub struct StaticPoint {
     pub range: f64,
     /// Standard deviation of the range's natural logarithm.
     pub log_sd: f64,
+}
+
+/// East, north and up as a vector.
+fn vector(EnuPosition { east, north, up }: EnuPosition) -> DVec3 {
+    DVec3::new(east, north, up)
+}
+
+fn position(DVec3 { x: east, y: north, z: up }: DVec3) -> EnuPosition {
+    EnuPosition { east, north, up }
 }
 
 /// The direction of a vector; `None` for one without.
@@ -189,17 +206,17 @@ impl Triangulation {
             self.clear();
         }
         self.last = Some(report.captured);
-        let from = place.vector();
+        let from = vector(place);
         let axes = CameraAxes::new(camera, Pose { position: EnuPosition::default(), attitude });
-        let along = |point: &TrackedPoint| {
-            let ray = camera.ray(point.at());
-            unit(axes.place(ray.right, 1.0, ray.up).vector())
+        let along = |at: ImagePoint| {
+            let ray = camera.ray(at);
+            unit(vector(axes.place(ray.right, 1.0, ray.up)))
         };
         let mut rays = BTreeMap::new();
-        for point in report.points.iter().take(POINTS) {
-            if let Some(along) = along(point) {
+        for (id, at) in report.points.iter().take(POINTS).filter(|(_, at)| at.is_in_image()) {
+            if let Some(along) = along(*at) {
                 // Of a repeated number, the first place counts.
-                rays.entry(point.id()).or_insert(along);
+                rays.entry(*id).or_insert(along);
             }
         }
         let error = ray_error(camera);
@@ -296,7 +313,7 @@ impl Track {
             return None;
         }
         let sure = log_sd < SURE && misses < STATIC && RANGES.contains(&range);
-        let place = EnuPosition::of_vector(last.from + correction.direction(place));
+        let place = position(last.from + correction.direction(place));
         sure.then_some(StaticPoint { id, place, range, log_sd })
     }
 }

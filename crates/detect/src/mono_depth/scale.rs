@@ -1,17 +1,18 @@
 //! The scale of an estimate: which source gives it, and how far it can be trusted.
 
+use spf_core::depth::{DepthGrid, DepthSource};
+
 use super::clues::{Clues, Samples};
 use super::fit::{Demand, Fit};
 use super::{DepthKind, Metres, MonoDepth};
-use crate::depth::{DepthGrid, DepthSource};
 
 /// A larger standard deviation of the logarithm of a depth is no depth.
 const MOST_SD: f64 = 0.35;
-/// Depths that are used, metres: from the first one on, and up to this many times the farthest place that the scale is known by,
-/// but no farther than the last one.
+/// Depths that are used, metres: from this one on, and up to this many times the farthest place that the scale is known by.
 const NEAREST: f64 = 0.2;
 const BEYOND: f64 = 1.5;
-const FARTHEST: f64 = 12.0;
+/// No depth is farther than this, metres.
+pub const FARTHEST: f64 = 12.0;
 /// Standard deviation of the logarithm of a network's own metres: those of rooms and streets that it was not trained on are off by
 /// a quarter.
 const CLAIMED: f64 = 0.25;

@@ -2,13 +2,14 @@
 
 use proptest::prelude::*;
 
+use spf_core::depth::CameraAxes;
+use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::obstacle_map::{Cell, CellState, ObstacleMap};
+use spf_core::query::ImagePoint;
+use spf_core::ranges::{RangeRay, RangeScan};
+use spf_core::rng::RandomStream;
+
 use super::*;
-use crate::depth::CameraAxes;
-use crate::geometry::{EnuPosition, Pose};
-use crate::obstacle_map::{Cell, CellState, ObstacleMap};
-use crate::query::ImagePoint;
-use crate::ranges::{RangeRay, RangeScan};
-use crate::rng::RandomStream;
 use crate::triangulation::StaticPoint;
 
 const HEIGHT: f64 = 2.0;
@@ -114,7 +115,7 @@ fn each_kind_gives_the_metres_of_the_room_by_each_source() {
             assert_eq!(scale.source, source);
             assert!(worst < 0.1, "{:?} by {source:?}: {worst}", estimate.kind);
             assert!(metres.grid.valid_fraction() > 0.6, "{:?} by {source:?}: {}", estimate.kind, metres.grid.valid_fraction());
-            assert!(metres.grid.check().is_ok() && metres.grid.source == crate::depth::DepthSource::Network);
+            assert!(metres.grid.check().is_ok() && metres.grid.source == spf_core::depth::DepthSource::Network);
         }
     }
     // One range is enough for a scale, not for a shift.
@@ -198,19 +199,14 @@ fn the_stated_error_contains_the_noise() {
 }
 
 #[test]
-fn the_map_gets_the_wall_and_the_way_up_to_two_standard_deviations_before_it() {
+fn the_map_gets_the_wall_and_the_way_to_it() {
     let (metres, _) = relative().in_metres(&clues(&points(0), &[], None)).unwrap();
     let mut map = ObstacleMap::new();
     map.advance(Time::ZERO, pose().position);
-    map.estimated(&metres, pose());
+    map.depth(&metres.grid, pose());
     let at = |away: f64| map.known(Cell::of(EnuPosition { north: pose().position.north + away, ..pose().position }));
-    let sd = 0.1_f64.hypot(0.08);
-    assert_eq!((at(1.0), at(WALL * (1.0 - 2.5 * sd)), at(WALL + 0.1)), (CellState::Free, CellState::Free, CellState::Occupied));
-    assert_eq!((at(WALL * (1.0 - sd)), at(WALL + 1.0)), (CellState::Unknown, CellState::Unknown));
-    // What is no estimate changes nothing.
-    let before = map.changes();
-    map.estimated(&Metres { log_sd: Vec::new(), ..metres.clone() }, pose());
-    assert_eq!(map.changes(), before);
+    assert_eq!((at(1.0), at(0.8 * WALL), at(WALL + 0.1)), (CellState::Free, CellState::Free, CellState::Occupied));
+    assert_eq!(at(WALL + 1.0), CellState::Unknown);
 }
 
 #[test]
@@ -253,8 +249,6 @@ proptest! {
             MonoDepth::new((FrameId(1), Time::ZERO), &Camera::quad(), kind, (width, rows), &output[..rows * width])
         else { return Ok(()) };
         prop_assert!(estimate.is_valid());
-        let text = serde_json::to_string(&estimate).unwrap();
-        prop_assert_eq!(&serde_json::from_str::<MonoDepth>(&text).unwrap().values, &estimate.values);
         let points: Vec<StaticPoint> = known.iter().enumerate().map(|(id, (away, sd))| StaticPoint {
             id: id as u32,
             place: EnuPosition { east: f64::from(*sd), north: f64::from(*away), up: HEIGHT },
@@ -270,7 +264,7 @@ proptest! {
             }
             let mut map = ObstacleMap::new();
             map.advance(Time::ZERO, pose().position);
-            map.estimated(&metres, pose());
+            map.depth(&metres.grid, pose());
         }
     }
 }

@@ -10,8 +10,9 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
+use spf_core::time::Time;
+
 use super::{MotionError, Track, unit};
-use crate::time::Time;
 
 /// Standard deviation of a corrected rotation, radians, however many points there are.
 const ERROR: f64 = 0.0005;

@@ -8,17 +8,14 @@ mod clues;
 mod fit;
 mod scale;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use spf_core::camera::Camera;
+use spf_core::depth::DepthGrid;
+use spf_core::frame::FrameId;
+use spf_core::time::Time;
 use thiserror::Error;
 
-use crate::camera::Camera;
-use crate::depth::{DepthGrid, packed};
-use crate::frame::FrameId;
-use crate::time::Time;
-
 pub use clues::{Clues, PastScan};
-pub use scale::{NoScale, Scale, ScaleSource};
+pub use scale::{FARTHEST, NoScale, Scale, ScaleSource};
 
 /// Largest width and height of an estimate, cells: at 10 m and 90°, a cell of the obstacle map.
 pub const MOST_CELLS: (u32, u32) = (96, 72);
@@ -26,8 +23,7 @@ pub const MOST_CELLS: (u32, u32) = (96, 72);
 const FEWEST: f64 = 0.05;
 
 /// What the values of a network mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DepthKind {
     /// Inverse depth, up to a scale and a shift: near = large.
     Disparity,
@@ -38,7 +34,7 @@ pub enum DepthKind {
 }
 
 /// What a network estimates for one frame: one value for each cell of the image, row by row from the upper left.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct MonoDepth {
     /// The frame.
     pub frame: FrameId,
@@ -49,8 +45,6 @@ pub struct MonoDepth {
     /// The frame's camera, with the number of cells as width and height.
     pub camera: Camera,
     /// Upper 16 bits of each value as a 32-bit float, which is exact to 0.2 %; 0 for none.
-    #[serde(with = "packed")]
-    #[schemars(with = "String")]
     pub values: Vec<u16>,
 }
 
