@@ -171,7 +171,7 @@ impl Policy for Plain {
                 self.queue.clear();
                 Step::Wait
             }
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue | PolicyEvent::Monitor { .. } => Step::Wait,
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
         }
     }
 

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use spf_core::envelope::Cause;
-use spf_core::monitor::Verdict;
 use spf_core::pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 use spf_core::time::{Duration, Time};
 use spf_flight::run::Observer;
@@ -78,8 +77,6 @@ impl Progress {
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
             // That all is well every 2 s is no news.
-            Note::Monitor(judgement) if judgement.verdict == Verdict::Continue || judgement.outdated => return,
-            Note::Monitor(judgement) => words::monitor(judgement),
             Note::Around(around) => words::around(around),
             Note::Limited(why) => (*why).to_owned(),
             Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),

@@ -8,9 +8,7 @@ use spf_core::avoid::KeepOut;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameMeta;
 use spf_core::geometry::EnuPosition;
-use spf_core::monitor::Verdict;
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Phase, Pilot};
-use spf_core::query::QueryKind;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_flight::log::FlightHeader;
@@ -251,8 +249,6 @@ impl Observer for Instruments {
         self.picture(now, pilot);
         self.drawn.note(now, action, &self.camera);
         match action {
-            // Nobody points for a monitor.
-            Action::Ask(query) if query.kind == QueryKind::Monitor => {}
             Action::Ask(query) => {
                 self.asked = Some((query.id.0, now));
                 if let Some(meta) = self.newest.filter(|meta| meta.id == query.frame)
@@ -266,7 +262,6 @@ impl Observer for Instruments {
             }
             Action::Cancel(id) => drop(self.asked.take_if(|(asked, _)| *asked == id.0)),
             // That all is well every 2 s is no news.
-            Action::Note(Note::Monitor(judgement)) if judgement.verdict == Verdict::Continue || judgement.outdated => {}
             Action::Note(Note::Decision(decision)) => {
                 (self.asked, self.goal) = (None, decision.goal.filter(|_| !decision.passed).map(|goal| goal.position));
                 let flown_to = self.drawn.point(decision.pose, &self.camera, pilot);
@@ -287,7 +282,7 @@ impl Observer for Instruments {
                     Note::QueryFailed { .. } => "error",
                     // It lands already.
                     Note::OperatorIgnored(OperatorEvent::Land, _) => "info",
-                    Note::Monitor(_) | Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) => "warning",
+                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) => "warning",
                     // An answer to a cancelled query, as after a hold, is nothing to worry about.
                     _ => "info",
                 };

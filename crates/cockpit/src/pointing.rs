@@ -295,10 +295,6 @@ impl Vlm for Pointer {
         self.other.as_ref().map_or_else(own, |other| other.image_spec(camera))
     }
 
-    fn is_concurrent(&self) -> bool {
-        self.other.as_ref().is_some_and(|other| other.is_concurrent())
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let began = Instant::now();
         let points = matches!(request.query.kind, QueryKind::Point { .. });

@@ -29,7 +29,7 @@ pub struct Craft {
     /// Height above ground after take-off, m.
     pub take_off_height: f64,
     /// Height above home to which it climbs at most before it returns by its own navigation, m; `None` if it cannot return.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub return_height: Option<f64>,
     /// Height that it climbs at least before such a return, from wherever it is, m.
     #[serde(default, skip_serializing_if = "is_zero")]

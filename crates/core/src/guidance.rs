@@ -29,9 +29,6 @@ pub struct Guidance {
     /// Whether the box of the target is tracked from one answer to the next ([`crate::track`]).
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub track: bool,
-    /// Whether a monitor watches the flight to the target, and asks the VLM how it goes on ([`crate::monitor`]).
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
-    pub monitor: bool,
 }
 
 impl Guidance {
@@ -41,9 +38,9 @@ impl Guidance {
         !self.keeps_anchor() && !self.map && !self.track
     }
 
-    /// Whether the target's place may be kept, to guide the craft or for the monitor.
+    /// Whether the target's place may be kept.
     #[must_use]
     pub fn keeps_anchor(&self) -> bool {
-        self.anchor || self.low_anchor || self.slow_anchor || self.monitor
+        self.anchor || self.low_anchor || self.slow_anchor
     }
 }

@@ -28,7 +28,6 @@ pub mod gimbal;
 pub mod grounding;
 pub mod guidance;
 pub mod lift;
-pub mod monitor;
 pub mod obstacle_map;
 pub mod odometry;
 pub mod pilot;

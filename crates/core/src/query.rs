@@ -54,8 +54,6 @@ pub enum QueryKind {
     },
     /// Whether the instruction is fulfilled.
     Done,
-    /// How the flight to the target goes on, in one word ([`crate::monitor`]).
-    Monitor,
 }
 
 impl QueryKind {
@@ -254,13 +252,13 @@ pub struct Query {
     /// Size at which the image is sent, if not that of the frame.
     pub image_size: Option<(u32, u32)>,
     /// Distance from the target at which the instruction counts as fulfilled, metres, as stated in the prompt.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub near_m: Option<f64>,
     /// Distance that the drone keeps by itself from a target that it follows, metres; `None` if it flies where the VLM points.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub keep_m: Option<f64>,
     /// Region of the image that goes along as a second, enlarged image.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub close_up: Option<ImageBox>,
 }
 

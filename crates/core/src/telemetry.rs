@@ -50,15 +50,15 @@ pub struct Telemetry {
     /// Height above the take-off point, metres.
     pub height: Option<f64>,
     /// Measured distance to whatever is below the craft, metres; `None` without a sensor or beyond its range.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub ground_clearance: Option<f64>,
     /// Where the craft's own navigation would return to, world frame; `None` if it does not tell.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub returns_to: Option<EnuPosition>,
     /// Battery charge, 0..=1.
     pub battery: Option<f64>,
     /// Highest temperature in the craft, °C, if reported.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<f64>,
     /// Flight phase.
     pub phase: FlightPhase,

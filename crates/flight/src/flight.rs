@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use spf_core::envelope::Limits;
 use spf_core::executor::Motion;
-use spf_core::pilot::{AskWhen, OperatorEvent, PilotSettings, Preset};
+use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::prompt::PromptText;
 use spf_core::time::Duration;
 use spf_drone::Drone;
@@ -25,11 +25,11 @@ use crate::real::Real;
 use crate::recorder::{RecordPlan, Recorder};
 use crate::run::{Observer, World, run};
 use crate::sight::Sight;
-use crate::sim::{SimWorld, Simulated, StartError, TrackModel, VlmFactory, VlmFactoryError};
+use crate::sim::{SimWorld, Simulated, StartError, VlmFactory, VlmFactoryError};
 use crate::site::{Clock, Parts};
 use crate::summary::Summary;
-use crate::tracking::{Follow, TrackBy, Tracking, VirtualTracker};
-use crate::world::{Live, Lockstep, Script, Vlms};
+use crate::tracking::{TrackBy, Tracking, VirtualTracker};
+use crate::world::{Live, Lockstep, Script};
 
 /// Everything that defines a flight.
 ///
@@ -63,17 +63,12 @@ pub struct FlightPlan {
     pub preset: Preset,
     /// Pilot settings.
     pub settings: PilotSettings,
-    /// What tracks the target's box, if `settings.guidance.track` is on.
-    pub track_by: TrackBy,
     /// Limits of the safety envelope.
     pub limits: Limits,
     /// Name of the VLM on the command line.
     pub vlm: String,
     /// Creates the VLM.
     pub vlm_factory: VlmFactory,
-    /// What answers the monitor's queries, if `settings.guidance.monitor` is on: its name on the command line, and how it is created.
-    /// `None` for a second client of the VLM.
-    pub monitor: Option<(String, VlmFactory)>,
     /// The detector whose boxes replies have in obstacle mode; `None` without one.
     pub detector: Option<DetectorPlan>,
     /// The network that estimates the depth of frames; `None` without one.
@@ -142,10 +137,8 @@ impl FlightPlan {
             policy: Arc::new(PolicyKind::spf()),
             preset: Preset::Default,
             settings: PilotSettings::preset(Preset::Default),
-            track_by: TrackBy::Pixels,
             vlm: vlm.to_owned(),
             vlm_factory,
-            monitor: None,
             detector: None,
             depth_network: None,
             prompt: None,
@@ -177,9 +170,6 @@ pub enum FlightError {
     /// The plan needs manoeuvres that the craft does not support.
     #[error("`{0}` does not support autonomous manoeuvres")]
     Manoeuvres(String),
-    /// The plan needs the stand-in for a tracker where it cannot be had.
-    #[error("only a simulated craft in virtual time can be tracked without pixels")]
-    TrackModel,
     /// The VLM could not be created.
     #[error("cannot query the VLM")]
     Vlm(#[source] VlmFactoryError),
@@ -208,10 +198,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let camera = capabilities.camera;
     let live = clock != Clock::Virtual;
-    let track_by = if plan.settings.guidance.track { plan.track_by } else { TrackBy::Off };
-    if track_by == TrackBy::Model && (live || world.is_none()) {
-        return Err(FlightError::TrackModel);
-    }
+    let track_by = if plan.settings.guidance.track { TrackBy::Pixels } else { TrackBy::Off };
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
@@ -224,14 +211,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         None => vlm,
     };
     let vlm: Box<dyn Vlm> = Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd));
-    let monitors = plan.settings.guidance.monitor;
-    let monitor_factory = plan.monitor.as_ref().map_or(&plan.vlm_factory, |(_, factory)| factory);
-    let monitor = monitors.then(|| monitor_factory(world.as_ref(), seed)).transpose().map_err(FlightError::Vlm)?;
-    let monitor = monitor.map(|vlm| Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd)) as Box<dyn Vlm>);
     let image_spec = vlm.image_spec((camera.width, camera.height));
-    let two_queries = plan.settings.ask == AskWhen::News && vlm.is_concurrent();
-    let second = (two_queries && live).then(|| (plan.vlm_factory)(world.as_ref(), seed)).transpose().map_err(FlightError::Vlm)?;
-    let second = second.map(|vlm| Box::new(Accounted::new(vlm, ledger.clone(), plan.max_cost_usd)) as Box<dyn Vlm>);
     let head = FlightHeader {
         format: spf_record::log::FORMAT,
         program: env!("CARGO_PKG_VERSION").to_owned(),
@@ -244,12 +224,10 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         camera,
         limits: plan.limits,
         vlm: plan.vlm,
-        monitor: plan.monitor.map(|(name, _)| name).filter(|_| monitors),
         detector: detector_name,
         depth_model: depth_name,
         grounding: image_spec.grounding,
         image_size: image_spec.image_size,
-        two_queries,
         prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
         drone: drone.name().to_owned(),
         sim,
@@ -259,21 +237,15 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     observers.iter_mut().for_each(|observer| observer.begin(&head, &sight));
     let mut recorder = record.as_ref().map(|record| Recorder::new(record, &head, frame_source, live));
     let mut course = Course::new(&head.instruction, judge);
-    let vlms = Vlms { vlm, second, monitor };
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
-            let follow: Option<Box<dyn Follow>> = match (track_by, &world) {
-                (TrackBy::Off, _) => None,
-                (TrackBy::Model, Some(world)) => Some(Box::new(TrackModel::new(world.clone(), seed))),
-                _ => Some(Box::new(Tracking::new(&camera))),
-            };
-            let tracker = follow.map(|follow| VirtualTracker::new(follow, drone.frames()));
-            let world = Lockstep::new(drone, vlms, script, interrupts).with_tracker(tracker);
+            let tracker = (!track_by.is_off()).then(|| VirtualTracker::new(Tracking::new(&camera), drone.frames()));
+            let world = Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracker);
             Box::new(world.with_operator(operator))
         }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
-            let live = Live::new(start, drone, vlms, script, interrupts, !track_by.is_off()).map_err(FlightError::Thread)?;
+            let live = Live::new(start, drone, vlm, script, interrupts, !track_by.is_off()).map_err(FlightError::Thread)?;
             Box::new(live.with_operator(operator))
         }
     };

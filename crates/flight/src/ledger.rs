@@ -38,7 +38,6 @@ pub struct VlmUse {
     /// Median reply latency, seconds; null without replies.
     pub median_latency_s: Option<f64>,
     /// Breakdown of the latency.
-    #[serde(default)]
     pub median_parts: MedianParts,
     /// Maximum number of bytes sent for a query.
     pub most_bytes_sent: u64,
@@ -220,10 +219,6 @@ impl Vlm for Accounted {
 
     fn temperature(&self) -> Option<f64> {
         self.vlm.temperature()
-    }
-
-    fn is_concurrent(&self) -> bool {
-        self.vlm.is_concurrent()
     }
 
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {

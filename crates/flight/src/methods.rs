@@ -7,7 +7,7 @@ use serde::Deserialize;
 use spf_core::executor::{Ending, Motion};
 use spf_core::guidance::Guidance;
 use spf_core::lift::Lifting;
-use spf_core::pilot::{AskWhen, PilotSettings, Preset, QueryTiming};
+use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::query::ActForm;
 use spf_core::step::StepRule;
 use thiserror::Error;
@@ -111,8 +111,6 @@ pub struct BenchSettings {
     pub ending: Option<Ending>,
     /// Whether the craft holds while the VLM thinks.
     pub think: Option<QueryTiming>,
-    /// Whether the VLM is asked always, or when something is new.
-    pub ask: Option<AskWhen>,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: Option<bool>,
     /// Whether obstacle mode is on in every task, not only in those that require it.
@@ -131,8 +129,6 @@ pub struct BenchSettings {
     pub brake: bool,
     /// What keeps the target's box between two answers.
     pub track: TrackBy,
-    /// Whether a monitor watches the flight to the target.
-    pub monitor: bool,
     /// Whether the craft has a depth sensor.
     pub depth_sensor: bool,
     /// Whether a geofence is drawn around the straight path from the start to the goals.
@@ -173,7 +169,6 @@ impl BenchSettings {
             motion: self.motion.unwrap_or(preset.motion),
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
-            ask: self.ask.unwrap_or(preset.ask),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
             guidance: Guidance {
                 anchor: self.anchor,
@@ -182,7 +177,6 @@ impl BenchSettings {
                 map: self.map,
                 sensor: self.depth_sensor,
                 track: !self.track.is_off(),
-                monitor: self.monitor,
             },
             ..preset
         }

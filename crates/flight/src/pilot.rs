@@ -19,8 +19,6 @@ pub struct PolicyParts {
     pub craft: Craft,
     /// How the VLM receives the camera's images.
     pub image_spec: ImageSpec,
-    /// Whether two queries may be open in a search.
-    pub two_queries: bool,
     /// The prompt.
     pub prompt: Arc<PromptText>,
     /// Seed of its random choices.
@@ -43,7 +41,6 @@ pub trait PolicyMaker: Send + Sync {
 /// Creates the pilot for the flight with this head.
 pub(crate) fn pilot(head: &FlightHeader, policy: &dyn PolicyMaker, prompt: Arc<PromptText>) -> Pilot {
     let image_spec = ImageSpec { grounding: head.grounding, image_size: head.image_size };
-    let two_queries = head.two_queries;
     let seed = head.sim.as_ref().map_or(0, |sim| sim.seed);
     Pilot::new(PilotParts {
         settings: head.settings,
@@ -51,7 +48,7 @@ pub(crate) fn pilot(head: &FlightHeader, policy: &dyn PolicyMaker, prompt: Arc<P
         senses: head.senses,
         camera: head.camera,
         limits: head.limits.clone(),
-        policy: policy.policy(PolicyParts { settings: head.settings, craft: head.craft, image_spec, two_queries, prompt, seed }),
+        policy: policy.policy(PolicyParts { settings: head.settings, craft: head.craft, image_spec, prompt, seed }),
         instruction: head.instruction.clone(),
     })
 }

@@ -7,7 +7,6 @@ use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
 use spf_baselines::typefly::{TypeFly, TypeFlySettings};
 use spf_core::avoid::PathShape;
 use spf_core::executor::Motion;
-use spf_core::pilot::QueryTiming;
 use spf_core::policy::Policy;
 use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::prompt::PromptKind;
@@ -110,13 +109,11 @@ impl PolicyMaker for PolicyKind {
     }
 
     fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
-        let PolicyParts { settings, craft, image_spec, two_queries, prompt, seed } = parts;
+        let PolicyParts { settings, craft, image_spec, prompt, seed } = parts;
         let image_size = image_spec.image_size;
         match self.0.policy {
             Family::Spf {} => {
-                // Whoever asks at rest alone, or flies one motion after the other, does not turn meanwhile.
-                let in_motion = settings.think == QueryTiming::Continuous && settings.motion == Motion::Blended;
-                let (guidance, asks_ahead) = (settings.guidance, two_queries && in_motion);
+                let guidance = settings.guidance;
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,
@@ -134,7 +131,7 @@ impl PolicyMaker for PolicyKind {
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
-                Box::new(Spf::new(settings).with_prompt(prompt).with_guidance(guidance).asking_ahead(asks_ahead))
+                Box::new(Spf::new(settings).with_prompt(prompt).with_guidance(guidance))
             }
             Family::Plain { form } => {
                 let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form, near_m: settings.near_m };

@@ -15,7 +15,7 @@ pub struct Touch {
     /// Key of the object in the scene.
     pub object: String,
     /// What people call the object if it is the ground: `ground`, `floor` or `water`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub surface: Option<String>,
     /// Flight time, seconds.
     pub at_s: f64,
@@ -77,7 +77,7 @@ pub struct Summary {
     pub verified: Option<bool>,
     /// How the target objects for `verified` were determined; omitted if `verified` is null, and by versions that did not record
     /// it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
     /// Parts of the instruction that the parser does not read, and that `verified` ignores; omitted if there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -95,11 +95,10 @@ pub struct Summary {
     /// Number of collisions in flight.
     pub collisions: u32,
     /// The collisions, in order; only with ground truth.
-    #[serde(default)]
     pub touched: Vec<Touch>,
     /// How long the target was followed, if the last step of the instruction is to follow; omitted otherwise, and without ground
     /// truth.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub followed: Option<Followed>,
     /// Keys of the objects matching the instruction.
     pub targets: Vec<String>,
@@ -110,10 +109,10 @@ pub struct Summary {
     /// Name of the VLM or oracle.
     pub vlm: String,
     /// Name of the detector, in obstacle mode with a detector; omitted without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
     /// Name of the depth network; omitted without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_model: Option<String>,
     /// What keeps the target's box between two answers; omitted if nothing does.
     #[serde(default, skip_serializing_if = "TrackBy::is_off")]
@@ -135,27 +134,27 @@ pub struct Summary {
     /// Craft model.
     pub drone_model: String,
     /// Wind, in the syntax of `--wind`; omitted in still air.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub wind: Option<String>,
     /// Battery charge at the start, 0 to 1; omitted if full.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub battery: Option<f64>,
     /// Camera effects, in the syntax of `--camera-effects`; omitted if none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
     /// Number of replies that arrived after their query was cancelled.
     pub late_replies: u32,
     /// Age of frames at decisions, for a real craft; omitted without decisions and in the simulator.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub glass_to_decision: Option<GlassToDecision>,
     /// Files that could not be recorded completely; omitted if there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub not_recorded: Vec<String>,
     /// Kind and version of the prompt, if not the built-in one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub prompt: Option<String>,
     /// VLM usage; omitted if nothing was sent over a network.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub vlm_use: Option<VlmUse>,
 }
 

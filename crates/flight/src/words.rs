@@ -3,7 +3,6 @@
 use std::fmt::Display;
 
 use spf_core::avoid::Avoidance;
-use spf_core::monitor::{JudgedBy, Judgement, Verdict};
 use spf_core::pilot::{Around, Decision, Note, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
 use spf_vlm::ORACLE_SERVED;
@@ -69,23 +68,6 @@ pub fn around(around: &Around) -> String {
     format!("{side}: {}", around.name.as_deref().unwrap_or("an obstacle"))
 }
 
-/// Display text of what a monitor has judged.
-#[must_use]
-pub fn monitor(judgement: &Judgement) -> String {
-    let Judgement { verdict, by, side, outdated } = judgement;
-    let what = match verdict {
-        Verdict::Continue => "the flight goes on as it should".to_owned(),
-        Verdict::Stop => "the instruction may be fulfilled".to_owned(),
-        Verdict::Lost => {
-            side.map_or("the target is lost".to_owned(), |side| format!("the target is lost, last on the {}", look(side)))
-        }
-        Verdict::Stuck => "no progress towards the target".to_owned(),
-    };
-    let by = if *by == JudgedBy::Vlm { " (VLM)" } else { "" };
-    let outdated = if *outdated { ", but that is out of date" } else { "" };
-    format!("monitor: {what}{by}{outdated}")
-}
-
 /// Display text of a report of the pilot, one line.
 #[must_use]
 pub fn note(note: &Note) -> String {
@@ -93,7 +75,6 @@ pub fn note(note: &Note) -> String {
         Note::Phase(now) => phase(*now).to_owned(),
         Note::Decision(made) => format!("{}. {}", made.number, decision(made)),
         Note::Envelope(cause) => format!("envelope: {cause}"),
-        Note::Monitor(judgement) => monitor(judgement),
         Note::Around(detour) => around(detour),
         Note::Limited(why) => (*why).to_owned(),
         Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
@@ -227,15 +208,5 @@ mod tests {
         assert!(vlm_use(&used("gpt-6-luna", Some(0.5))).ends_with("$0.5000"));
         assert!(vlm_use(&used("gpt-6-luna", None)).ends_with("price unknown"));
         assert_eq!(vlm_use(&used(HUMAN, None)), "VLM: human, 3 queries");
-    }
-
-    #[test]
-    fn a_judgement_is_one_line() {
-        let said = |verdict, by, side, outdated| monitor(&Judgement { verdict, by, side, outdated });
-        let lost = said(Verdict::Lost, JudgedBy::Vlm, Some(Look::Left), false);
-        assert_eq!(lost, "monitor: the target is lost, last on the left (VLM)");
-        let stop = said(Verdict::Stop, JudgedBy::Vlm, None, true);
-        assert_eq!(stop, "monitor: the instruction may be fulfilled (VLM), but that is out of date");
-        assert_eq!(said(Verdict::Stuck, JudgedBy::Pilot, None, false), "monitor: no progress towards the target");
     }
 }

@@ -13,7 +13,7 @@ use super::language::item::Item;
 use super::language::order::numbered;
 use super::language::parse;
 use super::language::resolve::meant;
-use super::percept::{PerceivedObject, Percept, SIZE_SENT, logistic, slopes};
+use super::percept::{PerceivedObject, Percept, logistic, slopes};
 use super::signs;
 use super::stages::{self, Aim, View};
 use super::{ErrorFile, Oracle};
@@ -27,7 +27,6 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
         QueryKind::Choose => kinds::choose(query, percept, &aim(oracle, query, percept)),
         QueryKind::Act { form } => act::act(oracle, query, percept, &aim(oracle, query, percept), *form),
         QueryKind::Done => kinds::done(&aim(oracle, query, percept)),
-        QueryKind::Monitor => kinds::monitor(oracle, query, &aim(oracle, query, percept)),
         QueryKind::Detect { coco, scored: false } => kinds::detect(percept.seen(&oracle.errors, query.image_size), *coco),
         QueryKind::Detect { coco, scored: true } => {
             kinds::detect_scored(percept.seen_with_chance(&oracle.errors, query.image_size), *coco)
@@ -39,24 +38,9 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
 
 /// The aim of the instruction in this percept: target, stage and whether it is done.
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
-    let seen: Vec<&PerceivedObject> = noticed(oracle, query, percept);
+    let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
     let view = View { oracle, query, percept, seen: &seen };
     signs::obeyed(&view).unwrap_or_else(|| stages::aim(&parse(&query.instruction, &percept.words), &view))
-}
-
-/// The objects noticed in the images of a query. In the enlarged part that a monitor is sent an object is as large as in an image of
-/// that resolution; the answers to other queries do not depend on such a part.
-fn noticed<'a>(oracle: &'a Oracle, query: &Query, percept: &'a Percept) -> Vec<&'a PerceivedObject> {
-    let errors = &oracle.errors;
-    match query.close_up.filter(|_| query.kind == QueryKind::Monitor) {
-        None => percept.seen(errors, query.image_size).collect(),
-        Some(area) => {
-            let enlarged = |pixels: u32, part: f64| (f64::from(pixels) / part.max(0.01)) as u32;
-            let (width, height) = query.image_size.unwrap_or(SIZE_SENT);
-            let size = (enlarged(width, area.right - area.left), enlarged(height, area.bottom - area.top));
-            percept.seen_where(errors, |thing| Some(if area.contains(thing.point) { size } else { (width, height) })).collect()
-        }
-    }
 }
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {

@@ -20,14 +20,13 @@ const SHIPPED: [(&str, &str); 6] = [
 ];
 
 /// Tables of the file and their keys, for suggesting the nearest one.
-const KEYS: [(&str, &[&str]); 10] = [
+const KEYS: [(&str, &[&str]); 9] = [
     ("seen", &["half_px", "sure_px", "missed"]),
     ("point", &["width_share", "size_share"]),
     ("range", &["log_sd"]),
     ("label", &["reading", "off_by_two", "per_decade", "share_at_1", "share_at_10", "farthest_m", "share", "lengths_m"]),
     ("which", &["confused"]),
     ("done", &["log_width"]),
-    ("monitor", &["false_lost", "false_stop"]),
     ("boxes", &["missed", "spurious", "corridor_m"]),
     ("act", &["bearing_step_deg", "log_sd"]),
     ("latency", &["median_s", "p95_s"]),
@@ -92,8 +91,6 @@ pub struct ErrorFile {
     pub which: WhichErrors,
     /// Errors in judging completion.
     pub done: DoneErrors,
-    /// Errors in one word about the flight.
-    pub monitor: MonitorErrors,
     /// Obstacle boxes.
     pub boxes: BoxErrors,
     /// Text actions.
@@ -193,16 +190,6 @@ pub struct DoneErrors {
     pub log_width: f64,
 }
 
-/// *monitor*: besides the errors of the percept and of *done*.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MonitorErrors {
-    /// Fraction of answers that say lost about a target that is seen.
-    pub false_lost: f64,
-    /// Fraction of answers that say stop though the instruction is not fulfilled.
-    pub false_stop: f64,
-}
-
 /// *boxes*: errors in obstacle mode.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -282,8 +269,6 @@ impl ErrorFile {
             ("point.size_share", self.point.size_share),
             ("label.off_by_two", self.label.off_by_two),
             ("which.confused", self.which.confused),
-            ("monitor.false_lost", self.monitor.false_lost),
-            ("monitor.false_stop", self.monitor.false_stop),
             ("boxes.missed", self.boxes.missed),
             ("boxes.spurious", self.boxes.spurious),
         ] {
@@ -398,7 +383,7 @@ mod tests {
             bytes.splice(from..to, put.bytes());
             match ErrorFile::from_toml(&String::from_utf8_lossy(&bytes)) {
                 Ok(read) => {
-                    for rate in [read.which.confused, read.monitor.false_lost, read.monitor.false_stop, read.seen.missed, read.boxes.missed, read.label.off_by_two] {
+                    for rate in [read.which.confused, read.seen.missed, read.boxes.missed, read.label.off_by_two] {
                         assert!((0.0..=1.0).contains(&rate), "{rate}");
                     }
                     assert!(read.latency.median_s > 0.0 && read.latency.p95_s >= read.latency.median_s, "{:?}", read.latency);

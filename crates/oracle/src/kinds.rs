@@ -9,7 +9,6 @@ use spf_core::detection::{Detection, MAX_DETECTIONS, write_detections};
 use spf_core::query::{Mark, Query};
 use spf_core::tags::Tagged;
 
-use super::Oracle;
 use super::language::item::Item;
 use super::language::lexicon::{NOUNS, PHRASES};
 use super::language::resolve::meant;
@@ -42,23 +41,6 @@ pub(super) fn choose(query: &Query, percept: &Percept, aim: &Aim) -> String {
 /// `{"done":…,"stage":…}`.
 pub(super) fn done(aim: &Aim) -> String {
     json!({ "done": aim.done, "stage": aim.stage }).to_string()
-}
-
-/// `{"state":…}`: from the same aim as *done*, with its own errors.
-pub(super) fn monitor(oracle: &Oracle, query: &Query, aim: &Aim) -> String {
-    let errors = &oracle.errors.monitor;
-    let mut stream = oracle.by_query("monitor", query);
-    let (false_lost, false_stop) = (stream.chance(errors.false_lost), stream.chance(errors.false_stop));
-    // A target is also seen by an answer that says where to look instead of where to fly: its top is cut off, or it is too near.
-    let visible = aim.place.is_some() || aim.too_near || aim.target.is_some();
-    let state = match (aim.done, visible) {
-        (true, _) | (false, true) if false_lost => "lost",
-        (true, _) => "stop",
-        (false, _) if false_stop => "stop",
-        (false, true) => "continue",
-        (false, false) => "lost",
-    };
-    json!({ "state": state }).to_string()
 }
 
 /// One line per object: `name_id x:… y:… width:… height:… color:…`, as fractions of the image to two decimals. `coco`:

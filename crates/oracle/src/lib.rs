@@ -37,8 +37,8 @@ use spf_core::tags::Tagged;
 use spf_core::time::{Duration, duration_from_secs};
 
 pub use errors::{
-    ActErrors, BoxErrors, DoneErrors, ErrorFile, ErrorFileError, LabelErrors, LatencyErrors, MonitorErrors, PointErrors,
-    RangeErrors, Reading, SeenErrors, WhichErrors,
+    ActErrors, BoxErrors, DoneErrors, ErrorFile, ErrorFileError, LabelErrors, LatencyErrors, PointErrors, RangeErrors, Reading,
+    SeenErrors, WhichErrors,
 };
 pub use masks::{Mask, masks};
 pub use obedience::{Obedience, Per};

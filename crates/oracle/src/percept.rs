@@ -130,15 +130,6 @@ impl Percept {
         let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
         chances.filter(|(thing, chance)| thing.luck < *chance)
     }
-
-    /// The objects noticed where each is seen at a size of its own.
-    pub(super) fn seen_where<'a>(
-        &'a self,
-        errors: &'a ErrorFile,
-        size: impl Fn(&PerceivedObject) -> Option<(u32, u32)>,
-    ) -> impl Iterator<Item = &'a PerceivedObject> {
-        self.things.iter().filter(move |thing| thing.luck < chance_seen(errors, thing.size * scale_of(size(thing))))
-    }
 }
 
 /// Scale of an image sent at a size, by default [`SIZE_SENT`].

@@ -12,8 +12,6 @@ use spf_core::sign::SignView;
 
 use super::*;
 
-mod monitor;
-
 const W: usize = 960;
 const H: usize = 720;
 

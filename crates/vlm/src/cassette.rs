@@ -8,7 +8,6 @@ use std::fs::File;
 use std::hash::Hasher as _;
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
 
 use fnv::FnvHasher;
 use serde::{Deserialize, Serialize};
@@ -32,9 +31,6 @@ struct Head {
     vlm: String,
     #[serde(flatten)]
     image_spec: ImageSpec,
-    /// Whether it could be asked two things at a time.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    is_concurrent: bool,
 }
 
 /// A query and its reply.
@@ -43,9 +39,9 @@ struct Row {
     query: QueryId,
     /// Digest of the prompt: a different query must not get this reply.
     prompt_fnv1a: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     text: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<RecordedError>,
     latency_ns: u64,
     model: String,
@@ -85,14 +81,11 @@ pub enum CassetteError {
     },
 }
 
-/// The file of a recording; clones write to the same one.
-#[derive(Clone)]
-pub struct Tape(Arc<Mutex<Option<BufWriter<File>>>>);
-
 /// Records the replies of another VLM.
 pub struct Recording {
     vlm: Box<dyn Vlm>,
-    tape: Tape,
+    /// `None` once it could not be written to.
+    file: Option<BufWriter<File>>,
 }
 
 impl Recording {
@@ -103,21 +96,9 @@ impl Recording {
     pub fn new(vlm: Box<dyn Vlm>, path: &Path, camera: (u32, u32)) -> Result<Self, CassetteError> {
         let made = File::create_new(path).map_err(|source| CassetteError::Create { path: path.to_owned(), source })?;
         let mut file = BufWriter::new(made);
-        let (image_spec, is_concurrent) = (vlm.image_spec(camera), vlm.is_concurrent());
-        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec, is_concurrent })?;
-        Ok(Self { vlm, tape: Tape(Arc::new(Mutex::new(Some(file)))) })
-    }
-
-    /// Records the replies of `vlm` in the file of another recording, whose VLM receives images alike.
-    #[must_use]
-    pub fn beside(vlm: Box<dyn Vlm>, tape: Tape) -> Self {
-        Self { vlm, tape }
-    }
-
-    /// Its file.
-    #[must_use]
-    pub fn tape(&self) -> Tape {
-        self.tape.clone()
+        let image_spec = vlm.image_spec(camera);
+        write_line(&mut file, &Head { spf_recording: FORMAT, vlm: vlm.name().to_owned(), image_spec })?;
+        Ok(Self { vlm, file: Some(file) })
     }
 }
 
@@ -140,10 +121,6 @@ impl Vlm for Recording {
         self.vlm.temperature()
     }
 
-    fn is_concurrent(&self) -> bool {
-        self.vlm.is_concurrent()
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let answer = self.vlm.answer(request, image);
         let recorded = |error: &VlmError| RecordedError { code: error.code().to_owned(), message: error.to_string() };
@@ -157,10 +134,9 @@ impl Vlm for Recording {
             account: answer.account.clone(),
         };
         // A full disk ends the recording, not the flight.
-        let mut file = self.tape.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(Err(error)) = file.as_mut().map(|file| write_line(file, &row)) {
+        if let Some(Err(error)) = self.file.as_mut().map(|file| write_line(file, &row)) {
             tracing::warn!(%error, "the recording of VLM replies ends here");
-            *file = None;
+            self.file = None;
         }
         answer
     }
@@ -224,11 +200,6 @@ impl Vlm for Replay {
         self.head.image_spec
     }
 
-    fn is_concurrent(&self) -> bool {
-        // As when it was recorded: otherwise the flight would ask something else.
-        self.head.is_concurrent
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         let query = request.query;
         let refused = |reason: String| Answer {
@@ -237,9 +208,7 @@ impl Vlm for Replay {
             model: String::new(),
             account: Usage::default(),
         };
-        // In order of number: a monitor's replies stand between those of the policy in the order in which they came.
-        let index = self.rows.iter().position(|row| row.query == query.id).unwrap_or(0);
-        let Some(row) = self.rows.remove(index) else {
+        let Some(row) = self.rows.pop_front() else {
             return refused(format!("it ends before query {}", query.id.0));
         };
         if row.query != query.id || row.prompt_fnv1a != digest(&query.prompt) {
@@ -279,7 +248,7 @@ mod tests {
     fn other_files_are_refused_by_line() {
         let refused = |text: &str| Replay::read(text.as_bytes()).unwrap_err().to_string();
         let (vlm, image_spec) = ("gemini".to_owned(), ImageSpec::default());
-        let head = serde_json::to_string(&Head { spf_recording: 1, vlm, image_spec, is_concurrent: false }).unwrap();
+        let head = serde_json::to_string(&Head { spf_recording: 1, vlm, image_spec }).unwrap();
         assert!(Replay::read(head.as_bytes()).is_ok());
         assert!(refused("").contains("line 1"));
         assert!(refused(&format!("{head}\n{{\"query\":0")).contains("line 2"));

@@ -131,10 +131,7 @@ pub fn reply_to(query: &Query, pointed: Pointed, profile: &GroundingProfile) -> 
 
 fn schema_of(query: &Query) -> Result<Value, VlmError> {
     reply_schema(&query.kind).filter(|_| matches!(query.kind, QueryKind::Point { .. })).ok_or_else(|| {
-        let reason = match query.kind {
-            QueryKind::Monitor => "`human` answers only where to fly: give another VLM with --vlm-monitor".to_owned(),
-            _ => "`human` answers only where to fly: use --policy spf".to_owned(),
-        };
+        let reason = "`human` answers only where to fly: use --policy spf".to_owned();
         VlmError::Refused { model: HUMAN.to_owned(), reason }
     })
 }

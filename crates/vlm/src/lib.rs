@@ -154,11 +154,6 @@ pub trait Vlm: Send {
         None
     }
 
-    /// Whether another client of it can answer a query while this one answers another.
-    fn is_concurrent(&self) -> bool {
-        false
-    }
-
     /// Answers a query; blocks until the reply is complete, the time is up or the query is cancelled. The reported
     /// latency is the time that the flight waits, also in virtual time.
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer;

@@ -37,10 +37,6 @@ impl Vlm for Paced {
         self.vlm.temperature()
     }
 
-    fn is_concurrent(&self) -> bool {
-        self.vlm.is_concurrent()
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let mut request = request.clone();
         if self.unhurried {

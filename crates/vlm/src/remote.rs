@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use spf_core::grounding::GroundingProfile;
-use spf_core::monitor::IMAGE_SIDE;
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::{Query, QueryKind};
 use spf_core::reply::parse_reply;
@@ -161,17 +160,6 @@ impl Remote {
         matches!(query.kind, QueryKind::Point { .. }).then(|| self.prompt.write_point(query, profile))
     }
 
-    /// The size at which the image of a query is sent to a backend: small, if one word answers it.
-    fn size_for(&self, index: usize, camera: (u32, u32), kind: &QueryKind) -> (u32, u32) {
-        match kind {
-            QueryKind::Monitor => {
-                let side = self.strategy.long_side.map_or(IMAGE_SIDE, |side| side.min(IMAGE_SIDE));
-                self.backends[index].model.image.sent(camera, Some(side))
-            }
-            _ => self.sight(index, camera).1,
-        }
-    }
-
     /// The coordinates and image size for querying a backend about a camera's frames.
     fn sight(&self, index: usize, camera: (u32, u32)) -> (GroundingProfile, (u32, u32)) {
         let model = &self.backends[index].model;
@@ -194,13 +182,9 @@ impl Vlm for Remote {
         self.backends[0].model.temperature()
     }
 
-    fn is_concurrent(&self) -> bool {
-        true
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         // The simulator renders its frame here, which must not count as latency; a real camera has it available.
-        image.prepare(self.size_for(0, image.size(), &request.query.kind));
+        image.prepare(self.sight(0, image.size()).1);
         let began = Instant::now();
         let mut asking = Asking {
             remote: self,
@@ -243,9 +227,7 @@ impl Asking<'_> {
                     match outcome.text {
                         Ok(text) => {
                             // Of one that was overtaken, at least this is known.
-                            if !matches!(self.request.query.kind, QueryKind::Monitor) {
-                                remote.replies().replied(self.began.elapsed());
-                            }
+                            remote.replies().replied(self.began.elapsed());
                             return (self.translated(index, text), outcome.model);
                         }
                         Err(error) => {
@@ -290,7 +272,7 @@ impl Asking<'_> {
         let remote = self.remote;
         let backend = remote.backends[index].clone();
         let grounding = remote.sight(index, self.camera).0;
-        let size = remote.size_for(index, self.camera, &self.request.query.kind);
+        let size = remote.sight(index, self.camera).1;
         let quality = remote.strategy.quality.unwrap_or(backend.model.image.quality).clamp(1, 100);
         let jpeg = image.jpeg(size, quality)?;
         let query = self.request.query;

@@ -23,7 +23,6 @@ pub struct StageTimes {
     /// The image was rendered and encoded.
     pub encoded_s: Option<f64>,
     /// The connection accepted the last part of the request; the operating system may still buffer some of it.
-    #[serde(default)]
     pub uploaded_s: Option<f64>,
     /// The response headers arrived.
     pub head_s: Option<f64>,

@@ -416,7 +416,7 @@ impl Policy for Pivot {
                 Step::Wait
             }
             PolicyEvent::Continue => self.ask_next(),
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Monitor { .. } => Step::Wait,
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } => Step::Wait,
         }
     }
 

@@ -470,7 +470,7 @@ impl Policy for TypeFly {
                 Step::Wait
             }
             PolicyEvent::MoveEnded { completed } => self.move_ended(completed),
-            PolicyEvent::Chunk { .. } | PolicyEvent::Continue | PolicyEvent::Monitor { .. } => Step::Wait,
+            PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
         }
     }
 

@@ -17,7 +17,7 @@ pub struct Run {
     pub folder: PathBuf,
     /// Its plan.
     pub head: RunHeader,
-    /// Its manifest; `None` for results of older versions without one.
+    /// Its manifest; `None` if there is none.
     pub made: Option<RunManifest>,
     records: usize,
 }

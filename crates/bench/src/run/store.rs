@@ -253,7 +253,7 @@ pub fn read_records(folder: &Path) -> Result<Vec<Record>, StoreError> {
     complete_lines(&text).map(|(row, line)| serde_json::from_str(row).map_err(|_| no_row(&path, line))).collect()
 }
 
-/// Reads the flown paths of a result folder by trial; empty for results of older versions without paths.
+/// Reads the flown paths of a result folder by trial; empty if there is no file of them.
 ///
 /// # Errors
 /// [`StoreError`] if they cannot be read.

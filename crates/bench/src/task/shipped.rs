@@ -313,22 +313,6 @@ pub const SUITES: &[Suite] = &[
         tasks: CROSS_SECTION,
     },
     Suite {
-        name: "ladder",
-        description: "the 30 tasks of hard: the paper's method, the parts that guide the flight between two answers one after \
-            another, and all of them less each",
-        methods: "spf-paper,spf,spf-avoid,spf-avoid-anchor,spf-map,spf-map-track,spf-map-monitor,spf-all,spf-all-no-anchor,\
-            spf-all-no-map,spf-all-no-track,spf-all-no-monitor",
-        vlms: ORACLE,
-        tasks: HARD,
-    },
-    Suite {
-        name: "ladder-pixels",
-        description: "the same tasks with the tracker from pixels and range from motion, and without each",
-        methods: "spf-all-pixels,spf-all-pixels-no-track,spf-all-pixels-no-range",
-        vlms: ORACLE,
-        tasks: HARD,
-    },
-    Suite {
         name: "all",
         description: "the 64 tasks of paper and hard, flown with SPF with and without a detector, PIVOT, TypeFly, plain text \
              and a blind straight-line control",

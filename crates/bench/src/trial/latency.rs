@@ -43,10 +43,6 @@ impl Vlm for Timed {
         self.vlm.temperature()
     }
 
-    fn is_concurrent(&self) -> bool {
-        self.vlm.is_concurrent()
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
         let mut answer = self.vlm.answer(request, image);
         if matches!(request.query.kind, QueryKind::Detect { .. }) {

@@ -7,7 +7,6 @@ use spf_core::time::duration_from_secs;
 use spf_flight::methods::{BenchSettings, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::VlmFactory;
-use spf_flight::tracking::TrackBy;
 use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm};
 
 use crate::task::{Task, TaskSet};
@@ -56,11 +55,6 @@ impl Method {
     /// Whether the boxes of replies are those of a detector.
     pub(super) fn has_detector(self) -> bool {
         self.settings.detector
-    }
-
-    /// What keeps the target's box between two answers.
-    pub(super) fn track_by(self) -> TrackBy {
-        self.settings.track
     }
 
     pub(super) fn policy(self) -> PolicyKind {

@@ -21,7 +21,6 @@ use spf_flight::recorder::RecordPlan;
 use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::{Summary, VerifiedBy};
-use spf_flight::tracking::TrackBy;
 use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
 use spf_sim::depth_sensor::DepthSensor;
@@ -198,7 +197,6 @@ impl Trial {
             policy: Arc::new(self.method.policy()),
             preset: self.method.preset(),
             settings: self.method.settings(task),
-            track_by: self.method.track_by(),
             detector: self.detector(),
             max_cost_usd: self.max_cost_usd,
             record,
@@ -232,11 +230,9 @@ impl Trial {
         let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
         let fence = if self.method.is_fenced() { " fence" } else { "" };
         let settings = without_what_is_off(&format!("{:?}", self.method.settings(&self.task)));
-        // Whoever tracks is no setting of the pilot's.
-        let tracked = if self.method.track_by() == TrackBy::Model { " track model" } else { "" };
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
         let detector = if self.method.has_detector() { " detector" } else { "" };
-        let all = format!("{} {settings} {limits:?} {}{fence}{extra}{tracked}{detector}", policy.name(), prompt.source());
+        let all = format!("{} {settings} {limits:?} {}{fence}{extra}{detector}", policy.name(), prompt.source());
         format!("{:016x}", fnv(all.as_bytes()))
     }
 

@@ -42,7 +42,6 @@ pub struct VlmDetails {
     /// Width and height of the images sent.
     pub image_px: Option<[u32; 2]>,
     /// Temperature requested; `None` for the vendor's default.
-    #[serde(default)]
     pub temperature: Option<f64>,
 }
 
@@ -67,7 +66,6 @@ pub struct Record {
     /// The program's version.
     pub program: String,
     /// Source revision of the program, with `+` for modified files; empty if unknown.
-    #[serde(default)]
     pub git_rev: String,
     /// The task.
     pub task: String,
@@ -78,16 +76,14 @@ pub struct Record {
     /// The method.
     pub method: String,
     /// Digest of policy, settings, limits and prompt: trials with equal values used the same rules.
-    #[serde(default)]
     pub params_hash: String,
     /// Source of the reply latency: `log-normal` (the oracle's error file), `measured`, `fixed 3 s`, and any addition
     /// by the task.
-    #[serde(default)]
     pub latency_model: String,
     /// The scores.
     pub scores: Scores,
     /// Why the trial could not be flown; it then counts as a failure.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub error: Option<String>,
     /// The scene with its variant.
     pub scene_id: String,
@@ -138,7 +134,7 @@ pub struct Record {
     /// VLM details.
     pub vlm_details: VlmDetails,
     /// Measures of a task with a hostile sign.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub signs: Option<SignFigures>,
     /// The flight's summary, including its seed; `verified`, `final_distance_m`, `targets` and `target_in_view` come
     /// from the judge.

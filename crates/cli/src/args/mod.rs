@@ -239,9 +239,6 @@ pub(crate) struct MethodArgs {
     /// Record the VLM's replies to a new file; `--vlm replay:FILE` repeats the flight
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_record: Option<String>,
-    /// VLM for the queries of --monitor, for instance a smaller model; given as --vlm is [default: that of --vlm]
-    #[arg(long, value_name = "VLM")]
-    pub(crate) vlm_monitor: Option<String>,
     /// Fallback VLM, used when the first one fails
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm_fallback: Option<String>,
@@ -288,10 +285,6 @@ pub(crate) struct MethodArgs {
     /// While waiting for the VLM, hold position (stop) or keep flying the last plan (continuous) [default: the preset's]
     #[arg(long, value_name = "THINK")]
     pub(crate) think: Option<String>,
-    /// When to ask the VLM while flying on: again as soon as it has answered (always), or when something is new, or its answer
-    /// will be needed (news: fewer queries with a fast model; a search asks ahead) [default: always]
-    #[arg(long, value_name = "WHEN")]
-    pub(crate) ask: Option<String>,
     /// Setpoint rate, 5 to 100 Hz [default: 10]
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     pub(crate) rate: Option<String>,
@@ -303,8 +296,8 @@ pub(crate) struct MethodArgs {
     /// with a depth sensor, and in obstacle mode) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) anchor: Option<String>,
-    /// Keep a map of obstacles, from boxes, depth sensor and rangefinder, and plan around them: on, off, or
-    /// auto (on with a depth sensor or a depth network) [default: auto]
+    /// Keep a map of obstacles, from depth sensor, depth network and rangefinders, and plan around them: on, off, or auto
+    /// (on with any of them) [default: auto]
     #[arg(long, value_name = "SWITCH")]
     pub(crate) map: Option<String>,
     /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says, and for the boxes
@@ -314,10 +307,6 @@ pub(crate) struct MethodArgs {
     /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]
     #[arg(long, value_name = "TRACKER")]
     pub(crate) track: Option<String>,
-    /// Watch the flight to the target between replies, and ask the VLM every 2 s in a small query whether it goes on, is over, or
-    /// has lost the target: on or off [default: off]
-    #[arg(long, value_name = "SWITCH")]
-    pub(crate) monitor: Option<String>,
     /// With --track pixels, the distance to keep from somebody who is followed, 2 to 10 m [default: 2.5]
     #[arg(long, value_name = "METRES")]
     pub(crate) keep: Option<String>,

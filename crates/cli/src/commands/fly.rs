@@ -37,11 +37,11 @@ use spf_sim::model::Model;
 
 use self::manual::Manual;
 use self::reading::{Given, Reader};
-use self::settings::{flight_conditions, limits, method, method_words, preset_and_policy, prompt, script};
+use self::settings::{check_map, flight_conditions, limits, method, method_words, preset_and_policy, prompt, script};
 use self::signals::flight_interrupts;
 use crate::args::Fly;
 use crate::background::PrintThread;
-use crate::commands::vlm::{self, Pace, console, is_human};
+use crate::commands::vlm::{Pace, console, is_human};
 use crate::commands::{depth_model, detector, load_scene};
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -51,9 +51,6 @@ use crate::settings::{DroneName, Settings};
 
 /// Maximum length of an instruction, characters, as in prompts.
 const MAX_INSTRUCTION: usize = 2000;
-
-/// Follows the hint at the limit of decisions: with slower models, asking less often saves next to nothing.
-const FEWER_QUERIES: &str = "; with a model that answers within a second, `--ask news` asks less often (docs/guide/vlm.md)";
 
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
@@ -271,6 +268,7 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();
     let pace = if realtime { Pace::Wall } else { Pace::Virtual };
     let mut method = detector::with_detector(settings, policy, method(settings, preset, pace)?)?;
+    check_map(settings, &method)?;
     if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
         // Whoever watches may give the next instruction.
         method.at_end = AtEnd::Hover;
@@ -282,7 +280,6 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     let prompt = prompt(settings, policy)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let (pointing, detector) = detector::combine(settings, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
-    let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, pace)?;
     let seed = settings.fly.seed.or_default()?;
     let start = settings.fly.start.get()?;
     let kind = settings.fly.drone_model.get()?;
@@ -303,7 +300,6 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
     );
     let limits = limits(settings, loaded.limits(kind))?;
     let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
-    announcements.extend(monitored_by);
     let reader = pointing.is_oracle.then(|| Reader::new(&loaded, start));
     if let Some(reader) = &reader {
         announcements.extend(reading::lines(instruction, &loaded, start, Given::for_flight(cockpit.is_some(), realtime))?);
@@ -322,7 +318,6 @@ fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option
         settings: method,
         limits,
         detector,
-        monitor,
         depth_network,
         prompt,
         max_cost_usd,
@@ -378,8 +373,7 @@ fn hints(summary: &Summary) -> Vec<String> {
             ));
         }
         Outcome::Timeout if summary.cause.contains(" decisions was reached") => {
-            let news = if settings.ask.is_always() { FEWER_QUERIES } else { "" };
-            hints.push(format!("hint: `--max-decisions {}` permits more decisions{news}", settings.max_decisions.saturating_mul(3)));
+            hints.push(format!("hint: `--max-decisions {}` permits more decisions", settings.max_decisions.saturating_mul(3)));
         }
         Outcome::Timeout => {
             let seconds = 3.0 * settings.max_time.as_secs_f64();

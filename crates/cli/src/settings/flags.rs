@@ -75,7 +75,6 @@ impl MethodArgs {
             vlm,
             prompt,
             vlm_record,
-            vlm_monitor,
             vlm_fallback,
             vlm_hedge,
             vlm_latency,
@@ -91,14 +90,12 @@ impl MethodArgs {
             near,
             motion,
             think,
-            ask,
             rate,
             avoid,
             anchor,
             map,
             brake,
             track,
-            monitor,
             keep,
             follow_time,
             detector,
@@ -109,7 +106,6 @@ impl MethodArgs {
         fly.vlm.flag(vlm.as_deref());
         fly.prompt.flag(prompt.as_deref());
         models.record.flag(vlm_record.as_deref());
-        models.monitor.flag(vlm_monitor.as_deref());
         models.fallback.flag(vlm_fallback.as_deref());
         models.hedge_s.flag(vlm_hedge.as_deref());
         models.latency_s.flag(vlm_latency.as_deref());
@@ -125,14 +121,12 @@ impl MethodArgs {
         fly.near_m.flag(near.as_deref());
         fly.motion.flag(motion.as_deref());
         fly.think.flag(think.as_deref());
-        fly.ask.flag(ask.as_deref());
         fly.rate_hz.flag(rate.as_deref());
         fly.avoid.flag(avoid.as_deref());
         fly.anchor.flag(anchor.as_deref());
         fly.map.flag(map.as_deref());
         fly.brake.flag(brake.as_deref());
         fly.track.flag(track.as_deref());
-        fly.monitor.flag(monitor.as_deref());
         fly.keep_m.flag(keep.as_deref());
         fly.follow_time_s.flag(follow_time.as_deref());
         fly.detector.flag(detector.as_deref());

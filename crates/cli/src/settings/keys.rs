@@ -6,7 +6,7 @@ use std::net::{IpAddr, SocketAddr};
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{AskWhen, AtEnd, Preset, QueryTiming};
+use spf_core::pilot::{AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
@@ -55,22 +55,18 @@ settings! {
         motion: Motion = "", Word, "SPF_MOTION", "--motion";
         /// whether the craft holds while it waits for a reply (stop) or flies on (continuous); empty: the preset's
         think: QueryTiming = "", Word, "SPF_THINK", "--think";
-        /// in continuous, blended motion, when the VLM is asked: always (again as soon as it has answered) or news (when something is new, or the answer will be needed)
-        ask: AskWhen = "always", Word, "SPF_ASK", "--ask";
         /// setpoint rate, 5 to 100 Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ", "--rate";
         /// obstacle mode: on, off, or auto (on with the policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:)
         avoid: Switch = "auto", Word, "SPF_AVOID", "--avoid";
         /// keep an estimate of the target's position between replies: on, off, or auto (on with a depth sensor, and in obstacle mode)
         anchor: Switch = "auto", Word, "SPF_ANCHOR", "--anchor";
-        /// keep a map of obstacles, and plan around them: on, off, or auto (on with a depth sensor or a depth network)
+        /// keep a map of obstacles from measured depth, and plan around them: on, off, or auto (on with a depth sensor, a depth network, or range sensors of the craft)
         map: Switch = "auto", Word, "SPF_MAP", "--map";
         /// brake for known obstacles: on, off, or auto (on with a depth sensor, a depth network or a tracker)
         brake: Switch = "auto", Word, "SPF_BRAKE", "--brake";
         /// what keeps the target's box between replies: pixels (a tracker in the camera's frames) or off
         track: TrackBy = "off", Word, "SPF_TRACK", "--track";
-        /// watch the flight to the target from the measurements, and ask the VLM every 2 s in a small query how it goes on: on or off
-        monitor: Switch = "off", Word, "SPF_MONITOR", "--monitor";
         /// distance to keep from somebody who is followed with a tracker, 2 to 10 m
         keep_m: f64 = "2.5", Number(2.0, 10.0), "SPF_KEEP_M", "--keep";
         /// with a tracker, end the flight as reached after following for this many seconds, with the target in view; empty: no end
@@ -137,8 +133,6 @@ settings! {
     vlm: Vlm {
         /// new file to record the VLM's replies to; empty: none
         record: String = "", Text, "SPF_VLM_RECORD", "--vlm-record";
-        /// VLM that answers the monitor's queries, for instance a smaller model (given as --vlm is); empty: that of the flight
-        monitor: String = "", Text, "SPF_VLM_MONITOR", "--vlm-monitor";
         /// fallback VLM, used when the first one fails; empty: none
         fallback: String = "", Text, "SPF_VLM_FALLBACK", "--vlm-fallback";
         /// seconds without a reply after which a second request is sent, or auto: beyond what the replies usually take; empty: never

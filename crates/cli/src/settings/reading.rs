@@ -7,7 +7,7 @@ use std::str::FromStr;
 use spf_core::craft::CraftKind;
 use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{AskWhen, AtEnd, Preset, QueryTiming};
+use spf_core::pilot::{AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::driver::{Driver, Target};
@@ -244,12 +244,6 @@ impl Words for Motion {
 impl Words for QueryTiming {
     fn words() -> Vec<(&'static str, Self)> {
         vec![("stop", Self::Stop), ("continuous", Self::Continuous)]
-    }
-}
-
-impl Words for AskWhen {
-    fn words() -> Vec<(&'static str, Self)> {
-        vec![("always", Self::Always), ("news", Self::News)]
     }
 }
 

@@ -6,6 +6,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
 use spf_core::craft::Craft;
+use spf_core::time::Duration;
+use spf_flight::flight::{FlightPlan, Site, fly};
+use spf_flight::recorder::RecordPlan;
+use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
+use spf_oracle::ErrorFile;
+use spf_record::out_dir::OutDir;
 
 use super::gate::Gate;
 use super::{Flights, again};
@@ -82,8 +88,17 @@ fn a_replay_that_nobody_waits_for_any_more_keeps_its_place_until_it_is_over() {
 #[test]
 fn a_replay_ends_when_a_flight_begins() {
     let folder = tempfile::tempdir().unwrap();
-    let log = folder.path().join("flight.mcap");
-    std::fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../cli/tests/it/logs/format-1.mcap"), &log).unwrap();
+    let mut plan = FlightPlan {
+        record: Some(RecordPlan { out: OutDir::at(folder.path()).unwrap(), video: false, view: None }),
+        ..FlightPlan::new(
+            Site::Simulated(Simulated::new(Arc::new(LoadedScene::load("city").unwrap()), "city")),
+            "fly to the red crane",
+            "oracle:perfect",
+            oracle_factory("oracle:perfect".to_owned(), ErrorFile::named("perfect").unwrap()),
+        )
+    };
+    plan.settings.max_time = Duration::from_secs(9);
+    fly(plan, &mut []).unwrap();
     let asked = std::cell::Cell::new(0);
     let flying = || {
         asked.set(asked.get() + 1);

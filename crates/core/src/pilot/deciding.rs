@@ -46,14 +46,14 @@ impl Pilot {
         }
         // Only a good reply ends a hold for failed replies, so one must be requested.
         if !matches!(self.envelope.reaction(now), Reaction::Continue | Reaction::Hold(Cause::FailedReplies)) {
-            return self.policy.interrupted();
+            return;
         }
         let Some(mut view) = self.view else { return };
         // Checked now and not when the frame arrived: the craft may have moved since.
         view.at_rest = self.settled.is_some_and(|settled| view.frame.captured >= settled);
         // Beside somebody who walks there is no other rest.
         view.at_rest |= self.goes_along(now);
-        if !self.policy.takes(&view, self.waiting.len()) {
+        if !self.waiting.is_empty() {
             return;
         }
         view.room = self.envelope.room();
@@ -62,13 +62,8 @@ impl Pilot {
         if self.used == Some(view.frame.id) || (from_rest && (self.executing || !view.at_rest)) {
             return;
         }
-        if !self.has_news(now, &view) {
-            return;
-        }
-        // An open query is a decision to come.
-        let open = u32::try_from(self.waiting.len()).unwrap_or(u32::MAX);
-        if self.counted_decisions().saturating_add(open) >= self.settings.max_decisions {
-            if self.executing || open > 0 {
+        if self.counted_decisions() >= self.settings.max_decisions {
+            if self.executing {
                 return; // The last plan is flown to its end.
             }
             let limit = self.settings.max_decisions;
@@ -77,24 +72,11 @@ impl Pilot {
         }
         self.used = Some(view.frame.id);
         self.needs_rest = false;
-        self.note_asked(&view);
         let step = self.policy.handle(PolicyEvent::Frame(&view));
         self.carry_out(now, step, &view);
     }
 
-    /// Cancels the queries whose answers the policy no longer needs.
-    fn cancel_unneeded(&mut self) {
-        let unneeded: Vec<QueryId> = self.waiting.keys().copied().filter(|id| !self.policy.awaits(*id)).collect();
-        for id in unneeded {
-            self.waiting.remove(&id);
-            self.outbox.push_back(Action::Cancel(id));
-        }
-    }
-
     pub(super) fn reply(&mut self, now: Time, id: QueryId, text: &str) {
-        if self.monitor_reply(now, id, text) {
-            return;
-        }
         let Some(waiting) = self.waiting.remove(&id) else {
             self.late_replies += 1;
             return self.note(Note::LateReply(id));
@@ -104,16 +86,13 @@ impl Pilot {
             return self.set_aside(now, id, &waiting.view, reason);
         }
         let step = self.policy.handle(PolicyEvent::Reply { id, text });
-        self.cancel_unneeded();
         self.envelope.observe_reply(now, !matches!(step, Step::Reject(_)));
         if decides(&step, &waiting.query) && !waiting.decided {
             self.decisions += 1;
         }
         self.learn(now, &waiting, &step);
         self.track_reply(&waiting, &step);
-        self.monitor_policy(&waiting, &step);
         let (goal, passed) = self.planned(now, &step);
-        self.note_goal(goal.filter(|_| !passed));
         let decision = self.decision(now, &waiting, text, &step, goal, passed);
         self.note(Note::Decision(Box::new(decision)));
         self.carry_out(now, step, &waiting.view);
@@ -137,9 +116,6 @@ impl Pilot {
     }
 
     pub(super) fn reply_failed(&mut self, now: Time, id: QueryId, reason: String) {
-        if self.monitoring_is(id) {
-            return self.monitor_failed(reason);
-        }
         let Some(waiting) = self.waiting.remove(&id) else {
             self.late_replies += 1;
             return self.note(Note::LateReply(id));
@@ -149,7 +125,6 @@ impl Pilot {
 
     /// Cancels queries whose deadline has passed. The VLM client is notified, and a late reply has no effect.
     pub(super) fn expire_queries(&mut self, now: Time) {
-        self.expire_monitor(now);
         while let Some(id) = self.waiting.iter().find(|(_, waiting)| waiting.query.deadline <= now).map(|(id, _)| *id) {
             if let Some(waiting) = self.waiting.remove(&id) {
                 self.outbox.push_back(Action::Cancel(id));
@@ -205,19 +180,16 @@ impl Pilot {
     fn query_failed(&mut self, now: Time, id: QueryId, view: &View, reason: String) {
         self.note(Note::QueryFailed { id, reason });
         let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
-        self.cancel_unneeded();
         self.carry_out(now, step, view);
     }
 
     /// Cancels all open queries. The policy is notified, otherwise it would wait forever, but its answer is not carried
     /// out: the operator has taken over or the flight is over.
     pub(super) fn cancel_queries(&mut self) {
-        self.cancel_monitor();
         for (id, _) in core::mem::take(&mut self.waiting) {
             self.outbox.push_back(Action::Cancel(id));
-            self.policy.cancelled(id);
+            self.policy.handle(PolicyEvent::ReplyFailed { id });
         }
-        self.policy.interrupted();
     }
 
     /// Carries out a step, and requests further steps from the policy until it waits.

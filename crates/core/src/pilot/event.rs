@@ -11,7 +11,6 @@ use crate::envelope::{Cause, Cleared};
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::Pose;
 use crate::gimbal::GimbalReport;
-use crate::monitor::Judgement;
 use crate::policy::Reading;
 use crate::query::{Query, QueryId};
 use crate::ranges::RangeScan;
@@ -86,8 +85,7 @@ pub enum OperatorEvent {
     KeepOut(Vec<KeepOut>),
     /// End the flight: land here.
     Land,
-    /// Cut the motors now; the craft falls. Flight logs of format 1 may contain it as `stop`.
-    #[serde(alias = "stop")]
+    /// Cut the motors now; the craft falls.
     CutMotors,
 }
 
@@ -150,8 +148,6 @@ pub enum Note {
     Around(Around),
     /// A move of the policy was shortened or refused, with the reason.
     Limited(&'static str),
-    /// The monitor has judged how the flight goes on.
-    Monitor(Judgement),
     /// A reply to a cancelled query arrived; it is ignored.
     LateReply(QueryId),
     /// A query failed or was cancelled.
@@ -173,7 +169,7 @@ pub struct Around {
     /// The side of the obstacle on which the path leads.
     pub side: Passage,
     /// The obstacle's name, if a box has given one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub name: Option<String>,
 }
 
@@ -254,7 +250,7 @@ pub struct Decision {
     /// True if the end of the plan was already passed, so that the craft turns at most and does not fly there.
     pub passed: bool,
     /// Where the target is, if its place is kept.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub anchor: Option<AnchorReport>,
 }
 
@@ -265,7 +261,7 @@ pub struct AnchorReport {
     #[serde(flatten)]
     pub sight: AnchorView,
     /// Outcome of the decision's own sighting; absent if it was none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub gate: Option<Gate>,
     /// Number of sightings fused.
     pub hits: u32,

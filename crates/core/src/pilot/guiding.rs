@@ -68,11 +68,6 @@ impl AnswerAges {
         }
     }
 
-    /// The longest of them.
-    fn longest(&self) -> Duration {
-        self.0.iter().copied().max().unwrap_or_default()
-    }
-
     /// Whether most of the last answers were slow.
     fn are_slow(&self) -> bool {
         self.0.iter().filter(|&&age| age > SLOW_ANSWERS).count() > Self::KEPT / 2
@@ -127,23 +122,13 @@ impl Guiding {
         self.map.as_mut()
     }
 
-    /// Whether the craft gets out of where it was stuck.
-    pub(super) fn is_escaping(&self) -> bool {
-        self.course.as_ref().is_some_and(|course| course.escape.is_some())
-    }
-
-    /// The longest of the last few times from a frame to the answer about it.
-    pub(super) fn longest_answer(&self) -> Duration {
-        self.ages.longest()
-    }
-
     pub(super) fn is_under_way(&self) -> bool {
         self.course.is_some()
     }
 
-    /// The target is given up, or it is another. `guides`: its place has guided the craft, and not only the monitor.
-    pub(super) fn forget_target(&mut self, guides: bool) {
-        if let Some(anchor) = self.anchors.anchor().filter(|_| guides) {
+    /// The target is given up, or it is another.
+    pub(super) fn forget_target(&mut self) {
+        if let Some(anchor) = self.anchors.anchor() {
             self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
@@ -223,18 +208,12 @@ impl Pilot {
         self.guiding.course.as_ref()?.guide.as_ref()
     }
 
-    /// Whether the anchor is there to guide the craft, now or as soon as answers are slow, and not for the monitor alone.
-    pub(super) fn guides_by_anchor(&self) -> bool {
-        self.is_anchored() || !self.monitors()
-    }
-
     /// Whether a frame taken at `pose` should show the target.
     pub(super) fn expected(&self, now: Time, pose: Pose) -> Expected {
         if let Some(expected) = self.expected_by_track(now, pose) {
             return expected;
         }
-        let guides = self.is_anchored();
-        let Some(anchor) = self.guiding.anchors.anchor().filter(|_| guides || self.monitors()) else { return Expected::Unknown };
+        let Some(anchor) = self.guiding.anchors.anchor().filter(|_| self.is_anchored()) else { return Expected::Unknown };
         let sight = anchor.seen_from(pose.position, self.estimator.odometry_at(now));
         // The direction to a target that is almost reached is not known.
         if sight.lateral_sd > 0.5 * sight.range {
@@ -244,8 +223,6 @@ impl Pilot {
         let hidden = self.is_hidden(pose.position, sight.position, sight.range);
         match in_view {
             Some(at) if !hidden => Expected::InView { at, range: sight.range },
-            // A monitor watches the place where it should be in view, and nothing else.
-            _ if !guides => Expected::Unknown,
             // Only a map permits the pilot to climb or sink to it; the policy's search does so otherwise.
             None if !self.is_mapped() && correction(&self.camera, pose, sight.position).is_some() => Expected::Unknown,
             _ => Expected::Aside,
@@ -268,7 +245,7 @@ impl Pilot {
         if let Step::Goto(goto) = step {
             self.note_height(view, goto);
         }
-        if (self.is_anchored() || self.monitors())
+        if self.is_anchored()
             && let Step::Goto(goto) = step
         {
             self.guiding.gate = self.sighting(view, goto).map(|sighting| self.guiding.anchors.observe(sighting));
@@ -279,8 +256,7 @@ impl Pilot {
         // A search has begun: the target is not where it was thought to be. What is only hidden, and is waited for, is.
         let waits = matches!(step, Step::Keep | Step::Look);
         if reply.status == Status::NotVisible && !waits {
-            let guides = self.guides_by_anchor();
-            self.guiding.forget_target(guides);
+            self.guiding.forget_target();
         }
         if matches!(waiting.query.kind, QueryKind::Point { .. }) {
             self.map_reply(now, view, &reply);

@@ -72,15 +72,16 @@ impl Pilot {
     /// Adds a reply's boxes to the map, and the free space that it implies.
     pub(super) fn map_reply(&mut self, now: Time, view: &View, reply: &Reply) {
         let at = self.known(now).position;
-        let is_sensed = self.is_depth_sensed(now);
+        // Of a sensor that has failed, boxes take the place.
+        let has_failed = self.settings.guidance.sensor && !self.is_depth_sensed(now);
         let Some(map) = self.guiding.map.as_mut().filter(|_| self.settings.guidance.map) else { return };
         map.advance(now, at);
         // Marked places are in the map as such, and do not fade.
         let counts = |obstacle: &&ObstacleBox| obstacle.name != MARKED && reply.target.as_deref() != Some(obstacle.name.as_str());
         let obstacles = || reply.boxes.iter().filter(counts);
         for obstacle in obstacles() {
-            // A box is a rough solid: where a sensor measures depth, it would block free space.
-            if is_sensed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
+            // A box is a rough solid, which would block space that is measured to be free.
+            if !has_failed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
                 continue;
             }
             let mobility = if is_person(&obstacle.name) { Mobility::Moving } else { Mobility::Fixed };

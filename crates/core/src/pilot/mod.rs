@@ -20,9 +20,7 @@ mod following;
 mod gimbal;
 mod guiding;
 mod mapping;
-mod monitoring;
 mod moving;
-mod news;
 mod operator;
 mod reactions;
 mod returning;
@@ -36,7 +34,7 @@ mod unseen;
 mod view_height;
 
 pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
-pub use settings::{AskWhen, AtEnd, PilotSettings, Preset, QueryTiming};
+pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -101,8 +99,6 @@ pub struct Pilot {
     following: following::Following,
     boxes: boxes::Boxes,
     gimbal: gimbal::GimbalState,
-    news: news::News,
-    monitoring: monitoring::Monitoring,
     executing: bool,
     pending: Option<Move>,
     needs_rest: bool,
@@ -194,8 +190,6 @@ impl Pilot {
             following: following::Following::default(),
             boxes: boxes::Boxes::default(),
             gimbal: gimbal::GimbalState::default(),
-            news: news::News::default(),
-            monitoring: monitoring::Monitoring::default(),
             executing: false,
             pending: None,
             needs_rest: true,
@@ -275,12 +269,7 @@ impl Pilot {
         }
         let queries = self.waiting.values().map(|waiting| waiting.query.deadline);
         let manual = self.manual.map(|(_, until)| until);
-        queries
-            .chain(self.monitor_deadline())
-            .chain(manual)
-            .chain(self.envelope.next_deadline(self.now))
-            .chain([self.next_tick])
-            .min()
+        queries.chain(manual).chain(self.envelope.next_deadline(self.now)).chain([self.next_tick]).min()
     }
 
     /// The outcome; `None` while the flight continues, also after the operator has resumed a flight that had ended.
@@ -415,7 +404,6 @@ impl Pilot {
         self.limits(now);
         self.follow_gimbal(now);
         self.decide(now);
-        self.monitor(now);
         if now >= self.next_tick {
             self.tick(now);
             // From `now`, not from the last due time: a late caller gets one tick, not a burst of missed ones.

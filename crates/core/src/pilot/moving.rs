@@ -26,8 +26,6 @@ const KEPT_FRACTION: f64 = 0.3;
 const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// Maximum distance flown backwards, metres: a craft that brakes for its goal stops within centimetres of it.
 const FLY_BACK: f64 = 0.1;
-/// A turn that is larger than this is made the other way round, radians: half a turn, and what a craft may have turned by itself.
-const ROUND: f64 = 190.0 / 180.0 * core::f64::consts::PI;
 
 impl Pilot {
     /// The world pose at which a move from a frame ends, and whether the craft is already past it.
@@ -122,8 +120,6 @@ impl Pilot {
                 // A search turn is measured from the frame that requested it, so what was turned since counts.
                 let turned = wrap_angle(known.attitude.heading - from.attitude.heading);
                 let left = motion.primitives.yaw - turned;
-                // After a turn that was begun before the answer, the other way round may be the shorter one by far.
-                let left = if left.abs() > ROUND { wrap_angle(left) } else { left };
                 self.executor.start(now, known, relative(left));
             }
             _ => self.executor.start(now, known, motion.primitives),

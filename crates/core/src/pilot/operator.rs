@@ -99,7 +99,6 @@ impl Pilot {
         places.retain(|place| self.voided.is_none_or(|last| place.id > last));
         self.stop_motion(now);
         self.policy.keep_out(&places);
-        self.policy.interrupted();
         self.envelope.keep_out(&places);
         self.guiding.keep_out(places.iter().flat_map(KeepOut::points).map(Cell::of));
         self.kept_out = places;
@@ -119,8 +118,7 @@ impl Pilot {
 
     /// Forgets what belongs to the instruction until now: the target's place, height and track, and whom the craft follows.
     pub(super) fn forget_instruction(&mut self) {
-        let guides = self.guides_by_anchor();
-        self.guiding.forget_target(guides);
+        self.guiding.forget_target();
         self.guiding.forget_height();
         self.untrack();
         self.end_following();

@@ -21,27 +21,6 @@ pub enum QueryTiming {
     Continuous,
 }
 
-/// How often the VLM is asked while the craft flies on as its last answer has told.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum AskWhen {
-    /// Again as soon as an answer has arrived.
-    #[default]
-    Always,
-    /// When something is new: the view has turned by half of the field, half of the range is flown, the target's track has been
-    /// lost, the craft is stuck or about to arrive, or 3 s are over. In a search two queries may be open, if the VLM answers two at a
-    /// time: the craft turns on, and asks about the next view, before the answer.
-    News,
-}
-
-impl AskWhen {
-    /// Whether it is asked always, which serialisation omits.
-    #[must_use]
-    pub fn is_always(&self) -> bool {
-        *self == Self::Always
-    }
-}
-
 /// A named set of method choices. Every result records which one was used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -78,9 +57,6 @@ pub struct PilotSettings {
     pub ending: MotionEnding,
     /// Whether the craft holds while the VLM thinks.
     pub think: QueryTiming,
-    /// How often the VLM is asked in continuous, blended motion.
-    #[serde(default, skip_serializing_if = "AskWhen::is_always")]
-    pub ask: AskWhen,
     /// Whether a `done` must be confirmed by a second query while holding.
     pub confirm_done: bool,
     /// Whether obstacle mode is on.
@@ -91,7 +67,6 @@ pub struct PilotSettings {
     /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
     /// Action after a fulfilled or failed instruction.
-    #[serde(default)]
     pub at_end: AtEnd,
     /// Flight time limit, counted from the start, or from the operator's resumption of a flight that had ended. Manual
     /// flight does not count while setpoints arrive.
@@ -101,29 +76,23 @@ pub struct PilotSettings {
     /// Reply timeout; at least 0.1 s.
     pub reply_timeout: Duration,
     /// Age of a frame, at the arrival of its reply, above which the reply moves nothing, unless the craft has held since
-    /// the capture. Logs from before this setting have no limit.
-    #[serde(default = "unlimited")]
+    /// the capture.
     pub max_reply_age: Duration,
     /// How the VLM is asked for distances.
     #[serde(default, skip_serializing_if = "DepthAs::is_default")]
     pub depth: DepthAs,
     /// Distance from its target at which an instruction counts as fulfilled, metres, as stated in the prompt; `None` leaves it
     /// to the site: the scene's, or the craft's.
-    #[serde(default)]
     pub near_m: Option<f64>,
     /// Distance that is kept from a target that is followed with [`Guidance::track`], metres.
     #[serde(default = "default_keep", skip_serializing_if = "is_default_keep")]
     pub keep_m: f64,
     /// With [`Guidance::track`], a target counts as followed for long enough after this time; `None` follows until a limit.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub follow_time: Option<Duration>,
     /// Whether a small target's region goes along as a second, enlarged image.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub close_up: bool,
-}
-
-fn unlimited() -> Duration {
-    Duration::MAX
 }
 
 fn default_keep() -> f64 {
@@ -145,7 +114,6 @@ impl PilotSettings {
             motion: if paper { Motion::Sequential } else { Motion::Blended },
             ending: if paper { MotionEnding::Timed } else { MotionEnding::Measured },
             think: if paper { QueryTiming::Stop } else { QueryTiming::Continuous },
-            ask: AskWhen::Always,
             confirm_done: !paper,
             avoid: false,
             guidance: Guidance::default(),

@@ -57,7 +57,6 @@ impl Pilot {
         let is_newer = self.tracking.last.is_none_or(|last| last.captured < report.captured);
         if self.tracking.id == Some(report.id) && is_newer && report.is_sound() {
             self.tracking.last = Some(report);
-            self.note_track();
             self.follow_report(now, &report);
             self.sight_target(now, &report);
         }

@@ -20,9 +20,8 @@ use crate::avoid::KeepOut;
 use crate::camera::Camera;
 use crate::frame::FrameMeta;
 use crate::geometry::{BodyDisplacement, Pose};
-use crate::monitor::Verdict;
 use crate::primitives::Primitives;
-use crate::query::{ImageBox, ImagePoint, Look, Query, QueryId, VerticalRoom};
+use crate::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
 use crate::reply::{ObstacleBox, Reply};
 
 /// A frame with the pilot's estimates for its capture time.
@@ -80,7 +79,7 @@ pub enum PolicyEvent<'a> {
     /// before it is void, and earlier queries are cancelled. The returned step is not carried out; the policy then
     /// receives a frame taken at rest.
     Instruction(&'a str),
-    /// A fresh frame that the policy takes ([`Policy::takes`]), with a decision due: no earlier step is pending.
+    /// A fresh frame, with a decision due: no query is open, and no earlier step is pending.
     Frame(&'a View),
     /// The complete reply to an open query.
     Reply {
@@ -96,8 +95,8 @@ pub enum PolicyEvent<'a> {
         /// The new part of the text.
         text: &'a str,
     },
-    /// A query failed. If the pilot itself cancelled it ([`Policy::cancelled`]), or sent it not for too many open queries, the
-    /// returned step is not carried out, and the policy continues at the next [`PolicyEvent::Frame`].
+    /// A query failed. If the pilot itself cancelled it, or sent it not for too many open queries, the returned step is not carried
+    /// out, and the policy continues at the next [`PolicyEvent::Frame`].
     ReplyFailed {
         /// The query.
         id: QueryId,
@@ -109,14 +108,6 @@ pub enum PolicyEvent<'a> {
     },
     /// The last step was carried out; is there anything more to do at this instant?
     Continue,
-    /// The monitor has judged that the flight does not go on as it should; open queries are cancelled. The policy decides by a
-    /// frame taken at rest.
-    Monitor {
-        /// How it goes on.
-        verdict: Verdict,
-        /// Of a lost target: the side on which it was last.
-        side: Option<Look>,
-    },
 }
 
 /// The output of a policy.
@@ -222,24 +213,6 @@ pub trait Policy: Send {
 
     /// Handles an event and returns one step.
     fn handle(&mut self, event: PolicyEvent<'_>) -> Step;
-
-    /// Whether it takes this frame while so many of its queries are open.
-    fn takes(&mut self, _view: &View, open_queries: usize) -> bool {
-        open_queries == 0
-    }
-
-    /// Whether the answer to an open query is still of use; the pilot cancels those that are not.
-    fn awaits(&self, _id: QueryId) -> bool {
-        true
-    }
-
-    /// Notes that the pilot has cancelled a query of its own accord: nothing has failed, nor come too late.
-    fn cancelled(&mut self, id: QueryId) {
-        self.handle(PolicyEvent::ReplyFailed { id });
-    }
-
-    /// Something else than an answer has stopped the craft, or somebody has taken over: nothing of before is a reason to move any more.
-    fn interrupted(&mut self) {}
 
     /// Takes the places that the operator has marked, instead of those before. Whatever a policy makes of them, the envelope
     /// stops before them.

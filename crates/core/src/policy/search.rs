@@ -243,21 +243,6 @@ impl Search {
         self.turn_by(yaw)
     }
 
-    /// The turn after a look at `heading`, radians, whose answer will show neither target nor open direction, and ask for the side to
-    /// which the search has turned so far; `None` if it will not turn then, and unless the last action was a turn of this sweep.
-    #[must_use]
-    pub fn expected_turn(&self, heading: f64) -> Option<f64> {
-        let first_side = self.both_sides && self.turns < 2;
-        if !self.turning || self.stage != Stage::Sweep || first_side {
-            return None;
-        }
-        let look = if self.turned < 0.0 { Look::Left } else { Look::Right };
-        match self.clone().next(look, heading, None) {
-            SearchAction::Look(primitives) if primitives.climb == 0.0 => Some(primitives.yaw),
-            _ => None,
-        }
-    }
-
     /// After a full turn: climb once, then move elsewhere.
     fn swept_all(&mut self, heading: f64, way: Option<OpenDirection>) -> SearchAction {
         if !self.climbed {

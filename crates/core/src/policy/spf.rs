@@ -8,7 +8,6 @@ use crate::craft::Craft;
 use crate::grounding::GroundingProfile;
 use crate::guidance::Guidance;
 use crate::lift::{self, Lifting};
-use crate::monitor::Verdict;
 use crate::policy::search::{OpenDirection, Search, SearchAction};
 use crate::policy::{Expected, FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use crate::primitives::Primitives;
@@ -18,7 +17,6 @@ use crate::reply::{Look, ObstacleBox, Reply, ReplyError, Status, one_line, parse
 use crate::step::StepRule;
 use crate::time::{Duration, Time};
 
-mod ahead;
 mod aside;
 mod close_up;
 mod detour;
@@ -30,7 +28,6 @@ mod steps;
 
 pub use close_up::{SMALL_TARGET, is_small, region};
 
-use ahead::{Ahead, OVERTAKEN, Sweep};
 use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
@@ -47,7 +44,7 @@ const MISSES_ASIDE: u32 = 5;
 /// Somebody who is followed may have walked this far since they were last seen, behind what hides them: metres, and metres per second
 /// since the first frame without them.
 const WALKED: (f64, f64) = (0.5, 1.0);
-/// How long a target is waited for that a box of the reply hides, and that should be in view: with a monitor, or somebody who is followed.
+/// How long somebody who is followed, and should be in view, is waited for while a box of the reply hides them.
 const WAITS_FOR_HIDDEN: Duration = Duration::from_secs(8);
 /// The same for a target whose place is not known, but that was small in the last reply, and should still be in view.
 const MISSES_SMALL: u32 = 2;
@@ -120,15 +117,6 @@ pub struct Spf {
     memory: Memory,
     search: Option<Search>,
     open_query: Option<OpenQuery>,
-    /// Whether the craft turns on, and asks about the next view, before a search's last view is answered.
-    asks_ahead: bool,
-    ahead: Option<Ahead>,
-    sweep: Sweep,
-    /// Whether an answer has failed, or was too old, after the craft had turned on.
-    came_too_late: bool,
-    /// The heading to which the craft turns back, radians, after an answer that shows the target in a view from which it has turned
-    /// on, and until when at most, from the first frame after that answer.
-    turning_back: Option<(f64, Option<Time>)>,
     confirming: bool,
     blocked: u32,
     /// Steps back from a person in a row.
@@ -154,10 +142,6 @@ pub struct Spf {
     misses: u32,
     /// The capture of the first frame in a row that should have shown the target and did not, where it is waited for.
     hidden_since: Option<Time>,
-    /// Whether the monitor has said that the target is lost, and no reply has seen it since.
-    told_lost: bool,
-    /// Whether no reply has told the place of this stage's target yet: what is known is that of the stage before.
-    is_unplaced: bool,
     /// Whether the search that follows turns to either side of where the target was.
     searches_both_sides: bool,
     /// Places marked by the operator.
@@ -180,12 +164,6 @@ impl Spf {
         Self { prompt, ..self }
     }
 
-    /// While searching, turns on and asks about the next view before the answer about the last one has come.
-    #[must_use]
-    pub fn asking_ahead(self, asks_ahead: bool) -> Self {
-        Self { asks_ahead, ..self }
-    }
-
     /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: SpfSettings) -> Self {
@@ -195,11 +173,6 @@ impl Spf {
             memory: Memory::default(),
             search: None,
             open_query: None,
-            asks_ahead: false,
-            ahead: None,
-            sweep: Sweep::Over,
-            came_too_late: false,
-            turning_back: None,
             confirming: false,
             blocked: 0,
             retreats: 0,
@@ -217,8 +190,6 @@ impl Spf {
             guidance: Guidance::default(),
             misses: 0,
             hidden_since: None,
-            told_lost: false,
-            is_unplaced: false,
             searches_both_sides: false,
             last_box: None,
             kept_out: Vec::new(),
@@ -227,7 +198,6 @@ impl Spf {
 
     /// Records the open query.
     fn asking(&mut self, view: &View) -> OpenQuery {
-        self.turning_back = None;
         let id = QueryId(self.next_id);
         self.next_id += 1;
         *self.open_query.insert(OpenQuery { id, view: *view, confirming: self.confirming, boxes: self.boxes_for(view) })
@@ -235,7 +205,7 @@ impl Spf {
 
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
-        self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned) + self.turned_since_open();
+        self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         self.memory.kept_out = self.kept_out.iter().filter_map(|place| place.area_in(&view.camera, view.pose)).collect();
         let OpenQuery { id, boxes, .. } = self.asking(view);
         self.history.fill(view, &mut self.memory);
@@ -275,7 +245,6 @@ impl Spf {
 
     fn answered(&mut self, open_query: OpenQuery, text: &str) -> Step {
         self.reading = Reading::default();
-        self.sweep = Sweep::Over;
         // Stated until it has been answered.
         self.memory.refused = None;
         let mut reply = match parse_reply(text, &self.settings.grounding, open_query.boxes == Boxes::Reply) {
@@ -323,14 +292,12 @@ impl Spf {
         // Kept over a reply that may have missed the target (`not_visible`).
         if reply.status != Status::NotVisible {
             self.hidden_since = None;
-            self.told_lost = false;
             self.last_box = seen.map(|area| LastBox { area, pose: open_query.view.pose });
         }
         if let Some(stage) = reply.stage.filter(|&stage| stage != self.memory.stage) {
             self.memory.stage = stage;
             // The place that is known is that of the stage before.
             self.misses = MISSES_ASIDE;
-            self.is_unplaced = true;
         }
         let step = retreat.or_else(|| self.look_aside(open_query, &reply)).unwrap_or_else(|| match reply.status {
             Status::Done => self.done(open_query.confirming),
@@ -370,19 +337,18 @@ impl Spf {
             Expected::InView { .. } | Expected::Aside => MISSES_ASIDE,
         };
         let waited_for = match open_query.view.expected {
-            Expected::InView { at, range } if self.guidance.monitor && !self.is_unplaced => Some((at, range, (0.0, 0.0))),
-            Expected::Followed { at, range, .. } if self.guidance.monitor || self.misses >= patience => Some((at, range, WALKED)),
+            Expected::Followed { at, range, .. } if self.misses >= patience => Some((at, range, WALKED)),
             _ => None,
         };
         if let Some((at, range, walked)) = waited_for {
             // What was in view a moment ago may be hidden by something that passes: from rest it is waited for before the craft
-            // turns away. What nothing hides gets a second look, unless this is one: the monitor had not seen the target either.
+            // turns away. What nothing hides gets a second look.
             let captured = open_query.view.frame.captured;
             let since = captured.since(*self.hidden_since.get_or_insert(captured));
             let walked = walked.0 + walked.1 * since.as_secs_f64();
             let aside = walked / range.max(walked) * camera.fx / f64::from(camera.width);
             let hidden = is_covered(at, aside, range + walked, &reply.boxes, 0.0);
-            if since == Duration::ZERO && !self.told_lost || hidden && since < WAITS_FOR_HIDDEN {
+            if since == Duration::ZERO || hidden && since < WAITS_FOR_HIDDEN {
                 let why = if hidden { "something hides it" } else { "looks again" };
                 self.reading.actions.push(format!("holds: the target should be in view; {why}"));
                 return Step::Look;
@@ -432,7 +398,6 @@ impl Spf {
                 self.reading.primitives = Some(primitives);
                 // A look up or down is nothing but a climb or a descent.
                 let looks = primitives.climb != 0.0 && Primitives { climb: 0.0, ..primitives } == Primitives::default();
-                self.sweep = Sweep::Turns;
                 Step::Move(Move { primitives, anchor: Some(pose), then_rest: true, looks })
             }
             (SearchAction::Fly { depth }, Some(way)) => self.fly_to(open_query, reply, way.point, f64::from(depth)),
@@ -507,7 +472,6 @@ impl Policy for Spf {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt, guidance) = (self.next_id, self.prompt.clone(), self.guidance);
-                let asks_ahead = self.asks_ahead;
                 let (instruction, reported) = (text.to_owned(), core::mem::take(&mut self.reported));
                 let (obstacles, walkers) = (core::mem::take(&mut self.obstacles), core::mem::take(&mut self.walkers));
                 let kept_out = core::mem::take(&mut self.kept_out);
@@ -516,7 +480,6 @@ impl Policy for Spf {
                     next_id,
                     prompt,
                     guidance,
-                    asks_ahead,
                     reported,
                     obstacles,
                     walkers,
@@ -528,30 +491,17 @@ impl Policy for Spf {
             PolicyEvent::Frame(view) if self.open_query.is_none() && (view.at_rest || !self.confirming) => {
                 self.turn_back(view).unwrap_or_else(|| self.ask(view))
             }
-            PolicyEvent::Frame(view) if self.wants_second() => self.ask_second(view),
-            PolicyEvent::Reply { id, .. } if self.is_second(id) => {
-                self.give_up_second();
-                // Nothing was read in this reply.
-                self.reading = Reading { actions: vec![OVERTAKEN.to_owned()], ..Reading::default() };
-                Step::Wait
-            }
-            PolicyEvent::ReplyFailed { id } if self.is_second(id) => {
-                self.give_up_second();
-                Step::Wait
-            }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
                 Some(open_query) => {
-                    let before = self.before_answer();
                     let step = self.answered(open_query, text);
                     self.ask_boxes_after(open_query.boxes);
-                    self.settle_ahead(&open_query.view, step, before)
+                    step
                 }
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
                 if let Some(failed) = self.open_query.take_if(|open_query| open_query.id == id) {
                     self.ask_boxes_after(failed.boxes);
-                    self.fail_ahead();
                 }
                 self.turned_first = None;
                 Step::Wait
@@ -561,45 +511,10 @@ impl Policy for Spf {
                 if !completed {
                     self.turned_first = None;
                 }
-                self.turned_ahead(completed);
                 Step::Wait
             }
-            PolicyEvent::Continue => self.turn_ahead(),
-            PolicyEvent::Monitor { verdict, side } => {
-                // Only the reply to a second look ends the flight, and only one about a frame taken at rest begins a search.
-                self.confirming = verdict == Verdict::Stop;
-                if verdict == Verdict::Lost {
-                    self.misses = MISSES_ASIDE;
-                    self.told_lost = true;
-                    self.memory.last_seen = side.or(self.memory.last_seen);
-                }
-                self.turned_first = None;
-                (self.ahead, self.sweep, self.turning_back) = (None, Sweep::Over, None);
-                Step::Look
-            }
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } => Step::Wait,
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
         }
-    }
-
-    fn takes(&mut self, view: &View, open_queries: usize) -> bool {
-        match open_queries {
-            0 => !self.is_turning_back(view),
-            1 => view.at_rest && self.wants_second(),
-            _ => false,
-        }
-    }
-
-    fn awaits(&self, id: QueryId) -> bool {
-        self.open_query.is_some_and(|open_query| open_query.id == id) || self.is_second(id)
-    }
-
-    fn cancelled(&mut self, id: QueryId) {
-        self.ahead = None;
-        self.handle(PolicyEvent::ReplyFailed { id });
-    }
-
-    fn interrupted(&mut self) {
-        self.sweep = Sweep::Over;
     }
 
     fn keep_out(&mut self, places: &[KeepOut]) {

@@ -63,8 +63,6 @@ static PROGRAM: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str
 static QUESTION: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/question-2.txt")));
 static DETECT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/detect-2.txt")));
 
-static MONITOR: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/monitor-1.txt")));
-
 fn shipped(file: &str) -> Arc<PromptText> {
     Arc::new(PromptText::parse(file).expect("the embedded prompts are valid"))
 }
@@ -83,7 +81,6 @@ impl PromptText {
             PromptKind::Program => PROGRAM.clone(),
             PromptKind::Question => QUESTION.clone(),
             PromptKind::Detect => DETECT.clone(),
-            PromptKind::Monitor => MONITOR.clone(),
         }
     }
 
@@ -114,24 +111,6 @@ impl PromptText {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
             listed.then(|| detection::prompt_list(&parse_detections(&query.detections.join("\n")).unwrap_or_default(), profile))
-        })
-    }
-
-    /// Renders the prompt of a [`Monitor`](crate::query::QueryKind::Monitor) query from the query's contents. It states no
-    /// coordinates, so that any model can be given it.
-    #[must_use]
-    pub fn write_monitor(&self, query: &Query) -> String {
-        let profile = GroundingProfile::default();
-        let input = PromptInput { near_m: query.near_m, ..PromptInput::new(&query.instruction, &query.memory, &profile) };
-        let percent = |part: f64| libm::round(100.0 * part);
-        self.write_with(&input, |place| match place {
-            "stage" => Some(query.memory.stage.max(1).to_string()),
-            "target" => Some(query.memory.targets.last().map_or(String::new(), |name| memory::quoted(name))),
-            "close_up" => Some(query.close_up.map_or(String::new(), |ImageBox { left, top, right, bottom }| {
-                let [left, right, top, bottom] = [left, right, top, bottom].map(percent);
-                format!("{left} to {right} % of its width and {top} to {bottom} % of its height")
-            })),
-            _ => None,
         })
     }
 
@@ -334,20 +313,6 @@ Your last answer could not be used: it lacked boxes.
         let text = paper.write(&input("go", &memory, &profile, false));
         assert!(text.contains("how far the drone should fly") && !text.contains("1: 1 m"), "{text}");
         assert_eq!(PromptText::named("mine"), None);
-    }
-
-    #[test]
-    fn the_monitors_prompt_is_this() {
-        let memory = Memory { stage: 2, targets: vec!["the \"red\"\ncrane".to_owned()], ..Memory::default() };
-        let close_up = Some(ImageBox { left: 0.3, top: 0.2, right: 0.7, bottom: 0.6 });
-        let near_m = Some(3.0);
-        let (id, frame) = (QueryId(0), FrameId(0));
-        let instruction = "fly to the car, then to the red crane".to_owned();
-        let query = Query { instruction, memory, close_up, near_m, ..Query::new(id, frame, QueryKind::Monitor) };
-        let prompt = PromptText::shipped(PromptKind::Monitor);
-        insta::assert_snapshot!(prompt.write_monitor(&query));
-        let bare = prompt.write_monitor(&Query { close_up: None, memory: Memory::default(), ..query });
-        assert!(!bare.contains("second image") && !bare.contains("was called") && bare.contains("Stage 1 is"), "{bare}");
     }
 
     #[test]

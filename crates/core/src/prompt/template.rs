@@ -31,13 +31,11 @@ pub enum PromptKind {
     Question,
     /// All objects in the image.
     Detect,
-    /// How the flight goes on.
-    Monitor,
 }
 
 impl PromptKind {
     /// All kinds.
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 9] = [
         Self::Point,
         Self::Plain,
         Self::Numeric,
@@ -47,7 +45,6 @@ impl PromptKind {
         Self::Program,
         Self::Question,
         Self::Detect,
-        Self::Monitor,
     ];
 
     /// Its name in the first line of a file.
@@ -63,7 +60,6 @@ impl PromptKind {
             Self::Program => "program",
             Self::Question => "question",
             Self::Detect => "detect",
-            Self::Monitor => "monitor",
         }
     }
 
@@ -93,7 +89,6 @@ impl PromptKind {
             Self::Program => &["instruction", "low_skills", "high_skills", "replanning", "scene", "previous"],
             Self::Question => &["question", "scene"],
             Self::Detect => &["classes"],
-            Self::Monitor => &["instruction", "endings", "stage", "target", "close_up"],
         }
     }
 

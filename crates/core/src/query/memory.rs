@@ -26,22 +26,22 @@ pub struct Memory {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answers: Vec<PastAnswer>,
     /// Where the target was last pointed at, once an answer has not seen it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub lost: Option<LostTarget>,
     /// Turned while searching for a target that was never pointed at, degrees, clockwise positive, not wrapped.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub searched_deg: Option<f64>,
     /// Earlier stages, oldest first, at most [`REMEMBERED_ANSWERS`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub finished: Vec<FinishedStage>,
     /// What was wrong with the answer before, if it could not be used: stated once, in words after "your last answer".
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// Boxes of places to keep away from, marked by the operator, in the query's image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kept_out: Vec<ImageBox>,
     /// The free height.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub room: Option<VerticalRoom>,
 }
 
@@ -70,22 +70,22 @@ pub struct PastAnswer {
     /// What it said.
     pub said: Said,
     /// The target, in the model's words.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
     /// Where it pointed, in its own frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub point: Option<ImagePoint>,
     /// Depth label of that point.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub depth: Option<u8>,
     /// The distance itself, metres, if the answer stated it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub range_m: Option<f64>,
     /// Length of the planned motion, metres; `None` if none was planned.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub planned_m: Option<f64>,
     /// What obstacle mode did to the plan.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub detour: Option<Detour>,
     /// Straight distance from where its frame was taken to where the next one was, metres.
     pub moved_m: f64,
@@ -147,11 +147,11 @@ pub struct FinishedStage {
     /// Number of usable answers since the one that went on to a later stage, that one included.
     pub answers_ago: u32,
     /// The last target named while it was worked on.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
     /// Where that target is now; `None` if no answer of that stage pointed at it, if it is a person or was followed, since it may have
     /// moved on, or if it can no longer be reckoned.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub place: Option<FinishedPlace>,
 }
 
@@ -160,7 +160,7 @@ pub struct FinishedStage {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FinishedPlace {
     /// Its box in the query's image; `None` if it lies outside.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub area: Option<ImageBox>,
     /// Its direction, degrees right of straight ahead, within ±180.
     pub bearing_deg: f64,

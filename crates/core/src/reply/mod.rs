@@ -20,10 +20,10 @@ pub use parse::{MAX_BOXES, MAX_NAME, MAX_STAGE, ReplyError, one_line, one_line_w
 pub use scan::{MAX_TEXT, ScanError, Verdict, search};
 pub(crate) use schema::closed_schema;
 pub use schema::reply_schema;
+
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
-pub(crate) use short::{find, wrong};
 pub use stream::{ReplyStream, parse_reply};
 
 use schemars::JsonSchema;
@@ -89,7 +89,7 @@ pub struct Reply {
     /// Current stage of a multi-stage instruction, from 1.
     pub stage: Option<u32>,
     /// Bounding box of the target.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub target_box: Option<ImageBox>,
     /// The waypoint in the image; always present with [`Status::Navigating`] and [`Status::Following`] unless
     /// [`Reply::turn_deg`] is.
@@ -97,15 +97,15 @@ pub struct Reply {
     /// Depth label 1..=L; present if and only if the point is.
     pub depth: Option<u8>,
     /// The distance itself, metres, from a reply that states it ([`DepthAs::Metres`]).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub range_m: Option<f64>,
     /// Turn on the spot instead of a motion to a point, degrees, clockwise positive, within ±180.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub turn_deg: Option<f64>,
     /// Direction in which to look; only with [`Status::NotVisible`].
     pub look: Option<Look>,
     /// Only with [`Status::NotVisible`].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub open_way: Option<OpenWay>,
     /// Obstacles, in obstacle mode.
     pub boxes: Vec<ObstacleBox>,

@@ -93,7 +93,7 @@ pub fn parse_completion(text: &str) -> Result<Completion, ShortReplyError> {
     })
 }
 
-pub(crate) fn find<T>(
+fn find<T>(
     text: &str,
     wanted: &'static str,
     judge: impl Fn(&Value, bool) -> Verdict<T, ShortReplyError>,
@@ -106,7 +106,7 @@ pub(crate) fn find<T>(
     })
 }
 
-pub(crate) fn wrong(field: &'static str, wanted: &'static str, found: &Value) -> ShortReplyError {
+fn wrong(field: &'static str, wanted: &'static str, found: &Value) -> ShortReplyError {
     ShortReplyError::WrongType { field, wanted, found: found.excerpt() }
 }
 

@@ -133,7 +133,7 @@ pub struct Row {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub signs: Vec<SignView>,
     /// The hostile sign of a dataset of signs; none in the others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub hostile: Option<HostileSign>,
 }
 

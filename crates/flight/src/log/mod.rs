@@ -18,7 +18,6 @@ use bytes::Bytes;
 use serde::Serialize;
 use spf_core::command::Command;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::monitor::Verdict;
 use spf_core::obstacle_map::Cell;
 use spf_core::pilot::{Action, Decision, Event, Note, Pilot};
 use spf_core::query::{Query, QueryId};
@@ -231,10 +230,7 @@ impl FlightLog {
 
     fn note(&mut self, now: Time, note: &Note) {
         let level = match note {
-            Note::Monitor(judgement) if judgement.verdict == Verdict::Continue || judgement.outdated => Level::Info,
-            Note::Monitor(_) | Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => {
-                Level::Warning
-            }
+            Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => Level::Warning,
             Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::Operator(_) => Level::Info,
             Note::QueryFailed { .. } => Level::Error,
         };

@@ -10,7 +10,6 @@ use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
-use spf_core::monitor::Judgement;
 use spf_core::pilot::{Around, Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
@@ -41,31 +40,24 @@ pub struct FlightHeader {
     pub limits: Limits,
     /// Name of the VLM or oracle.
     pub vlm: String,
-    /// Name of what answers the monitor's queries, if it is another one than the VLM.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub monitor: Option<String>,
     /// Name of the detector, in obstacle mode with a detector; absent without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub detector: Option<String>,
     /// Name of the depth network; absent without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_model: Option<String>,
     /// The coordinate convention of queries and replies.
-    #[serde(default)]
     pub grounding: GroundingProfile,
     /// Size at which images were sent; absent if it was the camera's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub image_size: Option<(u32, u32)>,
-    /// Whether two queries may be open in a search: `settings.ask` is `news`, and the VLM answers two at a time. Absent if not.
-    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
-    pub two_queries: bool,
     /// The complete prompt file; absent for the built-in one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub prompt: Option<String>,
     /// Name of the drone.
     pub drone: String,
     /// The simulated world; absent for a real drone.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub sim: Option<SimHead>,
 }
 
@@ -85,15 +77,15 @@ pub struct SimHead {
     /// Start pose.
     pub start: Pose,
     /// Wind, in the syntax of `--wind`; absent in still air.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub wind: Option<String>,
     /// Battery charge at the start, 0 to 1.
     pub battery: f64,
     /// Camera effects, in the syntax of `--camera-effects`; absent if none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub camera_effects: Option<String>,
     /// The depth sensor, `on` or its fault, in the syntax of `--depth-sensor`; absent without one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_sensor: Option<String>,
 }
 
@@ -110,10 +102,10 @@ pub struct ReplyRow {
     /// The query that it answers.
     pub id: QueryId,
     /// The text as received.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub text: Option<String>,
     /// Why the query failed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
     /// Whether the query was not sent because the cost limit (`--max-cost`) was reached.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
@@ -121,7 +113,7 @@ pub struct ReplyRow {
     /// Whether the text is only part of a streamed reply.
     pub part: bool,
     /// Time from the query to this message, seconds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub latency_s: Option<f64>,
 }
 
@@ -165,19 +157,19 @@ pub struct CommandRow {
     /// Kind of the command.
     pub command: CommandName,
     /// The setpoint requested.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub wanted: Option<Setpoint>,
     /// The setpoint cleared, which is what the craft received.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cleared: Option<Setpoint>,
     /// The manoeuvre cleared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub manoeuvre: Option<Manoeuvre>,
     /// Expiry; flight time, nanoseconds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub valid_until: Option<Time>,
     /// Tilt of the camera below the horizon, radians.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub tilt: Option<f64>,
 }
 
@@ -228,8 +220,6 @@ pub enum NoteKind {
     Envelope,
     /// The path leads around something.
     Around,
-    /// The monitor has judged how the flight goes on.
-    Monitor,
     /// A move of the policy was shortened or refused.
     Limited,
     /// A reply to a cancelled query arrived.
@@ -248,33 +238,29 @@ pub struct NoteRow {
     /// Kind of the note.
     pub note: NoteKind,
     /// The phase.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub phase: Option<Phase>,
     /// The envelope's cause.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
     /// The query.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub query: Option<QueryId>,
     /// The operator's input.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub event: Option<OperatorEvent>,
     /// The detour.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub around: Option<Around>,
-    /// What the monitor has judged.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub judgement: Option<Judgement>,
     /// The reason.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub reason: Option<String>,
 }
 
 impl NoteRow {
     /// The row for a note; `None` for a decision, which has its own topic.
     pub(super) fn of(note: &Note) -> Option<Self> {
-        let row =
-            |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, judgement: None, reason: None };
+        let row = |note| Self { note, phase: None, cause: None, query: None, event: None, around: None, reason: None };
         Some(match note {
             Note::Phase(phase) => Self { phase: Some(*phase), ..row(NoteKind::Phase) },
             Note::Envelope(cause) => Self { cause: Some(*cause), ..row(NoteKind::Envelope) },
@@ -286,7 +272,6 @@ impl NoteRow {
             Note::OperatorIgnored(event, why) => {
                 Self { event: Some(event.clone()), reason: Some((*why).to_owned()), ..row(NoteKind::OperatorIgnored) }
             }
-            Note::Monitor(judgement) => Self { judgement: Some(*judgement), ..row(NoteKind::Monitor) },
             Note::Around(around) => Self { around: Some(around.clone()), ..row(NoteKind::Around) },
             Note::Limited(why) => Self { reason: Some((*why).to_owned()), ..row(NoteKind::Limited) },
             Note::Decision(_) => return None,

@@ -82,9 +82,7 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
         ("lifting = \"paper\"", PilotSettings { lifting: Lifting::Paper, ..preset }),
         ("motion = \"sequential\"", PilotSettings { motion: Motion::Sequential, ..preset }),
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
-        ("ask = \"news\"", PilotSettings { ask: AskWhen::News, ..preset }),
         ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
-        ("monitor = true", PilotSettings { guidance: Guidance { monitor: true, ..Guidance::default() }, ..preset }),
         ("track = \"pixels\"", PilotSettings { guidance: Guidance { track: true, ..Guidance::default() }, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
@@ -164,7 +162,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 12]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 10]>()).prop_map(
         |(
             preset,
             step,
@@ -173,7 +171,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, detector, fence, anchor, low_anchor, slow_anchor, map, brake, depth_sensor, tracked, news, monitor],
+            [avoid, detector, fence, anchor, low_anchor, slow_anchor, map, brake, depth_sensor, tracked],
         )| {
             BenchSettings {
                 preset,
@@ -182,14 +180,12 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 motion,
                 ending,
                 think,
-                ask: news.then_some(AskWhen::News),
                 confirm_done,
                 avoid,
                 detector,
                 anchor,
                 low_anchor,
                 slow_anchor,
-                monitor,
                 map,
                 brake,
                 track: if tracked { TrackBy::Pixels } else { TrackBy::Off },

@@ -26,7 +26,6 @@ pub struct Followed {
     /// Whether the instruction counts as fulfilled: for two thirds of the last seconds the craft was near the target.
     pub fulfilled: bool,
     /// How many last seconds: 20, or the time after which following ends as reached, if that is shorter.
-    #[serde(default = "whole_window")]
     pub window_s: f64,
     /// Distance from the target's surface within which it counts as followed, metres.
     pub within_m: f64,
@@ -34,10 +33,6 @@ pub struct Followed {
     pub near_s: f64,
     /// Time since the craft was first that near, seconds; 0 if it never was.
     pub since_first_s: f64,
-}
-
-fn whole_window() -> f64 {
-    WINDOW_S
 }
 
 impl Followed {

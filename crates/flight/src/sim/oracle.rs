@@ -86,10 +86,6 @@ impl Vlm for OracleVlm {
         &self.name
     }
 
-    fn is_concurrent(&self) -> bool {
-        true
-    }
-
     fn answer(&mut self, request: &QueryRequest<'_>, _image: &mut dyn QueryImage) -> Answer {
         match self.percept(request.query.frame) {
             Ok(percept) => self.answer_from(request.query, &percept),

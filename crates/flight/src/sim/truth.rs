@@ -28,7 +28,7 @@ pub struct Verdict {
     /// collision; `None` if the verb needs a predicate that only the benchmark has.
     pub verified: Option<bool>,
     /// How those objects were determined, if `verified` is set.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub verified_by: Option<VerifiedBy>,
     /// Parts of the instruction that the parser does not read, and that `verified` therefore ignores.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]

@@ -252,14 +252,6 @@ impl SimWorld {
         });
     }
 
-    /// Renders the ids of the objects in a snapshot at another size than the camera's, into existing buffers.
-    pub(super) fn ids_into(&self, snapshot: &WorldSnapshot, (width, height): (u32, u32), image: &mut RenderedImage) {
-        let channels = Channels { ids: true, ..Channels::default() };
-        self.sim_camera.look(&self.camera().resized(width, height), image, |camera, image| {
-            self.loaded.render_into(camera, snapshot, channels, image);
-        });
-    }
-
     /// Light on each object in an image with ids and depth, as in [`Renderer::light_on`].
     ///
     /// [`Renderer::light_on`]: spf_render::Renderer::light_on

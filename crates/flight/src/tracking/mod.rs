@@ -25,7 +25,7 @@ use spf_core::query::ImageBox;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_core::track::{TrackQuality, TrackReport, TrackStart};
-use spf_drone::frames::{Frames, Photo};
+use spf_drone::frames::Photo;
 use spf_media::track::{PixelBox, Quality, TrackImage, Tracker};
 
 use attitudes::Attitudes;
@@ -40,8 +40,6 @@ pub enum TrackBy {
     Off,
     /// A tracker in the camera's frames.
     Pixels,
-    /// A stand-in for it that knows which pixels show the target, in virtual time only: without rendering images in colour.
-    Model,
 }
 
 impl TrackBy {
@@ -53,11 +51,11 @@ impl TrackBy {
 }
 
 /// How long frames are kept: the longest age of a reply's frame, by default.
-pub(crate) const KEPT: Duration = Duration::from_secs(8);
+const KEPT: Duration = Duration::from_secs(8);
 /// Time between two frames that are tracked in.
 pub(crate) const INTERVAL: Duration = Duration::from_millis(100);
 /// Frames of queries that are kept: as many as there can be open queries.
-pub(crate) const ASKED: usize = 8;
+const ASKED: usize = 8;
 /// Width of the images, pixels.
 const WIDTH: u32 = 480;
 /// Number of frames that may arrive while a tracker catches up, before it skips every other one; twice as many, and it takes every
@@ -83,27 +81,6 @@ pub(crate) enum Progress {
     Behind,
     /// The target in the newest frame.
     Report(TrackReport),
-}
-
-/// Follows a box through frames, one step at a time.
-pub(crate) trait Follow {
-    /// Notes a telemetry report.
-    fn telemetry(&mut self, telemetry: &Telemetry);
-
-    /// Notes that a frame has arrived, which is among `frames`.
-    fn frame(&mut self, meta: FrameMeta, frames: &dyn Frames);
-
-    /// Notes that a query about a frame was sent.
-    fn asked(&mut self, frame: FrameId, frames: &dyn Frames);
-
-    /// Tracks this box from now on, instead of any other.
-    fn start(&mut self, start: TrackStart);
-
-    /// Tracks nothing any more.
-    fn stop(&mut self);
-
-    /// Tracks the box in one further image.
-    fn step(&mut self) -> Progress;
 }
 
 /// Keeps the frames of the last seconds, and tracks one box through them.
@@ -233,32 +210,6 @@ impl Tracking {
         }
         task.caught_up = true;
         Progress::Report(task.report(fraction(&track.area, size), track.scale, quality(track.quality)))
-    }
-}
-
-impl Follow for Tracking {
-    fn telemetry(&mut self, telemetry: &Telemetry) {
-        self.telemetry(telemetry);
-    }
-
-    fn frame(&mut self, meta: FrameMeta, frames: &dyn Frames) {
-        self.frame(meta, || frames.photo(meta.id));
-    }
-
-    fn asked(&mut self, frame: FrameId, frames: &dyn Frames) {
-        self.asked(frame, frames.photo(frame));
-    }
-
-    fn start(&mut self, start: TrackStart) {
-        self.start(start);
-    }
-
-    fn stop(&mut self) {
-        self.stop();
-    }
-
-    fn step(&mut self) -> Progress {
-        self.step()
     }
 }
 

@@ -9,7 +9,6 @@ use std::time::Instant;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::pilot::{Action, Event};
-use spf_core::query::QueryKind;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
 use spf_core::track::TrackStart;
@@ -113,8 +112,6 @@ impl TrackingThread {
     /// Carries out an action of the pilot, if it concerns a tracker.
     pub(crate) fn apply(&self, action: &Action) {
         match action {
-            // A monitor's reply begins no track.
-            Action::Ask(query) if query.kind == QueryKind::Monitor => {}
             Action::Ask(query) => self.inbox.put(Item::Asked(query.frame, self.frames.photo(query.frame))),
             Action::Track(start) => self.inbox.change(|waiting| waiting.request = Some(Some(*start))),
             Action::Untrack => self.inbox.change(|waiting| waiting.request = Some(None)),

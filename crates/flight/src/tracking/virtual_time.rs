@@ -4,11 +4,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use spf_core::pilot::{Action, Event};
-use spf_core::query::QueryKind;
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 
-use super::{Follow, Progress};
+use super::{Progress, Tracking};
 
 /// Computing time per image: a small computer's, not that of the machine that simulates
 /// (`docs/reference/performance.md`).
@@ -16,7 +15,7 @@ const PER_IMAGE: Duration = Duration::from_millis(10);
 
 /// A tracker whose reports are computed at once, and delivered when a computer in flight would have them.
 pub(crate) struct VirtualTracker {
-    tracking: Box<dyn Follow>,
+    tracking: Tracking,
     frames: Arc<dyn Frames>,
     /// [`Event::Track`], in the order of their times.
     reports: VecDeque<(Time, Event)>,
@@ -26,7 +25,7 @@ pub(crate) struct VirtualTracker {
 
 impl VirtualTracker {
     /// A tracker in these frames.
-    pub(crate) fn new(tracking: Box<dyn Follow>, frames: Arc<dyn Frames>) -> Self {
+    pub(crate) fn new(tracking: Tracking, frames: Arc<dyn Frames>) -> Self {
         Self { tracking, frames, reports: VecDeque::new(), busy_until: Time::ZERO }
     }
 
@@ -35,7 +34,7 @@ impl VirtualTracker {
         match event {
             Event::Telemetry(telemetry) => self.tracking.telemetry(telemetry),
             Event::Frame(meta) => {
-                self.tracking.frame(*meta, self.frames.as_ref());
+                self.tracking.frame(*meta, || self.frames.photo(meta.id));
                 self.work(now);
             }
             _ => {}
@@ -45,9 +44,7 @@ impl VirtualTracker {
     /// Carries out an action of the pilot, if it concerns a tracker.
     pub(crate) fn apply(&mut self, now: Time, action: &Action) {
         match action {
-            // A monitor's reply begins no track.
-            Action::Ask(query) if query.kind == QueryKind::Monitor => {}
-            Action::Ask(query) => self.tracking.asked(query.frame, self.frames.as_ref()),
+            Action::Ask(query) => self.tracking.asked(query.frame, self.frames.photo(query.frame)),
             Action::Track(start) => {
                 self.tracking.start(*start);
                 self.give_up(now);

@@ -7,13 +7,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
-use spf_core::query::{Query, QueryId, QueryKind};
+use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
 use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;
-use super::{Script, Vlms, answer_event, pilot_event};
+use super::{Script, answer_event, pilot_event};
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::TrackingThread;
@@ -34,11 +34,8 @@ pub struct Live {
     told: Option<Time>,
     /// What it reported before the loop began; `None` before that.
     earlier: Option<VecDeque<DroneEvent>>,
-    vlm: Client,
-    /// Answers what is asked while that one answers.
-    second: Option<Client>,
-    /// Answers the monitor's queries, if something else does.
-    monitor: Option<Client>,
+    /// Leads to the thread in which the VLM answers one query after the other.
+    vlm: Sender<(Query, Cancel)>,
     /// Open queries, with their cancel handles.
     out: Vec<(QueryId, Cancel)>,
     events: Receiver<(Time, Event)>,
@@ -55,38 +52,15 @@ pub struct Live {
     paused_until: Option<Time>,
 }
 
-/// A thread in which a VLM answers queries one after the other.
-struct Client {
-    queries: Sender<(Query, Cancel)>,
-    /// Queries that were sent to it and are not answered.
-    open: Arc<AtomicU32>,
-}
-
-impl Client {
-    fn is_busy(&self) -> bool {
-        self.open.load(Ordering::Acquire) > 0
-    }
-
-    fn ask(&self, query: Query, cancel: Cancel) {
-        self.open.fetch_add(1, Ordering::AcqRel);
-        if self.queries.send((query, cancel)).is_err() {
-            tracing::warn!("the VLM thread has ended: queries are no longer sent");
-        }
-    }
-}
-
-/// Starts the thread of a VLM.
+/// Starts the thread in which the VLM answers one query after the other.
 fn ask_in_thread(
-    name: &str,
     start: Instant,
     mut vlm: Box<dyn Vlm>,
     mut images: QueryImages,
     answered: Sender<(Time, Event)>,
-) -> std::io::Result<Client> {
+) -> std::io::Result<Sender<(Query, Cancel)>> {
     let (queries, request) = channel::<(Query, Cancel)>();
-    let open = Arc::new(AtomicU32::new(0));
-    let left = open.clone();
-    std::thread::Builder::new().name(name.to_owned()).spawn(move || {
+    std::thread::Builder::new().name("vlm".to_owned()).spawn(move || {
         for (query, cancel) in request {
             let begun = start.elapsed();
             let (latency, text) = if cancel.is_cancelled() {
@@ -96,7 +70,6 @@ fn ask_in_thread(
                 let answer = vlm.answer(&request, &mut images.about(&query));
                 (answer.latency, answer.text)
             };
-            left.fetch_sub(1, Ordering::AcqRel);
             let event = answer_event(query.id, text);
             // The oracle reports a latency without spending it; a real model has already spent it.
             if answered.send((Time::ZERO + begun + latency, event)).is_err() {
@@ -104,7 +77,7 @@ fn ask_in_thread(
             }
         }
     })?;
-    Ok(Client { queries, open })
+    Ok(queries)
 }
 
 impl Live {
@@ -116,7 +89,7 @@ impl Live {
     pub fn new(
         start: Instant,
         drone: Box<dyn Drone>,
-        vlms: impl Into<Vlms>,
+        vlm: Box<dyn Vlm>,
         script: Script,
         interrupts: Arc<AtomicU32>,
         tracks: bool,
@@ -125,15 +98,7 @@ impl Live {
         let tracker = tracks
             .then(|| TrackingThread::start(start, &drone.capabilities().camera, drone.frames(), answered.clone()))
             .transpose()?;
-        let Vlms { vlm, second, monitor } = vlms.into();
-        // Beside the VLM's thread: a monitor that waited for its reply would come too late.
-        let monitor =
-            monitor.map(|monitor| ask_in_thread("monitor", start, monitor, QueryImages::of(drone.as_ref()), answered.clone()));
-        let monitor = monitor.transpose()?;
-        let second =
-            second.map(|second| ask_in_thread("vlm 2", start, second, QueryImages::of(drone.as_ref()), answered.clone()));
-        let second = second.transpose()?;
-        let vlm = ask_in_thread("vlm", start, vlm, QueryImages::of(drone.as_ref()), answered)?;
+        let vlm = ask_in_thread(start, vlm, QueryImages::of(drone.as_ref()), answered)?;
         let now = Time::ZERO + start.elapsed();
         let (out, later) = (Vec::new(), Vec::new());
         Ok(Self {
@@ -143,8 +108,6 @@ impl Live {
             told: None,
             earlier: None,
             vlm,
-            second,
-            monitor,
             out,
             events,
             tracker,
@@ -286,12 +249,9 @@ impl World for Live {
             Action::Ask(query) => {
                 let cancel = Cancel::default();
                 self.out.push((query.id, cancel.clone()));
-                let beside = if query.kind == QueryKind::Monitor {
-                    self.monitor.as_ref()
-                } else {
-                    self.second.as_ref().filter(|_| self.vlm.is_busy())
-                };
-                beside.unwrap_or(&self.vlm).ask((**query).clone(), cancel);
+                if self.vlm.send(((**query).clone(), cancel)).is_err() {
+                    tracing::warn!("the VLM thread has ended: queries are no longer sent");
+                }
             }
             Action::Cancel(id) => {
                 for (_, cancel) in self.out.extract_if(.., |(of, _)| of == id) {

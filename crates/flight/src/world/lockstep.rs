@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
 
 use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
-use spf_core::query::{Query, QueryId, QueryKind};
+use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
-use spf_vlm::QueryRequest;
+use spf_vlm::{QueryRequest, Vlm};
 
-use super::{Script, Vlms, answer_event, pilot_event};
+use super::{Script, answer_event, pilot_event};
 use crate::image::QueryImages;
 use crate::run::World;
 use crate::tracking::VirtualTracker;
@@ -25,7 +25,7 @@ pub struct Lockstep {
     drone: Box<dyn Drone>,
     /// When the craft was last told what is around it.
     told: Option<Time>,
-    vlms: Vlms,
+    vlm: Box<dyn Vlm>,
     images: QueryImages,
     script: Script,
     answers: Vec<(Time, QueryId, Event)>,
@@ -38,13 +38,13 @@ pub struct Lockstep {
 impl Lockstep {
     /// A world at flight time zero. `interrupts` counts Ctrl-C presses: the first one lands.
     #[must_use]
-    pub fn new(drone: Box<dyn Drone>, vlms: impl Into<Vlms>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
+    pub fn new(drone: Box<dyn Drone>, vlm: Box<dyn Vlm>, script: Script, interrupts: Arc<AtomicU32>) -> Self {
         let images = QueryImages::of(drone.as_ref());
         Self {
             now: Time::ZERO,
             drone,
             told: None,
-            vlms: vlms.into(),
+            vlm,
             images,
             script,
             answers: Vec::new(),
@@ -70,8 +70,7 @@ impl Lockstep {
 
     fn ask(&mut self, query: &Query) {
         let request = QueryRequest::new(query, query.deadline.since(self.now));
-        let vlm = self.vlms.monitor.as_mut().filter(|_| query.kind == QueryKind::Monitor).unwrap_or(&mut self.vlms.vlm);
-        let answer = vlm.answer(&request, &mut self.images.about(query));
+        let answer = self.vlm.answer(&request, &mut self.images.about(query));
         self.answers.push((self.now + answer.latency, query.id, answer_event(query.id, answer.text)));
     }
 

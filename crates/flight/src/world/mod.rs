@@ -13,29 +13,7 @@ use spf_core::pilot::{Event, OperatorEvent, Pilot};
 use spf_core::query::QueryId;
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
-use spf_vlm::{Vlm, VlmError};
-
-/// What answers the queries of a flight.
-pub struct Vlms {
-    /// The VLM.
-    pub vlm: Box<dyn Vlm>,
-    /// A second client of it, which answers on the wall clock while the first one answers another query.
-    pub second: Option<Box<dyn Vlm>>,
-    /// What answers the monitor's queries, beside the others; `None` for the VLM itself.
-    pub monitor: Option<Box<dyn Vlm>>,
-}
-
-impl From<Box<dyn Vlm>> for Vlms {
-    fn from(vlm: Box<dyn Vlm>) -> Self {
-        Self { vlm, second: None, monitor: None }
-    }
-}
-
-impl<V: Vlm + 'static> From<Box<V>> for Vlms {
-    fn from(vlm: Box<V>) -> Self {
-        Self { vlm, second: None, monitor: None }
-    }
-}
+use spf_vlm::VlmError;
 
 /// Operator inputs at given flight times, for virtual time and tests.
 #[derive(Clone, Debug, Default, PartialEq)]

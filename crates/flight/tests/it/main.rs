@@ -13,4 +13,3 @@ mod oracle_language;
 mod replay;
 mod rooms;
 mod tracking;
-mod two_queries;

@@ -10,7 +10,6 @@ use spf_core::command::Setpoint;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::grounding::{AxisOrder, GroundingProfile};
-use spf_core::guidance::Guidance;
 use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::query::ImageBox;
 use spf_core::step::StepRule;
@@ -164,33 +163,6 @@ fn a_flight_with_a_model_is_the_same_again() {
     });
     assert_eq!(replayed(&log, &Changes::default()).differences, []);
     assert_eq!(with_boxes(&log, "").1.as_deref(), Some("squares.onnx"));
-}
-
-#[test]
-fn a_flight_with_a_monitor_is_the_same_again_without_any_model() {
-    let folder = tempfile::tempdir().unwrap();
-    let log = flown(&folder.path().join("flight"), |plan| {
-        plan.settings.guidance = Guidance { slow_anchor: true, monitor: true, ..Guidance::default() };
-        let poor = oracle_factory("oracle:poor".to_owned(), ErrorFile::named("poor").unwrap());
-        plan.monitor = Some(("oracle:poor".to_owned(), poor));
-    });
-    assert_eq!(replayed(&log, &Changes::default()).differences, []);
-    let mut entries = LogReader::open(&log).unwrap();
-    assert_eq!(head(&mut entries).unwrap().monitor.as_deref(), Some("oracle:poor"));
-    let rows: Vec<Entry> = entries.map(Result::unwrap).collect();
-    let saying = |topic: &str, words: &str| {
-        let of = rows.iter().filter(|entry| entry.topic == topic).map(|entry| row::<Value>(entry).unwrap().to_string());
-        of.filter(|text| text.contains(words)).count()
-    };
-    // Asked, answered and judged; most of these 30 s is flown by hand, held or searched.
-    let (asked, answered) = (saying("/query", r#""kind":"monitor""#), saying("/reply", r#"{\"state\":"#));
-    let judged = saying("/note", r#""by":"vlm""#);
-    assert!(judged > 2 && judged <= answered && answered <= asked, "{asked} {answered} {judged}");
-    // A different method without it: nothing is asked in the replay.
-    let recorded = head(&mut LogReader::open(&log).unwrap()).unwrap().settings;
-    let off = Guidance { monitor: false, ..recorded.guidance };
-    let other = replayed(&log, &Changes { settings: Some(PilotSettings { guidance: off, ..recorded }), ..Changes::default() });
-    assert!(differs_at(&other, "/query"));
 }
 
 #[test]

@@ -31,8 +31,8 @@ pub enum ReadError {
     /// The file is not a valid MCAP file.
     #[error("not an MCAP file, or damaged")]
     Broken(#[source] McapError),
-    /// The file was written by a later version.
-    #[error("unsupported log format {0}; this version reads formats up to {FORMAT}")]
+    /// The file was written by a version with another format.
+    #[error("unsupported log format {0}; this version reads format {FORMAT}")]
     Format(u32),
 }
 
@@ -106,7 +106,7 @@ impl<R: Read> LogReader<R> {
     fn take_head(&mut self, metadata: &BTreeMap<String, String>) -> Result<(), ReadError> {
         let number = |key: &str| metadata.get(key).and_then(|text| text.parse::<u64>().ok()).unwrap_or(0);
         let format = u32::try_from(number(FORMAT_KEY)).unwrap_or(u32::MAX);
-        if format > FORMAT {
+        if format != FORMAT {
             return Err(ReadError::Format(format));
         }
         self.head = Some(LogHead { format, started_at_ns: number(STARTED_KEY) });

@@ -75,18 +75,16 @@ impl Responder {
         let size = (image.width(), image.height());
         let wording = wording::read(prompt, size).map_err(Unrecognised::Wording)?;
         let foreign = wording.is_none();
-        let Wording { instruction, memory, profile, kind, close_up } = wording.unwrap_or_else(|| Wording {
+        let Wording { instruction, memory, profile, kind } = wording.unwrap_or_else(|| Wording {
             instruction: prompt.trim().to_owned(),
             memory: PilotMemory::default(),
             profile: GroundingProfile::default(),
             kind: QueryKind::point(prompt.contains("\"boxes\"")),
-            close_up: None,
         });
         let query = Query {
             instruction: self.instruction_for(&instruction),
             memory,
             image_size: Some(size),
-            close_up,
             ..Query::new(QueryId(number), frame, kind)
         };
         let answer = self.oracle.answer_at(&query, &snapshot);

@@ -1,10 +1,9 @@
-//! Reads the project's own prompts for points (`prompts/point-5.txt`) and of the monitor (`prompts/monitor-1.txt`), as far as the
-//! oracle needs them: instruction, stage, what was
+//! Reads the project's own prompts for points (`prompts/point-5.txt`), as far as the oracle needs them: instruction, stage, what was
 //! pointed at, how far the craft has turned, coordinates, and what is to be answered. A prompt in an unknown wording is an error:
 //! an oracle that took it for a first query would answer the first stage for ever.
 
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::query::{DepthAs, ImageBox, Look, Memory, QueryKind};
+use spf_core::query::{DepthAs, Look, Memory, QueryKind};
 
 /// What a prompt asks.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,10 +14,8 @@ pub(super) struct Wording {
     pub(super) memory: Memory,
     /// The coordinates of the answer.
     pub(super) profile: GroundingProfile,
-    /// What is asked: a point, or how the flight goes on.
+    /// What is asked.
     pub(super) kind: QueryKind,
-    /// The part of the image that goes along enlarged, in a monitor's prompt.
-    pub(super) close_up: Option<ImageBox>,
 }
 
 /// The prompt read; `None` if it has no instruction between « and », and so is none of ours.
@@ -28,15 +25,6 @@ pub(super) struct Wording {
 pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<Wording>, &'static str> {
     let Some((_, behind)) = prompt.split_once('«') else { return Ok(None) };
     let (instruction, rest) = behind.split_once('»').ok_or("where the instruction ends (« without »)")?;
-    if prompt.contains(MONITORS) {
-        return Ok(Some(Wording {
-            instruction: instruction.to_owned(),
-            memory: monitors_memory(rest)?,
-            profile: GroundingProfile::default(),
-            kind: QueryKind::Monitor,
-            close_up: close_up(rest)?,
-        }));
-    }
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
     let mut profiles =
         [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
@@ -54,31 +42,7 @@ pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<W
         memory: memory(rest)?,
         profile,
         kind: QueryKind::Point { avoid: rest.contains("\n- boxes: "), depth },
-        close_up: None,
     }))
-}
-
-/// What only the monitor's prompt asks for.
-const MONITORS: &str = r#"{"state":"lost"}"#;
-
-/// The stage and the target in a monitor's prompt.
-fn monitors_memory(rest: &str) -> Result<Memory, &'static str> {
-    let target = rest.lines().find_map(|line| line.strip_prefix("Its target was called \"")?.strip_suffix("\" before."));
-    Ok(Memory { stage: stage(rest)?, targets: target.map(ToOwned::to_owned).into_iter().collect(), ..Memory::default() })
-}
-
-/// The enlarged part in a monitor's prompt.
-fn close_up(rest: &str) -> Result<Option<ImageBox>, &'static str> {
-    let Some(line) = rest.lines().find(|line| line.starts_with("The second image enlarges ")) else { return Ok(None) };
-    let numbers: Vec<f64> = line.split_whitespace().filter_map(|word| word.parse().ok()).map(|part: f64| part / 100.0).collect();
-    match numbers[..] {
-        [left, right, top, bottom]
-            if 0.0 <= left && left < right && right <= 1.0 && 0.0 <= top && top < bottom && bottom <= 1.0 =>
-        {
-            Ok(Some(ImageBox { left, top, right, bottom }))
-        }
-        _ => Err("which part of the image the second one enlarges"),
-    }
 }
 
 /// The stage that is being worked on.
@@ -119,9 +83,8 @@ fn number(line: &str, before: &str, after: &str) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use spf_core::frame::FrameId;
-    use spf_core::prompt::{PromptInput, PromptKind, PromptText, point_prompt};
-    use spf_core::query::{ImagePoint, LostTarget, PastAnswer, Query, QueryId, Said};
+    use spf_core::prompt::{PromptInput, point_prompt};
+    use spf_core::query::{ImagePoint, LostTarget, PastAnswer, Said};
 
     fn remembered() -> Memory {
         let pointed = |target: &str| PastAnswer {
@@ -169,27 +132,6 @@ mod tests {
         let read =
             read(&point_prompt(&PromptInput::new("go", &first, &GroundingProfile::default())), (640, 480)).unwrap().unwrap();
         assert_eq!(read.memory, Memory { stage: 1, ..first });
-    }
-
-    #[test]
-    fn the_monitors_prompt_is_understood() {
-        let memory = Memory { stage: 2, targets: vec!["the \"old\" gate".to_owned()], ..Memory::default() };
-        let close_up = Some(ImageBox { left: 0.3, top: 0.25, right: 0.7, bottom: 0.65 });
-        let query =
-            Query { instruction: "go".to_owned(), memory, close_up, ..Query::new(QueryId(0), FrameId(0), QueryKind::Monitor) };
-        let prompt = PromptText::shipped(PromptKind::Monitor).write_monitor(&query);
-        let read_as = read(&prompt, (384, 288)).unwrap().unwrap();
-        assert_eq!((&*read_as.instruction, read_as.kind, read_as.close_up), ("go", QueryKind::Monitor, close_up));
-        assert_eq!((read_as.memory.stage, &read_as.memory.targets[..]), (2, &["the 'old' gate".to_owned()][..]));
-        let bare = Query { close_up: None, memory: Memory::default(), ..query };
-        let read_as = read(&PromptText::shipped(PromptKind::Monitor).write_monitor(&bare), (384, 288)).unwrap().unwrap();
-        assert_eq!((read_as.close_up, read_as.memory), (None, Memory { stage: 1, ..Memory::default() }));
-        for (was, is) in
-            [("Stage 2 is", "Stage two is"), ("30 to 70 %", "30 to lots"), ("30 to 70 %", "70 to 30 %"), ("25 to", "nan to")]
-        {
-            let changed = prompt.replace(was, is);
-            assert!(changed != prompt && read(&changed, (384, 288)).is_err(), "{is}");
-        }
     }
 
     #[test]

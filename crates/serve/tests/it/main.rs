@@ -16,7 +16,6 @@ mod live_view;
 mod matrix;
 mod mavlink;
 mod memory;
-mod monitor;
 mod protocol;
 mod queues;
 mod rtsp;

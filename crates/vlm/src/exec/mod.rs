@@ -12,7 +12,6 @@ use std::time::Instant;
 use serde::Serialize;
 use serde_json::{Map, Value};
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::monitor::IMAGE_SIDE;
 use spf_core::query::QueryKind;
 use spf_core::time::Duration;
 use tempfile::TempDir;
@@ -151,12 +150,6 @@ impl Exec {
         let rule = ImageRule { long_side: u32::MAX, ..ImageRule::default() };
         rule.sent(camera, self.options.long_side)
     }
-
-    /// The size of the image of a query: small, if one word answers it.
-    fn size_for(&self, camera: (u32, u32), kind: &QueryKind) -> (u32, u32) {
-        let own = self.size(camera);
-        if *kind == QueryKind::Monitor { ImageRule::default().sent(own, Some(IMAGE_SIDE)) } else { own }
-    }
 }
 
 fn pixels((width, height): (u32, u32)) -> GroundingProfile {
@@ -174,7 +167,7 @@ impl Vlm for Exec {
     }
 
     fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
-        let size = self.size_for(image.size(), &request.query.kind);
+        let size = self.size(image.size());
         image.prepare(size);
         let jpeg = image.jpeg(size, self.options.quality);
         let close_up = request.query.close_up.map(|area| image.close_up(area, size, self.options.quality)).transpose();

@@ -3,7 +3,6 @@
 use std::sync::LazyLock;
 
 use serde_json::{Map, Value, json};
-use spf_core::monitor::monitor_schema;
 use spf_core::query::{DepthAs, QueryKind};
 use spf_core::reply::{choice_schema, completion_schema, moves_schema, reply_schema};
 
@@ -20,7 +19,6 @@ pub(super) fn of(kind: &QueryKind) -> Option<Value> {
         QueryKind::Act { form } => Some(moves_schema(*form)),
         QueryKind::Choose => Some(choice_schema()),
         QueryKind::Done => Some(completion_schema()),
-        QueryKind::Monitor => Some(monitor_schema()),
         _ => None,
     }
 }

@@ -12,11 +12,11 @@ use spf_flight::sim::Simulated;
 use spf_flight::site::Clock;
 use spf_scene::SceneLook;
 
-use super::settings::{flight_conditions, limits, method, method_words, options, preset_and_policy, prompt, script};
+use super::settings::{check_map, flight_conditions, limits, method, method_words, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
 use super::{Ready, page, sentence};
 use crate::args::Fly;
-use crate::commands::vlm::{self, Pace};
+use crate::commands::vlm::Pace;
 use crate::commands::{camera, depth_model, detector, load_scene};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
@@ -34,6 +34,7 @@ pub(super) fn ready(
 ) -> Result<Ready, CliError> {
     let (preset, policy) = preset_and_policy(settings)?;
     let mut method = detector::with_detector(settings, policy, method(settings, preset, Pace::Wall)?)?;
+    check_map(settings, &method)?;
     if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
         method.at_end = AtEnd::Hover;
     }
@@ -63,7 +64,6 @@ pub(super) fn ready(
         ..Simulated::new(loaded.clone(), scene)
     };
     let craft = site.craft().map_err(|error| CliError::usage("cannot start here").because(&error))?;
-    let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     let max_cost_usd = settings.fly.max_cost_usd.get()?;
     let interrupts = flight_interrupts(false)?;
     let start = Instant::now();
@@ -86,7 +86,6 @@ pub(super) fn ready(
         sentence(&pointing.sentence, &by_hand),
     ];
     announcements.extend(recorded.map(str::to_owned));
-    announcements.extend(monitored_by);
     let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
         announcements.push(sentence);
         plan
@@ -97,7 +96,6 @@ pub(super) fn ready(
         settings: method,
         limits,
         detector,
-        monitor,
         depth_network,
         prompt,
         max_cost_usd,

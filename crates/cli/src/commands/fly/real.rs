@@ -19,7 +19,7 @@ use spf_vlm::Vlm;
 use spf_vlm::check::{Verdict, check};
 
 use super::manual::Manual;
-use super::settings::{fence, limits, method, method_words, options, preset_and_policy, prompt, script};
+use super::settings::{check_map, fence, limits, method, method_words, options, preset_and_policy, prompt, script};
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, sentence};
 use crate::args::{CameraArgs, Fly};
@@ -97,7 +97,6 @@ pub(super) fn ready(
     if attended && settings.fly.at_end.get()?.is_none() {
         method.at_end = AtEnd::Hover;
     }
-    let (monitor, monitored_by) = vlm::monitor(settings, method.guidance.monitor, Pace::Wall)?;
     check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::combine(settings, pointing)?;
     let interrupts = flight_interrupts(true)?;
@@ -116,6 +115,8 @@ pub(super) fn ready(
     if drone.capabilities().ranges {
         feel_around(settings, &mut method, &mut limits)?;
         announcements.push("Sensors around the drone measure ranges: they feed brake and map (--brake, --map).".to_owned());
+    } else {
+        check_map(settings, &method)?;
     }
     if drone.capabilities().gimbal.is_some() {
         announcements
@@ -146,7 +147,6 @@ pub(super) fn ready(
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
     announcements.splice(0..0, [flying, sentence(&pointing.sentence, &craft), bounds, warning]);
     announcements.extend(recorded.map(str::to_owned));
-    announcements.extend(monitored_by);
     if !attended {
         announcements
             .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
@@ -166,7 +166,6 @@ pub(super) fn ready(
         settings: method,
         limits,
         detector,
-        monitor,
         depth_network,
         prompt,
         max_cost_usd,

@@ -8,7 +8,7 @@ use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
 use spf_core::guidance::Guidance;
 use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
-use spf_core::prompt::{PromptKind, PromptText};
+use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
 use spf_drone::mavlink::settings::{FencePlan, GimbalUse, MavlinkSettings};
@@ -34,13 +34,7 @@ const LEISURE: Duration = Duration::from_secs(86_400);
 pub(super) fn method_words(settings: &Settings, policy: PolicyKind, method: &PilotSettings) -> String {
     let preset = settings.fly.preset.text().unwrap_or_default();
     let mut words = format!("policy {}, preset {preset}", policy.name());
-    for (is_on, word) in [
-        (method.guidance.track, ", track pixels"),
-        (method.guidance.monitor, ", monitor on"),
-        (!method.ask.is_always(), ", ask news"),
-    ] {
-        words.push_str(if is_on { word } else { "" });
-    }
+    words.push_str(if method.guidance.track { ", track pixels" } else { "" });
     words
 }
 
@@ -117,7 +111,6 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(think) = fly.think.get()? {
         method.think = think;
     }
-    method.ask = fly.ask.or_default()?;
     let sensor = fly.depth_sensor.or_default()?.0.is_some();
     let network = fly.depth_model.text().is_some();
     let lists_boxes =
@@ -138,11 +131,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         map,
         sensor: measures,
         track: fly.track.or_default()? != TrackBy::Off,
-        monitor: fly.monitor.or_default()?.or(false),
     };
-    if method.guidance.monitor && !matches!(fly.policy.or_default()?.prompt(), PromptKind::Point) {
-        return Err(CliError::usage("--monitor watches the flight to a point").hint("use --policy spf, or leave it off"));
-    }
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
@@ -180,7 +169,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         return Err(CliError::usage("--depth-model is for the map, which is off").hint("add --map on, or leave --map out"));
     }
     if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
-        return Err(CliError::usage("--anchor, --map, --track and --monitor need --think continuous and --motion blended")
+        return Err(CliError::usage("--anchor, --map and --track need --think continuous and --motion blended")
             .hint("leave them off with the preset paper"));
     }
     if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {
@@ -196,6 +185,16 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
         }
     }
     Ok(method)
+}
+
+/// Refuses a map that nothing measures: boxes of replies tell where something begins in the image, and little of its shape.
+pub(super) fn check_map(settings: &Settings, method: &PilotSettings) -> Result<(), CliError> {
+    let is_measured = method.guidance.sensor || settings.fly.depth_model.text().is_some();
+    if method.guidance.map && !is_measured {
+        return Err(CliError::usage("--map: nothing measures the depth of what is around the drone")
+            .hint("add --depth-sensor on (the simulated craft) or --depth-model FILE, or fly a craft with range sensors; or leave --map out"));
+    }
+    Ok(())
 }
 
 /// The configured limits, else those of `limits`.

@@ -7,7 +7,7 @@ mod own;
 mod trial;
 
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use spf_bench::trial::split_latency;
 use spf_core::camera::Camera;
@@ -15,7 +15,7 @@ use spf_core::prompt::PromptText;
 use spf_core::time::Duration;
 use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
 use spf_oracle::{ErrorFile, Obedience, Per};
-use spf_vlm::cassette::{Recording, Replay, Tape};
+use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::human::HUMAN;
 use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
 use spf_vlm::table::{SelectError, Table};
@@ -44,40 +44,6 @@ pub(crate) struct Pointing {
     pub(crate) sentence: String,
     /// Its latency in virtual time, if it is fixed.
     pub(crate) latency: Option<Duration>,
-}
-
-/// A VLM's name on the command line, and how it is created.
-type NamedVlm = (String, VlmFactory);
-
-/// What answers the monitor's queries, if it is another VLM than that of the flight, and a sentence about it.
-pub(crate) fn monitor(settings: &Settings, is_on: bool, pace: Pace) -> Result<(Option<NamedVlm>, Option<String>), CliError> {
-    let row = &settings.vlm.monitor;
-    if !is_on {
-        return match row.text() {
-            Some(_) => Err(CliError::usage(format!("{}: the monitor is off", row.origin())).hint("add --monitor on")),
-            None => Ok((None, None)),
-        };
-    }
-    let own = settings.fly.vlm.text_or_default();
-    let Some(name) = row.text() else {
-        return match is_human(own) {
-            true => Err(CliError::usage("`human` answers only where to fly, and not to a monitor")
-                .hint("give another VLM with --vlm-monitor, or leave --monitor off")),
-            false => Ok((None, None)),
-        };
-    };
-    if is_human(name) || name.starts_with("replay:") {
-        return Err(CliError::usage(format!("{}: `{name}` cannot answer to a monitor", row.origin()))
-            .hint("name a model, exec:COMMAND or oracle; --vlm replay:FILE alone repeats a recording with its monitor"));
-    }
-    if settings.vlm.record.text().is_some() {
-        return Err(CliError::usage("a recording has the replies of one VLM")
-            .hint("leave out --vlm-monitor or --vlm-record; --monitor alone is recorded with the flight"));
-    }
-    let mut of_monitor = settings.clone();
-    of_monitor.fly.vlm = settings.vlm.monitor.clone();
-    let Pointing { name, vlm_factory, sentence, .. } = pointing(&of_monitor, None, pace)?;
-    Ok((Some((name, vlm_factory)), Some(format!("Monitor: {}", sentence.strip_prefix("VLM: ").unwrap_or(&sentence)))))
 }
 
 /// The VLM selected by the settings, in a world with this clock.
@@ -128,17 +94,10 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
 /// The same, with its replies recorded in a file.
 fn recorded(pointing: Pointing, path: String) -> Pointing {
     let vlm_factory = pointing.vlm_factory;
-    // A second client of a flight, for its monitor, writes to the same file.
-    let tape = Mutex::new(None);
     let record = move |world: Option<&SimWorld>, seed| {
         let camera = world.map_or(Camera::tello(), |world| *world.camera());
         let vlm = vlm_factory(world, seed)?;
-        let mut tape = tape.lock().unwrap_or_else(PoisonError::into_inner);
-        let recording = match tape.as_ref() {
-            Some(tape) => Recording::beside(vlm, Tape::clone(tape)),
-            None => Recording::new(vlm, Path::new(&path), (camera.width, camera.height))?,
-        };
-        *tape = Some(recording.tape());
+        let recording = Recording::new(vlm, Path::new(&path), (camera.width, camera.height))?;
         Ok(Box::new(recording) as Box<dyn Vlm>)
     };
     Pointing { vlm_factory: Arc::new(record), ..pointing }

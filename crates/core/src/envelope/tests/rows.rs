@@ -475,7 +475,6 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../cli/tests/it/tello/ending.rs")
     );
     let elsewhere = concat!(
-        include_str!("../../pilot/tests/ahead.rs"),
         include_str!("../../pilot/tests/take_over.rs"),
         include_str!("../../pilot/tests/returning.rs"),
         include_str!("../../pilot/tests/gimbal.rs"),

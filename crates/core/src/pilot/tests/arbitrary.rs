@@ -63,16 +63,10 @@ fn texts() -> impl Strategy<Value = String> {
         1 => Just(not_visible(Look::Left)),
         1 => Just(not_visible(Look::Down)),
         1 => Just(done()),
-        1 => Just(r#"{"state":"stop"}"#.to_owned()),
-        1 => Just(r#"{"state":"lost"}"#.to_owned()),
         1 => ".{0,40}",
         1 => Just(r#"{"forward":3,"climb":1}"#.to_owned()),
         1 => Just(r#"{"legs":"none"}"#.to_owned()),
     ]
-}
-
-fn is_monitors(id: QueryId) -> bool {
-    id.0 >= crate::pilot::monitoring::FIRST_ID
 }
 
 fn following(u: f64, v: f64, depth: u8) -> String {
@@ -240,11 +234,10 @@ struct Chaos {
 }
 
 impl Chaos {
-    fn new(preset: Preset, legs: bool, own: bool, track: bool, ask: AskWhen, max_time: f64) -> Self {
+    fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
-        setup.settings.ask = ask;
         let guidance = &mut setup.settings.guidance;
-        (guidance.track, guidance.monitor) = (track, track);
+        guidance.track = track;
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }
@@ -289,8 +282,6 @@ impl Chaos {
             Event::Operator(_) => (self.reason, self.hand) = (false, None),
             Event::LinkLost => (self.reason, self.link) = (false, false),
             Event::LinkRestored => self.link = true,
-            // What a monitor says is no reason to move, and neither does its silence end one.
-            Event::Reply { id, .. } | Event::ReplyFailed { id, .. } if is_monitors(*id) => drop(self.out.remove(id)),
             // The second look at somebody who is followed is taken while the craft goes along with them.
             Event::Reply { id, text } if self.track && *text == done() => drop(self.out.remove(id)),
             Event::Reply { id, text } if self.out.remove(id) => {
@@ -321,7 +312,7 @@ impl Chaos {
                 Some(Action::Cancel(id)) => {
                     assert!(self.out.remove(&id), "cancels what is not out");
                     // An answer may make another open query needless.
-                    self.reason &= is_monitors(id) || self.answers;
+                    self.reason &= self.answers;
                 }
                 Some(Action::Command(cleared)) => self.command(&cleared),
                 Some(Action::Finished(_)) => self.finished += 1,
@@ -499,16 +490,11 @@ impl Chaos {
             let is_due = |at: Time| (secs(0.3)..secs(0.36)).contains(&self.now.since(at));
             let due: Vec<QueryId> = self.queries.iter().filter(|(at, _)| is_due(*at)).map(|(_, id)| *id).collect();
             for id in due {
-                let text = match (is_monitors(id), self.track) {
-                    (true, _) => r#"{"state":"continue"}"#.to_owned(),
-                    (false, true) => following(0.7, 0.4, 7),
-                    (false, false) => navigate(0.7, 0.4, 7),
-                };
+                let text = if self.track { following(0.7, 0.4, 7) } else { navigate(0.7, 0.4, 7) };
                 self.tell(Event::Reply { id, text });
             }
             let area = ImageBox { left: 0.6, top: 0.3, right: 0.8, bottom: 0.5 };
-            let policy: Vec<QueryId> = self.queries.iter().map(|(_, id)| *id).filter(|id| !is_monitors(*id)).collect();
-            let id = policy.iter().rev().nth(1).copied().unwrap_or(QueryId(1));
+            let id = self.queries.iter().rev().nth(1).map_or(QueryId(1), |(_, id)| *id);
             self.report(id, 100, area, 1.0, TrackQuality::Good);
         }
     }
@@ -521,14 +507,12 @@ proptest! {
         legs: bool,
         own: bool,
         track: bool,
-        news: bool,
         begin in prop_oneof![3 => Just(6000u64), 1 => 0..6000u64],
         happenings in prop::collection::vec(happenings(), 0..60),
     ) {
         let max_time = 90.0;
         let preset = if paper { Preset::Paper } else { Preset::Default };
-        let ask = if news { AskWhen::News } else { AskWhen::Always };
-        let mut chaos = Chaos::new(preset, legs, own, track, ask, max_time);
+        let mut chaos = Chaos::new(preset, legs, own, track, max_time);
         chaos.go_well(begin);
         for happens in happenings {
             chaos.happen(happens);
@@ -557,7 +541,7 @@ fn the_property_is_one_of_a_pilot_that_moves() {
     for (preset, own, track, least) in
         [(default, false, false, 20), (Preset::Paper, false, false, 20), (default, true, false, 2), (default, false, true, 20)]
     {
-        let mut chaos = Chaos::new(preset, false, own, track, AskWhen::Always, 90.0);
+        let mut chaos = Chaos::new(preset, false, own, track, 90.0);
         chaos.go_well(12_000);
         assert!(chaos.moved > least, "{preset:?} {}", chaos.moved);
         chaos.happen(Happens::Operator(OperatorEvent::Setpoint(Setpoint { forward: 1.0, ..Setpoint::HOLD })));

@@ -5,7 +5,6 @@
 //! captured every 50 ms and arrive 150 ms later. The VLM is a closure that receives the true pose of the frame. Every
 //! loop is bounded: a pilot that never becomes idle fails the test.
 
-mod ahead;
 mod alone;
 mod arbitrary;
 mod asking;
@@ -16,9 +15,7 @@ mod following;
 mod gimbal;
 mod guided;
 mod manoeuvres;
-mod monitoring;
 mod motion;
-mod news;
 mod operator;
 mod ranges;
 mod returning;
@@ -141,8 +138,7 @@ impl Setup {
                     keep_m: crate::following::DEFAULT_KEEP,
                     close_up: false,
                 })
-                .with_guidance(settings.guidance)
-                .asking_ahead(settings.ask == AskWhen::News),
+                .with_guidance(settings.guidance),
             )
         });
         let pilot = Pilot::new(PilotParts {

@@ -233,10 +233,3 @@ fn video_and_telemetry_that_stay_late_hold_then_land() {
         assert_eq!(flight.end(), Outcome::Failed);
     }
 }
-
-/// Logs of format 1 call it `stop`; new ones do not, because `stop` means a hold elsewhere.
-#[test]
-fn a_logged_stop_is_read_as_cut_motors() {
-    assert_eq!(serde_json::from_str::<OperatorEvent>(r#""stop""#).unwrap(), OperatorEvent::CutMotors);
-    assert_eq!(serde_json::to_string(&OperatorEvent::CutMotors).unwrap(), r#""cut_motors""#);
-}

@@ -191,13 +191,6 @@ impl History {
         past.detour = reading.avoidance.and_then(|avoidance| detour(camera, avoidance, reading, boxes));
     }
 
-    /// Notes that nothing of what followed from the last answer is flown.
-    pub(super) fn nothing_planned(&mut self) {
-        let Some((past, _)) = self.answers.back_mut() else { return };
-        (past.planned_m, past.detour) = (None, None);
-        self.yaw = 0.0;
-    }
-
     /// Measures the last answer's motion to where the craft is now.
     fn moved_to(&mut self, pose: Pose) {
         let Some((past, from)) = self.answers.back_mut() else { return };

@@ -190,7 +190,6 @@ impl Spf {
         let stage = reply.stage.unwrap_or(self.memory.stage);
         // Only now is the place known that of this target; of a reply that points elsewhere it is not known which one is wrong.
         self.misses = if is_elsewhere(&view, reply, point) { self.misses + 1 } else { 0 };
-        self.is_unplaced = false;
         let clear = if is_held { 0.0 } else { libm::hypot(primitives.forward, primitives.climb) * free.unwrap_or(step) / step };
         let goto = Goto { id: open_query.id, point, area: reply.target_box, label, stage, motion, is_detour, clear };
         if follows { Step::Follow(goto) } else { Step::Goto(goto) }

@@ -372,30 +372,6 @@ fn a_target_that_is_not_seen_is_flown_to_only_in_its_own_stage() {
     assert!(matches!(told_expecting(&mut spf, 2, known, &lost(3)), Step::Move(_)));
 }
 
-/// With a monitor, what a box hides is waited for at rest; not where the place that is known is that of the stage before.
-#[test]
-fn a_target_that_was_never_seen_is_not_waited_for_where_the_last_one_was() {
-    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 20.0 };
-    let seen = |stage: u32| {
-        format!(
-            r#"{{"target":"tower","status":"navigating","stage":{stage},"target_box":[400,400,600,600],"point":[500,500],"depth":6,"boxes":[]}}"#
-        )
-    };
-    let hidden = |stage: u32| {
-        let boxes = r#"[{"box":[0,0,1000,1000],"depth":2,"name":"hedge"}]"#;
-        format!(r#"{{"target":"gate","status":"not_visible","stage":{stage},"look":"left","boxes":{boxes}}}"#)
-    };
-    let after = |replies: &[String]| {
-        let guidance = Guidance { slow_anchor: true, monitor: true, ..Guidance::default() };
-        let mut spf = policy(true).with_guidance(guidance);
-        let steps = replies.iter().zip(0..).map(|(reply, frame)| told_expecting(&mut spf, frame, known, reply));
-        steps.last().unwrap()
-    };
-    assert_eq!(after(&[seen(1), hidden(1)]), Step::Look);
-    assert!(matches!(after(&[seen(1), hidden(2)]), Step::Move(_)));
-    assert_eq!(after(&[seen(1), hidden(2), seen(2), hidden(2)]), Step::Look);
-}
-
 /// After one reply without the target the craft flies on if it should be seen; after five if a box stands in front of it.
 #[test]
 fn a_target_behind_a_box_is_waited_for_longer() {

@@ -12,15 +12,10 @@ use super::flight::{Flight, camera};
 use super::kinds::Number;
 use super::stage::{Sight, Stage, Target};
 
-/// As in the stand-in: added to the distance from the target's surface, metres.
-const HALF_DEPTH: f64 = 0.3;
-
 /// What is true of an image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Moment {
     pub(super) sight: Sight,
-    /// Distance of the target, metres.
-    pub(super) range: f64,
     pub(super) attitude: Attitude,
 }
 
@@ -29,7 +24,6 @@ pub(super) struct Clip {
     pub(super) number: Number,
     /// The target's key in the scene.
     pub(super) target: String,
-    pub(super) is_person: bool,
     pub(super) images: Vec<Rgb>,
     pub(super) moments: Vec<Moment>,
     pub(super) quantiser: Option<u8>,
@@ -44,13 +38,11 @@ impl Clip {
         let moments = (0..number.images).map(|image| {
             let snapshot = flight.at(stage, flight.time(0.1 * image as f64)).unwrap();
             let sight = target.sight(stage, &camera, &snapshot).0;
-            let range = stage.loaded.distance_to(flight.id, &snapshot.actors, snapshot.pose.position).unwrap();
-            Moment { sight, range: range + HALF_DEPTH, attitude: snapshot.pose.attitude }
+            Moment { sight, attitude: snapshot.pose.attitude }
         });
         Some(Self {
             number,
             target: stage.loaded.key(flight.id),
-            is_person: stage.loaded.scene.object(flight.id)?.tags.kind == "person",
             moments: moments.collect(),
             images: film.images,
             quantiser: film.quantiser,
@@ -61,16 +53,15 @@ impl Clip {
     pub(super) fn write(clip: Option<&Self>, file: &Path) -> std::io::Result<()> {
         let mut out = BufWriter::new(std::fs::File::create(file)?);
         let Some(clip) = clip else { return Ok(()) };
-        let mut numbers =
-            vec![clip.target.len() as f64, f64::from(u8::from(clip.is_person)), clip.quantiser.map_or(-1.0, f64::from)];
-        for Moment { sight, range, attitude } in &clip.moments {
+        let mut numbers = vec![clip.target.len() as f64, clip.quantiser.map_or(-1.0, f64::from)];
+        for Moment { sight, attitude } in &clip.moments {
             numbers.extend(
                 [sight.visible, sight.whole].into_iter().flat_map(|area| {
                     area.map_or([f64::NAN; 4], |PixelBox { left, top, right, bottom }| [left, top, right, bottom])
                 }),
             );
             let Attitude { heading, pitch, roll } = *attitude;
-            numbers.extend([sight.share, sight.pixels, *range, heading, pitch, roll]);
+            numbers.extend([sight.share, sight.pixels, heading, pitch, roll]);
         }
         for number in numbers {
             out.write_all(&number.to_le_bytes())?;
@@ -92,16 +83,16 @@ impl Clip {
             file.read_exact(&mut bytes)?;
             Ok(bytes.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect())
         };
-        let head = numbers(3)?;
+        let head = numbers(2)?;
         let area = |edges: &[f64]| match *edges {
             [left, top, right, bottom] if !left.is_nan() => Some(PixelBox { left, top, right, bottom }),
             _ => None,
         };
         let moments = (0..number.images).map(|_| {
-            let of = numbers(14)?;
+            let of = numbers(13)?;
             let sight = Sight { visible: area(&of[..4]), whole: area(&of[4..8]), share: of[8], pixels: of[9] };
-            let attitude = Attitude { heading: of[11], pitch: of[12], roll: of[13] };
-            Ok(Moment { sight, range: of[10], attitude })
+            let attitude = Attitude { heading: of[10], pitch: of[11], roll: of[12] };
+            Ok(Moment { sight, attitude })
         });
         let moments = moments.collect::<std::io::Result<_>>()?;
         let mut target = vec![0; head[0] as usize];
@@ -116,10 +107,9 @@ impl Clip {
         Ok(Some(Self {
             number,
             target: String::from_utf8(target).unwrap(),
-            is_person: head[1] > 0.0,
             images,
             moments,
-            quantiser: (head[2] >= 0.0).then_some(head[2] as u8),
+            quantiser: (head[1] >= 0.0).then_some(head[1] as u8),
         }))
     }
 }

@@ -1,17 +1,16 @@
-//! A clip that was followed, by the tracker and by its stand-in.
+//! A clip whose target the tracker has followed.
 
 use std::time::Instant;
 
 use spf_core::geometry::Attitude;
 use spf_core::lift::seen_after_turn;
-use spf_core::query::{ImageBox, ImagePoint};
+use spf_core::query::ImagePoint;
 use spf_core::track::TrackQuality;
-use spf_flight::sim::{TargetSeen, TrackErrors};
 use spf_media::Rgb;
 use spf_media::track::{PixelBox, Quality, Shift, TrackImage, Tracker};
 
 use super::clip::{Clip, Moment};
-use super::flight::{INTERVAL, camera};
+use super::flight::camera;
 use super::kinds::Number;
 use super::stage::Sight;
 
@@ -19,7 +18,6 @@ use super::stage::Sight;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Report {
     pub(super) area: PixelBox,
-    pub(super) scale: f64,
     pub(super) quality: TrackQuality,
 }
 
@@ -33,13 +31,10 @@ impl Report {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Image {
     pub(super) sight: Sight,
-    /// The target's size divided by that in the first image, by the distances.
-    pub(super) growth: f64,
-    pub(super) pixels: Report,
-    pub(super) model: Report,
+    pub(super) report: Report,
 }
 
-/// A clip after the trackers have followed its target.
+/// A clip after the tracker has followed its target.
 pub(super) struct Followed {
     pub(super) number: Number,
     /// The target's key in the scene.
@@ -59,7 +54,6 @@ impl Followed {
         let (number, moments, images) = (clip.number, &clip.moments, &clip.images);
         let whole = moments[0].sight.visible?;
         let mut tracker = Tracker::start_in_middle(&TrackImage::of(&images[0]), whole);
-        let mut errors = TrackErrors::new(number.seed, number.index as u64, fraction(&whole), clip.is_person);
         let mut followed = Self {
             number,
             target: clip.target.clone(),
@@ -77,36 +71,17 @@ impl Followed {
             .collect();
         followed.millis = 1000.0 * begun.elapsed().as_secs_f64() / (number.images - 1) as f64;
         for (image, track) in (1..number.images).zip(tracks) {
-            let Moment { sight, range, .. } = moments[image];
-            let growth = moments[0].range / range;
-            let seen = sight.visible.map(|area| TargetSeen { area: fraction(&area), growth: Some(growth) });
-            errors.next(image as u64, INTERVAL.as_secs_f64(), seen);
+            let Moment { sight, .. } = moments[image];
             let quality = match track.quality {
                 Quality::Good => TrackQuality::Good,
                 Quality::Coasting => TrackQuality::Coasting,
                 Quality::TooSmall => TrackQuality::TooSmall,
                 _ => TrackQuality::Lost,
             };
-            let pixels = Report { area: track.area, scale: track.scale, quality };
-            let ImageBox { left, top, right, bottom } = errors.area();
-            let area = PixelBox { left, top, right, bottom }.in_image_scaled(480.0, 360.0);
-            let model = Report { area, scale: errors.scale(), quality: errors.quality() };
-            followed.images.push(Image { sight, growth, pixels, model });
+            followed.images.push(Image { sight, report: Report { area: track.area, quality } });
         }
         show(&followed, images);
         Some(followed)
-    }
-}
-
-/// A box as a fraction of the image, at the stand-in's resolution: 240 pixels across.
-fn fraction(area: &PixelBox) -> ImageBox {
-    let low = |value: f64, of: f64| libm::floor(value / 2.0) * 2.0 / of;
-    let high = |value: f64, of: f64| libm::ceil(value / 2.0) * 2.0 / of;
-    ImageBox {
-        left: low(area.left, 480.0),
-        top: low(area.top, 360.0),
-        right: high(area.right, 480.0),
-        bottom: high(area.bottom, 360.0),
     }
 }
 

@@ -17,7 +17,7 @@ pub(super) fn write(folder: &Path, followed: &Followed, images: &[Rgb]) {
         let (x, y) = (480 * (place as u32 % 3), 360 * (place as u32 / 3));
         let mut one = images[image].clone();
         let (sight, report) = match image.checked_sub(1).map(|image| &followed.images[image]) {
-            Some(image) => (image.sight, Some(image.pixels)),
+            Some(image) => (image.sight, Some(image.report)),
             None => (followed.images[0].sight, None),
         };
         if let Some(area) = sight.visible {

@@ -1,22 +1,29 @@
 //! Flights whose target is suddenly hidden for 6 s, or elsewhere with a look-alike in its place.
+//!
+//! ```text
+//! cargo run --release -p spf-bench --example losses -- SEEDS [METHOD]
+//! ```
+//!
+//! Seeds count from 0, and `SEEDS` is at most 100. Prints a table, one row a method, loss and error file.
+
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints a table")]
 
 use std::error::Error;
 use std::io::Write as _;
+use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
 use spf_bench::trial::Method;
 use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::geometry::EnuPosition;
-use spf_core::monitor::Verdict;
 use spf_core::pilot::{Action, Decision, Note, Pilot};
 use spf_core::reply::Status;
 use spf_core::rng::RandomStream;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
-use spf_flight::sim::{LoadedScene, SimWorld, Simulated, Teleport, VlmFactory};
-
-use super::tokens::{Counts, counted, median};
+use spf_flight::sim::{LoadedScene, SimWorld, Simulated, Teleport, VlmFactory, oracle_factory};
+use spf_oracle::ErrorFile;
 
 /// How long a target is hidden.
 const HIDDEN: Duration = Duration::from_secs(6);
@@ -27,7 +34,7 @@ const ON_TARGET: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 /// Height of the middle of a balloon, metres.
 const MIDDLE: f64 = 5.5;
 /// The methods.
-const METHODS: [&str; 4] = ["spf-default", "spf-monitor", "spf-track-model", "spf-track-monitor"];
+const METHODS: [&str; 2] = ["spf-default", "spf-track"];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Loss {
@@ -73,6 +80,7 @@ struct Watcher {
     recovered: Option<Time>,
     near: f64,
     finished: Option<f64>,
+    queries: u32,
 }
 
 impl Watcher {
@@ -98,11 +106,8 @@ impl Observer for Watcher {
     }
 
     fn action(&mut self, now: Time, action: &Action, _: &Pilot) {
-        let lost = now > self.forced.at;
         match action {
-            Action::Note(Note::Monitor(judgement)) if lost && judgement.verdict == Verdict::Lost && !judgement.outdated => {
-                self.noticed.get_or_insert(now);
-            }
+            Action::Ask(_) => self.queries += 1,
             Action::Note(Note::Decision(decision)) if decision.captured > self.forced.at => {
                 let status = decision.reading.reply.as_ref().map(|reply| reply.status);
                 if status == Some(Status::NotVisible) {
@@ -125,15 +130,14 @@ struct Flown {
     recovered: Option<f64>,
     reached: bool,
     seconds: f64,
-    counts: [u64; 4],
+    queries: u32,
 }
 
 fn flown(scene: &Arc<LoadedScene>, method: &str, errors: &str, loss: Loss, seed: u64) -> Result<Option<Flown>, Box<dyn Error>> {
     let method = Method::of_name(method).ok_or("no such method")?;
     let row = spf_flight::methods::rows().iter().find(|row| row.name == method.name()).ok_or("no such row")?;
     let bench = row.bench.ok_or("no bench method")?;
-    let counts = Counts::default();
-    let oracle = counted(errors, &counts)?;
+    let oracle = oracle_factory(format!("oracle:{errors}"), ErrorFile::named(errors)?);
     let (forced, world) = (Forced::draw(loss, seed), Arc::new(OnceLock::new()));
     let told = world.clone();
     let forcing: VlmFactory = Arc::new(move |of: Option<&SimWorld>, seed| {
@@ -150,10 +154,9 @@ fn flown(scene: &Arc<LoadedScene>, method: &str, errors: &str, loss: Loss, seed:
     let plan = FlightPlan {
         limits: Limits { brake: bench.brake.then(BrakeLimits::without_sensor), ..site.limits() },
         settings,
-        track_by: bench.track,
         ..FlightPlan::new(site, "fly to the red balloon", &format!("oracle:{errors}"), forcing)
     };
-    let mut watcher = Watcher { world, forced, noticed: None, recovered: None, near: f64::MAX, finished: None };
+    let mut watcher = Watcher { world, forced, noticed: None, recovered: None, near: f64::MAX, finished: None, queries: 0 };
     let summary = fly(plan, &mut [&mut watcher])?.summary;
     // A flight that was over before, or whose target was never lost, is none of a loss.
     if summary.finished_at_s < forced.at.as_secs_f64() {
@@ -166,7 +169,7 @@ fn flown(scene: &Arc<LoadedScene>, method: &str, errors: &str, loss: Loss, seed:
         recovered: since(watcher.recovered),
         reached: summary.outcome == spf_core::pilot::Outcome::Reached && watcher.finished.is_some_and(|near| near < 5.0 + 1.3),
         seconds: summary.finished_at_s,
-        counts: counts.taken(),
+        queries: watcher.queries,
     }))
 }
 
@@ -187,7 +190,7 @@ fn force(world: &SimWorld, loss: Loss, forced: Forced) {
 }
 
 /// Flies the losses, with all methods or one, and prints the table.
-pub(crate) fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
+fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
     let folder = std::env::temp_dir().join(format!("spf-losses-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let file = folder.join("losses.toml");
@@ -195,9 +198,9 @@ pub(crate) fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> 
     let scene = Arc::new(LoadedScene::load(&file.to_string_lossy())?);
     std::fs::remove_dir_all(&folder)?;
     println!(
-        "| errors | method | loss | flights | recovered within 15 s | noticed after | recovered after | reached | seconds | queries, monitor's | tokens |"
+        "| errors | method | loss | flights | recovered within 15 s | noticed after | recovered after | reached | seconds | queries |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for errors in ["default", "poor"] {
         for method in METHODS.into_iter().filter(|method| only.is_none_or(|only| only == *method)) {
             let mut all = Vec::new();
@@ -210,21 +213,41 @@ pub(crate) fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> 
                 let of: Vec<&Flown> = all.iter().filter(|flown| flown.loss == loss).collect();
                 let count = |what: &dyn Fn(&Flown) -> bool| of.iter().filter(|flown| what(flown)).count();
                 let recovered = count(&|flown| flown.recovered.is_some_and(|seconds| seconds <= RECOVERED.as_secs_f64()));
-                let mean = |index: usize| of.iter().map(|flown| flown.counts[index]).sum::<u64>() / of.len().max(1) as u64;
                 println!(
-                    "| {errors} | `{method}` | {} | {} | {recovered} | {:.1} s | {:.1} s | {} | {:.0} | {}, {} | {} |",
+                    "| {errors} | `{method}` | {} | {} | {recovered} | {:.1} s | {:.1} s | {} | {:.0} | {:.0} |",
                     if loss == Loss::Hidden { "hidden for 6 s" } else { "look-alike" },
                     of.len(),
                     median(of.iter().filter_map(|flown| flown.noticed).collect()),
                     median(of.iter().filter_map(|flown| flown.recovered).collect()),
                     count(&|flown| flown.reached),
                     median(of.iter().map(|flown| flown.seconds).collect()),
-                    mean(0),
-                    mean(1),
-                    mean(2) + mean(3),
+                    median(of.iter().map(|flown| f64::from(flown.queries)).collect()),
                 );
             }
         }
     }
     Ok(())
+}
+
+/// The median; 0 of nothing.
+fn median(mut numbers: Vec<f64>) -> f64 {
+    numbers.sort_by(f64::total_cmp);
+    numbers.get(numbers.len() / 2).copied().unwrap_or(0.0)
+}
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let seeds = args.first().and_then(|text| text.parse().ok()).filter(|seeds| (1..=100).contains(seeds));
+    let run = match (seeds, &args[..]) {
+        (Some(seeds), [_]) => run(seeds, None),
+        (Some(seeds), [_, method]) => run(seeds, Some(method)),
+        _ => Err("usage: losses SEEDS [METHOD] (1 to 100 seeds)".into()),
+    };
+    match run {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::FAILURE
+        }
+    }
 }
