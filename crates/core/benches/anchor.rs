@@ -24,7 +24,6 @@ fn sighting(number: u64, gap_ms: u64) -> Sighting {
         bearing_sigma: 0.02,
         elevation_sigma: 0.02,
         range: Some(RangeReading { ln_range: libm::log(ahead.distance(EnuPosition::default())), sigma: 0.25 }),
-        by_track: false,
     }
 }
 

@@ -13,4 +13,3 @@ mod seen;
 mod sentences;
 mod signs;
 mod tasks;
-mod track_range;

@@ -11,7 +11,6 @@
 //! of them decides.
 
 mod estimate;
-mod growth;
 mod sighting;
 
 use std::collections::VecDeque;
@@ -20,7 +19,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use self::estimate::Estimate;
-pub use self::growth::Growth;
 pub use self::sighting::{RangeReading, Sighting, Trust};
 use crate::camera::Camera;
 use crate::geometry::{EnuDirection, EnuPosition, Pose};
@@ -257,16 +255,6 @@ impl Belief {
                 best = Some((index, distance, predicted));
                 break;
             }
-        }
-        if sighting.by_track {
-            // A track that has slid off must neither replace the anchor nor settle what two replies disagree about.
-            return match (best, self.hypotheses.first_mut()) {
-                (Some((0, distance, predicted)), Some(anchor)) => {
-                    anchor.fuse(&predicted, sighting, settings);
-                    Gate::Fused { distance, switched: false }
-                }
-                _ => Gate::Doubted { distance: of_anchor.unwrap_or(f64::INFINITY) },
-            };
         }
         if let Some((index, distance, predicted)) = best {
             let mut decided = self.hypotheses.swap_remove(index);

@@ -43,9 +43,6 @@ pub struct Sighting {
     pub elevation_sigma: f64,
     /// Range along the direction, if known.
     pub range: Option<RangeReading>,
-    /// Whether it comes from a track, not from a reply: it counts only where it fits the anchor, and decides no doubt.
-    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
-    pub by_track: bool,
 }
 
 /// How much replies are trusted.
@@ -121,7 +118,6 @@ impl Sighting {
             bearing_sigma: libm::hypot(point_sigma, trust.heading),
             elevation_sigma: libm::hypot(point_sigma, HEIGHT_SIGMA),
             range,
-            by_track: false,
         })
     }
 

@@ -25,7 +25,6 @@ fn sighting(secs: f64, from: EnuPosition, target: EnuPosition) -> Sighting {
         bearing_sigma: 0.02,
         elevation_sigma: 0.02,
         range: Some(RangeReading { ln_range: libm::log(from.distance(target)), sigma: 0.2 }),
-        by_track: false,
     }
 }
 
@@ -78,24 +77,6 @@ fn what_does_not_fit_is_a_doubt_that_the_next_sighting_decides() {
 
     assert!(matches!(anchors.observe(sighting(2.0, from, other)), Gate::Fused { switched: true, .. }));
     assert!(!anchors.is_contested() && near(anchors.anchor().unwrap().position(), other, 0.01));
-}
-
-#[test]
-fn a_track_counts_where_it_fits_and_decides_nothing_even_if_a_late_reply_is_applied_before_it() {
-    let (from, tree, other) = (at(0.0, 0.0, 3.0), at(0.0, 20.0, 3.0), at(15.0, 15.0, 3.0));
-    let track = |secs: f64, place| Sighting { by_track: true, ..sighting(secs, from, place) };
-    let mut anchors = Anchors::default();
-    assert!(matches!(anchors.observe(track(0.0, tree)), Gate::Doubted { .. }));
-    assert!(anchors.anchor().is_none(), "a track begins nothing");
-    anchors.observe(sighting(1.0, from, tree));
-    assert!(matches!(anchors.observe(track(3.0, tree)), Gate::Fused { switched: false, .. }));
-    assert_eq!(anchors.anchor().unwrap().hits, 2);
-    assert!(matches!(anchors.observe(track(4.0, other)), Gate::Doubted { .. }));
-    assert!(!anchors.is_contested());
-    // The reply of a frame from before the track: its doubt stands until the next reply.
-    assert!(matches!(anchors.observe(sighting(2.0, from, other)), Gate::Doubted { .. }));
-    assert!(anchors.is_contested() && anchors.anchor().unwrap().hits == 2);
-    assert!(matches!(anchors.observe(sighting(5.0, from, other)), Gate::Fused { switched: true, .. }));
 }
 
 #[test]
@@ -255,7 +236,6 @@ fn nees_of(seed: u64, approach: Approach) -> f64 {
             bearing_sigma,
             elevation_sigma: bearing_sigma,
             range: (approach.ranged || step == 0).then_some(RangeReading { ln_range, sigma }),
-            by_track: false,
         });
     }
     anchors.anchor().unwrap().nees(truth)
@@ -375,7 +355,6 @@ proptest! {
                 bearing_sigma,
                 elevation_sigma: bearing_sigma,
                 range: Some(RangeReading { ln_range, sigma }),
-            by_track: false,
             });
             for anchor in anchors.hypotheses() {
                 let sight = anchor.seen_from(at(0.0, 0.0, 0.0), Odometry::default());

@@ -8,7 +8,6 @@ use std::collections::VecDeque;
 
 use super::course::{Aim, Course, FLOWN, OWN_SURFACE};
 use super::target_height::TargetHeight;
-use super::tracked_target::TrackedTarget;
 use super::unseen::may_overhang;
 use super::view_height::correction;
 use super::{AnchorReport, Pilot, QueryTiming, Waiting};
@@ -45,8 +44,6 @@ pub(super) struct Guiding {
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
     pub(super) depth_at: Option<Time>,
-    /// The target of the last reply, while its track agrees with the anchor.
-    pub(super) tracked: Option<TrackedTarget>,
     height: TargetHeight,
     /// Ages of the last answers.
     ages: AnswerAges,
@@ -132,7 +129,7 @@ impl Guiding {
             self.given_up = Some(anchor.position());
         }
         self.anchors.reset();
-        (self.gate, self.tracked) = (None, None);
+        self.gate = None;
     }
 
     /// Forgets the target's height: it is another instruction's.

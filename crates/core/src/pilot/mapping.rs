@@ -26,7 +26,6 @@ impl Pilot {
         if lost != self.guiding.lost {
             self.guiding.lost = lost;
             self.guiding.anchors.lose_track(lost.unwrap_or(now));
-            self.guiding.tracked = None;
             self.seen.clear();
             self.shown.clear();
             if let Some(map) = &mut self.guiding.map {

@@ -28,7 +28,6 @@ mod settings;
 mod shown;
 mod take_over;
 mod target_height;
-mod tracked_target;
 mod tracking;
 mod unseen;
 mod view_height;

@@ -27,7 +27,6 @@ impl Pilot {
             return;
         }
         self.follow_reply(waiting, step);
-        self.track_target(waiting, step);
         self.remember_boxes(waiting);
         self.remember_free(waiting, step);
         let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
@@ -58,7 +57,6 @@ impl Pilot {
         if self.tracking.id == Some(report.id) && is_newer && report.is_sound() {
             self.tracking.last = Some(report);
             self.follow_report(now, &report);
-            self.sight_target(now, &report);
         }
     }
 }

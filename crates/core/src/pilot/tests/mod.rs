@@ -21,7 +21,6 @@ mod ranges;
 mod returning;
 mod search;
 mod take_over;
-mod tracked_target;
 mod tracking;
 mod unseen;
 mod view_height;
