@@ -21,7 +21,6 @@ mod aside;
 mod close_up;
 mod detour;
 mod history;
-mod open;
 mod report;
 mod retreat;
 mod steps;
@@ -32,7 +31,6 @@ use aside::Aside;
 use close_up::LastBox;
 use detour::{DetourSide, TurnedFirst};
 use history::History;
-use open::OpenSpace;
 use report::Report;
 
 /// Number of earlier targets in the memory.
@@ -88,25 +86,6 @@ struct OpenQuery {
     view: View,
     /// Whether it is the confirmation of a `done`.
     confirming: bool,
-    boxes: Boxes,
-}
-
-/// Where the boxes of a decision come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Boxes {
-    /// There are none: obstacle mode is off.
-    Off,
-    /// From the reply.
-    Reply,
-    /// The reply is not asked for them: nothing is near ([`OpenSpace`]).
-    Skipped,
-}
-
-impl Boxes {
-    /// Whether there is a list of what is near, empty or not.
-    fn are_known(self) -> bool {
-        self == Self::Reply
-    }
 }
 
 /// The SPF policy.
@@ -127,8 +106,6 @@ pub struct Spf {
     obstacles: ObstacleMemory,
     /// The persons among them, and how they walk.
     walkers: Walkers,
-    /// What the last reply with boxes has shown to be free.
-    open: Option<OpenSpace>,
     /// Turns towards paths along an edge since the last other step.
     turned_first: Option<TurnedFirst>,
     next_id: u64,
@@ -179,7 +156,6 @@ impl Spf {
             reported: Vec::new(),
             obstacles: ObstacleMemory::default(),
             walkers: Walkers::default(),
-            open: None,
             turned_first: None,
             next_id: 0,
             reading: Reading::default(),
@@ -200,16 +176,16 @@ impl Spf {
     fn asking(&mut self, view: &View) -> OpenQuery {
         let id = QueryId(self.next_id);
         self.next_id += 1;
-        *self.open_query.insert(OpenQuery { id, view: *view, confirming: self.confirming, boxes: self.boxes_for(view) })
+        *self.open_query.insert(OpenQuery { id, view: *view, confirming: self.confirming })
     }
 
     fn ask(&mut self, view: &View) -> Step {
         self.memory.confirming = self.confirming;
         self.memory.turned = self.search.as_ref().map_or(0.0, Search::turned);
         self.memory.kept_out = self.kept_out.iter().filter_map(|place| place.area_in(&view.camera, view.pose)).collect();
-        let OpenQuery { id, boxes, .. } = self.asking(view);
+        let OpenQuery { id, .. } = self.asking(view);
         self.history.fill(view, &mut self.memory);
-        let kind = QueryKind::Point { avoid: boxes == Boxes::Reply, depth: self.settings.depth };
+        let kind = QueryKind::Point { avoid: self.settings.avoid, depth: self.settings.depth };
         let mut query = Query {
             instruction: self.instruction.clone(),
             memory: self.memory.clone(),
@@ -247,18 +223,15 @@ impl Spf {
         self.reading = Reading::default();
         // Stated until it has been answered.
         self.memory.refused = None;
-        let mut reply = match parse_reply(text, &self.settings.grounding, open_query.boxes == Boxes::Reply) {
+        let mut reply = match parse_reply(text, &self.settings.grounding, self.settings.avoid) {
             Ok(reply) => reply,
             Err(error) => {
                 self.memory.refused = Some(ReplyError::for_the_model(&error));
                 return self.refuse(&error);
             }
         };
-        // A list that was not asked for counts as well.
-        let listed = open_query.boxes == Boxes::Skipped && !reply.boxes.is_empty();
-        let open_query = if listed { OpenQuery { boxes: Boxes::Reply, ..open_query } } else { open_query };
-        let has_boxes = open_query.boxes.are_known();
-        self.reading.listed = (open_query.boxes == Boxes::Reply).then(|| reply.boxes.clone());
+        let has_boxes = self.settings.avoid;
+        self.reading.listed = has_boxes.then(|| reply.boxes.clone());
         if self.settings.avoid && !self.guidance.is_off() {
             self.observe_persons(&open_query.view, &reply);
         }
@@ -279,9 +252,6 @@ impl Spf {
         }
         if has_boxes && reply.status != Status::Done {
             self.add_walks(&open_query.view, &mut reply);
-        }
-        if has_boxes {
-            self.open = OpenSpace::shown(&open_query.view, &reply);
         }
         // Where the others do not count, before them, so that the numbers of those that do are the same.
         let at = if self.checks_boxes() { reply.boxes.len() } else { 0 };
@@ -492,17 +462,11 @@ impl Policy for Spf {
                 self.turn_back(view).unwrap_or_else(|| self.ask(view))
             }
             PolicyEvent::Reply { id, text } => match self.open_query.take_if(|open_query| open_query.id == id) {
-                Some(open_query) => {
-                    let step = self.answered(open_query, text);
-                    self.ask_boxes_after(open_query.boxes);
-                    step
-                }
+                Some(open_query) => self.answered(open_query, text),
                 None => Step::Wait,
             },
             PolicyEvent::ReplyFailed { id } => {
-                if let Some(failed) = self.open_query.take_if(|open_query| open_query.id == id) {
-                    self.ask_boxes_after(failed.boxes);
-                }
+                self.open_query.take_if(|open_query| open_query.id == id);
                 self.turned_first = None;
                 Step::Wait
             }

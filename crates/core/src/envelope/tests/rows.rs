@@ -491,7 +491,6 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../avoid/tests.rs"),
         include_str!("../../avoid/vertical.rs"),
         include_str!("../../avoid/walking.rs"),
-        include_str!("../../policy/spf/open.rs"),
         include_str!("../../../../baselines/src/pivot/tests.rs"),
         include_str!("../../../../cli/tests/it/tello/matrix/mod.rs"),
         include_str!("../../../../cli/src/background.rs"),

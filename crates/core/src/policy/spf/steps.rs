@@ -1,7 +1,7 @@
 //! From a reply to a step: towards a point, around what is in the way, or holding before it.
 
 use super::detour::{DetourSide, TURNS_FIRST, TurnedFirst};
-use super::{Boxes, OpenQuery, Spf, is_elsewhere, search_with};
+use super::{OpenQuery, Spf, is_elsewhere, search_with};
 use crate::avoid::{self, Avoidance, BODY_MARGIN, MARKED, MIN_STEP, PlannedStep};
 use crate::lift;
 use crate::policy::{Expected, Goto, Move, Step, View};
@@ -68,9 +68,6 @@ impl Spf {
     pub(super) fn held_up(&mut self, open_query: OpenQuery, reply: &Reply) -> Step {
         self.confirming = false;
         self.turned_first = None;
-        if open_query.boxes == Boxes::Skipped {
-            return self.needs_boxes();
-        }
         let person = reply.boxes.iter().any(|obstacle| avoid::is_person(&obstacle.name) && obstacle.depth <= PERSON_IN_FRONT);
         let unknown = reply.boxes.is_empty() && !self.settings.avoid;
         if person || unknown {
@@ -97,11 +94,7 @@ impl Spf {
         let follows = self.follows(reply);
         let stays = follows && reply.status == Status::Following;
         let mut is_held = false;
-        if open_query.boxes == Boxes::Skipped {
-            let Some(open) = self.open_step(&view, reply, point, step) else { return self.needs_boxes() };
-            step = open;
-            free = self.open_step(&view, reply, point, 0.5 * lift::range_of_label(label)).map(|longer| longer.max(step));
-        } else if self.checks_boxes() || !self.kept_out.is_empty() {
+        if self.checks_boxes() || !self.kept_out.is_empty() {
             // What the operator has marked counts in any case.
             let counts = |obstacle: &&ObstacleBox| self.checks_boxes() || obstacle.name == MARKED;
             let boxes: Vec<ObstacleBox> = reply.boxes.iter().filter(counts).cloned().collect();
