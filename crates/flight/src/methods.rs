@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 
 use serde::Deserialize;
 use spf_core::executor::{Ending, Motion};
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::lift::Lifting;
 use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::query::ActForm;
@@ -117,12 +117,8 @@ pub struct BenchSettings {
     pub avoid: bool,
     /// Whether the boxes of replies in obstacle mode are those of a detector of COCO's classes.
     pub detector: bool,
-    /// Whether the target's place is kept between two answers.
-    pub anchor: bool,
-    /// Whether it is kept, unless the target is tall and answers are fast.
-    pub low_anchor: bool,
-    /// Whether it is kept while answers are slow.
-    pub slow_anchor: bool,
+    /// When the target's place is kept between two answers.
+    pub anchor: AnchorUse,
     /// Whether obstacles are kept in a map, around which the planner leads.
     pub map: bool,
     /// Whether the envelope brakes before known obstacles.
@@ -170,14 +166,7 @@ impl BenchSettings {
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
-            guidance: Guidance {
-                anchor: self.anchor,
-                low_anchor: self.low_anchor,
-                slow_anchor: self.slow_anchor,
-                map: self.map,
-                sensor: self.depth_sensor,
-                track: !self.track.is_off(),
-            },
+            guidance: Guidance { anchor: self.anchor, map: self.map, sensor: self.depth_sensor, track: !self.track.is_off() },
             ..preset
         }
     }

@@ -229,7 +229,7 @@ impl Trial {
         let prompt = PromptText::shipped(policy.prompt());
         let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
         let fence = if self.method.is_fenced() { " fence" } else { "" };
-        let settings = without_what_is_off(&format!("{:?}", self.method.settings(&self.task)));
+        let settings = serde_json::to_string(&self.method.settings(&self.task)).unwrap_or_default();
         let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
         let detector = if self.method.has_detector() { " detector" } else { "" };
         let all = format!("{} {settings} {limits:?} {}{fence}{extra}{detector}", policy.name(), prompt.source());
@@ -384,18 +384,6 @@ impl Trial {
     }
 }
 
-/// Settings as `Debug` writes them, less what is off: a trial without it is the one that it was before it could be switched on.
-fn without_what_is_off(settings: &str) -> String {
-    settings
-        .replace(" low_anchor: false,", "")
-        .replace(" slow_anchor: false,", "")
-        .replace("ask: Always, ", "")
-        .replace(", monitor: false }", " }")
-        .replace(", track: false }", " }")
-        .replace(", keep_m: 2.5, follow_time: None", "")
-        .replace(", guidance: Guidance { anchor: false, map: false, sensor: false }", "")
-}
-
 fn provider(vlm: &str) -> String {
     vlm.split(['#', ':', '@']).next().unwrap_or_default().to_owned()
 }
@@ -403,26 +391,4 @@ fn provider(vlm: &str) -> String {
 fn milliseconds(seconds: &[f64]) -> Option<Milliseconds> {
     let at = |fraction| percentile(seconds, fraction).map(|value| 1e3 * value);
     Some(Milliseconds { p50: at(0.5)?, p95: at(0.95)?, p99: at(0.99)?, max: at(1.0)? })
-}
-
-#[cfg(test)]
-mod tests {
-    use spf_core::guidance::Guidance;
-    use spf_core::pilot::{PilotSettings, Preset};
-
-    use super::without_what_is_off;
-
-    #[test]
-    fn what_is_off_is_not_part_of_a_trial() {
-        let written = |guidance| {
-            let settings = PilotSettings { guidance, ..PilotSettings::preset(Preset::Default) };
-            without_what_is_off(&format!("{settings:?}"))
-        };
-        let off = written(Guidance::default());
-        assert!(!off.contains("anchor") && !off.contains("Guidance") && !off.contains("ask"), "{off}");
-        let anchored = written(Guidance { anchor: true, ..Guidance::default() });
-        assert!(anchored.contains("Guidance { anchor: true, map: false, sensor: false }"), "{anchored}");
-        let low = written(Guidance { low_anchor: true, ..Guidance::default() });
-        assert!(low.contains("Guidance { anchor: false, low_anchor: true, map: false, sensor: false }"), "{low}");
-    }
 }

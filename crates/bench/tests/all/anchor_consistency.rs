@@ -14,7 +14,7 @@ use spf_bench::trial::draw;
 use spf_core::anchor::Gate;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::EnuPosition;
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::pilot::{Action, Decision, Note, Phase, Pilot, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::{Time, duration_from_secs};
@@ -166,7 +166,7 @@ fn flown(task: &Task, vlm: &'static str, seed: u64) -> Option<Row> {
         avoid: task.avoid,
         max_time: duration_from_secs(task.max_time),
         max_decisions: task.max_decisions,
-        guidance: Guidance { anchor: true, ..Guidance::default() },
+        guidance: Guidance { anchor: AnchorUse::Always, ..Guidance::default() },
         ..PilotSettings::preset(Preset::Default)
     };
     let (plan, world) = flight(task, &drawn, vlm, seed, settings);

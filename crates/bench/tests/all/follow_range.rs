@@ -12,7 +12,7 @@ use spf_bench::judge::{EVALUATION_INTERVAL, Judge, JudgeCamera};
 use spf_bench::task::shipped;
 use spf_bench::trial::draw;
 use spf_core::envelope::{BrakeLimits, Limits};
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::pilot::{Action, Note, Outcome, Pilot, PilotSettings, Preset};
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_flight::flight::{FlightPlan, fly};
@@ -148,7 +148,7 @@ fn flown(id: &str, vlm: &'static str, seed: u64) -> (Vec<Sample>, Verdict) {
         avoid: true,
         max_time: duration_from_secs(task.max_time),
         max_decisions: task.max_decisions,
-        guidance: Guidance { slow_anchor: true, track: true, ..Guidance::default() },
+        guidance: Guidance { anchor: AnchorUse::Low, track: true, ..Guidance::default() },
         ..PilotSettings::preset(Preset::Default)
     };
     let (plan, world) = crate::seen::flight(&task, &drawn, vlm, seed, settings);

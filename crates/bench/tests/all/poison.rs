@@ -16,7 +16,7 @@ use spf_core::command::Command;
 use spf_core::envelope::{BrakeLimits, Cleared, Limits};
 use spf_core::frame::FrameId;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::pilot::{Pilot, PilotSettings, Preset};
 use spf_core::time::{Time, duration_from_secs};
 use spf_drone::frames::Frames;
@@ -187,7 +187,7 @@ fn sealed(task: &Arc<Task>, drawn: &Sampled, errors: &str, seed: u64, folder: &P
             max_time: duration_from_secs(task.max_time),
             max_decisions: task.max_decisions,
             near_m: Some(loaded.scene.near),
-            guidance: Guidance { anchor: true, map: true, sensor: true, ..Guidance::default() },
+            guidance: Guidance { anchor: AnchorUse::Always, map: true, sensor: true, ..Guidance::default() },
             ..PilotSettings::preset(Preset::Default)
         },
         record: Some(record(folder)),

@@ -244,7 +244,7 @@ fn a_depth_sensor_turns_on_what_it_is_for() {
         Lab::new().fly("mine", &args).1["settings"].clone()
     };
     let guidance = |flags: &[&str]| settings(flags)["guidance"].clone();
-    let all = serde_json::json!({ "anchor": true, "map": true, "sensor": true });
+    let all = serde_json::json!({ "anchor": "always", "map": true, "sensor": true, "track": false });
     assert_eq!(guidance(&["--depth-sensor", "on"]), all);
     assert_eq!(guidance(&["--depth-sensor", "on", "--map", "off"])["map"], false);
     assert!(guidance(&["--depth-sensor", "on", "--preset", "paper"]).is_null());
@@ -261,16 +261,14 @@ fn boxes_and_an_anchor_are_on_by_default() {
         let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
         let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));
         let settings = lab.fly(&folder, &args).1["settings"].clone();
-        let guidance = &settings["guidance"];
-        (settings["avoid"] == true, guidance["anchor"] == true, guidance["low_anchor"] == true)
+        (settings["avoid"] == true, settings["guidance"]["anchor"].as_str().unwrap_or("off").to_owned())
     };
-    assert_eq!(parts(&[]), (true, false, true));
-    assert_eq!(parts(&["--avoid"]), (true, false, true));
-    assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, true, false));
-    assert_eq!(parts(&["--avoid", "--map", "on"]), (true, true, false));
-    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, false, false));
-    assert_eq!(parts(&["--depth-sensor", "on", "--map", "off"]), (false, false, true));
+    assert_eq!(parts(&[]), (true, "low".to_owned()));
+    assert_eq!(parts(&["--avoid"]), (true, "low".to_owned()));
+    assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, "always".to_owned()));
+    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, "off".to_owned()));
+    assert_eq!(parts(&["--depth-sensor", "on", "--map", "off"]), (false, "low".to_owned()));
     for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {
-        assert_eq!(parts(off), (false, false, false), "{off:?}");
+        assert_eq!(parts(off), (false, "off".to_owned()), "{off:?}");
     }
 }

@@ -15,7 +15,7 @@ use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
 use crate::avoid::KeepOut;
 use crate::executor::{Goal, Motion};
 use crate::geometry::{EnuPosition, Pose};
-use crate::guidance::SLOW_ANSWERS;
+use crate::guidance::{AnchorUse, SLOW_ANSWERS};
 use crate::lift::range_of_label;
 use crate::obstacle_map::{Cell, ObstacleMap};
 use crate::planner::{Guide, Planner, Progress};
@@ -141,11 +141,13 @@ impl Guiding {
 impl Pilot {
     /// Whether the target's place guides the craft.
     pub(super) fn is_anchored(&self) -> bool {
-        let guidance = self.settings.guidance;
-        let is_slow = self.guiding.ages.are_slow();
-        // An old answer about a tall target is a worse guide than the average of all.
-        let is_low = guidance.low_anchor && (is_slow || !self.guiding.height.is_tall());
-        (guidance.anchor || is_low || guidance.slow_anchor && is_slow) && self.is_guided()
+        let is_kept = match self.settings.guidance.anchor {
+            AnchorUse::Off => false,
+            // An old answer about a tall target is a worse guide than the average of all.
+            AnchorUse::Low => self.guiding.ages.are_slow() || !self.guiding.height.is_tall(),
+            AnchorUse::Always => true,
+        };
+        is_kept && self.is_guided()
     }
 
     /// Notes the height of a reply's target: the angle of its box times the range of its label.

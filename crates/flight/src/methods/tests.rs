@@ -162,7 +162,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 10]>()).prop_map(
+    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 8]>()).prop_map(
         |(
             preset,
             step,
@@ -171,7 +171,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, detector, fence, anchor, low_anchor, slow_anchor, map, brake, depth_sensor, tracked],
+            [avoid, detector, fence, anchored, map, brake, depth_sensor, tracked],
         )| {
             BenchSettings {
                 preset,
@@ -183,9 +183,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 confirm_done,
                 avoid,
                 detector,
-                anchor,
-                low_anchor,
-                slow_anchor,
+                anchor: if anchored { AnchorUse::Always } else { AnchorUse::Low },
                 map,
                 brake,
                 track: if tracked { TrackBy::Pixels } else { TrackBy::Off },

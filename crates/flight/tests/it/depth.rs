@@ -7,7 +7,7 @@ use serde_json::Value;
 use spf_core::craft::{Craft, CraftKind};
 use spf_core::depth::DepthGrid;
 use spf_core::envelope::{BrakeLimits, Limits};
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::pilot::{Decision, PilotSettings, Preset};
 use spf_core::time::{Duration, Time};
 use spf_flight::flight::{FlightPlan, Site, fly};
@@ -29,7 +29,12 @@ fn flown(folder: &Path, fault: Option<DepthFault>, guided: bool) -> Vec<Entry> {
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(14),
-            guidance: Guidance { anchor: guided, map: guided, sensor: guided, ..Guidance::default() },
+            guidance: Guidance {
+                anchor: if guided { AnchorUse::Always } else { AnchorUse::Off },
+                map: guided,
+                sensor: guided,
+                ..Guidance::default()
+            },
             ..PilotSettings::preset(Preset::Default)
         },
         limits: Limits { brake: Some(BrakeLimits::with_sensor()), ..Limits::for_craft(&Craft::quad()) },

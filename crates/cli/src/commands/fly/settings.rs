@@ -6,7 +6,7 @@ use std::sync::Arc;
 use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::executor::{Ending, Motion};
 use spf_core::geofence::Geofence;
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
@@ -124,10 +124,12 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     let anchor = fly.anchor.or_default()?;
     let by_itself = can_guide && (measures || method.avoid);
     method.guidance = Guidance {
-        // The planner needs a place to go to, also where that is tall.
-        anchor: anchor.or(by_itself && map),
-        low_anchor: anchor.is_auto() && by_itself && !map,
-        slow_anchor: false,
+        anchor: match (anchor.or(by_itself), anchor.is_auto() && !map) {
+            (false, _) => AnchorUse::Off,
+            (true, true) => AnchorUse::Low,
+            // The planner needs a place to go to, also where that is tall.
+            (true, false) => AnchorUse::Always,
+        },
         map,
         sensor: measures,
         track: fly.track.or_default()? != TrackBy::Off,

@@ -2,13 +2,14 @@
 
 use super::*;
 use crate::depth::{DepthGrid, DepthSource};
-use crate::guidance::Guidance;
+use crate::guidance::{AnchorUse, Guidance};
 use crate::lift::label_of_range;
 use crate::obstacle_map::Cell;
 use crate::reply::ObstacleBox;
 
 fn guided(anchor: bool, map: bool) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
+    let anchor = if anchor { AnchorUse::Always } else { AnchorUse::Off };
     setup.settings.guidance = Guidance { anchor, map, sensor: map, ..Guidance::default() };
     setup.settings.avoid = map;
     setup
@@ -199,21 +200,6 @@ fn a_lost_target_above_bars_a_climb_from_farther_away_than_one_below_bars_a_desc
     assert!(barred(8.0, 1.4, -1.0), "a descent onto what may be right below");
 }
 
-/// Each answer guides where answers are fast, and the anchor where they are slow.
-#[test]
-fn an_anchor_for_slow_answers_is_kept_only_while_they_are() {
-    let anchored = |latency: f64| {
-        let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = Guidance { slow_anchor: true, ..Guidance::default() };
-        let mut flight = setup.fly(perfect(target(0.0, 60.0, 3.0), latency));
-        flight.until_asked(8);
-        flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
-    };
-    assert!(anchored(1.0).iter().all(|&anchored| !anchored));
-    // From the third slow answer on.
-    assert_eq!(anchored(4.0), [false, false, true, true, true, true, true]);
-}
-
 /// The reply that points at a goal, with a box twice `half` of the image high.
 fn pointed(goal: EnuPosition, seen: &Seen, half: f64, latency: f64) -> Answer {
     let profile = GroundingProfile::default();
@@ -227,26 +213,26 @@ fn pointed(goal: EnuPosition, seen: &Seen, half: f64, latency: f64) -> Answer {
 /// Each answer may mean another part of a tall target: only old answers are averaged there, and what is not tall always is.
 #[test]
 fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
-    let anchored = |half: f64, latency: f64, always: bool| {
+    let anchored = |half: f64, latency: f64, anchor: AnchorUse| {
         let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = Guidance { anchor: always, low_anchor: true, ..Guidance::default() };
+        setup.settings.guidance = Guidance { anchor, ..Guidance::default() };
         let goal = target(0.0, 60.0, 3.0);
         let mut flight = setup.fly(move |_: &Query, seen: &Seen| pointed(goal, seen, half, latency));
         flight.until_asked(8);
         flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
     };
-    assert!(anchored(0.02, 1.0, false).iter().all(|&anchored| anchored));
+    assert!(anchored(0.02, 1.0, AnchorUse::Low).iter().all(|&anchored| anchored));
     // Some 11 m.
-    assert!(anchored(0.1, 1.0, false).iter().all(|&anchored| !anchored));
-    assert!(anchored(0.1, 1.0, true).iter().all(|&anchored| anchored));
-    assert_eq!(anchored(0.1, 4.0, false), [false, false, true, true, true, true, true]);
+    assert!(anchored(0.1, 1.0, AnchorUse::Low).iter().all(|&anchored| !anchored));
+    assert!(anchored(0.1, 1.0, AnchorUse::Always).iter().all(|&anchored| anchored));
+    assert_eq!(anchored(0.1, 4.0, AnchorUse::Low), [false, false, true, true, true, true, true]);
 }
 
 /// A target that is searched for is as tall as it was; that of the next instruction need not be.
 #[test]
 fn a_target_stays_tall_while_it_is_searched_for() {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { low_anchor: true, ..Guidance::default() };
+    setup.settings.guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     let goal = target(0.0, 60.0, 3.0);
     let mut queries = 0;
     let mut flight = setup.fly(move |_: &Query, seen: &Seen| {

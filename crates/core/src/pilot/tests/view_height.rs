@@ -4,7 +4,7 @@ use super::super::view_height::{Correction, correction};
 use super::*;
 use crate::depth::{DepthGrid, DepthSource};
 use crate::geometry::Attitude;
-use crate::guidance::Guidance;
+use crate::guidance::{AnchorUse, Guidance};
 
 fn correction_to(target: EnuPosition) -> Option<Correction> {
     let pose = Pose { position: EnuPosition { east: 0.0, north: 0.0, up: 2.0 }, attitude: Attitude::default() };
@@ -34,7 +34,7 @@ fn a_target_beyond_the_upper_or_lower_edge_is_brought_five_degrees_inside() {
 fn a_craft_that_is_too_low_for_its_target_climbs_unless_something_is_above() {
     let flown = |ceiling: bool| {
         let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = Guidance { anchor: true, map: true, sensor: true, ..Guidance::default() };
+        setup.settings.guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor: true, ..Guidance::default() };
         let mut flight = setup.fly(|_, _| Answer::Never);
         flight.until_phase(Phase::Flying);
         flight.pass(2.0);

@@ -5,6 +5,7 @@ use crate::avoid::Avoidance;
 use crate::camera::Camera;
 use crate::frame::{FrameId, FrameMeta};
 use crate::geometry::{Attitude, EnuPosition, Pose};
+use crate::guidance::AnchorUse;
 use crate::query::VerticalRoom;
 use crate::time::{Duration, Time};
 
@@ -282,7 +283,7 @@ fn a_small_target_goes_along_enlarged_if_wanted() {
 
 /// An anchored policy.
 fn anchored(avoid: bool) -> Spf {
-    let guidance = Guidance { anchor: true, ..Guidance::default() };
+    let guidance = Guidance { anchor: AnchorUse::Always, ..Guidance::default() };
     let mut spf = Spf::new(settings(avoid)).with_guidance(guidance);
     assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the crane")), Step::Look);
     spf
@@ -424,7 +425,7 @@ fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_awa
         told(&mut spf, 0, &seen);
         [1, 2, 3].map(|frame| matches!(told(&mut spf, frame, missed).1, Step::Keep))
     };
-    let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
+    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     assert_eq!(steps(guidance, "[490,490,510,510]"), [true, true, false]);
     assert_eq!(steps(guidance, "[460,460,540,540]"), [false; 3]);
     // A craft that holds while it asks has nothing to fly on with.

@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_core::guidance::Guidance;
+use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::pilot::{OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
@@ -249,7 +249,12 @@ impl Cell {
         let settings = PilotSettings {
             max_time,
             avoid: guided,
-            guidance: Guidance { anchor: guided, map: guided, sensor: guided, ..Guidance::default() },
+            guidance: Guidance {
+                anchor: if guided { AnchorUse::Always } else { AnchorUse::Off },
+                map: guided,
+                sensor: guided,
+                ..Guidance::default()
+            },
             ..PilotSettings::preset(Preset::Default)
         };
         let instruction = if guided { AROUND } else { "fly to the door" };

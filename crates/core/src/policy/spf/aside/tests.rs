@@ -1,5 +1,5 @@
 use crate::geometry::{Attitude, EnuPosition, Pose};
-use crate::guidance::Guidance;
+use crate::guidance::{AnchorUse, Guidance};
 use crate::policy::spf::tests::{settings, told_from, view};
 use crate::policy::spf::{Primitives, Spf};
 use crate::policy::{Move, Policy, PolicyEvent, Step};
@@ -48,7 +48,7 @@ impl Flight {
 }
 
 fn guided() -> Guidance {
-    Guidance { slow_anchor: true, ..Guidance::default() }
+    Guidance { anchor: AnchorUse::Low, ..Guidance::default() }
 }
 
 fn degrees(primitives: Option<Primitives>) -> f64 {

@@ -1,7 +1,7 @@
 //! Backing off from persons, and waiting for those who come.
 
 use crate::avoid::Avoidance;
-use crate::guidance::Guidance;
+use crate::guidance::{AnchorUse, Guidance};
 use crate::lift::label_of_range;
 use crate::policy::spf::tests::{policy, sent_query, told_from, view};
 use crate::policy::{Move, Policy, PolicyEvent, Step};
@@ -43,7 +43,7 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
     assert_eq!(persons(&[1; 6], 400, "crane"), [true, true, true, true, false, false]);
     // One who stands there is known after two answers, if the pilot keeps more than this answer; not one who comes nearer, or
     // crosses before the craft.
-    let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
+    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     let navigating = r#""status":"navigating","point":[500,500],"depth":7,"target":"crane""#;
     assert_eq!(guided_persons_while(guidance, navigating, &[1; 4], 400, [0; 2]), [true, false, false, false]);
     assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 400, [100, 0]), [true; 3]);
@@ -60,7 +60,7 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
 /// answers, which are `seconds` apart. He is half a metre wide and 1.7 m tall, his middle half a metre to the left of the way: from
 /// 1.1 m on the image holds neither his height nor his width.
 fn before_a_man(ranges: &[f64], stride: f64, seconds: u64) -> Vec<bool> {
-    let mut spf = policy(true).with_guidance(Guidance { slow_anchor: true, ..Guidance::default() });
+    let mut spf = policy(true).with_guidance(Guidance { anchor: AnchorUse::Low, ..Guidance::default() });
     let mut backs_off = |(nth, range): (usize, &f64)| {
         let mut view = view(nth as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(seconds * nth as u64);
@@ -108,7 +108,7 @@ fn the_craft_does_not_go_to_meet_a_person_who_walks_towards_it() {
         };
         ranges.iter().enumerate().map(&mut steps).collect()
     };
-    let guidance = Guidance { slow_anchor: true, ..Guidance::default() };
+    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     let stands = forward(guidance, &[7.0, 7.0, 7.0]);
     assert!(stands.iter().all(|&step| step > 2.5), "{stands:?}");
     // At 1 m/s he will be 1 m away when the next answer comes.
@@ -142,7 +142,7 @@ fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
         }
         spf.reading()
     };
-    let guided = Guidance { slow_anchor: true, ..Guidance::default() };
+    let guided = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     // From the right towards the path, 4.6 m ahead, at 0.7 m/s: she is not on it yet.
     let walks = outcome(guided, [950, 800]);
     assert!(!matches!(walks.avoidance, Some(Avoidance::Clear)), "{walks:?}");
@@ -162,6 +162,6 @@ fn only_without_guidance_a_step_leads_under_a_wall() {
         told_from(&mut spf, &view(0), wall);
         spf.reading().avoidance
     };
-    assert!(matches!(avoided(Guidance { slow_anchor: true, ..Guidance::default() }), Some(Avoidance::Shortened { .. })));
+    assert!(matches!(avoided(Guidance { anchor: AnchorUse::Low, ..Guidance::default() }), Some(Avoidance::Shortened { .. })));
     assert!(matches!(avoided(Guidance::default()), Some(Avoidance::Shifted { point, .. }) if point.v > 0.5));
 }
