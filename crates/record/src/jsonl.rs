@@ -133,7 +133,7 @@ mod tests {
         let row = "x".repeat(1000);
         let begun = std::time::Instant::now();
         (0..1000).for_each(|_| rows.push(&row).unwrap());
-        assert!(begun.elapsed().as_secs() < 5, "only blocking takes that long");
+        assert!(begun.elapsed().as_secs() < 60, "only blocking takes that long");
         assert!(rows.lost >= 1000 - WAITING as u64 - 70, "64 KiB of a pipe, and the queue: {}", rows.lost);
         let lost = rows.lost;
         // When reading resumes, the rest arrives.

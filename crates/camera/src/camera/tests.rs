@@ -7,9 +7,13 @@ use spf_core::time::Time;
 use spf_drone::frames::Frames as _;
 use spf_media::Jpeg;
 
+use self::address::own_address;
 use super::*;
 use crate::rtp::testing::packets;
 use crate::testing::{image, units};
+
+#[path = "../../tests/it/address.rs"]
+mod address;
 
 /// Limit that detects hangs only.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -45,11 +49,6 @@ fn next_frame(camera: &Camera, last: &mut Option<FrameMeta>) -> FrameMeta {
     last.unwrap()
 }
 
-/// A port that was free a moment ago.
-fn free_port() -> u16 {
-    UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port()
-}
-
 #[test]
 fn a_film_is_played_in_its_own_time_and_ends() {
     let folder = tempfile::tempdir().unwrap();
@@ -69,16 +68,15 @@ fn a_film_is_played_in_its_own_time_and_ends() {
 
 #[test]
 fn rtp_with_losses_resumes_at_key_frames_and_the_age_is_told_after_a_stall() {
-    let port = free_port();
-    let (camera, begun) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    let address = own_address();
+    let (camera, begun) = start(&format!("udp-rtp://{address}"));
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    wait("the socket", || socket.send_to(&[0], (Ipv4Addr::LOCALHOST, port)).is_ok() && camera.report().connections == 1);
-    std::thread::sleep(Duration::from_millis(100));
+    wait("the socket", || camera.report().arrivals.is_some());
     let stream = packets(&units(128, 96, 40, 1.0), 40_000, 400);
     let send = |frame: usize, except: Option<usize>| {
         for (number, packet) in stream[frame].iter().enumerate() {
             if Some(number) != except {
-                socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)).unwrap();
+                socket.send_to(&packet.bytes(), address).unwrap();
             }
         }
     };
@@ -110,25 +108,24 @@ fn rtp_with_losses_resumes_at_key_frames_and_the_age_is_told_after_a_stall() {
     assert!(age(second) - age(first) > 0.35, "{} then {}", age(first), age(second));
     assert!(second.received <= Time::ZERO + begun.elapsed());
     // Garbage changes nothing.
-    (0..200_u8).for_each(|n| _ = socket.send_to(&[n; 300], (Ipv4Addr::LOCALHOST, port)).unwrap());
+    (0..200_u8).for_each(|n| _ = socket.send_to(&[n; 300], address).unwrap());
     send(13, None);
     next_frame(&camera, &mut last);
 }
 
 #[test]
 fn the_size_may_change_in_flight() {
-    let port = free_port();
-    let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    let address = own_address();
+    let (camera, _) = start(&format!("udp-rtp://{address}"));
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    wait("the socket", || camera.report().connections == 1);
-    std::thread::sleep(Duration::from_millis(100));
+    wait("the socket", || camera.report().arrivals.is_some());
     let (mut last, mut sequence) = (None, 0);
     for (width, height) in [(64, 48), (96, 64), (128, 96)] {
         let mut stream = packets(&units(width, height, 4, 1.0), sequence, 400);
         // The clock goes on.
         stream.iter_mut().flatten().for_each(|packet| packet.timestamp = packet.timestamp.wrapping_add(width * 9000));
         for packets in &stream {
-            packets.iter().for_each(|packet| _ = socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)).unwrap());
+            packets.iter().for_each(|packet| _ = socket.send_to(&packet.bytes(), address).unwrap());
             let meta = next_frame(&camera, &mut last);
             assert_eq!((meta.width, meta.height), (width, height));
         }
@@ -246,8 +243,8 @@ fn what_is_no_stream_of_images_is_said() {
     // Nobody listens, and a server that speaks no RTSP.
     let (address, _requests) = server(move |_, stream| drop(stream.write_all(b"hello\r\n\r\n")));
     for (url, advice) in [
-        (format!("http://127.0.0.1:{}/", free_port()), "nothing listens"),
-        (format!("rtsp://127.0.0.1:{}/", free_port()), "nothing listens"),
+        (format!("http://{}/", own_address()), "nothing listens"),
+        (format!("rtsp://{}/", own_address()), "nothing listens"),
         (format!("rtsp://{address}/"), "another language"),
     ] {
         let (camera, _) = start(&url);
@@ -262,16 +259,16 @@ fn packets_of_another_kind_are_named() {
     let ts: Vec<u8> = (0..7).flat_map(|_| [&[0x47, 0x1f, 0xff, 0x10][..], &[0xff; 184]].concat()).collect();
     let rtp = packets(&units(64, 48, 2, 1.0), 0, 400)[0][0].bytes();
     for (scheme, packet, expected) in [("udp-rtp", &ts, "they seem to be MPEG-TS"), ("udp-ts", &rtp, "they seem to be RTP")] {
-        let port = free_port();
-        let (camera, _) = start(&format!("{scheme}://127.0.0.1:{port}"));
+        let address = own_address();
+        let (camera, _) = start(&format!("{scheme}://{address}"));
         let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         wait("a failure", || {
-            drop(socket.send_to(packet, (Ipv4Addr::LOCALHOST, port)));
+            drop(socket.send_to(packet, address));
             camera.report().last_failure.is_some()
         });
         let failure = camera.report().last_failure.unwrap();
         assert!(failure.why.starts_with("30 packets arrived") && failure.why.contains(expected), "{failure}");
-        assert!(!camera.report().lasts && failure.hint.unwrap().contains(&format!("127.0.0.1:{port}")));
+        assert!(!camera.report().lasts && failure.hint.unwrap().contains(&address.to_string()));
         // It goes on being received, in case the sender is set right.
         wait("another try", || camera.report().connections > 1);
     }
@@ -285,16 +282,15 @@ fn packets_of_another_kind_are_named() {
 
 #[test]
 fn h264_with_a_payload_type_of_audio_is_received() {
-    let port = free_port();
-    let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    let address = own_address();
+    let (camera, _) = start(&format!("udp-rtp://{address}"));
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
-    wait("the socket", || camera.report().connections == 1);
-    std::thread::sleep(Duration::from_millis(100));
+    wait("the socket", || camera.report().arrivals.is_some());
     let stream = packets(&units(128, 96, 42, 4.0), 0, 400);
     // It begins behind a key frame: the next one comes after 39 images, which are more than enough packets to judge by.
     for packet in stream[1..].concat() {
         let packet = crate::rtp::Packet { payload_type: 8, ..packet };
-        socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)).unwrap();
+        socket.send_to(&packet.bytes(), address).unwrap();
         std::thread::sleep(Duration::from_millis(1));
     }
     wait("a frame", || camera.frames().newest().is_some());
@@ -303,8 +299,8 @@ fn h264_with_a_payload_type_of_audio_is_received() {
 
 #[test]
 fn a_port_with_a_profile_that_cannot_be_decoded_goes_on_being_received() {
-    let port = free_port();
-    let (camera, _) = start(&format!("udp-rtp://127.0.0.1:{port}"));
+    let address = own_address();
+    let (camera, _) = start(&format!("udp-rtp://{address}"));
     let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let sequence = std::cell::Cell::new(0_u16);
     let send = |profile: Option<u8>| {
@@ -314,7 +310,7 @@ fn a_port_with_a_profile_that_cannot_be_decoded_goes_on_being_received() {
             if let Some(profile) = profile.filter(|_| packet.payload[0] == 0x78) {
                 packet.payload[4] = profile;
             }
-            drop(socket.send_to(&packet.bytes(), (Ipv4Addr::LOCALHOST, port)));
+            drop(socket.send_to(&packet.bytes(), address));
         }
     };
     wait("a failure", || {
@@ -323,12 +319,12 @@ fn a_port_with_a_profile_that_cannot_be_decoded_goes_on_being_received() {
     });
     let report = camera.report();
     assert!(report.lasts && report.last_failure.unwrap().why.contains("High 4:2:2 (122)"));
-    let failed = Instant::now();
+    // Within the pilot's hold: it is not waited for long, which would take longer than is waited here.
+    const { assert!(PATIENCE.as_secs() < LONG_WAIT.as_secs()) };
     wait("a frame", || {
         send(None);
         camera.frames().newest().is_some()
     });
-    assert!(failed.elapsed() < LONG_WAIT / 3, "within the pilot's hold: {:?}", failed.elapsed());
 }
 
 #[test]

@@ -167,6 +167,7 @@ mod tests {
     use std::thread::JoinHandle;
 
     use super::*;
+    use crate::address::own_address;
 
     /// Height in centimetres, and the motor time, of a drone that obeys every command.
     #[derive(Default)]
@@ -198,12 +199,12 @@ mod tests {
         (address, std::thread::spawn(run))
     }
 
-    /// Settings with free ports, and where the state arrives.
+    /// Settings with ports of its own, and where the state arrives.
     fn settings() -> (TelloSettings, SocketAddr) {
-        let free = || UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port();
-        let local = IpAddr::V4(Ipv4Addr::LOCALHOST);
-        let settings = TelloSettings { local, state_port: free(), video_port: free(), ..TelloSettings::default() };
-        (settings, SocketAddr::new(local, settings.state_port))
+        let (state, video) = (own_address(), own_address());
+        let local = IpAddr::V4(*state.ip());
+        let settings = TelloSettings { local, state_port: state.port(), video_port: video.port(), ..TelloSettings::default() };
+        (settings, SocketAddr::V4(state))
     }
 
     #[test]

@@ -253,9 +253,9 @@ impl Vlm for Silent {
     }
 }
 
-/// The next report within two seconds.
-fn report(world: &mut Live) -> Option<TrackReport> {
-    let deadline = world.now() + Duration::from_secs(2);
+/// The next report within this time.
+fn report(world: &mut Live, patience: Duration) -> Option<TrackReport> {
+    let deadline = world.now() + patience;
     while world.now() < deadline {
         if let Some(Event::Track(report)) = world.wait(deadline) {
             return Some(report);
@@ -285,7 +285,7 @@ fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
     world.apply(&Action::Track(TrackStart { id: QueryId(3), frame, area: area(frame.0) }));
     let mut last = None;
     for _ in 0..4 {
-        let report = report(&mut world).unwrap();
+        let report = report(&mut world, Duration::from_secs(60)).unwrap();
         assert_eq!((report.id, report.quality), (QueryId(3), TrackQuality::Good));
         assert!(last.replace(report.frame).is_none_or(|last| last < report.frame) && report.frame > frame);
         let overlap = report.area.iou(&area(report.frame.0));
@@ -293,8 +293,8 @@ fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
     }
     // No further reports without a track, but for one that was under way.
     world.apply(&Action::Untrack);
-    report(&mut world);
-    assert_eq!(report(&mut world), None);
+    report(&mut world, Duration::from_secs(1));
+    assert_eq!(report(&mut world, Duration::from_secs(1)), None);
     // The thread ends with the world, even in the middle of a track.
     world.apply(&Action::Track(TrackStart { id: QueryId(4), frame: FrameId(16), area: area(16) }));
     drop(world);
@@ -305,13 +305,13 @@ fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
 fn of_what_a_craft_reported_before_the_flight_only_the_newest_state_counts() {
     let loaded = Arc::new(LoadedScene::load("city").unwrap());
     let craft = Simulated::new(loaded, "city").craft().unwrap();
-    let before = Duration::from_secs(5);
+    let before = Duration::from_secs(60);
     let start = Instant::now().checked_sub(before).unwrap();
     let mut world = Live::new(start, craft, Box::new(Silent), Script::default(), Arc::default(), false).unwrap();
     let first = loop {
-        if let Some(Event::Telemetry(telemetry)) = world.wait(Time::ZERO + Duration::from_secs(60)) {
+        if let Some(Event::Telemetry(telemetry)) = world.wait(Time::ZERO + Duration::from_secs(120)) {
             break telemetry.time;
         }
     };
-    assert!(world.now().since(first) < Duration::from_secs(1), "{first:?} at {:?}", world.now());
+    assert!(world.now().since(first) < before / 2, "{first:?} at {:?}", world.now());
 }
