@@ -276,7 +276,7 @@ def prepare():
     # One at a time, so that one that cannot be installed does not affect the others.
     for package in PACKAGES:
         subprocess.run([str(VENV / "bin/pip"), "install", "-q", "--disable-pip-version-check", package], check=False)
-    build = ["cargo", "build", "--release", "--quiet", "-p", "spf-render", "--example", "peer"]
+    build = ["cargo", "build", "--release", "--quiet", "-p", "spf-render", "--features", "figures", "--example", "peer"]
     subprocess.run(build, check=True, cwd=ROOT)
     subprocess.run([str(ROOT / "target/release/examples/peer"), "export", str(SCENE)], check=True)
 

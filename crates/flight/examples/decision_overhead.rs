@@ -1,7 +1,8 @@
 //! Cost of a decision apart from the model, end to end over a real socket: CPU time from a frame of 960×720 to the
 //! request sent, and from the answer to the first setpoint.
 //!
-//! `cargo run --release -p spf-flight --example decision_overhead [VLM …]`; `openai`, `gemini`, `anthropic` and `vllm` without an argument.
+//! `cargo run --release -p spf-flight --features figures --example decision_overhead [VLM …]`; `openai`, `gemini`, `anthropic` and
+//! `vllm` without an argument.
 //!
 //! A server in this process answers at once with a stream of 12 events. Its own CPU time is subtracted from that of the
 //! whole process, so the remainder is the client's: writing the prompt, scaling, encoding, sending, reading the stream,

@@ -1,5 +1,5 @@
-//! Memory added by each further trial in one process, with a shared scene: `cargo run --release -p spf-flight --example
-//! trial_memory`. Linux only: it reads the resident memory from the kernel.
+//! Memory added by each further trial in one process, with a shared scene: `cargo run --release -p spf-flight --features figures
+//! --example trial_memory`. Linux only: it reads the resident memory from the kernel.
 //!
 //! A trial is a simulated craft, its pilot, the oracle and the lockstep world that connects them, as in `spf fly
 //! --no-video`. Each is flown for 20 s of flight and then kept with its complete state.

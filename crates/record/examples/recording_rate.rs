@@ -1,6 +1,6 @@
 //! Cost of recording a camera at 30 images per second, apart from creating the images: CPU time per second of flight.
 //!
-//! `cargo run --release -p spf-record --example recording_rate`
+//! `cargo run --release -p spf-record --features figures --example recording_rate`
 //!
 //! Images of 960×720 with detail everywhere are encoded like the video of a flight, and written with poses 20 times and
 //! JSON rows 40 times per second. Nothing waits for the clock: the CPU time of the whole process is divided by the

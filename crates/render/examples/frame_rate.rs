@@ -1,7 +1,7 @@
 //! Images per second on a fixed path through the city at street height, and the growth of the cost with triangles and
 //! with pixels.
 //!
-//! `cargo run --release -p spf-render --example frame_rate [path | triangles | pixels …]`; all three without an
+//! `cargo run --release -p spf-render --features figures --example frame_rate [path | triangles | pixels …]`; all three without an
 //! argument. After `path` the names of presets (`full`, `live`, `"ids and depth"`) select those. Wall time is measured,
 //! so the machine must be idle; the CPU time of all cores is printed as well (Linux only) and is less affected by other
 //! programs.

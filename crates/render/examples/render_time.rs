@@ -1,4 +1,5 @@
-//! CPU time of an image of the city on one core, over eight poses: `cargo run -p spf-render --example render_time`.
+//! CPU time of an image of the city on one core, over eight poses: `cargo run -p spf-render --features figures --example
+//! render_time`.
 //! Linux only: it reads the thread's CPU time, which other programs affect less than wall time.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
