@@ -7,7 +7,8 @@ use spf_camera::film::Film;
 use spf_camera::{CameraState, CameraUrl};
 use spf_drone::frames::Frames as _;
 
-use crate::harness::{Program, camera, have, images, tcp_port, udp_port, wait};
+use crate::address::own_address;
+use crate::harness::{Program, camera, have, images, wait};
 
 const SIZE: (u32, u32) = (320, 240);
 
@@ -24,56 +25,59 @@ fn send(options: &[&str]) -> Program {
 const H264: &[&str] = &["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", "-g", "15"];
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn rtp() {
     if !have_ffmpeg() {
         return;
     }
-    let port = udp_port();
-    let camera = camera(&format!("udp-rtp://127.0.0.1:{port}"));
-    let sender = send(&[H264, &["-f", "rtp", &format!("rtp://127.0.0.1:{port}?pkt_size=1200")]].concat());
+    let address = own_address();
+    let camera = camera(&format!("udp-rtp://{address}"));
+    let sender = send(&[H264, &["-f", "rtp", &format!("rtp://{address}?pkt_size=1200")]].concat());
     images(&camera, 12, SIZE);
     assert_eq!((camera.report().codec, camera.report().packets_lost), (Some("H.264"), 0));
     // Another sender, with other numbers.
     drop(sender);
-    let _sender = send(&[H264, &["-f", "rtp", &format!("rtp://127.0.0.1:{port}?pkt_size=1200")]].concat());
+    let _sender = send(&[H264, &["-f", "rtp", &format!("rtp://{address}?pkt_size=1200")]].concat());
     images(&camera, 5, SIZE);
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn mpeg_ts() {
     if !have_ffmpeg() {
         return;
     }
-    let port = udp_port();
-    let camera = camera(&format!("udp-ts://127.0.0.1:{port}"));
-    let _sender = send(&[H264, &["-f", "mpegts", &format!("udp://127.0.0.1:{port}?pkt_size=1316")]].concat());
+    let address = own_address();
+    let camera = camera(&format!("udp-ts://{address}"));
+    let _sender = send(&[H264, &["-f", "mpegts", &format!("udp://{address}?pkt_size=1316")]].concat());
     images(&camera, 12, SIZE);
 }
 
 /// ffmpeg's own size of datagrams is no multiple of 188 bytes.
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn mpeg_ts_in_datagrams_that_begin_anywhere() {
     if !have_ffmpeg() {
         return;
     }
-    let port = udp_port();
+    let address = own_address();
     // No image is shown before more than 30 datagrams came.
     let seldom =
         ["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", "-g", "20", "-b:v", "4M"];
-    let _sender = send(&[&seldom[..], &["-f", "mpegts", &format!("udp://127.0.0.1:{port}")]].concat());
+    let _sender = send(&[&seldom[..], &["-f", "mpegts", &format!("udp://{address}")]].concat());
     std::thread::sleep(Duration::from_millis(500));
-    let camera = camera(&format!("udp-ts://127.0.0.1:{port}"));
+    let camera = camera(&format!("udp-ts://{address}"));
     images(&camera, 8, SIZE);
     assert_eq!((camera.report().last_failure, camera.report().connections), (None, 1));
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn mjpeg() {
     if !have_ffmpeg() {
         return;
     }
-    let port = tcp_port();
-    let address = format!("http://127.0.0.1:{port}/video");
+    let address = format!("http://{}/video", own_address());
     // It serves one client, and then ends.
     let _sender = send(&["-c:v", "mjpeg", "-q:v", "3", "-f", "mpjpeg", "-listen", "1", &address]);
     let camera = camera(&address);
@@ -82,6 +86,7 @@ fn mjpeg() {
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn h265_is_refused_clearly() {
     if !have_ffmpeg() {
         return;
@@ -109,13 +114,13 @@ fn h265_is_refused_clearly() {
         have("libx265 in ffmpeg", &mut Command::new("false"));
         return;
     }
-    let port = udp_port();
+    let address = own_address();
     let file = camera(&format!("file:{}", film.display()));
-    let stream = camera(&format!("udp-rtp://127.0.0.1:{port}"));
+    let stream = camera(&format!("udp-rtp://{address}"));
     let film = film.display().to_string();
     let _sender = Program::start(
         "ffmpeg",
-        &["-v", "error", "-re", "-stream_loop", "-1", "-i", &film, "-c", "copy", "-f", "rtp", &format!("rtp://127.0.0.1:{port}")],
+        &["-v", "error", "-re", "-stream_loop", "-1", "-i", &film, "-c", "copy", "-f", "rtp", &format!("rtp://{address}")],
     );
     for camera in [&file, &stream] {
         wait("a refusal", camera, || camera.report().last_failure.is_some());
@@ -126,6 +131,7 @@ fn h265_is_refused_clearly() {
 
 /// What the decoder would only call damaged, and containers that are not read.
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn films_that_cannot_be_decoded_say_why() {
     if !have_ffmpeg() {
         return;
@@ -159,6 +165,7 @@ fn films_that_cannot_be_decoded_say_why() {
 
 /// A phone held upright writes lying images and a matrix.
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn a_phone_s_film_is_upright() {
     if !have_ffmpeg() {
         return;
@@ -197,7 +204,7 @@ fn a_phone_s_film_is_upright() {
 /// The address of a camera that sends nothing is no error, and stopping it does not take long.
 #[test]
 fn a_silent_camera_is_stopped_at_once() {
-    let url: CameraUrl = format!("udp-rtp://127.0.0.1:{}", udp_port()).parse().unwrap();
+    let url: CameraUrl = format!("udp-rtp://{}", own_address()).parse().unwrap();
     let camera = camera(&url.to_string());
     std::thread::sleep(Duration::from_millis(50));
     assert_eq!(camera.report().state, CameraState::Connecting);

@@ -1,6 +1,5 @@
 //! Common parts of tests with other programs.
 
-use std::net::{Ipv4Addr, TcpListener, UdpSocket};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -35,19 +34,6 @@ pub(crate) fn have(what: &str, ask: &mut Command) -> bool {
         eprintln!("NOT CHECKED: {what} is missing, so this test did not run");
     }
     there
-}
-
-/// A UDP port whose successor is free as well (for RTCP).
-pub(crate) fn udp_port() -> u16 {
-    let free = |port| UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).is_ok();
-    (0..200)
-        .map(|_| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port() & !1)
-        .find(|port| free(*port) && free(port + 1))
-        .unwrap()
-}
-
-pub(crate) fn tcp_port() -> u16 {
-    TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap().port()
 }
 
 pub(crate) fn camera(url: &str) -> Camera {

@@ -5,7 +5,8 @@ use std::process::Command;
 use spf_camera::CameraState;
 use spf_drone::frames::Frames as _;
 
-use crate::harness::{Program, camera, have, images, udp_port, wait};
+use crate::address::own_address;
+use crate::harness::{Program, camera, have, images, wait};
 
 /// The width is no multiple of four, so that rows are padded.
 #[test]
@@ -33,13 +34,13 @@ fn what_is_not_live_is_a_recording() {
 /// Times of a stream from a network begin with its arrival: they say nothing about how long it took.
 #[test]
 fn a_stream_from_a_network_is_no_younger_than_the_latency() {
-    let port = udp_port();
+    let (port, host) = (own_address().port(), *own_address().ip());
     let camera = camera(&format!(
-        "gstreamer:udpsrc port={port} address=127.0.0.1 ! application/x-rtp,media=video,encoding-name=RAW,sampling=RGB,depth=(string)8,\
+        "gstreamer:udpsrc port={port} address={host} ! application/x-rtp,media=video,encoding-name=RAW,sampling=RGB,depth=(string)8,\
          width=(string)160,height=(string)120,clock-rate=90000 ! rtpvrawdepay"
     ));
     let sender = format!(
-        "videotestsrc is-live=true ! video/x-raw,format=RGB,width=160,height=120,framerate=15/1 ! rtpvrawpay ! udpsink host=127.0.0.1 port={port}"
+        "videotestsrc is-live=true ! video/x-raw,format=RGB,width=160,height=120,framerate=15/1 ! rtpvrawpay ! udpsink host={host} port={port}"
     );
     if !have("gst-launch-1.0 (Debian's package `gstreamer1.0-tools`)", Command::new("gst-launch-1.0").arg("--version")) {
         return;

@@ -31,6 +31,7 @@ fn difference(a: &[u8], b: &[u8]) -> f64 {
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn an_uncompressed_buffer_has_the_colours_that_ffmpeg_sees() {
     let folder = tempfile::tempdir().unwrap();
     if !ffmpeg(folder.path(), &[&SOURCE[..], &["-pix_fmt", "yuyv422", "-f", "rawvideo", "frames.yuyv"]].concat()) {
@@ -79,6 +80,7 @@ fn as_a_webcam(file: &[u8], avi: bool) -> Vec<u8> {
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn jpeg_without_tables_is_the_same_image() {
     let folder = tempfile::tempdir().unwrap();
     let jpeg = ["-c:v", "mjpeg", "-huffman", "default", "-q:v", "3", "frame%d.jpg"];

@@ -13,7 +13,7 @@ fn in_a_browser(parts: &str) {
     if Command::new("chromium").arg("--version").output().is_err() {
         return skip("the cockpit in a browser (no chromium)");
     }
-    let Some(python) = python::with(&["playwright", "axe-playwright-python"]) else { return };
+    let Some(python) = python::environment() else { return };
     let lab = Lab::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/cockpit.py");
     let mut command = Command::new(python);

@@ -1,16 +1,9 @@
 """Whole flights in the cockpit: of a drone over sockets, and by clicks alone."""
 import math
 import re
-import socket
 
 from cockpit_lab import LAPTOP, PHONE, Program, accessible, complain, page_of, phase, shot, wait
 from playwright.sync_api import expect
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def resumed(page):
@@ -22,11 +15,10 @@ def resumed(page):
 
 def tello(browser):
     """The virtual Tello over its own protocol: an instruction typed, a click that changes where it goes, hold, land."""
-    port = free_port()
     served = Program("sim", "serve", "--tello", "--listen", "127.0.0.201", "--scene", "office", "--quality", "draft",
-                     "--vlm", "--vlm-listen", f"127.0.0.1:{port}", ready=r"(http://127\S+)")
+                     "--vlm", "--vlm-listen", "127.0.0.1:0", ready=r"(http://127[^\s/]+)/v1")
     program = Program("cockpit", "--cockpit=127.0.0.1:0", "--drone", "tello@127.0.0.201", "--no-vlm-check", "--no-video",
-                      "--vlm", f"openai@http://127.0.0.1:{port}/v1", env={"OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": "127.0.0.202"})
+                      "--vlm", f"openai@{served.url}/v1", env={"OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": "127.0.0.202"})
     page = page_of(browser, LAPTOP, "light")
     page.goto(program.url)
     phase(page, "ready")

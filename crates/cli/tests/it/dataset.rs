@@ -265,9 +265,10 @@ fn a_disk_that_fills_up_leaves_whole_examples() {
 
 /// Third-party readers: Python's json and Pillow.
 #[test]
+#[ignore = "needs Python: .ci/interop runs it"]
 fn python_reads_it() {
     let lab = Lab::new();
-    let Some(python) = crate::python::with(&["pillow"]) else { return };
+    let Some(python) = crate::python::environment() else { return };
     assert_eq!(make(&lab, "data", "6", &["--pictures", "png"]).code, Some(0));
     lab.write("read.py", include_str!("dataset.py"));
     let output = std::process::Command::new(python).arg("read.py").arg("data").current_dir(lab.path(".")).output().unwrap();

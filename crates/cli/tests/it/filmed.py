@@ -1,7 +1,7 @@
 """Runs a program in a pseudo-terminal and films what it shows there: the code of a clock goes, DELAY seconds later, through ffmpeg to
-an RTP port. Prints what else the program said.
+an RTP address. Prints what else the program said.
 
-    python3 filmed.py DELAY PORT PROGRAM ARGUMENTS
+    python3 filmed.py DELAY ADDRESS PROGRAM ARGUMENTS
 """
 
 import collections
@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 
-DELAY, PORT = float(sys.argv[1]), sys.argv[2]
+DELAY, ADDRESS = float(sys.argv[1]), sys.argv[2]
 WIDTH, LINES, MODULE, RATE = 29, 15, 8, 15
 SIZE = f"{WIDTH * MODULE + 8}x{2 * LINES * MODULE}"
 DARK = {"█": (1, 1), "▀": (1, 0), "▄": (0, 1), " ": (0, 0)}
@@ -25,7 +25,7 @@ if child == 0:
 encode = ["-c:v", "libx264", "-preset", "ultrafast", "-tune", "zerolatency", "-pix_fmt", "yuv420p", "-g", str(RATE)]
 source = ["-probesize", "32", "-analyzeduration", "0", "-f", "rawvideo", "-pix_fmt", "gray", "-s", SIZE, "-r", str(RATE), "-i", "-"]
 camera = subprocess.Popen(
-    ["ffmpeg", "-v", "error", *source, *encode, "-f", "rtp", f"rtp://127.0.0.1:{PORT}?pkt_size=1200"],
+    ["ffmpeg", "-v", "error", *source, *encode, "-f", "rtp", f"rtp://{ADDRESS}?pkt_size=1200"],
     stdin=subprocess.PIPE,
     stdout=subprocess.DEVNULL,
 )

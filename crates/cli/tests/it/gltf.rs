@@ -1,52 +1,22 @@
 //! Flights in worlds written by third-party exporters.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::path::Path;
+use std::process::Command;
 
 use serde_json::Value;
 
-use crate::harness::{Lab, rows, skip, warn};
-
-/// A Python virtual environment with the exporters, created once and kept; `None` if Python or the packages are not
-/// available.
-fn python() -> Option<PathBuf> {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/gltf");
-    let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("interop-gltf");
-    let (python, marker) = (place.join("bin/python"), place.join("requirements.txt"));
-    let wanted = std::fs::read(here.join("requirements.txt")).unwrap();
-    // Written last, so that an interrupted installation is repeated.
-    if std::fs::read(&marker).is_ok_and(|made| made == wanted) {
-        return Some(python);
-    }
-    let ran = |command: &mut Command| match command.output() {
-        Ok(Output { status, .. }) if status.success() => true,
-        Ok(output) => {
-            warn(&String::from_utf8_lossy(&output.stderr));
-            false
-        }
-        Err(_) => false,
-    };
-    let made = ran(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&place))
-        && ran(Command::new(&python)
-            .args(["-m", "pip", "install", "-q", "--no-compile", "-r"])
-            .arg(here.join("requirements.txt")));
-    if !made {
-        skip("python3 with the packages of tests/it/gltf/requirements.txt");
-        return None;
-    }
-    std::fs::write(marker, wanted).unwrap();
-    Some(python)
-}
+use crate::harness::{Lab, rows};
+use crate::python;
 
 /// The object with a key in a legend of ids.
 fn object<'a>(legend: &'a Value, key: &str) -> Option<&'a Value> {
     legend["objects"].as_array().unwrap().iter().find(|object| object["key"] == key)
 }
 
-/// Both worlds in one test, because they use the same environment.
 #[test]
+#[ignore = "needs Python: .ci/interop runs it"]
 fn worlds_of_trimesh_and_pygltflib_are_flown_in() {
-    let Some(python) = python() else { return };
+    let Some(python) = python::environment() else { return };
     let lab = Lab::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/gltf/make.py");
     let made = Command::new(python).arg(script).arg(lab.path(".")).output().unwrap();

@@ -1,6 +1,8 @@
 //! Tests of the command from the user's side. Each runs the binary in a folder and an environment of its own.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
+#[path = "../../../camera/tests/it/address.rs"]
+mod address;
 mod bench;
 mod camera;
 mod circles;

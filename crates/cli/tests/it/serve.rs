@@ -116,7 +116,7 @@ fn our_own_clients_get_the_same_answer_in_their_own_coordinates() {
 #[ignore = "long: .ci/interop runs it"]
 fn the_vendors_own_sdks_query_it() {
     let lab = Lab::new();
-    let Some(python) = python::with(&["google-genai", "openai", "anthropic"]) else { return };
+    let Some(python) = python::environment() else { return };
     let serving = Serving::start(&lab, &[]);
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/serve.py");
     let output = Command::new(python).arg(script).args([&serving.url, INSTRUCTION]).output().unwrap();

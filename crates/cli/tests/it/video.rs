@@ -5,6 +5,7 @@ use std::process::Command;
 use crate::harness::{Lab, skip};
 
 #[test]
+#[ignore = "needs ffprobe: .ci/interop runs it"]
 fn a_video_has_ten_images_a_second_of_the_whole_flight() {
     if Command::new("ffprobe").arg("-version").output().is_err() {
         return skip("ffprobe");

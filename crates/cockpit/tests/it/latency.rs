@@ -73,7 +73,7 @@ fn a_simulated_frame_is_shown_soon_after_it_is_received() {
     if Command::new("chromium").arg("--version").output().is_err() {
         return skip("the cockpit's latency in a browser (no chromium)");
     }
-    let Some(python) = python::with(&["playwright", "axe-playwright-python"]) else { return };
+    let Some(python) = python::environment() else { return };
     let cockpit = Cockpit::open("127.0.0.1:0".parse().unwrap(), None, Arc::new(|_| {})).unwrap();
     let browser = Command::new(&python)
         .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/latency.py"))
@@ -130,7 +130,7 @@ fn the_clock_in_the_picture_is_young_when_it_is_shown() {
     if Command::new("chromium").arg("--version").output().is_err() {
         return skip("the cockpit's latency in a browser (no chromium)");
     }
-    let Some(python) = python::with(&["playwright", "axe-playwright-python"]) else { return };
+    let Some(python) = python::environment() else { return };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
     let photograph = std::fs::read(folder.join("../../docs/images/scenes.jpg")).unwrap();
     let scenery = Arc::new(spf_media::jpeg::decode_any(&photograph).unwrap());

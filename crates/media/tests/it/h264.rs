@@ -28,6 +28,7 @@ fn units(stream: &[u8]) -> Vec<Vec<u8>> {
 
 /// By default x264 sends images in an order that differs from presentation order.
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn images_with_b_frames_come_whole_and_in_order() {
     if !have_ffmpeg() {
         return;

@@ -36,6 +36,7 @@ fn as_ffmpeg_sees(jpeg: &Jpeg) -> Rgb {
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn ffmpeg_reads_every_kind() {
     if !have_ffmpeg() {
         return;

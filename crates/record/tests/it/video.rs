@@ -57,6 +57,7 @@ fn ffprobe(path: &Path, entries: &str) -> Vec<String> {
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn ffprobe_reads_images_times_and_duration() {
     if !have("ffprobe") {
         return;
@@ -81,6 +82,7 @@ fn ffprobe_reads_images_times_and_duration() {
 }
 
 #[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
 fn ffmpeg_decodes_what_was_pushed() {
     if !have("ffmpeg") {
         return;

@@ -47,6 +47,7 @@ fn missing() -> Option<&'static str> {
 }
 
 #[test]
+#[ignore = "needs a desktop's portal: .ci/interop runs it"]
 fn what_the_user_lets_the_portal_show_is_seen() {
     let Some(screen) = Screen::start("320x240x24") else { return };
     if let Some(missing) = missing() {

@@ -77,6 +77,7 @@ impl Witness {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn keys_and_mouse_reach_the_window_and_are_released_when_dropped() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
@@ -104,6 +105,7 @@ fn keys_and_mouse_reach_the_window_and_are_released_when_dropped() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn a_panic_releases_every_key() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
@@ -123,6 +125,7 @@ fn a_panic_releases_every_key() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn without_the_focus_nothing_is_pressed() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
@@ -150,6 +153,7 @@ fn without_the_focus_nothing_is_pressed() {
 
 /// The server says so of every keyboard that is used after another one.
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn a_key_is_held_when_the_same_layout_is_set_again() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     screen.run("setxkbmap", &["us"]).unwrap();
@@ -169,6 +173,7 @@ fn a_key_is_held_when_the_same_layout_is_set_again() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn another_layout_of_the_keyboard_is_followed() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
@@ -202,6 +207,7 @@ fn another_layout_of_the_keyboard_is_followed() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn the_keypad_is_found_whatever_num_lock_says() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let witness = Witness::start(&screen);
@@ -219,6 +225,7 @@ fn the_keypad_is_found_whatever_num_lock_says() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn a_window_that_is_started_again_is_found_again() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let first = Shop::open(&screen, "A game", (100, 100), &pattern(200, 100, 3));

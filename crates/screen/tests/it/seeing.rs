@@ -11,6 +11,7 @@ fn window(title: &str) -> Target {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn a_window_is_seen_as_it_is_and_followed() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let image = pattern(320, 240, 5);
@@ -35,6 +36,7 @@ fn a_window_is_seen_as_it_is_and_followed() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn a_window_that_cannot_be_seen_says_why() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let shop = Shop::open(&screen, "Flyer", (100, 100), &pattern(320, 240, 5));
@@ -64,6 +66,7 @@ fn a_window_that_cannot_be_seen_says_why() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn two_windows_with_the_title_are_refused_unless_one_has_it_exactly() {
     let Some(screen) = Screen::start("800x600x24") else { return };
     let _one = Shop::open(&screen, "Luanti forum", (0, 0), &pattern(100, 100, 1));
@@ -83,6 +86,7 @@ fn two_windows_with_the_title_are_refused_unless_one_has_it_exactly() {
 }
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn monitors_of_different_size_are_each_seen_in_their_place() {
     let Some(screen) = Screen::start("1000x600x24") else { return };
     // Two monitors side by side, the right one lower and smaller.

@@ -17,7 +17,8 @@ use spf_media::Rgb;
 use spf_media::h264::{Encoder, EncoderSettings};
 use spf_serve::rtsp::{Server, Unit};
 
-use crate::harness::{have, tcp_port, udp_port, wait};
+use crate::address::own_address;
+use crate::harness::{have, wait};
 
 const SIZE: (u32, u32) = (640, 480);
 /// Images per second.
@@ -146,13 +147,17 @@ fn gstreamer() {
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/gstreamer_server.py");
     for transport in ["rtsp", "rtsp+udp"] {
-        let (begun, port) = (Instant::now(), tcp_port());
+        let (begun, address) = (Instant::now(), own_address());
         let mut command = Command::new("/usr/bin/python3");
-        command.args([script, &port.to_string()]).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+            .args([script, &address.ip().to_string(), &address.port().to_string()])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
         let mut child = command.spawn().unwrap();
         let drawn = Drawn::into_program(begun, &mut child);
         let ended = Ended(child);
-        measure(&format!("`{transport}://`, GStreamer"), &format!("{transport}://127.0.0.1:{port}/clock"), begun);
+        measure(&format!("`{transport}://`, GStreamer"), &format!("{transport}://{address}/clock"), begun);
         drop(ended);
         drop(drawn);
     }
@@ -185,14 +190,14 @@ fn delays_of_each_kind_of_camera() {
         measure(&format!("`{transport}://`, this server"), &server.url().replace("rtsp", transport), begun);
     }
     gstreamer();
-    let (rtp, ts, http) = (udp_port(), udp_port(), tcp_port());
-    let (to_rtp, to_ts) = (format!("rtp://127.0.0.1:{rtp}?pkt_size=1200"), format!("udp://127.0.0.1:{ts}?pkt_size=1316"));
-    let to_http = format!("http://127.0.0.1:{http}/video");
+    let (rtp, ts, http) = (own_address(), own_address(), own_address());
+    let (to_rtp, to_ts) = (format!("rtp://{rtp}?pkt_size=1200"), format!("udp://{ts}?pkt_size=1316"));
+    let to_http = format!("http://{http}/video");
     let kinds = [
-        ("`udp-rtp://`, ffmpeg", format!("udp-rtp://127.0.0.1:{rtp}"), [H264, &["-f", "rtp", &to_rtp]].concat()),
+        ("`udp-rtp://`, ffmpeg", format!("udp-rtp://{rtp}"), [H264, &["-f", "rtp", &to_rtp]].concat()),
         (
             "`udp-ts://`, ffmpeg",
-            format!("udp-ts://127.0.0.1:{ts}"),
+            format!("udp-ts://{ts}"),
             [H264, &["-muxdelay", "0", "-muxpreload", "0", "-flush_packets", "1", "-f", "mpegts", &to_ts]].concat(),
         ),
         (

@@ -1,4 +1,4 @@
-"""GStreamer's RTSP server with the images that come to standard input: 640x480, three bytes a pixel. Usage: PORT"""
+"""GStreamer's RTSP server with the images that come to standard input: 640x480, three bytes a pixel. Usage: HOST PORT"""
 
 import sys
 import threading
@@ -18,8 +18,8 @@ LAUNCH = (
 
 Gst.init(None)
 server = GstRtspServer.RTSPServer()
-server.set_address("127.0.0.1")
-server.set_service(sys.argv[1])
+server.set_address(sys.argv[1])
+server.set_service(sys.argv[2])
 factory = GstRtspServer.RTSPMediaFactory()
 factory.set_shared(True)
 factory.set_launch(LAUNCH)

@@ -2,6 +2,8 @@
 //! time or without any, but for the RTSP server; they share neither ports nor variables, so they can run in parallel.
 #![allow(clippy::print_stderr, clippy::unwrap_used, reason = "a test that cannot go on fails; a skipped one says so")]
 
+#[path = "../../../camera/tests/it/address.rs"]
+mod address;
 #[path = "../../../scene/tests/it/boxes.rs"]
 mod boxes;
 mod delays;

@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
 
-use super::{PYMAVLINK, Served, client};
+use super::{Served, client};
 use crate::harness::{Lab, Run};
 use crate::python;
 
@@ -13,7 +13,7 @@ struct Relay(std::process::Child, String);
 impl Relay {
     fn start(vehicle: &str) -> Option<Self> {
         let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mavlink/fence_client.py");
-        let mut command = Command::new(python::with(&PYMAVLINK)?);
+        let mut command = Command::new(python::environment()?);
         command.arg(script).args(["spoil", vehicle]).stdin(Stdio::piped()).stdout(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let mut line = String::new();
@@ -38,7 +38,7 @@ fn the_fence_that_pymavlink_has_uploaded_is_put_back_if_it_cannot_be_replaced() 
         let served = Served::start(&lab, autopilot, "udpin:127.0.0.1:0", &serve, 2);
         let (vehicle, camera) = (served.addresses[0].strip_prefix("mavlink@udpout:").unwrap(), &served.addresses[1]);
         let Some(relay) = Relay::start(vehicle) else { return };
-        let fence = |what: &str| client(&PYMAVLINK, "fence_client.py", &[what, vehicle]).unwrap();
+        let fence = |what: &str| client("fence_client.py", &[what, vehicle]).unwrap();
         assert_eq!(fence("put")["result"], 0, "{autopilot}");
         let former = fence("read");
         assert_eq!(former["items"].as_array().unwrap().len(), 8, "{autopilot}: {former}");

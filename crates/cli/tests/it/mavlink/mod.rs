@@ -8,10 +8,10 @@ mod signing;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, PoisonError};
 
 use serde_json::Value;
 
+use crate::address::own_address;
 use crate::harness::{Lab, Run, rows};
 use crate::python;
 use crate::vlm::KEY;
@@ -63,13 +63,8 @@ impl Drop for Served {
 }
 
 /// Runs a script of ours on an unmodified library against a served vehicle; returns its last line.
-fn client(packages: &[&str], script: &str, args: &[&str]) -> Option<Value> {
-    // Two tests at once would make the same environment.
-    static MAKING: Mutex<()> = Mutex::new(());
-    let python = {
-        let _making = MAKING.lock().unwrap_or_else(PoisonError::into_inner);
-        python::with(packages)?
-    };
+fn client(script: &str, args: &[&str]) -> Option<Value> {
+    let python = python::environment()?;
     let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mavlink");
     let mut command = Command::new("timeout");
     command.args(["-k", "5", "150"]).arg(python).arg(here.join(script)).args(args);
@@ -78,20 +73,14 @@ fn client(packages: &[&str], script: &str, args: &[&str]) -> Option<Value> {
     Some(serde_json::from_str(run.stdout.lines().last().unwrap()).unwrap())
 }
 
-/// A free UDP port of this machine.
-fn port() -> u16 {
-    std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port()
-}
-
-const PYMAVLINK: [&str; 1] = ["pymavlink==2.4.50"];
-
 #[test]
+#[ignore = "needs Python: .ci/interop runs it"]
 fn pymavlink_arms_takes_off_and_lands_a_served_ardupilot_over_tcp() {
     let lab = Lab::new();
     let served =
         Served::start(&lab, "ardupilot", "tcpin:127.0.0.1:0", &["--scene", "park", "--mavlink-param", "DISARM_DELAY=2"], 1);
     let address = served.addresses[0].strip_prefix("mavlink@tcpout:").unwrap();
-    let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("tcp:{address}"), "ardupilot", "--short"]) else {
+    let Some(seen) = client("pymavlink_client.py", &[&format!("tcp:{address}"), "ardupilot", "--short"]) else {
         return;
     };
     for (what, result) in [("unknown", 3), ("guided", 0), ("arm", 0), ("takeoff", 0), ("land", 0), ("missions", 0), ("set", 2)] {
@@ -107,9 +96,9 @@ fn pymavlink_arms_takes_off_and_lands_a_served_ardupilot_over_tcp() {
 fn pymavlink_flies_both_by_velocities_and_they_react_to_its_silence() {
     let lab = Lab::new();
     for (autopilot, silent) in [("px4", [0x0003_0000_u32, 0x0003_0000]), ("ardupilot", [4, 4])] {
-        let port = port();
-        let served = Served::start(&lab, autopilot, &format!("udpout:127.0.0.1:{port}"), &["--scene", "park"], 1);
-        let Some(seen) = client(&PYMAVLINK, "pymavlink_client.py", &[&format!("udpin:127.0.0.1:{port}"), autopilot]) else {
+        let address = own_address();
+        let served = Served::start(&lab, autopilot, &format!("udpout:{address}"), &["--scene", "park"], 1);
+        let Some(seen) = client("pymavlink_client.py", &[&format!("udpin:{address}"), autopilot]) else {
             return;
         };
         assert!((seen["speed_m_s"].as_f64().unwrap() - 1.5).abs() < 0.3, "{seen}");
@@ -127,8 +116,7 @@ fn mavproxy_takes_off_and_lands_a_served_ardupilot_from_its_console() {
     let served =
         Served::start(&lab, "ardupilot", "tcpin:127.0.0.1:0", &["--scene", "park", "--mavlink-param", "DISARM_DELAY=2"], 1);
     let address = served.addresses[0].strip_prefix("mavlink@tcpout:").unwrap();
-    let packages = ["MAVProxy==1.8.75", "pymavlink==2.4.50"];
-    let Some(seen) = client(&packages, "mavproxy_client.py", &[&format!("tcp:{address}"), "ardupilot"]) else { return };
+    let Some(seen) = client("mavproxy_client.py", &[&format!("tcp:{address}"), "ardupilot"]) else { return };
     for what in ["connected", "parameters", "guided", "armed", "landing", "disarmed"] {
         assert_eq!(seen[what], true, "{what}: {seen}");
     }
@@ -140,10 +128,10 @@ fn mavproxy_takes_off_and_lands_a_served_ardupilot_from_its_console() {
 #[ignore = "long: .ci/interop runs it"]
 fn mavsdk_takes_off_flies_offboard_goes_somewhere_and_lands_a_served_px4() {
     let lab = Lab::new();
-    let port = port();
+    let address = own_address();
     let serve = ["--scene", "park", "--truth", "truth.jsonl", "--instruction", "fly to the fountain"];
-    let served = Served::start(&lab, "px4", &format!("udpout:127.0.0.1:{port}"), &serve, 1);
-    let Some(seen) = client(&["mavsdk==4.1.0"], "mavsdk_client.py", &[&format!("udpin://127.0.0.1:{port}")]) else { return };
+    let served = Served::start(&lab, "px4", &format!("udpout:{address}"), &serve, 1);
+    let Some(seen) = client("mavsdk_client.py", &[&format!("udpin://{address}")]) else { return };
     assert_eq!((&seen["healthy"], &seen["returned"], &seen["disarmed"]), (&true.into(), &true.into(), &true.into()));
     let number = |name: &str| seen[name].as_f64().unwrap();
     assert!((number("height_m") - 4.0).abs() < 1.0 && (number("body_speed_m_s") - 2.0).abs() < 0.4, "{seen}");
@@ -158,9 +146,9 @@ fn mavsdk_takes_off_flies_offboard_goes_somewhere_and_lands_a_served_px4() {
 #[ignore = "long: .ci/interop runs it"]
 fn a_flight_by_language_over_real_sockets_with_the_camera_by_rtsp() {
     let lab = Lab::new();
-    let port = port();
+    let address = own_address();
     let serve = ["--scene", "park", "--rtsp=127.0.0.1:0", "--vlm=oracle:perfect", "--truth", "truth.jsonl", "--quality", "draft"];
-    let links = format!("udpout:127.0.0.1:{port}");
+    let links = format!("udpout:{address}");
     let served = Served::start(&lab, "px4", &links, &[&serve[..], &["--mavlink-param", "COM_OBL_RC_ACT=5"]].concat(), 3);
     let [drone, camera, url] = &served.addresses[..] else { panic!("{:?}", served.addresses) };
     let vlm = format!("openai@{url}/v1");
@@ -176,13 +164,12 @@ fn a_flight_by_language_over_real_sockets_with_the_camera_by_rtsp() {
     assert_eq!((truth.len(), &truth[0]["ended_by"], &truth[0]["collisions"]), (1, &"landing".into(), &0.into()), "{truth:?}");
 }
 
-/// Before any connection: nobody is there, and a heartbeat would be waited for.
+/// Before any connection: nobody is there, and that nobody answers would be another exit code.
 #[test]
 fn a_flight_without_a_camera_is_refused_at_once() {
     let lab = Lab::new();
-    let drone = format!("mavlink@udpin:127.0.0.1:{}", port());
+    let drone = format!("mavlink@udpin:{}", own_address());
     for command in [&["fly", "fly to the fountain"][..], &["cockpit"]] {
-        let begun = std::time::Instant::now();
         let run = lab.spf(&[command, &["--drone", &drone, "--vlm", "exec:true"]].concat());
         assert_eq!(run.code, Some(2), "{}", run.stderr);
         assert!(
@@ -190,7 +177,6 @@ fn a_flight_without_a_camera_is_refused_at_once() {
             "{}",
             run.stderr
         );
-        assert!(begun.elapsed() < std::time::Duration::from_secs(5), "{:?}", begun.elapsed());
     }
 }
 
@@ -214,7 +200,7 @@ fn the_doctor_tells_what_to_set_before_a_flight() {
     }
     served.end();
     // Nobody there.
-    let run = lab.spf(&["doctor", "--drone", &format!("mavlink@tcpout:127.0.0.1:{}", port())]);
+    let run = lab.spf(&["doctor", "--drone", &format!("mavlink@tcpout:{}", own_address())]);
     assert_eq!(run.code, Some(6));
     assert!(run.stdout.contains("cannot reach") && run.stdout.contains("check the address"), "{}", run.stdout);
 }

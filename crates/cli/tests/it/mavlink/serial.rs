@@ -20,7 +20,7 @@ struct Pair {
 impl Pair {
     /// `None` without Python.
     fn start() -> Option<Self> {
-        let python = crate::python::with(&super::PYMAVLINK)?;
+        let python = crate::python::environment()?;
         let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mavlink/serial_pair.py");
         let mut child = Command::new(python).arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();

@@ -2,7 +2,7 @@
 
 use std::process::{Command, Stdio};
 
-use super::{PYMAVLINK, port};
+use crate::address::own_address;
 use crate::harness::Lab;
 use crate::python;
 
@@ -18,12 +18,12 @@ impl Drop for Vehicle {
 #[test]
 #[ignore = "long: .ci/interop runs it"]
 fn an_autopilot_that_wants_signed_packets_is_told() {
-    let (lab, port) = (Lab::new(), port());
-    let Some(python) = python::with(&PYMAVLINK) else { return };
+    let (lab, address) = (Lab::new(), own_address());
+    let Some(python) = python::environment() else { return };
     let script = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/mavlink/signed_vehicle.py");
     let mut command = Command::new(python);
-    let _vehicle = Vehicle(command.arg(script).arg(format!("udpout:127.0.0.1:{port}")).stdout(Stdio::null()).spawn().unwrap());
-    let run = lab.spf(&["doctor", "--drone", &format!("mavlink@udpin:127.0.0.1:{port}")]);
+    let _vehicle = Vehicle(command.arg(script).arg(format!("udpout:{address}")).stdout(Stdio::null()).spawn().unwrap());
+    let run = lab.spf(&["doctor", "--drone", &format!("mavlink@udpin:{address}")]);
     assert_eq!(run.code, Some(6), "{}", run.stderr);
     for words in ["answers nothing: its packets are signed", "turn signing off"] {
         assert!(run.stdout.contains(words), "{words}: {}\n{}", run.stdout, run.stderr);

@@ -26,7 +26,7 @@ impl Drop for Flight {
 
 impl Flight {
     fn begin(environment: &[(&str, &str)]) -> Option<Self> {
-        let python = python::with(&["pillow"])?;
+        let python = python::environment()?;
         let mut screen = Screen::start(&[])?;
         let game = screen.game();
         // A window of another program beside it, which does not have the focus in flight.

@@ -9,7 +9,7 @@ use crate::python;
 #[test]
 #[ignore = "flies in real time: .ci/interop runs it"]
 fn a_game_is_flown_to_the_red_tower() {
-    let Some(python) = python::with(&["pillow"]) else { return };
+    let Some(python) = python::environment() else { return };
     let Some(screen) = Screen::start(&["/usr/games/minetest"]) else { return };
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/trials/luanti.py");
     let mut flight = Command::new(&python);

@@ -6,6 +6,7 @@ use super::display::Screen;
 use crate::harness::{Lab, Run};
 
 #[test]
+#[ignore = "needs Xvfb: .ci/interop runs it"]
 fn windows_and_monitors_are_listed_and_captured() {
     let Some(mut screen) = Screen::start(&[]) else { return };
     screen.xev("A plain game 1.0", "300x200+50+50");

@@ -13,6 +13,9 @@ use crate::vlm::KEY;
 use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
 
+/// The drone lands by itself 15 s after the last command.
+const OWN_LANDING: Duration = Duration::from_secs(15);
+
 /// A virtual Tello, and a running flight with it.
 struct Flight {
     lab: Lab,
@@ -104,8 +107,8 @@ fn a_signal_lands_the_drone_and_a_second_one_waits_for_it() {
                 let (ended_by, took) = flight.landed();
                 let (code, printed) = flight.end();
                 assert_eq!((ended_by, code), ("landing".into(), Some(5)), "{signals:?}: {printed}");
-                // From 0.8 m: not the drone's own landing, 15 s after the last command.
-                assert!(took < Duration::from_secs(10), "{signals:?}: {took:?}");
+                // From 0.8 m: not the drone's own landing.
+                assert!(took < OWN_LANDING, "{signals:?}: {took:?}");
                 assert_eq!(printed.contains("landing the drone; pressing Ctrl-C again"), signals.len() == 2, "{printed}");
             });
         }
@@ -140,7 +143,7 @@ fn a_stopped_process_is_a_lost_link() {
     assert_eq!(flight.child.try_wait().unwrap(), None);
     flight.signal("INT");
     let (ended_by, took) = flight.landed();
-    assert!(ended_by == "landing" && took < Duration::from_secs(8), "{ended_by} {took:?}");
+    assert!(ended_by == "landing" && took < OWN_LANDING, "{ended_by} {took:?}");
     let (code, printed) = flight.end();
     assert_eq!(code, Some(5), "{printed}");
 }
@@ -153,7 +156,7 @@ fn a_disk_that_stalls_delays_neither_flight_nor_ctrl_c() {
     std::thread::sleep(Duration::from_secs(3));
     flight.signal("INT");
     let (ended_by, took) = flight.landed();
-    assert!(ended_by == "landing" && took < Duration::from_secs(8), "{ended_by} {took:?}");
+    assert!(ended_by == "landing" && took < OWN_LANDING, "{ended_by} {took:?}");
     let names = flight.lab.names("mine");
     let (code, printed) = flight.end();
     assert_eq!(code, Some(5), "{printed}");
@@ -174,6 +177,7 @@ fn without_a_terminal_a_real_drone_takes_off_only_unattended() {
 
 /// With a terminal the keys work, and at the end of the instruction the drone hovers for a new one.
 #[test]
+#[ignore = "needs Python: .ci/interop runs it"]
 fn with_a_terminal_the_keys_land_a_real_drone_and_it_hovers_at_the_end_by_default() {
     let lab = Lab::new();
     let served = Served::start(&lab, "127.0.0.82", &["--truth", "truth.jsonl", "--instruction", "fly to the door"]);
@@ -204,7 +208,7 @@ fn a_terminal_that_is_not_read_stops_neither_flight_nor_ctrl_c() {
     flight.signal("INT");
     let (ended_by, took) = flight.landed();
     assert_eq!(ended_by, "landing");
-    assert!(took < Duration::from_secs(8), "{took:?}");
+    assert!(took < OWN_LANDING, "{took:?}");
     let Flight { mut child, stderr, writer, served, lab, .. } = flight;
     // At the end it waits for a terminal at most a second at a time, and loses no file.
     drop((stderr, writer));

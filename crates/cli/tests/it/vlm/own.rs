@@ -181,7 +181,7 @@ fn costs_are_told_before_they_arise() {
 #[test]
 #[ignore = "needs Python: .ci/interop runs it"]
 fn costs_are_confirmed_at_a_terminal() {
-    let Some(python) = python::with(&["pillow"]) else { return };
+    let Some(python) = python::environment() else { return };
     let lab = Lab::new();
     let server = Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), DONE));
     lab.write("asked.py", include_str!("asked.py"));
@@ -304,7 +304,7 @@ fn example(name: &str) -> PathBuf {
 #[test]
 #[ignore = "needs Pillow: .ci/interop runs it"]
 fn the_examples_of_programs_fly() {
-    let Some(python) = python::with(&["pillow"]) else { return };
+    let Some(python) = python::environment() else { return };
     let lab = Lab::new();
     let vlm = |name: &str, more: &str| format!("exec:{} {}{more}", python.display(), example(name).display());
     let blob = vlm("exec_blob.py", "");

@@ -16,7 +16,7 @@ use crate::python;
 #[test]
 #[ignore = "long: .ci/interop runs it"]
 fn the_vendors_own_sdks_agree() {
-    let Some(python) = python::with(&["google-genai", "openai", "anthropic"]) else { return };
+    let Some(python) = python::environment() else { return };
     let lab = Lab::new();
     let mut work = Vec::new();
     let servers: Vec<Server> = Vendor::ALL.iter().map(|vendor| sdk_server(*vendor)).collect();

@@ -1,12 +1,9 @@
 //! Networks run, in each layout in which detectors are exported.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-
-mod made;
 
 use std::error::Error;
 use std::path::PathBuf;
 
-use made::{Export, SIDE, model};
+use crate::made::{Export, SIDE, model};
 use spf_core::detection::Detection;
 use spf_core::query::ImageBox;
 use spf_detect::{Detector, NetworkError, Place};

@@ -1,9 +1,6 @@
 //! Depth networks of each kind and form, and a room whose depths are known: level ground, and a wall.
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
-mod made;
-
-use made::{DepthExport, Export, depth, model};
+use crate::made::{self, DepthExport, Export, depth, model};
 use proptest::prelude::*;
 use spf_core::camera::Camera;
 use spf_core::depth::CameraAxes;
