@@ -71,7 +71,10 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
     assert!(!head["outlines"].as_array().unwrap().is_empty());
     watch.wait("a question", |message| message["type"] == "question" && message["query"].is_u64());
     // The click that decides where it goes: to the left of the middle.
-    let frame = watch.pictures.last().expect("pictures while it took off")["frame"].clone();
+    while watch.pictures.is_empty() {
+        watch.wait("a state", |message| message["type"] == "state");
+    }
+    let frame = watch.pictures.last().unwrap()["frame"].clone();
     let (clicked, _) = controls.order(json!({"point": {"u": 0.3, "v": 0.5, "depth": 6, "frame": frame}}));
     assert_eq!((&clicked["ok"], &clicked["text"]), (&json!(true), &json!("answered")));
     let decision = watch.wait("a decision", |message| message["type"] == "decision");

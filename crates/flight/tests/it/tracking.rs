@@ -275,6 +275,7 @@ fn newest(world: &mut Live, after: Duration) -> FrameMeta {
 }
 
 #[test]
+#[ignore = "runs in real time: .ci/interop runs it"]
 fn on_the_wall_clock_reports_come_from_a_thread_of_their_own() {
     let stand = Stand { frames: FrameStore::default(), number: 0, waiting: VecDeque::new() };
     let drone = Box::new(stand);
