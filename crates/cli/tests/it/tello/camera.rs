@@ -16,6 +16,7 @@ fn from(lab: &Lab, local: &str, args: &[&str]) -> Run {
 }
 
 #[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
 fn its_own_stream_is_tested_tracked_and_flown_by_another_craft() {
     let lab = Lab::new();
     let served = Served::start(&lab, "127.0.0.161", &[]);
@@ -85,6 +86,7 @@ fn a_tello_that_flies_is_not_asked_for_its_video() {
 }
 
 #[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
 fn with_another_camera_its_own_video_is_not_started() {
     let lab = Lab::new();
     crate::track::film(&lab.path("square.mp4"), 140);

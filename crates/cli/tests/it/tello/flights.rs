@@ -66,6 +66,7 @@ fn fly(lab: &Lab, drone: &str, local: &str, server: &Server, args: &[&str]) -> (
 
 /// The drone's own camera shows an office, and this one a chequered square.
 #[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
 fn a_flight_by_another_camera_than_the_drone_s() {
     let lab = Lab::new();
     crate::track::film(&lab.path("square.mp4"), 400);
@@ -81,6 +82,7 @@ fn a_flight_by_another_camera_than_the_drone_s() {
 
 /// What the drone sees comes by RTSP, as from an IP camera, and is flown by.
 #[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
 fn a_flight_by_the_drone_s_view_as_an_rtsp_camera() {
     let lab = Lab::new();
     let served = Served::start(&lab, "127.0.0.147", &["--rtsp=127.0.0.147:8554"]);
