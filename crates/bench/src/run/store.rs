@@ -17,7 +17,7 @@ use super::shard::Shard;
 use crate::trial::{Flown, FlownPath, Record};
 
 /// Version of the file format.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// One row per trial.
 const RESULTS: &str = "results.jsonl";
 /// The path of each trial.
@@ -167,7 +167,9 @@ fn append(file: &mut File, row: &impl Serialize, path: &Path) -> Result<(), Stor
 }
 
 fn difference(there: &RunHeader, wanted: &RunHeader) -> Cow<'static, str> {
-    if there.program != wanted.program {
+    if there.format != wanted.format {
+        format!("its format is {}; this version writes format {}", there.format, wanted.format).into()
+    } else if there.program != wanted.program {
         "its results were written by another version of spf".into()
     } else if there.trials != wanted.trials {
         other_trials(&there.trials, &wanted.trials).into()
@@ -274,8 +276,12 @@ pub fn read_paths(folder: &Path) -> Result<BTreeMap<String, FlownPath>, StoreErr
 pub fn read_head(folder: &Path) -> Result<RunHeader, StoreError> {
     let path = folder.join("bench.json");
     let text = std::fs::read_to_string(&path).map_err(failed(&path))?;
-    let other = |_| StoreError::Other { path: folder.to_owned(), what: "`bench.json` was not written by spf".into() };
-    serde_json::from_str(&text).map_err(other)
+    let other = |what: Cow<'static, str>| StoreError::Other { path: folder.to_owned(), what };
+    let head: RunHeader = serde_json::from_str(&text).map_err(|_| other("`bench.json` was not written by spf".into()))?;
+    if head.format != FORMAT {
+        return Err(other(format!("its format is {}; this version reads format {FORMAT}", head.format).into()));
+    }
+    Ok(head)
 }
 
 fn no_row(path: &Path, line: usize) -> StoreError {

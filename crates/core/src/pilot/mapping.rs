@@ -80,7 +80,7 @@ impl Pilot {
         let obstacles = || reply.boxes.iter().filter(counts);
         for obstacle in obstacles() {
             // A box is a rough solid, which would block space that is measured to be free.
-            if !has_failed && !(is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
+            if !(has_failed || is_person(&obstacle.name) || is_unseen_by_sensors(&obstacle.name)) {
                 continue;
             }
             let mobility = if is_person(&obstacle.name) { Mobility::Moving } else { Mobility::Fixed };

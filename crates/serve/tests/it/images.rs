@@ -65,6 +65,7 @@ fn no_image_of_a_scene_is_unusable_in_any_light() {
 }
 
 /// Of this many images of each scene in each light.
+#[allow(clippy::print_stdout, reason = "the figures are for people")]
 fn none_is_unusable(count: usize) {
     let camera = Camera::tello();
     let mut refused = Vec::new();

@@ -172,7 +172,7 @@ fn an_unfinished_run_reports_how_much_is_missing() {
 }
 
 #[test]
-fn a_folder_of_an_older_version_is_reported_without_ways() {
+fn a_folder_without_paths_is_reported_without_them() {
     let folder = two_methods();
     folder.remove("paths.jsonl");
     folder.remove("run.json");
@@ -227,6 +227,11 @@ fn what_is_no_folder_of_results_is_reported() {
         assert!(error.contains(&format!("`{name}` was not written by spf")), "{error}");
         folder.put(name, &kept);
     }
+    let kept = folder.text("bench.json");
+    folder.put("bench.json", &kept.replacen("\"format\":2", "\"format\":1", 1).replacen("\"format\": 2", "\"format\": 1", 1));
+    let error = Source::read(&[folder.path()]).unwrap_err().to_string();
+    assert!(error.contains("its format is 1; this version reads format 2"), "{error}");
+    folder.put("bench.json", &kept);
     folder.put("paths.jsonl", "{\"run_id\":\"x\",\"targets\":[],\"from_s\":0,\"places\":[[1e300,0,0]]}\n");
     assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("paths.jsonl"));
 }

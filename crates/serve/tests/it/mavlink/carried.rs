@@ -68,7 +68,7 @@ fn the_vehicle_s_own_sensors_stop_a_flight_before_what_the_model_does_not_see() 
 #[test]
 fn what_the_map_shows_in_a_flight_is_told_to_a_vehicle_without_sensors() {
     let boxed = r#"{"status":"navigating","target":"door","point":[500,500],"depth":7,
-        "boxes":[{"box":[300,450,700,550],"depth":4,"name":"post"}]}"#;
+        "boxes":[{"box":[300,450,700,550],"depth":4,"name":"glass door"}]}"#;
     for autopilot in BOTH {
         let flight = flown(autopilot, park().scene.start, |_| (), (boxed, 20, true));
         let told: Vec<(f64, usize)> = flight
