@@ -76,7 +76,6 @@ impl Progress {
             }
             Note::Envelope(cause) => format!("envelope: {cause}"),
             Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
-            // That all is well every 2 s is no news.
             Note::Around(around) => words::around(around),
             Note::Limited(why) => (*why).to_owned(),
             Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),

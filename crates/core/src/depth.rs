@@ -40,7 +40,6 @@ pub struct DepthGrid {
     #[schemars(with = "String")]
     pub cm: Vec<u16>,
     /// Where it comes from.
-    #[serde(default)]
     pub source: DepthSource,
 }
 

@@ -29,8 +29,8 @@ pub struct Guidance {
     pub anchor: AnchorUse,
     /// Whether obstacles are kept in a map, around which the planner leads ([`crate::obstacle_map`], [`crate::planner`]).
     pub map: bool,
-    /// Whether a depth sensor fills the map. Without one, the boxes of each reply are also checked against its own step
-    /// ([`crate::avoid`]): a box says where something begins in the image, and little about its shape in the world.
+    /// Whether a depth sensor fills the map. Without one, also with a depth network or range sensors, the boxes of each reply are
+    /// checked against its own step ([`crate::avoid`]).
     pub sensor: bool,
     /// Whether the box of the target is tracked from one answer to the next ([`crate::track`]).
     pub track: bool,

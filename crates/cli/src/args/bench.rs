@@ -136,7 +136,7 @@ Examples:
   spf bench run --suite table1 && spf bench report
   spf bench report out
   spf bench report oracle-run gemini-run -o report
-  spf bench report out --pairs spf-avoid:spf,spf-map:spf-avoid
+  spf bench report out --pairs spf-avoid:spf,spf-default:spf-avoid
 
 The report has success rates by category with confidence intervals, paired tests, curves over error level and latency, times, \
 top-down trajectories, videos (of runs with --videos), every failure with the command that repeats it, and the paper's \

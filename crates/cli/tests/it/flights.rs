@@ -266,6 +266,9 @@ fn boxes_and_an_anchor_are_on_by_default() {
     assert_eq!(parts(&[]), (true, "low".to_owned()));
     assert_eq!(parts(&["--avoid"]), (true, "low".to_owned()));
     assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, "always".to_owned()));
+    let unmeasured = lab.spf(&["fly", "fly to the red crane", "--avoid", "--map", "on"]);
+    assert_eq!(unmeasured.code, Some(2), "{}", unmeasured.stderr);
+    assert!(unmeasured.stderr.contains("--map: nothing measures the depth"), "{}", unmeasured.stderr);
     assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, "off".to_owned()));
     assert_eq!(parts(&["--depth-sensor", "on", "--map", "off"]), (false, "low".to_owned()));
     for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {

@@ -232,7 +232,7 @@ impl Envelope {
     }
 
     /// Replaces the remembered obstacles: occupied places near the craft, according to the motion estimate. Ignored without
-    /// [`Limits::brake`], as is the next.
+    /// [`Limits::brake`].
     pub fn observe_obstacles(&mut self, places: impl Iterator<Item = EnuPosition>) {
         if self.limits.brake.is_some() {
             self.brake.remember(places);

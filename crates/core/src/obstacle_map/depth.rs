@@ -1,13 +1,16 @@
 //! Adds depth grids to the map: one ray for each cell in which rays end.
 
 use super::{CELL, CELLS, Cell, Line, ObstacleMap, SIZE, passed, struck};
-use crate::depth::{CameraAxes, DepthGrid};
+use crate::depth::{CameraAxes, DepthGrid, DepthSource};
 use crate::geometry::{EnuPosition, Pose};
 
 /// Marks of one insertion.
 const PASSED: u8 = 1;
 const ENDED: u8 = 2;
 const STRUCK: u8 = 4;
+/// The part of the way to what a network has estimated that counts as free: its depth is off by a factor of e^0.35 (one standard
+/// deviation) at most, and what it overestimates must not clear what is known.
+const FREE_TO_ESTIMATE: f64 = 0.5;
 
 impl ObstacleMap {
     /// Adds a depth grid, measured at `pose`. Pixels without a value carry no information. An invalid grid is ignored.
@@ -17,10 +20,15 @@ impl ObstacleMap {
         }
         let axes = CameraAxes::new(&grid.camera, pose);
         let ends = grid.points().map(|(_, at)| axes.place(at.right, at.forward, at.up));
-        self.cast(axes.origin, ends);
+        let free = match grid.source {
+            DepthSource::Sensor => None,
+            DepthSource::Network => Some(FREE_TO_ESTIMATE),
+        };
+        self.cast(axes.origin, ends, free);
     }
 
-    fn cast(&mut self, from: EnuPosition, ends: impl Iterator<Item = EnuPosition>) {
+    /// Adds rays, which are free up to their ends or up to this part of their lengths.
+    fn cast(&mut self, from: EnuPosition, ends: impl Iterator<Item = EnuPosition>, free_to: Option<f64>) {
         let Some(corner) = self.corner else { return };
         self.changed += 1;
         let origin = Cell::of(from);
@@ -29,7 +37,10 @@ impl ObstacleMap {
         let high = [0, 1, 2].map(|i| low[i] + SIZE[i] as f64 * CELL - 2e-6);
         for end in ends {
             let hit = self.index(Cell::of(end));
-            let free = hit.or_else(|| self.index(Cell::of(clip(from, end, low, high))));
+            let free = match free_to {
+                None => hit.or_else(|| self.index(Cell::of(clip(from, end, low, high)))),
+                Some(part) => self.index(Cell::of(clip(from, from.towards(end, part), low, high))),
+            };
             for (index, mark) in [(free, ENDED), (hit, STRUCK)] {
                 let Some(index) = index else { continue };
                 if self.marks[index] == 0 {

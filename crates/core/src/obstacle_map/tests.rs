@@ -52,6 +52,20 @@ fn a_wall_ahead_is_occupied_the_way_to_it_free_and_what_lies_behind_unknown() {
     assert!(map.occupied().all(|cell| cell.north == 20));
 }
 
+/// A wall that a network puts 5.1 m away may stand at half of that.
+#[test]
+fn an_estimated_depth_frees_the_nearer_half_of_the_way() {
+    let mut map = map();
+    let estimated = DepthGrid { source: DepthSource::Network, ..grid(|_, _| 510) };
+    map.depth(&estimated, pose(0.1, 0.1, 3.1));
+    assert_eq!(map.known(cell(0.1, 2.2, 3.1)), CellState::Free);
+    assert_eq!(map.known(cell(0.1, 3.5, 3.1)), CellState::Unknown);
+    assert_eq!(map.known(cell(0.1, 5.2, 3.1)), CellState::Occupied);
+    // What is known beyond the half is not cleared by a later, farther estimate.
+    map.depth(&DepthGrid { source: DepthSource::Network, ..grid(|_, _| 800) }, pose(0.1, 0.1, 3.1));
+    assert_eq!(map.known(cell(0.1, 5.2, 3.1)), CellState::Occupied);
+}
+
 #[test]
 fn a_hole_says_nothing_and_one_pixel_marks_a_wire_that_the_next_grids_clear() {
     let mut map = map();

@@ -45,7 +45,7 @@ impl Pilot {
         if let Some(map) = &mut self.guiding.map {
             map.advance(now, pose.position);
             map.depth(grid, pose);
-            self.guiding.depth_at = Some(now);
+            self.guiding.depth_at = Some(grid.captured.min(now));
         }
     }
 

@@ -55,7 +55,7 @@ fn flown(folder: &Path) -> (Vec<f64>, Vec<Entry>) {
         settings: PilotSettings {
             max_time: Duration::from_secs(9),
             avoid: false,
-            guidance: Guidance { map: true, sensor: true, ..Guidance::default() },
+            guidance: Guidance { map: true, ..Guidance::default() },
             ..PilotSettings::preset(Preset::Default)
         },
         depth_network: Some(DepthPlan { network, period: Duration::from_millis(500), latency: Duration::from_millis(400) }),

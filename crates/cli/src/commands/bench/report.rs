@@ -40,7 +40,7 @@ fn pair(words: &str) -> Result<MethodPair, CliError> {
             Ok(MethodPair { first: first.to_owned(), second: second.to_owned() })
         }
         _ => Err(CliError::usage(format!("--pairs: `{words}` is not a pair of methods"))
-            .hint("give two methods with a colon in between: --pairs spf-avoid:spf,spf-map:spf-avoid")),
+            .hint("give two methods with a colon in between: --pairs spf-avoid:spf,spf-default:spf-avoid")),
     }
 }
 

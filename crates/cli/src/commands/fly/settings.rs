@@ -118,7 +118,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
     // What guides between two answers is on by itself where it can work.
     let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    // A depth network is a depth sensor to the pilot, but one that may be without its scale: boxes are asked for as well.
+    // A depth network may be without its scale, or slow: boxes are asked for as well, and each step is checked against them.
     let measures = sensor || network;
     let map = fly.map.or_default()?.or(can_guide && measures);
     let anchor = fly.anchor.or_default()?;
@@ -131,7 +131,7 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
             (true, false) => AnchorUse::Always,
         },
         map,
-        sensor: measures,
+        sensor,
         track: fly.track.or_default()? != TrackBy::Off,
     };
     if let Some(depth) = fly.depth_as.get()? {

@@ -218,8 +218,6 @@ struct Chaos {
     limits: Limits,
     /// An expected answer that requests motion, since the last event that ends every reason to move.
     reason: bool,
-    /// Whether what happens now is an expected answer.
-    answers: bool,
     hand: Option<Time>,
     /// Time at which the last cleared manoeuvre ends, while nothing has ended it.
     own_until: Option<Time>,
@@ -257,7 +255,6 @@ impl Chaos {
             phase: FlightPhase::OnGround,
             limits,
             reason: false,
-            answers: false,
             hand: None,
             own_until: None,
             captured: None,
@@ -270,7 +267,6 @@ impl Chaos {
     }
 
     fn tell(&mut self, event: Event) {
-        self.answers = matches!(&event, Event::Reply { id, .. } if self.out.contains(id));
         match &event {
             Event::Frame(frame) if frame.unusable.is_none() => {
                 self.captured = self.captured.max(Some(frame.captured.min(self.now)))
@@ -295,7 +291,6 @@ impl Chaos {
         self.pilot.handle(self.now, event);
         self.reopened += usize::from(ended && self.pilot.ending().is_none());
         self.pump();
-        self.answers = false;
     }
 
     fn pump(&mut self) {
@@ -311,8 +306,7 @@ impl Chaos {
                 }
                 Some(Action::Cancel(id)) => {
                     assert!(self.out.remove(&id), "cancels what is not out");
-                    // An answer may make another open query needless.
-                    self.reason &= self.answers;
+                    self.reason = false;
                 }
                 Some(Action::Command(cleared)) => self.command(&cleared),
                 Some(Action::Finished(_)) => self.finished += 1,

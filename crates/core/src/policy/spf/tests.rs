@@ -281,6 +281,21 @@ fn a_small_target_goes_along_enlarged_if_wanted() {
     assert_eq!(told(&mut spf, 1, small).0.close_up, None);
 }
 
+/// A depth network may be without its scale: only a sensor's map takes the place of the check against the boxes.
+#[test]
+fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes() {
+    let wall = r#"{"status":"navigating","point":[500,500],"depth":10,"target":"crane",
+        "boxes":[{"box":[0,0,1000,1000],"depth":2,"name":"wall"}]}"#;
+    let checked = |sensor: bool| {
+        let guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor, ..Guidance::default() };
+        let mut spf = policy(true).with_guidance(guidance);
+        told(&mut spf, 0, wall);
+        spf.reading().avoidance
+    };
+    assert!(matches!(checked(false), Some(Avoidance::Shortened { .. } | Avoidance::Hold { .. })), "{:?}", checked(false));
+    assert_eq!(checked(true), None);
+}
+
 /// An anchored policy.
 fn anchored(avoid: bool) -> Spf {
     let guidance = Guidance { anchor: AnchorUse::Always, ..Guidance::default() };
