@@ -81,6 +81,8 @@ fn rtp_with_losses_resumes_at_key_frames_and_the_age_is_told_after_a_stall() {
         }
     };
     let mut last = None;
+    // The clock begins with the camera, and no image is older than the clock.
+    wait("the latency", || begun.elapsed() > settings().latency);
     // A tenth of a second per frame by the timestamps, sent faster than that: only the spacing of the first ones matters.
     for frame in 0..5 {
         send(frame, None);
