@@ -176,7 +176,8 @@ fn differences(flown: &[String]) -> Vec<String> {
 
 #[test]
 fn a_tenth_of_the_pinned_flights_is_the_same_as_before() {
-    let different = differences(&rows(|at| at % 10 == at / 10 % 10));
+    // The shortest of each method, one of them with a person to follow, by their place in the file.
+    let different = differences(&rows(|at| [6, 20, 27, 32, 44, 51].contains(&at)));
     assert!(different.is_empty(), "{}", different.join("\n"));
 }
 

@@ -41,7 +41,7 @@ fn every_image_of_the_video() {
     let names = ["summary.json", "decisions.jsonl", "video.mp4"];
     let lab = Lab::new();
     let fly = |folder: &str, threads: &str| {
-        let args = ["fly", "fly to the red crane", "--max-time", "5", "--out", folder];
+        let args = ["fly", "fly to the red crane", "--max-time", "3", "--out", folder];
         let output = lab.command(&args).env("RAYON_NUM_THREADS", threads).output().unwrap();
         assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
         files(&lab, folder, &names)

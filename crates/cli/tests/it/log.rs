@@ -24,7 +24,7 @@ fn by_topic(path: &Path) -> BTreeMap<String, Vec<(u64, Vec<u8>)>> {
 fn the_same_seed_gives_the_same_log() {
     let lab = Lab::new();
     let fly = |folder: &str, seed: &str, threads: &str, more: &[&str]| {
-        let args = ["fly", "fly to the red crane", "--max-time", "9", "--seed", seed, "--out", folder];
+        let args = ["fly", "fly to the red crane", "--max-time", "7", "--seed", seed, "--out", folder];
         let output = lab.command(&[&args, more].concat()).env("RAYON_NUM_THREADS", threads).output().unwrap();
         assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));
         by_topic(&lab.path(folder).join("flight.mcap"))
@@ -229,7 +229,7 @@ for row, text, cells in zip(rows, texts, table.to_pylist()):
 #[test]
 fn a_video_is_made_of_a_log() {
     let lab = Lab::new();
-    let run = lab.spf(&["fly", "fly to the red crane", "--max-time", "8", "--out", "mine"]);
+    let run = lab.spf(&["fly", "fly to the red crane", "--max-time", "4", "--out", "mine"]);
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     let made = lab.spf(&["log", "video", "mine/flight.mcap", "-o", "flight.mp4"]);
     assert_eq!(made.code, Some(0), "{}", made.stderr);

@@ -235,7 +235,7 @@ fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
 fn the_limits_of_a_tello_are_those_of_a_room_unless_flags_widen_them() {
     let lab = Lab::new();
     let served = Served::start(&lab, "127.0.0.53", &[]);
-    let args = ["--max-altitude", "7", "--max-distance", "30", "--max-speed", "0.9", "--max-time", "8", "--no-video"];
+    let args = ["--max-altitude", "7", "--max-distance", "30", "--max-speed", "0.9", "--max-time", "1", "--no-video"];
     let (run, summary) = fly(&lab, "127.0.0.53", "127.0.0.54", &model(50), &args);
     assert!(run.stderr.contains("Limits: 7 m above and 30 m from the take-off point, 0.9 m/s"), "{}", run.stderr);
     assert_eq!(summary["outcome"], "timeout", "{}", run.stderr);
