@@ -245,10 +245,9 @@ fn a_depth_sensor_turns_on_what_it_is_for() {
     };
     let guidance = |flags: &[&str]| settings(flags)["guidance"].clone();
     let all = serde_json::json!({ "anchor": "always", "map": true, "sensor": true, "track": false });
-    assert_eq!(guidance(&["--depth-sensor", "on"]), all);
-    assert_eq!(guidance(&["--depth-sensor", "on", "--map", "off"])["map"], false);
+    let sensed = settings(&["--depth-sensor", "on"]);
+    assert_eq!((&sensed["guidance"], &sensed["avoid"]), (&all, &false.into()));
     assert!(guidance(&["--depth-sensor", "on", "--preset", "paper"]).is_null());
-    assert_eq!(settings(&["--depth-sensor", "on"])["avoid"], false);
 }
 
 /// Without a depth sensor the VLM is asked for boxes; not of a person or a program, which may know nothing of them.

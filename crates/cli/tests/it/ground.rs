@@ -45,7 +45,7 @@ fn of<'a>(report: &'a Value, answerer: &str) -> &'a Value {
 #[test]
 fn the_oracle_is_graded_as_its_error_files_state() {
     let lab = Lab::new();
-    let made = lab.spf(&["sim", "dataset", "-n", "60", "-o", "data", "--seed", "5", "--size", "480x360"]);
+    let made = lab.spf(&["sim", "dataset", "-n", "60", "-o", "data", "--seed", "5", "--size", "320x240"]);
     assert_eq!(made.code, Some(0), "{}", made.stderr);
     let args = ["ground", "--dataset", "data", "--vlm", "oracle:perfect,oracle:poor", "-o", "graded", "--json"];
     let run = lab.spf(&args);

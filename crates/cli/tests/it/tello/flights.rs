@@ -232,6 +232,7 @@ fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
 }
 
 #[test]
+#[ignore = "takes long: .ci/interop runs it"]
 fn the_limits_of_a_tello_are_those_of_a_room_unless_flags_widen_them() {
     let lab = Lab::new();
     let served = Served::start(&lab, "127.0.0.53", &[]);

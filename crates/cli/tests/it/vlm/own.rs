@@ -222,6 +222,7 @@ fn a_model_that_ends_soon_is_announced() {
 }
 
 #[test]
+#[ignore = "takes long: .ci/interop runs it"]
 fn a_trial_is_one_page_that_is_resumed_and_capped() {
     let lab = Lab::new();
     let server = Server::start(|_, request| Vendor::Gemini.stream(&Vendor::Gemini.model(request), AHEAD));
