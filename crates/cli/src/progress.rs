@@ -81,6 +81,7 @@ impl Progress {
             Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
             // A held key repeats its setpoint ten times per second; the phase is shown instead.
             Note::Operator(OperatorEvent::Setpoint(_)) | Note::OperatorIgnored(OperatorEvent::Setpoint(_), _) => return,
+            Note::LetGo(news) => words::let_go(*news).to_owned(),
             Note::Operator(event) => format!("operator: {}", words::operator(event)),
             Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", words::operator(event)),
         };

@@ -282,7 +282,7 @@ impl Observer for Instruments {
                     Note::QueryFailed { .. } => "error",
                     // It lands already.
                     Note::OperatorIgnored(OperatorEvent::Land, _) => "info",
-                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) => "warning",
+                    Note::Envelope(_) | Note::Limited(_) | Note::OperatorIgnored(..) | Note::LetGo(_) => "warning",
                     // An answer to a cancelled query, as after a hold, is nothing to worry about.
                     _ => "info",
                 };
@@ -294,7 +294,7 @@ impl Observer for Instruments {
                 let line = json!({"type": "line", "t": now.as_secs_f64(), "level": level, "text": words::note(note)});
                 self.hub.tell_some(Kept::Row, &line, closed);
                 // What the operator did shows at once.
-                if matches!(note, Note::Operator(_) | Note::Phase(_)) {
+                if matches!(note, Note::Operator(_) | Note::LetGo(_) | Note::Phase(_)) {
                     self.next_state = now;
                 }
             }

@@ -250,7 +250,8 @@ impl MotionEstimator {
     /// when dead-reckoned, the error accumulated since take-off.
     #[must_use]
     pub fn position_error(&self) -> f64 {
-        libm::hypot(self.senses.position_noise, self.drift.deviation())
+        let source = self.newest.as_ref().and_then(|(telemetry, _)| telemetry.position_sd);
+        libm::hypot(source.unwrap_or(self.senses.position_noise), self.drift.deviation())
     }
 
     /// Bound of the position error, as twice the standard deviation: of the position source or, for a dead-reckoned craft,
@@ -258,7 +259,9 @@ impl MotionEstimator {
     #[must_use]
     pub fn spread(&self) -> Spread {
         let Some((telemetry, _)) = &self.newest else { return Spread::default() };
-        let source = if telemetry.position.is_some() { self.senses.position_noise } else { 0.0 };
+        // What it tells now, or else what is known of such craft.
+        let told = telemetry.position_sd.unwrap_or(self.senses.position_noise);
+        let source = if telemetry.position.is_some() { told } else { 0.0 };
         let vertical = 2.0 * libm::hypot(source, self.drift.vertical_deviation());
         Spread {
             horizontal: 2.0 * libm::hypot(source, self.drift.deviation()),

@@ -41,6 +41,9 @@ pub struct Telemetry {
     pub time: Time,
     /// Estimated position, world frame. For a craft that reports none (a Tello) the pilot uses dead reckoning.
     pub position: Option<EnuPosition>,
+    /// Standard deviation of the horizontal position, metres; `None` if the craft does not tell it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub position_sd: Option<f64>,
     /// Estimated velocity, world frame.
     pub velocity: Option<EnuVelocity>,
     /// Estimated attitude.

@@ -85,6 +85,11 @@ pub enum DroneEvent {
     /// Somebody else has taken control, by a radio or another station: the driver sends nothing more. The pilot holds, as if the
     /// operator had said so. Only after [`Drone::resume`] does a setpoint that moves take control back.
     TakenOver,
+    /// Nobody has taken control: the link was lost, and the craft's own failsafe for that holds it. After
+    /// [`TakenOver`](Self::TakenOver). The driver lands it if the pilot says so.
+    HeldByFailsafe,
+    /// A landing was not commanded, since somebody else has control.
+    NotLanded,
 }
 
 /// Why a command was not sent.

@@ -16,7 +16,7 @@ use spf_core::prompt::{PromptError, PromptText};
 use spf_core::time::Time;
 use spf_record::log::{Entry, ReadError};
 
-use crate::log::{Channel, FlightHeader, LinkRow, OperatorRow, ReplyRow, output};
+use crate::log::{Channel, FlightHeader, LinkNews, LinkRow, OperatorRow, ReplyRow, output};
 use crate::pilot::pilot;
 use crate::policy::PolicyKind;
 
@@ -263,9 +263,10 @@ fn event(channel: Channel, entry: &Entry) -> Result<Option<Event>, ReplayError> 
         Channel::Ranges => Event::Ranges(row(entry)?),
         Channel::Track => Event::Track(row(entry)?),
         Channel::Operator => Event::Operator(row::<OperatorRow>(entry)?.event),
-        Channel::Link => match row::<LinkRow>(entry)?.lost {
-            true => Event::LinkLost,
-            false => Event::LinkRestored,
+        Channel::Link => match row::<LinkRow>(entry)?.link {
+            LinkNews::Lost => Event::LinkLost,
+            LinkNews::Restored => Event::LinkRestored,
+            LinkNews::LetGo(news) => Event::LetGo(news),
         },
         Channel::Reply => match row::<ReplyRow>(entry)? {
             ReplyRow { id, text: Some(text), part: true, .. } => Event::Chunk { id, text },

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use spf_core::avoid::Avoidance;
-use spf_core::pilot::{Around, Decision, Note, OperatorEvent, Outcome, Passage, Phase};
+use spf_core::pilot::{Around, Decision, LetGo, Note, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
 use spf_vlm::ORACLE_SERVED;
 use spf_vlm::human::HUMAN;
@@ -30,7 +30,7 @@ pub fn phase(phase: Phase) -> &'static str {
         Phase::Ground => "on the ground",
         Phase::TakeOff => "taking off",
         Phase::Flying => "flying",
-        Phase::Held => "held by the operator",
+        Phase::Held => "held",
         Phase::Manual => "under manual control",
         Phase::Hovering => "hovering",
         Phase::Returning => "returning home",
@@ -53,6 +53,17 @@ pub fn operator(event: &OperatorEvent) -> String {
         }
         OperatorEvent::Land => "land".to_owned(),
         OperatorEvent::CutMotors => "cut the motors".to_owned(),
+    }
+}
+
+/// Display text of who has a craft that does not fly by our commands any more.
+#[must_use]
+pub fn let_go(news: LetGo) -> &'static str {
+    match news {
+        LetGo::Somebody => "somebody else has control: nothing is sent until you resume (T)",
+        LetGo::Failsafe => "the craft's own failsafe holds it since the link was lost: T flies on, L lands",
+        LetGo::Nobody => "the craft's own failsafe holds it since the link was lost, and nobody is here to decide: landing",
+        LetGo::NotLanded => "not landed by us: somebody else has control",
     }
 }
 
@@ -79,6 +90,7 @@ pub fn note(note: &Note) -> String {
         Note::Limited(why) => (*why).to_owned(),
         Note::LateReply(id) => format!("the reply to query {} came too late and is ignored", id.0),
         Note::QueryFailed { reason, .. } => format!("no usable reply: {reason}"),
+        Note::LetGo(news) => let_go(*news).to_owned(),
         Note::Operator(event) => format!("operator: {}", operator(event)),
         Note::OperatorIgnored(event, why) => format!("operator: {} ignored: {why}", operator(event)),
     }

@@ -14,7 +14,7 @@ use crate::frames::{GlobalPosition, VELOCITY_AND_YAW_RATE, attitude, position_fr
 use crate::modes::Autopilot;
 use crate::parameter::{name_bytes, name_of};
 use crate::ranges::{looks_down, of_rangefinder, of_sectors};
-use crate::report::{Gps, Heartbeat, Report};
+use crate::report::{Channels, Gps, Heartbeat, Report};
 use crate::wire::{Body, EKF_STATUS_REPORT, Packet};
 
 /// `COMMAND_INT` and `COMMAND_LONG`.
@@ -217,6 +217,12 @@ fn place(latitude: i32, longitude: i32, altitude: i32) -> GlobalPosition {
     }
 }
 
+/// The larger standard deviation of two axes; variances that are not known are not numbers.
+fn of_variances(one: f32, other: f32) -> Report {
+    let variance = f64::from(one).max(f64::from(other));
+    if one.is_nan() || other.is_nan() { Report::Other } else { Report::PositionCovariance(variance.max(0.0).sqrt()) }
+}
+
 fn read(message: &MavMessage) -> Report {
     match message {
         MavMessage::SYS_STATUS(status) => {
@@ -231,8 +237,34 @@ fn read(message: &MavMessage) -> Report {
                     .onboard_control_sensors_present
                     .contains(fence)
                     .then(|| status.onboard_control_sensors_enabled.contains(fence)),
+                receiver: status.onboard_control_sensors_present.contains(MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_RC_RECEIVER),
             }
         }
+        MavMessage::RC_CHANNELS(it) => Report::Radio(Channels {
+            count: it.chancount,
+            values: [
+                it.chan1_raw,
+                it.chan2_raw,
+                it.chan3_raw,
+                it.chan4_raw,
+                it.chan5_raw,
+                it.chan6_raw,
+                it.chan7_raw,
+                it.chan8_raw,
+                it.chan9_raw,
+                it.chan10_raw,
+                it.chan11_raw,
+                it.chan12_raw,
+                it.chan13_raw,
+                it.chan14_raw,
+                it.chan15_raw,
+                it.chan16_raw,
+                it.chan17_raw,
+                it.chan18_raw,
+            ],
+        }),
+        MavMessage::LOCAL_POSITION_NED_COV(it) => of_variances(it.covariance[0], it.covariance[9]),
+        MavMessage::ODOMETRY(it) => of_variances(it.pose_covariance[0], it.pose_covariance[6]),
         MavMessage::GPS_RAW_INT(gps) => Report::Gps(Gps {
             fix: gps.fix_type as u8,
             satellites: (gps.satellites_visible != u8::MAX).then_some(gps.satellites_visible),

@@ -20,7 +20,11 @@ pub enum Report {
         may_arm: Option<bool>,
         /// Whether a fence is in force; `None` if the vehicle does not say.
         fenced: Option<bool>,
+        /// Whether there is a receiver of a radio.
+        receiver: bool,
     },
+    /// `RC_CHANNELS`: what the receiver of the radio gets.
+    Radio(Channels),
     /// `GPS_RAW_INT`.
     Gps(Gps),
     /// `ATTITUDE`.
@@ -90,6 +94,8 @@ pub enum Report {
     /// `ESTIMATOR_STATUS`, or what `EKF_STATUS_REPORT` lets infer: standard deviation of the horizontal position, metres. Infinite
     /// if there is no position.
     PositionError(f64),
+    /// The same by the covariance of `LOCAL_POSITION_NED_COV` or `ODOMETRY`.
+    PositionCovariance(f64),
     /// `DISTANCE_SENSOR` that looks elsewhere than down, or `OBSTACLE_DISTANCE`.
     Ranges(Ranges),
     /// A message about its fence, with the system and component that it is for; zero for anyone.
@@ -111,6 +117,26 @@ pub struct Heartbeat {
     pub armed: bool,
     /// `MAV_STATE`: 3 standby, 4 active.
     pub state: u8,
+}
+
+/// Channels of a radio: sticks, switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channels {
+    /// Number of channels; zero without a receiver, or without a signal.
+    pub count: u8,
+    /// Their values, microseconds, with zeros or 65535 for those that are not there.
+    pub values: [u16; 18],
+}
+
+impl Channels {
+    /// A difference up to this is noise of the link, microseconds: full travel is 1000.
+    const NOISE: u16 = 40;
+
+    /// Whether no stick and no switch has moved from one to the other.
+    #[must_use]
+    pub fn is_like(&self, other: &Self) -> bool {
+        self.count == other.count && self.values.iter().zip(&other.values).all(|(one, other)| one.abs_diff(*other) <= Self::NOISE)
+    }
 }
 
 /// State of satellite navigation.

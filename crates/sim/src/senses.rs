@@ -108,6 +108,7 @@ impl TelemetrySensors {
             battery: Some(rounded(truth.battery(), steps.battery)),
             phase: truth.phase(),
             crashed: truth.crashed(),
+            position_sd: None,
             imu_error: false,
             returns_to: None,
         }
@@ -130,6 +131,7 @@ pub fn exact(truth: &Dynamics) -> Telemetry {
         battery: Some(truth.battery()),
         phase: truth.phase(),
         crashed: truth.crashed(),
+        position_sd: None,
         imu_error: false,
         returns_to: None,
     }

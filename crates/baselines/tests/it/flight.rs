@@ -210,6 +210,7 @@ impl Flight {
             temperature: None,
             phase: self.body.phase,
             crashed: false,
+            position_sd: None,
             imu_error: false,
             returns_to: None,
         }

@@ -166,6 +166,17 @@ pub enum Refusal {
     /// No telemetry yet, or none for too long.
     #[error("take-off refused: no telemetry from the craft")]
     NoTelemetry,
+    /// The position is too uncertain for the distance limit or the geofence.
+    #[error(
+        "take-off refused: the position is too uncertain: it may be off by {spread:.0} m (twice its standard deviation), and the distance limit or the \
+         geofence leaves room for {room:.0} m; wait for satellite navigation"
+    )]
+    UncertainPosition {
+        /// Twice its standard deviation, m.
+        spread: f64,
+        /// What the limits leave room for, m.
+        room: f64,
+    },
     /// The craft is airborne.
     #[error("take-off refused: the craft is already flying")]
     AlreadyFlying,

@@ -432,6 +432,9 @@ impl Envelope {
         {
             return Err(Refusal::TooHot { celsius, limit });
         }
+        if self.spread.horizontal > self.room {
+            return Err(Refusal::UncertainPosition { spread: self.spread.horizontal, room: self.room });
+        }
         if self.limits.take_off_checks && !self.has_fresh_frame(now) {
             return Err(Refusal::NoVideo);
         }

@@ -66,6 +66,22 @@ pub enum Event {
     LinkLost,
     /// The link to the craft is back.
     LinkRestored,
+    /// The craft does not fly by our commands any more, or it is known now who has it.
+    LetGo(LetGo),
+}
+
+/// Who has a craft that does not fly by our commands any more, and what follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LetGo {
+    /// Somebody else, as by a radio or another station: hold, as if the operator had said so.
+    Somebody,
+    /// Nobody: the link was lost, and the craft's own failsafe for that holds it. The operator decides; hold.
+    Failsafe,
+    /// The same, and no operator is there: land.
+    Nobody,
+    /// Somebody else; a landing was not commanded, and is not waited for.
+    NotLanded,
 }
 
 /// Operator inputs, possible at any time.
@@ -157,6 +173,8 @@ pub enum Note {
         /// The reason.
         reason: String,
     },
+    /// The craft does not fly by our commands any more.
+    LetGo(LetGo),
     /// The operator's input took effect.
     Operator(OperatorEvent),
     /// The operator's input has no effect in this phase, with the reason.

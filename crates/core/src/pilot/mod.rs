@@ -32,7 +32,7 @@ mod tracking;
 mod unseen;
 mod view_height;
 
-pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, Note, OperatorEvent, Outcome, Passage, Phase};
+pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, LetGo, Note, OperatorEvent, Outcome, Passage, Phase};
 pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
 
 use std::collections::{BTreeMap, VecDeque};
@@ -248,6 +248,7 @@ impl Pilot {
                 self.envelope.link_restored(now);
                 self.link_lost = false;
             }
+            Event::LetGo(news) => self.let_go(now, news),
         }
     }
 

@@ -69,7 +69,7 @@ impl Pilot {
     }
 
     /// Stops deciding and flying; open queries are cancelled.
-    fn hold(&mut self, now: Time, phase: Phase) {
+    pub(super) fn hold(&mut self, now: Time, phase: Phase) {
         self.cancel_queries();
         self.stop_motion(now);
         self.manual = None;

@@ -1,6 +1,6 @@
 //! Taking over after the end of an instruction: interrupting a landing, hovering, and the flight time that counts.
 
-use super::{AtEnd, Outcome, Phase, Pilot};
+use super::{AtEnd, LetGo, Note, Outcome, Phase, Pilot};
 use crate::policy::PolicyEvent;
 use crate::telemetry::FlightPhase;
 use crate::time::{Duration, Time};
@@ -59,6 +59,25 @@ impl Pilot {
         self.policy.handle(PolicyEvent::Instruction(&text));
         (self.counted_from, self.counted_to) = (now, now);
         self.earlier_decisions = self.decisions;
+    }
+
+    /// The craft does not fly by our commands any more.
+    pub(super) fn let_go(&mut self, now: Time, news: LetGo) {
+        if self.phase == Phase::Ended {
+            return;
+        }
+        self.note(Note::LetGo(news));
+        match news {
+            LetGo::Somebody | LetGo::Failsafe if self.landing_is_final().is_none() => self.hold(now, Phase::Held),
+            LetGo::Somebody | LetGo::Failsafe => {}
+            LetGo::Nobody => self.finish(
+                now,
+                Outcome::Aborted,
+                "the link was lost, the craft's own failsafe held it, and nobody was there to decide".to_owned(),
+            ),
+            LetGo::NotLanded if self.phase == Phase::Landing => self.enter(now, Phase::Ended),
+            LetGo::NotLanded => {}
+        }
     }
 
     /// Number of decisions about the current instruction.

@@ -31,7 +31,8 @@ const SEND_INTERVAL: Duration = Duration::from_millis(5);
 const STATE_WAIT: Duration = Duration::from_secs(8);
 /// Time allowed for a landing at shutdown: from 30 m at 0.7 m/s.
 const LANDING_TIME: Duration = Duration::from_secs(45);
-/// Standard deviation of the horizontal position that is assumed, and its bounds, metres.
+/// Standard deviation of the horizontal position by which the estimator smooths it, and its bounds, metres. What the envelope
+/// follows is told with each report, unbounded.
 const ACCURACY: f64 = 0.3;
 const ACCURACIES: (f64, f64) = (0.05, 3.0);
 
@@ -80,10 +81,10 @@ impl Shared {
 
 impl EmergencyLand for Shared {
     fn abandon(&self) {
-        let now = self.now();
-        self.vehicle().leave(now);
         let begun = Instant::now();
         while self.vehicle().is_ours() {
+            let now = self.now();
+            self.vehicle().leave(now);
             if begun.elapsed() >= LANDING_TIME {
                 tracing::error!("the craft did not report a landing within {} s", LANDING_TIME.as_secs());
                 return;
@@ -91,6 +92,8 @@ impl EmergencyLand for Shared {
             self.flush();
             std::thread::sleep(SEND_INTERVAL);
         }
+        self.vehicle().part();
+        self.flush();
     }
 }
 
@@ -165,7 +168,7 @@ impl MavlinkCraft {
             std::thread::sleep(SEND_INTERVAL);
         }
         let known = shared.vehicle().facts().clone();
-        let said = known.position_error.or(known.gps.and_then(|gps| gps.accuracy));
+        let said = known.position_error(shared.now());
         craft.accuracy = said.map_or(ACCURACY, |said| said.clamp(ACCURACIES.0, ACCURACIES.1));
         Ok(craft)
     }
@@ -266,6 +269,8 @@ fn receive(shared: &Shared, mut decoder: Decoder) {
                 // Our own, as a router sends them back, are not another's.
                 if packet.is_controller() && [packet.system, packet.component] != shared.own {
                     lock(&shared.stats).other_stations = true;
+                    let now = shared.now();
+                    shared.vehicle().hear_station(now);
                 }
                 continue;
             }

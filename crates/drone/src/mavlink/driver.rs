@@ -70,7 +70,7 @@ impl Target for NamedVehicle {
 fn warning(facts: &Facts) -> String {
     format!(
         "If this program or the link dies: {}. A change of the flight mode by the RC transmitter or another station takes control away at \
-         once; r gives it back. Ctrl-C lands; a second Ctrl-C lands without finishing the files. {}",
+         once; T gives it back. Ctrl-C lands; a second Ctrl-C lands without finishing the files. {}",
         facts.on_loss(),
         fence(facts)
     )

@@ -12,6 +12,12 @@ pub(super) fn tell(notice: &Notice) {
             let words = if texts.is_empty() { "without a reason".to_owned() } else { format!("it says: {}", texts.join("; ")) };
             tracing::error!("the autopilot refused {what} ({}), {words}", result.words());
         }
+        Notice::Waits { what, texts } if texts.is_empty() => {
+            tracing::warn!("the autopilot rejects {what} for now, without a reason; it is asked again")
+        }
+        Notice::Waits { what, texts } => {
+            tracing::warn!("the autopilot rejects {what} for now, and is asked again; it says: {}", texts.join("; "))
+        }
         Notice::Says { severity, text } => match severity {
             0..=3 => tracing::error!("the autopilot: {text}"),
             4 => tracing::warn!("the autopilot: {text}"),
@@ -21,6 +27,17 @@ pub(super) fn tell(notice: &Notice) {
             "the flight mode is now {mode}, which was not commanded here: another station, the RC transmitter or a failsafe has control, \
              and nothing more is sent"
         ),
+        Notice::HeldByFailsafe { mode } => tracing::error!(
+            "the link was lost, and the autopilot's own failsafe holds the craft in {mode}: nobody flies it. Attended, T flies on and \
+             L lands; unattended, it is landed"
+        ),
+        Notice::LeftTo { mode } => tracing::error!(
+            "the craft is in the air in {mode}, which was not commanded here: whoever changed the mode, by the RC transmitter or \
+             another station, has it, and this program sends it nothing"
+        ),
+        Notice::Missing { step, what } => {
+            tracing::warn!("{step} waits: the autopilot does not send {}", what.join(", "));
+        }
         Notice::NotOurs { what } => {
             tracing::error!(
                 "no {what} is commanded: another station, the RC transmitter or a failsafe has control, until you resume (T)"

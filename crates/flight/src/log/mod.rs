@@ -5,8 +5,8 @@ mod rows;
 mod topics;
 
 pub use rows::{
-    Cancelled, CommandName, CommandRow, FlightHeader, GapRow, LinkRow, NoteKind, NoteRow, OperatorRow, PoseDeviationRow,
-    ReplyRow, SimHead, TrackStartRow, TruthRow, Wake,
+    Cancelled, CommandName, CommandRow, FlightHeader, GapRow, LinkNews, LinkRow, NoteKind, NoteRow, OperatorRow,
+    PoseDeviationRow, ReplyRow, SimHead, TrackStartRow, TruthRow, Wake,
 };
 pub use topics::Channel;
 
@@ -184,8 +184,9 @@ impl FlightLog {
                 self.row(Channel::Reply, now, &ReplyRow { id, text, failed, spent: true, part: false, latency_s });
             }
             Event::Operator(event) => self.row(Channel::Operator, now, &OperatorRow { event: event.clone() }),
-            Event::LinkLost => self.row(Channel::Link, now, &LinkRow { lost: true }),
-            Event::LinkRestored => self.row(Channel::Link, now, &LinkRow { lost: false }),
+            Event::LinkLost => self.row(Channel::Link, now, &LinkRow { link: LinkNews::Lost }),
+            Event::LinkRestored => self.row(Channel::Link, now, &LinkRow { link: LinkNews::Restored }),
+            Event::LetGo(news) => self.row(Channel::Link, now, &LinkRow { link: LinkNews::LetGo(*news) }),
         }
     }
 
@@ -230,7 +231,9 @@ impl FlightLog {
 
     fn note(&mut self, now: Time, note: &Note) {
         let level = match note {
-            Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) => Level::Warning,
+            Note::Envelope(_) | Note::Limited(_) | Note::LateReply(_) | Note::OperatorIgnored(..) | Note::LetGo(_) => {
+                Level::Warning
+            }
             Note::Phase(_) | Note::Decision(_) | Note::Around(_) | Note::Operator(_) => Level::Info,
             Note::QueryFailed { .. } => Level::Error,
         };

@@ -10,7 +10,7 @@ use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Around, Note, OperatorEvent, Phase, PilotSettings, Preset};
+use spf_core::pilot::{Around, LetGo, Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
 use spf_core::track::TrackStart;
@@ -124,11 +124,23 @@ pub struct OperatorRow {
     pub event: OperatorEvent,
 }
 
-/// State of the link to the craft.
+/// News of the link to the craft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct LinkRow {
-    /// True if it was lost, false if it was restored.
-    pub lost: bool,
+    /// The news.
+    pub link: LinkNews,
+}
+
+/// What has become of the link to the craft.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LinkNews {
+    /// It was lost.
+    Lost,
+    /// It was restored.
+    Restored,
+    /// The craft does not fly by our commands any more.
+    LetGo(LetGo),
 }
 
 /// Kind of a command.
@@ -226,6 +238,8 @@ pub enum NoteKind {
     LateReply,
     /// A query failed or was cancelled.
     QueryFailed,
+    /// The craft does not fly by our commands any more.
+    LetGo,
     /// An operator's input took effect.
     Operator,
     /// An operator's input had no effect.
@@ -268,6 +282,7 @@ impl NoteRow {
             Note::QueryFailed { id, reason } => {
                 Self { query: Some(*id), reason: Some(reason.clone()), ..row(NoteKind::QueryFailed) }
             }
+            Note::LetGo(_) => Self { reason: Some(crate::words::note(note)), ..row(NoteKind::LetGo) },
             Note::Operator(event) => Self { event: Some(event.clone()), ..row(NoteKind::Operator) },
             Note::OperatorIgnored(event, why) => {
                 Self { event: Some(event.clone()), reason: Some((*why).to_owned()), ..row(NoteKind::OperatorIgnored) }

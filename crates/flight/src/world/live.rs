@@ -186,7 +186,7 @@ impl Live {
             return Some(event);
         }
         while let Some(event) = self.reported() {
-            if let Some(event) = self.of_link(pilot_event(event)) {
+            if let Some(event) = self.of_link(pilot_event(event, self.operator.is_some() || self.script.next_at().is_some())) {
                 if let Some(tracker) = &self.tracker {
                     tracker.event(&event);
                 }

@@ -110,7 +110,7 @@ impl World for Lockstep {
             return Some(Event::Operator(event));
         }
         if let Some((_, event)) = self.drone.next_event(self.now) {
-            let event = pilot_event(event);
+            let event = pilot_event(event, self.operator.is_some() || self.script.next_at().is_some());
             if let Some(tracker) = &mut self.tracker {
                 tracker.event(self.now, &event);
             }

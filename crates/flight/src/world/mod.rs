@@ -9,7 +9,7 @@ pub use lockstep::Lockstep;
 
 use std::collections::VecDeque;
 
-use spf_core::pilot::{Event, OperatorEvent, Pilot};
+use spf_core::pilot::{Event, LetGo, OperatorEvent, Pilot};
 use spf_core::query::QueryId;
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
@@ -67,7 +67,8 @@ fn tell_surroundings(now: Time, pilot: &Pilot, told: &mut Option<Time>, drone: &
     drone.surroundings(now, &map.around(now, pilot.known_pose(now), beside));
 }
 
-fn pilot_event(event: DroneEvent) -> Event {
+/// What a craft reports, as an input of the pilot; whether an operator can intervene decides what becomes of a craft that nobody has.
+fn pilot_event(event: DroneEvent, attended: bool) -> Event {
     match event {
         DroneEvent::Telemetry(telemetry) => Event::Telemetry(telemetry),
         DroneEvent::Frame(frame) => {
@@ -79,7 +80,9 @@ fn pilot_event(event: DroneEvent) -> Event {
         DroneEvent::Depth(grid) => Event::Depth(grid),
         DroneEvent::Gimbal(report) => Event::Gimbal(report),
         DroneEvent::Ranges(scan) => Event::Ranges(scan),
-        DroneEvent::TakenOver => Event::Operator(OperatorEvent::Hold),
+        DroneEvent::TakenOver => Event::LetGo(LetGo::Somebody),
+        DroneEvent::HeldByFailsafe => Event::LetGo(if attended { LetGo::Failsafe } else { LetGo::Nobody }),
+        DroneEvent::NotLanded => Event::LetGo(LetGo::NotLanded),
         DroneEvent::LinkLost => Event::LinkLost,
         DroneEvent::LinkRestored => Event::LinkRestored,
     }

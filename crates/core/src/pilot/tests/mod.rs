@@ -286,6 +286,7 @@ impl Flight {
             temperature: None,
             phase: self.phase,
             crashed: self.crashed,
+            position_sd: None,
             imu_error: false,
             returns_to: Some(EnuPosition::default()),
         }

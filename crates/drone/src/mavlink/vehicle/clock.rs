@@ -7,8 +7,10 @@ use spf_core::time::{Duration, Time};
 const SLOWER: f64 = 0.12;
 /// A gap between two messages counts as at most this long for it: what comes late after a gap is still late.
 const GAP: i64 = 1_000_000_000;
-/// A clock that goes back by more than this has started again.
+/// A clock that goes back by more than this has started again; one that goes back by less, and goes on from there for this many
+/// messages, was set back.
 const RESTARTED: Duration = Duration::from_secs(2);
+const SET_BACK: u8 = 3;
 
 /// Relates the vehicle's time since power-on to ours. A message that took longest than the fastest one was measured earlier than it
 /// arrived.
@@ -18,6 +20,8 @@ pub(super) struct BootClock {
     last: Option<(u64, i64)>,
     /// Our time of its power-on by the fastest message, nanoseconds; it may lie before the flight began.
     power_on: i64,
+    /// The newest time of the vehicle behind the last, ms, and the number of messages that have led there one after the other.
+    behind: Option<(u64, u8)>,
 }
 
 impl BootClock {
@@ -34,7 +38,14 @@ impl BootClock {
         match self.last {
             Some((last, _)) if boot_ms <= last => {
                 if Duration::from_millis(last - boot_ms) < RESTARTED {
-                    return None;
+                    self.behind = match self.behind {
+                        _ if boot_ms == last => None,
+                        Some((behind, count)) if boot_ms > behind => Some((boot_ms, count + 1)),
+                        _ => Some((boot_ms, 1)),
+                    };
+                    if self.behind.is_none_or(|(_, count)| count < SET_BACK) {
+                        return None;
+                    }
                 }
                 self.power_on = power_on;
             }
@@ -44,7 +55,7 @@ impl BootClock {
             }
             None => self.power_on = power_on,
         }
-        self.last = Some((boot_ms, arrived));
+        (self.last, self.behind) = (Some((boot_ms, arrived)), None);
         Some(Time::from_nanos(u64::try_from(self.power_on.saturating_add(boot)).unwrap_or(0)).min(now))
     }
 }
@@ -74,6 +85,19 @@ mod tests {
         // Restarted, and one without a clock.
         assert_eq!(clock.measured(at(9000), 500_u64), Some(at(9000)));
         assert_eq!(BootClock::default().measured(at(7), 0_u64), Some(at(7)));
+    }
+
+    /// Set back by 1.5 s, as by a correction: after three messages it is followed again, and an overtaken one changes nothing.
+    #[test]
+    fn a_clock_that_was_set_back_is_followed() {
+        let mut clock = BootClock::default();
+        let mut measured = |now: u64, boot: u64| clock.measured(at(now), boot);
+        assert_eq!(measured(1000, 60_000), Some(at(1000)));
+        assert_eq!(measured(1050, 59_990), None, "overtaken");
+        assert_eq!(measured(1100, 60_100), Some(at(1100)));
+        assert_eq!([measured(1150, 58_650), measured(1200, 58_700)], [None; 2]);
+        assert_eq!(measured(1250, 58_750), Some(at(1250)));
+        assert_eq!(measured(1300, 58_800), Some(at(1300)));
     }
 
     /// As a simulator at 0.9 of real time has it. What is then late for once is late.

@@ -9,6 +9,7 @@ use spf_core::time::{Duration, Time};
 use spf_mavlink::command::{CommandResult, FORCE, VehicleCommand, ids};
 use spf_mavlink::modes::{Autopilot, Mode};
 
+use super::holder::Holder;
 use super::{Notice, Vehicle};
 
 /// PX4 wants setpoints for about a second before it accepts the mode in which it follows them.
@@ -16,6 +17,9 @@ const STREAM_FIRST: Duration = Duration::from_millis(1200);
 /// A mode that was refused is requested again after this long, at most this often.
 const AGAIN: Duration = Duration::from_millis(700);
 const TRIES: u8 = 4;
+/// Arming that was rejected for now is requested again after this long, at most this often.
+const ARM_AGAIN: Duration = Duration::from_secs(2);
+const REJECTED: u8 = 4;
 /// Maximum time for a step to show in the vehicle's state after its command was accepted.
 const SHOWN_WITHIN: Duration = Duration::from_secs(4);
 /// How long a mode that we commanded may take to appear in a heartbeat, of which there is one a second.
@@ -42,8 +46,8 @@ pub(super) enum Control {
     Idle,
     /// Take-off: the mode is requested (ArduPilot), from this mode.
     Preparing { from: Mode, until: Time },
-    /// Take-off: arming is requested.
-    Arming { from: Mode, until: Time },
+    /// Take-off: arming is requested; when it is requested again after it was rejected for now, and how often it was rejected.
+    Arming { from: Mode, until: Time, again: Option<Time>, rejected: u8 },
     /// Take-off: it is commanded or flown; whether the vehicle has shown its mode for it.
     Climbing { from: Mode, since: Time, shown: bool, result: CommandResult },
     /// A take-off was refused; what the vehicle says about it is awaited.
@@ -60,8 +64,8 @@ pub(super) enum Control {
     Returning { from: Mode, since: Time, shown: bool, again: Time, tries: u8 },
     /// The motors are cut, until it is disarmed.
     Stopping { at: Time },
-    /// Somebody else flies.
-    Released,
+    /// We do not fly it any more.
+    Released(Holder),
 }
 
 impl Vehicle {
@@ -75,10 +79,11 @@ impl Vehicle {
             _ if !self.armed => FlightPhase::OnGround,
             Control::Entering { takes_off: true, .. } => FlightPhase::TakingOff,
             Control::Entering { .. } | Control::Flying | Control::Returning { shown: false, .. } => FlightPhase::Flying,
+            Control::Landing { .. } if self.down.is_some() => FlightPhase::OnGround,
             Control::Landing { .. } | Control::Returning { .. } => FlightPhase::Landing,
             _ if !self.is_flying() => FlightPhase::OnGround,
             _ if self.mode.is_landing() => FlightPhase::Landing,
-            Control::Watching | Control::Idle | Control::Released => FlightPhase::Flying,
+            Control::Watching | Control::Idle | Control::Released(_) => FlightPhase::Flying,
         }
     }
 
@@ -139,7 +144,7 @@ impl Vehicle {
     }
 
     fn arm(&mut self, now: Time, from: Mode, until: Time) {
-        (self.control, self.started) = (Control::Arming { from, until }, Some(now));
+        (self.control, self.started) = (Control::Arming { from, until, again: None, rejected: 0 }, Some(now));
         // Never with the number that skips the checks.
         self.commands.submit(VehicleCommand::new(ids::ARM, &[1.0]));
     }
@@ -174,7 +179,7 @@ impl Vehicle {
                 self.commands.clear();
                 self.control = self.entering(now, false);
             }
-            Control::Released if !setpoint.is_hold() => self.take_back(now),
+            Control::Released(_) if !setpoint.is_hold() => self.take_back(now),
             _ => {}
         }
     }
@@ -219,6 +224,13 @@ impl Vehicle {
             };
             match self.control {
                 Control::Preparing { .. } if command.id == ids::SET_MODE => self.give_up(now, what, result),
+                // Its checks may pass in a moment; the user reads what they miss.
+                Control::Arming { from, rejected, .. }
+                    if command.id == ids::ARM && result == CommandResult::TemporarilyRejected && rejected < REJECTED =>
+                {
+                    let (again, until) = (Some(now + ARM_AGAIN), now + ARM_AGAIN + SHOWN_WITHIN);
+                    self.control = Control::Arming { from, until, again, rejected: rejected + 1 };
+                }
                 // Without an answer it may be armed all the same: its state tells.
                 Control::Arming { .. } if command.id == ids::ARM && result != CommandResult::Unanswered => {
                     self.give_up(now, what, result);
@@ -302,11 +314,12 @@ impl Vehicle {
             | Control::Flying
             | Control::Landing { .. }
             | Control::Returning { .. }
-            | Control::Released
+            | Control::Released(_)
                 if !self.armed =>
             {
                 self.commands.clear();
                 (self.control, self.setpoint) = (Control::Idle, None);
+                self.report_rest(now);
             }
             _ => {}
         }
@@ -344,6 +357,14 @@ impl Vehicle {
             Control::Preparing { until, .. } if now >= until && !self.commands.has(ids::SET_MODE) => {
                 self.give_up(now, "the flight mode", CommandResult::Failed);
             }
+            Control::Arming { from, again: Some(again), rejected, .. } if now >= again => {
+                // Its words come after the rejection.
+                if rejected == 1 {
+                    self.notices.push_back(Notice::Waits { what: "arming", texts: self.facts.recent_words(now) });
+                }
+                self.control = Control::Arming { from, until: now + SHOWN_WITHIN, again: None, rejected };
+                self.commands.submit(VehicleCommand::new(ids::ARM, &[1.0]));
+            }
             Control::Arming { until, .. } if now >= until && !self.commands.has(ids::ARM) => {
                 self.give_up(now, "arming", CommandResult::Unanswered);
             }
@@ -368,6 +389,9 @@ impl Vehicle {
             Control::Entering { from, ask_at, tries, takes_off }
                 if now >= ask_at && tries < TRIES && !self.commands.has(ids::SET_MODE) =>
             {
+                if !self.is_mode_fresh(now) {
+                    return;
+                }
                 self.set_mode(now, self.autopilot.external());
                 self.control = Control::Entering { from, ask_at: now + SHOWN_WITHIN, tries: tries + 1, takes_off };
             }

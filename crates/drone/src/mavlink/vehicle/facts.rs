@@ -10,6 +10,8 @@ use spf_mavlink::modes::Autopilot;
 use spf_mavlink::parameter::{ParameterEncoding, ParameterValue};
 use spf_mavlink::report::{Gps, Report};
 
+use super::uncertainty::Uncertainty;
+
 /// A parameter is requested again after this long, at most this often.
 const AGAIN: Duration = Duration::from_millis(500);
 const TRIES: u8 = 5;
@@ -102,8 +104,7 @@ pub struct Facts {
     pub fence: Option<Vec<FenceShape>>,
     /// The same, as it was read.
     pub fence_items: Option<Vec<FenceItem>>,
-    /// Standard deviation of its horizontal position, metres, if it says so.
-    pub position_error: Option<f64>,
+    uncertainty: Uncertainty,
     encoding: ParameterEncoding,
     parameters: BTreeMap<&'static str, ParameterValue>,
     /// Names still to be read, with the number of requests.
@@ -134,7 +135,7 @@ impl Facts {
             fenced: None,
             fence: None,
             fence_items: None,
-            position_error: None,
+            uncertainty: Uncertainty::default(),
             encoding,
             parameters: BTreeMap::new(),
             missing: names.iter().map(|name| (*name, 0)).collect(),
@@ -143,9 +144,10 @@ impl Facts {
         }
     }
 
-    pub(super) fn observe(&mut self, report: &Report) {
+    pub(super) fn observe(&mut self, now: Time, report: &Report) {
+        self.uncertainty.observe(now, report);
         match report {
-            Report::System { battery, may_arm, fenced } => {
+            Report::System { battery, may_arm, fenced, .. } => {
                 (self.battery, self.may_arm, self.fenced) = (*battery, *may_arm, *fenced);
             }
             Report::Gps(gps) => self.gps = Some(*gps),
@@ -157,7 +159,6 @@ impl Facts {
                 self.origin = Some(*origin);
                 self.home = self.home_place.map(|place| origin.offset_to(place));
             }
-            Report::PositionError(error) => self.position_error = Some(*error).filter(|error| !error.is_nan()),
             Report::Version { capabilities, firmware } => {
                 self.firmware = Some(*firmware);
                 self.takes_fence = capabilities & TAKES_FENCE != 0;
@@ -224,6 +225,12 @@ impl Facts {
     #[must_use]
     pub fn has_answered(&self) -> bool {
         self.answers
+    }
+
+    /// Standard deviation of its horizontal position, metres, if it says so; 1e6 if it says that it has none.
+    #[must_use]
+    pub fn position_error(&self, now: Time) -> Option<f64> {
+        self.uncertainty.deviation(now)
     }
 
     /// A parameter, if the vehicle has it.

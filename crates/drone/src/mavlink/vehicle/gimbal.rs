@@ -139,7 +139,7 @@ impl Vehicle {
 
     /// Tilts the camera, radians below the horizon. Not while somebody else flies.
     pub fn tilt(&mut self, now: Time, tilt: f64) {
-        if matches!(self.control, Control::Released | Control::Watching) || !self.gimbal.used {
+        if matches!(self.control, Control::Released(_) | Control::Watching) || !self.gimbal.used {
             return;
         }
         if self.gimbal.refused || self.is_gimbal_theirs() {
@@ -154,7 +154,7 @@ impl Vehicle {
     /// Commands what is wanted, until it is shown.
     pub(super) fn advance_gimbal(&mut self, now: Time) {
         let Some((tilt, _, tries)) = self.gimbal.wanted.filter(|(_, again, _)| now >= *again) else { return };
-        if matches!(self.control, Control::Released) {
+        if matches!(self.control, Control::Released(_)) {
             self.gimbal.wanted = None;
             return;
         }

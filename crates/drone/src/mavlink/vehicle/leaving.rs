@@ -5,13 +5,20 @@ use spf_core::time::{Duration, Time};
 use spf_mavlink::command::{VehicleCommand, ids};
 
 use super::control::Control;
+use super::holder::Holder;
 use super::{Notice, Vehicle};
+use crate::DroneEvent;
 
 /// Without a call of the pilot for this long the craft holds, and later lands.
 const SILENT_HOLD: Duration = Duration::from_secs(2);
 const SILENT_LAND: Duration = Duration::from_secs(5);
 /// A landing that the vehicle does not show is commanded again after this long.
 const LAND_AGAIN: Duration = Duration::from_secs(1);
+/// A landing is over when the vehicle says for this long that it has landed, or its height stays that of the ground for this long.
+const LANDED_FOR: Duration = Duration::from_secs(1);
+const LOW_FOR: Duration = Duration::from_secs(3);
+/// The height of the ground: above home up to this, metres.
+const LOW: f64 = 0.4;
 /// A craft that has been on the ground for this long, and did not disarm by itself, is disarmed.
 const DISARMED_AFTER: Duration = Duration::from_secs(5);
 
@@ -29,7 +36,15 @@ impl Vehicle {
     fn begin_landing(&mut self, now: Time, by_pilot: bool) {
         let flying = self.is_flying();
         match &mut self.control {
-            Control::Released => self.say_not_ours("landing"),
+            Control::Released(Holder::Somebody) => {
+                self.say_not_ours("landing");
+                // One that lands by itself is followed to the ground.
+                if !self.mode.is_landing() {
+                    self.events.push_back((now, DroneEvent::NotLanded));
+                }
+            }
+            // Whoever asks asks again.
+            Control::Released(Holder::Unclear { .. }) => {}
             Control::Watching | Control::Stopping { .. } => {}
             Control::Idle | Control::Refused { .. } if !flying => {}
             Control::Preparing { .. } if !self.armed => {
@@ -51,7 +66,7 @@ impl Vehicle {
     /// Commands a landing until the vehicle shows it, and disarms it on the ground.
     pub(super) fn advance_landing(&mut self, now: Time) {
         let Control::Landing { from, since, shown, again, tries, interruptible } = self.control else { return };
-        if now < again {
+        if now < again || (tries == 0 && !self.knows_mode(now, since)) {
             return;
         }
         let again = now + LAND_AGAIN;
@@ -73,10 +88,35 @@ impl Vehicle {
         self.control = Control::Landing { from, since, shown, again, tries, interruptible };
     }
 
-    /// Ends any motion and lands, unless it is on the ground or somebody else flies it. Used when the program exits.
+    /// Follows a landing to its end, which whichever of landed state, arming and height shows first: any of them may be stuck, or
+    /// not told. It is disarmed as before.
+    pub(super) fn follow_descent(&mut self, now: Time) {
+        self.low = self.sensed.height(now).is_some_and(|height| height <= LOW).then(|| self.low.unwrap_or(now));
+        let Control::Landing { since, .. } = self.control else {
+            self.down = None;
+            return;
+        };
+        // Told since the landing began: one that is stuck says nothing.
+        let landed = self.grounded.is_some_and(|at| self.landed == 1 && at >= since && now.since(at) >= LANDED_FOR);
+        let low = self.low.is_some_and(|at| now.since(at.max(since)) >= LOW_FOR);
+        if (landed || low) && self.down.is_none() {
+            self.down = Some(now);
+            self.report_rest(now);
+        }
+    }
+
+    /// Ends any motion and lands, unless it is on the ground or somebody else flies it. Used when the program exits; called again
+    /// as long as it [is ours](Self::is_ours).
     pub fn leave(&mut self, now: Time) {
         if self.is_ours() {
             self.land_for_good(now);
+        }
+    }
+
+    /// The program has done what it can: of a craft in the air the user reads who has it.
+    pub fn part(&mut self) {
+        if self.control == Control::Released(Holder::Somebody) && self.is_flying() {
+            self.notices.push_back(Notice::LeftTo { mode: self.mode });
         }
     }
 
@@ -84,7 +124,7 @@ impl Vehicle {
     #[must_use]
     pub fn is_ours(&self) -> bool {
         match self.control {
-            Control::Watching | Control::Released => false,
+            Control::Watching | Control::Released(Holder::Somebody) => false,
             Control::Idle | Control::Refused { .. } => self.is_flying(),
             Control::Stopping { .. } => self.armed,
             _ => true,
@@ -106,7 +146,7 @@ impl Vehicle {
             self.control,
             Control::Landing { interruptible: false, .. } | Control::Returning { shown: true, .. } | Control::Stopping { .. }
         );
-        let flies = self.is_ours() && !by_itself;
+        let flies = self.is_ours() && !by_itself && !matches!(self.control, Control::Released(Holder::Unclear { .. }));
         let Some(silent) = self.beat.map(|beat| now.since(beat)).filter(|_| flies) else { return };
         if silent >= SILENT_LAND {
             self.notices.push_back(Notice::Unattended { landing: true });

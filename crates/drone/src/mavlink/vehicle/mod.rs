@@ -5,6 +5,7 @@ mod control;
 mod facts;
 mod fence;
 mod gimbal;
+mod holder;
 mod leaving;
 mod outgoing;
 mod ranging;
@@ -14,6 +15,7 @@ mod taking_over;
 mod telemetry;
 #[cfg(test)]
 mod tests;
+mod uncertainty;
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -31,6 +33,7 @@ use self::clock::BootClock;
 use self::control::Control;
 pub use self::facts::Facts;
 use self::gimbal::GimbalState;
+use self::holder::Evidence;
 pub use self::outgoing::{Notice, Outgoing};
 use self::telemetry::Sensed;
 use crate::DroneEvent;
@@ -73,6 +76,13 @@ pub struct Vehicle {
     /// Last message, and last heartbeat, of the autopilot.
     heard: Time,
     lost: bool,
+    evidence: Evidence,
+    /// When a heartbeat may be asked for again.
+    beat_asked: Time,
+    /// Since when its height has been that of the ground.
+    low: Option<Time>,
+    /// Since when a landing is over, by its landed state or its height, although it is still armed.
+    down: Option<Time>,
     setpoint: Option<(Setpoint, Time)>,
     next_setpoint: Time,
     next_heartbeat: Time,
@@ -129,6 +139,10 @@ impl Vehicle {
             facts: Facts::of(mode.0),
             heard: now,
             lost: false,
+            evidence: Evidence::default(),
+            beat_asked: now,
+            low: None,
+            down: None,
             setpoint: None,
             next_setpoint: now,
             next_heartbeat: now,
@@ -241,6 +255,7 @@ impl Vehicle {
 
     /// Handles a message of the autopilot.
     pub fn handle(&mut self, now: Time, report: &Report) {
+        self.evidence.heard(now, self.heard);
         self.heard = now;
         if core::mem::take(&mut self.lost) {
             self.events.push_back((now, DroneEvent::LinkRestored));
@@ -248,6 +263,7 @@ impl Vehicle {
         match report {
             Report::Heartbeat(heartbeat) => {
                 if heartbeat.autopilot == Some(self.autopilot) {
+                    self.evidence.beats(now);
                     let mode = Mode(self.autopilot, heartbeat.custom_mode);
                     if core::mem::replace(&mut self.mode, mode) != mode {
                         self.mode_since = now;
@@ -295,15 +311,27 @@ impl Vehicle {
                 self.sensed.observe(now, report);
                 self.report(now);
             }
+            Report::Radio(channels) => self.evidence.radio(*channels),
             _ => {
                 self.sensed.observe(now, report);
-                self.facts.observe(report);
+                self.facts.observe(now, report);
+                if let Report::System { receiver, .. } = report {
+                    self.evidence.receiver(*receiver);
+                }
                 if matches!(report, Report::Version { .. }) {
                     self.read_fence(now);
                 }
             }
         }
         self.follow_height(now);
+        self.follow_descent(now);
+        self.follow_holder(now);
+    }
+
+    /// Another station was heard that may command the vehicle.
+    pub fn hear_station(&mut self, now: Time) {
+        self.evidence.station(now);
+        self.follow_holder(now);
     }
 
     fn is_for_us(&self, target: [u8; 2]) -> bool {
@@ -321,6 +349,13 @@ impl Vehicle {
         self.push_measured(now, DroneEvent::Telemetry(telemetry));
     }
 
+    /// The same of a craft that has just come to rest on the ground, also if its sensors tell nothing any more: a landing ends.
+    pub(super) fn report_rest(&mut self, now: Time) {
+        if let Some(telemetry) = self.sensed.at_rest(now, &self.facts) {
+            self.push_measured(now, DroneEvent::Telemetry(telemetry));
+        }
+    }
+
     /// Appends a measurement. Somebody who floods the link must not fill the memory, nor put old telemetry before the pilot.
     pub(super) fn push_measured(&mut self, now: Time, event: DroneEvent) {
         if self.events.len() >= EVENTS {
@@ -336,6 +371,7 @@ impl Vehicle {
     pub fn poll(&mut self, now: Time) -> Option<Outgoing> {
         self.check_pilot(now);
         self.advance(now);
+        self.follow_holder(now);
         self.advance_gimbal(now);
         if now.since(self.heard) >= LOST && !core::mem::replace(&mut self.lost, true) {
             self.events.push_back((now, DroneEvent::LinkLost));

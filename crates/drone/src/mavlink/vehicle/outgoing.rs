@@ -21,6 +21,13 @@ pub enum Notice {
         /// The autopilot's own words.
         texts: Vec<String>,
     },
+    /// A command was rejected for now, and is sent again.
+    Waits {
+        /// What was to be done.
+        what: &'static str,
+        /// The autopilot's own words.
+        texts: Vec<String>,
+    },
     /// What the autopilot says (`STATUSTEXT`).
     Says {
         /// `MAV_SEVERITY`.
@@ -32,6 +39,23 @@ pub enum Notice {
     LetGo {
         /// The mode.
         mode: Mode,
+    },
+    /// The link was lost, and its own failsafe for that holds it: nobody has it.
+    HeldByFailsafe {
+        /// The mode.
+        mode: Mode,
+    },
+    /// The program ends, and somebody else has the craft in the air.
+    LeftTo {
+        /// The mode.
+        mode: Mode,
+    },
+    /// A step waits for messages that do not come.
+    Missing {
+        /// The step.
+        step: &'static str,
+        /// Names of the messages, or what else is missing.
+        what: Vec<&'static str>,
     },
     /// A command of the pilot was not carried out, because somebody else flies.
     NotOurs {

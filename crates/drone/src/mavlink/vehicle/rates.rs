@@ -18,16 +18,19 @@ const GPS_GLOBAL_ORIGIN: f32 = 49.0;
 const GIMBAL_DEVICE_ATTITUDE_STATUS: u32 = 285;
 /// A proximity sensor's ranges.
 const OBSTACLE_DISTANCE: u32 = 330;
+/// The sticks and switches of the radio: whether a person has moved them.
+const RC_CHANNELS: u32 = 65;
 /// PX4's own report of its estimator.
 const ESTIMATOR_STATUS: u32 = 230;
 /// The messages that are needed, with their rate in Hz, and the rate over a slow link.
-const RATES: [(u32, f32, f32); 12] = [
+const RATES: [(u32, f32, f32); 13] = [
     (1, 1.0, 1.0),
     (24, 1.0, 0.5),
     (30, 20.0, 8.0),
     (32, 20.0, 8.0),
     (33, 5.0, 2.0),
     (132, 10.0, 2.0),
+    (RC_CHANNELS, 2.0, 0.5),
     (EKF_STATUS_REPORT, 1.0, 0.2),
     (ESTIMATOR_STATUS, 1.0, 0.2),
     (242, 0.5, 0.2),
@@ -37,8 +40,8 @@ const RATES: [(u32, f32, f32); 12] = [
 ];
 /// The message whose refused rate shows that rates of single messages are unknown to the firmware.
 pub(super) const ATTITUDE: f32 = 30.0;
-/// The groups that contain the messages above (`MAV_DATA_STREAM`: extended status, position, extra 1 and 3), in the same manner.
-const STREAMS: [(u8, u16, u16); 4] = [(2, 2, 1), (6, 10, 4), (10, 20, 8), (12, 5, 1)];
+/// The groups that contain the messages above (`MAV_DATA_STREAM`: extended status, radio, position, extra 1 and 3), in the same manner.
+const STREAMS: [(u8, u16, u16); 5] = [(2, 2, 1), (3, 2, 1), (6, 10, 4), (10, 20, 8), (12, 5, 1)];
 
 /// `AUTOPILOT_VERSION`.
 const AUTOPILOT_VERSION: f32 = 148.0;

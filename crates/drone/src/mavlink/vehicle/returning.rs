@@ -27,7 +27,7 @@ impl Vehicle {
                 self.control = Control::Returning { from, since: now, shown: false, again: now, tries: 0 };
                 self.advance_return(now);
             }
-            Control::Released => self.say_not_ours("return"),
+            Control::Released(_) => self.say_not_ours("return"),
             _ => {}
         }
     }
@@ -35,7 +35,7 @@ impl Vehicle {
     /// Commands the return until the vehicle shows it, and disarms it on the ground.
     pub(super) fn advance_return(&mut self, now: Time) {
         let Control::Returning { from, since, shown, again, tries } = self.control else { return };
-        if now < again {
+        if now < again || (!shown && !self.is_mode_fresh(now)) {
             return;
         }
         let again = now + AGAIN;
@@ -82,5 +82,6 @@ impl Vehicle {
         self.notices.push_back(Notice::Returned { off });
         self.commands.clear();
         (self.control, self.setpoint) = (Control::Idle, None);
+        self.report_rest(now);
     }
 }

@@ -1,14 +1,23 @@
 //! Somebody else flies: a radio, another station, a failsafe. Then nothing is sent, until the operator takes control back.
 
-use spf_core::time::Time;
+use spf_core::time::{Duration, Time};
+use spf_mavlink::command::{VehicleCommand, ids};
 use spf_mavlink::modes::{Autopilot, Mode};
 
 use super::control::Control;
+use super::holder::Holder;
 use super::{Notice, Vehicle};
 use crate::DroneEvent;
 
 /// A craft that moves slower than this hovers, m/s.
 const HOVERS: f64 = 0.3;
+/// An older heartbeat does not show the mode any more: there is one a second.
+const MODE_AGE: Duration = Duration::from_millis(2500);
+/// A heartbeat is asked for again after this long, and waited for at most this long before a landing.
+const BEAT_AGAIN: Duration = Duration::from_secs(1);
+const MODE_WAIT: Duration = Duration::from_secs(3);
+/// `HEARTBEAT`.
+const HEARTBEAT: f32 = 0.0;
 
 impl Vehicle {
     /// Begins to fly a vehicle that was only watched. One that is in the air is taken only if it hovers in the mode for
@@ -29,7 +38,7 @@ impl Vehicle {
             self.control = self.entering(now, false);
             return true;
         }
-        self.release(now);
+        self.release(now, Holder::Somebody);
         false
     }
 
@@ -50,7 +59,7 @@ impl Vehicle {
         let it = self.autopilot;
         let (external, hold, land, take_off) = (it.external(), it.hold(), it.land(), Mode::px4(4, 2));
         let allowed = match self.control {
-            Control::Watching | Control::Idle | Control::Released | Control::Stopping { .. } | Control::Refused { .. } => {
+            Control::Watching | Control::Idle | Control::Released(_) | Control::Stopping { .. } | Control::Refused { .. } => {
                 return true;
             }
             Control::Preparing { from, .. } | Control::Arming { from, .. } => [from, external, hold],
@@ -63,20 +72,25 @@ impl Vehicle {
             // A landing, or another kind of return, that was not commanded here is a failsafe's or a person's.
             Control::Returning { shown: true, .. } => [it.return_home(); 3],
             Control::Returning { from, .. } => [from, it.return_home(), external],
+            // In its hold it may have gone by itself; where a stick has moved meanwhile, somebody has put it there.
+            Control::Landing { .. } if mode == hold && self.evidence.is_anybodys() => [land; 3],
             Control::Landing { from, .. } => return [from, land, external, hold].contains(&mode) || self.is_under_way(now, mode),
         };
         allowed.contains(&mode) || self.is_under_way(now, mode)
     }
 
-    /// Somebody else has changed the mode: nothing is sent any more.
+    /// The mode was not commanded here: it is not flown any more.
     pub(super) fn let_go(&mut self, now: Time) {
-        self.notices.push_back(Notice::LetGo { mode: self.mode });
-        self.release(now);
+        let holder = self.holder_of(now, self.mode);
+        if holder == Holder::Somebody {
+            self.notices.push_back(Notice::LetGo { mode: self.mode });
+        }
+        self.release(now, holder);
     }
 
-    fn release(&mut self, now: Time) {
+    fn release(&mut self, now: Time, holder: Holder) {
         self.commands.clear();
-        (self.control, self.setpoint, self.told, self.resumed) = (Control::Released, None, false, false);
+        (self.control, self.setpoint, self.told, self.resumed) = (Control::Released(holder), None, false, false);
         self.commanded = [None; 2];
         self.said_not_ours = false;
         self.events.push_back((now, DroneEvent::TakenOver));
@@ -85,7 +99,7 @@ impl Vehicle {
     /// The operator resumes: the next setpoint that moves may take control back. A resume from before the pilot was told means
     /// something else.
     pub fn resume(&mut self) {
-        self.resumed = self.control == Control::Released && self.told;
+        self.resumed = matches!(self.control, Control::Released(_)) && self.told;
     }
 
     /// A setpoint that moves, while somebody else flies. It takes control back if the operator has resumed; keys that were held,
@@ -99,6 +113,22 @@ impl Vehicle {
             self.notices.push_back(Notice::TakingBack { mode: self.mode });
             self.control = self.entering(now, false);
         }
+    }
+
+    /// Whether the mode is known as it is now: who has taken over is seen by it alone, so that no mode is commanded without. A
+    /// heartbeat is asked for meanwhile.
+    pub(super) fn is_mode_fresh(&mut self, now: Time) -> bool {
+        let is_fresh = self.evidence.beat_age(now) < MODE_AGE;
+        if !is_fresh && now >= self.beat_asked {
+            self.beat_asked = now + BEAT_AGAIN;
+            self.commands.interrupt(VehicleCommand::new(ids::REQUEST, &[HEARTBEAT]));
+        }
+        is_fresh
+    }
+
+    /// The same, or it was waited for since then in vain: a craft that was ours is landed also if it tells nothing.
+    pub(super) fn knows_mode(&mut self, now: Time, since: Time) -> bool {
+        self.is_mode_fresh(now) || now.since(since) >= MODE_WAIT
     }
 
     /// Tells once that a command of the pilot is not carried out.

@@ -92,6 +92,7 @@ impl Sensed {
         Some(Telemetry {
             time: at,
             position: Some(position),
+            position_sd: facts.position_error(now),
             velocity: Some(velocity),
             attitude,
             yaw_rate: Some(yaw_rate),
@@ -99,10 +100,24 @@ impl Sensed {
             ground_clearance: fresh(now, self.clearance),
             battery: facts.battery,
             returns_to: facts.home,
-            temperature: None,
             phase,
-            crashed: false,
-            imu_error: false,
+            ..Telemetry::default()
+        })
+    }
+
+    /// A craft that stands on the ground, where it last was as far as it has told; `None` if it never did.
+    pub(super) fn at_rest(&self, now: Time, facts: &Facts) -> Option<Telemetry> {
+        let ((_, attitude, _), (_, position, _)) = (self.attitude?, self.position?);
+        Some(Telemetry {
+            time: now,
+            position: Some(position),
+            position_sd: facts.position_error(now),
+            velocity: Some(EnuVelocity::default()),
+            attitude,
+            battery: facts.battery,
+            returns_to: facts.home,
+            phase: FlightPhase::OnGround,
+            ..Telemetry::default()
         })
     }
 }

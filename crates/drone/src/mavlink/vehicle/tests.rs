@@ -1,3 +1,4 @@
+mod letting_go;
 mod returning;
 mod safety;
 mod sensors;
@@ -45,10 +46,14 @@ fn beat(mode: Mode, armed: bool) -> Report {
     Report::Heartbeat(Heartbeat { autopilot: Some(mode.0), kind: 2, custom_mode: mode.1, armed, state: 4 })
 }
 
-/// Everything sent from one time to another; every command is accepted.
+/// Everything sent from one time to another; every command is accepted. Its heartbeat goes on, once a second.
 fn run(vehicle: &mut Vehicle, from: u64, until: u64, accepts: bool) -> Vec<(u64, Outgoing)> {
     let mut sent = Vec::new();
     for ms in (from..until).step_by(5) {
+        if vehicle.evidence.beat_age(at(ms)) >= Duration::from_secs(1) {
+            let (mode, armed) = (vehicle.mode, vehicle.armed);
+            vehicle.handle(at(ms), &beat(mode, armed));
+        }
         while let Some(outgoing) = vehicle.poll(at(ms)) {
             if let (Outgoing::Command(sent), true) = (&outgoing, accepts) {
                 let command = sent.command.id;
@@ -178,9 +183,11 @@ fn a_refused_arming_is_told_with_the_autopilot_s_words() {
     let mut vehicle = px4();
     vehicle.take_off(at(0));
     vehicle.poll(at(0));
-    for ms in (0..3000).step_by(5) {
+    let mut asked = 0;
+    for ms in (0..12_000).step_by(5) {
         while let Some(outgoing) = vehicle.poll(at(ms)) {
             if let Outgoing::Command(sent) = outgoing {
+                asked += u8::from(sent.command.id == ids::ARM);
                 let result = if sent.command.id == ids::ARM { 1 } else { 0 };
                 let command = sent.command.id;
                 vehicle.handle(at(ms), &Report::Acknowledgement { command, result, target: [0, 0] });
@@ -192,8 +199,10 @@ fn a_refused_arming_is_told_with_the_autopilot_s_words() {
     }
     let notices: Vec<Notice> = core::iter::from_fn(|| vehicle.take_notice()).collect();
     let texts = vec!["Preflight Fail: no heading".to_owned()];
+    // Its reason is shown while it is asked again, and at the end.
+    let waits = Notice::Waits { what: "arming", texts: texts.clone() };
     let refused = Notice::Refused { what: "arming", result: CommandResult::TemporarilyRejected, texts };
-    assert!(notices.contains(&refused), "{notices:?}");
+    assert!(notices.contains(&waits) && notices.contains(&refused) && asked == 5, "{asked} {notices:?}");
     assert_eq!(vehicle.phase(), FlightPhase::OnGround);
 }
 
@@ -234,7 +243,7 @@ fn a_silent_link_is_lost_after_two_seconds_and_a_silent_pilot_ends_in_a_landing(
         }
     }
     assert!(landed.is_some_and(|ms| (5000..5200).contains(&ms)), "{landed:?}");
-    run(&mut vehicle, 8000, 10_500, false);
+    (8000..10_500).step_by(5).for_each(|ms| while vehicle.poll(at(ms)).is_some() {});
     let events: Vec<_> = core::iter::from_fn(|| vehicle.take_event()).collect();
     assert!(events.iter().any(|(when, event)| *event == DroneEvent::LinkLost && *when >= at(9950)), "{events:?}");
 }

@@ -86,6 +86,7 @@ impl Link {
             battery: state.battery.map(|charge| 0.01 * f64::from(charge)),
             phase: self.phase,
             crashed: false,
+            position_sd: None,
             imu_error: self.imu.has_error(),
             returns_to: None,
         }

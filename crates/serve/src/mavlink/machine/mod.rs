@@ -100,6 +100,10 @@ pub struct VirtualVehicle {
     old: bool,
     /// Whether it has sensors around it.
     ranges: bool,
+    /// Channels of its radio, microseconds; `None` without a receiver.
+    radio: Option<[u16; 8]>,
+    /// Standard deviation of its position, metres, that it tells; `None` with its usual one and satellites.
+    blurred: Option<f32>,
     /// The last `OBSTACLE_DISTANCE` of another component.
     told: Option<Box<OBSTACLE_DISTANCE_DATA>>,
     started: Time,
@@ -141,6 +145,8 @@ impl VirtualVehicle {
             strict_beat: false,
             old: false,
             ranges: false,
+            radio: None,
+            blurred: None,
             told: None,
             started: now,
         }
@@ -182,8 +188,21 @@ impl VirtualVehicle {
         self.parameters.set(name, value as f32, spf_mavlink::parameter::REAL32).is_some()
     }
 
-    /// Its pilot changes the mode by the switch of the radio.
+    /// Gives it a receiver, whose radio has its sticks in the middle.
+    pub fn carry_receiver(&mut self) {
+        self.radio = Some([1500, 1500, 1000, 1500, 1000, 1000, 1000, 1000]);
+    }
+
+    /// Its satellites are lost, and from now on it tells this standard deviation of its position, metres. It flies as before.
+    pub fn blur(&mut self, metres: f32) {
+        self.blurred = Some(metres);
+    }
+
+    /// Its pilot changes the mode by the switch of the radio, its fifth channel, if it has a receiver.
     pub fn radio(&mut self, now: Time, mode: Mode, craft: &mut SimCraft) {
+        if let Some(channels) = &mut self.radio {
+            channels[4] = if channels[4] < 1500 { 2000 } else { 1000 };
+        }
         self.enter(now, mode, craft);
     }
 

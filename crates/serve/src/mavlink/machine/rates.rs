@@ -7,7 +7,7 @@ use spf_mavlink::modes::Autopilot;
 use spf_mavlink::wire::{EKF_STATUS_REPORT, MOUNT_STATUS};
 
 /// Every message that can be requested, with its usual rate in Hz; zero for those that are only sent on request.
-pub(super) const DEFAULTS: [(u32, f32); 24] = [
+pub(super) const DEFAULTS: [(u32, f32); 25] = [
     (0, 1.0),
     (1, 1.0),
     (2, 1.0),
@@ -17,6 +17,7 @@ pub(super) const DEFAULTS: [(u32, f32); 24] = [
     (32, 20.0),
     (33, 5.0),
     (49, 0.0),
+    (65, 2.0),
     (74, 5.0),
     (85, 5.0),
     (132, 5.0),
@@ -100,6 +101,7 @@ fn interval(rate: f32) -> Option<Duration> {
 fn group_of(id: u32) -> Option<u8> {
     Some(match id {
         1 | 24 | 162 => 2,
+        65 => 3,
         32 | 33 => 6,
         30 | 31 => 10,
         74 => 11,

@@ -76,7 +76,9 @@ impl VirtualVehicle {
         }
         if id == EKF_STATUS_REPORT && has(self.autopilot, id) {
             // Parts of the innovations' gates, and every flag of an estimator with a position: attitude, velocities, positions.
-            let parts = [0.05_f32, 0.1, 0.1, 0.05, 0.0].iter().flat_map(|part| part.to_le_bytes());
+            // The second is the horizontal position's: a part of five standard deviations of a measurement of 0.5 m.
+            let position = self.blurred.map_or(0.1, |metres| metres / 2.5);
+            let parts = [0.05_f32, position, 0.1, 0.05, 0.0].into_iter().flat_map(f32::to_le_bytes);
             let payload = parts.chain(0x033f_u16.to_le_bytes()).chain(0.0_f32.to_le_bytes()).collect();
             return Some(Body { id, payload });
         }
@@ -87,7 +89,10 @@ impl VirtualVehicle {
                 // PX4 never tells whether a fence is in force.
                 let px4 = self.autopilot == Autopilot::Px4;
                 let fence = if px4 { 0 } else { MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE.bits() };
-                let all = 1 | 2 | 4 | 8 | 32 | fence | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
+                let receiver =
+                    if self.radio.is_some() { MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_RC_RECEIVER.bits() } else { 0 };
+                let all =
+                    receiver | 1 | 2 | 4 | 8 | 32 | fence | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
                 let fenced = self.is_fenced() || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0;
                 let healthy = if ready { all } else { all & !32 };
                 let refused = !self.armed && self.arming_refusal(now, craft).is_some();
@@ -120,10 +125,14 @@ impl VirtualVehicle {
                 epv: 110,
                 vel: (velocity.horizontal_speed() * 100.0) as u16,
                 cog: u16::MAX,
-                fix_type: if ready { GpsFixType::GPS_FIX_TYPE_3D_FIX } else { GpsFixType::GPS_FIX_TYPE_NO_FIX },
+                fix_type: if ready && self.blurred.is_none() {
+                    GpsFixType::GPS_FIX_TYPE_3D_FIX
+                } else {
+                    GpsFixType::GPS_FIX_TYPE_NO_FIX
+                },
                 satellites_visible: if ready { 14 } else { 3 },
                 alt_ellipsoid: alt,
-                h_acc: 300,
+                h_acc: self.blurred.map_or(300, |metres| (metres * 1e3) as u32),
                 v_acc: 500,
                 vel_acc: 50,
                 ..GPS_RAW_INT_DATA::default()
@@ -155,6 +164,23 @@ impl VirtualVehicle {
                 vz: (vz * 100.0) as i16,
                 hdg: (heading * 100.0) as u16 % 36_000,
             }),
+            65 => {
+                let [chan1_raw, chan2_raw, chan3_raw, chan4_raw, chan5_raw, chan6_raw, chan7_raw, chan8_raw] = self.radio?;
+                MavMessage::RC_CHANNELS(RC_CHANNELS_DATA {
+                    time_boot_ms,
+                    chancount: 8,
+                    chan1_raw,
+                    chan2_raw,
+                    chan3_raw,
+                    chan4_raw,
+                    chan5_raw,
+                    chan6_raw,
+                    chan7_raw,
+                    chan8_raw,
+                    rssi: 200,
+                    ..RC_CHANNELS_DATA::default()
+                })
+            }
             74 => MavMessage::VFR_HUD(VFR_HUD_DATA {
                 airspeed: velocity.horizontal_speed() as f32,
                 groundspeed: velocity.horizontal_speed() as f32,
@@ -209,7 +235,7 @@ impl VirtualVehicle {
             }
             230 if has(self.autopilot, id) => MavMessage::ESTIMATOR_STATUS(ESTIMATOR_STATUS_DATA {
                 time_usec,
-                pos_horiz_accuracy: 0.3,
+                pos_horiz_accuracy: self.blurred.unwrap_or(0.3),
                 pos_vert_accuracy: 0.4,
                 flags: EstimatorStatusFlags::from_bits_retain(0b11_0011_1111),
                 ..ESTIMATOR_STATUS_DATA::default()

@@ -5,6 +5,7 @@ mod carried;
 mod fences;
 mod gimbal;
 mod glass;
+mod nobody;
 mod old;
 mod protocol;
 mod ranges;

@@ -15,7 +15,7 @@ fn a_key_that_is_held_after_a_take_over_by_the_radio_does_not_fight_it() {
             (Time::from_secs_f64(11.0 + 0.1 * f64::from(n)), OperatorEvent::Setpoint(right))
         };
         let mut events: Vec<_> = (0..110).map(key).collect();
-        events.push((Time::from_secs_f64(26.0), OperatorEvent::Land));
+        events.push((Time::from_secs_f64(32.0), OperatorEvent::Land));
         let deeds = vec![(14.0, Deed::Radio(radio)), (28.0, Deed::Radio(autopilot.land()))];
         let flight = fly_by_script(autopilot, &[], none(), deeds, Script::new(events), (1.0, AtEnd::Land, None));
         // It was flown by hand, and moved.

@@ -37,6 +37,8 @@ pub(crate) enum Deed {
     Radio(Mode),
     /// Another ground station's command.
     Station(VehicleCommand),
+    /// Its position is this uncertain from now on, metres.
+    Blur(f32),
     /// From now on another onboard computer sends zero setpoints, 10 a second, and heartbeats.
     Companion,
 }
@@ -199,6 +201,11 @@ impl WiredVehicle {
         self.served.handle(self.now, OTHERS, &packet, &mut shared.lock().unwrap());
     }
 
+    /// With the receiver of a radio.
+    pub(crate) fn carry_receiver(&mut self) {
+        self.served.carry_receiver();
+    }
+
     /// With sensors around it.
     pub(crate) fn measure_ranges(&mut self) {
         self.served.measure_ranges();
@@ -274,6 +281,7 @@ impl WiredVehicle {
             match deed {
                 Deed::Radio(mode) => self.served.radio(now, mode, &mut craft),
                 Deed::Companion => self.companion = true,
+                Deed::Blur(metres) => self.served.blur(metres),
                 Deed::Station(command) => {
                     let sent = spf_mavlink::command::Transmission { command, confirmation: 0, as_int: false };
                     let frame = self.encoders[2].frame(&message::command([1, 1], &sent));
@@ -305,7 +313,10 @@ impl WiredVehicle {
                     self.driver.handle_gimbal(now, news);
                 }
                 if packet.component != 1 {
-                    self.alone &= !(packet.is_controller() && packet.component != 191);
+                    if packet.is_controller() && packet.component != 191 {
+                        self.alone = false;
+                        self.driver.hear_station(now);
+                    }
                     continue;
                 }
                 if self.sequence.accept(packet.sequence, &mut LinkStats::default()) {
