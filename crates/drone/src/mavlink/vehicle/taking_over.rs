@@ -9,6 +9,8 @@ use super::holder::Holder;
 use super::{Notice, Vehicle};
 use crate::DroneEvent;
 
+/// The radio's channels, or that there is no receiver, must have arrived this long after the change of mode.
+const CLEAR_WITHIN: Duration = Duration::from_secs(5);
 /// A craft that moves slower than this hovers, m/s.
 const HOVERS: f64 = 0.3;
 /// An older heartbeat does not show the mode any more: there is one a second.
@@ -129,6 +131,53 @@ impl Vehicle {
     /// The same, or it was waited for since then in vain: a craft that was ours is landed also if it tells nothing.
     pub(super) fn knows_mode(&mut self, now: Time, since: Time) -> bool {
         self.is_mode_fresh(now) || now.since(since) >= MODE_WAIT
+    }
+
+    /// The hold into which a silent link leads, and after how many seconds, by the parameters that were read before take-off.
+    fn failsafe_hold(&self) -> Option<(Mode, f64)> {
+        match self.autopilot {
+            // 5 is Hold.
+            Autopilot::Px4 => (self.facts.parameter("COM_OBL_RC_ACT") == Some(5.0))
+                .then(|| self.facts.parameter("COM_OF_LOSS_T"))?
+                .map(|after| (self.autopilot.hold(), after)),
+            // It stops and stays in the mode for setpoints, so that nobody has to let go.
+            Autopilot::ArduPilot => None,
+        }
+    }
+
+    /// Who has a craft whose newest heartbeat has shown this mode, which was not commanded here.
+    pub(super) fn holder_of(&self, now: Time, mode: Mode) -> Holder {
+        match self.failsafe_hold() {
+            Some((hold, after)) if hold == mode && self.evidence.is_of_a_silence(after) => {
+                Holder::Unclear { until: now + CLEAR_WITHIN }
+            }
+            _ => Holder::Somebody,
+        }
+    }
+
+    /// Follows what shows who has it. What was nobody's becomes somebody's for good.
+    pub(super) fn follow_holder(&mut self, now: Time) {
+        let Control::Released(holder) = self.control else { return };
+        let alone = !self.evidence.has_station() && self.failsafe_hold().is_some_and(|(hold, _)| hold == self.mode);
+        let radio = self.evidence.radio_is_as_before();
+        let found = match (holder, radio) {
+            (Holder::Somebody, _) => return,
+            _ if !alone || radio == Some(false) => Holder::Somebody,
+            (_, Some(true)) => Holder::Failsafe,
+            (Holder::Unclear { until }, None) if now >= until => Holder::Somebody,
+            _ => return,
+        };
+        if found == holder {
+            return;
+        }
+        self.control = Control::Released(found);
+        match found {
+            Holder::Failsafe => {
+                self.notices.push_back(Notice::HeldByFailsafe { mode: self.mode });
+                self.events.push_back((now, DroneEvent::HeldByFailsafe));
+            }
+            _ => self.notices.push_back(Notice::LetGo { mode: self.mode }),
+        }
     }
 
     /// Tells once that a command of the pilot is not carried out.
