@@ -1,12 +1,13 @@
 //! A link to one vehicle: UDP, TCP or a serial port, as bytes.
 
+use std::collections::BTreeSet;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::url::{HostPort, MavlinkUrl};
-use crate::wire::Decoder;
+use crate::wire::{Decoder, Packet};
 
 /// Maximum blocking time of [`Link::receive`].
 pub const POLL_INTERVAL: Duration = Duration::from_millis(10);
@@ -87,6 +88,10 @@ enum Port {
 /// An open link. One thread may receive while others send.
 pub struct Link {
     port: Port,
+    /// The system that the link is to; `None` for whichever is heard first.
+    wanted: Option<u8>,
+    /// Systems whose autopilots were heard, also those that may not speak for the vehicle.
+    vehicles: Mutex<BTreeSet<u8>>,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -95,11 +100,11 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Link {
-    /// Opens a link.
+    /// Opens a link to a vehicle: of this system, or to whichever is heard first.
     ///
     /// # Errors
     /// [`LinkError`] if a port cannot be bound or opened, or a host has no address or refuses.
-    pub fn open(url: &MavlinkUrl) -> Result<Self, LinkError> {
+    pub fn open(url: &MavlinkUrl, wanted: Option<u8>) -> Result<Self, LinkError> {
         let bind = |source| LinkError::Bind { url: url.clone(), source };
         let reach = |source| LinkError::Unreachable { url: url.clone(), source };
         let port = match url {
@@ -129,13 +134,35 @@ impl Link {
                 serial_port(path, *rate).map_err(open)?
             }
         };
-        Ok(Self { port })
+        Ok(Self { port, wanted, vehicles: Mutex::default() })
     }
 
     /// Whether packets can be lost, reordered or come twice (UDP).
     #[must_use]
     pub fn is_datagram(&self) -> bool {
         matches!(self.port, Port::Udp { .. })
+    }
+
+    /// The system of a packet that is the heartbeat of a vehicle's autopilot is remembered.
+    pub fn note(&self, packet: &Packet) {
+        if is_autopilot(packet) {
+            lock(&self.vehicles).insert(packet.system);
+        }
+    }
+
+    /// Another vehicle than this one that was heard.
+    #[must_use]
+    pub fn other_than(&self, system: u8) -> Option<u8> {
+        lock(&self.vehicles).iter().copied().find(|other| *other != system)
+    }
+
+    /// Whether a datagram has the heartbeat of the autopilot that the link is to, with its checksum.
+    fn is_of_vehicle(&self, datagram: &[u8]) -> bool {
+        let mut decoder = Decoder::default();
+        decoder.push(datagram);
+        let beats: Vec<Packet> = core::iter::from_fn(|| decoder.next_packet()).filter(is_autopilot).collect();
+        beats.iter().for_each(|packet| self.note(packet));
+        beats.iter().any(|packet| self.wanted.is_none_or(|wanted| packet.system == wanted))
     }
 
     /// Waits up to [`POLL_INTERVAL`] for bytes of the vehicle. Zero means that there are none yet. The flag is set where the bytes
@@ -149,7 +176,7 @@ impl Link {
                 let known = peer.address == Some(from);
                 let silent = peer.heard.is_none_or(|heard| now.duration_since(heard) >= PEER_SILENT);
                 // Nobody else may speak for the vehicle while it is there, and no other than an autopilot for it at any time.
-                if !known && (*fixed || !silent || !is_of_autopilot(&buffer[..length])) {
+                if !known && (!self.is_of_vehicle(&buffer[..length]) || *fixed || !silent) {
                     return (0, false);
                 }
                 *peer = Peer { address: Some(from), heard: Some(now) };
@@ -230,13 +257,10 @@ fn serial_port(path: &str, rate: u32) -> std::io::Result<Port> {
     Err(std::io::Error::new(ErrorKind::Unsupported, format!("{path} at {rate}")))
 }
 
-/// Whether a datagram contains the heartbeat of an autopilot (component 1), with its checksum.
-fn is_of_autopilot(datagram: &[u8]) -> bool {
-    let mut decoder = Decoder::default();
-    decoder.push(datagram);
+/// Whether it is the heartbeat of an autopilot (component 1).
+fn is_autopilot(packet: &Packet) -> bool {
     // 8 is `MAV_AUTOPILOT_INVALID`: ground stations, cameras, computers.
-    core::iter::from_fn(|| decoder.next_packet())
-        .any(|packet| packet.component == 1 && packet.system != 0 && packet.autopilot().is_some_and(|number| number != 8))
+    packet.component == 1 && packet.system != 0 && packet.autopilot().is_some_and(|number| number != 8)
 }
 
 fn address(at: &HostPort) -> std::io::Result<SocketAddr> {
@@ -331,14 +355,14 @@ mod tests {
 
     #[test]
     fn only_the_heartbeat_of_an_autopilot_makes_a_peer() {
+        let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap(), None).unwrap();
         let mut broken = heartbeat(1, 12);
         broken[12] ^= 1;
         let attitude = Encoder::new([1, 1]).frame(&Body { id: 30, payload: vec![1; 28] });
         for other in [&b"hello"[..], &heartbeat(100, 12), &heartbeat(1, 8), &broken, &attitude, &[]] {
-            assert!(!is_of_autopilot(other), "{other:?}");
+            assert!(!link.is_of_vehicle(other), "{other:?}");
         }
-        assert!(is_of_autopilot(&heartbeat(1, 12)) && is_of_autopilot(&[attitude, heartbeat(1, 3)].concat()));
-        let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap()).unwrap();
+        assert!(link.is_of_vehicle(&heartbeat(1, 12)) && link.is_of_vehicle(&[attitude, heartbeat(1, 3)].concat()));
         let Port::Udp { socket, .. } = &link.port else { panic!("no UDP") };
         let port = socket.local_addr().unwrap().port();
         let [stranger, vehicle] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
@@ -356,6 +380,25 @@ mod tests {
         assert_eq!(vehicle.recv(&mut [0; 64]).unwrap(), 14);
     }
 
+    /// Both are heard, wherever they send from; the one that is wanted may speak.
+    #[test]
+    fn two_vehicles_on_one_port_are_both_known() {
+        let of = |system: u8| Encoder::new([system, 1]).frame(&Body { id: 0, payload: vec![0, 0, 0, 0, 2, 12, 1, 4, 3] });
+        for (wanted, speaks) in [(None, 1), (Some(2), 2)] {
+            let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap(), wanted).unwrap();
+            let Port::Udp { socket, .. } = &link.port else { panic!("no UDP") };
+            let port = socket.local_addr().unwrap().port();
+            let mut buffer = [0; LONGEST];
+            let vehicles = [1, 2].map(|system| (system, UdpSocket::bind("127.0.0.1:0").unwrap()));
+            for (system, vehicle) in &vehicles {
+                vehicle.send_to(&of(*system), ("127.0.0.1", port)).unwrap();
+                let arrived = [(); 2].map(|()| link.receive(&mut buffer).0).into_iter().sum::<usize>();
+                assert_eq!(arrived > 0, *system == speaks, "{wanted:?} {system}");
+            }
+            assert_eq!((link.other_than(1), link.other_than(2)), (Some(2), Some(1)));
+        }
+    }
+
     /// A port that takes nothing any more, as with a cable that is stuck.
     #[cfg(unix)]
     #[test]
@@ -365,7 +408,7 @@ mod tests {
         let file = std::fs::File::from(std::os::fd::OwnedFd::from(ours));
         let frame = [7; 4096];
         while write_within(&file, &frame, Duration::ZERO).is_ok() {}
-        let link = Link { port: Port::Serial(file) };
+        let link = Link { port: Port::Serial(file), wanted: None, vehicles: Mutex::default() };
         let begun = Instant::now();
         link.send(&frame);
         assert!((SEND_TIME..Duration::from_secs(60)).contains(&begun.elapsed()), "{:?}", begun.elapsed());

@@ -29,6 +29,8 @@ use crate::{Capabilities, Drone, DroneError, DroneEvent};
 const SEND_INTERVAL: Duration = Duration::from_millis(5);
 /// Maximum wait for attitude, position and parameters.
 const STATE_WAIT: Duration = Duration::from_secs(8);
+/// Minimum time in which another vehicle on the same link is listened for.
+const OTHERS_WAIT: Duration = Duration::from_millis(1500);
 /// Time allowed for a landing at shutdown: from 30 m at 0.7 m/s.
 const LANDING_TIME: Duration = Duration::from_secs(45);
 /// Standard deviation of the horizontal position by which the estimator smooths it, and its bounds, metres. What the envelope
@@ -114,7 +116,7 @@ impl MavlinkCraft {
     /// # Errors
     /// [`ConnectError`] if the link cannot be opened, or nothing usable arrives.
     pub fn connect(url: &MavlinkUrl, settings: &MavlinkSettings, start: Instant) -> Result<Self, ConnectError> {
-        let link = Link::open(url)?;
+        let link = Link::open(url, settings.vehicle)?;
         let mut decoder = Decoder::default();
         let found = find(url, &link, &mut decoder, settings, craft().take_off_height, start)?;
         let Found { system, component, mut vehicle, encoder } = found;
@@ -152,17 +154,23 @@ impl MavlinkCraft {
         loop {
             let now = shared.now();
             let vehicle = shared.vehicle();
-            let flown = vehicle.is_oriented(now) && vehicle.is_placed();
-            if flown && vehicle.is_read() || begun.elapsed() >= STATE_WAIT {
+            let missing = vehicle.missing(now);
+            let flown = missing.is_empty();
+            // Heartbeats come once a second.
+            if flown && vehicle.is_read() && begun.elapsed() >= OTHERS_WAIT || begun.elapsed() >= STATE_WAIT {
                 let facts = vehicle.facts();
                 if lock(&shared.stats).signed && !facts.has_answered() {
                     return Err(ConnectError::Signed { url: url.clone(), autopilot });
+                }
+                // Before anything is armed: the other may be the one that is meant.
+                if let Some(other) = shared.link.other_than(system).filter(|_| settings.vehicle.is_none()) {
+                    return Err(ConnectError::TwoVehicles { url: url.clone(), systems: [system, other] });
                 }
                 if flown {
                     break;
                 }
                 let texts = facts.last_words();
-                return Err(ConnectError::NoPosition { url: url.clone(), autopilot, wait: STATE_WAIT.as_secs(), texts });
+                return Err(ConnectError::Missing { url: url.clone(), autopilot, missing, wait: STATE_WAIT.as_secs(), texts });
             }
             drop(vehicle);
             std::thread::sleep(SEND_INTERVAL);
@@ -258,6 +266,7 @@ fn receive(shared: &Shared, mut decoder: Decoder) {
         }
         decoder.push(&buffer[..length]);
         while let Some(packet) = decoder.next_packet() {
+            shared.link.note(&packet);
             // A gimbal may be a component of its own.
             if packet.system == shared.target[0]
                 && let Some(news) = packet.gimbal()

@@ -9,6 +9,7 @@ use spf_mavlink::url::MavlinkUrl;
 use super::craft::MavlinkCraft;
 use super::limits::craft;
 use super::opening::ConnectError;
+use super::settings::MavlinkSettings;
 use super::vehicle::Facts;
 use super::{doctor, fencing};
 use crate::driver::{self, Driver, Target};
@@ -18,17 +19,30 @@ use crate::options::Options;
 /// The driver.
 pub const DRIVER: Driver = Driver {
     scheme: "mavlink",
-    form: "mavlink[@URL]",
+    form: "mavlink[@URL[?sysid=N]]",
     about: "a PX4 or ArduPilot multicopter, with --camera; URL: udpin:HOST:PORT (default: udpin:0.0.0.0:14540), udpout:, tcpout:, \
             tcpin: or serial:DEVICE:RATE; see docs/guide/px4.md and ardupilot.md",
     target: |rest| {
+        let (rest, system) = match rest.split_once("?sysid=") {
+            Some((rest, number)) => (rest, Some(number.parse().ok().filter(|number| *number > 0)?)),
+            None => (rest, None),
+        };
         let url = if rest.is_empty() { MavlinkUrl::default() } else { rest.strip_prefix('@')?.parse().ok()? };
-        Some(Box::new(NamedVehicle(url)) as Box<dyn Target>)
+        Some(Box::new(NamedVehicle { url, system }) as Box<dyn Target>)
     },
 };
 
-/// A vehicle at an address.
-struct NamedVehicle(MavlinkUrl);
+/// A vehicle at an address, of this system if its number is given.
+struct NamedVehicle {
+    url: MavlinkUrl,
+    system: Option<u8>,
+}
+
+impl NamedVehicle {
+    fn settings(&self, options: &Options) -> MavlinkSettings {
+        MavlinkSettings { vehicle: self.system, ..options.mavlink.clone() }
+    }
+}
 
 impl Target for NamedVehicle {
     fn craft(&self) -> Craft {
@@ -49,20 +63,20 @@ impl Target for NamedVehicle {
     }
 
     fn connect(&self, options: &Options, start: Instant) -> Result<driver::Connected, driver::ConnectError> {
-        let drone = MavlinkCraft::connect(&self.0, &options.mavlink, start).map_err(explained)?;
+        let drone = MavlinkCraft::connect(&self.url, &self.settings(options), start).map_err(explained)?;
         let fence = options.mavlink.fence.as_ref();
         fence.map_or(Ok(()), |fence| fencing::upload(&drone, fence)).map_err(|error| explained(ConnectError::Fence(error)))?;
         drone.engage();
         let facts = drone.facts();
         Ok(driver::Connected {
-            summary: format!("Connected to {} at {}.", doctor::vehicle(&facts), self.0),
+            summary: format!("Connected to {} at {}.", doctor::vehicle(&facts), self.url),
             warning: warning(&facts),
             drone: Box::new(drone),
         })
     }
 
     fn examine(&self, options: &Options) -> Vec<Check> {
-        doctor::examine(&self.0, &options.mavlink)
+        doctor::examine(&self.url, &self.settings(options))
     }
 }
 

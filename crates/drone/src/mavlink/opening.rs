@@ -51,17 +51,27 @@ pub enum ConnectError {
         /// Its number.
         kind: u8,
     },
-    /// Heartbeats arrive, but no attitude and position.
-    #[error("no attitude and position from the {autopilot} on {url} within {wait} s")]
-    NoPosition {
+    /// Heartbeats arrive, but not all messages that a flight needs.
+    #[error("the {autopilot} on {url} does not send {} within {wait} s", .missing.join(", "))]
+    Missing {
         /// The address.
         url: MavlinkUrl,
         /// The autopilot.
         autopilot: &'static str,
+        /// Names of the messages.
+        missing: Vec<&'static str>,
         /// Seconds waited.
         wait: u64,
         /// What the vehicle said meanwhile.
         texts: Vec<String>,
+    },
+    /// Another vehicle speaks on the same link.
+    #[error("two vehicles on {url}: systems {} and {}", .systems[0], .systems[1])]
+    TwoVehicles {
+        /// The address.
+        url: MavlinkUrl,
+        /// Their system numbers.
+        systems: [u8; 2],
     },
     /// It signs its messages, and answers none of ours, which are not signed.
     #[error("the {autopilot} on {url} answers nothing: its packets are signed (MAVLink signing), and ours are not")]
@@ -101,10 +111,13 @@ impl ConnectError {
             Self::Silent { .. } => {
                 "bytes arrive, but no heartbeat: check the rate of the serial port, and that its protocol is MAVLink".to_owned()
             }
-            Self::NoPosition { texts, .. } if texts.is_empty() => {
+            Self::Missing { texts, .. } if texts.is_empty() => {
                 "wait for satellite navigation, or another source of position, and try again".to_owned()
             }
-            Self::NoPosition { texts, .. } => format!("the autopilot says: {}", texts.join("; ")),
+            Self::Missing { texts, .. } => format!("the autopilot says: {}", texts.join("; ")),
+            Self::TwoVehicles { url, systems } => {
+                format!("name the one to fly, as --drone \"mavlink@{url}?sysid={}\"", systems[0])
+            }
             Self::Signed { .. } => {
                 "turn signing off for this link with the ground station that has the key; by USB an ArduPilot takes unsigned packets".to_owned()
             }
@@ -152,8 +165,9 @@ pub(super) fn find(
         while let Some(packet) = decoder.next_packet() {
             let Report::Heartbeat(heartbeat) = packet.report() else { continue };
             let number = packet.autopilot().unwrap_or(8);
+            link.note(&packet);
             // Cameras, gimbals and ground stations have none.
-            if number == 8 || packet.system == 0 {
+            if number == 8 || packet.system == 0 || settings.vehicle.is_some_and(|wanted| packet.system != wanted) {
                 continue;
             }
             let Some(autopilot) = Autopilot::from_heartbeat(number) else {

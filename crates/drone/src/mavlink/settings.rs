@@ -3,6 +3,8 @@
 /// How a vehicle is flown by MAVLink.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MavlinkSettings {
+    /// The vehicle's system number; `None` for the only one that is heard.
+    pub vehicle: Option<u8>,
     /// Our system number; `None` for that of the vehicle, of which this program is then an onboard computer.
     pub system: Option<u8>,
     /// Tilt of the camera at the start, by its gimbal.

@@ -87,7 +87,7 @@ impl Transports {
                     (sender, bound, Box::new(move || connections(link, &listener, &streams, &events, &stopped)))
                 }
                 MavlinkUrl::Serial { .. } => {
-                    let port = Arc::new(Link::open(url)?);
+                    let port = Arc::new(Link::open(url, None)?);
                     opened.first.push(Peer { link, address: NOBODY });
                     let receiver = port.clone();
                     (Sender::Serial(port), None, Box::new(move || serial(link, &receiver, &events, &stopped)))

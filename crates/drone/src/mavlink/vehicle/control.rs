@@ -26,6 +26,8 @@ const SHOWN_WITHIN: Duration = Duration::from_secs(4);
 const UNDER_WAY: Duration = Duration::from_millis(2500);
 /// What the vehicle says about a refusal may arrive after it.
 const WORDS_WITHIN: Duration = Duration::from_millis(700);
+/// After this long in a take-off the user reads what it waits for.
+const CLIMBS_WITHIN: Duration = Duration::from_secs(10);
 /// A take-off is complete at this part of its height.
 const UP: f64 = 0.93;
 /// PX4 ends its take-off up to 0.8 m (`NAV_MC_ALT_RAD`) below its height; a hold below this part of it was commanded by others.
@@ -372,6 +374,16 @@ impl Vehicle {
                 if result != CommandResult::Accepted && self.landed == 1 && now.since(since) >= SHOWN_WITHIN =>
             {
                 self.give_up(now, "take-off", result);
+            }
+            Control::Climbing { since, .. } if now.since(since) >= CLIMBS_WITHIN && self.told_missing != Some(since) => {
+                self.told_missing = Some(since);
+                let mut what = self.missing(now);
+                if self.landed != 2 && !what.contains(&"EXTENDED_SYS_STATE") {
+                    what.push("a landed state (EXTENDED_SYS_STATE) that leaves the ground");
+                }
+                if !what.is_empty() {
+                    self.notices.push_back(Notice::Missing { step: "the take-off", what });
+                }
             }
             Control::Refused { what, result, at } if now.since(at) >= WORDS_WITHIN => {
                 if what == NO_HEIGHT {

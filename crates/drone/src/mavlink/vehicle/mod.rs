@@ -111,6 +111,8 @@ pub struct Vehicle {
     /// Whether the operator has resumed since.
     resumed: bool,
     said_not_ours: bool,
+    /// The take-off, by its beginning, of which the user has read what it waits for.
+    told_missing: Option<Time>,
     events: VecDeque<(Time, DroneEvent)>,
     notices: VecDeque<Notice>,
     setpoints_sent: u64,
@@ -161,6 +163,7 @@ impl Vehicle {
             told: false,
             resumed: false,
             said_not_ours: false,
+            told_missing: None,
             events: VecDeque::new(),
             notices: VecDeque::new(),
             setpoints_sent: 0,
@@ -204,6 +207,18 @@ impl Vehicle {
     #[must_use]
     pub fn is_placed(&self) -> bool {
         self.landed != 0
+    }
+
+    /// The messages without which it cannot be flown, of those that do not arrive.
+    #[must_use]
+    pub fn missing(&self, now: Time) -> Vec<&'static str> {
+        let needed = [
+            ("ATTITUDE", self.sensed.heading(now).is_some()),
+            ("LOCAL_POSITION_NED", self.sensed.position(now).is_some()),
+            ("GLOBAL_POSITION_INT", self.sensed.height(now).is_some()),
+            ("EXTENDED_SYS_STATE", self.is_placed()),
+        ];
+        needed.into_iter().filter(|(_, arrives)| !arrives).map(|(name, _)| name).collect()
     }
 
     /// Whether all parameters that matter have arrived or were given up.

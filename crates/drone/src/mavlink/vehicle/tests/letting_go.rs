@@ -176,3 +176,22 @@ fn a_landing_is_over_by_whatever_shows_it_first() {
     vehicle.handle(at(5000), &Report::Landed(1));
     assert!(!on_ground(&mut vehicle));
 }
+
+/// A landed state that stays on the ground, and no height.
+#[test]
+fn a_take_off_that_waits_names_what_does_not_come() {
+    let mut vehicle = px4();
+    assert_eq!(vehicle.missing(at(0)), ["ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT"]);
+    vehicle.take_off(at(0));
+    run(&mut vehicle, 0, 500, true);
+    vehicle.handle(at(500), &beat(Autopilot::Px4.hold(), true));
+    run(&mut vehicle, 500, 1000, true);
+    vehicle.handle(at(1000), &beat(Mode::px4(4, 2), true));
+    for second in 1..11 {
+        still(&mut vehicle, at(1000 * second + 500));
+        run(&mut vehicle, 1000 * second, 1000 * (second + 1), true);
+    }
+    let told: Vec<Notice> = core::iter::from_fn(|| vehicle.take_notice()).collect();
+    let what = vec!["ATTITUDE", "GLOBAL_POSITION_INT", "a landed state (EXTENDED_SYS_STATE) that leaves the ground"];
+    assert_eq!(told, [Notice::Missing { step: "the take-off", what }]);
+}
