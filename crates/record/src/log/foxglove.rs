@@ -29,6 +29,9 @@ const WORLD: &str = "world";
 const BODY: &str = "body";
 /// The reference frame of the image.
 const CAMERA: &str = "camera";
+/// The format of an image, and the model of a lens's distortion.
+const JPEG: &str = "jpeg";
+const LENS: &str = "plumb_bob";
 
 /// Size of the waypoint cross, and line thickness, pixels.
 const RING: f64 = 24.0;
@@ -96,15 +99,50 @@ pub fn to_json(schema: &str, data: &[u8]) -> Option<Value> {
     }
 }
 
+/// A message of poses, lines or a calibration, written again: what its type does not know does not stay. `None` if it is of
+/// another type, or if any text in it is not one that this module writes.
+#[must_use]
+pub fn numbers_only(schema: &str, data: &[u8]) -> Option<Bytes> {
+    /// The texts that this module gives such messages.
+    const TEXTS: [&str; 9] = ["", WORLD, BODY, CAMERA, LENS, "plan", "path", "target", "LINE_LIST"];
+    fn known(value: &Value) -> bool {
+        match value {
+            Value::String(text) => TEXTS.contains(&text.as_str()),
+            Value::Array(list) => list.iter().all(known),
+            Value::Object(fields) => fields.values().all(known),
+            _ => true,
+        }
+    }
+    fn again<M: Decode + Encode + Serialize>(data: &[u8]) -> Option<Bytes> {
+        let message = M::decode(data).ok()?;
+        serde_json::to_value(&message).is_ok_and(|value| known(&value)).then(|| encode(&message))
+    }
+    match schema {
+        "foxglove.CameraCalibration" => again::<CameraCalibration>(data),
+        "foxglove.FrameTransforms" => again::<FrameTransforms>(data),
+        "foxglove.PoseInFrame" => again::<PoseInFrame>(data),
+        "foxglove.SceneUpdate" => again::<SceneUpdate>(data),
+        _ => None,
+    }
+}
+
+/// The same camera image with another JPEG; `None` if it is no JPEG, or if `again` makes none of it.
+#[must_use]
+pub fn image_again(data: &[u8], again: impl FnOnce(&[u8]) -> Option<Bytes>) -> Option<Bytes> {
+    let CompressedImage { timestamp, data, format, .. } = CompressedImage::decode(data).ok()?;
+    let data = again(&data).filter(|_| format == JPEG)?;
+    Some(encode(&CompressedImage { timestamp, frame_id: CAMERA.to_owned(), data, format }))
+}
+
 /// A camera image as JPEG, captured at `at`.
 #[must_use]
 pub fn image(at: Time, jpeg: Bytes) -> CompressedImage {
-    CompressedImage { timestamp: Some(stamp(at)), frame_id: CAMERA.to_owned(), data: jpeg, format: "jpeg".to_owned() }
+    CompressedImage { timestamp: Some(stamp(at)), frame_id: CAMERA.to_owned(), data: jpeg, format: JPEG.to_owned() }
 }
 
 /// The image in a message; `None` if it is not a JPEG.
 pub(super) fn jpeg_of(data: &[u8]) -> Option<Bytes> {
-    CompressedImage::decode(data).ok().filter(|image| image.format == "jpeg").map(|image| image.data)
+    CompressedImage::decode(data).ok().filter(|image| image.format == JPEG).map(|image| image.data)
 }
 
 /// The text of a log message.
@@ -179,7 +217,7 @@ pub fn calibration(at: Time, camera: &Camera) -> CameraCalibration {
         frame_id: CAMERA.to_owned(),
         width,
         height,
-        distortion_model: "plumb_bob".to_owned(),
+        distortion_model: LENS.to_owned(),
         d: vec![distortion.k1, distortion.k2, distortion.p1, distortion.p2, 0.0],
         k: vec![fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
         r: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
@@ -453,6 +491,23 @@ mod tests {
         let update = scene(Time::ZERO, &[thing]);
         assert_eq!(update.entities[0].lines[0].points.len(), 2 * 12);
     }
+
+    #[test]
+    fn numbers_stay_and_other_texts_do_not() {
+        let at = |east| EnuPosition { east, north: 0.0, up: 1.0 };
+        let lines = [plan(Time::ZERO, at(0.0), at(1.0)), path(Time::ZERO, &[at(0.0), at(1.0)], Some((at(9.0), 1.5)))];
+        for data in lines.map(|message| encode(&message)) {
+            assert_eq!(numbers_only("foxglove.SceneUpdate", &data).as_ref(), Some(&data));
+        }
+        let poses = encode(&transforms(Time::ZERO, &Pose::default(), 0.1));
+        assert_eq!(numbers_only("foxglove.FrameTransforms", &poses), Some(poses));
+        let lens = encode(&calibration(Time::ZERO, &Camera::quad()));
+        assert_eq!(numbers_only("foxglove.CameraCalibration", &lens), Some(lens));
+        let hut = Prism { name: "hut".to_owned(), polygons: Vec::new(), bottom: 0.0, top: 3.0, colour: [0; 3] };
+        assert_eq!(numbers_only("foxglove.SceneUpdate", &encode(&scene(Time::ZERO, &[hut]))), None);
+        assert_eq!(numbers_only("foxglove.Log", &encode(&log_line(Time::ZERO, Level::Info, String::new()))), None);
+    }
+
     #[test]
     fn marks_are_read_back() {
         let area = ImageBox { left: 0.25, top: 0.5, right: 0.5, bottom: 0.75 };

@@ -14,12 +14,14 @@ mod reader;
 mod repair;
 mod strings;
 mod video;
+mod whole;
 mod writer;
 
 pub use queue::{Log, LogFacts, LogSender};
 pub use reader::{Entry, LogHead, LogReader, ReadError};
 pub use repair::{RepairError, Repaired, Rewrite, repair, rewrite};
 pub use video::{LogVideoError, video};
+pub use whole::WholeLog;
 pub use writer::LogError;
 
 use std::borrow::Cow;
@@ -32,7 +34,7 @@ use spf_core::time::Time;
 pub const FORMAT: u32 = 2;
 
 /// Name of the metadata record that marks a file as a flight log, with `format` and `started_at_ns` (wall clock, Unix
-/// nanoseconds).
+/// nanoseconds; absent from a log made to be shared).
 const HEAD: &str = "spf";
 const FORMAT_KEY: &str = "format";
 const STARTED_KEY: &str = "started_at_ns";

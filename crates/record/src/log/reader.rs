@@ -69,7 +69,7 @@ pub struct Entry {
 pub struct LogHead {
     /// Version of its topics and messages.
     pub format: u32,
-    /// Wall clock at the start, Unix nanoseconds.
+    /// Wall clock at the start, Unix nanoseconds; 0 in a log made to be shared, which does not tell it.
     pub started_at_ns: u64,
 }
 

@@ -91,7 +91,7 @@ impl LogWriter {
         }
         let writer = NoSeek::new(BufWriter::new(file.try_clone()?));
         let mut writer = options().create(writer)?;
-        writer.write_metadata(&head(SystemTime::now()))?;
+        writer.write_metadata(&head(Some(SystemTime::now())))?;
         let mut channels = Vec::with_capacity(topics.len());
         for topic in topics {
             let schema = writer.add_schema(&topic.schema, topic.schema_encoding, &topic.definition)?;
@@ -159,8 +159,10 @@ pub(super) fn options() -> WriteOptions {
         .library(concat!("spf ", env!("CARGO_PKG_VERSION")))
 }
 
-fn head(now: SystemTime) -> Metadata {
-    let started = now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos());
-    let entries = [(FORMAT_KEY, FORMAT.to_string()), (STARTED_KEY, started.to_string())];
-    Metadata { name: HEAD.to_owned(), metadata: entries.map(|(key, value)| (key.to_owned(), value)).into() }
+/// The metadata of a log that starts now; of a copy without its wall-clock time if `now` is `None`.
+pub(super) fn head(now: Option<SystemTime>) -> Metadata {
+    let started = now.map(|now| now.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos()));
+    let entries = [(FORMAT_KEY, Some(FORMAT.to_string())), (STARTED_KEY, started.map(|nanos| nanos.to_string()))];
+    let metadata = entries.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect();
+    Metadata { name: HEAD.to_owned(), metadata }
 }
