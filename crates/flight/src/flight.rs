@@ -231,6 +231,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         prompt: prompt.as_ref().map(|prompt| prompt.source().to_owned()),
         drone: drone.name().to_owned(),
         sim,
+        shared: None,
     };
     let mut pilot = pilot(&head, policy.as_ref(), prompt_text);
     let sight = Sight::new(drone.frames(), frame_source.clone());

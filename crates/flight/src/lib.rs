@@ -30,6 +30,7 @@ pub mod recorder;
 pub mod replay;
 pub mod run;
 pub mod script;
+pub mod share;
 pub mod sight;
 pub mod sim;
 pub mod site;

@@ -19,6 +19,7 @@ use spf_record::log::{Entry, ReadError};
 use crate::log::{Channel, FlightHeader, LinkNews, LinkRow, OperatorRow, ReplyRow, output};
 use crate::pilot::pilot;
 use crate::policy::PolicyKind;
+use crate::share::{LEFT_OUT, Redactor, SourceEnd};
 
 /// Why a log cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -122,7 +123,7 @@ pub fn replay_keeping(
         };
         replay.take(&entry)?;
     }
-    Ok(replay.end(false))
+    Ok(replay.end(of_truncated(&head)))
 }
 
 /// The flight's head, which is the first message of a log.
@@ -137,14 +138,15 @@ pub fn head(entries: &mut impl Iterator<Item = Result<Entry, ReadError>>) -> Res
     row(&first)
 }
 
-/// The prompt of a flight: its own, or the built-in one.
+/// The prompt of a flight: its own, or the built-in one, which also stands for one that a shared log leaves out: no policy reads a
+/// prompt, and a shared log does not compare the texts made of it.
 ///
 /// # Errors
 /// [`ReplayError::Prompt`] if the recorded prompt is invalid.
 pub fn prompt_of(head: &FlightHeader, policy: PolicyKind) -> Result<Arc<PromptText>, ReplayError> {
     Ok(match &head.prompt {
-        Some(file) => Arc::new(PromptText::parse(file)?),
-        None => PromptText::shipped(policy.prompt()),
+        Some(file) if file != LEFT_OUT => Arc::new(PromptText::parse(file)?),
+        _ => PromptText::shipped(policy.prompt()),
     })
 }
 
@@ -163,9 +165,16 @@ pub fn row<T: DeserializeOwned>(entry: &Entry) -> Result<T, ReplayError> {
 /// Messages by channel, in order.
 type Outputs = BTreeMap<Channel, Vec<Vec<u8>>>;
 
+/// Whether a log made to be shared was made of a truncated one.
+pub(crate) fn of_truncated(head: &FlightHeader) -> bool {
+    head.shared.as_ref().is_some_and(|mark| mark.source == SourceEnd::Truncated)
+}
+
 /// A pilot being replayed.
-struct Replay {
+pub(crate) struct Replay {
     pilot: Pilot,
+    /// Of a log made to be shared, what it leaves out is left out of the replayed outputs too.
+    redactor: Option<Redactor>,
     now: Time,
     /// Outputs since the last input, replayed and recorded.
     replayed: Outputs,
@@ -180,7 +189,7 @@ fn is_zero(count: &u64) -> bool {
 }
 
 impl Replay {
-    fn new(head: &FlightHeader, changes: &Changes) -> Result<Self, ReplayError> {
+    pub(crate) fn new(head: &FlightHeader, changes: &Changes) -> Result<Self, ReplayError> {
         let policy = PolicyKind::of_name(&head.policy).ok_or_else(|| ReplayError::Policy(head.policy.clone()))?;
         let changed = FlightHeader {
             settings: changes.settings.unwrap_or(head.settings),
@@ -189,19 +198,22 @@ impl Replay {
         };
         let pilot = pilot(&changed, &policy, prompt_of(head, policy)?);
         let (replayed, recorded) = (Outputs::new(), Outputs::new());
-        let mut replay = Self { pilot, now: Time::ZERO, replayed, recorded, report: Report::default(), most: usize::MAX };
+        let redactor = head.shared.as_ref().map(|_| Redactor::new(head, Vec::new()));
+        let report = Report::default();
+        let mut replay = Self { pilot, redactor, now: Time::ZERO, replayed, recorded, report, most: usize::MAX };
         replay.poll();
         Ok(replay)
     }
 
-    fn take(&mut self, entry: &Entry) -> Result<(), ReplayError> {
+    pub(crate) fn take(&mut self, entry: &Entry) -> Result<(), ReplayError> {
         let Some(channel) = Channel::of_topic(&entry.topic) else { return Ok(()) };
         if channel == Channel::Gap {
             return Err(ReplayError::Gap(entry.time));
         }
         if channel.is_output() {
             self.report.outputs += 1;
-            self.recorded.entry(channel).or_default().push(entry.data.to_vec());
+            let recorded = self.told(channel, &entry.data);
+            self.recorded.entry(channel).or_default().push(recorded);
         } else if channel.is_input() {
             let event = event(channel, entry)?;
             self.compare();
@@ -219,9 +231,16 @@ impl Replay {
     fn poll(&mut self) {
         while let Some(action) = self.pilot.poll(self.now) {
             if let Some((channel, data)) = output(&action, &self.pilot) {
-                self.replayed.entry(channel).or_default().push(data.to_vec());
+                let replayed = self.told(channel, &data);
+                self.replayed.entry(channel).or_default().push(replayed);
             }
         }
+    }
+
+    /// An output as the log tells it.
+    fn told(&mut self, channel: Channel, data: &[u8]) -> Vec<u8> {
+        let shared = self.redactor.as_mut().and_then(|redactor| redactor.row(channel, data));
+        shared.map_or_else(|| data.to_vec(), |shared| shared.to_vec())
     }
 
     /// Compares the outputs between two inputs, topic by topic.
@@ -243,7 +262,7 @@ impl Replay {
         }
     }
 
-    fn end(mut self, torn: bool) -> Report {
+    pub(crate) fn end(mut self, torn: bool) -> Report {
         self.report.torn = torn;
         // The last outputs of a truncated log may be missing.
         if !torn {

@@ -15,6 +15,8 @@ use spf_core::query::QueryId;
 use spf_core::time::Time;
 use spf_core::track::TrackStart;
 
+use crate::share::SharedMark;
+
 /// The flight's head, once, at time zero: everything needed to recreate the pilot, and where it flew.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FlightHeader {
@@ -59,6 +61,9 @@ pub struct FlightHeader {
     /// The simulated world; absent for a real drone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sim: Option<SimHead>,
+    /// What was left out, if this log was made to be shared; absent otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shared: Option<SharedMark>,
 }
 
 /// Everything needed to render a simulated flight again.

@@ -185,7 +185,7 @@ impl Channel {
     }
 
     /// Topic definition of its messages.
-    pub(super) fn form(self) -> Topic {
+    pub(crate) fn form(self) -> Topic {
         fn json<T: JsonSchema>(channel: Channel, schema: &'static str) -> Topic {
             Topic::of_json::<T>(channel.name(), schema)
         }

@@ -12,4 +12,5 @@ mod observers;
 mod oracle_language;
 mod replay;
 mod rooms;
+mod share;
 mod tracking;

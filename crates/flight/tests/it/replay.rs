@@ -33,12 +33,12 @@ fn settings() -> PilotSettings {
 }
 
 /// The policy with a name.
-fn policy(name: &str) -> Arc<PolicyKind> {
+pub(crate) fn policy(name: &str) -> Arc<PolicyKind> {
     Arc::new(PolicyKind::of_name(name).unwrap())
 }
 
 /// A flight with every pilot input: frames, telemetry, valid and invalid replies, an operator.
-fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
+pub(crate) fn flown(folder: &Path, change: impl FnOnce(&mut FlightPlan)) -> PathBuf {
     let kind = CraftKind::Quad;
     let at = Time::from_millis;
     let hand = OperatorEvent::Setpoint(Setpoint { right: 9.0, ..Setpoint::HOLD });
