@@ -16,6 +16,10 @@ pub(crate) enum Log {
     Video(Video),
     /// Repair a log truncated by a killed process, a crash or a full disk
     Repair(Repair),
+    /// Make one file of a flight to send to somebody else: without keys, addresses, names, places and pictures
+    Share(Share),
+    /// Open a file made by `spf log share`, and make the pilot's decisions again
+    Open(Open),
 }
 
 /// Summarizes a flight log: the flight, its topics, and whether the log is complete.
@@ -136,4 +140,52 @@ pub(crate) struct Video {
     /// Replace the output file if it exists
     #[arg(long)]
     pub(crate) overwrite: bool,
+}
+
+/// Makes one file of a recorded flight to send to somebody else, and tells what is in it and what was left out.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf log share flights/001-fly-to-the-red-crane
+  spf log share flights/001-fly-to-the-red-crane -o first-flight.mcap --pictures
+
+Kept: the instruction, what the model answered, telemetry, setpoints, decisions, limits and settings, with positions in metres from \
+the start. Left out: keys, addresses, paths, names of users and servers, serial numbers, the wall clock, your own prompt, what \
+servers said, and everything that this version does not know. Camera images are left out unless --pictures is given. The instruction \
+and the answers are kept as they are, but for parts that look like one of these: read them before you send the file. Nothing is sent.
+
+The receiver opens it with `spf log open`, and every other command for flight logs reads it too.")]
+pub(crate) struct Share {
+    /// The flight: its folder, or its flight.mcap
+    pub(crate) flight: PathBuf,
+    /// Output file [default: the flight's name with -shared.mcap, in the working directory]
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) output: Option<PathBuf>,
+    /// Keep the camera images; faces, number plates and rooms can be seen on them
+    #[arg(long)]
+    pub(crate) pictures: bool,
+    /// Replace the output file if it exists
+    #[arg(long)]
+    pub(crate) overwrite: bool,
+}
+
+/// Opens a file made by `spf log share`: tells of the flight, and makes the pilot's decisions again from what was recorded.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf log open first-flight.mcap
+  spf log open first-flight.mcap --out first-flight      # a flight's folder: log, decisions, summary
+  spf log open first-flight.mcap --json | jq .shared.left_out
+
+As by `spf replay`: the pilot gets the recorded frames, telemetry and replies again, and every difference from the recorded decisions \
+and commands is printed. Exit code 1 if anything differs.")]
+pub(crate) struct Open {
+    /// The file
+    pub(crate) file: PathBuf,
+    /// Unpack it to this folder, which must be new or empty
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Print only one JSON object on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
 }

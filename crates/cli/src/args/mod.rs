@@ -25,7 +25,7 @@ pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchReport, BenchRun, Ben
 pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
-pub(crate) use log::{Cat, Export, Info, Log, Repair, Replay, Video};
+pub(crate) use log::{Cat, Export, Info, Log, Open, Repair, Replay, Share, Video};
 pub(crate) use screen::{Screen, ScreenCalibrate, ScreenPreview};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
@@ -77,7 +77,7 @@ pub(crate) enum Command {
     /// The embedded simulator: render, list, view and serve scenes
     #[command(subcommand)]
     Sim(Sim),
-    /// Flight logs (flight.mcap): inspect, export, make videos, repair
+    /// Flight logs (flight.mcap): inspect, export, make videos, repair, share
     #[command(subcommand)]
     Log(Log),
     /// Replay a flight log and report where spf's decisions now differ
@@ -106,6 +106,7 @@ impl Command {
             Self::Doctor(doctor) => doctor.json,
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
+            Self::Log(Log::Open(open)) => open.json,
             Self::Replay(replay) => replay.json,
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,

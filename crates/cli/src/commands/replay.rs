@@ -30,10 +30,15 @@ pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError>
     Ok(if report.differences.is_empty() { Exit::Success } else { Exit::Internal })
 }
 
-fn tell(report: &Report, printer: &Printer) {
+/// Prints every difference.
+pub(super) fn differences(report: &Report, printer: &Printer) {
     for difference in &report.differences {
         printer.result(&line(difference));
     }
+}
+
+fn tell(report: &Report, printer: &Printer) {
+    differences(report, printer);
     let Report { inputs, outputs, differences, .. } = report;
     printer.result(&match differences.len() {
         0 => format!("no difference: {inputs} inputs replayed, {outputs} identical outputs"),

@@ -270,6 +270,130 @@ fn another_vlm_is_queried_about_the_same_frames() {
     assert!(wrong.code == Some(2) && wrong.stderr.contains("did you mean `oracle`?"), "{}", wrong.stderr);
 }
 
+/// One file to send: what was left out is told, the decisions are made again from it, and a folder can be made of it.
+#[test]
+fn a_flight_is_shared_and_opened() {
+    let lab = Lab::new();
+    let run = lab.spf(&["fly", "fly to the red crane", "--max-time", "8", "--out", "flights/001-crane"]);
+    assert_eq!(run.code, Some(3), "{}", run.stderr);
+    let shared = lab.spf(&["log", "share", "flights/001-crane"]);
+    assert_eq!(shared.code, Some(0), "{}", shared.stderr);
+    let size = lab.read("001-crane-shared.mcap").len().div_ceil(1000);
+    assert!(shared.stdout.starts_with(&format!("001-crane-shared.mcap: {size} kB, ")), "{}", shared.stdout);
+    for told in [
+        "kept: the instruction, \"fly to the red crane\"\n",
+        "left out: camera images (--pictures keeps them",
+        "left out: date and time of the flight\n",
+        "positions are metres from the start",
+        "made again from it: no difference in ",
+        "not in it: decisions.jsonl, summary.json, video.mp4, trajectory.svg\n",
+    ] {
+        assert!(shared.stdout.contains(told), "{told}: {}", shared.stdout);
+    }
+    assert!(!shared.stdout.contains("this version does not know"), "a log of this version: {}", shared.stdout);
+
+    let opened = lab.spf(&["log", "open", "001-crane-shared.mcap", "--out", "crane"]);
+    assert_eq!(opened.code, Some(0), "{}{}", opened.stdout, opened.stderr);
+    assert!(opened.stdout.starts_with("\"fly to the red crane\", sim with oracle: timeout\n"), "{}", opened.stdout);
+    assert_eq!(lab.names("crane"), ["decisions.jsonl", "flight.mcap", "summary.json"]);
+    assert_eq!(lab.decisions("crane").len(), lab.decisions("flights/001-crane").len());
+    assert_eq!(lab.spf(&["replay", "crane/flight.mcap"]).code, Some(0));
+    assert!(!by_topic(&lab.path("crane/flight.mcap")).contains_key("/camera/image"));
+
+    let with = lab.spf(&["log", "share", "flights/001-crane/flight.mcap", "--pictures", "-o", "seen.mcap"]);
+    assert!(with.code == Some(0) && with.stdout.contains("kept: camera images, with everybody"), "{}", with.stdout);
+    let images = by_topic(&lab.path("flights/001-crane/flight.mcap"))["/camera/image"].len();
+    assert_eq!(by_topic(&lab.path("seen.mcap"))["/camera/image"].len(), images);
+    let told: Value = serde_json::from_str(&lab.spf(&["log", "open", "seen.mcap", "--json"]).stdout).unwrap();
+    assert_eq!((&told["pictures"], &told["replay"]["differences"]), (&images.into(), &Value::Array(vec![])));
+}
+
+/// What cannot be shared or opened is named, and no file is replaced or left half written.
+#[test]
+fn what_cannot_be_shared_or_opened_is_named() {
+    let lab = Lab::new();
+    lab.fly("mine", &["fly to the red crane", "--max-time", "4"]);
+    assert_eq!(lab.spf(&["log", "share", "mine", "-o", "mine.mcap"]).code, Some(0));
+    let before = lab.read("mine.mcap");
+    std::fs::create_dir(lab.path("empty")).unwrap();
+    lab.write("letter.txt", "a letter, and no flight log");
+    lab.write("torn.mcap", &before[..before.len() - 3000]);
+    for (command, told) in [
+        (&["log", "share", "mine", "-o", "mine.mcap"][..], "`mine.mcap` exists"),
+        (&["log", "share", "nowhere"], "cannot find the flight `nowhere`"),
+        (&["log", "share", "empty"], "`empty` is not a flight: it has no flight.mcap"),
+        (&["log", "share", "letter.txt", "-o", "l.mcap"], "cannot read the flight log `letter.txt`"),
+        (&["log", "share", "mine.mcap", "-o", "l.mcap"], "the log was shared before"),
+        (&["log", "open", "nowhere.mcap"], "cannot read the flight log `nowhere.mcap`"),
+        (&["log", "open", "letter.txt"], "not an MCAP file"),
+        (&["log", "open", "torn.mcap"], "the file is truncated"),
+        (&["log", "open", "mine/flight.mcap"], "not made by `spf log share`"),
+        (&["log", "open", "mine.mcap", "--out", "mine"], "is not empty"),
+    ] {
+        let run = lab.spf(command);
+        assert!(run.code == Some(2) && run.stderr.contains(told), "{command:?} {:?} {}", run.code, run.stderr);
+    }
+    assert_eq!(lab.read("mine.mcap"), before);
+    assert_eq!(lab.names("."), ["empty", "letter.txt", "mine", "mine.mcap", "torn.mcap"]);
+    assert_eq!(lab.spf(&["log", "share", "mine", "-o", "mine.mcap", "--overwrite"]).code, Some(0));
+    // A flight that was killed is shared as far as it was recorded.
+    let log = lab.read("mine/flight.mcap");
+    lab.write("mine/flight.mcap", &log[..log.len() / 2]);
+    let part = lab.spf(&["log", "share", "mine", "-o", "part.mcap"]);
+    assert!(part.code == Some(0) && part.stderr.contains("incomplete"), "{}{}", part.stdout, part.stderr);
+    let opened = lab.spf(&["log", "open", "part.mcap"]);
+    assert!(opened.code == Some(0) && opened.stdout.contains("no outcome recorded"), "{}{}", opened.stdout, opened.stderr);
+}
+
+/// Every record of an MCAP file, those of its chunks without their compression.
+fn records(log: &[u8]) -> Vec<u8> {
+    use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader};
+    let (mut reader, mut rest, mut found) = (LinearReader::new(), log, Vec::new());
+    while let Some(event) = reader.next_event() {
+        match event.unwrap() {
+            LinearReadEvent::ReadRequest(size) => {
+                let (now, later) = rest.split_at(size.min(rest.len()));
+                reader.insert(now.len()).copy_from_slice(now);
+                reader.notify_read(now.len());
+                rest = later;
+            }
+            LinearReadEvent::Record { data, .. } => found.extend_from_slice(data),
+        }
+    }
+    found
+}
+
+/// Settings with a host, a key, paths and names; the user's name and keys in the environment.
+#[test]
+fn nothing_of_a_computer_is_in_a_shared_file() {
+    let lab = Lab::new();
+    lab.fly("mine", &["fly to the red crane", "--max-time", "8"]);
+    let copy = changed(&lab.read("mine/flight.mcap"), |head| {
+        head["instruction"] = "fly to wendelina's red crane, key zebra-own-key-1".into();
+        head["vlm"] = "openai#/home/wendelina/best.gguf@http://nas.lan:8080/v1".into();
+        head["detector"] = "/home/wendelina/yolo.onnx".into();
+        head["depth_model"] = "wendelina-depth".into();
+        head["prompt"] = "spf-prompt point 9\nfor wendelina".into();
+        head["drone"] = "0TQZH5BEDM0F2A".into();
+        head["sim"]["scene"] = "/home/wendelina/garden.toml".into();
+    });
+    lab.write("own.mcap", copy);
+    let share = lab
+        .command(&["log", "share", "own.mcap", "-o", "out.mcap"])
+        .env("USER", "wendelina")
+        .env("X_API_KEY", "zebra-own-key-1")
+        .output();
+    let shared = Run::of(&share.unwrap());
+    assert_eq!(shared.code, Some(0), "{}", shared.stderr);
+    let log = lab.read("out.mcap");
+    let inside = String::from_utf8_lossy(&records(&log)).to_lowercase();
+    assert!(inside.contains("[left out]'s red crane, key [left out]") || inside.contains("fly to [left out]"), "the instruction");
+    for secret in ["wendelina", "nas.lan", "zebra", "/home", "0tqzh5bedm0f2a", "yolo", "gguf", "garden"] {
+        assert!(!inside.contains(secret) && !String::from_utf8_lossy(&log).contains(secret), "{secret}");
+    }
+    assert!(String::from_utf8_lossy(&records(&lab.read("own.mcap"))).contains("wendelina"), "it is found where it is");
+}
+
 /// A third-party viewer, over the network, during the flight.
 #[cfg(unix)]
 #[test]

@@ -3,7 +3,9 @@
 mod cat;
 mod export;
 mod info;
+mod open;
 mod repair;
+mod share;
 mod video;
 
 use std::path::Path;
@@ -24,6 +26,8 @@ pub(crate) fn log(command: &Log, printer: &Printer) -> Result<Exit, CliError> {
         Log::Export(args) => export::export(args, printer),
         Log::Video(args) => video::video(args, printer),
         Log::Repair(args) => repair::repair(args, printer),
+        Log::Share(args) => share::share(args, printer),
+        Log::Open(args) => open::open(args, printer),
     }
 }
 
