@@ -17,6 +17,7 @@ use std::collections::BTreeMap;
 use std::io::Write;
 
 use bytes::Bytes;
+use spf_core::time::Time;
 use spf_media::jpeg::{Jpeg, decode_within};
 use spf_record::log::{Entry, Message, ReadError, Rewrite, WholeLog, foxglove};
 
@@ -125,7 +126,7 @@ where
     let head = FlightHeader { shared: Some(mark.clone()), ..selection.head.clone() };
     let head = serde_json::to_vec(&head).map_err(|error| ShareError::Form(error.into()))?;
     let head = selection.redactor.row(Channel::Flight, &head).ok_or(ReplayError::NoHead)?;
-    log.push(&Message { topic: Channel::Flight as usize, time: spf_core::time::Time::ZERO, data: head })?;
+    log.push(&Message { topic: Channel::Flight as usize, time: Time::ZERO, data: head })?;
     for entry in read()?.into_iter().skip(1) {
         let Ok(entry) = entry else { break };
         if let Some(message) = selection.message(&entry, pictures)? {
@@ -247,6 +248,8 @@ pub struct Opened {
     pub decisions: Vec<Bytes>,
     /// The pilot's decisions made again, compared with those of the flight.
     pub report: Report,
+    /// Where that had to end, because the disk was too slow for the messages after it; `None` if it did not.
+    pub gap: Option<Time>,
 }
 
 /// Reads a shared log to its end, and makes the pilot's decisions again.
@@ -262,7 +265,7 @@ pub fn check(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Res
     let head = head(&mut entries).map_err(torn)?;
     let mark = head.shared.clone().ok_or(ShareError::NotShared)?;
     let mut replay = Replay::new(&head, &Changes::default())?;
-    let (mut messages, mut pictures, mut summary, mut decisions) = (1, 0, None, Vec::new());
+    let (mut messages, mut pictures, mut summary, mut decisions, mut gap) = (1, 0, None, Vec::new(), None);
     for entry in entries {
         let entry = entry.map_err(|error| torn(error.into()))?;
         messages += 1;
@@ -272,8 +275,13 @@ pub fn check(entries: impl IntoIterator<Item = Result<Entry, ReadError>>) -> Res
             Some(Channel::Decision) => decisions.push(entry.data.clone()),
             _ => {}
         }
-        replay.take(&entry)?;
+        if gap.is_none() {
+            match replay.take(&entry) {
+                Err(ReplayError::Gap(at)) => gap = Some(at),
+                taken => taken?,
+            }
+        }
     }
-    let report = replay.end(of_truncated(&head));
-    Ok(Opened { head, mark, messages, pictures, summary, decisions, report })
+    let report = replay.end(of_truncated(&head) || gap.is_some());
+    Ok(Opened { head, mark, messages, pictures, summary, decisions, report, gap })
 }

@@ -112,6 +112,25 @@ fn a_truncated_log_is_shared_as_far_as_it_goes() {
     assert_eq!((opened.report.differences, opened.report.torn, opened.summary), (vec![], true, None));
 }
 
+/// A disk that was too slow: the flight is told, and decided again up to the messages that are missing.
+#[test]
+fn a_log_with_a_gap_is_opened_and_decided_again_up_to_it() {
+    let mut entries = FLOWN.clone();
+    let middle = entries.len() / 2;
+    let at = entries[middle].time;
+    entries[middle] = Entry {
+        topic: "/gap".to_owned(),
+        encoding: "json".to_owned(),
+        schema: "spf.Gap".to_owned(),
+        data: Bytes::from_static(b"{\"messages\":7}"),
+        ..entries[middle].clone()
+    };
+    let (_, log) = shared_of(&entries, Pictures::LeftOut, &[]).unwrap();
+    let opened = check(LogReader::new(&log[..])).unwrap();
+    assert_eq!((opened.gap, opened.report.torn, opened.report.differences), (Some(at), true, vec![]));
+    assert!(opened.report.inputs > 500 && opened.summary.is_some());
+}
+
 #[test]
 fn what_is_no_shared_log_is_refused() {
     assert!(matches!(check(FLOWN.iter().cloned().map(Ok)), Err(ShareError::NotShared)));

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use spf_core::pilot::Outcome;
+use spf_core::time::Time;
 use spf_flight::share::{Opened, ShareError, SharedMark, check};
 use spf_flight::words;
 use spf_record::OutDir;
@@ -27,6 +28,8 @@ struct Content<'a> {
     messages: u64,
     pictures: u64,
     replay: &'a spf_flight::replay::Report,
+    /// Flight time, nanoseconds, up to which the decisions could be made again; null if to the end.
+    gap: Option<Time>,
 }
 
 /// Reads the file, makes the pilot's decisions again, and unpacks it if a folder is given.
@@ -49,6 +52,7 @@ pub(super) fn open(args: &Open, printer: &Printer) -> Result<Exit, CliError> {
             messages: *messages,
             pictures: *pictures,
             replay: report,
+            gap: opened.gap,
         };
         let text = serde_json::to_string(&content).map_err(|error| CliError::internal("cannot write JSON").because(&error))?;
         printer.data(&text);
@@ -70,7 +74,7 @@ pub(super) fn open(args: &Open, printer: &Printer) -> Result<Exit, CliError> {
             printer.result(&format!("left out: {}", left_out.words()));
         }
         differences(report, printer);
-        printer.result(&decided_again(report));
+        printer.result(&decided_again(&opened));
         if !report.differences.is_empty() && head.program != env!("CARGO_PKG_VERSION") {
             printer.result("another version flew it: differences may come from that");
         }

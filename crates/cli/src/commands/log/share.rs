@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use spf_flight::log::Channel;
 use spf_flight::replay::Report;
-use spf_flight::share::{LeftOut, Pictures, ShareError, Shared, SourceEnd, check, share as make};
+use spf_flight::share::{LeftOut, Opened, Pictures, ShareError, Shared, SourceEnd, check, share as make};
 use spf_record::log::LogReader;
 
 use super::{spare, unreplayable, warn_truncated};
@@ -40,7 +40,7 @@ pub(super) fn share(args: &Share, printer: &Printer) -> Result<Exit, CliError> {
     match check(file) {
         Ok(opened) => {
             tell(&output, &shared, &opened.head.instruction, printer);
-            printer.result(&decided_again(&opened.report));
+            printer.result(&decided_again(&opened));
         }
         Err(error) => {
             tell(&output, &shared, "", printer);
@@ -153,13 +153,16 @@ fn files_beside(log: &Path, printer: &Printer) {
 }
 
 /// The result of making the decisions again.
-pub(super) fn decided_again(report: &Report) -> String {
-    let Report { outputs, differences, .. } = report;
-    match differences.len() {
-        0 => format!("the pilot's decisions made again from it: no difference in {outputs} outputs"),
-        1 => format!("the pilot's decisions made again from it: 1 difference in {outputs} outputs"),
-        many => format!("the pilot's decisions made again from it: {many} differences in {outputs} outputs"),
-    }
+pub(super) fn decided_again(opened: &Opened) -> String {
+    let Report { outputs, differences, .. } = &opened.report;
+    let found = match differences.len() {
+        0 => "no difference".to_owned(),
+        1 => "1 difference".to_owned(),
+        many => format!("{many} differences"),
+    };
+    let until =
+        opened.gap.map_or(String::new(), |at| format!(" up to {at}, where the disk was too slow and messages are missing"));
+    format!("the pilot's decisions made again from it: {found} in {outputs} outputs{until}")
 }
 
 /// A size in kB or MB.
