@@ -313,6 +313,26 @@ fn a_geofence_and_a_wall_clock() {
     assert!(shared_of(&fenced, Pictures::LeftOut, &[]).unwrap().1 == log);
 }
 
+/// A real craft has no light and no scene, and that is nothing to leave out.
+#[test]
+fn what_a_real_craft_does_not_have_is_not_left_out() {
+    let real = with_head(&FEW, |head| {
+        head.as_object_mut().unwrap().remove("sim");
+        head["drone"] = "tello".into();
+    });
+    let real = with(&real, "/summary", |summary| {
+        for key in ["scene", "light", "weather"] {
+            summary[key] = "".into();
+        }
+        (summary["drone"], summary["drone_model"], summary["targets"]) = ("tello".into(), "tello".into(), json!([]));
+    });
+    let (shared, log) = shared_of(&real, Pictures::LeftOut, &[]).unwrap();
+    let summary = read(&log).into_iter().find(|entry| entry.topic == "/summary").unwrap();
+    assert_eq!(Some(&summary.data), real.iter().find(|entry| entry.topic == "/summary").map(|entry| &entry.data));
+    let none = [LeftOut::OtherSettings, LeftOut::OwnScene, LeftOut::VlmName, LeftOut::Unknown];
+    assert!(none.iter().all(|left_out| !shared.mark.left_out.contains(left_out)), "{:?}", shared.mark.left_out);
+}
+
 /// A topic of another program in the log, whatever its name.
 #[test]
 fn another_programs_topic_is_not_in_the_file() {
