@@ -52,6 +52,8 @@ pub fn operator(event: &OperatorEvent) -> String {
             format!("keep out of {}", counted(places.len(), "marked place"))
         }
         OperatorEvent::Land => "land".to_owned(),
+        OperatorEvent::Left => "left the controls, hold".to_owned(),
+        OperatorEvent::Abandoned => "away from the controls for long, land".to_owned(),
         OperatorEvent::CutMotors => "cut the motors".to_owned(),
     }
 }

@@ -101,6 +101,11 @@ pub enum OperatorEvent {
     KeepOut(Vec<KeepOut>),
     /// End the flight: land here.
     Land,
+    /// Whoever had the controls has left them: hold. What lands, returns or is flown by somebody else goes on.
+    Left,
+    /// Nobody has taken the controls for long: land here, or stay on the ground. What lands, returns or is flown by somebody else
+    /// goes on.
+    Abandoned,
     /// Cut the motors now; the craft falls.
     CutMotors,
 }

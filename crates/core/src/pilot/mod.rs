@@ -118,6 +118,8 @@ pub struct Pilot {
     must_land: Option<&'static str>,
     /// When the operator took over a landing that the craft may still be flying.
     taken_over: Option<Time>,
+    /// Since when somebody else has flown the craft.
+    flown_elsewhere: Option<Time>,
     /// Time since which the camera alone has been delaying take-off.
     ready_since: Option<Time>,
     hold_after_take_off: bool,
@@ -202,6 +204,7 @@ impl Pilot {
             earlier_decisions: 0,
             must_land: None,
             taken_over: None,
+            flown_elsewhere: None,
             ready_since: None,
             hold_after_take_off: false,
             kept_out: Vec::new(),

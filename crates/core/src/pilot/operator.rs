@@ -29,8 +29,11 @@ impl Pilot {
         }
         self.note(Note::Operator(event.clone()));
         match event {
-            OperatorEvent::Hold => self.hold(now, Phase::Held),
-            OperatorEvent::Resume => self.resume(now),
+            OperatorEvent::Hold | OperatorEvent::Left => self.hold(now, Phase::Held),
+            OperatorEvent::Resume => {
+                self.flown_elsewhere = None;
+                self.resume(now);
+            }
             OperatorEvent::Setpoint(setpoint) => {
                 self.hold(now, Phase::Manual);
                 self.last_manual = Some(now);
@@ -43,6 +46,10 @@ impl Pilot {
                 self.end_before_take_off(now, Outcome::Aborted, "the operator ended the flight before take-off".to_owned());
             }
             OperatorEvent::Land => self.finish(now, Outcome::Aborted, "the operator ended the flight".to_owned()),
+            OperatorEvent::Abandoned if self.phase == Phase::Ground => {
+                self.end_before_take_off(now, Outcome::Aborted, "nobody had the controls before take-off".to_owned());
+            }
+            OperatorEvent::Abandoned => self.finish(now, Outcome::Aborted, "nobody had the controls any more".to_owned()),
             OperatorEvent::CutMotors => {
                 self.cancel_queries();
                 self.stop_motion(now);
@@ -55,15 +62,27 @@ impl Pilot {
 
     /// Why an input has no effect in this phase.
     fn ignored(&self, event: &OperatorEvent) -> Option<&'static str> {
-        use OperatorEvent::{CutMotors, Hold, Instruction, Land, Resume, Setpoint};
+        use OperatorEvent::{Abandoned, CutMotors, Hold, Instruction, Land, Left, Resume, Setpoint};
         match (self.phase, event) {
             (Phase::Ended, CutMotors) if self.craft_phase != crate::telemetry::FlightPhase::OnGround => None,
             (Phase::Ended, _) => Some("the flight is over"),
+            (_, Left | Abandoned) => self.goes_on_alone(event),
             (_, OperatorEvent::KeepOut(places)) => refused_places(places),
             (Phase::Landing, Land) => Some("already landing"),
             (Phase::Landing | Phase::Returning, Hold | Resume | Setpoint(_) | Instruction(_)) => self.landing_is_final(),
             (Phase::Ground | Phase::TakeOff, Setpoint(_)) => Some("not flying yet"),
             (Phase::Ground | Phase::TakeOff | Phase::Flying, Resume) if !self.hold_after_take_off => Some("no hold is in effect"),
+            _ => None,
+        }
+    }
+
+    /// Why what the craft does goes on though nobody has the controls.
+    fn goes_on_alone(&self, event: &OperatorEvent) -> Option<&'static str> {
+        match self.phase {
+            Phase::Landing => Some("the landing goes on"),
+            Phase::Returning => Some("the return goes on"),
+            Phase::Hovering if *event == OperatorEvent::Left => Some("it hovers already"),
+            _ if *event == OperatorEvent::Abandoned && self.flown_elsewhere.is_some() => Some("somebody else flies"),
             _ => None,
         }
     }

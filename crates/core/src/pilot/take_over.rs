@@ -68,6 +68,11 @@ impl Pilot {
         }
         self.note(Note::LetGo(news));
         match news {
+            LetGo::Somebody => _ = self.flown_elsewhere.get_or_insert(now),
+            LetGo::Failsafe | LetGo::Nobody => self.flown_elsewhere = None,
+            LetGo::NotLanded => {}
+        }
+        match news {
             LetGo::Somebody | LetGo::Failsafe if self.landing_is_final().is_none() => self.hold(now, Phase::Held),
             LetGo::Somebody | LetGo::Failsafe => {}
             LetGo::Nobody => self.finish(

@@ -44,6 +44,7 @@ enum Happens {
     },
     Operator(OperatorEvent),
     Link(bool),
+    LetGo(LetGo),
     /// A report on the track of the `which`th newest query.
     Track {
         which: u64,
@@ -106,6 +107,8 @@ fn operator_events() -> impl Strategy<Value = OperatorEvent> {
         2 => Just(OperatorEvent::Instruction("fly to the tree".to_owned())),
         1 => Just(OperatorEvent::KeepOut(Vec::new())),
         1 => Just(OperatorEvent::Land),
+        1 => Just(OperatorEvent::Left),
+        1 => Just(OperatorEvent::Abandoned),
         1 => Just(OperatorEvent::CutMotors),
     ]
 }
@@ -133,6 +136,8 @@ fn happenings() -> impl Strategy<Value = Happens> {
         2 => (0..4u64).prop_map(|which| Happens::Fails { which }),
         4 => operator_events().prop_map(Happens::Operator),
         1 => any::<bool>().prop_map(Happens::Link),
+        1 => prop_oneof![Just(LetGo::Somebody), Just(LetGo::Failsafe), Just(LetGo::Nobody), Just(LetGo::NotLanded)]
+            .prop_map(Happens::LetGo),
         6 => track_reports(),
         12 => (100..6000u64).prop_map(Happens::Good),
     ]
@@ -275,7 +280,12 @@ impl Chaos {
             Event::Operator(OperatorEvent::Resume) => self.hand = None,
             // Flown by hand, whatever the next instruction is, and wherever it is not to fly by itself.
             Event::Operator(OperatorEvent::Instruction(_) | OperatorEvent::KeepOut(_)) => self.reason = false,
+            // What somebody else flies goes on, and a setpoint from before with it until it expires.
+            Event::Operator(OperatorEvent::Abandoned) => self.reason = false,
             Event::Operator(_) => (self.reason, self.hand) = (false, None),
+            // A landing that was not commanded changes nothing.
+            Event::LetGo(LetGo::NotLanded) => {}
+            Event::LetGo(_) => (self.reason, self.hand) = (false, None),
             Event::LinkLost => (self.reason, self.link) = (false, false),
             Event::LinkRestored => self.link = true,
             // The second look at somebody who is followed is taken while the craft goes along with them.
@@ -447,6 +457,7 @@ impl Chaos {
             Happens::Fails { which } => self.tell(Event::ReplyFailed { id: self.id(which), reason: "x".to_owned() }),
             Happens::Operator(event) => self.tell(Event::Operator(event)),
             Happens::Link(true) => self.tell(Event::LinkRestored),
+            Happens::LetGo(news) => self.tell(Event::LetGo(news)),
             Happens::Link(false) => self.tell(Event::LinkLost),
             Happens::Track { which, age, area: [left, top, right, bottom], scale, good } => {
                 let quality = if good { TrackQuality::Good } else { TrackQuality::Lost };

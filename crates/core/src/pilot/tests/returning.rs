@@ -10,7 +10,7 @@ fn flight(return_height: Option<f64>, rules: Option<Rule>) -> Flight {
     setup.fly(perfect(target(6.0, 25.0, 6.0), 1.5))
 }
 
-fn returning() -> Flight {
+pub(super) fn returning() -> Flight {
     let mut flight = flight(Some(15.0), None);
     flight.until_phase(Phase::Returning);
     flight.pass(1.0);

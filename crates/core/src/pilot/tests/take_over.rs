@@ -233,3 +233,91 @@ fn video_and_telemetry_that_stay_late_hold_then_land() {
         assert_eq!(flight.end(), Outcome::Failed);
     }
 }
+
+/// A flight in the state that a row of the table names.
+fn in_state(row: &str) -> Flight {
+    let setup = || Setup::preset(Preset::Default);
+    let fly = || setup().fly(always(navigate(0.6, 0.45, 9), 2.0));
+    let mut flight = match row {
+        "hovering" => return hovering(),
+        "returning" => return returning::returning(),
+        "landing" => return landing(),
+        _ => fly(),
+    };
+    let held_by = |event: Event| {
+        let mut flight = fly();
+        flight.until_moving();
+        flight.tell(event);
+        flight.pass(1.0);
+        flight
+    };
+    match row {
+        "on the ground" => {}
+        "taking off" => flight.until_phase(Phase::TakeOff),
+        "flying" => flight.until_moving(),
+        "flown by hand" => {
+            flight.until_moving();
+            flight.operator(OperatorEvent::Setpoint(LEFT));
+        }
+        "held" => return held_by(Event::Operator(OperatorEvent::Hold)),
+        "held, because somebody else flies" => return held_by(Event::LetGo(LetGo::Somebody)),
+        "ended" => {
+            flight.until_moving();
+            flight.operator(OperatorEvent::Land);
+            flight.end();
+        }
+        _ => panic!("a row that nothing tests: {row}"),
+    }
+    flight
+}
+
+/// Every row and column of the table in `docs/explanation/safety.md`.
+#[test]
+fn whoever_leaves_the_controls_interrupts_no_landing_no_return_and_nobody_else() {
+    let docs = include_str!("../../../../../docs/explanation/safety.md");
+    let (_, table) = docs.split_once("| the flight is | the page is lost, or the controls change hands | after 20 s |").unwrap();
+    let rows = table.lines().skip(2).take_while(|line| line.starts_with('|'));
+    let mut tested = 0;
+    for line in rows {
+        let cells: Vec<&str> = line.trim_matches('|').split('|').map(str::trim).collect();
+        for (event, expected) in [(OperatorEvent::Left, cells[1]), (OperatorEvent::Abandoned, cells[2])] {
+            let mut flight = in_state(cells[0]);
+            let (before, craft) = (flight.pilot.phase(), flight.phase);
+            let height = flight.model.position.up;
+            flight.operator(event.clone());
+            flight.pass(0.5);
+            let told = format!("{}, {event:?}: {:?} after {before:?}", cells[0], flight.pilot.phase());
+            let phase = match expected {
+                "goes on" => {
+                    assert_eq!(flight.phase, craft, "{told}");
+                    before
+                }
+                "waits on the ground" => {
+                    flight.pass(10.0);
+                    Phase::Ground
+                }
+                "holds after take-off" => {
+                    flight.until_phase(Phase::Held);
+                    Phase::Held
+                }
+                "holds" => Phase::Held,
+                "lands" => Phase::Landing,
+                "ends" => Phase::Ended,
+                _ => panic!("an effect that nothing tests: {expected}"),
+            };
+            assert_eq!(flight.pilot.phase(), phase, "{told}");
+            let falls = matches!(before, Phase::Landing | Phase::Returning);
+            assert!(!falls || flight.model.position.up < height, "{told}");
+            tested += 1;
+        }
+    }
+    assert_eq!(tested, 20);
+}
+
+#[test]
+fn once_the_operator_resumes_nobody_else_flies() {
+    let mut flight = in_state("held, because somebody else flies");
+    flight.operator(OperatorEvent::Resume);
+    flight.operator(OperatorEvent::Abandoned);
+    assert_eq!(flight.pilot.phase(), Phase::Landing);
+}
