@@ -78,9 +78,20 @@ impl Flights {
         }
     }
 
+    /// Where a file of a flight lies, links followed; `None` if there is none, or if it lies outside of the folder of flights.
+    fn inside(&self, flight: &Path, file: &str) -> Option<PathBuf> {
+        let (folder, path) = (self.folder.canonicalize().ok()?, flight.join(file).canonicalize().ok()?);
+        path.starts_with(folder).then_some(path)
+    }
+
+    /// Whether a flight has a file.
+    fn has(&self, flight: &Path, file: &str) -> bool {
+        self.inside(flight, file).is_some_and(|path| path.is_file())
+    }
+
     /// The folders of flights, with the names under which they are served; newest first.
     fn found(&self) -> Vec<(String, PathBuf)> {
-        let is_flight = |path: &Path| path.join("summary.json").is_file();
+        let is_flight = |path: &Path| self.has(path, "summary.json");
         if is_flight(&self.folder) {
             let name = self.folder.file_name().map_or_else(|| "flight".to_owned(), |name| name.to_string_lossy().into_owned());
             return vec![(name, self.folder.clone())];
@@ -101,13 +112,13 @@ impl Flights {
             return known.clone();
         }
         let found = self.found();
-        let list = listed(&found).into();
+        let list = self.listed(&found).into();
         known.insert(Known { at: Instant::now(), found: found.into(), list }).clone()
     }
 
     /// The list, JSON. It reads files: not for a thread that must not wait.
     pub(crate) fn list(&self) -> String {
-        format!(r#"{{"report":{},"flights":{}}}"#, self.folder.join(REPORT).is_file(), self.known().list)
+        format!(r#"{{"report":{},"flights":{}}}"#, self.has(&self.folder, REPORT), self.known().list)
     }
 
     fn folder(&self, name: &str) -> Option<PathBuf> {
@@ -131,20 +142,22 @@ impl Flights {
         let folder = self.folder(name).ok_or("no such flight")?;
         #[cfg(test)]
         self.gate.pass();
-        again::differences(&folder, flying)
+        let log = self.inside(&folder, "flight.mcap").ok_or(again::UNREADABLE)?;
+        again::differences(&log, flying)
     }
 
     /// The bench's report, if there is one in the folder.
     pub(crate) fn report(&self) -> Option<Vec<u8>> {
-        spf_input::read(&self.folder.join(REPORT), REPORT_BYTES).ok()
+        spf_input::read(&self.inside(&self.folder, REPORT)?, REPORT_BYTES).ok()
     }
 
-    /// A file of a flight, or the part of it that is asked for; within a runtime that reads it on. Names are compared with what is there, never joined to a path.
+    /// A file of a flight, or the part of it that is asked for; within a runtime that reads it on. Names are compared with what is there, never joined to a path, and no link leads out of the folder.
     pub(crate) fn file(&self, name: &str, file: &str, range: Option<&str>) -> Response {
         let missing = || (StatusCode::NOT_FOUND, "no such flight or file\n").into_response();
         let Some((file, kind, shown)) = FILES.into_iter().find(|(known, ..)| *known == file) else { return missing() };
         let Some((name, folder)) = self.known().found.iter().find(|(known, _)| known == name).cloned() else { return missing() };
-        let Ok(open) = spf_input::open(&folder.join(file)) else { return missing() };
+        let open = self.inside(&folder, file).and_then(|path| spf_input::open(&path).ok());
+        let Some(open) = open else { return missing() };
         let mut response = match part(open, range) {
             Ok(response) => response,
             Err(status) => return (status, "the file cannot be read\n").into_response(),
@@ -160,36 +173,36 @@ impl Flights {
         }
         response
     }
-}
 
-/// The list of these flights, JSON.
-fn listed(found: &[(String, PathBuf)]) -> String {
-    let flight = |(name, path): &(String, PathBuf)| {
-        let summary = summary(path);
-        let has = |file: &str| path.join(file).is_file();
-        let get = |key: &str| summary.get(key).cloned().unwrap_or(Value::Null);
-        json!({
-            "name": name, "written": written(path), "instruction": get("instruction"),
-            "earlier_instructions": get("earlier_instructions"), "outcome": get("outcome"),
-            "verified": get("verified"), "cause": get("cause"), "scene": get("scene"), "drone": get("drone"), "vlm": get("vlm"),
-            "time": get("finished_at_s"), "since_motion": get("completion_time_s"), "flown": get("path_length_m"),
-            "decisions": get("decisions"), "not_recorded": get("not_recorded"),
-            "distance": get("final_distance_m"), "collisions": get("collisions"),
-            "film": has("video.mp4"), "map": has("trajectory.svg"), "log": has("flight.mcap"),
-        })
-    };
-    Value::Array(found.iter().map(flight).collect()).to_string()
+    /// The list of these flights, JSON.
+    fn listed(&self, found: &[(String, PathBuf)]) -> String {
+        let flight = |(name, path): &(String, PathBuf)| {
+            let summary = self.summary(path);
+            let has = |file: &str| self.has(path, file);
+            let get = |key: &str| summary.get(key).cloned().unwrap_or(Value::Null);
+            json!({
+                "name": name, "written": written(path), "instruction": get("instruction"),
+                "earlier_instructions": get("earlier_instructions"), "outcome": get("outcome"),
+                "verified": get("verified"), "cause": get("cause"), "scene": get("scene"), "drone": get("drone"), "vlm": get("vlm"),
+                "time": get("finished_at_s"), "since_motion": get("completion_time_s"), "flown": get("path_length_m"),
+                "decisions": get("decisions"), "not_recorded": get("not_recorded"),
+                "distance": get("final_distance_m"), "collisions": get("collisions"),
+                "film": has("video.mp4"), "map": has("trajectory.svg"), "log": has("flight.mcap"),
+            })
+        };
+        Value::Array(found.iter().map(flight).collect()).to_string()
+    }
+
+    fn summary(&self, flight: &Path) -> Value {
+        let text = self.inside(flight, "summary.json").and_then(|path| spf_input::read(&path, SUMMARY).ok());
+        text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or(Value::Null)
+    }
 }
 
 /// Seconds since 1970 at which the flight ended; 0 if unknown.
 fn written(flight: &Path) -> u64 {
     let at = std::fs::metadata(flight.join("summary.json")).and_then(|data| data.modified()).ok();
     at.and_then(|at| at.duration_since(UNIX_EPOCH).ok()).map_or(0, |since| since.as_secs())
-}
-
-fn summary(flight: &Path) -> Value {
-    let text = spf_input::read(&flight.join("summary.json"), SUMMARY);
-    text.ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or(Value::Null)
 }
 
 /// The whole of a file, or the part that a browser asks for to jump within a film.
@@ -306,6 +319,47 @@ mod tests {
         {
             assert_eq!(status(name, file, None), 404, "{name}/{file}");
         }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_followed_through_a_link_out_of_the_folder() {
+        use std::os::unix::fs::symlink;
+        let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
+        let _within = runtime.enter();
+        let (base, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        // The folder itself may be reached through a link.
+        let folder = base.path().join("flights");
+        std::fs::create_dir(base.path().join("real")).unwrap();
+        symlink(base.path().join("real"), &folder).unwrap();
+        let (flight, other) = (folder.join("001-a"), elsewhere.path().join("private"));
+        for flight in [&flight, &other] {
+            std::fs::create_dir(flight).unwrap();
+            std::fs::write(flight.join("summary.json"), r#"{"instruction":"told"}"#).unwrap();
+            std::fs::write(flight.join("decisions.jsonl"), "secret").unwrap();
+        }
+        std::fs::write(elsewhere.path().join("report.html"), "secret").unwrap();
+        symlink(other.join("decisions.jsonl"), flight.join("video.mp4")).unwrap();
+        symlink(other.join("decisions.jsonl"), flight.join("flight.mcap")).unwrap();
+        symlink(flight.join("decisions.jsonl"), flight.join("trajectory.svg")).unwrap();
+        symlink("../../../../../../../../../etc/passwd", flight.join("passwd")).unwrap();
+        symlink(&other, folder.join("002-linked")).unwrap();
+        symlink(elsewhere.path().join("report.html"), folder.join(REPORT)).unwrap();
+        std::fs::create_dir(folder.join("003-summary")).unwrap();
+        symlink(other.join("summary.json"), folder.join("003-summary").join("summary.json")).unwrap();
+        let flights = Flights::of(&folder);
+        let list: Value = serde_json::from_str(&flights.list()).unwrap();
+        let names: Vec<&Value> = list["flights"].as_array().unwrap().iter().map(|flight| &flight["name"]).collect();
+        assert_eq!((names, &list["report"]), (vec![&json!("001-a")], &json!(false)), "{list}");
+        let told = &list["flights"][0];
+        assert_eq!((&told["film"], &told["log"], &told["map"]), (&json!(false), &json!(false), &json!(true)));
+        let status = |name: &str, file: &str| flights.file(name, file, None).status().as_u16();
+        for (name, file) in [("001-a", "video.mp4"), ("001-a", "flight.mcap"), ("002-linked", "decisions.jsonl")] {
+            assert_eq!(status(name, file), 404, "{name}/{file}");
+        }
+        assert_eq!((status("001-a", "decisions.jsonl"), status("001-a", "trajectory.svg")), (200, 200), "links inside");
+        assert!(flights.report().is_none());
+        assert!(flights.again("001-a", || false).unwrap_err().contains("cannot be read"));
     }
 
     proptest! {

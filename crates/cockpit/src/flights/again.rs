@@ -11,14 +11,16 @@ use spf_record::log::{LogReader, ReadError};
 const TOLD: usize = 200;
 /// Maximum length of a value that is told, characters.
 const VALUE: usize = 400;
+/// What is told of a log that cannot be read.
+pub(super) const UNREADABLE: &str = "the flight's log cannot be read";
 /// Time limit of a replay.
 const LONGEST: Duration = Duration::from_secs(120);
 
 /// The differences of a replay as JSON; an error for a person, without paths. It is given up once `flying`: a flight needs the
 /// processor.
-pub(super) fn differences(folder: &Path, flying: impl Fn() -> bool) -> Result<String, String> {
-    let unreadable = |_| "the flight's log cannot be read".to_owned();
-    let reader = LogReader::open(&folder.join("flight.mcap")).map_err(unreadable)?;
+pub(super) fn differences(log: &Path, flying: impl Fn() -> bool) -> Result<String, String> {
+    let unreadable = |_| UNREADABLE.to_owned();
+    let reader = LogReader::open(log).map_err(unreadable)?;
     let (until, mut given_up) = (Instant::now() + LONGEST, None);
     let entries = reader.map(|entry| {
         if flying() {

@@ -39,7 +39,12 @@ pub(super) fn remove(folder: &Path) -> Result<&'static str, &'static str> {
 
 /// Whether a program still writes it: its log has no end yet.
 fn is_recorded(folder: &Path) -> bool {
-    let Ok(mut log) = spf_input::open(&folder.join("flight.mcap")) else { return false };
+    let path = folder.join("flight.mcap");
+    // What a link leads to, this flight does not write.
+    if path.symlink_metadata().is_ok_and(|data| data.is_symlink()) {
+        return false;
+    }
+    let Ok(mut log) = spf_input::open(&path) else { return false };
     let mut end = [0; COMPLETE.len()];
     let read = log.seek(SeekFrom::End(-(COMPLETE.len() as i64))).and_then(|_| log.read_exact(&mut end));
     let is_complete = read.is_ok() && end == COMPLETE;

@@ -104,7 +104,7 @@ fn a_replay_ends_when_a_flight_begins() {
         asked.set(asked.get() + 1);
         asked.get() > 50
     };
-    let why = again::differences(folder.path(), flying).unwrap_err();
+    let why = again::differences(&folder.path().join("flight.mcap"), flying).unwrap_err();
     assert!(why.contains("a flight has begun") && asked.get() == 51, "{why}, {}", asked.get());
 }
 
