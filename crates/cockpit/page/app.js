@@ -1,5 +1,6 @@
 // The cockpit: joins what is seen and what is ordered.
 
+import { Alarms, Awake } from "./alarms.js";
 import { Decisions } from "./decisions.js";
 import { caption } from "./draw.js";
 import { Film } from "./film.js";
@@ -19,7 +20,9 @@ const film = new Film(
 );
 const map = new MapView();
 const decisions = new Decisions((query) => watch?.open(query));
-const controls = new Controls({ message: role, welcome, lost });
+const [alarms, awake] = [new Alarms(), new Awake()];
+picture.aged = (old) => alarms.set("picture", old);
+const controls = new Controls({ message: role, welcome, lost, late });
 const orders = new Orders(controls, picture);
 orders.marks = new Marks(orders, picture);
 const body = document.body;
@@ -77,20 +80,38 @@ let gone = false;
 function lost(is, over, reason) {
   const alarm = byId("alarm");
   alarm.hidden = !is;
+  const flying = body.dataset.flight === "on";
+  alarms.set("page", is && flying);
   if (!is) return;
   orders.release();
+  orders.cut.drop("the connection is lost");
   // What was true a moment ago may not be now.
-  const flying = body.dataset.flight === "on";
   if (!over && flying) for (const id of ["link", "speed"]) [byId(id).textContent, byId(id).className] = ["?", "bad"];
   alarm.textContent = over
     ? (reason || "The program has ended.")
-    : `Connection lost. ${flying ? "The drone holds if only this page controls it, and lands after 20 s. " : ""}Trying again …`;
+    : `Connection lost. ${flying ? "The drone goes on landing or returning; else it holds if only this page controls it, and lands after 20 s. " : ""}Trying again …`;
   if (over && byId("ended").open) alarm.hidden = true;
   if (!over || gone) return;
   gone = true;
   // Nobody serves them any longer.
   for (const id of ["past", "ended-flights"]) byId(id).hidden = true;
   byId("ended-lines").append(element("p", "The program has ended. “spf cockpit --view flights” shows its flights."));
+}
+
+/** The answer to an order that counted as not confirmed. */
+function late({ ok, text }) {
+  orders.say(ok ? `An order that was not confirmed was received after all${text ? `: ${text}` : "."}` : text, ok);
+}
+
+/** For how long the page that flies was lost, if the drone holds because of that, seconds. */
+let away = null;
+
+/** Asks what to do after the drone has held because this page was lost. */
+function heldBecauseLost(state) {
+  if (state.phase !== "held" && !state.will_hold) away = null;
+  const text = away === null ? "" : `Held: link lost ${Math.max(1, Math.round(away))} s.`;
+  show("held-text", text);
+  byId("held").hidden = away === null || state.phase !== "held";
 }
 
 /** The page that asks this one for the controls. */
@@ -103,9 +124,15 @@ function role(message) {
     picture.clear("");
     return;
   }
+  if (message.type === "held") {
+    away = message.away;
+    return;
+  }
   if (message.type !== "role") return message.text && orders.say(message.text, false);
   if ((body.dataset.role === "pilot") !== message.pilot) byId("ack").textContent = "";
   body.dataset.role = message.pilot ? "pilot" : "spectator";
+  if (!message.pilot) orders.cut.drop("the controls are not here");
+  keepAwake();
   const others = message.pages - 1;
   byId("role").textContent = message.pilot ? (others ? `You fly · ${others} more here` : "You fly") : "Watching";
   byId("ask").hidden = message.pilot;
@@ -121,6 +148,9 @@ function role(message) {
 const handlers = {
   flight(flight) {
     body.dataset.flight = "on";
+    alarms.set("collision", false);
+    away = null;
+    keepAwake();
     for (const part of [map, decisions]) part.clear();
     [map.outlines, map.fence] = [flight.outlines, flight.fence];
     problems = [];
@@ -152,6 +182,7 @@ const handlers = {
   question,
   waiting({ about }) {
     body.dataset.flight = "none";
+    keepAwake();
     byId("send").textContent = "Fly";
     byId("instruction").placeholder = "Say what the drone should do";
     picture.clear(`Ready: ${about}. What should the drone do?`);
@@ -163,6 +194,7 @@ const handlers = {
   opened: (message) => decisions.detail(message),
   end({ outcome, result, t, flown, incomplete }) {
     body.dataset.flight = "over";
+    keepAwake();
     byId("phase").textContent = outcome;
     byId("step").textContent = "";
     question({});
@@ -194,7 +226,7 @@ function question({ query, confirm }) {
 }
 
 function instruction(text) {
-  if (document.title !== `${text} – SPF cockpit`) document.title = `${text} – SPF cockpit`;
+  alarms.title(`${text} – SPF cockpit`);
   byId("reading").textContent = `Instruction: ${text}`;
   byId("reading").className = "";
 }
@@ -222,11 +254,20 @@ function text(id, value, kind = "") {
 /** A drone that has landed is no longer heard of, and that is nothing to worry about. */
 function over() {
   for (const id of ["link", "speed"]) text(id, "–");
+  byId("held").hidden = true;
+  orders.cut.drop();
   picture.age();
+  alarms.calm();
+}
+
+/** The screen stays on while this page flies. */
+function keepAwake() {
+  awake.set(body.dataset.role === "pilot" && body.dataset.flight === "on");
 }
 
 function state(state) {
   body.dataset.flight = "on";
+  keepAwake();
   const phases = { ground: "on the ground", take_off: "taking off", flying: "flying", held: "held", manual: "by hand", hovering: "hovering", returning: "returning home", landing: "landing", ended: "ended" };
   show("phase", (phases[state.phase] ?? state.phase) + (state.will_hold ? ", will hold" : ""));
   byId("resume").hidden = !["held", "manual"].includes(state.phase) && !state.will_hold;
@@ -235,6 +276,11 @@ function state(state) {
   text("speed", state.speed === null ? "–" : `${state.speed.toFixed(1)} m/s`);
   text("battery", state.battery === null ? "–" : `${Math.round(100 * state.battery)} %`, state.battery !== null && state.battery < 0.2 ? "bad" : "");
   text("link", state.link ? "good" : "LOST", state.link ? "" : "bad");
+  const live = state.phase !== "ended";
+  alarms.set("link", live && !state.link);
+  alarms.set("battery", live && state.battery !== null && state.battery < 0.2);
+  alarms.set("collision", state.crashed);
+  heldBecauseLost(state);
   text("heading", `${String(Math.round(state.heading) % 360).padStart(3, "0")}°`);
   text("flown", metres(state.flown));
   text("time", clock(state.t));

@@ -1,24 +1,41 @@
 // Orders: to stop, to point, to fly by hand.
 
+import { Cut } from "./cut.js";
 import { METRES, byId, isTyping, metres, roughly } from "./look.js";
 
 /** Manual flight is sent anew this often; the drone holds if it comes no more. */
 const REPEAT = 100;
 /** After the picture had the focus, keys fly nothing for this long, milliseconds. */
 const AIMED = 1000;
+/** A click so soon after a button was touched, or let go, is the same press, milliseconds. */
+const CLICK = 700;
 const KEYS = {
   ArrowUp: ["forward", 1], ArrowDown: ["forward", -1], ArrowLeft: ["right", -1], ArrowRight: ["right", 1],
   KeyW: ["up", 1], KeyS: ["up", -1], KeyA: ["turn", -1], KeyD: ["turn", 1],
 };
 
+/**
+ * Does it when the button is touched: a click waits until the finger leaves, and is of the first finger only, while another one may be
+ * on the pad. Keyboards and screen readers send a click alone.
+ */
+function touched(button, act) {
+  let last = -Infinity;
+  button.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    last = performance.now();
+    act();
+  });
+  button.addEventListener("pointerup", () => (last = performance.now()));
+  button.addEventListener("click", () => performance.now() - last > CLICK && act());
+}
+
 export class Orders {
   constructor(controls, picture) {
     [this.controls, this.picture, this.held, this.asked, this.human, this.steps] = [controls, picture, new Map(), null, false, null];
-    byId("hold").onclick = () => this.stop("hold", "hold");
-    byId("land").onclick = () => this.stop("land", "land");
-    byId("resume").onclick = () => this.give("resume");
-    byId("cut").onclick = () => this.arm();
-    byId("cut-confirm").onclick = () => this.stop("cut", "cut-confirm");
+    this.cut = new Cut(this);
+    for (const [button, what] of [["hold", "hold"], ["land", "land"], ["held-land", "land"]]) touched(byId(button), () => this.stop(what, button));
+    touched(byId("cut"), () => this.cut.offer());
+    for (const button of ["resume", "held-resume"]) byId(button).onclick = () => this.give("resume");
     document.addEventListener("keydown", (event) => {
       this.chord(event);
       this.key(event);
@@ -56,6 +73,7 @@ export class Orders {
     const pressed = byId(button);
     try {
       this.release(false);
+      this.cut.drop();
       pressed.classList.add("sent");
       byId("point").setAttribute("aria-pressed", "false");
       this.marks?.arm(false);
@@ -68,25 +86,6 @@ export class Orders {
     setTimeout(() => pressed.classList.remove("done"), 1200);
     const words = { hold: "Hold: received", land: "Land: received", cut: "Motors cut" };
     this.say(answer.ok ? `${words[what]} after ${Math.round(answer.ms)} ms` : answer.text, answer.ok);
-    if (what === "cut") this.disarm();
-  }
-
-  async arm() {
-    const answer = await this.give("arm_cut");
-    if (!answer.ok) return;
-    byId("cut").hidden = true;
-    byId("cut-confirm").hidden = false;
-    byId("cut-confirm").focus();
-    clearTimeout(this.armed);
-    this.armed = setTimeout(() => this.disarm(), 3000);
-  }
-
-  disarm() {
-    clearTimeout(this.armed);
-    const focused = document.activeElement === byId("cut-confirm");
-    byId("cut").hidden = false;
-    byId("cut-confirm").hidden = true;
-    if (focused) byId("cut").focus();
   }
 
   /** With Meta, Control or Alt held, browsers may send no keyup for other keys: nothing is flown on. */
@@ -106,6 +105,8 @@ export class Orders {
     } else if (event.key === "Escape") {
       event.preventDefault();
       if (!event.repeat) this.stop("land", "land");
+    } else if (this.cut.key(event)) {
+      event.preventDefault();
     } else if (document.activeElement === byId("picture") && this.aims(event)) {
       event.preventDefault();
     } else if (byId("manual").open && KEYS[event.code] && !(event.target instanceof HTMLInputElement)) {

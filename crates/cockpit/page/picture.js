@@ -70,6 +70,7 @@ export class Picture {
     const old = age !== null && age > OLD;
     const text = age === null ? "–" : old ? `${age.toFixed(1)} s` : `${Math.round(age * 1000)} ms`;
     byId("stage").classList.toggle("old", old);
+    this.aged?.(old);
     byId("age").textContent = old ? `picture ${text} old` : "";
     byId("picture-age").textContent = text;
     byId("picture-age").className = old ? "bad" : age > OLD / 2 ? "warn" : "";

@@ -109,10 +109,12 @@ export class Watch {
 /** The controls. */
 export class Controls {
   constructor(on) {
-    [this.on, this.open, this.next, this.lost] = [on, new Map(), 1, true];
+    [this.on, this.open, this.unconfirmed, this.next, this.lost] = [on, new Map(), new Set(), 1, true];
     this.since = performance.now();
     this.connection = new Connection("/control", {
       message: (message) => this.message(message),
+      // Beats are counted anew.
+      greeted: () => (this.tick = undefined),
       closed: (over, reason) => {
         for (const [, settle] of this.open) settle({ ok: false, text: "not sent: the connection is lost" });
         this.open.clear();
@@ -163,19 +165,21 @@ export class Controls {
         this.on.welcome(message);
         break;
       case "beat":
+        this.tick = message.n;
         this.connection.send({ beat: message.n });
         this.say(false);
         break;
       case "ack":
         this.open.get(message.id)?.(message);
         this.open.delete(message.id);
+        if (this.unconfirmed.delete(message.id)) this.on.late(message);
         break;
       default:
         this.on.message(message);
     }
   }
 
-  /** Sends an order. Resolves to what the server answered, or that it did not. */
+  /** Sends an order with the last beat seen, by which the program knows how old it is. Resolves to what the server answered, or that it did not. */
   order(what) {
     const [id, began] = [this.next++, performance.now()];
     return new Promise((resolve) => {
@@ -184,9 +188,12 @@ export class Controls {
         return settle({ ok: false, text: "not sent: no connection" });
       }
       this.open.set(id, settle);
-      this.connection.send({ order: { id, do: what } });
+      this.connection.send({ order: { id, tick: this.tick, do: what } });
       setTimeout(() => {
-        if (this.open.delete(id)) settle({ ok: false, text: "not confirmed: no answer" });
+        if (!this.open.delete(id)) return;
+        this.unconfirmed.add(id);
+        const dropped = what === "hold" || what === "land" ? "" : "; it is dropped if it arrives late";
+        settle({ ok: false, text: `not confirmed: no answer${dropped}` });
       }, CONFIRMED_WITHIN);
     });
   }

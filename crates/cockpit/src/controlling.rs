@@ -69,7 +69,7 @@ async fn talk(
     messages: &mut mpsc::Receiver<Arc<str>>,
     shared: &Shared,
 ) -> Option<()> {
-    let (mut stop, mut beat, mut beats) = (shared.stop.clone(), interval(BEAT), 0_u64);
+    let (mut stop, mut beat) = (shared.stop.clone(), interval(BEAT));
     let (mut heard, mut counted, mut since) = (Instant::now(), 0, Instant::now());
     loop {
         tokio::select! {
@@ -94,12 +94,12 @@ async fn talk(
                         heard = now;
                         at.controls.heard(at.number, now);
                     }
-                    Ok(ToControls::Order { id, order }) => {
+                    Ok(ToControls::Order { id, tick, order }) => {
                         let stops = matches!(order, Order::Hold | Order::Land | Order::ArmCut | Order::Cut);
                         let done = if counted > MESSAGES && !stops {
                             Err("too many orders within a second".to_owned())
                         } else {
-                            at.controls.order(at.number, &order, now)
+                            at.controls.receive(at.number, id, tick, &order, now)
                         };
                         let (ok, text) = match done {
                             Ok(text) => (true, text),
@@ -116,8 +116,8 @@ async fn talk(
                 if heard.elapsed() > SILENCE {
                     return None;
                 }
-                beats += 1;
-                send(socket, &format!(r#"{{"type":"beat","n":{beats}}}"#)).await?;
+                let tick = at.controls.beat(at.number, Instant::now());
+                send(socket, &format!(r#"{{"type":"beat","n":{tick}}}"#)).await?;
             }
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
                 let frame = CloseFrame { code: close_code::AWAY, reason: "the program has ended".into() };

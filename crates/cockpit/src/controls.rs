@@ -5,6 +5,7 @@
 mod handover;
 mod keys;
 mod lost;
+mod ticks;
 
 use std::collections::BTreeMap;
 use std::net::IpAddr;
@@ -23,11 +24,12 @@ use crate::message::{Hello, Order};
 use crate::pointing::{Given, Pointing};
 pub(crate) use keys::{Keys, May, Refused};
 use lost::Lost;
+use ticks::Ticks;
 
 /// A page that says nothing for this long is lost: with a beat each 250 ms, and checked each 100 ms, that is known within a second.
 pub(crate) const LOST_AFTER: Duration = Duration::from_millis(700);
-/// The second step of cutting the motors counts within this time.
-const CUT_WITHIN: Duration = Duration::from_secs(3);
+/// The second step of cutting the motors counts within this time: the page waits 4 s for a gesture that takes 1.5 s.
+const CUT_WITHIN: Duration = Duration::from_secs(6);
 /// The page that flies is checked this often.
 pub(crate) const CHECK: Duration = Duration::from_millis(100);
 /// A point so soon after an order to stop was set before it was seen.
@@ -77,6 +79,7 @@ struct Page {
     forgiven: Duration,
     /// When the pilot refused to hand over to it.
     refused: Option<Instant>,
+    ticks: Ticks,
     to_page: mpsc::Sender<Arc<str>>,
 }
 
@@ -149,7 +152,10 @@ impl Controls {
         let number = inner.next;
         inner.next += 1;
         let id = session.as_ref().map(|(id, _)| *id);
-        inner.pages.insert(number, Page { session: id, heard: now, forgiven: Duration::ZERO, refused: None, to_page });
+        inner.pages.insert(
+            number,
+            Page { session: id, heard: now, forgiven: Duration::ZERO, refused: None, ticks: Ticks::default(), to_page },
+        );
         // The same session again: the page was loaded anew, or its tab was doubled; the newest one flies.
         let same = inner.pilot.is_some_and(|pilot| inner.pages.get(&pilot).and_then(|page| page.session) == id);
         let back = inner.pilot.is_none() && inner.last_session.is_none_or(|last| Some(last) == id);
@@ -178,13 +184,40 @@ impl Controls {
         if let Some(page) = inner.pages.get_mut(&number) {
             (page.heard, page.forgiven) = (now, Duration::ZERO);
         }
-        if inner.pilot == Some(number) && inner.lost.take().is_some() {
+        if inner.pilot == Some(number) && inner.lost.is_some() {
+            inner.found(number, now);
             self.tell_roles(&mut inner);
         }
     }
 
     fn say(&self, text: &str, level: &str) {
         self.hub.tell(Kept::Row, &json!({"type": "line", "level": level, "text": text}));
+    }
+
+    /// The number of a beat that is sent to a page now.
+    pub(crate) fn beat(&self, number: u64, now: Instant) -> u64 {
+        self.inner().pages.get_mut(&number).map_or(0, |page| page.ticks.beat(now))
+    }
+
+    /// Carries out an order that has arrived from a page, with its number and the last beat that the page had seen; one that comes
+    /// late or out of order is dropped. Orders to hold and to land count whenever they come.
+    pub(crate) fn receive(&self, number: u64, id: u64, tick: Option<u64>, order: &Order, now: Instant) -> Result<String, String> {
+        let (judged, flies) = {
+            let mut inner = self.inner();
+            let judged = inner.pages.get_mut(&number).map_or(Ok(()), |page| page.ticks.judge(id, tick, now));
+            (judged, inner.pilot == Some(number))
+        };
+        match judged {
+            Err(why) if !matches!(order, Order::Hold | Order::Land) => {
+                let told = format!("{} dropped: {why}", order.words());
+                // A held key repeats it ten times a second.
+                if flies && !matches!(order, Order::Fly { .. }) {
+                    self.say(&told, "warning");
+                }
+                Err(told)
+            }
+            _ => self.order(number, order, now),
+        }
     }
 
     /// Carries out an order of a page. The result is shown there: what was done, or why not.
@@ -200,18 +233,19 @@ impl Controls {
         if inner.flight.is_none() {
             return Err("no flight is under way".to_owned());
         }
-        let armed = inner.armed.take();
+        // What was held before goes on beside it.
+        let armed = if matches!(order, Order::Fly { .. }) { None } else { inner.armed.take() };
         let events = match order {
             Order::Hold => vec![OperatorEvent::Hold],
             Order::Resume => vec![OperatorEvent::Resume],
             Order::Land => vec![OperatorEvent::Land],
             Order::ArmCut => {
                 inner.armed = Some((number, now));
-                return Ok("motors: confirm within 3 s; the drone falls".to_owned());
+                return Ok("motors: confirm below, or the offer ends".to_owned());
             }
             Order::Cut => match armed {
                 Some((by, at)) if by == number && now.duration_since(at) <= CUT_WITHIN => vec![OperatorEvent::CutMotors],
-                _ => return Err("motors not cut: confirm within 3 s of the first step".to_owned()),
+                _ => return Err("motors not cut: press Cut motors first, and confirm within 6 s".to_owned()),
             },
             Order::Fly { right, forward, up, turn } => vec![inner.setpoint(*right, *forward, *up, *turn)],
             Order::Point { u, v, depth, frame } => return self.point(&mut inner, Given::point(*u, *v, *depth, *frame), now),

@@ -135,6 +135,7 @@ impl Instruments {
             "at": [pose.position.east, pose.position.north],
             "heading": pose.attitude.heading.to_degrees().rem_euclid(360.0),
             "speed": speed,
+            "crashed": telemetry.is_some_and(|telemetry| telemetry.crashed),
             "battery": telemetry.and_then(|telemetry| telemetry.battery),
             "link": !self.link_lost,
             "telemetry_age": telemetry.map(|telemetry| now.since(telemetry.time).as_secs_f64()),
@@ -274,7 +275,7 @@ impl Observer for Instruments {
             Action::Note(note) => {
                 match note {
                     Note::Operator(OperatorEvent::Instruction(text)) => self.instruction.clone_from(text),
-                    Note::Operator(OperatorEvent::Hold) => self.holds = true,
+                    Note::Operator(OperatorEvent::Hold | OperatorEvent::Left | OperatorEvent::TakenOver) => self.holds = true,
                     Note::Operator(OperatorEvent::Resume) => self.holds = false,
                     _ => {}
                 }

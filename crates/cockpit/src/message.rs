@@ -32,6 +32,9 @@ pub(crate) enum ToControls {
     Order {
         /// The number.
         id: u64,
+        /// The last beat that the page had seen when it was given.
+        #[serde(default)]
+        tick: Option<u64>,
         /// What to do.
         #[serde(rename = "do")]
         order: Order,
@@ -50,7 +53,7 @@ pub(crate) enum Order {
     Land,
     /// The first step of cutting the motors.
     ArmCut,
-    /// The second one, within three seconds.
+    /// The second one, within six seconds.
     Cut,
     /// A new instruction.
     Instruction(String),
@@ -142,6 +145,23 @@ pub(crate) enum ToWatch {
     Open(u64),
 }
 
+impl Order {
+    /// What it is called where it is told of.
+    pub(crate) fn words(&self) -> &'static str {
+        match self {
+            Self::Hold => "hold",
+            Self::Resume => "resume",
+            Self::Land => "land",
+            Self::ArmCut | Self::Cut => "cut motors",
+            Self::Instruction(_) => "instruction",
+            Self::Fly { .. } => "fly by hand",
+            Self::Point { .. } | Self::Look(_) | Self::Done => "point",
+            Self::Avoid { .. } | Self::Unavoid(_) => "keep away",
+            Self::Ask | Self::Give { .. } => "the controls",
+        }
+    }
+}
+
 impl ToControls {
     /// Reads a message.
     pub(crate) fn read(text: &str) -> Result<Self, String> {
@@ -193,7 +213,12 @@ mod tests {
     #[test]
     fn orders_are_read_and_others_refused() {
         let read = |text: &str| ToControls::read(text);
-        assert_eq!(read(r#"{"order":{"id":3,"do":"hold"}}"#), Ok(ToControls::Order { id: 3, order: Order::Hold }));
+        assert_eq!(read(r#"{"order":{"id":3,"do":"hold"}}"#), Ok(ToControls::Order { id: 3, tick: None, order: Order::Hold }));
+        let resume = ToControls::Order { id: 3, tick: Some(17), order: Order::Resume };
+        assert_eq!(read(r#"{"order":{"id":3,"tick":17,"do":"resume"}}"#), Ok(resume));
+        for tick in ["-1", "1.5", "\"7\"", "1e99"] {
+            assert!(read(&format!(r#"{{"order":{{"id":3,"tick":{tick},"do":"resume"}}}}"#)).is_err(), "{tick}");
+        }
         assert_eq!(read(r#"{"hello":{}}"#), Ok(ToControls::Hello(Hello::default())));
         let fly = |forward: &str| {
             read(&format!(r#"{{"order":{{"id":1,"do":{{"fly":{{"right":0,"forward":{forward},"up":0,"turn":0}}}}}}}}"#))

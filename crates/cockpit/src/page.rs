@@ -25,6 +25,8 @@ page! {
     "/decisions.js" => "decisions.js": JS,
     "/mark.js" => "mark.js": JS,
     "/fly.js" => "fly.js": JS,
+    "/cut.js" => "cut.js": JS,
+    "/alarms.js" => "alarms.js": JS,
     "/look.js" => "look.js": JS,
     "/flights" => "flights.html": HTML,
     "/flights.js" => "flights.js": JS,

@@ -22,7 +22,8 @@ impl Controls {
         }
         (page.heard, page.forgiven) = (Instant::now(), Duration::ZERO);
         inner.last_session = page.session;
-        (inner.pilot, inner.lost, inner.asking, inner.armed) = (Some(number), None, None, None);
+        (inner.pilot, inner.asking, inner.armed) = (Some(number), None, None);
+        inner.found(number, Instant::now());
     }
 
     /// Tells every page of the controls what it may do.
@@ -45,12 +46,11 @@ impl Controls {
         }
         let known = inner.pages.get(&number).is_some_and(|page| page.session.is_some());
         if known && (inner.pilot.is_none() || inner.lost.is_some()) {
-            // What the new pilot does not know of must not go on.
-            let held = inner.send(OperatorEvent::Hold);
+            // What the new pilot does not know of must not go on, but for a landing.
+            inner.send(OperatorEvent::Left);
             self.give(inner, number);
             self.tell_roles(inner);
-            let held = if held { "; the drone holds" } else { "" };
-            return Ok(format!("you fly: the other page is gone{held}"));
+            return Ok("you fly: the other page is gone".to_owned());
         }
         if inner.pilot.is_none() {
             return Err("open the address that the terminal shows, with what follows the `#`".to_owned());
@@ -74,10 +74,10 @@ impl Controls {
             return Err("that page no longer asks for the controls".to_owned());
         };
         if yes {
-            // What the new pilot does not know of must not go on.
-            inner.send(OperatorEvent::Hold);
+            // What the new pilot does not know of must not go on, but for a landing.
+            inner.send(OperatorEvent::Left);
             self.give(inner, asking);
-            self.say("the controls were handed over: the drone holds", "info");
+            self.say("the controls were handed over", "info");
         }
         if let Some(page) = inner.pages.get_mut(&asking).filter(|_| !yes) {
             page.refused = Some(now);

@@ -2,9 +2,11 @@
 
 use std::time::{Duration, Instant};
 
+use serde_json::json;
 use spf_core::pilot::OperatorEvent;
 
 use super::{CHECK, Controls, Inner, LOST_AFTER};
+use crate::hub::json;
 
 /// A flight that only a lost page controls lands after this time of holding.
 const LAND_AFTER: Duration = Duration::from_secs(20);
@@ -15,8 +17,8 @@ const LATE: Duration = Duration::from_millis(250);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lost {
     Noticed,
-    Held,
-    Landing,
+    Left,
+    Abandoned,
 }
 
 impl Controls {
@@ -36,21 +38,22 @@ impl Controls {
         let only = inner.flight.as_ref().is_some_and(|flight| flight.only);
         let next = match done {
             // A page that is loaded anew is back by then.
-            Lost::Noticed if only && (inner.pilot.is_some() || away >= LOST_AFTER) => Some((Lost::Held, OperatorEvent::Hold)),
-            Lost::Held if away >= LAND_AFTER => Some((Lost::Landing, OperatorEvent::Land)),
+            Lost::Noticed if only && (inner.pilot.is_some() || away >= LOST_AFTER) => Some((Lost::Left, OperatorEvent::Left)),
+            Lost::Left if away >= LAND_AFTER => Some((Lost::Abandoned, OperatorEvent::Abandoned)),
             _ => None,
         };
-        // On the ground a hold would only be in effect after take-off.
+        // On the ground nobody waits for a page.
         let grounded = next.is_some() && self.pointing.is_on_ground();
-        let next = next.map(|next| if grounded { (Lost::Landing, OperatorEvent::Land) } else { next });
+        let next = next.map(|next| if grounded { (Lost::Abandoned, OperatorEvent::Abandoned) } else { next });
         if let Some((done, event)) = next {
             inner.lost = Some((since, done));
+            // What the pilot makes of it, it tells itself: a landing goes on.
             let what = match done {
-                _ if grounded => "does not take off",
-                Lost::Held => "holds; it lands in 20 s",
-                _ => "lands",
+                _ if grounded => ": the drone does not take off",
+                Lost::Abandoned => " for 20 s",
+                _ => "",
             };
-            self.say(&format!("connection to the pilot's page lost: the drone {what}"), "warning");
+            self.say(&format!("connection to the pilot's page lost{what}"), "warning");
             inner.send(event);
         }
         if inner.pilot.is_none() { inner.keys.renew(away) } else { None }
@@ -58,6 +61,14 @@ impl Controls {
 }
 
 impl Inner {
+    /// The page that flies is lost no longer, and it is told for how long nobody flew if the flight was told to hold.
+    pub(super) fn found(&mut self, number: u64, now: Instant) {
+        let Some((since, Lost::Left)) = self.lost.take() else { return };
+        let Some(page) = self.pages.get(&number) else { return };
+        let away = now.saturating_duration_since(since).as_secs_f64();
+        drop(page.to_page.try_send(json(&json!({"type": "held", "away": away}))));
+    }
+
     /// Does not count the time in which this thread itself was late, up to as long as a page may be silent.
     fn forgive(&mut self, now: Instant) {
         let late = self.checked.replace(now).map_or(Duration::ZERO, |last| now.duration_since(last));

@@ -20,6 +20,8 @@ impl<T: Read + Write + Send> Line for T {}
 pub(crate) struct Socket {
     socket: WebSocket<Box<dyn Line>>,
     orders: u64,
+    /// The last beat seen.
+    tick: u64,
     shown: u64,
     /// Pictures seen: the head of each.
     pub(crate) pictures: Vec<Value>,
@@ -41,7 +43,7 @@ impl Socket {
     pub(crate) fn over(stream: Box<dyn Line>, address: SocketAddr, path: &str, hello: Value) -> Self {
         let request = format!("ws://{address}{path}").into_client_request().unwrap();
         let (socket, _) = tungstenite::client(request, stream).unwrap();
-        let mut page = Self { socket, orders: 0, shown: 0, pictures: Vec::new(), alive: true, answered: Instant::now() };
+        let mut page = Self { socket, orders: 0, tick: 0, shown: 0, pictures: Vec::new(), alive: true, answered: Instant::now() };
         page.say(&json!({"hello": hello}));
         page
     }
@@ -71,6 +73,7 @@ impl Socket {
                     if message["type"] != "beat" {
                         return Some(message);
                     }
+                    self.tick = message["n"].as_u64().unwrap();
                     if self.alive {
                         self.answered = Instant::now();
                         self.answer(&json!({"beat": message["n"]}))?;
@@ -106,11 +109,17 @@ impl Socket {
         panic!("never: {what}");
     }
 
-    /// Gives an order; returns its acknowledgement, and the time until it came.
+    /// Gives an order; returns its acknowledgement, and the time until it came. One that is dropped, because this page has not
+    /// read for a while, is given once more.
     pub(crate) fn order(&mut self, what: Value) -> (Value, Duration) {
+        let (answer, took) = self.order_once(&what);
+        if answer["text"].as_str().is_some_and(|text| text.contains("dropped")) { self.order_once(&what) } else { (answer, took) }
+    }
+
+    fn order_once(&mut self, what: &Value) -> (Value, Duration) {
         self.orders += 1;
         let (id, began) = (self.orders, Instant::now());
-        self.say(&json!({"order": {"id": id, "do": what}}));
+        self.say(&json!({"order": {"id": id, "tick": self.tick, "do": what}}));
         let answer = self.wait("an acknowledgement", |message| message["type"] == "ack" && message["id"] == id);
         (answer, began.elapsed())
     }

@@ -142,6 +142,22 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
 
 #[test]
 #[ignore = "flies in real time: .ci/interop runs it"]
+fn a_landing_goes_on_when_its_page_is_lost() {
+    let (cockpit, mut controls, mut watch) = opened();
+    let flight = flown(&cockpit, true);
+    phase(&mut watch, "take_off");
+    assert_eq!(controls.order(json!("land")).0["ok"], json!(true));
+    phase(&mut watch, "landing");
+    drop(controls);
+    watch.wait("that it is noticed", |message| {
+        message["text"] == "operator: left the controls, hold ignored: the landing goes on"
+    });
+    let summary = flight.join().unwrap().summary;
+    assert_eq!((summary.outcome, summary.cause.as_str()), (Outcome::Aborted, "the operator ended the flight"));
+}
+
+#[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
 fn a_flight_whose_only_page_is_lost_holds() {
     let (cockpit, mut controls, mut watch) = opened();
     let flight = flown(&cockpit, true);
@@ -155,7 +171,7 @@ fn a_flight_whose_only_page_is_lost_holds() {
     });
     let held = lost.elapsed();
     println!("the flight holds {} ms after the page's last answer", held.as_millis());
-    watch.wait("the pilot's note", |message| message["text"] == "operator: hold");
+    watch.wait("the pilot's note", |message| message["text"] == "operator: left the controls, hold");
     // Another page with the address may take over, and ends it.
     let url = cockpit.urls().0;
     let mut other = Socket::open(cockpit.address(), "/control", json!({"token": url.split_once('#').unwrap().1}));
