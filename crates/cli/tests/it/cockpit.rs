@@ -48,6 +48,36 @@ fn a_whole_flight_is_flown_by_clicks_alone() {
 
 #[test]
 #[ignore = "slow: a browser"]
+fn the_motors_are_cut_by_a_deliberate_gesture_alone() {
+    in_a_browser("cutting");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn stops_work_with_a_finger_on_the_pad() {
+    in_a_browser("touching");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn what_a_stalled_link_delivers_late_is_dropped_and_shown() {
+    in_a_browser("stalled");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn a_tab_that_is_closed_does_not_interrupt_a_landing() {
+    in_a_browser("closing");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
+fn whoever_looks_away_is_called_and_the_screen_stays_on() {
+    in_a_browser("alarms");
+}
+
+#[test]
+#[ignore = "slow: a browser"]
 fn outside_of_this_machine_the_page_is_encrypted() {
     in_a_browser("secure");
 }
