@@ -32,6 +32,13 @@ struct AtControls<'a> {
     number: u64,
 }
 
+impl AtControls<'_> {
+    /// A beat that is sent now.
+    fn beat(&self) -> String {
+        format!(r#"{{"type":"beat","n":{}}}"#, self.controls.beat(self.number, Instant::now()))
+    }
+}
+
 impl Drop for AtControls<'_> {
     fn drop(&mut self) {
         self.controls.leave(self.number, Instant::now());
@@ -70,6 +77,9 @@ async fn talk(
     shared: &Shared,
 ) -> Option<()> {
     let (mut stop, mut beat) = (shared.stop.clone(), interval(BEAT));
+    // Orders name a beat: no page waits for its first one.
+    beat.tick().await;
+    send(socket, &at.beat()).await?;
     let (mut heard, mut counted, mut since) = (Instant::now(), 0, Instant::now());
     loop {
         tokio::select! {
@@ -116,8 +126,7 @@ async fn talk(
                 if heard.elapsed() > SILENCE {
                     return None;
                 }
-                let tick = at.controls.beat(at.number, Instant::now());
-                send(socket, &format!(r#"{{"type":"beat","n":{tick}}}"#)).await?;
+                send(socket, &at.beat()).await?;
             }
             () = async { drop(stop.wait_for(|stop| *stop).await) } => {
                 let frame = CloseFrame { code: close_code::AWAY, reason: "the program has ended".into() };

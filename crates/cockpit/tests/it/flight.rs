@@ -145,7 +145,10 @@ fn a_flight_by_clicking_is_held_watched_and_ended() {
 fn a_landing_goes_on_when_its_page_is_lost() {
     let (cockpit, mut controls, mut watch) = opened();
     let flight = flown(&cockpit, true);
-    phase(&mut watch, "take_off");
+    // High enough that it lands for longer than the loss goes unnoticed. This page answers beats only while it waits for something.
+    while watch.wait("a state", |message| message["type"] == "state")["phase"] != "flying" {
+        controls.order(json!({"give": {"page": 0, "yes": false}}));
+    }
     assert_eq!(controls.order(json!("land")).0["ok"], json!(true));
     phase(&mut watch, "landing");
     drop(controls);
