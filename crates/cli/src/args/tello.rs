@@ -26,7 +26,7 @@ Examples:
   spf tello land --drone tello@127.0.0.1
   spf tello stop
 
-`land` repeats the command until the telemetry shows the motors off, for at most 25 s, and exits with code 6 if they are \
+`status` exits with code 6 if the telemetry does not show whether the Tello is on the ground or in the air. `land` repeats the command until the telemetry shows the motors off, for at most 25 s, and exits with code 6 if they are \
 still running. All three commands (status, land and stop) work even while the program that flew the drone is running or \
 hangs; its commands compete with them.")]
 pub(crate) struct TelloAddress {

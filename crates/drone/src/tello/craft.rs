@@ -144,7 +144,7 @@ impl Tello {
     /// Connects to the Tello whose command port is at `drone`: SDK mode, state, and video unless the settings say otherwise. `start` is flight time zero.
     ///
     /// # Errors
-    /// [`ConnectError`] if a port cannot be bound, the drone does not answer or refuses, or no state arrives.
+    /// [`ConnectError`] if a port cannot be bound, the drone does not answer or refuses, or no state that can be read arrives.
     pub fn connect(drone: SocketAddr, settings: &TelloSettings, start: Instant) -> Result<Connected, ConnectError> {
         let TelloSettings { local, state_port, calibration, video_latency, .. } = *settings;
         let command = command_socket(local)?;
@@ -158,7 +158,7 @@ impl Tello {
         }
         command.set_write_timeout(Some(SEND_TIME)).map_err(ConnectError::Start)?;
         let firmware = enter(&command, drone, &|| false)?;
-        let first = first_state(&state, drone.ip(), STATE_WAIT).ok_or(ConnectError::NoState { port: state_port })?;
+        let first = first_state(&state, state_port, drone.ip(), STATE_WAIT)?;
         let mut link = Link::new(calibration);
         // A program that died may have left it in the air.
         if is_flying(&state, drone.ip(), &first) {

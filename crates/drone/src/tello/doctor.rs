@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use super::answer::explain;
 use super::craft::{Connected, Tello};
+use super::driver::UNREAD;
 use super::opening::ConnectError;
 use super::settings::TelloSettings;
 use crate::examine::{Check, FIRST_FRAME, Finding, Observation, battery, light};
@@ -29,6 +30,18 @@ pub(super) fn examine(address: SocketAddr, settings: &TelloSettings) -> Vec<Chec
             finding,
             format!("{low} to {high} °C"),
             Some("switch the drone off and let it cool: it shuts down above about 85 °C"),
+        ));
+    }
+    let missing = state.missing();
+    if !missing.is_empty() {
+        // In flight, lines without attitude are an error of its inertial measurement.
+        let finding = if missing.contains(&"attitude") { Finding::Bad } else { Finding::Warning };
+        let found = format!("its state does not tell, or not in a form that can be read: {}", missing.join(", "));
+        checks.push(Check::new(
+            "values",
+            finding,
+            found,
+            Some("update its firmware in the Tello app, and watch the drone all the time"),
         ));
     }
     let watched = Observation::of(&mut drone);
@@ -66,6 +79,7 @@ fn unreachable(address: SocketAddr, settings: &TelloSettings, error: &ConnectErr
             )
         }
         ConnectError::NoState { port } => format!("allow UDP {port} and {} from {ip} in the firewall", settings.video_port),
+        ConnectError::UnreadState { .. } => UNREAD.to_owned(),
         ConnectError::Refused { answer, .. } => explain(answer).to_owned(),
         _ => "try again; if it persists, report a bug".to_owned(),
     };

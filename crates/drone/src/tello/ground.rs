@@ -25,6 +25,22 @@ const LOW_AND_SAID: Duration = Duration::from_millis(300);
 /// noise.
 const REPEATED: Duration = Duration::from_secs(1);
 
+/// Above this the drone is in the air, or in a hand, centimetres.
+pub(super) const ABOVE_GROUND: i32 = 25;
+
+/// Where a drone is, as far as its state tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// In the air: above the ground, with its motors turning.
+    Airborne,
+    /// Its motors turn, and nothing says that it is above the ground: it takes off or lands, or cools its motors.
+    MotorsOn,
+    /// Its motors are off: on the ground, or in a hand.
+    Grounded,
+    /// Its state does not tell: the values that would cannot be read, do not arrive, or were watched too briefly.
+    Unknown,
+}
+
 /// The evidence of the state lines received so far.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Ground {
@@ -36,8 +52,8 @@ pub(super) struct Ground {
     still: Duration,
     /// How long height and vertical speed were those of a drone on the ground, counted over received lines.
     low: Duration,
-    /// Whether the last line was low.
-    is_low: bool,
+    /// The last line.
+    newest: State,
     /// Whether the motor time has ever advanced since [`Ground::forget`].
     advanced: bool,
 }
@@ -49,12 +65,13 @@ impl Ground {
         if state.motor_time == self.motor_time {
             self.still += passed;
         } else {
-            self.advanced |= self.motor_time.is_some();
+            // One that could not be read has not advanced.
+            self.advanced |= self.motor_time.is_some() && state.motor_time.is_some();
             self.motor_time = state.motor_time;
             self.still = Duration::ZERO;
         }
-        self.is_low = is_low(state);
-        if self.is_low && state.speed.is_none_or(|[.., down]| down.abs() <= 1) {
+        self.newest = *state;
+        if is_low(state) && state.speed.is_none_or(|[.., down]| down.abs() <= 1) {
             self.low += passed;
         } else {
             self.low = Duration::ZERO;
@@ -69,9 +86,27 @@ impl Ground {
     /// Whether the motors are off, by motor time and height.
     pub(super) fn is_reached(&self) -> bool {
         match self.motor_time {
-            Some(_) if self.is_low => self.still >= STILL,
+            Some(_) if is_low(&self.newest) => self.still >= STILL,
             Some(_) => self.still >= STILL_HIGH,
             None => self.low >= LOW_AND_AT_REST,
+        }
+    }
+
+    /// Where the drone is. Nothing is taken for a sign of the ground that a drone in the air could show as well.
+    pub(super) fn place(&self) -> Place {
+        let height = self.newest.height.is_some_and(|cm| cm >= ABOVE_GROUND);
+        if self.advanced {
+            return if height || self.newest.tof.is_some_and(|cm| cm >= ABOVE_GROUND) {
+                Place::Airborne
+            } else {
+                Place::MotorsOn
+            };
+        }
+        match self.motor_time {
+            _ if self.is_reached() => Place::Grounded,
+            // Without a motor time the height above the take-off point decides: it is zero while the motors are off.
+            None if height && !is_low(&self.newest) => Place::Airborne,
+            _ => Place::Unknown,
         }
     }
 
@@ -163,6 +198,40 @@ mod tests {
         assert!(!ground.is_reached());
         feed(&mut ground, 6900, 5, |_| line(None, Some(10), 0, 0));
         assert!(ground.is_reached());
+    }
+
+    #[test]
+    fn a_drone_is_said_to_be_somewhere_only_by_a_sign_of_it() {
+        let place = |count, state: fn(u64) -> State| {
+            let mut ground = Ground::default();
+            feed(&mut ground, 0, count, state);
+            ground.place()
+        };
+        let unread = State { pitch: Some(0), ..State::default() };
+        for (expected, count, state) in [
+            // Neither heights nor a motor time can be read.
+            (Place::Unknown, 80, (|_| State { pitch: Some(0), ..State::default() }) as fn(u64) -> State),
+            (Place::Unknown, 1, |_| line(Some(3), Some(10), 0, 0)),
+            (Place::Grounded, 20, |_| line(Some(3), Some(10), 0, 0)),
+            // In a hand, or on a table: the motors are off.
+            (Place::Grounded, 62, |_| line(Some(3), Some(80), 0, 0)),
+            (Place::Grounded, 62, |_| State { motor_time: Some(3), ..State::default() }),
+            (Place::Airborne, 12, |ms| line(Some(ms as u32 / 1000), Some(80), 80, 0)),
+            (Place::Airborne, 12, |ms| State { motor_time: Some(ms as u32 / 1000), height: Some(80), ..State::default() }),
+            (Place::MotorsOn, 12, |ms| line(Some(ms as u32 / 1000), Some(10), 0, 0)),
+            (Place::MotorsOn, 12, |ms| State { motor_time: Some(ms as u32 / 1000), ..State::default() }),
+            // Without a motor time: the height above the take-off point is zero while the motors are off.
+            (Place::Airborne, 1, |_| line(None, None, 80, 0)),
+            (Place::Unknown, 80, |_| line(None, Some(80), 0, 0)),
+            (Place::Grounded, 45, |_| line(None, Some(10), 0, 0)),
+        ] {
+            assert_eq!(place(count, state), expected, "{count} lines, the last {:?}", state(100 * (count - 1)));
+        }
+        // A motor time that cannot be read is no motor that turned.
+        let mut ground = Ground::default();
+        feed(&mut ground, 0, 3, |_| line(Some(3), Some(80), 80, 0));
+        ground.observe(Time::from_millis(300), &unread);
+        assert!(!ground.motors_turned() && ground.place() != Place::Airborne);
     }
 
     #[test]

@@ -4,21 +4,23 @@ use std::io::ErrorKind;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::time::Instant;
 
-use spf_core::time::Duration;
+use spf_core::time::{Duration, Time};
 
 use super::answer::{Answer, explain};
 use super::conversation::SPACING;
+use super::ground::{ABOVE_GROUND, Ground, Place, Repeats};
 use super::intake;
 use super::settings::COMMAND_PORT;
 use super::state::State;
 
 const COMMAND_TRIES: u32 = 5;
 const ANSWER_WAIT: Duration = Duration::from_secs(1);
-pub(super) const STATE_WAIT: Duration = Duration::from_secs(2);
+/// Maximum wait for the answer to `command`, with which a connection begins.
+pub const COMMAND_WAIT: Duration = Duration::from_secs(COMMAND_TRIES as u64 * ANSWER_WAIT.as_secs());
+/// Maximum wait for the first state line.
+pub const STATE_WAIT: Duration = Duration::from_secs(2);
 /// Long enough to see the motor time advance, which counts seconds.
 const MOTOR_WAIT: Duration = Duration::from_millis(2300);
-/// Above this the drone is in the air, or in a hand, centimetres.
-pub(super) const ABOVE_GROUND: i32 = 25;
 
 /// Why the connection failed. The driver adds a remedy.
 #[derive(Debug, thiserror::Error)]
@@ -65,6 +67,14 @@ pub enum ConnectError {
     NoState {
         /// The state port.
         port: u16,
+    },
+    /// What the drone sends as its state is no state that can be read.
+    #[error("{count} datagrams of the drone arrived on UDP port {port}, but none is a state that can be read")]
+    UnreadState {
+        /// The state port.
+        port: u16,
+        /// How many came.
+        count: u32,
     },
     /// Another program of this machine receives its state, so that it flies it, or watches it.
     #[error("another program flies this Tello or watches it: UDP port {port} is in use")]
@@ -183,26 +193,39 @@ fn ask(socket: &UdpSocket, drone: IpAddr, question: &str) -> Option<String> {
     latest
 }
 
-/// The first state line of the drone within this time.
-pub(super) fn first_state(socket: &UdpSocket, drone: IpAddr, wait: Duration) -> Option<State> {
-    let mut first = None;
+/// The first state line of the drone within this time, on the socket of this port.
+///
+/// # Errors
+/// [`ConnectError::NoState`] if nothing arrives, and [`ConnectError::UnreadState`] if nothing that arrives is a state line.
+pub(super) fn first_state(socket: &UdpSocket, port: u16, drone: IpAddr, wait: Duration) -> Result<State, ConnectError> {
+    let (mut first, mut count) = (None, 0);
     receive(socket, drone, wait, |bytes| {
         first = State::read(bytes);
+        count += 1;
         first.is_some()
     });
-    first
+    first.ok_or(if count == 0 { ConnectError::NoState { port } } else { ConnectError::UnreadState { port, count } })
+}
+
+/// Where the drone is, by its first state line and those of this time at most; it returns as soon as they tell.
+pub(super) fn place(socket: &UdpSocket, drone: IpAddr, first: &State, wait: Duration) -> Place {
+    let (begun, mut ground, mut repeats) = (Instant::now(), Ground::default(), Repeats::default());
+    ground.observe(Time::ZERO, first);
+    if ground.place() == Place::Unknown {
+        receive(socket, drone, wait, |bytes| {
+            let now = Time::ZERO + begun.elapsed();
+            if let Some(state) = State::read(bytes).filter(|_| !repeats.is_stale(now, bytes)) {
+                ground.observe(now, &state);
+            }
+            ground.place() != Place::Unknown
+        });
+    }
+    ground.place()
 }
 
 /// Whether the drone is in the air: it is above the ground and its motors turn. One that is held in a hand is above the
 /// ground too.
 pub(super) fn is_flying(socket: &UdpSocket, drone: IpAddr, first: &State) -> bool {
-    let above = |state: &State| state.height.unwrap_or(0).max(state.tof.unwrap_or(0)) >= ABOVE_GROUND;
-    if !above(first) {
-        return false;
-    }
-    // Without a motor time the height above the take-off point decides: it is zero while the motors are off.
-    let Some(before) = first.motor_time else { return first.height.unwrap_or(0) >= ABOVE_GROUND };
-    receive(socket, drone, MOTOR_WAIT, |bytes| {
-        State::read(bytes).is_some_and(|state| state.motor_time.is_some_and(|time| time != before))
-    })
+    let above = first.height.max(first.tof).is_some_and(|cm| cm >= ABOVE_GROUND);
+    above && place(socket, drone, first, MOTOR_WAIT) == Place::Airborne
 }

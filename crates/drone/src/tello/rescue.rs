@@ -9,8 +9,10 @@ use std::time::Instant;
 use spf_core::time::{Duration, Time};
 
 use super::ground::Ground;
+pub use super::ground::Place;
 use super::intake;
-use super::opening::{ConnectError, Firmware, STATE_WAIT, bind, command_socket, enter, first_state, is_flying};
+pub use super::opening::{COMMAND_WAIT, STATE_WAIT};
+use super::opening::{ConnectError, Firmware, bind, command_socket, enter, first_state, place};
 use super::settings::TelloSettings;
 use super::state::State;
 
@@ -19,8 +21,10 @@ const ZEROS: u32 = 3;
 const ZERO_SPACING: Duration = Duration::from_millis(50);
 /// `land` is repeated after this long.
 const LAND_AGAIN: Duration = Duration::from_secs(1);
+/// How long its state is watched for a sign of where it is: motors that are off on a table, without an echo, are the slowest.
+pub const PLACE_WAIT: Duration = Duration::from_secs(8);
 /// Longest landing: from 10 m at 0.5 m/s, and until the state shows the motors off.
-const LANDING_TIME: Duration = Duration::from_secs(25);
+pub const LANDING_TIME: Duration = Duration::from_secs(25);
 /// How long `land` is repeated if no state arrives.
 const BLIND_TIME: Duration = Duration::from_secs(10);
 /// Receive timeout of the sockets.
@@ -42,6 +46,7 @@ pub struct Rescue {
     command: UdpSocket,
     /// `None` if another program holds the port.
     state: Option<UdpSocket>,
+    state_port: u16,
     drone: SocketAddr,
     /// Identification.
     pub firmware: Firmware,
@@ -61,15 +66,25 @@ impl Rescue {
             socket.set_read_timeout(Some(POLL_INTERVAL)).map_err(ConnectError::Start)?;
         }
         let firmware = enter(&command, drone, &|| false)?;
-        Ok(Self { command, state, drone, firmware })
+        Ok(Self { command, state, state_port: settings.state_port, drone, firmware })
     }
 
-    /// Its state, and whether it is in the air; `None` if no state arrives.
+    /// Its state; waits for it for up to [`STATE_WAIT`].
+    ///
+    /// # Errors
+    /// [`ConnectError::InUse`] if another program holds the state port, [`ConnectError::NoState`] if none arrives, and
+    /// [`ConnectError::UnreadState`] if what arrives cannot be read.
+    pub fn state(&self) -> Result<State, ConnectError> {
+        let port = self.state_port;
+        let socket = self.state.as_ref().ok_or(ConnectError::InUse { port })?;
+        first_state(socket, port, self.drone.ip(), STATE_WAIT)
+    }
+
+    /// Where it is, by this state and those that follow for up to [`PLACE_WAIT`]; it returns as soon as they tell.
     #[must_use]
-    pub fn state(&self) -> Option<(State, bool)> {
-        let socket = self.state.as_ref()?;
-        let state = first_state(socket, self.drone.ip(), STATE_WAIT)?;
-        Some((state, is_flying(socket, self.drone.ip(), &state)))
+    pub fn place(&self, first: &State) -> Place {
+        let watched = self.state.as_ref().map(|socket| place(socket, self.drone.ip(), first, PLACE_WAIT));
+        watched.unwrap_or(Place::Unknown)
     }
 
     /// Commands zero velocity. The drone hovers, and lands by itself 15 s after the last command.

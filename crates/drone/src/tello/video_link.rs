@@ -9,8 +9,9 @@ use std::time::Instant;
 use spf_core::time::Duration;
 
 use super::answer::{Answer, explain};
+use super::ground::ABOVE_GROUND;
 use super::intake;
-use super::opening::{ABOVE_GROUND, ConnectError, STATE_WAIT, bind, command_socket, enter, first_state, is_flying, receive};
+use super::opening::{ConnectError, STATE_WAIT, bind, command_socket, enter, first_state, is_flying, receive};
 use super::settings::TelloSettings;
 use super::state::State;
 
@@ -53,7 +54,7 @@ impl VideoLink {
         for socket in [&state, &video] {
             socket.set_read_timeout(Some(POLL_INTERVAL)).map_err(ConnectError::Start)?;
         }
-        let heard = first_state(&state, drone.ip(), LISTENING);
+        let heard = first_state(&state, port, drone.ip(), LISTENING).ok();
         if heard.is_some_and(|first| is_flying(&state, drone.ip(), &first)) {
             return Err(ConnectError::Flies);
         }
@@ -61,7 +62,7 @@ impl VideoLink {
         command.connect(drone).map_err(|source| ConnectError::Unreachable { drone, source })?;
         command.set_read_timeout(Some(POLL_INTERVAL)).map_err(ConnectError::Start)?;
         enter(&command, drone, stopped)?;
-        let first = first_state(&state, drone.ip(), STATE_WAIT).ok_or(ConnectError::NoState { port })?;
+        let first = first_state(&state, port, drone.ip(), STATE_WAIT)?;
         if heard.is_none() && is_flying(&state, drone.ip(), &first) {
             return Err(ConnectError::Flies);
         }

@@ -6,6 +6,7 @@ mod ending;
 mod flights;
 mod matrix;
 mod person;
+mod status;
 
 use std::process::{Command, Stdio};
 
