@@ -11,6 +11,7 @@ use spf_drone::tello::TelloSettings;
 use spf_media::Rgb;
 
 use crate::address::CameraUrl;
+use crate::clock::CameraTimes;
 use crate::decode::decode;
 use crate::failure::SourceError;
 use crate::feed::Feed;
@@ -34,8 +35,8 @@ pub struct CameraSettings {
     /// Usual time from the capture of a frame to its arrival. It is subtracted from the arrival if the camera does not tell
     /// when a frame was captured.
     pub latency: Duration,
-    /// Whether times of capture by the camera's own clock are used where it tells them.
-    pub own_clock: bool,
+    /// Which of the camera's times are believed.
+    pub times: CameraTimes,
     /// Local address and ports for the video of a Tello.
     pub tello: TelloSettings,
 }
@@ -46,7 +47,7 @@ pub const USUAL_LATENCY: Duration = Duration::from_millis(200);
 
 impl Default for CameraSettings {
     fn default() -> Self {
-        Self { latency: USUAL_LATENCY, own_clock: true, tello: TelloSettings::default() }
+        Self { latency: USUAL_LATENCY, times: CameraTimes::Clock, tello: TelloSettings::default() }
     }
 }
 
@@ -86,7 +87,7 @@ impl Camera {
         let mut camera = Self { shared: shared.clone(), threads: Vec::new() };
         // A film is decoded by the thread that plays it.
         if let CameraUrl::File { path, repeats } = url {
-            let feed = Feed::new(shared.clone(), settings.latency, settings.own_clock);
+            let feed = Feed::new(shared.clone(), settings.latency, settings.times);
             feed.is_recording();
             camera.spawn("camera-file", move || {
                 let played = source::file::play(&path, repeats, &feed, &mut finish);
@@ -99,7 +100,7 @@ impl Camera {
         }
         let decoding = shared.clone();
         camera.spawn("camera-decode", move || decode(&decoding.inlet, &decoding.frames, &decoding.stopped, &mut finish))?;
-        let feed = Feed::new(shared, settings.latency, settings.own_clock);
+        let feed = Feed::new(shared, settings.latency, settings.times);
         let tello = settings.tello;
         camera.spawn("camera-receive", move || receive(&url, &tello, feed))?;
         Ok(camera)

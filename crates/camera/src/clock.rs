@@ -9,6 +9,8 @@
 //!   is smallest for frames that were not held back. After a stall of one second, the frames of the burst that follows are
 //!   as old as they are. Without timestamps, the pauses between the frames show it ([`Delay`]).
 
+use std::collections::VecDeque;
+
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_drone::frames::delay::Delay;
 
@@ -24,6 +26,27 @@ const MOST_AGE: Duration = Duration::from_secs(60);
 /// Greatest delay. A stream later than that is of no use to a pilot, however late it is.
 const MOST_LATE: i64 = 60_000_000_000;
 
+/// Seconds of which the rate of the timestamps is told, at least and at most.
+const TICKS: (usize, usize) = (5, 30);
+/// Smallest deviation of that rate, and of the times between the first and the last of these seconds, ns: both are above what
+/// the usual jitter of a network makes.
+const LEAST_DEVIATION: (f64, i64) = (0.03, 200_000_000);
+/// How far the seconds in between may be off the line from the first to the last, as a share of the deviation. A stall and a clock
+/// that is set are steps.
+const OFF_THE_LINE: f64 = 0.25;
+
+/// Which of the times that a camera tells are believed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CameraTimes {
+    /// Its clock, where it tells when a frame was captured, and its timestamps.
+    #[default]
+    Clock,
+    /// Its timestamps, which tell what came later than usual; the usual latency is known.
+    Timestamps,
+    /// None: only pauses between the arrivals tell what came late.
+    Arrival,
+}
+
 /// Estimates times of capture.
 #[derive(Clone, Debug)]
 pub struct CaptureClock {
@@ -34,6 +57,8 @@ pub struct CaptureClock {
     since: Time,
     last_stamp: Option<i64>,
     delay: Delay,
+    ticks: Ticks,
+    own_age: Option<f64>,
 }
 
 /// What is known about a frame that arrived.
@@ -53,7 +78,15 @@ impl CaptureClock {
     /// `latency`: usual time from the capture of a frame to its arrival.
     #[must_use]
     pub fn new(latency: Duration) -> Self {
-        Self { latency, least: [None; 2], since: Time::ZERO, last_stamp: None, delay: Delay::default() }
+        Self {
+            latency,
+            least: [None; 2],
+            since: Time::ZERO,
+            last_stamp: None,
+            delay: Delay::default(),
+            ticks: Ticks::default(),
+            own_age: None,
+        }
     }
 
     /// The time of capture of a frame.
@@ -64,24 +97,80 @@ impl CaptureClock {
             Some(stamp) => self.late(at, stamp),
             None => self.delay.observe(at, follows),
         };
+        self.own_age = age.filter(|age| age.is_finite()).map(|age| age - late.as_secs_f64());
         let usual = at - self.latency - late;
         age.filter(|age| is_plausible(*age)).map_or(usual, |age| at - duration_from_secs(age).max(late))
+    }
+
+    /// Age of the newest frame at its arrival by the camera's clock and ours, believed or not, without the time by which it came
+    /// later than usual, seconds: the usual latency, if both clocks are right. `None` if the camera does not tell it.
+    #[must_use]
+    pub fn own_age(&self) -> Option<f64> {
+        self.own_age
+    }
+
+    /// How far the timestamps advance per second of ours, if that is not a second.
+    #[must_use]
+    pub fn tick_rate(&self) -> Option<f64> {
+        self.ticks.rate()
     }
 
     /// How much later than usual a frame arrived.
     fn late(&mut self, at: Time, stamp: i64) -> Duration {
         if self.last_stamp.is_some_and(|last| stamp < last.saturating_sub(BACKWARDS)) {
             self.least = [None; 2];
+            self.ticks = Ticks::default();
         }
         self.last_stamp = Some(stamp);
         if at.since(self.since) > MEMORY {
             (self.since, self.least) = (at, [None, self.least[0]]);
         }
         let difference = i64::try_from(at.as_nanos()).unwrap_or(i64::MAX).saturating_sub(stamp);
+        self.ticks.observe(at, difference);
         let least = &mut self.least[0];
         *least = Some(least.map_or(difference, |least| least.min(difference)));
         let usual = self.least.iter().flatten().min().copied().unwrap_or(difference);
         Duration::from_nanos(difference.saturating_sub(usual).clamp(0, MOST_LATE).unsigned_abs())
+    }
+}
+
+/// Compares the rate of the timestamps with that of our clock.
+#[derive(Clone, Debug, Default)]
+struct Ticks {
+    /// Of each second, the frame that came least late: its arrival, and the difference from its timestamp, ns.
+    seconds: VecDeque<(Time, i64)>,
+    /// Start of the present second.
+    since: Time,
+}
+
+impl Ticks {
+    fn observe(&mut self, at: Time, difference: i64) {
+        match self.seconds.back_mut() {
+            Some(least) if at.since(self.since) < Duration::from_secs(1) => {
+                *least = if difference < least.1 { (at, difference) } else { *least }
+            }
+            _ => {
+                self.since = at;
+                self.seconds.push_back((at, difference));
+                if self.seconds.len() > TICKS.1 {
+                    self.seconds.pop_front();
+                }
+            }
+        }
+    }
+
+    fn rate(&self) -> Option<f64> {
+        let (first, last) = (*self.seconds.front()?, *self.seconds.back()?);
+        let total = last.1.saturating_sub(first.1);
+        let slope = total as f64 / (last.0.since(first.0).as_nanos() as f64).max(1.0);
+        if self.seconds.len() < TICKS.0 || slope.abs() < LEAST_DEVIATION.0 || total.saturating_abs() < LEAST_DEVIATION.1 {
+            return None;
+        }
+        let off = |(at, difference): &(Time, i64)| {
+            let expected = slope * at.since(first.0).as_nanos() as f64;
+            (difference.saturating_sub(first.1) as f64 - expected).abs()
+        };
+        self.seconds.iter().all(|second| off(second) <= OFF_THE_LINE * total.saturating_abs() as f64).then_some(1.0 - slope)
     }
 }
 
@@ -194,6 +283,45 @@ mod tests {
         assert_eq!([0.25, -0.01, 3.0, 3600.0, f64::NAN].map(&mut age), [250, 100, 3000, 100, 100]);
     }
 
+    /// The rate that is told of frames with these arrivals and timestamps, ms.
+    fn rate(frames: impl IntoIterator<Item = (u64, i64)>) -> Option<f64> {
+        let mut clock = CaptureClock::new(LATENCY);
+        for (at, stamp) in frames {
+            clock.captured(Arrival { at: Time::from_millis(at), stamp: Some(stamp * 1_000_000), age: None, follows: true });
+        }
+        clock.tick_rate()
+    }
+
+    #[test]
+    fn timestamps_that_tick_at_another_rate_are_told_and_stalls_jitter_and_jumps_are_none() {
+        for ticks in [0.011, 0.5, 0.9, 1.1, 2.0] {
+            let told = rate((0..60_u64).map(|n| (1000 + 100 * n + 7 * (n % 5), (100.0 * ticks * n as f64) as i64)));
+            assert!(told.is_some_and(|told| (told - ticks).abs() < 0.02), "{ticks}: {told:?}");
+        }
+        // On time, with jitter; a stall of 2 s after 3 s, and at the end; a clock that is set; one that ticks by 100 parts in a million.
+        let stall = |from: u64| {
+            move |n: u64| (1000 + if (from..from + 20).contains(&n) { 100 * (from + 20) } else { 100 * n }, 100 * n as i64)
+        };
+        assert_eq!(rate((0..60_u64).map(|n| (1000 + 100 * n + 40 * (n % 7), 100 * n as i64))), None);
+        assert_eq!((rate((0..80_u64).map(stall(30))), rate((0..60_u64).map(stall(40)))), (None, None));
+        assert_eq!(rate((0..60_u64).map(|n| (1000 + 100 * n, 100 * n as i64 + if n < 30 { 0 } else { 3_600_000 }))), None);
+        assert_eq!(rate((0..600_u64).map(|n| (1000 + 100 * n, 100 * n as i64 - n as i64 / 100))), None);
+        assert_eq!(rate((0..20_u64).map(|n| (1000 + 100 * n, 50 * n as i64))), None, "too short");
+    }
+
+    #[test]
+    fn a_clock_that_is_behind_is_told_from_frames_that_come_late() {
+        let mut clock = CaptureClock::new(LATENCY);
+        let mut own_age = |at: u64, stamp: u64, off: f64| {
+            let (at, age) = (Time::from_millis(at), (at as f64 - stamp as f64) / 1000.0 + off);
+            let arrival = Arrival { at, stamp: Some(stamp as i64 * 1_000_000), age: Some(age), follows: true };
+            clock.captured(arrival);
+            (clock.own_age().unwrap() * 1000.0).round()
+        };
+        assert_eq!([own_age(1200, 1000, 0.0), own_age(1300, 1100, 0.0), own_age(3300, 1200, 0.0)], [200.0, 200.0, 200.0]);
+        assert_eq!([own_age(3400, 3200, 30.0), own_age(3500, 3300, -3.0)], [30_200.0, -2800.0]);
+    }
+
     #[test]
     fn a_timestamp_that_never_changes_is_none() {
         assert_eq!(ages((0..300_u64).map(|n| (1000 + 100 * n, 7))), vec![100; 300]);
@@ -233,6 +361,7 @@ mod tests {
                 let stamp = (stamp % 3 != 0).then_some(stamp);
                 let captured = clock.captured(Arrival { at, stamp, age: Some(age), follows: true });
                 prop_assert!(captured <= at);
+                prop_assert!(clock.tick_rate().is_none_or(f64::is_finite) && clock.own_age().is_none_or(f64::is_finite));
             }
         }
     }

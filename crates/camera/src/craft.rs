@@ -12,6 +12,7 @@ use spf_drone::frames::{FrameStore, Frames};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
 
 use crate::Camera;
+use crate::diagnosis::{Trouble, troubles};
 
 /// A craft with a camera in the place of its own.
 ///
@@ -21,7 +22,9 @@ use crate::Camera;
 pub struct WithCamera {
     drone: Box<dyn Drone>,
     /// It is received as long as this lives.
-    _camera: Camera,
+    camera: Camera,
+    /// What was said to be done about it.
+    told: Vec<&'static str>,
     frames: FrameStore,
     optics: Optics,
 }
@@ -30,7 +33,19 @@ impl WithCamera {
     /// Replaces the camera of a craft; `optics` are those of the images that come.
     #[must_use]
     pub fn new(drone: Box<dyn Drone>, camera: Camera, optics: Optics) -> Self {
-        Self { drone, frames: camera.frames(), _camera: camera, optics }
+        Self { drone, frames: camera.frames(), camera, told: Vec::new(), optics }
+    }
+}
+
+impl WithCamera {
+    /// Says what is wrong with the images that arrive, each cause once.
+    fn tell_troubles(&mut self) {
+        for Trouble { why, hint } in troubles(&self.camera.report()) {
+            if !self.told.contains(&hint) {
+                tracing::warn!("{why}; {hint}");
+                self.told.push(hint);
+            }
+        }
     }
 }
 
@@ -72,6 +87,7 @@ impl Drone for WithCamera {
             }
         }
         let mut meta = self.frames.take_new_frame()?;
+        self.tell_troubles();
         if !has_shape(&meta, &self.optics) {
             meta.unusable = Some(Unusable::Resized);
         }

@@ -24,6 +24,8 @@ pub(crate) fn decode(inlet: &Inlet, frames: &FrameStore, stopped: &AtomicBool, f
     let mut shown = Time::ZERO;
     while !stopped.load(Ordering::Relaxed) {
         let images = inlet.take(POLL_INTERVAL);
+        let dropped = inlet.take_superseded();
+        frames.count(|tally| tally.superseded += dropped);
         let last = images.len().saturating_sub(1);
         for (index, Received { at, captured, coded }) in images.into_iter().enumerate() {
             let image = match coded {
@@ -38,9 +40,10 @@ pub(crate) fn decode(inlet: &Inlet, frames: &FrameStore, stopped: &AtomicBool, f
                     shown = captured;
                     frames.receive(captured, at, finish(bounded(image)));
                 }
-                Ok(shown) => frames.count(|tally| {
+                // What only leads to a newer image is not completed to one.
+                Ok(late) => frames.count(|tally| {
                     tally.decoded += 1;
-                    tally.superseded += u64::from(shown.is_some());
+                    tally.superseded += u64::from(late.is_some() || index < last);
                 }),
                 Err(()) => {
                     frames.count(|tally| tally.refused += 1);
@@ -76,4 +79,28 @@ pub(crate) fn bounded(image: Rgb) -> Rgb {
     }
     let side = |side: u32| (u64::from(side) * u64::from(LONGEST_SIDE) / u64::from(long)).max(1) as u32;
     resize(&image, side(width), side(height))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::units;
+
+    #[test]
+    fn images_that_come_faster_than_they_are_decoded_are_counted_as_superseded() {
+        let (inlet, frames, stopped) = (Inlet::default(), FrameStore::default(), AtomicBool::new(false));
+        // The key frame in the middle supersedes all before it; of the five from there on, only the last is shown.
+        for (number, unit) in units(64, 48, 10, 0.5).into_iter().enumerate() {
+            let at = Time::from_millis(number as u64);
+            inlet.put(Received { at, captured: at, coded: Coded::H264(unit) });
+        }
+        let mut shown = 0;
+        decode(&inlet, &frames, &stopped, &mut |image| {
+            shown += 1;
+            stopped.store(true, Ordering::Relaxed);
+            image
+        });
+        let tally = spf_drone::frames::Frames::tally(&frames);
+        assert_eq!((shown, tally.decoded, tally.superseded, tally.refused), (1, 5, 9, 0));
+    }
 }

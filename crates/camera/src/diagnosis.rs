@@ -11,10 +11,66 @@ use crate::shared::{CameraReport, CameraState, Failure};
 
 /// What makes a sender repeat the parameter sets.
 const REPEAT: &str = "let the sender repeat them before each key frame: with GStreamer `rtph264pay config-interval=-1`, with x264 \
-                      `repeat-headers=1`, with `ffmpeg -c copy` `-bsf:v dump_extra`; or use rtsp://, which transmits them apart";
+                      `repeat-headers=1`, with `ffmpeg -c copy` `-bsf:v h264_mp4toannexb,dump_extra`; or use rtsp://, which transmits them apart";
 /// What makes a key frame come.
 const KEY_FRAMES: &str = "set the camera to a key frame (also called I-frame, IDR or GOP) each second: with ffmpeg `-g 15` at 15 frames/s, \
                           with x264enc `key-int-max=15`";
+
+/// What makes an encoder send no B-frames.
+const NO_B_FRAMES: &str = "switch B-frames off, the profile may stay High: with ffmpeg `-bf 0` or `-tune zerolatency`, with x264enc \
+                           `tune=zerolatency`, in a camera's web page B-frames 0";
+/// What to do about a clock that disagrees with ours.
+const CLOCK: &str = "set the clocks of camera and machine by NTP, or measure the delay with `spf camera calibrate` and give it as \
+                     --camera-latency (`spf camera test`: --latency), which counts in place of the camera's clock";
+/// What to do about timestamps that do not keep time.
+const TICKS: &str = "if the link is fast enough (`spf camera test` shows losses; a lower bit rate would help), it is the clock of the camera \
+                     that ticks at another rate: give --camera-times arrival (`spf camera test`: --times arrival), by which its timestamps are \
+                     not believed";
+/// Age above which the pilot flies by no frame, seconds: `max_frame_age` of the envelope.
+const HELD: f64 = 1.0;
+/// A time of capture that is this far in the future shows a clock that is ahead, seconds.
+const AHEAD: f64 = 0.1;
+
+/// What is wrong with images that arrive.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Trouble {
+    /// The cause.
+    pub why: String,
+    /// What to do about it; the same for the same cause.
+    pub hint: &'static str,
+}
+
+/// What is wrong with the images that arrive, although they can be seen.
+#[must_use]
+pub fn troubles(report: &CameraReport) -> Vec<Trouble> {
+    let mut found = Vec::new();
+    let mut add = |why: String, hint: &'static str| found.push(Trouble { why, hint });
+    if report.b_frames > 0 {
+        add("the video has B-frames: its images come late and out of order, and most cannot be shown".to_owned(), NO_B_FRAMES);
+    }
+    match report.own_age {
+        Some(age) if report.own_clock && age > HELD => add(
+            format!(
+                "by the camera's clock its frames are {age:.1} s old when they arrive, although they are not held back: its clock is behind \
+                 that of this machine, and no drone flies by frames older than {HELD} s"
+            ),
+            CLOCK,
+        ),
+        Some(age) if age < -AHEAD => {
+            add(format!("the camera's clock is {:.1} s or more ahead of that of this machine, and is not used", -age), CLOCK);
+        }
+        Some(age) if !report.own_clock && age > HELD => {
+            add(format!("the camera's clock is {age:.0} s behind that of this machine, and is not used"), CLOCK);
+        }
+        _ => {}
+    }
+    if let Some(rate) = report.tick_rate {
+        let effect =
+            if rate < 1.0 { "so that its frames count as ever older" } else { "so that its frames may count as too young" };
+        add(format!("the camera's timestamps advance by {rate:.2} s per second, {effect}"), TICKS);
+    }
+    found
+}
 
 /// The failure of a port at which other packets arrive than its address says.
 pub(crate) fn other_packets(address: SocketAddr, arrivals: &Arrivals, kind: Kind) -> SourceError {
@@ -62,6 +118,11 @@ pub fn no_image(url: &CameraUrl, report: &CameraReport, stats: &FrameStats, seco
     }
     let failure = |why: String, hint: String| Failure { why, hint: Some(hint) };
     let seen = progress(report, stats);
+    if stats.decoded == 0
+        && let Some(Trouble { why, hint }) = troubles(report).into_iter().next().filter(|_| report.b_frames > 0)
+    {
+        return failure(why, hint.to_owned());
+    }
     if stats.refused > 0 && stats.decoded == 0 {
         return failure(
             format!("the decoder rejects what arrives ({seen})"),
@@ -262,6 +323,41 @@ mod tests {
         assert_eq!(progress(&lacking, &stats), "99 packets, 40 images, waiting for parameter sets");
         let (why, _) = of("rtsp://cam/x", &CameraReport::default(), &stats);
         assert_eq!(why, "no key frame within 15 s (40 images, waiting for a key frame)");
+    }
+
+    #[test]
+    fn b_frames_are_named_and_not_their_profile() {
+        let report = CameraReport { b_frames: 9, ..CameraReport::default() };
+        let [Trouble { why, hint }] = &troubles(&report)[..] else { panic!("{:?}", troubles(&report)) };
+        assert!(why.contains("B-frames") && hint.contains("`-bf 0`") && hint.contains("may stay High"), "{why}: {hint}");
+        let stats = FrameStats { refused: 5, ..FrameStats::default() };
+        assert_eq!(of("udp-rtp://:5600", &report, &stats).0, *why);
+        assert!(troubles(&CameraReport::default()).is_empty());
+    }
+
+    #[test]
+    fn a_clock_that_is_behind_or_ticks_at_another_rate_is_named_with_the_flag_that_helps() {
+        let told = |own_clock, own_age, tick_rate| {
+            let found = troubles(&CameraReport { own_clock, own_age, tick_rate, ..CameraReport::default() });
+            found.into_iter().map(|Trouble { why, hint }| format!("{why}: {hint}")).collect::<Vec<_>>()
+        };
+        let behind = told(true, Some(30.2), None);
+        assert!(
+            behind[0].contains("30.2 s old") && behind[0].contains("clock is behind") && behind[0].contains("--camera-latency")
+        );
+        let [ahead] = &told(false, Some(-3.0), None)[..] else { panic!() };
+        assert!(ahead.contains("3.0 s or more ahead") && ahead.contains("is not used"), "{ahead}");
+        assert!(told(false, Some(3600.0), None)[0].contains("3600 s behind"));
+        let slow = told(false, None, Some(0.5));
+        assert!(slow[0].contains("advance by 0.50 s per second, so that its frames count as ever older"), "{slow:?}");
+        assert!(slow[0].contains("--camera-times arrival"), "{slow:?}");
+        assert_eq!(told(true, Some(0.3), None), Vec::<String>::new());
+    }
+
+    #[test]
+    fn the_filters_of_ffmpeg_that_repeat_parameter_sets_suit_an_mp4_file() {
+        // Of MP4, dump_extra alone would repeat sets of another form.
+        assert!(REPEAT.contains("-bsf:v h264_mp4toannexb,dump_extra`"), "{REPEAT}");
     }
 
     #[test]

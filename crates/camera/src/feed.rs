@@ -8,17 +8,17 @@ use spf_media::Rgb;
 use spf_media::h264::AccessUnit;
 
 use crate::arrivals::Arrivals;
-use crate::clock::{Arrival, CaptureClock, is_plausible};
+use crate::clock::{Arrival, CameraTimes, CaptureClock, is_plausible};
 use crate::failure::SourceError;
 use crate::inlet::{Coded, Received};
-use crate::profile::why_undecodable;
+use crate::profile::{has_b_slice, why_undecodable};
 use crate::shared::{CameraState, Failure, Shared};
 
 /// Takes the images of a source, with their times.
 pub(crate) struct Feed {
     shared: Arc<Shared>,
     latency: Duration,
-    own_clock: bool,
+    times: CameraTimes,
     clock: CaptureClock,
     /// Losses of this connection, and of those before it.
     video: VideoStats,
@@ -45,11 +45,11 @@ impl Packets {
 }
 
 impl Feed {
-    pub(crate) fn new(shared: Arc<Shared>, latency: Duration, own_clock: bool) -> Self {
+    pub(crate) fn new(shared: Arc<Shared>, latency: Duration, times: CameraTimes) -> Self {
         Self {
             shared,
             latency,
-            own_clock,
+            times,
             clock: CaptureClock::new(latency),
             video: VideoStats::default(),
             video_before: VideoStats::default(),
@@ -98,6 +98,9 @@ impl Feed {
         {
             return Err(SourceError::Profile(why));
         }
+        if has_b_slice(&unit.annex_b) {
+            self.shared.report().b_frames += 1;
+        }
         self.put(at, stamp, age, Coded::H264(unit));
         Ok(())
     }
@@ -131,6 +134,13 @@ impl Feed {
         self.put(at, stamp, age, Coded::Jpeg(jpeg));
     }
 
+    /// Counts images that are left out because newer ones are there.
+    pub(crate) fn superseded(&self, images: usize) {
+        if images > 0 {
+            self.shared.frames.count(|tally| tally.superseded += images as u64);
+        }
+    }
+
     /// Takes an uncompressed image.
     #[allow(dead_code, reason = "Video4Linux is not there")]
     pub(crate) fn yuyv(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, image: Vec<u8>, size: (u32, u32)) {
@@ -157,7 +167,8 @@ impl Feed {
     fn put(&mut self, at: Time, stamp: Option<i64>, age: Option<f64>, coded: Coded) {
         let lost = self.video.gaps + self.video.skipped + self.video.damaged;
         let follows = std::mem::replace(&mut self.lost, lost) == lost;
-        let age = age.filter(|_| self.own_clock);
+        let age = age.filter(|_| self.times == CameraTimes::Clock);
+        let stamp = stamp.filter(|_| self.times != CameraTimes::Arrival);
         let captured = self.clock.captured(Arrival { at, stamp, age, follows });
         let codec = match coded {
             Coded::H264(_) => "H.264",
@@ -171,6 +182,7 @@ impl Feed {
         report.lasts = false;
         report.codec = Some(codec);
         // The times of a pipeline may be those of an arrival.
+        (report.own_age, report.tick_rate) = (self.clock.own_age(), self.clock.tick_rate());
         report.own_clock = age.is_some_and(is_plausible) && codec != "raw";
     }
 
@@ -185,16 +197,12 @@ impl Feed {
 
     /// Sets the losses of this connection.
     pub(crate) fn tally(&mut self, video: VideoStats, packets: Packets) {
-        let inlet = self.shared.inlet.tally();
-        if (video, packets) != (self.video, self.packets) || inlet != (0, 0) {
+        let inlet = self.shared.inlet.skipped();
+        if (video, packets) != (self.video, self.packets) || inlet > 0 {
             (self.video, self.packets) = (video, packets);
             let mut all = sum(self.video_before, video);
-            all.skipped += inlet.1;
-            self.shared.frames.count(|tally| {
-                tally.video = all;
-                // The decoder counts those that it has decoded for nothing.
-                tally.superseded = tally.superseded.max(inlet.0);
-            });
+            all.skipped += inlet;
+            self.shared.frames.count(|tally| tally.video = all);
             let Packets { received, lost } = self.packets_before.and(packets);
             let mut report = self.shared.report();
             (report.packets, report.packets_lost) = (received, lost);

@@ -62,7 +62,7 @@ struct Waiting {
     length: usize,
     /// Whether nothing can be decoded until the next key frame.
     awaits_key: bool,
-    /// Images dropped because newer ones had arrived, and images dropped until a key frame.
+    /// Images dropped because newer ones had arrived and not yet reported, and images dropped until a key frame.
     superseded: u64,
     skipped: u64,
 }
@@ -128,10 +128,14 @@ impl Inlet {
         }
     }
 
-    /// Images dropped because newer ones had arrived, and images dropped until a key frame.
-    pub(crate) fn tally(&self) -> (u64, u64) {
-        let waiting = self.waiting();
-        (waiting.superseded, waiting.skipped)
+    /// Images dropped because newer ones had arrived, since the last call.
+    pub(crate) fn take_superseded(&self) -> u64 {
+        std::mem::take(&mut self.waiting().superseded)
+    }
+
+    /// Images dropped until a key frame.
+    pub(crate) fn skipped(&self) -> u64 {
+        self.waiting().skipped
     }
 }
 
@@ -149,11 +153,16 @@ mod tests {
         inlet.take(Duration::ZERO).iter().map(|image| image.at.as_nanos() / 1_000_000).collect()
     }
 
+    /// Superseded and skipped images.
+    fn tally(inlet: &Inlet) -> (u64, u64) {
+        (inlet.take_superseded(), inlet.skipped())
+    }
+
     #[test]
     fn only_the_chain_of_the_newest_key_frame_waits() {
         let inlet = Inlet::default();
         (0..14).for_each(|number| put(&inlet, number, number % 10 == 0, 10));
-        assert_eq!((numbers(&inlet), inlet.tally()), ((10..14).collect(), (10, 0)));
+        assert_eq!((numbers(&inlet), tally(&inlet)), ((10..14).collect(), (10, 0)));
         assert!(numbers(&inlet).is_empty());
     }
 
@@ -166,7 +175,7 @@ mod tests {
         inlet.reference_lost();
         (2..12).for_each(|number| put(&inlet, number, number == 9, 10));
         inlet.reference_lost();
-        assert_eq!((numbers(&inlet), inlet.tally()), (vec![9, 10, 11], (1, 7)));
+        assert_eq!((numbers(&inlet), tally(&inlet)), (vec![9, 10, 11], (1, 7)));
     }
 
     /// An image of 4096×2816 pixels has 34.6 MB.
@@ -177,7 +186,7 @@ mod tests {
             let at = Time::from_millis(number);
             inlet.put(Received { at, captured: at, coded: Coded::Decoded(Rgb::new(4096, 2816), "raw") });
         }
-        assert_eq!((numbers(&inlet), inlet.tally()), (vec![2], (2, 0)));
+        assert_eq!((numbers(&inlet), tally(&inlet)), (vec![2], (2, 0)));
     }
 
     #[test]

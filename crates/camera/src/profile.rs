@@ -11,6 +11,8 @@ const KNOWN: [u32; 6] = [66, 77, 83, 86, 88, 100];
 const DETAILED: [u32; 13] = [44, 83, 86, 100, 110, 118, 122, 128, 134, 135, 138, 139, 244];
 /// Bits per sample beyond 8 (7.4.2.1.1).
 const MOST_MORE_BITS: u32 = 6;
+/// Where the kind of a slice ends at the latest, bytes from its start: two codes of at most 63 bits.
+const HEAD: usize = 24;
 /// What a set contains at most before what is read here, bytes.
 const LONGEST: usize = 512;
 
@@ -68,6 +70,20 @@ fn of_set(nal: &[u8]) -> Option<String> {
     bits.number()?;
     let whole_frames = bits.bit()? == 1;
     (!whole_frames).then(|| "interlaced".to_owned())
+}
+
+/// Whether a picture with these NAL units (annex B) has a slice of bidirectional prediction (7.3.3, table 7-6): a B-frame, which is
+/// sent after a picture that was captured later.
+#[must_use]
+pub fn has_b_slice(annex_b: &[u8]) -> bool {
+    nal_units(annex_b).filter(|nal| NalKind::of(nal) == Some(NalKind::Slice)).any(|nal| {
+        let kind = nal.get(1..HEAD.min(nal.len())).and_then(|head| {
+            let mut bits = Bits::of(head);
+            bits.number()?;
+            bits.number()
+        });
+        matches!(kind, Some(1 | 6))
+    })
 }
 
 fn name(profile: u32) -> &'static str {
@@ -188,10 +204,26 @@ mod tests {
         assert_eq!(of(&[0x67, 100, 0, 13, 0b1010_0001, 0b0001_0000]), None);
     }
 
+    #[test]
+    fn b_slices_are_told_from_others() {
+        // First unit 0 (1), kinds 0 (P: 1), 1 (B: 010), 2 (I: 011), 5 (P: 00110), 6 (B: 00111).
+        for (head, expected) in
+            [(0b1100_0000, false), (0b1010_0000, true), (0b1011_0000, false), (0b1001_1000, false), (0b1001_1100, true)]
+        {
+            assert_eq!(has_b_slice(&[0, 0, 0, 1, 0x41, head, 0x80]), expected, "{head:b}");
+        }
+        // Nor is the same in a key frame, in a parameter set, or cut off.
+        for nal in [&[0x65, 0b1010_0000][..], &[0x67, 0b1010_0000], &[0x41], &[0x41, 0]] {
+            assert!(!has_b_slice(&[&[0, 0, 0, 1], nal].concat()), "{nal:x?}");
+        }
+        assert!(!units(64, 48, 6, 1.0).iter().any(|unit| has_b_slice(&unit.annex_b)));
+    }
+
     proptest! {
         #[test]
         fn no_bytes_panic(profile in prop::sample::select(vec![66_u8, 77, 83, 100, 244]), bytes in proptest::collection::vec(any::<u8>(), 0..80)) {
             of(&[&[0x67, profile, 0, 31], &bytes[..]].concat());
+            has_b_slice(&[&[0, 0, 0, 1, 0x41], &bytes[..]].concat());
         }
     }
 }

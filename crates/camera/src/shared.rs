@@ -67,6 +67,12 @@ pub struct CameraReport {
     pub other_streams: Vec<u8>,
     /// Whether the newest frame's time of capture comes from the camera's own clock.
     pub own_clock: bool,
+    /// Age of the newest frame by the camera's clock and ours, believed or not; see [`own_age`](crate::clock::CaptureClock::own_age).
+    pub own_age: Option<f64>,
+    /// How far its timestamps advance per second of ours, if that is not a second.
+    pub tick_rate: Option<f64>,
+    /// Number of B-frames that came.
+    pub b_frames: u64,
     /// Whether its images are those of a recording, or come as fast as they are made: a file, or a pipeline that is not live. They do
     /// not show what a craft would do.
     pub recorded: bool,

@@ -275,7 +275,7 @@ impl Observer for Instruments {
             Action::Note(note) => {
                 match note {
                     Note::Operator(OperatorEvent::Instruction(text)) => self.instruction.clone_from(text),
-                    Note::Operator(OperatorEvent::Hold | OperatorEvent::Left | OperatorEvent::TakenOver) => self.holds = true,
+                    Note::Operator(OperatorEvent::Hold | OperatorEvent::Left) | Note::LetGo(_) => self.holds = true,
                     Note::Operator(OperatorEvent::Resume) => self.holds = false,
                     _ => {}
                 }

@@ -36,6 +36,8 @@ pub(crate) fn play(path: &Path, repeats: bool, feed: &Feed, finish: &mut dyn FnM
                 if !feed.stopped() {
                     feed.image(due, image);
                 }
+            } else {
+                feed.superseded(1);
             }
             if feed.stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         })?;

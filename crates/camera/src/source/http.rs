@@ -41,6 +41,7 @@ async fn receive(server: &Server, feed: &mut Feed) -> Result<(), SourceError> {
         reader.push(&chunk, &mut parts);
         feed.tally(VideoStats { damaged: reader.damaged(), ..VideoStats::default() }, Packets::default());
         // What came together with a newer image is old.
+        feed.superseded(parts.len().saturating_sub(1));
         if let Some(part) = parts.drain(..).next_back() {
             feed.jpeg(at, part.timestamp.map(|seconds| (seconds * 1e9) as i64), None, part.jpeg);
         }

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
+use spf_camera::clock::CameraTimes;
 
 /// Cameras that are not part of a drone.
 #[derive(Debug, Subcommand)]
@@ -12,6 +13,27 @@ pub(crate) enum Camera {
     Test(CameraTest),
     /// Measure the latency of a camera that films a clock on this terminal, which changes eleven times a second
     Calibrate(CameraCalibrate),
+}
+
+/// Which of the times that a camera tells are believed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum Times {
+    // Its clock, where it tells when a frame was captured, and its timestamps
+    Clock,
+    // Its timestamps, which tell what came later than usual
+    Timestamps,
+    // None: only pauses tell what came later than usual
+    Arrival,
+}
+
+impl From<Times> for CameraTimes {
+    fn from(times: Times) -> Self {
+        match times {
+            Times::Clock => Self::Clock,
+            Times::Timestamps => Self::Timestamps,
+            Times::Arrival => Self::Arrival,
+        }
+    }
 }
 
 /// A camera in the place of the drone's own.
@@ -36,6 +58,10 @@ pub(crate) struct CameraArgs {
     /// camera calibrate` has written [default: 0.2, without a clock]
     #[arg(long = "camera-latency", value_name = "S|FILE", requires = "url", allow_negative_numbers = true)]
     pub(crate) latency: Option<String>,
+    /// Which times of that camera are believed: clock (where it has one), timestamps, or arrival (none, for timestamps that do not
+    /// keep time) [default: clock, or timestamps with --camera-latency]
+    #[arg(long = "camera-times", value_name = "WHICH", hide_possible_values = true, requires = "url")]
+    pub(crate) times: Option<Times>,
 }
 
 /// Tests a camera. The help shows the words of the command in `Camera`.
@@ -92,6 +118,10 @@ pub(crate) struct CameraTest {
     /// camera calibrate` has written [default: 0.2, without a clock]
     #[arg(long, value_name = "S|FILE", allow_negative_numbers = true)]
     pub(crate) latency: Option<String>,
+    /// Which times of the camera are believed: clock (where it has one), timestamps, or arrival (none, for timestamps that do not
+    /// keep time) [default: clock, or timestamps with --latency]
+    #[arg(long, value_name = "WHICH", hide_possible_values = true)]
+    pub(crate) times: Option<Times>,
     /// JPEG file for the last image
     #[arg(short, long, value_name = "FILE", default_value = "camera.jpg")]
     pub(crate) output: PathBuf,

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
-pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest};
+pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Open, Repair, Replay, Share, Video};

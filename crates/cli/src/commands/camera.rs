@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use spf_camera::address::{AddressError, FORMS, suggestion};
 use spf_camera::camera::USUAL_LATENCY;
-use spf_camera::diagnosis::{no_image, progress};
+use spf_camera::clock::CameraTimes;
+use spf_camera::diagnosis::{Trouble, no_image, progress, troubles};
 use spf_camera::{Camera, CameraSettings, CameraState, CameraUrl};
 use spf_core::camera::Camera as Optics;
 use spf_core::time::duration_from_secs;
@@ -21,7 +22,7 @@ use spf_media::{Jpeg, Rgb};
 
 use self::geometry::Geometry;
 use self::watched::{LOSSES, Watched};
-use crate::args::{Camera as CameraCommand, CameraArgs, CameraTest};
+use crate::args::{Camera as CameraCommand, CameraArgs, CameraTest, Times};
 use crate::commands::fly::settings::options;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -85,7 +86,7 @@ pub(crate) fn instead_of<'a>(args: &'a CameraArgs, drone: &str) -> Result<Option
         }
         None => return Ok(Some(text)),
     }
-    if args.calibration.is_some() || args.fov.is_some() || args.tilt.is_some() || args.latency.is_some() {
+    if args.calibration.is_some() || args.fov.is_some() || args.tilt.is_some() || args.latency.is_some() || args.times.is_some() {
         return Err(CliError::usage("--camera: this is the camera of the drone itself, whose lens and latency are known")
             .hint("leave out --camera and what belongs to it; tello.video_latency_s in spf.toml sets the latency"));
     }
@@ -159,7 +160,7 @@ pub(crate) fn check(url: &str, args: &CameraArgs, tello: TelloSettings) -> Resul
 /// A camera that has shown its first image. `what` is the argument that names it.
 pub(crate) fn watch(what: &str, url: &str, printer: &Printer) -> Result<Camera, CliError> {
     let url = address(what, url)?;
-    let settings = settings(None, tello(&url, printer)?, &url);
+    let settings = settings(None, None, tello(&url, printer)?, &url);
     let camera = start(url.clone(), &settings, Instant::now(), Box::new(|image| image))?;
     match first_shown(&camera, &url, printer) {
         Some(_) => Ok(camera),
@@ -183,10 +184,11 @@ fn tello(url: &CameraUrl, printer: &Printer) -> Result<TelloSettings, CliError> 
 }
 
 /// A latency that somebody has measured counts more than the camera's clock.
-fn settings(latency: Option<f64>, tello: TelloSettings, url: &CameraUrl) -> CameraSettings {
+fn settings(latency: Option<f64>, times: Option<Times>, tello: TelloSettings, url: &CameraUrl) -> CameraSettings {
     // That of a Tello is a setting of its own.
     let usual = if matches!(url, CameraUrl::Tello(_)) { tello.video_latency } else { USUAL_LATENCY };
-    CameraSettings { latency: latency.map_or(usual, duration_from_secs), own_clock: latency.is_none(), tello }
+    let times = times.map_or(if latency.is_some() { CameraTimes::Timestamps } else { CameraTimes::Clock }, CameraTimes::from);
+    CameraSettings { latency: latency.map_or(usual, duration_from_secs), times, tello }
 }
 
 fn start(url: CameraUrl, settings: &CameraSettings, start: Instant, finish: Finish) -> Result<Camera, CliError> {
@@ -227,7 +229,7 @@ fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
     if !(0.0..=3600.0).contains(&args.seconds) {
         return Err(CliError::usage(format!("--seconds: `{}` is not a number of seconds from 0 to 3600", args.seconds)));
     }
-    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?, tello(&url, printer)?, &url);
+    let settings = settings(calibrate::latency("--latency", args.latency.as_deref())?, args.times, tello(&url, printer)?, &url);
     if !args.overwrite && args.output.symlink_metadata().is_ok() {
         return Err(CliError::usage(format!("--output: `{}` exists", args.output.display()))
             .hint("use --overwrite to replace it, or another file with -o FILE"));
@@ -241,6 +243,9 @@ fn test(args: &CameraTest, printer: &Printer) -> Result<Exit, CliError> {
     let Some(image) = &watched.image else { return Err(nothing(&camera, &url)) };
     printer.result(&table(&watched.rows(&report, first, &args.output)));
     write(&args.output, image)?;
+    for Trouble { why, hint } in troubles(&report) {
+        printer.log(&format!("warning: {why}: {hint}"));
+    }
     if watched.stats.video.gaps > 0 {
         printer.log(&format!("warning: losses interrupted the video {} times: {LOSSES}", watched.stats.video.gaps));
     }

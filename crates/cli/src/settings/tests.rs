@@ -100,7 +100,7 @@ fn every_flag_of_a_flight_is_a_keys_but_for_the_camera_s_and_three() {
     let flags = command.find_subcommand("fly").unwrap().get_arguments().filter_map(|flag| flag.get_long());
     let others: Vec<&str> = flags.filter(|flag| !known.contains(&format!("--{flag}").as_str())).collect();
     // A camera's address may contain a password, which `spf config show` would print.
-    let camera = ["camera", "camera-calibration", "camera-fov", "camera-tilt", "camera-latency"];
+    let camera = ["camera", "camera-calibration", "camera-fov", "camera-tilt", "camera-latency", "camera-times"];
     assert_eq!(others, [&["events"], &camera[..], &["json", "config"]].concat());
 }
 

@@ -178,6 +178,33 @@ fn packets_of_another_kind_and_other_colours_are_named() {
     }
 }
 
+/// An encoder of High profile with and without B-frames, and an MP4 file sent as the hint says.
+#[test]
+#[ignore = "needs ffmpeg: .ci/interop runs it"]
+fn b_frames_are_named_and_high_profile_alone_is_fine() {
+    let lab = Lab::new();
+    let source = ["-v", "error", "-f", "lavfi", "-i", "testsrc=size=320x240:rate=15"];
+    let codec = ["-c:v", "libx264", "-profile:v", "high", "-g", "15", "-pix_fmt", "yuv420p"];
+    let mut film = std::process::Command::new("ffmpeg");
+    film.args(source).args(["-t", "30"]).args(codec).args(["-bf", "0", "film.mp4"]);
+    let Ok(made) = film.current_dir(lab.path("")).status() else { return crate::harness::skip("ffmpeg") };
+    assert!(made.success());
+    let film = ["-v", "error", "-re", "-i", "film.mp4", "-c", "copy", "-bsf:v", "h264_mp4toannexb,dump_extra"];
+    let with = |b_frames| [&["-re"], &source[..], &codec[..], &["-bf", b_frames]].concat();
+    for (what, input, named) in [("none", with("0"), false), ("two", with("2"), true), ("film", film.to_vec(), false)] {
+        let address = own_address();
+        let mut ffmpeg = std::process::Command::new("ffmpeg");
+        ffmpeg.args(input).args(["-f", "rtp", &format!("rtp://{address}")]).current_dir(lab.path(""));
+        let mut sender = ffmpeg.stdout(std::process::Stdio::null()).spawn().unwrap();
+        let run = lab.spf(&["camera", "test", &format!("udp-rtp://{address}"), "--seconds", "3", "-o", &format!("{what}.jpg")]);
+        sender.kill().unwrap();
+        sender.wait().unwrap();
+        assert_eq!(run.code, Some(0), "{what}: {}{}", run.stdout, run.stderr);
+        assert_eq!(run.stderr.contains("warning: the video has B-frames"), named, "{what}: {}", run.stderr);
+        assert!(!named || run.stderr.contains("the profile may stay High"), "{}", run.stderr);
+    }
+}
+
 /// A server that is starting does not know its stream yet; one that refuses an account is not asked again.
 #[test]
 fn a_stream_that_is_not_there_yet_is_asked_for_again_and_a_forbidden_one_is_not() {

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
+use spf_camera::clock::CameraTimes;
 use spf_camera::clock_code::{ClockCode, MODULES, read as read_clock};
 use spf_camera::latency::{FEWEST, Latency, LatencyMeter};
 use spf_camera::{CameraSettings, CameraUrl};
@@ -78,7 +79,7 @@ pub(super) fn calibrate(args: &CameraCalibrate, printer: &Printer) -> Result<Exi
     let begun = Instant::now();
     let now = || Time::ZERO + begun.elapsed();
     // The arrival without the time by which a frame was held back.
-    let settings = CameraSettings { latency: Duration::ZERO, own_clock: false, tello: tello(&url, printer)? };
+    let settings = CameraSettings { latency: Duration::ZERO, times: CameraTimes::Timestamps, tello: tello(&url, printer)? };
     let camera = start(url.clone(), &settings, begun, Box::new(|image| image))?;
     if first_shown(&camera, &url, printer).is_none() {
         return Err(nothing(&camera, &url));

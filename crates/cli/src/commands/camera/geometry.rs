@@ -9,7 +9,7 @@ use spf_core::camera::Camera as Optics;
 use spf_drone::tello::TelloSettings;
 
 use super::{Finish, calibrate, settings, start};
-use crate::args::CameraArgs;
+use crate::args::{CameraArgs, Times};
 use crate::commands::read;
 use crate::error::CliError;
 
@@ -24,6 +24,7 @@ pub(super) struct Geometry {
     tilt: f64,
     /// Measured time from capture to arrival, s.
     latency: Option<f64>,
+    times: Option<Times>,
 }
 
 impl Geometry {
@@ -58,7 +59,7 @@ impl Geometry {
                     .hint("give --camera-calibration FILE, or --camera-fov with its horizontal field of view in degrees"));
             }
         };
-        Ok(Self { calibration, known: known.filter(|_| args.fov.is_none()), fov, tilt, latency })
+        Ok(Self { calibration, known: known.filter(|_| args.fov.is_none()), fov, tilt, latency, times: args.times })
     }
 
     /// Starts the camera.
@@ -70,7 +71,7 @@ impl Geometry {
             }
             None => Box::new(|image| image),
         };
-        let settings = settings(self.latency, tello, &url);
+        let settings = settings(self.latency, self.times, tello, &url);
         start(url, &settings, from, finish)
     }
 

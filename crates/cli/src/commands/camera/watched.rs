@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use spf_camera::diagnosis::no_image;
+use spf_camera::diagnosis::{Trouble, no_image, troubles};
 use spf_camera::{Camera, CameraReport, CameraState, CameraUrl};
 use spf_drone::examine::{Check, Finding};
 use spf_drone::frames::{FrameStats, Frames as _, VideoStats};
@@ -94,7 +94,7 @@ impl Watched {
         }
     }
 
-    /// Rate, age and losses, each with its limits, and with what helps.
+    /// Rate, age and losses, each with its limits, and with what helps. What is wrong is as bad as its effects, and comes last.
     fn judge(&self, report: &CameraReport) -> Vec<(Finding, String, &'static str)> {
         let finding = |good: bool, bad: bool| match (good, bad) {
             (true, _) => Finding::Good,
@@ -128,6 +128,8 @@ impl Watched {
             format!("{lost}, {gaps} gaps (fine without gaps, too many from {:.0} % lost)", 100.0 * MOST_LOST),
             LOSSES,
         ));
+        let worst = judged.iter().map(|(finding, ..)| *finding).fold(Finding::Warning, Finding::max);
+        judged.extend(troubles(report).into_iter().map(|Trouble { why, hint }| (worst, why, hint)));
         judged
     }
 
@@ -179,7 +181,7 @@ impl Watched {
 fn omitted(stats: &FrameStats) -> String {
     let FrameStats { superseded, refused, unusable, video: VideoStats { skipped, damaged, .. }, .. } = *stats;
     let reasons: Vec<String> = [
-        (superseded, "superseded (a newer one was there before it was decoded: this machine is busy, or they come in bursts)"),
+        (superseded, "superseded (a newer one was there before it was decoded: this machine is busy, or they come in bursts or, with B-frames, out of order)"),
         (skipped, "skipped (after a loss, or at the beginning, nothing can be decoded before the next key frame)"),
         (damaged, "damaged (cut off, or not what it seems to be)"),
         (refused, "rejected by the decoder (damaged, or of a kind that it does not know)"),
@@ -234,6 +236,16 @@ mod tests {
             "15.0 frames/s (fine from 10, too few below 5), frames 0.20 s old (assumed; fine up to 0.5 s, held above 1 s), 3 of 1003 \
              packets lost, 1 gaps (fine without gaps, too many from 5 % lost)"
         );
+    }
+
+    #[test]
+    fn the_cause_is_judged_as_its_effects_are_and_advised_about() {
+        let (stats, report) = (FrameStats::default(), CameraReport { b_frames: 9, ..CameraReport::default() });
+        for (frames, expected) in [(4, Finding::Bad), (15, Finding::Warning)] {
+            let judged = watched(frames, &[0.2], stats).judge(&report);
+            let (finding, why, hint) = judged.iter().max_by_key(|(finding, ..)| *finding).unwrap();
+            assert!(*finding == expected && why.contains("B-frames") && hint.contains("-bf 0"), "{frames}: {why}: {hint}");
+        }
     }
 
     #[test]
