@@ -28,6 +28,28 @@ fn the_profile_of_the_guide_is_valid_with_keys_and_with_the_mouse() {
     assert!(matches!(by_mouse.controls.yaw, Yaw::Mouse(_)));
 }
 
+/// Where the game draws at 960×720, by its own numbers: eight places of 48 pixels with margins of 4 at 4 pixels from the lower edge,
+/// with hearts and bubbles of 24 pixels above them, and up to six lines of 18 pixels of chat across the picture.
+#[test]
+fn the_masks_of_luanti_cover_its_chat_and_its_whole_hot_bar() {
+    let masks = Profile::parse(luanti()).unwrap().camera.masks;
+    for (what, [left, top, right, bottom]) in [
+        ("hot bar", [480 - 224, 720 - 60, 480 + 224, 720]),
+        ("hearts and bubbles", [480 - 265, 720 - 88, 480 + 265, 720 - 64]),
+        ("chat", [0, 0, 960, 108]),
+    ] {
+        let covers = |mask: &Region| {
+            let Region([x, y, width, height]) = *mask;
+            let (x, y) = (x * 960.0, y * 720.0);
+            x <= f64::from(left)
+                && y <= f64::from(top)
+                && x + width * 960.0 >= f64::from(right)
+                && y + height * 720.0 >= f64::from(bottom)
+        };
+        assert!(masks.iter().any(covers), "{what}");
+    }
+}
+
 #[test]
 fn what_is_wrong_is_named() {
     let refused = |from: &str, to: &str| {
