@@ -146,6 +146,26 @@ impl Exec {
         Ok(Self { name: format!("{EXEC}{command}"), options, desk: Arc::new(Mutex::new(desk)) })
     }
 
+    /// Why the program ended by itself, if it did within `wait` of its start; waits until then. One that lacks a part that it needs
+    /// ends before the first query, and would be noticed in flight only.
+    #[must_use]
+    pub fn ends_within(&self, wait: Duration) -> Option<VlmError> {
+        loop {
+            let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
+            let program = desk.words.first().cloned().unwrap_or_default();
+            let running = desk.running.as_mut()?;
+            let is_over = running.started.elapsed() >= wait;
+            if let Some(reason) = running.ended() {
+                return Some(VlmError::Program { program, reason });
+            }
+            drop(desk);
+            if is_over {
+                return None;
+            }
+            std::thread::sleep(LOOK_UP);
+        }
+    }
+
     fn size(&self, camera: (u32, u32)) -> (u32, u32) {
         let rule = ImageRule { long_side: u32::MAX, ..ImageRule::default() };
         rule.sent(camera, self.options.long_side)

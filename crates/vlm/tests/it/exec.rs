@@ -46,6 +46,15 @@ fn ask(exec: &mut Exec, time_left: Duration, cancel: &Cancel) -> Result<String, 
 const LONG: Duration = Duration::from_secs(20);
 const SHORT: Duration = Duration::from_millis(400);
 
+#[test]
+fn a_program_that_lacks_what_it_needs_is_known_before_it_is_asked() {
+    let (_folder, exec) = program("echo 'No module named PIL' >&2; exit 1", SHORT);
+    let error = exec.ends_within(LONG).unwrap().to_string();
+    assert!(error.contains("No module named PIL"), "{error}");
+    let (_folder, exec) = program("cat", SHORT);
+    assert!(exec.ends_within(SHORT).is_none());
+}
+
 /// Reads requests; `$id` is the id of the one read.
 const READ: &str = r#"
 next() { read -r line || exit 0; id=${line#*'"id":'}; id=${id%%,*}; }

@@ -118,6 +118,7 @@ pub(super) fn pointing(
             is_oracle: false,
             sentence: "VLM: you. Click in the cockpit's picture to point.".to_owned(),
             latency: None,
+            program: None,
         });
     }
     let pointing = of_settings(settings, prompt, pace)?;

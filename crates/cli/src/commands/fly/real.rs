@@ -8,6 +8,7 @@ use spf_cockpit::Cockpit;
 use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::executor::Motion;
 use spf_core::pilot::{AtEnd, PilotSettings, QueryTiming};
+use spf_core::time::Duration;
 use spf_drone::Drone;
 use spf_drone::driver::{ConnectError, Connected, Target};
 use spf_drone::mavlink::settings::GimbalUse;
@@ -29,6 +30,8 @@ use crate::error::CliError;
 use crate::printer::{Printer, one_line};
 use crate::settings::Settings;
 
+/// How long a program that answers must have run before take-off: one that lacks a part that it needs has ended by then.
+const PROGRAM_RUNS: Duration = Duration::from_secs(2);
 /// Why the oracle is refused before connecting.
 pub(crate) const NO_ORACLE: &str = "the oracle reads the simulator's own images; a real drone needs a VLM";
 
@@ -97,6 +100,7 @@ pub(super) fn ready(
     if attended && settings.fly.at_end.get()?.is_none() {
         method.at_end = AtEnd::Hover;
     }
+    check_program(&pointing, printer)?;
     check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::combine(settings, pointing)?;
     let interrupts = flight_interrupts(true)?;
@@ -199,6 +203,18 @@ pub(crate) fn connect(target: &dyn Target, options: &Options, start: Instant, pr
     })?;
     printer.log(&connected.summary);
     Ok(connected)
+}
+
+/// A program that lacks a part that it needs ends at once: that is no discovery for the air, also with --no-vlm-check.
+fn check_program(pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
+    let Some(program) = &pointing.program else { return Ok(()) };
+    printer.log(&format!("Waiting until the program that answers has run for {} s …", PROGRAM_RUNS.as_secs()));
+    match program.ends_within(PROGRAM_RUNS) {
+        None => Ok(()),
+        Some(error) => Err(CliError::failed("the program that answers does not run; take-off cancelled")
+            .because(&error)
+            .hint("start it by itself: it may lack a module or a file")),
+    }
 }
 
 /// A VLM that points inaccurately is detected on the ground.

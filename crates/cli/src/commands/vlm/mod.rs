@@ -16,6 +16,7 @@ use spf_core::time::Duration;
 use spf_flight::sim::{SimWorld, VlmFactory, oracle_factory};
 use spf_oracle::{ErrorFile, Obedience, Per};
 use spf_vlm::cassette::{Recording, Replay};
+use spf_vlm::exec::Exec;
 use spf_vlm::human::HUMAN;
 use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
 use spf_vlm::table::{SelectError, Table};
@@ -44,6 +45,8 @@ pub(crate) struct Pointing {
     pub(crate) sentence: String,
     /// Its latency in virtual time, if it is fixed.
     pub(crate) latency: Option<Duration>,
+    /// The program that answers in place of a model, if one does.
+    pub(crate) program: Option<Exec>,
 }
 
 /// The VLM selected by the settings, in a world with this clock.
@@ -88,7 +91,7 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     let name = replay.name().to_owned();
     let sentence = format!("VLM: replies of {name}, replayed from {file}.");
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(replay.clone())));
-    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None })
+    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None, program: None })
 }
 
 /// The same, with its replies recorded in a file.
@@ -170,6 +173,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
         vlm_factory: oracle_factory(name, errors),
         is_oracle: true,
         latency: None,
+        program: None,
     })
 }
 
@@ -196,7 +200,7 @@ pub(crate) struct Chosen {
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
     let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
-    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None })
+    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None, program: None })
 }
 
 /// The built-in prompt that asks as the paper does.

@@ -82,12 +82,14 @@ pub(crate) fn exec(settings: &Settings, name: &str) -> Result<Exec, CliError> {
 /// A program, for a flight.
 pub(super) fn program(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     let exec = exec(settings, name)?;
+    let program = Some(exec.clone());
     Ok(Pointing {
         name: name.to_owned(),
         vlm_factory: Arc::new(move |_, _| Ok(Box::new(exec.clone()))),
         is_oracle: false,
         sentence: format!("VLM: the program `{}`.", name.strip_prefix(EXEC).unwrap_or(name)),
         latency: None,
+        program,
     })
 }
 
@@ -100,6 +102,7 @@ pub(super) fn human() -> Result<Pointing, CliError> {
         is_oracle: false,
         sentence: format!("VLM: you. {HELP} `hold`, `resume` and `land` control the drone at any time."),
         latency: None,
+        program: None,
     })
 }
 

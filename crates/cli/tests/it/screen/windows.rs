@@ -41,7 +41,7 @@ fn windows_and_monitors_are_listed_and_captured() {
         "--drone",
         "screen:luanti",
         "--vlm",
-        "exec:true",
+        "exec:cat",
         "--no-vlm-check",
         "--unattended",
     ]));
@@ -56,7 +56,7 @@ fn without_a_display_or_a_profile_it_says_what_to_do() {
     let run = lab.spf(&["screen", "preview", "lunati"]);
     assert!(run.code == Some(2) && run.stderr.contains("use drl, luanti, spf-window"), "{}", run.stderr);
     lab.write("broken.toml", "[window]\ntitle = \"a game\"\nwidth = 3\n");
-    let run = lab.spf(&["fly", "go", "--drone", "screen:./broken.toml", "--vlm", "exec:true", "--no-vlm-check", "--unattended"]);
+    let run = lab.spf(&["fly", "go", "--drone", "screen:./broken.toml", "--vlm", "exec:cat", "--no-vlm-check", "--unattended"]);
     assert!(run.code == Some(6) && run.stderr.contains("unknown field `width`"), "{}", run.stderr);
     let run = lab.spf(&["doctor", "--drone", "screen:luanti", "--vlm", "oracle"]);
     assert!(run.stdout.contains("FAIL  display"), "{}", run.stdout);

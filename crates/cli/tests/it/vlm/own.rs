@@ -49,6 +49,19 @@ fn a_program_flies_and_its_answers_take_the_time_that_they_are_said_to_take() {
 }
 
 #[test]
+fn a_program_without_its_dependency_fails_before_take_off() {
+    let lab = Lab::new();
+    lab.write("model.sh", "echo 'ModuleNotFoundError: No module named PIL' >&2\nexit 1\n");
+    // No drone is there: nothing is connected before.
+    let vlm = format!("exec:sh '{}'", lab.path("model.sh").display());
+    let run = lab.spf(&["fly", "go", "--drone", "tello@192.0.2.1", "--vlm", &vlm, "--no-vlm-check", "--unattended"]);
+    assert_eq!(run.code, Some(6), "{}{}", run.stdout, run.stderr);
+    for words in ["the program that answers does not run; take-off cancelled", "No module named PIL"] {
+        assert!(run.stderr.contains(words), "{words}: {}", run.stderr);
+    }
+}
+
+#[test]
 fn only_the_command_line_may_name_a_program() {
     let lab = Lab::new();
     let vlm = format!("exec:touch {}", lab.path("touched").display());
