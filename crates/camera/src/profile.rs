@@ -223,7 +223,7 @@ mod tests {
         #[test]
         fn no_bytes_panic(profile in prop::sample::select(vec![66_u8, 77, 83, 100, 244]), bytes in proptest::collection::vec(any::<u8>(), 0..80)) {
             of(&[&[0x67, profile, 0, 31], &bytes[..]].concat());
-            has_b_slice(&[&[0, 0, 0, 1, 0x41], &bytes[..]].concat());
+            _ = has_b_slice(&[&[0, 0, 0, 1, 0x41], &bytes[..]].concat());
         }
     }
 }
