@@ -1,9 +1,9 @@
 //! `spf replay`: replays a recorded flight without flying.
 
-use serde_json::Value;
-use spf_flight::replay::{Changes, Difference, Report, replay as fly_again};
+use spf_flight::replay::{Changes, Report, replay as fly_again};
 use spf_record::log::LogReader;
 
+use super::log::differences::differences;
 use super::log::{unreadable, unreplayable, warn_truncated};
 use super::reask::reask;
 use crate::args::Replay;
@@ -30,13 +30,6 @@ pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError>
     Ok(if report.differences.is_empty() { Exit::Success } else { Exit::Internal })
 }
 
-/// Prints every difference.
-pub(super) fn differences(report: &Report, printer: &Printer) {
-    for difference in &report.differences {
-        printer.result(&line(difference));
-    }
-}
-
 fn tell(report: &Report, printer: &Printer) {
     differences(report, printer);
     let Report { inputs, outputs, differences, .. } = report;
@@ -45,12 +38,4 @@ fn tell(report: &Report, printer: &Printer) {
         1 => format!("1 difference in {outputs} outputs after {inputs} inputs"),
         many => format!("{many} differences in {outputs} outputs after {inputs} inputs"),
     });
-}
-
-fn line(difference: &Difference) -> String {
-    let Difference { time_s, topic, at, recorded, replayed, more } = difference;
-    let value = |value: &Option<Value>| value.as_ref().map_or_else(|| "nothing".to_owned(), Value::to_string);
-    let (then, now) = (value(recorded), value(replayed));
-    let more = if *more > 0 { format!(" (and {more} more fields)") } else { String::new() };
-    format!("{time_s:8.3} s  {topic} {at}: recorded {then}, now {now}{more}")
 }

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use super::answer::explain;
 use super::craft::{Connected, Tello};
-use super::driver::UNREAD;
 use super::opening::ConnectError;
 use super::settings::TelloSettings;
+use super::state::UNREAD;
 use crate::examine::{Check, FIRST_FRAME, Finding, Observation, battery, light};
 
 /// The drone shuts down slightly above this temperature, °C.

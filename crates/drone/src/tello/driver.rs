@@ -100,10 +100,6 @@ impl NamedTello {
     }
 }
 
-/// What to do about a state that cannot be read.
-pub(super) const UNREAD: &str = "its firmware writes its state in another form, or another device sends from its address: update it in the \
-                                 Tello app, or report what arrives (`sudo tcpdump -nA udp port 8890`)";
-
 /// The error with a hint on what to do.
 #[must_use]
 pub fn explained(ip: IpAddr, error: ConnectError) -> driver::ConnectError {
@@ -118,7 +114,7 @@ pub fn explained(ip: IpAddr, error: ConnectError) -> driver::ConnectError {
         ConnectError::NoState { port } => {
             Some(format!("a firewall may block incoming packets: allow UDP {port} and 11111 from {ip}"))
         }
-        ConnectError::UnreadState { .. } => Some(UNREAD.to_owned()),
+        ConnectError::UnreadState { .. } => Some(super::state::UNREAD.to_owned()),
         ConnectError::InUse { port } => Some(format!("close the program that uses port {port}; it may show the video itself")),
         ConnectError::Flies => Some("wait until it has landed; whoever flies it shows what it sees".to_owned()),
         _ => None,

@@ -2,6 +2,9 @@
 
 /// Maximum length of a line, bytes; real ones have about 250.
 const LONGEST: usize = 1024;
+/// What to do about a state that cannot be read.
+pub(super) const UNREAD: &str = "its firmware writes its state in another form, or another device sends from its address: update it in the \
+                                 Tello app, or report what arrives (`sudo tcpdump -nA udp port 8890`)";
 
 /// A state line. Values that a firmware does not send are `None`, never zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

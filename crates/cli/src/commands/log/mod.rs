@@ -1,6 +1,7 @@
 //! `spf log`: tools for flight logs.
 
 mod cat;
+pub(super) mod differences;
 mod export;
 mod info;
 mod open;

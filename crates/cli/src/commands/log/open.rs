@@ -8,10 +8,10 @@ use spf_flight::words;
 use spf_record::OutDir;
 use spf_record::log::LogReader;
 
+use super::differences::differences;
 use super::share::{decided_again, size};
 use super::{unreadable, unreplayable};
 use crate::args::Open;
-use crate::commands::replay::differences;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, one_line};
