@@ -1,7 +1,7 @@
 //! A log of a flight made to be sent to somebody else, and read by them (docs/reference/flight-log.md).
 //!
 //! A shared log is a flight log like any other: every reader of logs reads it, and its flight's head carries a [`SharedMark`] that
-//! says what was left out. What is known to be harmless is kept; all else is not ([`redact`]). Its positions are metres from where
+//! says what was left out. What is known to be harmless is kept; all else is not (`redact`). Its positions are metres from where
 //! the craft started, as in every log: no global position was ever in it.
 //!
 //! [`share`] makes one, [`check`] reads one and decides again.
