@@ -66,7 +66,9 @@ impl Server {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         std::fs::File::create(folder.path().join("server.py")).unwrap().write_all(SERVER.as_bytes()).unwrap();
-        Self { folder, address: own_address() }
+        // Its datagrams come from 127.0.0.1 whatever its own address is, and the camera takes them from nowhere else.
+        let port = own_address().port() + 200 * (std::process::id() % 60) as u16;
+        Self { folder, address: SocketAddrV4::new(std::net::Ipv4Addr::LOCALHOST, port) }
     }
 
     fn start(&self, more: &[&str]) -> Program {

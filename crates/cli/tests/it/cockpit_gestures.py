@@ -258,13 +258,13 @@ def alarms(browser):
         feigned[key] = value
         expect(page).to_have_title(re.compile(f"⚠ {word} – fly"))
         after = told()
-        assert after["vibrated"] == before["vibrated"] + 1 and after["tones"] > before["tones"], (word, before, after)
+        assert after["vibrated"] > before["vibrated"] and after["tones"] > before["tones"], (word, before, after)
     feigned.clear()
     expect(page).to_have_title(title)
     before = told()
     drops["pictures"] = True
     expect(page).to_have_title(re.compile("⚠ PICTURE OLD – fly"))
-    assert told()["vibrated"] == before["vibrated"] + 1
+    wait(lambda: told()["vibrated"] > before["vibrated"], "it vibrates", page=page)
     drops["pictures"] = False
     page.locator("#list-title").click()
     page.keyboard.press("Escape")

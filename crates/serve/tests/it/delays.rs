@@ -147,7 +147,9 @@ fn gstreamer() {
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/it/gstreamer_server.py");
     for transport in ["rtsp", "rtsp+udp"] {
-        let (begun, address) = (Instant::now(), own_address());
+        // Its datagrams come from 127.0.0.1 whatever its own address is, and the camera takes them from nowhere else.
+        let port = own_address().port() + 200 * (std::process::id() % 60) as u16;
+        let (begun, address) = (Instant::now(), std::net::SocketAddrV4::new(std::net::Ipv4Addr::LOCALHOST, port));
         let mut command = Command::new("/usr/bin/python3");
         command
             .args([script, &address.ip().to_string(), &address.port().to_string()])
