@@ -149,7 +149,7 @@ fn gstreamer() {
     for transport in ["rtsp", "rtsp+udp"] {
         // Its datagrams come from 127.0.0.1 whatever its own address is, and the camera takes them from nowhere else.
         let port = own_address().port() + 200 * (std::process::id() % 60) as u16;
-        let (begun, address) = (Instant::now(), std::net::SocketAddrV4::new(std::net::Ipv4Addr::LOCALHOST, port));
+        let (begun, address) = (Instant::now(), std::net::SocketAddrV4::new(Ipv4Addr::LOCALHOST, port));
         let mut command = Command::new("/usr/bin/python3");
         command
             .args([script, &address.ip().to_string(), &address.port().to_string()])
