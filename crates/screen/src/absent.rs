@@ -102,6 +102,14 @@ impl Hands {
         match self.0 {}
     }
 
+    /// Whether the window is no more.
+    ///
+    /// # Errors
+    /// None, since there is no display.
+    pub fn is_gone(&self) -> Result<bool, ScreenError> {
+        match self.0 {}
+    }
+
     /// Whether the window has the focus.
     ///
     /// # Errors

@@ -68,15 +68,15 @@ A picture has no scale, so one length must be known: the height of the camera ab
 one. Forward, sideways and vertical rates are in proportion to it: 10 % too much of it makes them 10 % too large. The turn does not \
 depend on it.
 
-The craft takes off, turns, flies ahead and back, to the right and to the left, climbs and descends, and lands, by the keys of the \
-profile alone. A key is held until the craft flies steadily, for at most 5 s, and to at most half of --room. A way that the \
+The craft takes off, turns, flies ahead and back, to the right and to the left, climbs and descends, each twice, and lands, by the keys \
+of the profile alone. A rate that the second run does not confirm within 20 % is not written. A key is held until the craft flies steadily, for at most 5 s, and to at most half of --room. A way that the \
 picture does not show counts as flown at 1.5 times the profile's rate. A key that shows no motion for 1 s is released, and the opposite key \
 brings the craft back. Nothing else keeps it from obstacles.
 
 Keys go to the profile's window alone, and only while it has the focus. Clicking on another window, and Ctrl-C, release them.
 
-Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, nothing moved, or an axis was not \
-measured (the file is written).")]
+Exit codes: 0 measured, 1 the file cannot be written, 2 usage, 5 interrupted, 6 no display or window, nothing moved, or a rate was not \
+confirmed (the file is written with the others).")]
 pub(crate) struct ScreenCalibrate {
     /// Profile: a name that `spf screen list` shows, or the path of a file
     #[arg(value_name = "PROFILE")]

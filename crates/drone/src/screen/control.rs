@@ -27,6 +27,8 @@ pub(super) enum Part {
     Keys,
     /// The capture of the window.
     Picture,
+    /// The window itself: its program has ended.
+    Window,
 }
 
 /// Why no key is pressed.
@@ -101,7 +103,7 @@ pub(super) struct Control {
     /// What the operator is to be told.
     complaint: Option<&'static str>,
     bars: Vec<Bar>,
-    /// What the keys are pressed for.
+    /// The motion of the keys that are down, of the mouse and of the sticks.
     done: Setpoint,
     events: VecDeque<(Time, DroneEvent)>,
 }
@@ -255,8 +257,19 @@ impl Control {
     }
 
     /// The window has the focus again, and the operator resumes.
-    pub(super) fn take_back(&mut self) {
+    pub(super) fn take_back(&mut self, now: Time) {
         self.taken = false;
+        self.set_broken(now, Part::Window, false);
+    }
+
+    /// Notes how many pictures per second the game draws, if fewer than are looked at.
+    pub(super) fn draws(&mut self, pictures_per_s: Option<f64>) {
+        self.motion.draws(pictures_per_s);
+    }
+
+    /// Whether only the operator's resume brings it back.
+    pub(super) fn awaits_resume(&self) -> bool {
+        self.taken || self.broken.contains(&Part::Window)
     }
 
     pub(super) fn is_taken(&self) -> bool {
@@ -309,8 +322,13 @@ impl Control {
             _ => {}
         }
         let setpoint = if self.can_press_motion(now) { self.setpoint } else { Setpoint::HOLD };
-        self.done = self.motion.set(now, setpoint);
-        let (Phase::TakingOff(running) | Phase::Landing(running)) = &self.phase else { return self.motion.poll(now) };
+        self.motion.set(now, setpoint);
+        let (Phase::TakingOff(running) | Phase::Landing(running)) = &self.phase else {
+            let wanted = self.motion.poll(now);
+            self.done = wanted.motion;
+            return wanted;
+        };
+        self.done = Setpoint::HOLD;
         let step = running.step(now).filter(|_| self.can_press_steps(now));
         let mut wanted = Wanted { keys: step.and_then(|step| step.hold).into_iter().collect(), ..Wanted::default() };
         if let Some(stick) = step.and_then(|step| step.push) {

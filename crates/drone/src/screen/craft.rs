@@ -198,7 +198,7 @@ impl Drone for ScreenCraft {
     }
 
     fn resume(&mut self, _now: Time) {
-        if self.shared.control().is_taken() {
+        if self.shared.control().awaits_resume() {
             self.shared.resumes.store(true, Ordering::Relaxed);
         }
     }

@@ -7,8 +7,10 @@ use spf_screen::duty::Pulses;
 use spf_screen::gamepad::Positions;
 use spf_screen::profile::{Axis, Controls, Key, Yaw};
 
-/// Shortest pulse and shortest pause of a key: a program that looks at the keyboard less often does not notice a shorter one.
-const SHORTEST: Duration = Duration::from_millis(15);
+/// Most pulses of a key per picture that a game draws: a game that looks at its keys once a picture does not notice shorter ones.
+pub(super) const PULSES_PER_PICTURE: f64 = 0.67;
+/// Fewest pulses per second.
+pub(super) const LEAST_PULSES: f64 = 5.0;
 /// Interval between two motions of the mouse.
 const MOUSE_PERIOD: Duration = Duration::from_millis(20);
 /// Most pixels of one motion.
@@ -23,6 +25,8 @@ pub(super) struct Wanted {
     pub(super) mouse: i16,
     /// Where the sticks are to be.
     pub(super) sticks: Positions,
+    /// The velocity for which all this is: with keys, that of the keys that are down.
+    pub(super) motion: Setpoint,
 }
 
 /// The controls of the four axes.
@@ -32,6 +36,8 @@ pub(super) struct Motion {
     /// Right, forward, up, yaw.
     pulses: [Pulses; 4],
     sticks: Positions,
+    /// What the controls can do of the wanted velocity.
+    able: Setpoint,
     /// Yaw rate of the mouse, rad/s.
     turn_rate: f64,
     /// Pixels not moved yet.
@@ -41,13 +47,21 @@ pub(super) struct Motion {
 
 impl Motion {
     pub(super) fn new(controls: &Controls) -> Self {
-        let pulses = core::array::from_fn(|_| Pulses::new(controls.pulse_hz, SHORTEST));
+        let pulses = core::array::from_fn(|_| Pulses::new(controls.pulse_hz));
         let controls = controls.clone();
-        Self { controls, pulses, sticks: Positions::default(), turn_rate: 0.0, pixels: 0.0, mouse_at: Time::ZERO }
+        let able = Setpoint::HOLD;
+        Self { controls, pulses, sticks: Positions::default(), able, turn_rate: 0.0, pixels: 0.0, mouse_at: Time::ZERO }
     }
 
-    /// Sets the velocity, and returns what the controls can do of it.
-    pub(super) fn set(&mut self, now: Time, wanted: Setpoint) -> Setpoint {
+    /// Notes how many pictures per second the game draws, if fewer than are looked at: there are no shorter pulses, and never more than
+    /// the profile says.
+    pub(super) fn draws(&mut self, pictures_per_s: Option<f64>) {
+        let most = pictures_per_s.map_or(f64::INFINITY, |pictures| (PULSES_PER_PICTURE * pictures).max(LEAST_PULSES));
+        self.pulses.iter_mut().for_each(|pulses| pulses.set_rate(self.controls.pulse_hz.min(most)));
+    }
+
+    /// Sets the velocity.
+    pub(super) fn set(&mut self, now: Time, wanted: Setpoint) {
         let Controls { forward, right, up, yaw, .. } = &self.controls;
         let fraction = |axis: Option<&Axis>, speed: f64| axis.map_or(0.0, |axis| of_full(speed, axis.rate(speed)));
         let full_turn = yaw.rate_deg_s().to_radians();
@@ -73,27 +87,36 @@ impl Motion {
             pulses.set(now, if stick.is_some() || (number == 3 && is_mouse) { 0.0 } else { fraction });
         }
         let speed = |axis: Option<&Axis>, fraction: f64| axis.map_or(0.0, |axis| fraction * axis.rate(fraction));
-        Setpoint {
+        self.able = Setpoint {
             right: speed(right.as_ref(), fractions[0]),
             forward: speed(Some(forward), fractions[1]),
             up: speed(Some(up), fractions[2]),
             yaw_rate: fractions[3] * full_turn,
-        }
+        };
     }
 
     /// What is wanted now.
     pub(super) fn poll(&mut self, now: Time) -> Wanted {
         let Controls { forward, right, up, yaw, .. } = &self.controls;
         let pairs = [right.as_ref().and_then(Axis::keys), forward.keys(), up.keys(), yaw.keys()];
+        let turn = yaw.rate_deg_s().to_radians();
+        let full = |level: f64| [right.as_ref().map_or(0.0, |axis| axis.rate(level)), forward.rate(level), up.rate(level), turn];
+        let Setpoint { right: aside, forward: ahead, up: climb, yaw_rate } = self.able;
+        let mut motion = [aside, ahead, climb, yaw_rate];
         let mut keys = Vec::new();
-        for (pulses, pair) in self.pulses.iter_mut().zip(pairs) {
-            match (pulses.level(now), pair) {
-                (1, Some((plus, _))) => keys.push(plus),
-                (-1, Some((_, minus))) => keys.push(minus),
+        for (number, (pulses, pair)) in self.pulses.iter_mut().zip(pairs).enumerate() {
+            let level = pulses.level(now);
+            let Some((plus, minus)) = pair else { continue };
+            motion[number] = f64::from(level) * full(f64::from(level))[number];
+            match level {
+                1 => keys.push(plus),
+                -1 => keys.push(minus),
                 _ => {}
             }
         }
-        Wanted { keys, mouse: self.mouse(now), sticks: self.sticks }
+        let [right, forward, up, yaw_rate] = motion;
+        let motion = Setpoint { right, forward, up, yaw_rate };
+        Wanted { keys, mouse: self.mouse(now), sticks: self.sticks, motion }
     }
 
     fn mouse(&mut self, now: Time) -> i16 {
@@ -140,22 +163,23 @@ pub(super) mod tests {
         let profile = Profile::shipped("luanti").unwrap();
         let mut motion = Motion::new(&profile.controls);
         let wanted = Setpoint { forward: 2.0, right: -8.0, up: 0.0, yaw_rate: 30.0_f64.to_radians() };
-        let done = motion.set(Time::ZERO, wanted);
-        assert!(
-            (done.right + 4.0).abs() < 1e-9
-                && (done.forward - 2.0).abs() < 1e-9
-                && (done.yaw_rate - wanted.yaw_rate).abs() < 1e-9
-        );
+        motion.set(Time::ZERO, wanted);
         let (mut ahead, mut aside, mut pixels) = (0, 0, 0);
+        let mut way = Setpoint::HOLD;
         for ms in (5..=2000).step_by(5) {
-            let Wanted { keys, mouse, sticks } = motion.poll(Time::from_millis(ms));
+            let Wanted { keys, mouse, sticks, motion: done } = motion.poll(Time::from_millis(ms));
+            // Of a key that is down, the whole of its speed; of the mouse, what is wanted.
+            assert!((done.forward == 4.0) == keys.contains(&Key::named("w").unwrap()) && done.right == -4.0 && done.up == 0.0);
+            assert!((done.yaw_rate - wanted.yaw_rate).abs() < 1e-9);
+            way.forward += 0.005 * done.forward;
             ahead += i32::from(keys.contains(&Key::named("w").unwrap()));
             aside += i32::from(keys.contains(&Key::named("a").unwrap()));
             pixels += i32::from(mouse);
             assert!(keys.len() <= 2 && mouse <= 6 && sticks.are_centred());
         }
         // 60° in 2 s are 265 pixels, of which the last period is open.
-        assert!((195..=205).contains(&ahead) && aside == 400 && (258..=265).contains(&pixels), "{ahead} {aside} {pixels}");
+        assert!((way.forward - 4.0).abs() < 0.41, "{way:?}");
+        assert!((180..=220).contains(&ahead) && aside == 400 && (258..=265).contains(&pixels), "{ahead} {aside} {pixels}");
         motion.set(Time::from_millis(2001), Setpoint::HOLD);
         assert_eq!(motion.poll(Time::from_millis(2025)), Wanted::default());
     }
@@ -174,9 +198,9 @@ pub(super) mod tests {
     fn hand_worked_sticks() {
         let mut motion = Motion::new(&padded().controls);
         // Full rates are 4 m/s, 1.5 m/s and 95 °/s.
-        let done = motion.set(Time::ZERO, Setpoint { forward: 1.0, right: -9.0, up: 1.5, yaw_rate: 0.0 });
+        motion.set(Time::ZERO, Setpoint { forward: 1.0, right: -9.0, up: 1.5, yaw_rate: 0.0 });
+        let Wanted { keys, mouse, sticks, motion: done } = motion.poll(Time::from_millis(5));
         assert_eq!((done.forward, done.right, done.up, done.yaw_rate), (1.0, -4.0, 1.5, 0.0));
-        let Wanted { keys, mouse, sticks } = motion.poll(Time::from_millis(5));
         // A quarter of the speed by a square: 0.2 + 0.8 · 0.5 of 32767, pushed away.
         assert_eq!((keys, mouse, sticks.values()), (vec![Key::named("r").unwrap()], 0, [0, 0, -32767, -19660]));
         motion.set(Time::from_millis(9), Setpoint::HOLD);
@@ -190,8 +214,8 @@ pub(super) mod tests {
         ) {
             let profile = padded();
             let mut motion = Motion::new(&profile.controls);
-            let done = motion.set(Time::ZERO, Setpoint { right, forward, up: 0.0, yaw_rate });
-            let Wanted { keys, mouse, sticks } = motion.poll(Time::from_millis(ms));
+            motion.set(Time::ZERO, Setpoint { right, forward, up: 0.0, yaw_rate });
+            let Wanted { keys, mouse, sticks, motion: done } = motion.poll(Time::from_millis(ms));
             prop_assert!(keys.is_empty() && mouse == 0);
             let [turn, _, aside, back] = sticks.values();
             let rate = |value: i16| profile.controls.curve().rate(f64::from(value) / 32767.0);
@@ -205,7 +229,8 @@ pub(super) mod tests {
         ) {
             let profile = Profile::shipped(Profile::names()[name]).unwrap();
             let mut motion = Motion::new(&profile.controls);
-            let done = motion.set(Time::ZERO, Setpoint { right, forward, up, yaw_rate });
+            motion.set(Time::ZERO, Setpoint { right, forward, up, yaw_rate });
+            let done = motion.poll(Time::from_millis(ms)).motion;
             prop_assert!(done.is_finite() && deflection(&profile.controls, done) <= 1.0 + 1e-9);
             let Wanted { keys, .. } = motion.poll(Time::from_millis(ms));
             let pressed = |axis: &Axis| axis.keys().is_some_and(|(plus, minus)| keys.contains(&plus) && keys.contains(&minus));

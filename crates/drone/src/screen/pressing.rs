@@ -21,7 +21,7 @@ const RETRY: Duration = Duration::from_millis(500);
 
 /// Presses and releases keys until the craft is dropped.
 pub(super) fn press(mut hands: Hands, shared: &Shared) {
-    let mut looked = Instant::now();
+    let (mut looked, mut found) = (Instant::now(), Instant::now());
     let mut last = (FlightPhase::OnGround, Setpoint::HOLD);
     while !shared.stopped.load(Ordering::Relaxed) {
         if shared.resumes.swap(false, Ordering::Relaxed) {
@@ -60,7 +60,8 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
             Ok(()) => {}
             Err(ScreenError::NoFocus) => {
                 hands.release_all();
-                if shared.control().lose_focus(shared.now()) {
+                // Without a window nobody has taken it from this program.
+                if !lost(&hands, shared) && shared.control().lose_focus(shared.now()) {
                     tracing::warn!("the window has lost the focus: keys released; resume (T) gives it back");
                 }
             }
@@ -72,6 +73,10 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
                 mend(&mut hands, shared, error);
             }
         }
+        if !is_watched && found.elapsed() >= RETRY {
+            found = Instant::now();
+            lost(&hands, shared);
+        }
         std::thread::sleep(TICK);
     }
     drop(hands);
@@ -81,13 +86,23 @@ pub(super) fn press(mut hands: Hands, shared: &Shared) {
 /// Asks for the focus, as the operator wishes.
 fn resume(hands: &mut Hands, shared: &Shared) {
     let refused = match hands.activate() {
-        Ok(true) => return shared.control().take_back(),
+        Ok(true) => return shared.control().take_back(shared.now()),
         Ok(false) => "the window did not get the focus; resume asks again".to_owned(),
         Err(error) => format!("the window did not get the focus: {error}"),
     };
     tracing::warn!("{refused}");
     // The pilot holds, so that the operator can resume again.
     shared.control().refuse_resume(shared.now());
+}
+
+/// Whether the window is no more, which then is a lost link, whoever had the focus: a game that has ended is flown by nobody. A game that
+/// was started again is flown when the operator resumes, and not before: it may show a menu.
+fn lost(hands: &Hands, shared: &Shared) -> bool {
+    let is_gone = hands.is_gone().unwrap_or(false);
+    if is_gone && shared.control().set_broken(shared.now(), Part::Window, true) {
+        tracing::error!("the window is gone: has the game ended?");
+    }
+    is_gone
 }
 
 fn release(hands: &mut Hands, wanted: &[Key]) -> Result<(), ScreenError> {

@@ -16,6 +16,12 @@ const LEVELS: u8 = 6;
 /// Fraction of the pixels looked at that makes a change: a blinking cursor or a clock is none.
 const CHANGED: f64 = 0.001;
 
+/// Fraction of full deflection from which on pictures are counted, for how long, seconds, and the fraction of looks with a change from
+/// which on every look is one.
+const PUSHED: f64 = 0.3;
+const COUNTED: f64 = 2.0;
+const ALL: f64 = 0.85;
+
 /// Tells a picture that no longer answers.
 #[derive(Debug, Default)]
 pub(super) struct Stillness {
@@ -23,6 +29,38 @@ pub(super) struct Stillness {
     last: Option<Time>,
     /// For how long keys have been held since the picture changed, seconds.
     held: f64,
+    /// How often it has changed.
+    changes: u64,
+}
+
+/// Counts the pictures that a game draws, while it is pushed: at rest it may draw the same again.
+#[derive(Debug, Default)]
+pub(super) struct Drawn {
+    last: Option<Time>,
+    looked: f64,
+    looks: u32,
+    changes: u32,
+}
+
+impl Drawn {
+    /// Takes the next look, and whether the picture had changed. After [`COUNTED`] seconds in which the craft was pushed: the pictures
+    /// per second, or `None` in it if nearly every look saw another, so that there are at least as many as looks.
+    pub(super) fn add(&mut self, now: Time, pushed: f64, changed: bool) -> Option<Option<f64>> {
+        let passed = self.last.replace(now).map_or(Duration::ZERO, |last| now.since(last)).as_secs_f64();
+        if pushed < PUSHED || passed > 0.25 || passed == 0.0 {
+            return None;
+        }
+        self.looked += passed;
+        self.looks += 1;
+        self.changes += u32::from(changed);
+        if self.looked < COUNTED {
+            return None;
+        }
+        let Self { looked, looks, changes, .. } = core::mem::take(self);
+        self.last = Some(now);
+        // Without any change it is frozen, or at a wall.
+        (changes > 0).then(|| (f64::from(changes) < ALL * f64::from(looks)).then(|| f64::from(changes) / looked))
+    }
 }
 
 impl Stillness {
@@ -34,12 +72,18 @@ impl Stillness {
         if !same {
             self.before = Some(image.clone());
             self.held = 0.0;
+            self.changes += 1;
         } else if pushed.is_finite() {
             // A gap between two pictures tells nothing.
             self.held += pushed.clamp(0.0, 1.0) * passed.min(0.25);
         }
         // A sum of intervals.
         self.held > HELD - 1e-6
+    }
+
+    /// How often the picture has changed.
+    pub(super) fn changes(&self) -> u64 {
+        self.changes
     }
 }
 
@@ -88,6 +132,19 @@ mod tests {
     fn a_hovering_craft_is_not_frozen_and_a_slow_one_is_later() {
         assert!(frozen(&[(7, 0.0); 200]).iter().all(|frozen| !frozen));
         assert_eq!(frozen(&[(7, 0.25); 200]).iter().position(|frozen| *frozen), Some(48));
+    }
+
+    #[test]
+    fn pictures_are_counted_in_motion_alone() {
+        // One look each 50 ms; of a game with 15 pictures per second three of four looks see another.
+        let counted = |pushed: f64, changed: fn(u64) -> bool| {
+            let mut drawn = Drawn::default();
+            (0..=45).find_map(|n| drawn.add(Time::from_millis(50 * n), pushed, changed(n)))
+        };
+        let slow = counted(1.0, |n| n % 4 != 0).unwrap().unwrap();
+        assert!((slow - 15.0).abs() < 0.6, "{slow}");
+        assert_eq!(counted(1.0, |_| true), Some(None));
+        assert_eq!((counted(1.0, |_| false), counted(0.1, |n| n % 4 != 0)), (None, None));
     }
 
     #[test]

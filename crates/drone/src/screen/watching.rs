@@ -16,7 +16,7 @@ use super::flow::Flow;
 use super::motion::deflection;
 use super::reckoning::Reckoning;
 use super::shared::{Done, Shared};
-use super::stillness::Stillness;
+use super::stillness::{Drawn, Stillness};
 use super::turn_check::TurnCheck;
 use crate::DroneEvent;
 use crate::frames::FrameStore;
@@ -34,6 +34,7 @@ pub(super) struct Watcher {
     flow: Flow,
     reckoning: Reckoning,
     turns: TurnCheck,
+    drawn: Drawn,
     last: Option<Rgb>,
     size: (u32, u32),
     hidden: Option<Hidden>,
@@ -51,6 +52,7 @@ impl Watcher {
             flow: Flow::new(profile.camera.masks.clone()),
             reckoning: Reckoning::new(now, profile.controls.dead_time_s, profile.controls.lag_s),
             turns: TurnCheck::default(),
+            drawn: Drawn::default(),
             last: None,
             size,
             hidden: None,
@@ -88,7 +90,7 @@ impl Watcher {
                 let captured = taken - latency;
                 let image = self.pictures.finish(shown.image);
                 self.reckon(shared, captured);
-                let frozen = self.picture(captured, &image);
+                let frozen = self.picture(shared, captured, &image);
                 if frozen && !std::mem::replace(&mut self.was_frozen, frozen) {
                     tracing::warn!(
                         "keys were held, and the picture has not changed: the game is paused, frozen or in a menu, or does not notice keys \
@@ -138,9 +140,13 @@ impl Watcher {
     }
 
     /// Takes a picture into account; whether it has stopped to answer.
-    fn picture(&mut self, captured: Time, image: &Rgb) -> bool {
+    fn picture(&mut self, shared: &Shared, captured: Time, image: &Rgb) -> bool {
         let pushed = deflection(&self.profile.controls, self.reckoning.pushed(captured));
+        let before = self.stillness.changes();
         let frozen = self.stillness.is_frozen(captured, image, pushed);
+        if let Some(pictures) = self.drawn.add(captured, pushed, self.stillness.changes() > before) {
+            shared.control().draws(pictures);
+        }
         let size = (image.width(), image.height());
         if size == self.size {
             let camera = self.profile.optics(size);

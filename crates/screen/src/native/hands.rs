@@ -88,6 +88,14 @@ impl Hands {
         Ok(false)
     }
 
+    /// Whether the window is no more, as after the end of its program.
+    ///
+    /// # Errors
+    /// [`ScreenError::Failed`].
+    pub fn is_gone(&self) -> Result<bool, ScreenError> {
+        Ok(self.display.listed()?.iter().all(|listed| listed.window.id != self.window))
+    }
+
     /// Whether the window has the focus.
     ///
     /// # Errors

@@ -129,6 +129,15 @@ impl Hands {
         Ok(self.window)
     }
 
+    /// Whether the window is no more, as after the end of its program; without a window never.
+    ///
+    /// # Errors
+    /// [`ScreenError::Failed`].
+    pub fn is_gone(&self) -> Result<bool, ScreenError> {
+        let Some(window) = self.window else { return Ok(false) };
+        Ok(unless_gone(self.display.0.connection.get_window_attributes(window)?.reply())?.is_none())
+    }
+
     /// Whether the window has the focus, both by the window manager and by the server; without a window, always.
     ///
     /// # Errors

@@ -1,6 +1,5 @@
 //! `spf screen calibrate`.
 
-use std::collections::BTreeSet;
 use std::sync::atomic::Ordering;
 
 use spf_drone::screen::calibrate::{CalibrateError, Found, Known, Measured, calibrate as measure};
@@ -34,7 +33,7 @@ pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exi
     let text = Profile::text(&args.profile).map_err(|error| CliError::usage("cannot read the profile").because(&error))?;
     let interrupted = flight_interrupts(true)?;
     printer.log(&format!(
-        "Keys of this display are pressed for the window with {} for about a minute, as long as it has the focus: do not type. Clicking on \
+        "Keys of this display are pressed for the window with {} for about two minutes, as long as it has the focus: do not type. Clicking on \
          another window, or Ctrl-C, ends this and releases them. The craft needs {} m of free space to each side.",
         known.window.name(), args.room
     ));
@@ -47,7 +46,7 @@ pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exi
         _ => CliError::failed(error.to_string()),
     })?;
     printer.result(&table(&lines(&found, &known)));
-    if found.rows.iter().all(|row| row.now.is_none()) {
+    if found.rows.iter().all(|row| row.runs == [None, None]) {
         return Err(CliError::failed("nothing moved in the picture; no file was written")
             .hint("check that the game takes the keys of the profile, and that ground with a pattern is in view"));
     }
@@ -66,26 +65,26 @@ pub(super) fn calibrate(args: &ScreenCalibrate, printer: &Printer) -> Result<Exi
     printer.log(&format!(
         "The craft does not end where it began: before another run, bring it back to {height} m above ground, in level view."
     ));
-    let guessed = unmeasured(&found.rows);
+    let guessed: Vec<String> = found
+        .rows
+        .iter()
+        .filter(|row| row.rate().is_none_or(|rate| rate <= 0.0 && row.key != "mouse"))
+        .map(|row| format!("{} by `{}`", row.axis, row.key))
+        .collect();
     if guessed.is_empty() {
         return Ok(Exit::Success);
     }
-    let all = found.rows.iter().map(|row| row.axis).collect::<BTreeSet<_>>().len();
-    Err(CliError::failed(format!("{} of {all} axes were not measured: {}", guessed.len(), guessed.join(", ")))
-        .hint("their rates in the file are still guesses: do not fly with it; close menus of the game, and run this again"))
-}
-
-/// The axes of which neither direction was measured.
-fn unmeasured(rows: &[Measured]) -> Vec<&'static str> {
-    let mut axes: Vec<&'static str> = rows.iter().map(|row| row.axis).collect();
-    axes.dedup();
-    axes.retain(|axis| rows.iter().filter(|row| row.axis == *axis).all(|row| row.now.is_none()));
-    axes
+    let (many, all) = (guessed.len(), found.rows.len());
+    Err(CliError::failed(format!(
+        "{many} of {all} rates were not confirmed by two runs, and are not in the file: {}",
+        guessed.join(", ")
+    ))
+    .hint("their rates in the file are still guesses: do not fly with it; close menus of the game, and run this again"))
 }
 
 /// The table of what was measured.
 fn lines(found: &Found, profile: &Profile) -> Vec<Vec<String>> {
-    let mut lines = vec![["axis", "key", "in the profile", "measured"].map(str::to_owned).to_vec()];
+    let mut lines = vec![["axis", "key", "in the profile", "first run", "second run"].map(str::to_owned).to_vec()];
     let seen = |now: Option<f64>, unit: &str| now.map_or_else(|| "not seen".to_owned(), |now| format!("{now:.3} {unit}"));
     for row in &found.rows {
         let unit = match (row.axis, row.key.as_str()) {
@@ -93,7 +92,8 @@ fn lines(found: &Found, profile: &Profile) -> Vec<Vec<String>> {
             ("yaw", _) => "°/s",
             _ => "m/s",
         };
-        lines.push(vec![row.axis.to_owned(), row.key.clone(), format!("{:.3} {unit}", row.before), seen(row.now, unit)]);
+        let [one, two] = row.runs.map(|run| seen(run, unit));
+        lines.push(vec![row.axis.to_owned(), row.key.clone(), format!("{:.3} {unit}", row.before), one, two]);
     }
     for (name, before, now) in
         [("dead time", profile.controls.dead_time_s, found.dead_time), ("lag", profile.controls.lag_s, found.lag)]
@@ -112,17 +112,20 @@ fn lines(found: &Found, profile: &Profile) -> Vec<Vec<String>> {
 
 /// What is doubtful about a line.
 fn warning(row: &Measured) -> Option<String> {
-    let Measured { axis, key, before, now, is_steady } = row;
-    match now {
-        None => Some(format!(
-            "{axis} by `{key}` was not seen, and stays as it was (as that of the other key, if it has no rate of its own): ground with a pattern, \
-             or things all around, must be in view"
-        )),
+    let Measured { axis, key, before, runs, is_steady } = row;
+    match row.rate() {
+        None => {
+            let what = if runs.contains(&None) { "not seen twice" } else { "not the same twice" };
+            Some(format!(
+                "{axis} by `{key}` was {what}, and stays as it was (as that of the other key, if it has no rate of its own): ground with a \
+                 pattern, or things all around, must be in view"
+            ))
+        }
         Some(rate) if key == "mouse" => (rate * before < 0.0).then(|| {
             "the mouse turns the other way than the profile says: does the game look straight ahead, and not up or down?"
                 .to_owned()
         }),
-        Some(rate) if *rate < 0.0 => {
+        Some(rate) if rate < 0.0 => {
             Some(format!("{axis} by `{key}` goes the other way, and stays as it was: exchange `plus` and `minus` in the profile"))
         }
         Some(_) if !is_steady => Some(format!(

@@ -104,7 +104,7 @@ fn a_picture_that_tells_nothing_lets_no_key_lead_far() {
     let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     // Forward and back; the sides would be the same.
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map_while(Result::ok);
-    let said: Vec<String> = lines.by_ref().take_while(|line| !line.contains("flying right")).collect();
+    let said: Vec<String> = lines.by_ref().take_while(|line| !line.contains("right by")).collect();
     assert_eq!(said.iter().filter(|line| line.contains("the picture did not tell")).count(), 4, "{said:?}");
     assert!(!said.iter().any(|line| line.contains("in pulses")), "{said:?}");
     let truth = game.truth();

@@ -81,9 +81,10 @@ impl Screen {
         let truth = self.lab.path("truth.tsv");
         let args = ["sim", "window", "city", "--size", "480x360", "--fps", "15", "--truth", "truth.tsv"];
         let child = self.spf(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let process = child.id();
         self.server.keep(child);
         let window = self.window("spf sim window");
-        Game { window, truth }
+        Game { window, process, truth }
     }
 
     /// `spf fly` through the window, by the program that points at colours.
@@ -100,6 +101,7 @@ impl Screen {
 /// The simulator in its window.
 pub(super) struct Game {
     pub(super) window: String,
+    pub(super) process: u32,
     truth: PathBuf,
 }
 

@@ -107,6 +107,43 @@ fn a_frozen_game_is_seen_and_ends_the_flight() {
 
 #[test]
 #[ignore = "flies in real time: .ci/interop runs it"]
+fn a_game_that_is_killed_ends_an_unattended_flight() {
+    // As it flies, and after somebody has taken the focus.
+    for taken in [false, true] {
+        let Some(mut flight) = Flight::begin(&[]) else { return };
+        if taken {
+            flight.screen.xev("Chat", "300x100+700+600");
+            flight.game.rests();
+        }
+        let killed = Instant::now();
+        flight.screen.run("xdotool", &["windowkill", &flight.game.window]);
+        let run = flight.end();
+        // Far below the 60 s of the flight's time: nobody sends a signal.
+        assert!(killed.elapsed() < Duration::from_secs(25), "{:?}", killed.elapsed());
+        assert_eq!(run.code, Some(6), "{}", run.stderr);
+        let told = ["the window is gone", "not landed: the keys could not be pressed"];
+        assert!(told.iter().all(|told| run.stderr.contains(told)), "{}", run.stderr);
+        assert!(flight.screen.keys_down().is_empty(), "{:?}", flight.screen.keys_down());
+    }
+}
+
+#[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
+fn an_answer_on_a_frame_from_before_a_freeze_is_not_flown() {
+    let Some(mut flight) = Flight::begin(&[("RUST_LOG", "spf_flight=debug,warn")]) else { return };
+    let game = flight.game.process.to_string();
+    flight.screen.run("kill", &["-STOP", &game]);
+    std::thread::sleep(Duration::from_secs(5));
+    flight.screen.run("kill", &["-CONT", &game]);
+    wait("the flight after", || flight.game.moved_lately(1.0) > 0.5);
+    flight.signal("TERM");
+    let run = flight.end();
+    assert!(run.stderr.contains("Frozen"), "{}", run.stderr);
+    assert!(String::from_utf8_lossy(&flight.screen.lab.read("flight/summary.json")).contains("\"collisions\": null"));
+}
+
+#[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
 fn a_window_of_another_size_or_covered_stops_the_craft_and_it_flies_on_after() {
     let Some(mut flight) = Flight::begin(&[]) else { return };
     let window = flight.game.window.clone();

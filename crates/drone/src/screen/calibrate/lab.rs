@@ -221,7 +221,7 @@ impl<'a> Lab<'a> {
 
     /// Holds a key, or moves the mouse; when that ended.
     fn hold(&mut self, press: Press, leg: &mut Leg, bounds: Bounds) -> Result<f64, CalibrateError> {
-        let mut pulses = Pulses::new(self.profile.controls.pulse_hz, Duration::from_millis(15));
+        let mut pulses = Pulses::new(self.profile.controls.pulse_hz);
         let (begun, mut looked, mut moved) = (Instant::now(), Instant::now(), None::<Instant>);
         let mut end = bounds.hold.unwrap_or(LONGEST);
         loop {

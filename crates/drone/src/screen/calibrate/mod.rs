@@ -3,7 +3,8 @@
 //! Each key is held until the craft flies steadily, and what it does then is its rate. A turn follows from the motion of all points and
 //! the field of view ([`turning`](super::turning)). A way has no scale in a picture; its scale is the height above flat ground, which
 //! must be known ([`over_ground`]). What a picture shows of the first motion after the key is the dead time, less that of the picture
-//! itself ([`mod@response`]).
+//! itself ([`mod@response`]). Each key is measured twice, and only a rate that both runs confirm is one: what is in view of the second is
+//! another part of the ground.
 
 mod lab;
 pub mod over_ground;
@@ -13,6 +14,7 @@ mod watch;
 use spf_screen::profile::{Axis, Change, Key, Profile, Yaw};
 use spf_screen::{Hidden, ScreenError};
 
+use super::motion::{LEAST_PULSES, PULSES_PER_PICTURE};
 use super::settings::ScreenSettings;
 use lab::{Bounds, Lab, Leg, Press};
 use response::{Response, median, response};
@@ -28,15 +30,11 @@ const LEAST_TURN: f64 = 0.1;
 const FLOOR: f64 = 0.6;
 /// Rates in both directions that differ by less are one, as a fraction.
 const ALIKE: f64 = 0.05;
-/// Most pulses per new picture of the game: a game that looks at its keys once a picture does not notice shorter ones.
-const PULSES: f64 = 0.67;
 /// How long pictures are counted in a turn, and in the turn back, seconds.
 const COUNTED: f64 = 1.0;
-/// Two measurements of the mouse, at different speeds, differ by at most this factor: a turn that is too fast for the pictures to follow
-/// may look like a slow one.
-const AGREEING: f64 = 1.25;
-/// Fewest pulses per second of a profile.
-const LEAST_PULSES: f64 = 5.0;
+/// Two measurements of one rate differ by at most this factor. Those of the mouse are made at different speeds: a turn that is too fast
+/// for the pictures to follow may look like a slow one.
+const AGREEING: f64 = 1.2;
 
 /// What has to be known.
 #[derive(Clone, Copy, Debug)]
@@ -47,7 +45,7 @@ pub struct Known {
     pub room: f64,
 }
 
-/// One key, measured.
+/// One key, measured twice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
     /// What it does: `yaw`, `forward`, `right` or `up`.
@@ -56,10 +54,19 @@ pub struct Measured {
     pub key: String,
     /// What the profile said: °/s, ° per pixel of the mouse, or m/s.
     pub before: f64,
-    /// What was measured, in the same unit; `None` if the picture did not tell, or the craft did not move.
-    pub now: Option<f64>,
+    /// What the two runs measured, in the same unit; `None` if the picture did not tell, or the craft did not move.
+    pub runs: [Option<f64>; 2],
     /// Whether the craft flew steadily: otherwise it is faster than that.
     pub is_steady: bool,
+}
+
+impl Measured {
+    /// What both runs have confirmed: their mean.
+    #[must_use]
+    pub fn rate(&self) -> Option<f64> {
+        let [Some(one), Some(two)] = self.runs else { return None };
+        (1.0 / AGREEING..=AGREEING).contains(&(one / two)).then_some(0.5 * (one + two))
+    }
 }
 
 /// What was found.
@@ -160,7 +167,7 @@ impl Bench<'_> {
         self.found.dead_time =
             median(std::mem::take(&mut self.dead_times)).map(|dead_time| (dead_time - camera.latency_s).clamp(0.0, 2.0));
         self.found.lag = median(std::mem::take(&mut self.lags)).map(|lag| lag.clamp(0.01, 5.0));
-        let noticed = self.found.pictures_per_s.map(|pictures| (PULSES * pictures).floor().max(LEAST_PULSES));
+        let noticed = self.found.pictures_per_s.map(|pictures| (PULSES_PER_PICTURE * pictures).floor().max(LEAST_PULSES));
         self.found.pulses = noticed.filter(|pulses| *pulses < controls.pulse_hz);
         let [dead_time, lag, pulses] = [self.found.dead_time, self.found.lag, self.found.pulses];
         for (key, value) in [("controls.dead_time_s", dead_time), ("controls.lag_s", lag), ("controls.pulse_hz", pulses)] {
@@ -206,15 +213,9 @@ impl Bench<'_> {
     }
 
     fn yaw(&mut self, plus: Key, minus: Key, before: f64) -> Result<(), CalibrateError> {
-        let (mut rates, mut hold) = (Vec::new(), None);
-        for (key, opposite, sign) in [(plus, minus, 1.0), (minus, plus, -1.0)] {
-            (self.say)(&format!("turning by {key:?}"));
-            let (leg, response) = self.press((key, opposite), Quantity::Turn, (self.known.height, 0.0), hold)?;
-            hold = response.is_some().then_some(leg.up - leg.down);
-            let now = response.map(|response| sign * response.rate.to_degrees());
-            rates.extend(now.filter(|rate| (5.0..=360.0).contains(rate)));
-            self.note("yaw", key.to_string(), before, now, &leg);
-        }
+        let mut height = self.known.height;
+        let rows = self.both("yaw", (plus, minus), Quantity::Turn, &mut height, (0.0, [before; 2]))?;
+        let rates: Vec<f64> = rows.into_iter().flatten().filter(|rate| (5.0..=360.0).contains(rate)).collect();
         if !rates.is_empty() {
             self.count(Press::Key(plus, 1.0), Press::Key(minus, 1.0))?;
         }
@@ -223,9 +224,51 @@ impl Bench<'_> {
         Ok(())
     }
 
+    /// Presses the two keys of an axis, one after the other, and both again; what each has done by both runs. `profile`: the speed by the
+    /// profile that bounds a way, m/s, 0 for a turn, and what the profile says of the two keys.
+    fn both(
+        &mut self,
+        name: &'static str,
+        (plus, minus): (Key, Key),
+        quantity: Quantity,
+        height: &mut f64,
+        (bound, before): (f64, [f64; 2]),
+    ) -> Result<[Option<f64>; 2], CalibrateError> {
+        let mut rows = [(plus, before[0]), (minus, before[1])].map(|(key, before)| Measured {
+            axis: name,
+            key: key.to_string(),
+            before,
+            runs: [None; 2],
+            is_steady: true,
+        });
+        let mut hold = None;
+        for run in 0..2 {
+            for (row, (key, opposite, sign)) in rows.iter_mut().zip([(plus, minus, 1.0), (minus, plus, -1.0)]) {
+                (self.say)(&format!("{name} by {key:?}, run {} of 2", run + 1));
+                let (leg, response) = self.press((key, opposite), quantity, (*height, bound), hold)?;
+                hold = response.is_some().then_some(leg.up - leg.down);
+                if response.is_some() {
+                    // Otherwise it was brought back.
+                    *height = leg.watch.height();
+                }
+                let is_turn = quantity == Quantity::Turn;
+                row.runs[run] = response.map(|response| sign * if is_turn { response.rate.to_degrees() } else { response.rate });
+                row.is_steady &= leg.is_steady;
+                trace(row, &leg);
+            }
+            // One that was not seen cannot be confirmed, and the other would not be flown back.
+            if rows.iter().any(|row| row.runs[run].is_none()) {
+                break;
+            }
+        }
+        let rates = rows.each_ref().map(Measured::rate);
+        self.found.rows.extend(rows);
+        Ok(rates)
+    }
+
     fn mouse(&mut self, before: f64) -> Result<(), CalibrateError> {
         let bounds = Bounds { room: self.known.room, rate: 0.0, floor: 0.0, hold: None };
-        let mut each = None;
+        let mut row = Measured { axis: "yaw", key: "mouse".to_owned(), before, runs: [None; 2], is_steady: true };
         for pixels in PIXELS {
             (self.say)(&format!("turning by the mouse, {pixels} pixels at a time"));
             let leg = self.lab.leg(Press::Mouse(pixels), Quantity::Turn, self.known.height, bounds)?;
@@ -238,20 +281,20 @@ impl Bench<'_> {
                 let hold = Bounds { hold: Some((leg.up - leg.down) * longer), ..bounds };
                 let back = self.lab.leg(Press::Mouse(-other), Quantity::Turn, self.known.height, hold)?;
                 let per_pixel = |leg: &Leg| leg.watch.total().to_degrees() / leg.pixels as f64;
-                let (one, two) = (per_pixel(&leg), per_pixel(&back));
-                if (1.0 / AGREEING..=AGREEING).contains(&(one / two)) {
+                row.runs = [Some(per_pixel(&leg)), Some(per_pixel(&back))];
+                if row.rate().is_some() {
                     self.dead_times.push(response.dead_time);
-                    each = Some(0.5 * (one + two));
                     self.count(Press::Mouse(other), Press::Mouse(-other))?;
                 }
             }
-            let is_last = Some(&pixels) == PIXELS.last();
-            if each.is_some() || is_last {
-                self.note("yaw", "mouse".to_owned(), before, each, &leg);
+            row.is_steady = leg.is_steady;
+            trace(&row, &leg);
+            if row.rate().is_some() {
                 break;
             }
         }
-        let each = each.filter(|each| (0.001..=10.0).contains(&each.abs()));
+        let each = row.rate().filter(|each| (0.001..=10.0).contains(&each.abs()));
+        self.found.rows.push(row);
         self.found.changes.extend(each.map(|each| ("controls.yaw.mouse_deg", Change::Number(each))));
         Ok(())
     }
@@ -273,37 +316,28 @@ impl Bench<'_> {
         height: &mut f64,
     ) -> Result<(), CalibrateError> {
         let Some((plus_key, minus_key)) = axis.keys() else { return Err(CalibrateError::Sticks) };
-        let (mut rates, mut hold) = ([None; 2], None);
-        for (rate, (key, opposite, sign)) in rates.iter_mut().zip([(plus_key, minus_key, 1.0), (minus_key, plus_key, -1.0)]) {
-            (self.say)(&format!("flying {name} by {key:?}"));
-            let (leg, response) = self.press((key, opposite), quantity, (*height, axis.rate(sign)), hold)?;
-            hold = response.is_some().then_some(leg.up - leg.down);
-            let now = response.map(|response| sign * response.rate);
-            *rate = now.filter(|rate| (0.1..=50.0).contains(rate));
-            if response.is_some() {
-                // Otherwise it was brought back.
-                *height = leg.watch.height();
-            }
-            self.note(name, key.to_string(), axis.rate(sign), now, &leg);
-        }
+        // The faster key bounds the way.
+        let before = [axis.rate(1.0), axis.rate(-1.0)];
+        let rates = self.both(name, (plus_key, minus_key), quantity, height, (before[0].max(before[1]), before))?;
+        let rates = rates.map(|rate| rate.filter(|rate| (0.1..=50.0).contains(rate)));
         let number = |rate: f64| Change::Number(rate);
         match rates {
             [Some(one), Some(other)] if (one - other).abs() <= ALIKE * one && axis.minus_rate_m_s.is_none() => {
                 self.found.changes.push((plus, number(0.5 * (one + other))));
             }
             [one, other] => {
-                // Without a rate of its own, one that was not seen is that of the other key.
+                // Without a rate of its own, one that was not confirmed is that of the other key.
                 self.found.changes.extend(one.map(|rate| (plus, number(rate))));
                 self.found.changes.extend(other.map(|rate| (minus, number(rate))));
             }
         }
         Ok(())
     }
+}
 
-    fn note(&mut self, axis: &'static str, key: String, before: f64, now: Option<f64>, leg: &Leg) {
-        tracing::debug!(axis, key, ?now, down = leg.down, steady = leg.steady, up = leg.up, samples = ?leg.watch.samples(), "measured");
-        self.found.rows.push(Measured { axis, key, before, now, is_steady: leg.is_steady });
-    }
+/// For those who look for the cause of a wrong rate.
+fn trace(row: &Measured, leg: &Leg) {
+    tracing::debug!(axis = row.axis, key = row.key, runs = ?row.runs, down = leg.down, steady = leg.steady, up = leg.up, samples = ?leg.watch.samples(), "measured");
 }
 
 /// What a press did, if the picture told.
@@ -317,6 +351,16 @@ fn told(leg: &Leg) -> Option<Response> {
 mod tests {
     use super::*;
     use crate::screen::motion::tests::padded;
+
+    #[test]
+    fn a_rate_is_what_both_runs_confirm() {
+        let row = |one, two| Measured { axis: "up", key: "r".to_owned(), before: 1.5, runs: [one, two], is_steady: true }.rate();
+        assert_eq!((row(Some(1.4), Some(1.6)), row(Some(-1.4), Some(-1.6))), (Some(1.5), Some(-1.5)));
+        // 60 % off, the other way, at rest, unseen once.
+        for runs in [(Some(1.5), Some(2.4)), (Some(1.5), Some(-1.5)), (Some(1.5), Some(0.0)), (Some(1.5), None), (None, None)] {
+            assert_eq!(row(runs.0, runs.1), None, "{runs:?}");
+        }
+    }
 
     #[test]
     fn sticks_are_refused_before_a_display_is_opened() {

@@ -53,7 +53,7 @@ fn without_focus_nothing_is_pressed_until_the_operator_resumes() {
     // A window that does not get the focus stays taken, and the pilot is told again.
     control.refuse_resume(ms(6160));
     assert_eq!(control.take_event(), Some((ms(6160), DroneEvent::TakenOver)));
-    control.take_back();
+    control.take_back(ms(6165));
     control.refuse_resume(ms(6170));
     assert_eq!(control.take_event(), None);
     ahead(&mut control, 6200);
@@ -113,6 +113,30 @@ fn the_link_is_lost_as_long_as_any_part_is_broken() {
     assert_eq!((control.take_event(), control.take_event()), (Some((ms(6000), DroneEvent::LinkLost)), None));
     control.set_broken(ms(6004), Part::Keys, false);
     assert_eq!(control.take_event(), Some((ms(6004), DroneEvent::LinkRestored)));
+}
+
+#[test]
+fn a_game_that_has_ended_is_a_lost_link_whoever_had_the_focus_until_the_operator_resumes() {
+    for taken in [false, true] {
+        let mut control = flying();
+        if taken {
+            control.lose_focus(ms(6000));
+            assert_eq!(control.take_event(), Some((ms(6000), DroneEvent::TakenOver)));
+        }
+        assert!(control.set_broken(ms(6100), Part::Window, true) && !control.set_broken(ms(6200), Part::Window, true));
+        assert_eq!((control.take_event(), control.take_event()), (Some((ms(6100), DroneEvent::LinkLost)), None));
+        ahead(&mut control, 6200);
+        assert!(control.poll(ms(6201)).keys.is_empty() && control.awaits_resume());
+        control.take_back(ms(6300));
+        assert_eq!(control.take_event(), Some((ms(6300), DroneEvent::LinkRestored)));
+        assert!(!control.awaits_resume());
+        // The envelope's landing ends at once: there is nothing to press a key for.
+        control.set_broken(ms(6400), Part::Window, true);
+        control.handle(ms(6500), Command::Land, Time::MAX);
+        control.poll(ms(6510));
+        control.poll(ms(6900));
+        assert!(control.is_over());
+    }
 }
 
 #[test]
@@ -202,7 +226,7 @@ fn sticks_are_centred_when_the_focus_is_lost_and_when_the_setpoint_ends() {
 proptest! {
     /// Whatever happens in whatever order, nothing is pressed on the ground, without focus, or after the last setpoint ended.
     #[test]
-    fn keys_and_sticks_need_a_reason(steps in proptest::collection::vec((0_u64..700, 0..9_u8), 1..120), has_sticks in any::<bool>()) {
+    fn keys_and_sticks_need_a_reason(steps in proptest::collection::vec((0_u64..700, 0..10_u8), 1..120), has_sticks in any::<bool>()) {
         let profile = if has_sticks { padded() } else { Profile::shipped("spf-window").unwrap() };
         let mut control = Control::new(ms(0), &profile);
         let (mut now, mut valid) = (0, 0);
@@ -215,9 +239,12 @@ proptest! {
                 2 => {
                     control.lose_focus(ms(now));
                 }
-                3 => control.take_back(),
+                3 => control.take_back(ms(now)),
                 4 => {
                     control.set_broken(ms(now), Part::Keys, passed % 2 == 0);
+                }
+                8 => {
+                    control.set_broken(ms(now), Part::Window, true);
                 }
                 5 => control.bar(Bar::Hidden, passed % 2 == 0),
                 6 => control.bar(Bar::Frozen, passed % 2 == 0),
