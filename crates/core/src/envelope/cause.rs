@@ -71,6 +71,12 @@ impl Cause {
         matches!(self, Self::AltitudeLimit | Self::DistanceLimit | Self::GeofenceLimit | Self::Obstacle)
     }
 
+    /// Whether the camera shows nothing of what is.
+    #[must_use]
+    pub fn is_blind(self) -> bool {
+        matches!(self, Self::StaleFrame | Self::FrozenFrame | Self::UnusableFrame)
+    }
+
     /// Whether it is a limit of speed or of a rate, which the operator has set: the craft flies as it was told to, only slower. At its
     /// cruise speed that comes and goes many times a minute, and is worth a row of the log, but no line on a display.
     #[must_use]

@@ -138,7 +138,7 @@ impl Pilot {
     /// a reply of any age.
     fn outdated(&self, now: Time, view: &View) -> Option<String> {
         let captured = view.frame.captured;
-        if self.settled.is_some_and(|settled| settled <= captured) {
+        if self.is_at_rest_since(captured) {
             return None;
         }
         let (age, limit) = (now.since(captured), self.settings.max_reply_age);
@@ -159,6 +159,25 @@ impl Pilot {
             Some(format!("the craft has turned {:.0}° {unknown}", turned.to_degrees()))
         } else {
             None
+        }
+    }
+
+    /// Whether the craft has held since that time.
+    fn is_at_rest_since(&self, captured: Time) -> bool {
+        self.settled.is_some_and(|settled| settled <= captured)
+    }
+
+    /// Cancels the queries on frames after which the camera has stopped, unless the craft was at rest: where it has gone
+    /// since was not seen (a game that hangs does not move it, whatever was commanded), so that their answers would be
+    /// flown from another place.
+    pub(super) fn set_aside_unseen(&mut self, now: Time) {
+        let in_motion = |waiting: &Waiting| !self.is_at_rest_since(waiting.view.frame.captured);
+        let unseen: Vec<QueryId> = self.waiting.iter().filter(|(_, waiting)| in_motion(waiting)).map(|(id, _)| *id).collect();
+        for id in unseen {
+            if let Some(waiting) = self.waiting.remove(&id) {
+                self.outbox.push_back(Action::Cancel(id));
+                self.set_aside(now, id, &waiting.view, "the camera stopped after its frame".to_owned());
+            }
         }
     }
 

@@ -26,9 +26,12 @@ impl Pilot {
         self.note_change(reaction.cause(), last);
         match reaction {
             Reaction::Continue => {}
-            Reaction::Hold(_) => {
+            Reaction::Hold(cause) => {
                 if self.executing {
                     self.stop_motion(now);
+                }
+                if cause.is_blind() {
+                    self.set_aside_unseen(now);
                 }
             }
             Reaction::Land(cause) => {

@@ -114,6 +114,32 @@ fn a_reply_older_than_its_limit_moves_nothing_and_the_query_is_repeated() {
 }
 
 #[test]
+fn an_answer_on_a_frame_from_before_the_camera_stopped_moves_nothing() {
+    // In the middle of a motion, with an answer on its way; the pose is known all the time.
+    for fault in [Fault::Freeze, Fault::Blank { p: 1.0 }, Fault::Drop] {
+        let mut flight =
+            Setup::preset(Preset::Default).fault(Stream::Frames, 14.0, Some(17.0), fault).fly(always(navigate(0.5, 0.5, 9), 5.0));
+        flight.at(Time::from_secs_f64(40.0));
+        let aside = set_aside(&flight);
+        let [(at, reason)] = aside.as_slice() else { panic!("{fault:?}: {aside:?}") };
+        assert!(
+            reason.contains("the camera stopped after its frame") && (14.0..17.1).contains(&at.as_secs_f64()),
+            "{at} {reason}"
+        );
+        // Asked again on a frame from after it, and without motion until that answer.
+        let asked = flight.queries.iter().map(|(asked, _)| *asked).find(|asked| asked > at).unwrap();
+        assert!((17.0..20.0).contains(&asked.as_secs_f64()), "{asked}");
+        let moved = flight.setpoints_since(*at + STOP_RULE).find(|(_, setpoint)| !setpoint.is_hold()).unwrap().0;
+        assert!(moved >= asked + secs(5.0), "{asked} {moved}");
+    }
+    // A craft at rest has not gone anywhere: its answer is flown.
+    let paper = Setup::preset(Preset::Paper).fault(Stream::Frames, 14.0, Some(17.0), Fault::Drop);
+    let mut flight = paper.fly(always(navigate(0.5, 0.5, 9), 8.0));
+    flight.at(Time::from_secs_f64(40.0));
+    assert_eq!(set_aside(&flight), Vec::new());
+}
+
+#[test]
 fn a_craft_that_has_held_since_the_frame_uses_a_reply_of_any_age() {
     let mut setup = Setup::preset(Preset::Paper);
     setup.settings.reply_timeout = secs(120.0);
