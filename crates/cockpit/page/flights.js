@@ -103,7 +103,7 @@ async function show(flight) {
   const facts = [
     ["flight time", clock(flight.time)], ["from first motion", flight.since_motion === null ? "–" : `${flight.since_motion.toFixed(1)} s`],
     ["flown", metres(flight.flown)], ["decisions", flight.decisions],
-    ["from the target", metres(flight.distance)], ["collisions", flight.collisions], ["scene", flight.scene || "–"], ["VLM", flight.vlm],
+    ["from the target", metres(flight.distance)], ["collisions", flight.collisions ?? "unknown"], ["scene", flight.scene || "–"], ["VLM", flight.vlm],
     ...(flight.not_recorded?.length ? [["not recorded completely", flight.not_recorded.join(", ")]] : []),
   ];
   byId("facts").replaceChildren(...facts.flatMap(([name, value]) => [element("dt", name), element("dd", String(value ?? "–"))]));

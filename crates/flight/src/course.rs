@@ -83,7 +83,7 @@ impl Course {
             path_length_m: 0.0,
             decisions: pilot.decisions(),
             final_distance_m: None,
-            collisions: 0,
+            collisions: None,
             touched: Vec::new(),
             followed: None,
             targets: Vec::new(),

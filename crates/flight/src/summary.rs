@@ -92,8 +92,8 @@ pub struct Summary {
     pub decisions: u32,
     /// Distance to the nearest surface of a matching object, metres; null if nothing matches or without ground truth.
     pub final_distance_m: Option<f64>,
-    /// Number of collisions in flight.
-    pub collisions: u32,
+    /// Number of collisions in flight; null without ground truth: no craft feels every contact.
+    pub collisions: Option<u32>,
     /// The collisions, in order; only with ground truth.
     pub touched: Vec<Touch>,
     /// How long the target was followed, if the last step of the instruction is to follow; omitted otherwise, and without ground

@@ -229,7 +229,7 @@ impl Judge for Judging {
             not_read: verdict.not_read.clone(),
             path_length_m: *path_length,
             final_distance_m: verdict.final_distance_m,
-            collisions: u32::try_from(touched.len()).unwrap_or(u32::MAX),
+            collisions: Some(u32::try_from(touched.len()).unwrap_or(u32::MAX)),
             touched: touched.clone(),
             followed: distances.as_ref().map(|of| followed(of, scene.success_radius, &summary.settings)),
             targets: verdict.targets.clone(),
