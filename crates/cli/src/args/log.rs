@@ -158,7 +158,7 @@ The receiver opens it with `spf log open`, and every other command for flight lo
 pub(crate) struct Share {
     /// The flight: its folder, or its flight.mcap
     pub(crate) flight: PathBuf,
-    /// Output file [default: the flight's name with -shared.mcap, in the working directory]
+    /// Output file [default: the flight's number with -shared.mcap, in the working directory]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
     /// Keep the camera images; faces, number plates and rooms can be seen on them

@@ -278,8 +278,8 @@ fn a_flight_is_shared_and_opened() {
     assert_eq!(run.code, Some(3), "{}", run.stderr);
     let shared = lab.spf(&["log", "share", "flights/001-crane"]);
     assert_eq!(shared.code, Some(0), "{}", shared.stderr);
-    let size = lab.read("001-crane-shared.mcap").len().div_ceil(1000);
-    assert!(shared.stdout.starts_with(&format!("001-crane-shared.mcap: {size} kB, ")), "{}", shared.stdout);
+    let size = lab.read("001-shared.mcap").len().div_ceil(1000);
+    assert!(shared.stdout.starts_with(&format!("001-shared.mcap: {size} kB, ")), "{}", shared.stdout);
     for told in [
         "kept: the instruction, \"fly to the red crane\"\n",
         "left out: camera images (--pictures keeps them",
@@ -292,7 +292,7 @@ fn a_flight_is_shared_and_opened() {
     }
     assert!(!shared.stdout.contains("this version does not know"), "a log of this version: {}", shared.stdout);
 
-    let opened = lab.spf(&["log", "open", "001-crane-shared.mcap", "--out", "crane"]);
+    let opened = lab.spf(&["log", "open", "001-shared.mcap", "--out", "crane"]);
     assert_eq!(opened.code, Some(0), "{}{}", opened.stdout, opened.stderr);
     assert!(opened.stdout.starts_with("\"fly to the red crane\", sim with oracle: timeout\n"), "{}", opened.stdout);
     assert_eq!(lab.names("crane"), ["decisions.jsonl", "flight.mcap", "summary.json"]);

@@ -32,14 +32,21 @@ pub(super) enum Places {
 /// The text with every part replaced that looks private, or that contains one of `known`, the words that this computer is known
 /// by. Passing the result again changes nothing.
 pub(super) fn without_private(text: &str, known: &[String], places: Places) -> String {
+    // Whoever is called like a word of the mark itself is not known by it.
+    let known = known.iter().filter(|word| !LEFT_OUT.contains(&word.to_lowercase()));
+    let text = known.fold(text.to_owned(), |text, word| without_word(&text, word));
     let mut kept = String::with_capacity(text.len());
-    let mut rest = text;
+    let mut rest = text.as_str();
     while let Some(start) = rest.find(|letter| !is_between(letter)) {
         let (before, from) = rest.split_at(start);
-        let (part, after) = from.split_at(from.find(is_between).unwrap_or(from.len()));
+        let end = from.find(is_between).unwrap_or(from.len());
+        // What follows the host of a URL, as a password may, belongs to it.
+        let url = from[..end].contains("://");
+        let end = if url { from.find(ends_url).unwrap_or(from.len()) } else { end };
+        let (part, after) = from.split_at(end);
         kept.push_str(before);
         let bare = part.trim_end_matches(['.', '!', ':', '…']);
-        if is_private(bare, known, places) {
+        if is_private(bare, places) {
             kept.push_str(LEFT_OUT);
             kept.push_str(&part[bare.len()..]);
         } else {
@@ -55,22 +62,45 @@ fn is_between(letter: char) -> bool {
     letter.is_whitespace() || BETWEEN.contains(&letter)
 }
 
-fn is_private(part: &str, known: &[String], places: Places) -> bool {
-    let lower = part.to_lowercase();
-    known.iter().any(|word| names(&lower, word))
-        || is_address(part)
-        || is_path(part)
-        || is_code(part)
-        || places == Places::Possible && is_coordinate(part)
+fn ends_url(letter: char) -> bool {
+    letter.is_whitespace() || ['"', '\'', '`', '<', '>', '“', '”'].contains(&letter)
 }
 
-/// Whether a part is this word, contains it as a word, or contains it at all if it is too long for chance.
-fn names(part: &str, word: &str) -> bool {
-    let word = word.to_lowercase();
-    if word.len() >= 8 {
-        return part.contains(&word);
+fn is_private(part: &str, places: Places) -> bool {
+    is_address(part) || is_path(part) || part.split(':').any(is_code) || places == Places::Possible && has_coordinate(part)
+}
+
+/// The text without a known word, whatever its case, with the rest of the part in which it stands: a short word if it stands alone
+/// between other letters, a long one wherever it is.
+fn without_word(text: &str, word: &str) -> String {
+    let is_long = word.len() >= 8;
+    let (mut kept, mut from, mut last) = (String::new(), 0, None::<char>);
+    while let Some(letter) = text[from..].chars().next() {
+        let alone = is_long || !last.is_some_and(char::is_alphanumeric);
+        let end = if alone { end_of(&text[from..], word).map(|length| from + length) } else { None };
+        let end = end.filter(|end| is_long || !text[*end..].starts_with(char::is_alphanumeric));
+        if let Some(end) = end.filter(|end| *end > from) {
+            // The rest of its part goes with it, on both sides.
+            kept.truncate(kept.rfind(is_between).map_or(0, |at| at + kept[at..].chars().next().map_or(0, char::len_utf8)));
+            kept.push_str(LEFT_OUT);
+            from = end + text[end..].find(is_between).unwrap_or(text.len() - end);
+            last = None;
+        } else {
+            kept.push(letter);
+            from += letter.len_utf8();
+            last = Some(letter);
+        }
     }
-    !word.is_empty() && part.split(|letter: char| !letter.is_alphanumeric()).any(|piece| piece == word)
+    kept
+}
+
+/// Where a word ends at the start of a text, bytes; `None` if it does not begin there.
+fn end_of(text: &str, word: &str) -> Option<usize> {
+    let mut letters = text.chars();
+    for wanted in word.chars() {
+        letters.next().filter(|letter| *letter == wanted || letter.to_lowercase().eq(wanted.to_lowercase()))?;
+    }
+    Some(text.len() - letters.as_str().len())
 }
 
 /// A URL, a name with a host, an IP or hardware address, or a host's name.
@@ -124,9 +154,9 @@ fn is_code(part: &str) -> bool {
     if KEY_STARTS.iter().any(|start| part.starts_with(start)) {
         return true;
     }
-    let number = |text: &str| text.trim_start_matches(':').parse::<f64>().is_ok();
-    if number(part) {
-        return part.len() >= LONG_NUMBER && part.bytes().all(|digit| digit.is_ascii_digit());
+    if part.parse::<f64>().is_ok() {
+        let bare = part.trim_start_matches(['+', '-']);
+        return bare.len() >= LONG_NUMBER && bare.bytes().all(|digit| digit.is_ascii_digit());
     }
     let count = |wanted: fn(char) -> bool| part.chars().filter(|letter| wanted(*letter)).count();
     let (letters, digits) = (count(char::is_alphabetic), count(|letter| letter.is_ascii_digit()));
@@ -139,11 +169,14 @@ fn is_code(part: &str) -> bool {
     letters > 0 && part.len() >= SERIAL.0 && digits >= SERIAL.1 || part.len() >= LONG && (digits > 0 || inner_capital)
 }
 
-/// A degree of latitude or longitude, with the fraction that makes it a place: 0.0001° is 11 m.
-fn is_coordinate(part: &str) -> bool {
-    let bare = part.trim_end_matches(['°', 'N', 'S', 'E', 'W', 'n', 's', 'e', 'w']);
-    let fraction = bare.split_once('.').map_or(0, |(_, fraction)| fraction.len());
-    fraction >= 4 && bare.parse::<f64>().is_ok_and(|degrees| (1.0..=180.0).contains(&degrees.abs()))
+/// A degree of latitude or longitude, with the fraction that makes it a place: 0.0001° is 11 m; or with minutes.
+fn has_coordinate(part: &str) -> bool {
+    let place = |number: &str| {
+        let fraction = number.split_once('.').map_or(0, |(_, fraction)| fraction.len());
+        fraction >= 4 && number.parse::<f64>().is_ok_and(|degrees| (1.0..=180.0).contains(&degrees))
+    };
+    let minutes = part.split_once('°').is_some_and(|(_, after)| after.starts_with(|letter: char| letter.is_ascii_digit()));
+    minutes || part.split(|letter: char| !letter.is_ascii_digit() && letter != '.').any(place)
 }
 
 #[cfg(test)]
@@ -181,6 +214,14 @@ mod tests {
             "47.37692",
             "8.54172E",
             "x192.168.1.7y",
+            "geo:47.37692",
+            "N47.37692",
+            "47.37692/8.54172",
+            "47°22",
+            "key:AIzaSyA-0123456789",
+            "+491701234567",
+            "tel:+491701234567",
+            "rtsp://cam/?user=admin&password=Secret99",
         ];
         for part in private {
             for text in [format!("fly to {part} now"), format!("{{\"target\":\"{part}\"}}"), format!("It is {part}.")] {
@@ -216,5 +257,15 @@ mod tests {
         let known = ["red".to_owned(), "wendelin-key".to_owned()];
         assert_eq!(without_private("a tired colourful bird", &known, Places::Possible), "a tired colourful bird");
         assert_eq!(without_private("xwendelin-keyx", &known, Places::Possible), LEFT_OUT);
+        // Known words with what else stands between parts.
+        let known = ["John Doe", "jane-d", "two words; of a key", "c2VjcmV0IGtleQ==", "Jürgen"].map(str::to_owned);
+        for word in &known {
+            for text in [word.clone(), format!("to {word}, at once"), format!("=\"{}\"", word.to_uppercase())] {
+                let kept = without_private(&text, &known, Places::Possible);
+                assert!(!kept.to_lowercase().contains(&word.to_lowercase()) && kept.contains(LEFT_OUT), "{text}: {kept}");
+                assert_eq!(without_private(&kept, &known, Places::Possible), kept, "twice is once");
+            }
+        }
+        assert_eq!(without_private("a jane-doe", &known, Places::Possible), "a jane-doe");
     }
 }

@@ -30,6 +30,10 @@ pub(super) fn share(args: &Share, printer: &Printer) -> Result<Exit, CliError> {
     spare(&output, args.overwrite)?;
     let pictures = if args.pictures { Pictures::Kept } else { Pictures::LeftOut };
     let known = known_words(std::env::vars_os());
+    if output.canonicalize().is_ok_and(|output| log.canonicalize().is_ok_and(|log| log == output)) {
+        return Err(CliError::usage(format!("`{}` is the flight itself", output.display()))
+            .hint("what is left out would be lost: name another file with -o FILE"));
+    }
     printer.log(&format!("reading {} …", log.display()));
     let shared = write(&log, &output, pictures, &known)?;
     if shared.mark.source == SourceEnd::Truncated {
@@ -69,14 +73,16 @@ fn log_of(flight: &Path) -> Result<PathBuf, CliError> {
     Err(CliError::usage(format!("`{}` is not a flight: it has no {LOG}", flight.display())).hint(hint))
 }
 
-/// The file for a log if no other is named: in the working directory, after the flight's folder.
+/// The file for a log if no other is named: in the working directory, by the number of the flight's folder. The rest of that name is
+/// the instruction as it was given.
 fn named_after(log: &Path) -> PathBuf {
     let log = std::path::absolute(log).unwrap_or_else(|_| log.to_owned());
-    let folder =
-        if log.file_name().is_some_and(|name| name == LOG) { log.parent().and_then(Path::file_name) } else { log.file_stem() };
-    let mut name = folder.map_or_else(|| OsString::from("flight"), OsString::from);
-    name.push("-shared.mcap");
-    name.into()
+    let folder = log.parent().and_then(Path::file_name).filter(|_| log.file_name().is_some_and(|name| name == LOG));
+    let number = folder.map(|name| name.to_string_lossy()).and_then(|name| {
+        let digits = name.split('-').next().unwrap_or_default();
+        (!digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_digit())).then(|| digits.to_owned())
+    });
+    format!("{}-shared.mcap", number.as_deref().unwrap_or("flight")).into()
 }
 
 /// Words that this computer and its user are known by: values of variables that hold keys, and names.
@@ -100,7 +106,14 @@ fn write(log: &Path, output: &Path, pictures: Pictures, known: &[String]) -> Res
     let part = PathBuf::from(part);
     let unwritten =
         |error: &dyn std::error::Error| CliError::internal(format!("cannot write `{}`", output.display())).because(error);
-    let file = File::create(&part).map_err(|error| unwritten(&error))?;
+    let file = File::create_new(&part).map_err(|error| {
+        let error = unwritten(&error);
+        if part.exists() {
+            error.hint(format!("`{}` is in the way: another run, or one that was killed", part.display()))
+        } else {
+            error
+        }
+    })?;
     let made = make(|| LogReader::open(log), BufWriter::new(file), pictures, known).map_err(|error| match &error {
         ShareError::Log(error) => unreplayable(log, error),
         ShareError::Message { .. } => CliError::usage(format!("cannot share `{}`", log.display()))
@@ -195,7 +208,8 @@ mod tests {
 
     #[test]
     fn the_file_is_named_after_the_flight() {
-        assert_eq!(named_after(Path::new("flights/001-x/flight.mcap")), PathBuf::from("001-x-shared.mcap"));
-        assert_eq!(named_after(Path::new("logs/mine.mcap")), PathBuf::from("mine-shared.mcap"));
+        assert_eq!(named_after(Path::new("flights/001-x/flight.mcap")), PathBuf::from("001-shared.mcap"));
+        assert_eq!(named_after(Path::new("flights/wendelin/flight.mcap")), PathBuf::from("flight-shared.mcap"));
+        assert_eq!(named_after(Path::new("logs/mine.mcap")), PathBuf::from("flight-shared.mcap"));
     }
 }
