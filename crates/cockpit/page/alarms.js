@@ -35,8 +35,10 @@ export class Alarms {
     else {
       this.on.add(name);
       const now = performance.now();
-      if (now - (this.called.get(name) ?? -Infinity) > AGAIN) this.call();
-      this.called.set(name, now);
+      if (now - (this.called.get(name) ?? -Infinity) > AGAIN) {
+        this.call();
+        this.called.set(name, now);
+      }
     }
     this.show();
   }

@@ -103,12 +103,16 @@ function late({ ok, text }) {
   orders.say(ok ? `An order that was not confirmed was received after all${text ? `: ${text}` : "."}` : text, ok);
 }
 
-/** For how long the page that flies was lost, if the drone holds because of that, seconds. */
+/** For how long the page that flies was lost, seconds, if the drone is to hold because of that, and whether it was seen to: the news
+ * and the drone's state come by two ways, and a state from before the news says nothing. */
 let away = null;
+let awayHeld = false;
 
 /** Asks what to do after the drone has held because this page was lost. */
 function heldBecauseLost(state) {
-  if (state.phase !== "held" && !state.will_hold) away = null;
+  const holds = state.phase === "held" || state.will_hold;
+  if (!holds && awayHeld) away = null;
+  awayHeld = away !== null && (holds || awayHeld);
   const text = away === null ? "" : `Held: link lost ${Math.max(1, Math.round(away))} s.`;
   show("held-text", text);
   byId("held").hidden = away === null || state.phase !== "held";
@@ -125,7 +129,7 @@ function role(message) {
     return;
   }
   if (message.type === "held") {
-    away = message.away;
+    [away, awayHeld] = [message.away, false];
     return;
   }
   if (message.type !== "role") return message.text && orders.say(message.text, false);
