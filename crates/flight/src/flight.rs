@@ -81,7 +81,7 @@ pub struct FlightPlan {
     pub script: Script,
     /// Number of Ctrl-C presses; the first one lands.
     pub interrupts: Arc<AtomicU32>,
-    /// Manual operator inputs.
+    /// Manual operator inputs; `None` if nobody is there to give any, who then decides nothing about a craft that nobody has.
     pub operator: Option<Receiver<OperatorEvent>>,
     /// Where to record; `None` for no recording.
     pub record: Option<RecordPlan>,

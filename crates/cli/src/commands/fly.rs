@@ -132,6 +132,7 @@ fn take_off(
     let out = out_dir(settings, instruction)?;
     // Who types answers types no keys: standard input is read by lines, orders to the drone included.
     let typing = is_human(&plan.vlm) && cockpit.is_none();
+    let unattended = settings.fly.unattended.is_on()?;
     if let Some(cockpit) = cockpit
         && !page::wait_for_pilot(cockpit, &plan.interrupts, &printer)
     {
@@ -140,13 +141,14 @@ fn take_off(
     }
     let (send, inputs) = channel();
     let manual = match by_hand {
-        Some(craft) if !typing => Manual::start(craft, reader.clone(), send.clone()),
+        Some(craft) if !typing && !unattended => Manual::start(craft, reader.clone(), send.clone()),
         _ => Manual::none(),
     };
     if let (Some(cockpit), Some(craft)) = (cockpit, by_hand) {
         cockpit.begin(page::controls(send, craft, reader, !manual.is_on()));
     }
-    let operator = if typing { console() } else { Some(inputs) };
+    let somebody = manual.is_on() || cockpit.is_some();
+    let operator = if typing { console() } else { somebody.then_some(inputs) };
     if attended && !manual.is_on() && !typing && cockpit.is_none() {
         give_back(&out);
         return Err(no_keys());
@@ -355,7 +357,7 @@ fn hints(summary: &Summary) -> Vec<String> {
     let settings = &summary.settings;
     // A real flight has neither scene nor ground truth.
     let is_simulated = !summary.scene.is_empty();
-    if summary.collisions > 0 && is_simulated && !settings.guidance.sensor {
+    if summary.collisions > Some(0) && is_simulated && !settings.guidance.sensor {
         let sensor =
             "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)";
         hints.push(sensor.to_owned());
@@ -436,7 +438,7 @@ fn result(summary: &Summary) -> Vec<String> {
         "{time}, {:.1} m flown, {}, {}{touched}{distance}",
         summary.path_length_m,
         words::counted(summary.decisions, "decision"),
-        words::counted(summary.collisions, "collision"),
+        summary.collisions.map_or_else(|| "contacts unknown".to_owned(), |number| words::counted(number, "collision")),
     ));
     if let Some(GlassToDecision { median_s, worst_s }) = summary.glass_to_decision {
         lines.push(format!("frame-to-decision latency: median {median_s:.2} s, worst {worst_s:.2} s"));

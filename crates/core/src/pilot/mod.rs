@@ -118,8 +118,8 @@ pub struct Pilot {
     must_land: Option<&'static str>,
     /// When the operator took over a landing that the craft may still be flying.
     taken_over: Option<Time>,
-    /// Since when somebody else has flown the craft.
-    flown_elsewhere: Option<Time>,
+    /// Somebody else flies the craft.
+    flown_elsewhere: Option<Elsewhere>,
     /// Time since which the camera alone has been delaying take-off.
     ready_since: Option<Time>,
     hold_after_take_off: bool,
@@ -137,6 +137,13 @@ pub struct Pilot {
     last_change: Option<Cause>,
     /// When a boundary last reduced a setpoint, and which.
     held_back: Option<(Time, Cause)>,
+}
+
+/// Somebody else flies, and not by our commands.
+#[derive(Clone, Copy, Debug, Default)]
+struct Elsewhere {
+    /// Whether whoever had our controls has left them since.
+    abandoned: bool,
 }
 
 /// The components of a pilot.

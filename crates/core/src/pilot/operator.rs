@@ -25,6 +25,9 @@ impl Pilot {
         }
         let held = still_held.then_some("landing or returning: let go of the key, and press it again to take over");
         if let Some(why) = self.ignored(&event).or(held) {
+            if let (OperatorEvent::Abandoned, Some(elsewhere)) = (&event, &mut self.flown_elsewhere) {
+                elsewhere.abandoned = true;
+            }
             return self.note(Note::OperatorIgnored(event, why));
         }
         self.note(Note::Operator(event.clone()));

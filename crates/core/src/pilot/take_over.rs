@@ -67,14 +67,24 @@ impl Pilot {
             return;
         }
         self.note(Note::LetGo(news));
+        let news = match news {
+            LetGo::Somebody => {
+                self.flown_elsewhere.get_or_insert_default();
+                news
+            }
+            // Whoever has left the controls meanwhile decides nothing about it.
+            LetGo::Failsafe if self.flown_elsewhere.take().is_some_and(|elsewhere| elsewhere.abandoned) => LetGo::Nobody,
+            LetGo::Failsafe | LetGo::Nobody => {
+                self.flown_elsewhere = None;
+                news
+            }
+            LetGo::NotLanded => news,
+        };
         match news {
-            LetGo::Somebody => _ = self.flown_elsewhere.get_or_insert(now),
-            LetGo::Failsafe | LetGo::Nobody => self.flown_elsewhere = None,
-            LetGo::NotLanded => {}
-        }
-        match news {
-            LetGo::Somebody | LetGo::Failsafe if self.landing_is_final().is_none() => self.hold(now, Phase::Held),
-            LetGo::Somebody | LetGo::Failsafe => {}
+            // A landing that was ordered, as by a signal, is not forgotten: it is commanded again, and the craft is landed as soon as
+            // it is known to be nobody's, or the flight ends because it is somebody's.
+            LetGo::Somebody | LetGo::Failsafe if self.phase == Phase::Landing || self.landing_is_final().is_some() => {}
+            LetGo::Somebody | LetGo::Failsafe => self.hold(now, Phase::Held),
             LetGo::Nobody => self.finish(
                 now,
                 Outcome::Aborted,

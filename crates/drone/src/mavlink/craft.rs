@@ -184,10 +184,9 @@ impl MavlinkCraft {
     /// Begins to fly it: until then it is only watched. From here on it is landed if the program ends.
     pub fn engage(&self) {
         let now = self.shared.now();
-        let alone = !lock(&self.shared.stats).other_stations;
         let mut vehicle = self.shared.vehicle();
         let (mode, flying) = (vehicle.mode(), vehicle.is_flying());
-        let flown = vehicle.engage(now, alone);
+        let flown = vehicle.engage(now);
         if let GimbalUse::At(tilt) = self.gimbal {
             vehicle.insist_on_gimbal();
             vehicle.tilt(now, tilt);

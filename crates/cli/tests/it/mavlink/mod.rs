@@ -164,6 +164,33 @@ fn a_flight_by_language_over_real_sockets_with_the_camera_by_rtsp() {
     assert_eq!((truth.len(), &truth[0]["ended_by"], &truth[0]["collisions"]), (1, &"landing".into(), &0.into()), "{truth:?}");
 }
 
+/// The link is silent for 4 s, after which the autopilot holds by itself. Nobody is there to decide: it is landed, long before its time.
+#[test]
+#[ignore = "flies in real time: .ci/interop runs it"]
+fn unattended_a_craft_that_its_own_failsafe_holds_is_landed() {
+    let lab = Lab::new();
+    let silent = |stream: &str| {
+        format!("[[rules]]\nstream = \"{stream}\"\nfrom = 35.0\nuntil = 39.0\nfault = {{ drop = {{ p = 1.0 }} }}\n")
+    };
+    lab.write("silent.toml", ["telemetry", "commands"].map(silent).concat());
+    let serve = ["--scene", "park", "--rtsp=127.0.0.1:0", "--vlm=oracle:perfect", "--truth", "truth.jsonl", "--quality", "draft"];
+    let more = ["--mavlink-param", "COM_OBL_RC_ACT=5", "--fault", "silent.toml"];
+    let served = Served::start(&lab, "px4", &format!("udpout:{}", own_address()), &[&serve[..], &more].concat(), 3);
+    let [drone, camera, url] = &served.addresses[..] else { panic!("{:?}", served.addresses) };
+    let vlm = format!("openai@{url}/v1");
+    let fly = ["fly", "fly to the fountain", "--drone", drone, "--camera", camera, "--camera-fov", "90", "--camera-tilt", "5"];
+    let more =
+        ["--vlm", &vlm, "--no-vlm-check", "--unattended", "--max-time", "170", "--out", "mine", "--json", "--max-speed", "0.5"];
+    let run = Run::of(&lab.command(&[&fly[..], &more].concat()).env(Vendor::OpenAi.key(), KEY).output().unwrap());
+    let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_default();
+    let cause = summary["cause"].as_str().unwrap_or_default();
+    assert!(cause.contains("nobody was there to decide") && run.code == Some(5), "{}\n{}", run.stdout, run.stderr);
+    assert!(summary["finished_at_s"].as_f64().unwrap() < 60.0 && summary["collisions"].is_null(), "{}", run.stdout);
+    drop(served.end());
+    let truth = rows(&lab.path("truth.jsonl"));
+    assert_eq!((truth.len(), &truth[0]["ended_by"]), (1, &"landing".into()), "{truth:?}");
+}
+
 /// Before any connection: nobody is there, and that nobody answers would be another exit code.
 #[test]
 fn a_flight_without_a_camera_is_refused_at_once() {

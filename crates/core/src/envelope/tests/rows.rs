@@ -494,6 +494,7 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../../baselines/src/pivot/tests.rs"),
         include_str!("../../../../cli/tests/it/tello/matrix/mod.rs"),
         include_str!("../../../../cli/src/background.rs"),
+        include_str!("../../../../cli/tests/it/mavlink/mod.rs"),
         include_str!("../../../../cli/tests/it/vlm/faults.rs"),
         include_str!("../../../../flight/src/keys.rs"),
         include_str!("../../../../flight/src/world/pause.rs"),

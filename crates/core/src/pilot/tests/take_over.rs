@@ -321,3 +321,32 @@ fn once_the_operator_resumes_nobody_else_flies() {
     flight.operator(OperatorEvent::Abandoned);
     assert_eq!(flight.pilot.phase(), Phase::Landing);
 }
+
+/// While it is unclear who has the craft nothing is commanded: what a signal or the operator has ordered waits, and is not lost.
+#[test]
+fn news_of_who_has_it_undoes_no_landing_that_was_ordered() {
+    for news in [LetGo::Somebody, LetGo::Failsafe] {
+        let mut flight = in_state("landing");
+        flight.tell(Event::LetGo(LetGo::Somebody));
+        flight.tell(Event::LetGo(news));
+        flight.pass(1.0);
+        assert_eq!(flight.pilot.phase(), Phase::Landing, "{news:?}");
+        // The operator, who sees it, may end it.
+        flight.operator(OperatorEvent::Hold);
+        assert_eq!(flight.pilot.phase(), Phase::Held);
+    }
+}
+
+#[test]
+fn whoever_leaves_while_somebody_seems_to_fly_decides_nothing_once_nobody_does() {
+    let mut flight = in_state("held, because somebody else flies");
+    flight.operator(OperatorEvent::Abandoned);
+    assert_eq!(flight.pilot.phase(), Phase::Held);
+    flight.tell(Event::LetGo(LetGo::Failsafe));
+    assert_eq!(flight.pilot.phase(), Phase::Landing);
+    // One who stays is asked.
+    let mut flight = in_state("held, because somebody else flies");
+    flight.tell(Event::LetGo(LetGo::Failsafe));
+    flight.pass(1.0);
+    assert_eq!(flight.pilot.phase(), Phase::Held);
+}

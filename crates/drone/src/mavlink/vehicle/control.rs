@@ -365,6 +365,7 @@ impl Vehicle {
                     self.notices.push_back(Notice::Waits { what: "arming", texts: self.facts.recent_words(now) });
                 }
                 self.control = Control::Arming { from, until: now + SHOWN_WITHIN, again: None, rejected };
+                self.started = Some(now);
                 self.commands.submit(VehicleCommand::new(ids::ARM, &[1.0]));
             }
             Control::Arming { until, .. } if now >= until && !self.commands.has(ids::ARM) => {
@@ -401,7 +402,17 @@ impl Vehicle {
             Control::Entering { from, ask_at, tries, takes_off }
                 if now >= ask_at && tries < TRIES && !self.commands.has(ids::SET_MODE) =>
             {
+                if !self.knows_mode(now, ask_at) {
+                    return;
+                }
                 if !self.is_mode_fresh(now) {
+                    // Who has it is not known any more: one that was ours is landed, one of others is left to them.
+                    self.notices.push_back(Notice::Missing { step: "taking control", what: vec!["HEARTBEAT"] });
+                    if takes_off || self.mode == self.autopilot.external() || self.mode == self.autopilot.land() {
+                        self.land_for_good(now);
+                    } else {
+                        self.let_go(now);
+                    }
                     return;
                 }
                 self.set_mode(now, self.autopilot.external());

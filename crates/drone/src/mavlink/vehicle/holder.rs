@@ -9,6 +9,8 @@ use spf_mavlink::report::Channels;
 
 /// Nothing heard for this long is a silence; messages come 20 times a second, and twice over a slow link.
 const SILENCE: Duration = Duration::from_millis(700);
+/// A heartbeat, of which there is one a second, shows the mode this long after a silence at most.
+const BEAT: Duration = Duration::from_millis(1200);
 /// The autopilot counts from our last setpoint, which arrived somewhat after its last message left.
 const EARLIER: f64 = 0.15;
 
@@ -26,11 +28,13 @@ pub(super) enum Holder {
     Failsafe,
 }
 
-/// A time in which nothing was heard.
+/// A time without a heartbeat in which nothing was heard, but for a few messages between two gaps.
 #[derive(Clone, Copy, Debug)]
 struct Silence {
     from: Time,
     until: Time,
+    /// Its longest gap.
+    gap: Duration,
 }
 
 /// What shows who has it.
@@ -46,17 +50,26 @@ pub(super) struct Evidence {
     /// Whether there was a receiver before the last silence, and is one since, as far as the vehicle has told.
     received: Option<bool>,
     receives: Option<bool>,
-    /// When another station was heard first.
-    station: Option<Time>,
+    /// Whether another station was heard.
+    station: bool,
 }
 
 impl Evidence {
     /// Something arrived; `before` is when something last did.
     pub(super) fn heard(&mut self, now: Time, before: Time) {
-        if now.since(before) >= SILENCE {
-            self.silence = Some(Silence { from: before, until: now });
-            (self.before, self.received) = (self.since.take().or(self.before), self.receives.take().or(self.received));
+        let gap = now.since(before);
+        if gap < SILENCE {
+            return;
         }
+        // Until a heartbeat shows the mode it is one silence: what the radio showed in between may be what somebody has just done.
+        let open = self.silence.filter(|it| self.beats[0].is_none_or(|beat| beat < it.until));
+        self.silence = Some(match open {
+            Some(it) => Silence { until: now, gap: it.gap.max(gap), ..it },
+            None => {
+                (self.before, self.received) = (self.since.take().or(self.before), self.receives.take().or(self.received));
+                Silence { from: before, until: now, gap }
+            }
+        });
     }
 
     /// A heartbeat arrived.
@@ -80,28 +93,27 @@ impl Evidence {
     }
 
     /// Another station.
-    pub(super) fn station(&mut self, now: Time) {
-        self.station.get_or_insert(now);
+    pub(super) fn station(&mut self) {
+        self.station = true;
     }
 
     /// Whether what the newest heartbeat shows may have begun in a silence, nobody else being heard: one that was long enough for a
     /// failsafe that waits for this many seconds.
     pub(super) fn is_of_a_silence(&self, after: f64) -> bool {
         let enough = duration_from_secs((after - EARLIER).max(0.0));
-        let in_it = |silence: Silence| {
-            silence.until.since(silence.from) >= enough && self.beats[1].is_none_or(|beat| beat <= silence.from)
-        };
-        self.silence.is_some_and(in_it) && self.station.is_none()
+        let in_it = |silence: Silence| silence.gap >= enough && self.beats[1].is_none_or(|beat| beat <= silence.from);
+        self.silence.is_some_and(in_it) && !self.station
     }
 
     /// Whether another station was heard.
     pub(super) fn has_station(&self) -> bool {
-        self.station.is_some()
+        self.station
     }
 
-    /// Whether somebody has shown up who may have commanded a mode during the last silence.
-    pub(super) fn is_anybodys(&self) -> bool {
-        self.silence.is_some() && (self.station.is_some() || self.radio_is_as_before() == Some(false))
+    /// Whether somebody has shown up who may have commanded the mode that is shown since then: during a silence that ended with it.
+    pub(super) fn is_anybodys(&self, shown: Time) -> bool {
+        let in_it = |silence: Silence| silence.from <= shown && shown.since(silence.until) <= BEAT;
+        self.silence.is_some_and(in_it) && (self.station || self.radio_is_as_before() == Some(false))
     }
 
     /// Whether the sticks and switches are as before the last silence; `None` while that is unknown.

@@ -17,8 +17,9 @@ const LAND_AGAIN: Duration = Duration::from_secs(1);
 /// A landing is over when the vehicle says for this long that it has landed, or its height stays that of the ground for this long.
 const LANDED_FOR: Duration = Duration::from_secs(1);
 const LOW_FOR: Duration = Duration::from_secs(3);
-/// The height of the ground: above home up to this, metres.
+/// The height of the ground: above home or below it up to this, metres, at less than this speed, m/s.
 const LOW: f64 = 0.4;
+const RESTS: f64 = 0.3;
 /// A craft that has been on the ground for this long, and did not disarm by itself, is disarmed.
 const DISARMED_AFTER: Duration = Duration::from_secs(5);
 
@@ -91,7 +92,10 @@ impl Vehicle {
     /// Follows a landing to its end, which whichever of landed state, arming and height shows first: any of them may be stuck, or
     /// not told. It is disarmed as before.
     pub(super) fn follow_descent(&mut self, now: Time) {
-        self.low = self.sensed.height(now).is_some_and(|height| height <= LOW).then(|| self.low.unwrap_or(now));
+        let low = self.sensed.height(now).is_some_and(|height| height.abs() <= LOW);
+        // A craft that goes on down passes the height of home.
+        let rests = self.sensed.speed(now).is_none_or(|speed| speed < RESTS);
+        self.low = (low && rests).then(|| self.low.unwrap_or(now));
         let Control::Landing { since, .. } = self.control else {
             self.down = None;
             return;

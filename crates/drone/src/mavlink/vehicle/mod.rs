@@ -345,7 +345,7 @@ impl Vehicle {
 
     /// Another station was heard that may command the vehicle.
     pub fn hear_station(&mut self, now: Time) {
-        self.evidence.station(now);
+        self.evidence.station();
         self.follow_holder(now);
     }
 

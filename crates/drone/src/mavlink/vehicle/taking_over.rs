@@ -23,10 +23,9 @@ const HEARTBEAT: f32 = 0.0;
 
 impl Vehicle {
     /// Begins to fly a vehicle that was only watched. One that is in the air is taken only if it hovers in the mode for
-    /// setpoints and nobody sends any, as a program that died leaves it; `alone` says that no other station was heard.
-    /// Otherwise somebody may have paused it, or flies it: the pilot holds until the operator resumes. Returns whether it is
+    /// setpoints and nobody sends any, as a program that died leaves it, and no other station was heard. Otherwise somebody may have paused it, or flies it: the pilot holds until the operator resumes. Returns whether it is
     /// flown.
-    pub fn engage(&mut self, now: Time, alone: bool) -> bool {
+    pub fn engage(&mut self, now: Time) -> bool {
         // PX4 climbs to a height of its own. One that arrives later is not that which the envelope has checked.
         self.climbs_to = match self.autopilot {
             Autopilot::Px4 => self.facts.parameter("MIS_TAKEOFF_ALT"),
@@ -36,7 +35,7 @@ impl Vehicle {
             self.control = Control::Idle;
             return true;
         }
-        if self.mode == self.autopilot.external() && alone && self.is_left_alone(now) {
+        if self.mode == self.autopilot.external() && !self.evidence.has_station() && self.is_left_alone(now) {
             self.control = self.entering(now, false);
             return true;
         }
@@ -75,7 +74,7 @@ impl Vehicle {
             Control::Returning { shown: true, .. } => [it.return_home(); 3],
             Control::Returning { from, .. } => [from, it.return_home(), external],
             // In its hold it may have gone by itself; where a stick has moved meanwhile, somebody has put it there.
-            Control::Landing { .. } if mode == hold && self.evidence.is_anybodys() => [land; 3],
+            Control::Landing { .. } if mode == hold && self.evidence.is_anybodys(self.mode_since) => [land; 3],
             Control::Landing { from, .. } => return [from, land, external, hold].contains(&mode) || self.is_under_way(now, mode),
         };
         allowed.contains(&mode) || self.is_under_way(now, mode)
@@ -145,9 +144,17 @@ impl Vehicle {
         }
     }
 
-    /// Who has a craft whose newest heartbeat has shown this mode, which was not commanded here.
-    pub(super) fn holder_of(&self, now: Time, mode: Mode) -> Holder {
-        match self.failsafe_hold() {
+    /// Who has a craft whose newest heartbeat has shown this mode, which was not commanded here. That failsafe is one of the mode for
+    /// setpoints: a landing or a return that ends in a hold was stopped.
+    fn holder_of(&self, now: Time, mode: Mode) -> Holder {
+        let by_setpoints = matches!(
+            self.control,
+            Control::Flying
+                | Control::Entering { .. }
+                | Control::Landing { shown: false, .. }
+                | Control::Returning { shown: false, .. }
+        );
+        match self.failsafe_hold().filter(|_| by_setpoints) {
             Some((hold, after)) if hold == mode && self.evidence.is_of_a_silence(after) => {
                 Holder::Unclear { until: now + CLEAR_WITHIN }
             }

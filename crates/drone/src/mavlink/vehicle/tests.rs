@@ -25,14 +25,14 @@ fn watched() -> Vehicle {
 fn px4() -> Vehicle {
     let mut vehicle = watched();
     vehicle.handle(at(0), &Report::Landed(1));
-    assert!(vehicle.engage(at(0), true));
+    assert!(vehicle.engage(at(0)));
     vehicle
 }
 
 fn copter() -> Vehicle {
     let mut vehicle = Vehicle::new(Time::ZERO, Mode(Autopilot::ArduPilot, 0), [1, 191], 3.0, false);
     vehicle.handle(at(0), &Report::Landed(1));
-    assert!(vehicle.engage(at(0), true));
+    assert!(vehicle.engage(at(0)));
     vehicle
 }
 
@@ -103,7 +103,7 @@ fn flying() -> Vehicle {
     vehicle.handle(at(0), &beat(Autopilot::Px4.external(), true));
     vehicle.handle(at(0), &Report::Landed(2));
     still(&mut vehicle, at(0));
-    assert!(vehicle.engage(at(0), true));
+    assert!(vehicle.engage(at(0)));
     vehicle.handle(at(0), &beat(Autopilot::Px4.external(), true));
     assert_eq!(vehicle.phase(), FlightPhase::Flying);
     vehicle

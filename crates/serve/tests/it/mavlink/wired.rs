@@ -70,8 +70,6 @@ pub(crate) struct WiredVehicle {
     down: Vec<Flying>,
     deeds: VecDeque<(Time, Deed)>,
     companion: bool,
-    /// Whether nobody else was heard who may command the vehicle.
-    alone: bool,
     /// When a thread of the driver dies.
     pub(crate) thread_dies_at: Option<Time>,
     /// The last message of each kind from before a freeze.
@@ -119,7 +117,6 @@ impl WiredVehicle {
             down: Vec::new(),
             deeds: deeds.into_iter().map(|(at, deed)| (Time::from_secs_f64(at), deed)).collect(),
             companion: false,
-            alone: true,
             thread_dies_at: None,
             last: BTreeMap::new(),
             dies_at: None,
@@ -138,14 +135,14 @@ impl WiredVehicle {
             assert!(self.now.since(begun) < Duration::from_secs(10), "not ready: {:?}", self.driver.facts());
             self.step();
         }
-        self.driver.engage(self.now, self.alone);
+        self.driver.engage(self.now);
     }
 
     /// The program dies and starts again: another driver, which knows nothing. Returns whether it flies the vehicle.
     pub(crate) fn restart(&mut self) -> bool {
         self.dies_at = Some(self.now);
         self.steps(1.0);
-        (self.driver, self.dies_at, self.alone) = (Vehicle::new(self.now, self.served.mode(), [1, 191], 3.0, false), None, true);
+        (self.driver, self.dies_at) = (Vehicle::new(self.now, self.served.mode(), [1, 191], 3.0, false), None);
         self.get_ready();
         self.driver.is_ours()
     }
@@ -314,7 +311,6 @@ impl WiredVehicle {
                 }
                 if packet.component != 1 {
                     if packet.is_controller() && packet.component != 191 {
-                        self.alone = false;
                         self.driver.hear_station(now);
                     }
                     continue;

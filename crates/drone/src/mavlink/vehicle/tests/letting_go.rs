@@ -77,6 +77,65 @@ fn a_hold_in_a_silence_is_nobodys_only_if_nobody_can_have_commanded_it() {
     assert_eq!(holder(&vehicle), Holder::Somebody);
 }
 
+/// A few messages without a heartbeat between two gaps end no silence: what they show of the radio is what somebody did in it.
+#[test]
+fn two_gaps_without_a_heartbeat_between_them_are_one_silence() {
+    for (first, second, moved, expected) in [
+        (3000, 1000, true, Holder::Somebody),
+        (3000, 750, false, Holder::Failsafe),
+        (800, 1000, false, Holder::Failsafe),
+        // None of them long enough for the failsafe: somebody else did it.
+        (750, 750, false, Holder::Somebody),
+    ] {
+        let mut vehicle = holds_by_itself();
+        vehicle.handle(at(100), &channels(1000));
+        vehicle.handle(at(200), &beat(Autopilot::Px4.external(), true));
+        let (between, end) = (200 + first, 200 + first + second);
+        vehicle.handle(at(between), &channels(if moved { 1900 } else { 1000 }));
+        vehicle.handle(at(end), &beat(HOLD, true));
+        vehicle.handle(at(end + 100), &channels(if moved { 1900 } else { 1000 }));
+        assert_eq!(holder(&vehicle), expected, "{first} {second} {moved}");
+    }
+}
+
+/// The failsafe is one of the mode for setpoints: a return or a landing that stops in a hold was stopped by somebody.
+#[test]
+fn a_hold_out_of_a_return_or_a_landing_is_somebodys() {
+    for shown in [Autopilot::Px4.land(), Autopilot::Px4.return_home()] {
+        let mut vehicle = holds_by_itself();
+        vehicle.handle(at(100), &channels(1000));
+        vehicle.handle(at(150), &beat(Autopilot::Px4.external(), true));
+        if shown == Autopilot::Px4.land() {
+            vehicle.land(at(200));
+        } else {
+            vehicle.return_home(at(200));
+        }
+        run(&mut vehicle, 200, 900, true);
+        vehicle.handle(at(900), &beat(shown, true));
+        vehicle.handle(at(3200), &beat(HOLD, true));
+        vehicle.handle(at(3300), &channels(1000));
+        assert_eq!(holder(&vehicle), Holder::Somebody, "{shown}");
+    }
+}
+
+/// A hiccup of the link and a knob that was turned, both long ago, do not make its own hold somebody's.
+#[test]
+fn a_hold_instead_of_a_landing_is_somebodys_only_if_it_began_in_a_silence() {
+    let mut vehicle = holds_by_itself();
+    vehicle.handle(at(100), &channels(1000));
+    vehicle.handle(at(200), &beat(Autopilot::Px4.external(), true));
+    vehicle.handle(at(1100), &channels(1900));
+    for ms in (1200..20_000).step_by(500) {
+        vehicle.handle(at(ms), &channels(1900));
+        vehicle.handle(at(ms), &beat(Autopilot::Px4.external(), true));
+    }
+    vehicle.land(at(20_000));
+    run(&mut vehicle, 20_000, 20_300, true);
+    vehicle.handle(at(20_300), &beat(HOLD, true));
+    assert!(matches!(vehicle.control, Control::Landing { .. }), "{:?}", vehicle.control);
+    assert!(commands(&run(&mut vehicle, 20_300, 22_000, true)).contains(&ids::LAND), "it is landed all the same");
+}
+
 #[test]
 fn what_nobody_has_is_landed_when_the_pilot_says_so_and_is_given_up_when_somebody_moves_a_stick() {
     let mut vehicle = after_a_silence(&[channels(1000)], HOLD, &[channels(1000)]);
@@ -168,6 +227,12 @@ fn a_landing_is_over_by_whatever_shows_it_first() {
         vehicle.handle(at(ms), &Report::Height(0.2, 0));
     }
     assert!(on_ground(&mut vehicle));
+    // One that took off from a roof passes that height, and goes on down.
+    let mut vehicle = landing();
+    for ms in (9000..16_000).step_by(100) {
+        vehicle.handle(at(ms), &Report::Height(0.9 - 0.4 * (ms - 9000) as f64 / 1000.0, 0));
+    }
+    assert!(!on_ground(&mut vehicle));
     // A landed state that has been stuck since before the landing says nothing.
     let mut vehicle = flying();
     vehicle.handle(at(0), &Report::Landed(1));

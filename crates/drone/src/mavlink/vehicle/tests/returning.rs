@@ -100,7 +100,7 @@ fn a_landing_of_the_vehicle_s_own_in_a_return_is_not_ours() {
         vehicle.handle(at(0), &beat(autopilot.external(), true));
         vehicle.handle(at(0), &Report::Landed(2));
         still(&mut vehicle, at(0));
-        assert!(vehicle.engage(at(0), true));
+        assert!(vehicle.engage(at(0)));
         vehicle.handle(at(0), &beat(autopilot.external(), true));
         vehicle.return_home(at(0));
         run(&mut vehicle, 0, 100, true);

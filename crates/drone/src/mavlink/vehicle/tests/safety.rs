@@ -155,13 +155,16 @@ fn nothing_is_commanded_to_a_vehicle_that_is_watched_and_one_that_somebody_pause
     assert!(commands(&sent).is_empty() && sent.iter().all(|(_, it)| !matches!(it, Outgoing::Setpoint(_))) && !vehicle.is_ours());
     // It would have left the mode if nobody sent setpoints.
     still(&mut vehicle, at(1500));
-    assert!(!vehicle.engage(at(1500), true));
+    assert!(!vehicle.engage(at(1500)));
     for (mode, alone) in [(Autopilot::Px4.hold(), true), (Autopilot::Px4.external(), false)] {
         let mut vehicle = watched();
+        if !alone {
+            vehicle.hear_station(at(0));
+        }
         vehicle.handle(at(0), &Report::Landed(2));
         vehicle.handle(at(100), &beat(mode, true));
         still(&mut vehicle, at(100));
-        assert!(!vehicle.engage(at(200), alone));
+        assert!(!vehicle.engage(at(200)));
         assert!(matches!(vehicle.take_event(), Some((_, DroneEvent::TakenOver))));
         assert!(commands(&run(&mut vehicle, 200, 3000, true)).is_empty());
     }
@@ -171,7 +174,7 @@ fn nothing_is_commanded_to_a_vehicle_that_is_watched_and_one_that_somebody_pause
 fn an_unknown_take_off_height_is_a_reason_not_to_take_off() {
     let mut vehicle = Vehicle::new(Time::ZERO, Autopilot::Px4.hold(), [1, 191], 3.0, false);
     vehicle.handle(at(0), &Report::Landed(1));
-    vehicle.engage(at(0), true);
+    vehicle.engage(at(0));
     assert_eq!((vehicle.climbs_to(), px4().climbs_to(), copter().climbs_to()), (None, Some(2.5), Some(3.0)));
     vehicle.take_off(at(0));
     assert!(commands(&run(&mut vehicle, 0, 3000, true)).is_empty());
