@@ -57,6 +57,14 @@ fn interrupt(count: &AtomicU32) {
     }
 }
 
+/// Signals of Linux that `signal_hook` has no name for, and those without a meaning, from the first that the C libraries leave free.
+#[cfg(target_os = "linux")]
+const SIGSTKFLT: i32 = 16;
+#[cfg(target_os = "linux")]
+const SIGPWR: i32 = 30;
+#[cfg(target_os = "linux")]
+const REAL_TIME: core::ops::RangeInclusive<i32> = 35..=64;
+
 /// Lands without the flight loop, which may be stuck, and exits.
 fn land_and_exit() {
     background::say("landing the drone; pressing Ctrl-C again ends the program at once and leaves the drone uncontrolled");
@@ -70,11 +78,16 @@ fn land_and_exit() {
 #[cfg(unix)]
 fn others(real: bool, count: Arc<AtomicU32>) -> std::io::Result<()> {
     use signal_hook::consts::{
-        SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ,
+        SIGABRT, SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGSYS, SIGTRAP, SIGTSTP, SIGTTIN, SIGTTOU, SIGUSR1, SIGUSR2, SIGVTALRM,
+        SIGXCPU, SIGXFSZ,
     };
     use signal_hook::iterator::Signals;
 
-    let mut kinds = vec![SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ];
+    // An abort of this program itself ends it all the same: it takes the handler away.
+    let mut kinds =
+        vec![SIGABRT, SIGALRM, SIGIO, SIGPROF, SIGQUIT, SIGSYS, SIGTRAP, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ];
+    #[cfg(target_os = "linux")]
+    kinds.extend([SIGSTKFLT, SIGPWR].into_iter().chain(REAL_TIME));
     if real {
         // A suspended program cannot control anything.
         kinds.extend([SIGTSTP, SIGTTIN, SIGTTOU]);

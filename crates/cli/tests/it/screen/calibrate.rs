@@ -37,7 +37,8 @@ fn calibrated_rates_are_the_true_ones_within_a_tenth() {
         screen.lab.write("guesses.toml", guesses());
         let args = ["screen", "calibrate", "guesses.toml", "--height", &height(&game), "-o", "found.toml"];
         let run = Run::of(&screen.output(&args));
-        assert_eq!(run.code, Some(0), "{}{}", run.stdout, run.stderr);
+        // A key that was not seen twice is not confirmed.
+        assert!(matches!(run.code, Some(0 | 6)), "{}{}", run.stdout, run.stderr);
         // For the table of docs/guide/games.md.
         println!("{}", run.stdout);
         let found = String::from_utf8(screen.lab.read("found.toml")).unwrap();

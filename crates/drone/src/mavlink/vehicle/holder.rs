@@ -1,8 +1,9 @@
 //! Who has a craft that we have let go: somebody, or nobody but its own failsafe.
 //!
 //! Letting go ends the control of motion, and not the duty to land a craft that nobody has. It is nobody's only if all of this
-//! is so, and what is not known counts as changed: it shows the hold that its parameters predict for a silent link, it changed
-//! while our link was silent, no other station was heard, and the radio's sticks and switches are as before.
+//! is so, and what is not known counts as changed: it shows the hold that its parameters predict for a silent link; it changed
+//! while our link was silent, or this program was stopped, or says itself that a failsafe did it; no other station was heard; and
+//! the radio's sticks and switches are as before.
 
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_mavlink::report::Channels;
@@ -11,6 +12,8 @@ use spf_mavlink::report::Channels;
 const SILENCE: Duration = Duration::from_millis(700);
 /// A heartbeat, of which there is one a second, shows the mode this long after a silence at most.
 const BEAT: Duration = Duration::from_millis(1200);
+/// What a vehicle says of its failsafe comes this long before the heartbeat that shows it at most, or after it.
+const WORDS: Duration = Duration::from_millis(2500);
 /// The autopilot counts from our last setpoint, which arrived somewhat after its last message left.
 const EARLIER: f64 = 0.15;
 
@@ -19,10 +22,12 @@ const EARLIER: f64 = 0.15;
 pub(super) enum Holder {
     /// Somebody: a person, another station, another failsafe.
     Somebody,
-    /// It shows its failsafe's hold, and news of its radio is awaited.
+    /// It shows its failsafe's hold, and news of its radio, or its own words about it, are awaited.
     Unclear {
         /// Until when.
         until: Time,
+        /// Whether the link was silent when it changed.
+        silent: bool,
     },
     /// Nobody: its own failsafe for a silent link holds it.
     Failsafe,
@@ -44,12 +49,17 @@ pub(super) struct Evidence {
     silence: Option<Silence>,
     /// The newest heartbeat, and the one before it.
     beats: [Option<Time>; 2],
-    /// The radio's channels from before the last silence, and since.
+    /// The radio's channels when the vehicle last showed the mode for setpoints, and since.
     before: Option<Channels>,
     since: Option<Channels>,
-    /// Whether there was a receiver before the last silence, and is one since, as far as the vehicle has told.
+    /// Whether there was a receiver then, and is one since, as far as the vehicle has told.
     received: Option<bool>,
     receives: Option<bool>,
+    /// When this program last ran, and the end and the length of its last pause.
+    ran: Option<Time>,
+    pause: Option<(Time, Duration)>,
+    /// When the vehicle said that a failsafe acts.
+    said: Option<Time>,
     /// Whether another station was heard.
     station: bool,
 }
@@ -61,20 +71,43 @@ impl Evidence {
         if gap < SILENCE {
             return;
         }
-        // Until a heartbeat shows the mode it is one silence: what the radio showed in between may be what somebody has just done.
+        // Until a heartbeat shows the mode it is one silence.
         let open = self.silence.filter(|it| self.beats[0].is_none_or(|beat| beat < it.until));
         self.silence = Some(match open {
             Some(it) => Silence { until: now, gap: it.gap.max(gap), ..it },
-            None => {
-                (self.before, self.received) = (self.since.take().or(self.before), self.receives.take().or(self.received));
-                Silence { from: before, until: now, gap }
-            }
+            None => Silence { from: before, until: now, gap },
         });
     }
 
     /// A heartbeat arrived.
     pub(super) fn beats(&mut self, now: Time) {
         self.beats = [Some(now), self.beats[0]];
+    }
+
+    /// This program runs, as it does many times a second.
+    pub(super) fn runs(&mut self, now: Time) {
+        let passed = self.ran.replace(now).map_or(Duration::ZERO, |ran| now.since(ran));
+        if passed >= SILENCE {
+            self.pause = Some((now, passed));
+        }
+    }
+
+    /// The vehicle says something.
+    pub(super) fn says(&mut self, now: Time, text: &str) {
+        let text = text.to_lowercase();
+        if text.contains("failsafe") && !["clear", "deactivated", "disabled", "recovered"].iter().any(|end| text.contains(end)) {
+            self.said = Some(now);
+        }
+    }
+
+    /// The newest heartbeat shows the mode for setpoints: what the radio shows now means nothing else.
+    pub(super) fn is_ours(&mut self) {
+        (self.before, self.received) = (self.since.take().or(self.before), self.receives.take().or(self.received));
+    }
+
+    /// From now on news of the radio is news: what came with the last heartbeats may be from before its mode changed.
+    pub(super) fn await_news(&mut self) {
+        (self.since, self.receives) = (None, None);
     }
 
     /// How old the newest heartbeat is.
@@ -105,18 +138,27 @@ impl Evidence {
         self.silence.is_some_and(in_it) && !self.station
     }
 
+    /// Whether a mode that is shown since then is explained otherwise: this program was stopped for so long that a failsafe came
+    /// that waits for this many seconds, or the vehicle says that one did.
+    pub(super) fn is_explained(&self, shown: Time, after: f64) -> bool {
+        let enough = duration_from_secs((after - EARLIER).max(0.0));
+        let paused = self.pause.is_some_and(|(until, passed)| passed >= enough && until + BEAT >= shown);
+        paused || self.said.is_some_and(|at| at + WORDS >= shown)
+    }
+
     /// Whether another station was heard.
     pub(super) fn has_station(&self) -> bool {
         self.station
     }
 
-    /// Whether somebody has shown up who may have commanded the mode that is shown since then: during a silence that ended with it.
+    /// Whether somebody has shown up who may have commanded the mode that is shown since then: sticks have moved, or another station
+    /// is on a link that was silent as it changed.
     pub(super) fn is_anybodys(&self, shown: Time) -> bool {
         let in_it = |silence: Silence| silence.from <= shown && shown.since(silence.until) <= BEAT;
-        self.silence.is_some_and(in_it) && (self.station || self.radio_is_as_before() == Some(false))
+        self.radio_is_as_before() == Some(false) || self.station && self.silence.is_some_and(in_it)
     }
 
-    /// Whether the sticks and switches are as before the last silence; `None` while that is unknown.
+    /// Whether the sticks and switches are as when the vehicle last showed the mode for setpoints; `None` while that is unknown.
     pub(super) fn radio_is_as_before(&self) -> Option<bool> {
         let none = |channels: Option<Channels>, receiver: Option<bool>| {
             channels.is_some_and(|it| it.count == 0) || (channels.is_none() && receiver == Some(false))

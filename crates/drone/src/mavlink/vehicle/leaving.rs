@@ -22,6 +22,8 @@ const LOW: f64 = 0.4;
 const RESTS: f64 = 0.3;
 /// A craft that has been on the ground for this long, and did not disarm by itself, is disarmed.
 const DISARMED_AFTER: Duration = Duration::from_secs(5);
+/// The same, and nothing shows whether it was disarmed: it is left where it stands.
+const GROUNDED_FOR: Duration = Duration::from_secs(10);
 
 impl Vehicle {
     /// The pilot lands the craft; a hold of the pilot ends such a landing.
@@ -72,6 +74,12 @@ impl Vehicle {
         }
         let again = now + LAND_AGAIN;
         let grounded = self.grounded.filter(|_| self.landed == 1).map(|at| now.since(at.max(since)));
+        // It was disarmed again and again; that it is, only heartbeats would tell, and none come.
+        if grounded.is_some_and(|long| long >= GROUNDED_FOR) && !self.is_mode_fresh(now) {
+            self.commands.clear();
+            self.control = Control::Idle;
+            return;
+        }
         if !self.armed {
             // The arming may be under way.
             self.commands.interrupt(VehicleCommand::new(ids::ARM, &[0.0]));

@@ -289,6 +289,9 @@ impl Vehicle {
                         self.set_landed(now, if heartbeat.state == 3 { 1 } else { 2 });
                     }
                     self.follow(now);
+                    if mode == self.autopilot.external() {
+                        self.evidence.is_ours();
+                    }
                 }
             }
             Report::Landed(landed) if *landed != 0 => {
@@ -306,6 +309,7 @@ impl Vehicle {
             }
             Report::Text { severity, text } => {
                 self.facts.said(now, *severity, text);
+                self.evidence.says(now, text);
                 self.notices.push_back(Notice::Says { severity: *severity, text: text.clone() });
             }
             Report::Fence(message, target) => {
@@ -384,6 +388,7 @@ impl Vehicle {
 
     /// The next transmission.
     pub fn poll(&mut self, now: Time) -> Option<Outgoing> {
+        self.evidence.runs(now);
         self.check_pilot(now);
         self.advance(now);
         self.follow_holder(now);

@@ -83,6 +83,7 @@ impl Vehicle {
     /// The mode was not commanded here: it is not flown any more.
     pub(super) fn let_go(&mut self, now: Time) {
         let holder = self.holder_of(now, self.mode);
+        self.evidence.await_news();
         if holder == Holder::Somebody {
             self.notices.push_back(Notice::LetGo { mode: self.mode });
         }
@@ -154,9 +155,10 @@ impl Vehicle {
                 | Control::Landing { shown: false, .. }
                 | Control::Returning { shown: false, .. }
         );
-        match self.failsafe_hold().filter(|_| by_setpoints) {
-            Some((hold, after)) if hold == mode && self.evidence.is_of_a_silence(after) => {
-                Holder::Unclear { until: now + CLEAR_WITHIN }
+        let predicted = self.failsafe_hold().filter(|(hold, _)| by_setpoints && *hold == mode);
+        match predicted {
+            Some((_, after)) if !self.evidence.has_station() && self.evidence.radio_is_as_before() != Some(false) => {
+                Holder::Unclear { until: now + CLEAR_WITHIN, silent: self.evidence.is_of_a_silence(after) }
             }
             _ => Holder::Somebody,
         }
@@ -165,13 +167,14 @@ impl Vehicle {
     /// Follows what shows who has it. What was nobody's becomes somebody's for good.
     pub(super) fn follow_holder(&mut self, now: Time) {
         let Control::Released(holder) = self.control else { return };
-        let alone = !self.evidence.has_station() && self.failsafe_hold().is_some_and(|(hold, _)| hold == self.mode);
+        let failsafe = self.failsafe_hold().filter(|(hold, _)| *hold == self.mode && !self.evidence.has_station());
+        let explained = failsafe.is_some_and(|(_, after)| self.evidence.is_explained(self.mode_since, after));
         let radio = self.evidence.radio_is_as_before();
-        let found = match (holder, radio) {
-            (Holder::Somebody, _) => return,
-            _ if !alone || radio == Some(false) => Holder::Somebody,
-            (_, Some(true)) => Holder::Failsafe,
-            (Holder::Unclear { until }, None) if now >= until => Holder::Somebody,
+        let found = match holder {
+            Holder::Somebody => return,
+            _ if failsafe.is_none() || radio == Some(false) => Holder::Somebody,
+            Holder::Unclear { silent, .. } if radio == Some(true) && (silent || explained) => Holder::Failsafe,
+            Holder::Unclear { until, .. } if now >= until => Holder::Somebody,
             _ => return,
         };
         if found == holder {

@@ -44,7 +44,7 @@ fn holder(vehicle: &Vehicle) -> Holder {
 
 #[test]
 fn a_hold_in_a_silence_is_nobodys_only_if_nobody_can_have_commanded_it() {
-    let unclear = Holder::Unclear { until: at(8200) };
+    let unclear = Holder::Unclear { until: at(8200), silent: true };
     for (before, mode, since, expected) in [
         (vec![channels(1000)], HOLD, vec![channels(1010)], Holder::Failsafe),
         (vec![channels(1000)], HOLD, vec![channels(2000)], Holder::Somebody),
@@ -71,6 +71,8 @@ fn a_hold_in_a_silence_is_nobodys_only_if_nobody_can_have_commanded_it() {
     let mut vehicle = holds_by_itself();
     (1..30).for_each(|n| vehicle.handle(at(100 * n), &channels(1000)));
     vehicle.handle(at(3000), &beat(HOLD, true));
+    vehicle.handle(at(3100), &channels(1000));
+    vehicle.poll(at(8100));
     assert_eq!(holder(&vehicle), Holder::Somebody);
     let mut vehicle = flying();
     vehicle.handle(at(3200), &beat(HOLD, true));
@@ -94,7 +96,45 @@ fn two_gaps_without_a_heartbeat_between_them_are_one_silence() {
         vehicle.handle(at(between), &channels(if moved { 1900 } else { 1000 }));
         vehicle.handle(at(end), &beat(HOLD, true));
         vehicle.handle(at(end + 100), &channels(if moved { 1900 } else { 1000 }));
+        vehicle.poll(at(end + 5000));
         assert_eq!(holder(&vehicle), expected, "{first} {second} {moved}");
+    }
+}
+
+/// Only our setpoints were lost on their way, or this program was stopped meanwhile: everything else arrives, heartbeats in the mode
+/// for setpoints among it.
+#[test]
+fn a_failsafe_that_is_told_or_that_a_pause_explains_is_nobodys() {
+    for (words, paused, moved, expected) in [
+        (Some("Failsafe activated: no offboard signal"), false, false, Holder::Failsafe),
+        (Some("Failsafe activated: no offboard signal"), false, true, Holder::Somebody),
+        (Some("Failsafe mode deactivated, cleared"), false, false, Holder::Somebody),
+        (None, true, false, Holder::Failsafe),
+        (None, true, true, Holder::Somebody),
+        (None, false, false, Holder::Somebody),
+    ] {
+        let mut vehicle = holds_by_itself();
+        let after = if moved { 1900 } else { 1000 };
+        for ms in (100..3000).step_by(100) {
+            if !paused || ms < 1500 {
+                vehicle.poll(at(ms));
+            }
+            vehicle.handle(at(if paused { ms.max(2900) } else { ms }), &channels(1000));
+            if ms % 500 == 0 {
+                vehicle.handle(at(if paused { ms.max(2900) } else { ms }), &beat(Autopilot::Px4.external(), true));
+            }
+        }
+        if let Some(text) = words {
+            vehicle.handle(at(2950), &Report::Text { severity: 2, text: text.to_owned() });
+        }
+        vehicle.handle(at(3000), &beat(HOLD, true));
+        for ms in (3010..9000).step_by(10) {
+            vehicle.poll(at(ms));
+            if ms % 200 == 0 {
+                vehicle.handle(at(ms), &channels(after));
+            }
+        }
+        assert_eq!(holder(&vehicle), expected, "{words:?} {paused} {moved}");
     }
 }
 
@@ -233,6 +273,13 @@ fn a_landing_is_over_by_whatever_shows_it_first() {
         vehicle.handle(at(ms), &Report::Height(0.9 - 0.4 * (ms - 9000) as f64 / 1000.0, 0));
     }
     assert!(!on_ground(&mut vehicle));
+    // Without heartbeats nothing shows that it is disarmed: after ten seconds on the ground the program ends.
+    let mut vehicle = landing();
+    for ms in (9000..21_000).step_by(100) {
+        vehicle.handle(at(ms), &Report::Landed(1));
+        while vehicle.poll(at(ms)).is_some() {}
+    }
+    assert!(!vehicle.is_ours(), "{:?}", vehicle.control);
     // A landed state that has been stuck since before the landing says nothing.
     let mut vehicle = flying();
     vehicle.handle(at(0), &Report::Landed(1));
