@@ -464,6 +464,10 @@ accurately; 2: it cannot be queried (no API key, unknown name); 6: it does not r
 pub(crate) struct VlmCheck {
     /// VLM: NAME[#MODEL][@URL] or exec:COMMAND as for `spf fly --vlm`, or auto
     pub(crate) name: String,
+    /// Width and height of the frames of the camera that will be flown with, pixels [default: 960x720, as in the simulator and of
+    /// a Tello]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<String>,
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
