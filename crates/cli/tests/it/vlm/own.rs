@@ -170,7 +170,7 @@ fn costs_are_told_before_they_arise() {
     };
     let run = bench("out", &vlm, &["--max-cost", "1"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    assert!(run.stderr.contains("1 flights = 15 queries × ") && run.stderr.contains("about $"), "{}", run.stderr);
+    assert!(run.stderr.contains("1 flights = 20 queries × ") && run.stderr.contains("about $"), "{}", run.stderr);
     // From what was flown in the folder: two queries, and nothing left to fly.
     let mut more = vec!["--max-cost", "1"];
     let run = bench("out", &vlm, &more);
