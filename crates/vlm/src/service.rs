@@ -162,7 +162,11 @@ impl Service {
     /// A service of which nothing is known yet. No query is sent once `max_cost_usd` US dollars are spent. `on_wait` is told of
     /// each wait, on the thread that waits.
     #[must_use]
-    pub fn new(clock: Arc<dyn RunClock>, max_cost_usd: Option<f64>, on_wait: impl Fn(&Wait) + Send + Sync + 'static) -> Arc<Self> {
+    pub fn new(
+        clock: Arc<dyn RunClock>,
+        max_cost_usd: Option<f64>,
+        on_wait: impl Fn(&Wait) + Send + Sync + 'static,
+    ) -> Arc<Self> {
         let on_wait = Box::new(on_wait);
         Arc::new(Self { clock, patience: PATIENCE, max_cost_usd, on_wait, state: Mutex::default() })
     }
@@ -297,9 +301,7 @@ impl Service {
         let waits = state.outages.get(vlm).map_or(0, |outage| outage.waits);
         let passes = match error.trouble() {
             Some(Trouble::Passing) => true,
-            Some(Trouble::Lasting) => {
-                error.code() == "bad_request" && state.answered.contains(vlm) && waits < REFUSED_TRIES
-            }
+            Some(Trouble::Lasting) => error.code() == "bad_request" && state.answered.contains(vlm) && waits < REFUSED_TRIES,
             // A dead connection begins or ends as one that is only slow.
             None if waits > 0 && error.is_late() => true,
             None => {

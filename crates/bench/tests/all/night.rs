@@ -113,7 +113,11 @@ struct Night {
 }
 
 /// Two flights of a task in a folder.
-fn night(folder: &Path, max_cost: Option<f64>, fails: impl Fn(usize, Duration) -> Option<VlmError> + Send + Sync + 'static) -> Night {
+fn night(
+    folder: &Path,
+    max_cost: Option<f64>,
+    fails: impl Fn(usize, Duration) -> Option<VlmError> + Send + Sync + 'static,
+) -> Night {
     let clock = Arc::new(NightClock::default());
     let (asked, fails): (Arc<AtomicUsize>, Fails) = (Arc::default(), Arc::new(fails));
     let name = "oracle:default".to_owned();
@@ -197,7 +201,10 @@ fn a_run_that_its_service_ended_is_resumed() {
     let made = RunManifest::read(folder).unwrap().unwrap();
     assert!(matches!(broke.end, Some(RunEnd::Refused { .. })) && broke.progress.done == 1);
     assert!(made.unfinished_usd > 0.0 && made.ended.is_none(), "{made:?}");
-    let paid: f64 = rows(folder).lines().map(|row| serde_json::from_str::<serde_json::Value>(row).unwrap()["cost_usd"].as_f64().unwrap()).sum();
+    let paid: f64 = rows(folder)
+        .lines()
+        .map(|row| serde_json::from_str::<serde_json::Value>(row).unwrap()["cost_usd"].as_f64().unwrap())
+        .sum();
     assert!((broke.spent - paid - made.unfinished_usd).abs() < 1e-9, "{} {paid} {made:?}", broke.spent);
     // Dead for good: given up after two hours, not one minute earlier.
     let dead = night(folder, None, |_, _| Some(vendor(500, "boom", None)));
@@ -223,7 +230,8 @@ fn the_money_of_a_run_ends_it_and_a_model_that_never_answers_has_no_row() {
     // Nothing is left for the same limit.
     let again = night(folder.path(), Some(3.0 * CENT), |_, _| None);
     assert_eq!((again.asked, rows(folder.path()).as_str()), (0, ""));
-    let late = |_, _| Some(VlmError::Deadline { host: "h".to_owned(), waited: Duration::from_secs(20), stage: "no data".to_owned() });
+    let late =
+        |_, _| Some(VlmError::Deadline { host: "h".to_owned(), waited: Duration::from_secs(20), stage: "no data".to_owned() });
     let mute = night(folder.path(), None, late);
     assert!(matches!(mute.end, Some(RunEnd::Unanswered { .. })), "{:?}", mute.end);
     assert_eq!(rows(folder.path()), "");

@@ -66,8 +66,7 @@ struct Tried {
 fn tried(queries: u64, max_cost: Option<f64>, says: Vec<Result<String, VlmError>>) -> Tried {
     let waits = Arc::new(Mutex::new(Vec::new()));
     let heard = waits.clone();
-    let service =
-        Service::new(Arc::new(TestClock::default()), max_cost, move |wait| heard.lock().unwrap().push(wait.clone()));
+    let service = Service::new(Arc::new(TestClock::default()), max_cost, move |wait| heard.lock().unwrap().push(wait.clone()));
     let fate = Fate::default();
     let mut vlm = service.guard(Box::new(Says(says.into_iter())), &fate);
     let ask = |number| {

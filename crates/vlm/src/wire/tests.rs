@@ -257,7 +257,8 @@ fn a_reply_in_another_place_is_read() {
     let chat = WireKind::OpenaiChat;
     let message = |message: Value| json!({ "choices": [{ "message": message, "finish_reason": "stop" }] });
     let delta = |delta: Value| json!({ "choices": [{ "delta": delta }] });
-    let call = |arguments: Value| json!([{ "id": "1", "type": "function", "function": { "name": "reply", "arguments": arguments } }]);
+    let call =
+        |arguments: Value| json!([{ "id": "1", "type": "function", "function": { "name": "reply", "arguments": arguments } }]);
     let reply = r#"{"a":1}"#;
     for said in [
         json!({ "content": [{ "type": "text", "text": reply }] }),
@@ -314,7 +315,11 @@ fn a_context_that_is_too_short_names_what_helps() {
         error_of("h", status, &json!({ "error": { "message": message, "code": code } })).unwrap()
     };
     for error in [
-        of(400, "This model's maximum context length is 4096 tokens. However, you requested 5120 tokens", json!("context_length_exceeded")),
+        of(
+            400,
+            "This model's maximum context length is 4096 tokens. However, you requested 5120 tokens",
+            json!("context_length_exceeded"),
+        ),
         of(400, "'max_completion_tokens' is too large: 4096. This model's maximum context length is 2048 tokens", json!(400)),
         of(400, "the request exceeds the available context size, try increasing it", json!("exceed_context_size_error")),
     ] {
@@ -337,7 +342,8 @@ fn a_quota_of_a_day_is_told_from_one_of_a_minute() {
         )
         .unwrap()
     };
-    let (day, minute) = (of("GenerateRequestsPerDayPerProjectPerModel-FreeTier"), of("GenerateRequestsPerMinutePerProjectPerModel"));
+    let (day, minute) =
+        (of("GenerateRequestsPerDayPerProjectPerModel-FreeTier"), of("GenerateRequestsPerMinutePerProjectPerModel"));
     assert!(day.is_exhausted() && !day.may_retry() && day.to_string().contains("PerDay"), "{day}");
     assert!(!minute.is_exhausted() && minute.may_retry(), "{minute}");
 }

@@ -37,7 +37,8 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let max_cost = settings.fly.max_cost_usd.get()?;
     let per_trial = args.max_cost_per_trial;
     if per_trial.is_some_and(|cost| !(0.0..=MOST_USD).contains(&cost)) {
-        return Err(CliError::usage("--max-cost-per-trial must be a number of US dollars from 0 to 1000000").hint("--max-cost-per-trial 0.1"));
+        return Err(CliError::usage("--max-cost-per-trial must be a number of US dollars from 0 to 1000000")
+            .hint("--max-cost-per-trial 0.1"));
     }
     // A limit of either kind needs a price.
     if let (None, Some(cost)) = (max_cost, per_trial) {

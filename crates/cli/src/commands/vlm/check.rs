@@ -41,7 +41,8 @@ fn camera_px(text: &str) -> Result<(u32, u32), CliError> {
     let side = |text: &str| text.parse().ok().filter(|side| (64..=8192).contains(side));
     let size = text.split_once(['x', 'X', '×']).and_then(|(width, height)| Some((side(width)?, side(height)?)));
     size.ok_or_else(|| {
-        CliError::usage(format!("--size: expected WIDTHxHEIGHT in pixels, each from 64 to 8192, found `{text}`")).hint("--size 1280x720")
+        CliError::usage(format!("--size: expected WIDTHxHEIGHT in pixels, each from 64 to 8192, found `{text}`"))
+            .hint("--size 1280x720")
     })
 }
 

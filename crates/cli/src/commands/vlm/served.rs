@@ -11,11 +11,7 @@ use crate::error::CliError;
 use crate::printer::Printer;
 
 /// The service of a run on this machine's clock, with a cost limit in US dollars; `signals` stop it.
-pub(crate) fn service(
-    max_cost_usd: Option<f64>,
-    signals: &Arc<AtomicU32>,
-    printer: &Printer,
-) -> Result<Arc<Service>, CliError> {
+pub(crate) fn service(max_cost_usd: Option<f64>, signals: &Arc<AtomicU32>, printer: &Printer) -> Result<Arc<Service>, CliError> {
     let voice = printer.voice();
     let service = Service::new(Arc::new(WallClock::default()), max_cost_usd, move |wait| voice.log(&waiting(wait)));
     stoppable(&service, signals)?;

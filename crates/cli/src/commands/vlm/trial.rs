@@ -9,7 +9,7 @@ use spf_bench::ground::ask::{AnswererKind, AskOptions, Ended, MakeVlm, Plan as Q
 use spf_bench::ground::measure::{Measures, grades, report};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer};
-use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, shell_word};
+use spf_bench::run::{Plan, RunManifest, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::task::{Task, suite};
 use spf_bench::trial::{Method, Record, VlmUnderTest};
 use spf_bench::tryout::{DotCheck, Findings, page};
@@ -251,6 +251,10 @@ impl Trial<'_> {
         let mut done = before.len() as u64;
         printer.start_count("questions", plan.questions() as u64, done);
         let ended: Result<Ended, CliError> = plan.run(&before, spent, self.stop, |row| {
+            // What the service failed at is no answer of the model.
+            if self.service.is_ended() && !is_answered(&row) {
+                return Ok(());
+            }
             folder.push(&row)?;
             rows.push(row);
             done += 1;
@@ -288,7 +292,8 @@ impl Trial<'_> {
         let flights = self.args.flights as usize;
         let there = || read_records(&folder).unwrap_or_default();
         let over = |spent: f64| self.max_cost.is_some_and(|most| spent >= most);
-        let before: f64 = there().iter().filter_map(|record| record.cost_usd).sum();
+        let unfinished = RunManifest::read(&folder).ok().flatten().map_or(0.0, |made| made.unfinished_usd);
+        let before = unfinished + there().iter().filter_map(|record| record.cost_usd).sum::<f64>();
         self.service.charge(before);
         if flights == 0 || self.service.is_ended() || over(spent + before) {
             return Ok(there());

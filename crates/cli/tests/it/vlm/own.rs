@@ -303,7 +303,8 @@ fn a_trial_reads_the_answers_of_every_vendor() {
     let servers = Vendor::ALL.map(answers);
     let names = Vendor::ALL.iter().zip(&servers).map(|(vendor, server)| format!("{}@{}", vendor.name(), server.url()));
     let names = names.collect::<Vec<_>>();
-    let args = ["vlm", "trial", &names.join(","), "-o", "tried", "--questions", "2", "--flights", "1", "--parallel", "1", "--yes"];
+    let args =
+        ["vlm", "trial", &names.join(","), "-o", "tried", "--questions", "2", "--flights", "1", "--parallel", "1", "--yes"];
     let mut command = lab.command(&args);
     for vendor in Vendor::ALL {
         command.env(vendor.key(), KEY);

@@ -184,7 +184,8 @@ fn an_answer_that_came_and_was_empty_is_paid_for_twice_at_most() {
     let server = Server::start(move |_, _| Reply::json(200, &broken));
     assert_eq!(ask(&mut remote(&server, "gemini", "")).text.unwrap_err().code(), "error_in_answer");
     assert_eq!(server.questions().len(), 2);
-    let server = Server::start(move |number, _| if number == 0 { empty() } else { chat(&json!({ "content": AHEAD }), "stop", 50) });
+    let server =
+        Server::start(move |number, _| if number == 0 { empty() } else { chat(&json!({ "content": AHEAD }), "stop", 50) });
     assert_eq!(ask(&mut remote(&server, "vllm", "")).text.as_deref(), Ok(AHEAD));
 }
 
@@ -218,7 +219,9 @@ fn a_server_that_knows_only_the_older_limit_is_told_by_it() {
 fn an_object_that_is_refused_is_asked_for_in_words() {
     let rows = "[[vendor]]\nname = \"own\"\ntitle = \"own\"\nwire = \"openai-chat\"\nbase_url = \"http://127.0.0.1:9/v1\"\n\
                 auth = \"bearer\"\nkeys = [\"OWN_KEY\"]\nkey_needed = false\nfamily = \"thousand\"\nschema = \"json-object\"\n";
-    for message in ["'response_format.type' must be 'json_schema' or 'text'", "json_object is not supported", "JSON mode is not enabled"] {
+    for message in
+        ["'response_format.type' must be 'json_schema' or 'text'", "json_object is not supported", "JSON mode is not enabled"]
+    {
         let server = Server::start(move |_, request| match request.json().pointer("/response_format/type") {
             Some(kind) => {
                 assert_eq!(kind, "json_object");
@@ -280,7 +283,12 @@ fn another_model_than_the_one_asked_for_is_named_in_the_log() {
     let vlm = format!("gemini@{}", always.url());
     let args = ["fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--max-decisions", "3", "--out", "mine"];
     let run = crate::harness::Run::of(&lab.command(&args).env("GEMINI_API_KEY", KEY).output().unwrap());
-    assert_eq!(run.stderr.matches("requested gemini-robotics-er-2-preview, served by gemini-3.8-flash").count(), 1, "{}", run.stderr);
+    assert_eq!(
+        run.stderr.matches("requested gemini-robotics-er-2-preview, served by gemini-3.8-flash").count(),
+        1,
+        "{}",
+        run.stderr
+    );
     let rows = crate::harness::rows(&lab.path("mine/vlm.jsonl"));
     let named = |row: &Value| row["model"] == "gemini-3.8-flash" && row["asked_model"] == "gemini-robotics-er-2-preview";
     assert!(rows.len() >= 3 && rows.iter().all(named), "{rows:?}");

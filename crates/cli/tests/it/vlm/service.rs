@@ -1,6 +1,6 @@
 //! Runs of the bench and trials of models whose service refuses, fails or hangs: what is no flight has no row.
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::server::{Reply, Request, Server};
 use super::vendors::Vendor;
@@ -82,13 +82,12 @@ fn a_trial_of_models_whose_credit_ends_says_so_and_goes_on_when_it_is_repeated()
     assert!(run.stderr.contains("no credit") && run.stderr.contains("the same command does the rest"), "{}", run.stderr);
     // Three dots, one question, and one that was refused.
     assert_eq!(server.questions().len(), 5);
-    let answered = |row: &&Value| row["said"].get("nothing").is_none();
-    assert_eq!(rows(&lab.path("tried/pointing/answers.jsonl")).iter().filter(answered).count(), 1);
+    assert_eq!(rows(&lab.path("tried/pointing/answers.jsonl")).len(), 1);
     assert!(!lab.path("tried/flights").exists());
     paid.store(true, std::sync::atomic::Ordering::SeqCst);
     let run = trial();
     assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);
-    assert_eq!(rows(&lab.path("tried/pointing/answers.jsonl")).iter().filter(answered).count(), 3);
+    assert_eq!(rows(&lab.path("tried/pointing/answers.jsonl")).len(), 3);
 }
 
 /// A program that hangs would be waited for ten minutes.

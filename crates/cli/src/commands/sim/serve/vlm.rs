@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use spf_flight::sim::{FlightConditions, OracleVlm, SimWorld};
 use spf_serve::truth::SharedInstruction;
-use spf_vlm::ORACLE_SERVED;
 use spf_serve::vlm::{AnswerForm, Camera, Endpoint, FrameProvider, Instruction, Memory, OnboardCamera, Responder, Serving};
+use spf_vlm::ORACLE_SERVED;
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
