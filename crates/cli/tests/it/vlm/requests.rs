@@ -218,7 +218,7 @@ fn a_server_that_knows_only_the_older_limit_is_told_by_it() {
 #[test]
 fn an_object_that_is_refused_is_asked_for_in_words() {
     let rows = "[[vendor]]\nname = \"own\"\ntitle = \"own\"\nwire = \"openai-chat\"\nbase_url = \"http://127.0.0.1:9/v1\"\n\
-                auth = \"bearer\"\nkeys = [\"OWN_KEY\"]\nkey_needed = false\nfamily = \"thousand\"\nschema = \"json-object\"\n";
+                auth = \"bearer\"\nkeys = [\"OWN_KEY\"]\nkey_needed = false\nfamily = \"thousand\"\nschema = \"json_object\"\n";
     for message in
         ["'response_format.type' must be 'json_schema' or 'text'", "json_object is not supported", "JSON mode is not enabled"]
     {
