@@ -36,9 +36,9 @@ def fly(given, autopilot, instruction, number):
     os.makedirs(folder)
     server, (drone, camera, vlm) = serve(given, autopilot, folder, number)
     command = [given.spf, "fly", instruction, "--drone", drone, "--camera", camera, "--camera-fov", "90", "--camera-tilt", "5"]
-    command += ["--vlm", f"openai@{vlm}/v1", "--no-vlm-check", "--unattended", "--json", "--no-video", "--max-time", "120"]
+    command += ["--vlm", vlm, "--no-vlm-check", "--unattended", "--json", "--no-video", "--max-time", "120"]
     command += ["--out", os.path.join(folder, "flight")]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "OPENAI_API_KEY": "none"})
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
     with open(os.path.join(folder, "client.txt"), "w", encoding="utf-8") as log:
         log.write(run.stderr)
     server.send_signal(signal.SIGINT)

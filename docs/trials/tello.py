@@ -152,12 +152,12 @@ def fly(given, instruction, number, fault=None):
     if fault == "take-off refused":
         served.switch(FAULTS[fault])
         time.sleep(0.6)
-    command = [given.spf, "fly", instruction, "--drone", f"tello@{DRONE}", "--vlm", f"openai@{served.url}/v1", "--no-vlm-check", "--unattended"]
+    command = [given.spf, "fly", instruction, "--drone", f"tello@{DRONE}", "--vlm", served.url, "--no-vlm-check", "--unattended"]
     command += ["--json", "--out", os.path.join(folder, "flight"), "--max-time", "120", *given.more]
     if served.camera:
         # What the server says of the Tello's camera.
         command += ["--camera", f"udp-rtp://127.0.0.1:{RTP}" if relay else served.camera, "--camera-fov", "55.4", "--camera-tilt", "5"]
-    env = {**os.environ, "OPENAI_API_KEY": "none", "SPF_TELLO_LOCAL": LOCAL, "RUST_LOG": "warn,spf_drone=trace"}
+    env = {**os.environ, "SPF_TELLO_LOCAL": LOCAL, "RUST_LOG": "warn,spf_drone=trace"}
     began = moved = last = None
     with open(os.path.join(folder, "client.txt"), "w", encoding="utf-8") as log:
         client = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=env)

@@ -1,6 +1,7 @@
 //! Output: data to standard output, messages to standard error. The only module that prints.
 
 use std::io::{IsTerminal, Write};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -12,15 +13,49 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 
 /// Prints output, with a live line at the bottom on a terminal.
 pub(crate) struct Printer {
-    live: Option<ProgressBar>,
+    live: Live,
     count: Option<Count>,
     json: bool,
+}
+
+/// The live line, if there is one.
+#[derive(Clone, Default)]
+struct Live(Arc<Mutex<Option<ProgressBar>>>);
+
+impl Live {
+    fn get(&self) -> Option<ProgressBar> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    fn set(&self, bar: Option<ProgressBar>) -> Option<ProgressBar> {
+        core::mem::replace(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner), bar)
+    }
+
+    fn log(&self, text: &str) {
+        let text = harmless(text);
+        match self.get() {
+            _ if background::is_blocked() => background::say(&text),
+            Some(bar) => bar.println(text),
+            // A closed standard error must not end a flight.
+            None => drop(writeln!(std::io::stderr().lock(), "{text}")),
+        }
+    }
+}
+
+/// Prints messages of other threads.
+pub(crate) struct Voice(Live);
+
+impl Voice {
+    /// Prints a message to standard error.
+    pub(crate) fn log(&self, text: &str) {
+        self.0.log(text);
+    }
 }
 
 impl Printer {
     /// `json`: standard output is reserved for one JSON object.
     pub(crate) fn new(json: bool) -> Self {
-        Self { live: None, count: None, json }
+        Self { live: Live::default(), count: None, json }
     }
 
     /// Starts the live line, if standard error is a terminal.
@@ -31,7 +66,7 @@ impl Printer {
             if let Ok(style) = ProgressStyle::with_template("{spinner} {wide_msg}") {
                 bar.set_style(style);
             }
-            self.live = Some(bar);
+            self.live.set(Some(bar));
         }
     }
 
@@ -46,16 +81,21 @@ impl Printer {
             if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len}{msg}") {
                 bar.set_style(style);
             }
-            self.live = Some(bar);
+            self.live.set(Some(bar));
         }
     }
 
     /// Sets the count to `done`.
     pub(crate) fn count(&mut self, done: u64) {
+        self.count_with(done, "");
+    }
+
+    /// Sets the count to `done`, and shows `more` behind it.
+    pub(crate) fn count_with(&mut self, done: u64, more: &str) {
         let Some(count) = &mut self.count else { return };
         let left = count.left(done, count.since.elapsed());
-        let left = left.map_or(String::new(), |left| format!(", {} left", HumanDuration(left)));
-        if let Some(bar) = &self.live {
+        let left = left.map_or(String::new(), |left| format!(", {} left", HumanDuration(left))) + more;
+        if let Some(bar) = self.live.get() {
             bar.set_message(left);
             bar.set_position(done);
         } else if count.shown.elapsed() >= LINE_EVERY {
@@ -97,7 +137,7 @@ impl Printer {
 
     /// Replaces the live line's text.
     pub(crate) fn live(&self, text: &str) {
-        if let Some(bar) = &self.live {
+        if let Some(bar) = self.live.get() {
             bar.set_message(harmless(text));
             bar.tick();
         }
@@ -106,20 +146,19 @@ impl Printer {
     /// Ends the live line.
     pub(crate) fn end_live(&mut self) {
         self.count = None;
-        if let Some(bar) = self.live.take() {
+        if let Some(bar) = self.live.set(None) {
             bar.finish_and_clear();
         }
     }
 
     /// Prints a message (progress, warnings) to standard error.
     pub(crate) fn log(&self, text: &str) {
-        let text = harmless(text);
-        match &self.live {
-            _ if background::is_blocked() => background::say(&text),
-            Some(bar) => bar.println(text),
-            // A closed standard error must not end a flight.
-            None => drop(writeln!(std::io::stderr().lock(), "{text}")),
-        }
+        self.live.log(text);
+    }
+
+    /// Prints messages of other threads, without disturbing the live line.
+    pub(crate) fn voice(&self) -> Voice {
+        Voice(self.live.clone())
     }
 
     /// Prints a result to standard output, unless that is reserved for JSON.

@@ -10,7 +10,7 @@ use spf_detect::{DepthNetwork, Detector};
 pub use spf_drone::examine::{Check, Finding};
 use spf_media::Rgb;
 use spf_render::Channels;
-use spf_vlm::check::{Verdict, check};
+use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::{Vlm, VlmError};
 
 use crate::depth_network::picture;
@@ -47,7 +47,7 @@ pub fn simulator(loaded: &LoadedScene) -> Check {
 
 /// Sends test images of a dot to a VLM. `advice` is what to do about an error of it.
 pub fn vlm(name: &str, vlm: &mut dyn Vlm, time: FlightDuration, advice: impl Fn(&VlmError) -> &'static str) -> Check {
-    let checked = check(vlm, time);
+    let checked = check(vlm, time, USUAL_CAMERA);
     let latencies = checked.pointed.iter().map(|pointed| pointed.answer.latency.as_secs_f64());
     let slowest = latencies.fold(0.0, f64::max);
     match checked.verdict {

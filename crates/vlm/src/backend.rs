@@ -22,6 +22,8 @@ use crate::wire::parameters::{self, Parameter};
 
 /// Maximum number of requests per query.
 const MOST_REQUESTS: u32 = 4;
+/// Maximum number of requests of which an answer came that was none: each is paid for.
+const MOST_EMPTY: u32 = 2;
 /// Delay before the first retry; each further delay is twice as long, up to the maximum.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LONGEST_PAUSE: Duration = Duration::from_secs(4);
@@ -75,6 +77,16 @@ impl Written {
     fn without(&mut self, message: &str) -> Option<Parameter> {
         let mut body = serde_json::from_slice(&self.body).ok()?;
         let parameter = parameters::named(&body, message)?;
+        parameters::remove(&mut body, &parameter);
+        self.body = serde_json::to_vec(&body).ok()?.into();
+        Some(parameter)
+    }
+
+    /// Gives the limit of the reply's tokens by its older name; `None` if it is not in the request by the newer one.
+    fn with_older_limit(&mut self) -> Option<Parameter> {
+        let mut body: serde_json::Value = serde_json::from_slice(&self.body).ok()?;
+        let parameter = vec![parameters::MAX_TOKENS.to_owned()];
+        body.get(parameters::MAX_TOKENS)?;
         parameters::remove(&mut body, &parameter);
         self.body = serde_json::to_vec(&body).ok()?.into();
         Some(parameter)
@@ -151,6 +163,8 @@ impl Backend {
         let mut free = 1;
         // The parameter without which the query is repeated.
         let mut without: Option<Parameter> = None;
+        // Answers that came, and were none.
+        let mut empty = 0;
         let mut account = Usage::default();
         let mut jitter = RandomStream::new(u64::from(std::process::id()), "pause", &[written.body.len() as u64]);
         let mut model = self.model.id.clone();
@@ -171,7 +185,9 @@ impl Backend {
             let client = clients.get(connect, self.spare.load(Ordering::Relaxed));
             let text = self.once(&client, &written, deadline, &mut exchange).await;
             self.count(&mut account, &exchange, &written);
+            let said = exchange.gathered.tokens.map_or(0, |tokens| tokens.output + tokens.thinking);
             if let Some(served) = exchange.gathered.served.take() {
+                account.asked_model = self.is_other(&served).then(|| self.model.id.clone());
                 self.notice(&served);
                 model = served;
             }
@@ -184,6 +200,15 @@ impl Backend {
                 }
             }
             let refused = text.as_ref().err().and_then(refused_in);
+            let cut = matches!(text, Err(VlmError::CutOff { .. }));
+            // A server that does not know the limit's name cuts its reply off at a limit of its own.
+            let cut_early = cut && said < u64::from(self.model.max_output_tokens / 2);
+            if cut_early && without.is_none() && retry && Instant::now() + MIN_RETRY_TIME <= deadline {
+                without = written.with_older_limit();
+                if without.is_some() {
+                    continue;
+                }
+            }
             match (without.take(), refused) {
                 (None, Some(message)) => {
                     if let Some(parameter) = written.without(message) {
@@ -192,14 +217,17 @@ impl Backend {
                         continue;
                     }
                 }
+                // It was not the limit's name.
+                (Some(_), None) if cut => {}
                 // It was the parameter: it is not sent again.
                 (Some(parameter), None) => self.refused.lock().unwrap_or_else(PoisonError::into_inner).push(parameter),
                 _ => {}
             }
+            empty += u32::from(matches!(text, Err(VlmError::Empty { .. } | VlmError::Vendor { status: 200..=299, .. })));
             let again = match &text {
                 Err(error) if error.may_retry() => {
                     self.leave_alone(error);
-                    retry && account.requests < MOST_REQUESTS + 1 - free
+                    retry && empty < MOST_EMPTY && account.requests < MOST_REQUESTS + 1 - free
                 }
                 _ => false,
             };
@@ -245,12 +273,17 @@ impl Backend {
         text.map(scrub).map_err(|error| error.reworded(|words| brief(scrub(words))))
     }
 
-    /// Warns once if another model than the one queried replies. Self-hosted servers use arbitrary names.
-    fn notice(&self, served: &str) {
+    /// Whether another model replies than the one queried. Self-hosted servers use arbitrary names.
+    fn is_other(&self, served: &str) -> bool {
         let requested = &self.model.id;
         let same = served.contains(requested.as_str()) || requested.contains(served);
-        if !same && served != ORACLE_SERVED && self.model.vendor.key_needed && !self.warned.swap(true, Ordering::Relaxed) {
-            tracing::warn!("{}: requested {requested}, served by {served}", self.model.vendor.title);
+        !same && served != ORACLE_SERVED && self.model.vendor.key_needed
+    }
+
+    /// Warns once if another model replies.
+    fn notice(&self, served: &str) {
+        if self.is_other(served) && !self.warned.swap(true, Ordering::Relaxed) {
+            tracing::warn!("{}: requested {}, served by {served}", self.model.vendor.title, self.model.id);
         }
     }
 
@@ -275,7 +308,7 @@ impl Backend {
     /// Usage of requests that are dropped before their result is known: the last one is charged for its input.
     pub(crate) fn dropped(&self, requests: u32, bytes_sent: u64, guessed: Tokens) -> Usage {
         let (tokens, bytes_sent) = if requests > 0 { (guessed, bytes_sent) } else { (Tokens::default(), 0) };
-        Usage { requests, bytes_sent, parts: StageTimes::default(), tokens, cost_usd: self.cost(&tokens) }
+        Usage { requests, bytes_sent, tokens, cost_usd: self.cost(&tokens), ..Usage::default() }
     }
 
     /// Adds a request to the usage of its query.
@@ -293,7 +326,7 @@ impl Backend {
         let bytes_sent = written.bytes();
         let is_oracle = exchange.gathered.served.as_deref() == Some(ORACLE_SERVED);
         let cost_usd = if is_oracle { Some(0.0) } else { exchange.gathered.cost_usd.or_else(|| self.cost(&tokens)) };
-        account.add(&Usage { requests: 1, bytes_sent, parts: StageTimes::default(), tokens, cost_usd });
+        account.add(&Usage { requests: 1, bytes_sent, tokens, cost_usd, ..Usage::default() });
         let uploaded = exchange.uploaded.get().map(|at| at.saturating_duration_since(written.began).as_secs_f64());
         account.parts = StageTimes { encoded_s: written.encoded, uploaded_s: uploaded, ..exchange.parts };
     }
@@ -302,7 +335,8 @@ impl Backend {
 /// The message of an error that may name a parameter.
 fn refused_in(error: &VlmError) -> Option<&str> {
     match error {
-        VlmError::Vendor { status: 400 | 404 | 422, message, .. } => Some(message),
+        // An error about the context's length names parameters that have nothing to do with it.
+        VlmError::Vendor { status: 400 | 404 | 422, message, .. } if !error.is_context() => Some(message),
         _ => None,
     }
 }

@@ -18,8 +18,8 @@ pub const DOTS: [ImagePoint; 3] = [ImagePoint { u: 0.2, v: 0.7 }, ImagePoint { u
 const RADIUS: f64 = 0.03;
 /// Maximum distance of a correct point from the dot's centre, as a fraction of the image.
 pub const NEAR: f64 = 0.06;
-/// Size of the images, that of the default camera.
-const SIZE: (u32, u32) = (960, 720);
+/// Width and height of the frames of the simulator's cameras and of a Tello's, pixels.
+pub const USUAL_CAMERA: (u32, u32) = (960, 720);
 const INSTRUCTION: &str = "fly to the red dot";
 
 /// A model's reply to one dot.
@@ -55,28 +55,29 @@ pub struct Check {
     pub pointed: Vec<Pointed>,
     /// The conclusion.
     pub verdict: Verdict,
+    /// Width and height of the images sent, pixels.
+    pub image_px: (u32, u32),
     /// Resources used.
     pub account: Usage,
 }
 
-/// One dot on grey, as the image of a query.
-struct Dotted(ImagePoint);
+/// One dot on grey, as the image of a query: where it is, and the size of the camera's frames.
+struct Dotted(ImagePoint, (u32, u32));
 
 impl QueryImage for Dotted {
     fn size(&self) -> (u32, u32) {
-        SIZE
+        self.1
     }
 
     fn jpeg(&mut self, (width, height): (u32, u32), quality: u8) -> Result<Arc<[u8]>, VlmError> {
-        let image = resize(&dotted(self.0), width, height);
+        let image = resize(&dotted(self.0, self.1), width, height);
         Jpeg::encode(&image, quality).map(|jpeg| jpeg.shared()).map_err(|error| VlmError::Image(error.to_string()))
     }
 }
 
-/// The calibration image: grey with one red dot.
+/// The calibration image of this width and height, pixels: grey with one red dot.
 #[must_use]
-pub fn dotted(dot: ImagePoint) -> Rgb {
-    let (width, height) = SIZE;
+pub fn dotted(dot: ImagePoint, (width, height): (u32, u32)) -> Rgb {
     let mut image = Rgb::filled(width, height, [128, 128, 128]);
     let (x, y, radius) = (dot.u * f64::from(width), dot.v * f64::from(height), RADIUS * f64::from(width));
     for row in 0..height {
@@ -90,13 +91,15 @@ pub fn dotted(dot: ImagePoint) -> Rgb {
     image
 }
 
-/// Sends the dots to a model, one after the other, each with a time limit of `time`.
-pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
-    let image_spec = vlm.image_spec(SIZE);
-    let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), account: Usage::default() };
+/// Sends the dots to a model, one after the other, each with a time limit of `time`, as images of a camera with frames of `camera`
+/// pixels (width, height): some servers resize images of other shapes than 4:3 without saying so.
+pub fn check(vlm: &mut dyn Vlm, time: Duration, camera: (u32, u32)) -> Check {
+    let image_spec = vlm.image_spec(camera);
+    let image_px = image_spec.image_size.unwrap_or(camera);
+    let mut check = Check { pointed: Vec::new(), verdict: Verdict::Good(0.0), image_px, account: Usage::default() };
     for (number, dot) in (0..).zip(DOTS) {
         let query = query(number, &image_spec.grounding, image_spec.image_size);
-        let answer = vlm.answer(&QueryRequest::new(&query, time), &mut Dotted(dot));
+        let answer = vlm.answer(&QueryRequest::new(&query, time), &mut Dotted(dot, camera));
         check.account.add(&answer.account);
         check.account.parts = answer.account.parts;
         if let Err(error) = &answer.text {
@@ -107,7 +110,7 @@ pub fn check(vlm: &mut dyn Vlm, time: Duration) -> Check {
         let reply = answer.text.as_ref().ok().and_then(|text| parse_reply(text, &image_spec.grounding, false).ok());
         check.pointed.push(Pointed { dot, point: reply.and_then(|reply| reply.point), answer });
     }
-    check.verdict = verdict(&check.pointed, &image_spec.grounding, image_spec.image_size.unwrap_or(SIZE));
+    check.verdict = verdict(&check.pointed, &image_spec.grounding, image_px);
     check
 }
 
@@ -185,7 +188,7 @@ mod tests {
     }
 
     fn verdict_of(request: GroundingProfile, own: GroundingProfile, shift: f64) -> Verdict {
-        check(&mut Pointer { request, own, shift }, Duration::from_secs(1)).verdict
+        check(&mut Pointer { request, own, shift }, Duration::from_secs(1), USUAL_CAMERA).verdict
     }
 
     #[test]
@@ -210,7 +213,7 @@ mod tests {
 
     #[test]
     fn the_dot_is_where_it_is_declared() {
-        let image = dotted(DOTS[0]);
+        let image = dotted(DOTS[0], USUAL_CAMERA);
         assert_eq!(image.pixel(192, 504), Some([230, 20, 20]));
         assert_eq!(image.pixel(504, 192), Some([128, 128, 128]));
         let red = (0..720)

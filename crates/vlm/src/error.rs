@@ -8,6 +8,44 @@ use crate::ORACLE_SERVED;
 /// Maximum length of a quoted vendor message, characters.
 const LONGEST_QUOTE: usize = 300;
 
+/// What a failure says about the service of a vendor; nothing of it is the model's doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trouble {
+    /// It may pass: the network, an overload, a rate limit.
+    Passing,
+    /// It stays until somebody does something: the key, the credit, the quota, the request, the address.
+    Lasting,
+}
+
+/// What vendors write if money or the quota of a day is used up; several do so as another error.
+const EXHAUSTED: [&str; 10] = [
+    "insufficient_quota",
+    "insufficient_credits",
+    "insufficient_funds",
+    "insufficient balance",
+    "credit balance",
+    "billing_hard_limit",
+    "billing_not_active",
+    "key limit exceeded",
+    "per day",
+    "perday",
+];
+/// What servers write if a query is longer than their context.
+const CONTEXT: [&str; 7] = [
+    "context length",
+    "context_length",
+    "context size",
+    "context_size",
+    "context window",
+    "maximum model length",
+    "max_model_len",
+];
+/// The settings that help.
+const CONTEXT_ADVICE: &str = "; give the server a longer context (llama.cpp: -c; vLLM: --max-model-len; Ollama: num_ctx; LM Studio: \
+     context length of the loaded model), or lower max_output_tokens in the model's row or vlm.image_long_side";
+/// What they write if they object to the contents of a query.
+const MODERATED: [&str; 4] = ["content_policy", "content_filter", "moderation", "flagged"];
+
 /// Why there is no reply. [`VlmError::code`] is the name used in logs.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -74,7 +112,7 @@ pub enum VlmError {
         reason: String,
     },
     /// The vendor returned an error, by status or in the body.
-    #[error("{host} returned HTTP {status}{}: {message}", code.as_ref().map_or(String::new(), |code| format!(" ({code})")))]
+    #[error("{host} returned HTTP {status}{}: {message}{}", code.as_ref().map_or(String::new(), |code| format!(" ({code})")), context_words(*status, code.as_deref(), message))]
     Vendor {
         /// The host.
         host: String,
@@ -183,6 +221,7 @@ impl VlmError {
             Self::Stalled { .. } => "timeout",
             Self::Network { .. } => "network",
             Self::BrokenOff { .. } => "broken_off",
+            Self::Vendor { status, .. } if *status != 429 && self.is_exhausted() => "billing",
             Self::Vendor { status: 400 | 405..=407 | 410..=412 | 414..=422, .. } => "bad_request",
             Self::Vendor { status: 401, .. } => "key",
             Self::Vendor { status: 402, .. } => "billing",
@@ -239,13 +278,68 @@ impl VlmError {
     pub fn may_retry(&self) -> bool {
         match self {
             Self::Network { .. } | Self::BrokenOff { .. } | Self::Stalled { .. } => true,
-            // Several vendors report exhausted credit as a rate limit.
-            Self::Vendor { status: 429, code: Some(code), .. } => code != "insufficient_quota",
+            Self::Vendor { .. } if self.is_exhausted() => false,
             Self::Vendor { status, .. } => matches!(status, 200 | 408 | 409 | 429 | 500..=599),
             Self::WebPage { status, .. } => (500..=599).contains(status),
             Self::Empty { .. } => true,
             _ => false,
         }
+    }
+
+    /// Whether the query is longer than the server's context.
+    #[must_use]
+    pub fn is_context(&self) -> bool {
+        let Self::Vendor { status, code, message, .. } = self else { return false };
+        !context_words(*status, code.as_deref(), message).is_empty()
+    }
+
+    /// Whether money or the quota of a day is used up. Several vendors report that as a rate limit or as a wrong request.
+    #[must_use]
+    pub fn is_exhausted(&self) -> bool {
+        matches!(self, Self::Vendor { status: 402, .. })
+            || matches!(self, Self::Vendor { status: 400 | 403 | 429, .. } if self.says(&EXHAUSTED))
+    }
+
+    /// Whether the vendor's code or message contains one of these words, in lower case.
+    fn says(&self, words: &[&str]) -> bool {
+        matches!(self, Self::Vendor { code, message, .. } if says(code.as_deref(), message, words))
+    }
+
+    /// What it says about the service; `None` if it may be the model's own doing, or has nothing to do with either.
+    #[must_use]
+    pub fn trouble(&self) -> Option<Trouble> {
+        match self {
+            Self::Network { .. } | Self::BrokenOff { .. } | Self::ContentType { .. } => Some(Trouble::Passing),
+            Self::WebPage { status: 200..=299 | 500..=599, .. } => Some(Trouble::Passing),
+            Self::WebPage { .. } => Some(Trouble::Lasting),
+            Self::Vendor { .. } if self.is_exhausted() || self.is_context() => Some(Trouble::Lasting),
+            Self::Vendor { status: 400 | 403 | 422, .. } if self.says(&MODERATED) => None,
+            Self::Vendor { status: 408 | 409 | 425 | 429 | 500..=599, .. } => Some(Trouble::Passing),
+            // The model ended its reply by an error.
+            Self::Vendor { status: 200..=299, .. } => None,
+            Self::Vendor { .. } => Some(Trouble::Lasting),
+            _ => None,
+        }
+    }
+
+    /// Whether the reply did not come in time.
+    #[must_use]
+    pub fn is_late(&self) -> bool {
+        matches!(self, Self::Deadline { .. } | Self::Stalled { .. })
+    }
+
+    /// Whether the model, or the vendor's rules about what it may say, answered with this.
+    #[must_use]
+    pub fn is_models_own(&self) -> bool {
+        matches!(
+            self,
+            Self::Declined(_)
+                | Self::Blocked { .. }
+                | Self::CutOff { .. }
+                | Self::Empty { .. }
+                | Self::TooLong { .. }
+                | Self::Recorded { .. }
+        ) || self.says(&MODERATED)
     }
 
     /// The waiting time requested by the vendor.
@@ -256,6 +350,17 @@ impl VlmError {
             _ => None,
         }
     }
+}
+
+/// Whether a code or a message contains one of these words, in lower case.
+fn says(code: Option<&str>, message: &str, words: &[&str]) -> bool {
+    let text = format!("{} {message}", code.unwrap_or_default()).to_lowercase();
+    words.iter().any(|word| text.contains(word))
+}
+
+/// What helps if a query is longer than the server's context; empty for another error.
+fn context_words(status: u16, code: Option<&str>, message: &str) -> &'static str {
+    if matches!(status, 400 | 413 | 422 | 500) && says(code, message, &CONTEXT) { CONTEXT_ADVICE } else { "" }
 }
 
 /// A vendor's message on one line. Not truncated until the key is masked, since a partial key would not be found.

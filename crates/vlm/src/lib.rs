@@ -22,6 +22,7 @@ mod key;
 mod paced;
 mod remote;
 mod request;
+pub mod service;
 pub mod setup;
 pub mod table;
 mod transport;
@@ -38,7 +39,7 @@ use spf_core::time::Duration;
 use spf_media::Rgb;
 
 pub use day::today;
-pub use error::VlmError;
+pub use error::{Trouble, VlmError};
 pub use hedge::Hedge;
 pub use image::{ImageRule, SentSize};
 pub use key::ApiKey;

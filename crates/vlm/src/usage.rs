@@ -15,6 +15,9 @@ pub struct Usage {
     pub tokens: Tokens,
     /// Cost in US dollars, according to the price table; `None` if no price is known.
     pub cost_usd: Option<f64>,
+    /// The model that was asked for, if a vendor let another one answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked_model: Option<String>,
 }
 
 /// Timing of a request, seconds from its start; `None` for stages not reached.
@@ -85,6 +88,9 @@ impl Usage {
         self.requests += other.requests;
         self.bytes_sent = self.bytes_sent.max(other.bytes_sent);
         self.tokens.add(&other.tokens);
+        if other.asked_model.is_some() {
+            self.asked_model.clone_from(&other.asked_model);
+        }
         self.cost_usd = match (self.cost_usd, other.cost_usd) {
             (Some(a), Some(b)) => Some(a + b),
             (a, b) => a.or(b),

@@ -36,6 +36,14 @@ pub struct RunManifest {
     pub began: String,
     /// Day of the last trial; `None` while some are missing.
     pub ended: Option<String>,
+    /// Cost of flights that the run ended before their row was written, US dollars.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub unfinished_usd: f64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_zero(usd: &f64) -> bool {
+    *usd == 0.0
 }
 
 impl RunManifest {
@@ -68,15 +76,16 @@ impl RunManifest {
     /// Records the start of a run, today unless it started earlier.
     pub(super) fn begin(folder: &Path, command: &str, files: &BTreeMap<String, String>) -> Result<Self, StoreError> {
         let before = Self::read(folder)?;
-        let (began, ended) = before.map_or_else(|| (today(), None), |before| (before.began, before.ended));
-        let made = Self { command: command.to_owned(), files: files.clone(), began, ended };
+        let before = before.unwrap_or_else(|| Self { began: today(), ..Self::default() });
+        let made = Self { command: command.to_owned(), files: files.clone(), ..before };
         made.write(folder)?;
         Ok(made)
     }
 
-    /// Records that all trials are complete today.
-    pub(super) fn end(self, folder: &Path) -> Result<(), StoreError> {
-        Self { ended: Some(today()), ..self }.write(folder)
+    /// Records the cost of flights without a row, and that all trials are `complete` today.
+    pub(super) fn end(self, folder: &Path, unfinished_usd: f64, complete: bool) -> Result<(), StoreError> {
+        let ended = if complete { Some(today()) } else { self.ended };
+        Self { ended, unfinished_usd: self.unfinished_usd + unfinished_usd, ..self }.write(folder)
     }
 
     /// The manifest of the complete plan from those of its shards: from the first day to the last.
@@ -84,6 +93,7 @@ impl RunManifest {
         shards.reduce(|whole, shard| Self {
             began: whole.began.min(shard.began),
             ended: whole.ended.zip(shard.ended).map(|(one, other)| one.max(other)),
+            unfinished_usd: whole.unfinished_usd + shard.unfinished_usd,
             ..whole
         })
     }

@@ -9,10 +9,11 @@ mod store;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::channel;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use spf_vlm::service::Service;
 
 pub use files::StoreError;
 pub use film::video_of;
@@ -22,7 +23,7 @@ pub use store::{RunHeader, Store, merge, read_head, read_paths, read_records};
 
 use crate::fnv;
 use crate::task::Task;
-use crate::trial::{Flown, Method, Record, Trial, VlmUnderTest, draw};
+use crate::trial::{Flown, Lost, Method, Record, Trial, VlmUnderTest, draw};
 
 /// A plan of trials.
 pub struct Plan {
@@ -98,8 +99,8 @@ pub struct RunOptions {
     pub files: BTreeMap<String, String>,
 }
 
-/// Runs the missing trials of one shard. `on_progress` receives the progress; once `stop` returns true, no further
-/// trial starts.
+/// Runs the missing trials of one shard. `on_progress` receives the progress. Once the `service` has ended, its trials end without
+/// a row, and no further one starts.
 ///
 /// # Errors
 /// [`StoreError`] if results cannot be stored.
@@ -108,7 +109,7 @@ pub fn run(
     head: &RunHeader,
     folder: &Path,
     options: &RunOptions,
-    stop: &dyn Fn() -> bool,
+    service: &Arc<Service>,
     on_progress: &mut dyn FnMut(Progress, Option<&Record>),
 ) -> Result<Progress, StoreError> {
     let (mut store, there) = Store::open(folder, head)?;
@@ -124,18 +125,19 @@ pub fn run(
         .collect();
     let mut progress = Progress { of, done: of - left.iter().map(Vec::len).sum::<usize>(), stopped: false };
     on_progress(progress, None);
-    let (next, ending) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let next = AtomicUsize::new(0);
+    let mut unfinished_usd = 0.0;
     let (rows, arrived) = channel();
     std::thread::scope(|scope| {
         for _ in 0..options.jobs.clamp(1, left.len().max(1)) {
-            let (rows, next, ending, left) = (rows.clone(), &next, &ending, &left);
+            let (rows, next, left) = (rows.clone(), &next, &left);
             scope.spawn(move || {
                 let own = threads(options.jobs);
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     let Some(trials) = left.get(number) else { return };
                     let film = options.videos.then_some(folder);
-                    let fly = || fly_draw(trials, film, ending, &mut |flown| rows.send(flown).is_ok());
+                    let fly = || fly_draw(trials, film, service, &mut |flown| rows.send(flown).is_ok());
                     // Towards the end some jobs have finished: the others may use all threads.
                     let is_last = number + options.jobs > left.len();
                     if !own.as_ref().filter(|_| !is_last).map_or_else(fly, |own| own.install(fly)) {
@@ -146,10 +148,17 @@ pub fn run(
         }
         drop(rows);
         for flown in arrived {
+            let flown = match flown {
+                Ok(Err(lost)) => {
+                    unfinished_usd += lost.cost_usd;
+                    continue;
+                }
+                Ok(Ok(flown)) => Ok(flown),
+                Err(error) => Err(error),
+            };
             let kept = flown.and_then(|flown| store.push(&flown).map(|()| flown.record));
-            if kept.is_err() || stop() {
-                ending.store(true, Ordering::Relaxed);
-                progress.stopped = true;
+            if kept.is_err() {
+                service.stop();
             }
             let record = kept?;
             progress.done += 1;
@@ -157,10 +166,10 @@ pub fn run(
         }
         Ok(())
     })?;
-    progress.stopped &= progress.done < of;
+    progress.stopped = progress.done < of;
     store.finish(head)?;
-    if progress.done == of && !left.is_empty() {
-        made.end(folder)?;
+    if !left.is_empty() {
+        made.end(folder, unfinished_usd, progress.done == of)?;
     }
     Ok(progress)
 }
@@ -175,19 +184,19 @@ fn threads(jobs: usize) -> Option<ThreadPool> {
 fn fly_draw(
     trials: &[Trial],
     film: Option<&Path>,
-    ending: &AtomicBool,
-    send: &mut dyn FnMut(Result<Flown, StoreError>) -> bool,
+    service: &Arc<Service>,
+    send: &mut dyn FnMut(Result<Result<Flown, Lost>, StoreError>) -> bool,
 ) -> bool {
     let Some(first) = trials.first() else { return true };
     let mut drawn = None;
     for trial in trials {
-        if ending.load(Ordering::Relaxed) {
+        if service.is_ended() {
             return false;
         }
         let flown = match (drawn.get_or_insert_with(|| draw(&first.task, first.seed)), film) {
-            (Ok(drawn), None) => Ok(trial.fly(drawn, None)),
-            (Ok(drawn), Some(folder)) => film::fly(trial, drawn, folder),
-            (Err(error), _) => Ok(trial.failed(None, error)),
+            (Ok(drawn), None) => Ok(trial.fly_served(drawn, None, service)),
+            (Ok(drawn), Some(folder)) => film::fly(trial, drawn, folder, service),
+            (Err(error), _) => Ok(Ok(trial.failed(None, error))),
         };
         if !send(flown) {
             return false;

@@ -9,6 +9,7 @@ mod record;
 mod signs;
 mod watch;
 
+use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
 
 use spf_core::envelope::{BrakeLimits, Limits};
@@ -25,6 +26,8 @@ use spf_oracle::ErrorFile;
 use spf_scene::geometry::ObjectId;
 use spf_sim::depth_sensor::DepthSensor;
 use spf_sim::model::Model;
+use spf_vlm::Vlm;
+use spf_vlm::service::{Fate, RunEnd, Service};
 
 use crate::fnv;
 use crate::judge::Judge;
@@ -61,6 +64,14 @@ pub struct Flown {
     pub record: Record,
     /// Its row of `paths.jsonl`; without positions if it was not flown.
     pub path: FlownPath,
+}
+
+/// A trial that is none: the service behind its VLM failed, or the run was stopped. It has no row, and is flown again when the run
+/// is resumed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lost {
+    /// Cost of its queries, US dollars.
+    pub cost_usd: f64,
 }
 
 /// Revision of the source from which the program was built.
@@ -111,13 +122,38 @@ impl Trial {
     /// The same, with observers beside the judge.
     #[must_use]
     pub fn fly_observed(&self, drawn: &Sampled, record: Option<RecordPlan>, others: &mut [&mut dyn Observer]) -> Flown {
+        self.fly_guarded(drawn, record, others, None)
+    }
+
+    /// Flies it as a part of a run, whose service its queries share.
+    ///
+    /// # Errors
+    /// [`Lost`] if the run ended in it, or none of its queries was answered, which ends the run.
+    pub fn fly_served(&self, drawn: &Sampled, record: Option<RecordPlan>, service: &Arc<Service>) -> Result<Flown, Lost> {
+        let fate = Fate::default();
+        let flown = self.fly_guarded(drawn, record, &mut [], Some((service, &fate)));
+        let lost = Lost { cost_usd: fate.cost_usd() };
+        if let Some(error) = fate.unanswered() {
+            service.end(RunEnd::Unanswered { vlm: self.vlm().to_owned(), error });
+            return Err(lost);
+        }
+        if fate.lost().load(Ordering::Relaxed) > 0 { Err(lost) } else { Ok(flown) }
+    }
+
+    fn fly_guarded(
+        &self,
+        drawn: &Sampled,
+        record: Option<RecordPlan>,
+        others: &mut [&mut dyn Observer],
+        run: Option<(&Arc<Service>, &Fate)>,
+    ) -> Flown {
         let judge = match Judge::new(&self.task, drawn.loaded.clone(), drawn.start) {
             Ok(judge) => judge,
             Err(error) => return self.failed(Some(drawn), &error),
         };
         let (world, query_settings) = (Arc::new(OnceLock::new()), Arc::new(OnceLock::new()));
         let reference = self.reference(drawn, &judge);
-        let mut plan = self.plan(drawn, world.clone(), query_settings.clone(), record);
+        let mut plan = self.plan(drawn, world.clone(), query_settings.clone(), record, run);
         if self.method.is_fenced() {
             match signs::fence(&self.task, &reference, drawn.start.position) {
                 Ok(fence) => plan.limits.geofence = Some(fence),
@@ -161,6 +197,7 @@ impl Trial {
         world: Arc<OnceLock<SimWorld>>,
         query_settings: Arc<OnceLock<QuerySettings>>,
         record: Option<RecordPlan>,
+        run: Option<(&Arc<Service>, &Fate)>,
     ) -> FlightPlan {
         let task = &self.task;
         let vlm_factory = match &self.pointer {
@@ -168,8 +205,13 @@ impl Trial {
             None => method::blind(if task.set == TaskSet::Simulation { 5.0 } else { 1.0 }),
         };
         let (fixed, delay) = (self.pointer.as_ref().and_then(|pointer| pointer.latency), task.vlm_delay);
+        let guard = run.map(|(service, fate)| (service.clone(), fate.clone()));
         let seen: VlmFactory = Arc::new(move |of, seed| {
             let vlm = vlm_factory(of, seed)?;
+            let vlm: Box<dyn Vlm> = match &guard {
+                Some((service, fate)) => Box::new(service.guard(vlm, fate)),
+                None => vlm,
+            };
             // A flight has one world, requested once.
             if let Some(of) = of {
                 let camera = of.camera();
@@ -200,6 +242,8 @@ impl Trial {
             detector: self.detector(),
             max_cost_usd: self.max_cost_usd,
             record,
+            // A flight whose queries are taken away ends at once.
+            interrupts: run.map_or_else(Arc::default, |(_, fate)| fate.lost().clone()),
             ..FlightPlan::new(site, &task.instruction, self.vlm(), seen)
         }
     }

@@ -5,6 +5,7 @@
 
 mod anchor_consistency;
 mod follow_range;
+mod night;
 mod pinned;
 mod pins;
 mod poison;

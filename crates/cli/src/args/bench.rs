@@ -39,8 +39,9 @@ Examples:
 
 The same command in the same folder resumes an interrupted run. In the table, SELF STOP counts the trials in which the method \
 reported success at the goal, JUDGE STOP those in which the goal was reached at any time. results.jsonl has one row per trial \
-and no wall-clock times; docs/guide/bench.md describes it. Exit code 0 when all trials were flown, whatever their outcome; 5 \
-when interrupted.")]
+and no wall-clock times; docs/guide/bench.md describes it. A VLM's service that fails is waited for, up to two hours; a wrong key \
+or no credit ends the run. Exit code 0 when all trials were flown, whatever their outcome; 5 when interrupted, declined, or \
+--max-cost is reached; 6 when the VLM's service failed.")]
 pub(crate) struct BenchRun {
     /// Suite of tasks (see `spf bench list`)
     #[arg(long, value_name = "NAME")]
@@ -58,6 +59,12 @@ pub(crate) struct BenchRun {
     /// for models; a random sample for the oracle]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) vlm_latency: Option<String>,
+    /// Price in US dollars per million tokens, input and output, for models whose price is unknown
+    #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
+    pub(crate) vlm_price: Option<String>,
+    /// TOML file with additional model definitions (see docs/guide/vlm.md)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) vlm_models: Option<String>,
     /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
@@ -76,10 +83,13 @@ pub(crate) struct BenchRun {
     /// Record each trial to videos/RUN_ID.mp4; takes several times as long
     #[arg(long)]
     pub(crate) videos: bool,
-    /// VLM cost limit per trial, US dollars [default: no limit]
-    #[arg(long, value_name = "USD")]
-    pub(crate) max_cost: Option<f64>,
-    /// Do not ask before queries that cost money
+    /// VLM cost limit of the whole run, including what was flown in the folder before, US dollars [default: no limit]
+    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
+    pub(crate) max_cost: Option<String>,
+    /// VLM cost limit of each trial, US dollars: a trial that reaches it ends as a failure [default: no limit]
+    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
+    pub(crate) max_cost_per_trial: Option<f64>,
+    /// Do not ask before queries that cost money; without a terminal a run that may cost money needs this or --max-cost
     #[arg(long)]
     pub(crate) yes: bool,
     /// Output folder for the results

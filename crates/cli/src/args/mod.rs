@@ -464,6 +464,10 @@ accurately; 2: it cannot be queried (no API key, unknown name); 6: it does not r
 pub(crate) struct VlmCheck {
     /// VLM: NAME[#MODEL][@URL] or exec:COMMAND as for `spf fly --vlm`, or auto
     pub(crate) name: String,
+    /// Width and height of the frames of the camera that will be flown with, pixels [default: 960x720, as in the simulator and of
+    /// a Tello]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<String>,
     /// TOML file with additional model definitions (see docs/guide/vlm.md)
     #[arg(long, value_name = "FILE")]
     pub(crate) vlm_models: Option<String>,
@@ -483,7 +487,7 @@ Examples:
 
 The cost is estimated first and, in a terminal, must be confirmed. The same command resumes an interrupted trial; then only \
 unanswered questions and missing flights are paid for. The page is DIR/index.html, its figures DIR/trial.json. Exit codes: 0 \
-complete; 2 usage; 5 interrupted, declined, or --max-cost reached; 6 no model replied.")]
+complete; 2 usage; 5 interrupted, declined, or --max-cost reached; 6 no model replied, or a model's service failed.")]
 pub(crate) struct VlmTrial {
     /// VLMs, comma-separated: NAME[#MODEL][@URL] or exec:COMMAND as for `spf fly --vlm`
     pub(crate) names: String,
@@ -517,7 +521,7 @@ pub(crate) struct VlmTrial {
     /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
     #[arg(long, value_name = "HOST")]
     pub(crate) send_key_to: Option<String>,
-    /// Start without asking for confirmation
+    /// Start without asking for confirmation; without a terminal a trial that may cost money needs this or --max-cost
     #[arg(long)]
     pub(crate) yes: bool,
     /// Read this configuration file instead of ./spf.toml

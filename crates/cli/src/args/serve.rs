@@ -12,8 +12,8 @@ use super::ConditionArgs;
 Examples:
   spf sim serve --vlm --scene city --vlm-listen 127.0.0.1:8080
   spf sim serve --vlm=oracle:poor --scene yard --instruction \"fly to the red bicycle\" --answer gemini-point
-  curl -s http://127.0.0.1:8080/frame.jpg -o frame.jpg && GEMINI_API_KEY=none \\
-    spf ground frame.jpg \"the red crane\" --vlm gemini@http://127.0.0.1:8080/v1
+  curl -s http://127.0.0.1:8080/frame.jpg -o frame.jpg && \\
+    spf ground frame.jpg \"the red crane\" --vlm http://127.0.0.1:8080/v1#spf-oracle
   spf sim serve --tello --scene office --listen 127.0.0.1
   spf sim serve --tello --vlm --vlm-listen 127.0.0.1:8080 --scene office --truth truth.jsonl
   spf sim serve --tello --scene office --rtsp
@@ -24,8 +24,8 @@ With --rtsp the drone's view is also an IP camera. Any player shows it, `spf cam
 by it, in another terminal:
   spf sim serve --tello --vlm --vlm-listen 127.0.0.1:8080 --scene office --rtsp
   spf camera test rtsp://127.0.0.1:8554/camera
-  OPENAI_API_KEY=none spf fly \"go to the person in the green shirt\" --drone tello@127.0.0.1 \\
-    --vlm openai@http://127.0.0.1:8080/v1 --no-vlm-check \\
+  spf fly \"go to the person in the green shirt\" --drone tello@127.0.0.1 \\
+    --vlm http://127.0.0.1:8080/v1#spf-oracle --no-vlm-check \\
     --camera rtsp://127.0.0.1:8554/camera --camera-fov 55.3 --camera-tilt 5
 Field of view and tilt are printed at the start.
 

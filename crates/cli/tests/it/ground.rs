@@ -1,11 +1,13 @@
 //! `spf ground`: points and their accuracy, on images with known grades.
 
+use std::time::Duration;
+
 use serde_json::{Value, json};
 use spf_media::{Jpeg, Rgb};
 
 use crate::harness::{Lab, Run, rows, skip};
 use crate::view::Browser;
-use crate::vlm::server::Server;
+use crate::vlm::server::{Piece, Reply, Server};
 use crate::vlm::vendors::Vendor;
 use crate::vlm::{AHEAD, DONE, KEY};
 
@@ -336,4 +338,40 @@ fn a_browser_shows_the_misses() {
     assert_eq!(browser.evaluate("[...document.images].every(i => i.naturalWidth === 480)"), true);
     assert_eq!(browser.evaluate("document.querySelectorAll('table').length"), 2);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Servers without end stop at the limits of size and of time.
+#[test]
+fn a_server_without_end_is_ended() {
+    let lab = Lab::new();
+    image(&lab, "a.jpg", (320, 240));
+    lab.write("rows.jsonl", json!({"picture": "a.jpg", "instruction": "go", "box": [0, 0, 9, 9]}).to_string());
+    let trickle = "data: {\"choices\":[{\"delta\":{\"content\":\" \"}}]}\n\n";
+    let text = format!("data: {{\"choices\":[{{\"delta\":{{\"content\":\"{}\"}}}}]}}\n\n", "x".repeat(4000));
+    let whole = format!("{{\"choices\":[{{\"message\":{{\"content\":\"{}", "x".repeat(4000));
+    for (number, (status, kind, endless, every, expected)) in [
+        (200, "text/event-stream", text.as_str(), Duration::ZERO, "too_long"),
+        (200, "text/event-stream", ": keep-alive\n\n", Duration::ZERO, "too_long"),
+        (200, "application/json", whole.as_str(), Duration::ZERO, "too_long"),
+        (500, "text/html", whole.as_str(), Duration::ZERO, "too_long"),
+        (200, "text/event-stream", trickle, Duration::from_millis(20), "deadline"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let endless = endless.as_bytes().to_vec();
+        let server = Server::start(move |_, _| Reply {
+            pieces: vec![Piece::Endless(endless.clone(), every)],
+            ..Reply::new(status, kind, "")
+        });
+        let (vlm, out) = (format!("vllm#m@{}", server.url()), format!("graded{number}"));
+        let args = ["ground", "--dataset", "rows.jsonl", "--vlm", &vlm, "-o", &out];
+        // For those without end in size, as long as it takes.
+        let time = if every.is_zero() { "60" } else { "0.5" };
+        let run = Run::of(&lab.command(&args).env("SPF_REPLY_TIMEOUT_S", time).output().unwrap());
+        assert_eq!(run.code, Some(6), "{kind}: {}", run.stderr);
+        let rows = rows(&lab.path(&format!("{out}/answers.jsonl")));
+        let row = rows.iter().find(|row| row["answerer"] == vlm.as_str()).unwrap();
+        assert_eq!(row["said"]["nothing"][0], expected, "{kind}: {row}");
+    }
 }

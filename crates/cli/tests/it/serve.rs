@@ -17,7 +17,10 @@ const INSTRUCTION: &str = "Fly to the yellow taxi";
 
 struct Serving {
     child: Child,
+    /// The address without a path.
     url: String,
+    /// What it prints.
+    pasted: String,
 }
 
 impl Serving {
@@ -27,7 +30,9 @@ impl Serving {
         let mut child = lab.command(&args).spawn().unwrap();
         let mut url = String::new();
         BufReader::new(child.stdout.take().unwrap()).read_line(&mut url).unwrap();
-        Self { child, url: url.trim_end().to_owned() }
+        let pasted = url.trim_end().to_owned();
+        let url = pasted.strip_suffix("/v1#spf-oracle").unwrap_or_else(|| panic!("{pasted}")).to_owned();
+        Self { child, url, pasted }
     }
 
     /// Status and body of a request.
@@ -70,6 +75,17 @@ impl Drop for Serving {
         drop(self.child.kill());
         drop(self.child.wait());
     }
+}
+
+#[test]
+fn the_address_that_is_printed_is_a_vlm() {
+    let lab = Lab::new();
+    let serving = Serving::start(&lab, &[]);
+    lab.write("frame.jpg", serving.frame());
+    let run = lab.spf(&["ground", "frame.jpg", INSTRUCTION, "--vlm", &serving.pasted, "--json", "-o", "out"]);
+    assert_eq!(run.code, Some(0), "{}", run.stderr);
+    let printed: Value = serde_json::from_str(&run.stdout).unwrap();
+    assert_eq!(printed["pictures"][0]["answers"][0]["said"]["reply"]["status"], "navigating", "{printed}");
 }
 
 /// Queries about an image with our own client; returns the answer's row.

@@ -24,7 +24,7 @@ use spf_core::pilot::Outcome;
 use spf_core::policy::{Policy, PolicyEvent, Step};
 use spf_core::time::Duration;
 use spf_media::Rgb;
-use spf_vlm::check::{Verdict, check};
+use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
 use spf_vlm::{RequestOptions, setup};
@@ -44,7 +44,7 @@ fn a_vlm_behind_http_flies_a_drone_of_one_s_own_without_a_key() {
     std::thread::spawn(move || vlm_server::serve(&listener));
     let mut vlm =
         setup::remote(&Table::shipped(), &[name.as_str().into()], Access::of(&|_| None), RequestOptions::default()).unwrap();
-    let verdict = check(&mut vlm, Duration::from_secs(20)).verdict;
+    let verdict = check(&mut vlm, Duration::from_secs(20), USUAL_CAMERA).verdict;
     assert!(matches!(verdict, Verdict::Good(_)), "{verdict:?}");
     let summary = drone::fly(&name, Arc::new(move |_, _| Ok(Box::new(vlm.clone())))).unwrap().summary;
     assert_eq!((summary.outcome, summary.vlm), (Outcome::Reached, name));

@@ -84,6 +84,9 @@ enum Block {
     Text {
         text: String,
     },
+    ToolUse {
+        input: Value,
+    },
     #[serde(other)]
     Other,
 }
@@ -93,6 +96,9 @@ enum Block {
 enum Delta {
     TextDelta {
         text: String,
+    },
+    InputJsonDelta {
+        partial_json: String,
     },
     #[serde(other)]
     Other,
@@ -117,8 +123,10 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
     match typed(host, object)? {
         Event::Message(message) | Event::MessageStart { message } => {
             for block in message.content {
-                if let Block::Text { text } = block {
-                    into.text.push_str(&text);
+                match block {
+                    Block::Text { text } => into.text.push_str(&text),
+                    Block::ToolUse { input } => into.call(&input),
+                    Block::Other => {}
                 }
             }
             into.served = message.model.or(into.served.take());
@@ -126,6 +134,7 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
             stop(message.stop_reason, into);
         }
         Event::ContentBlockDelta { delta: Delta::TextDelta { text } } => into.text.push_str(&text),
+        Event::ContentBlockDelta { delta: Delta::InputJsonDelta { partial_json } } => into.arguments.push_str(&partial_json),
         Event::MessageDelta { delta, usage } => {
             count(usage, into);
             stop(delta.stop_reason, into);

@@ -76,8 +76,40 @@ struct Choice {
 #[derive(Deserialize, Default)]
 #[serde(default)]
 struct Answered {
-    content: Option<String>,
+    /// A text, or a list of parts.
+    content: Option<Value>,
     refusal: Option<String>,
+    /// Thoughts, by their name at most servers, some of which put the whole reply there; some send both names.
+    reasoning_content: Option<Value>,
+    /// The other name.
+    reasoning: Option<Value>,
+    tool_calls: Option<Vec<ToolCall>>,
+    /// The older form of the same.
+    function_call: Option<Function>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct ToolCall {
+    function: Option<Function>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct Function {
+    arguments: Option<Value>,
+}
+
+/// Adds the text of a content: a text, or parts of which those of another kind, such as thoughts, are none.
+fn add_text(content: &Value, text: &mut String) {
+    match content {
+        Value::String(words) => text.push_str(words),
+        Value::Array(parts) => parts.iter().for_each(|part| add_text(part, text)),
+        Value::Object(part) if part.get("type").is_none_or(|kind| kind == "text" || kind == "output_text") => {
+            text.push_str(part.get("text").and_then(Value::as_str).unwrap_or_default());
+        }
+        _ => {}
+    }
 }
 
 #[derive(Deserialize, Default)]
@@ -102,7 +134,14 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
     let response: Response = typed(host, object)?;
     for choice in response.choices.into_iter().flatten().take(1) {
         for answered in [choice.delta, choice.message].into_iter().flatten() {
-            into.text.push_str(answered.content.as_deref().unwrap_or_default());
+            add_text(&answered.content.unwrap_or_default(), &mut into.text);
+            let thoughts = answered.reasoning_content.as_ref().and_then(Value::as_str).filter(|thoughts| !thoughts.is_empty());
+            into.think(thoughts.or(answered.reasoning.as_ref().and_then(Value::as_str)).unwrap_or_default());
+            // One call is asked for, if any.
+            let call = answered.tool_calls.into_iter().flatten().next().and_then(|call| call.function);
+            if let Some(arguments) = call.or(answered.function_call).and_then(|function| function.arguments) {
+                into.call(&arguments);
+            }
             decline(into, answered.refusal.as_deref().unwrap_or_default());
         }
         if let Some(reason) = choice.finish_reason

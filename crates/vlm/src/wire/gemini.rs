@@ -88,10 +88,17 @@ struct Answered {
 }
 
 #[derive(Deserialize, Default)]
-#[serde(default)]
+#[serde(rename_all = "camelCase", default)]
 struct AnsweredPart {
     text: Option<String>,
     thought: Option<bool>,
+    function_call: Option<FunctionCall>,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(default)]
+struct FunctionCall {
+    args: Value,
 }
 
 #[derive(Deserialize, Default)]
@@ -122,6 +129,9 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
         let parts = candidate.content.and_then(|content| content.parts).unwrap_or_default();
         for part in parts.into_iter().filter(|part| part.thought != Some(true)) {
             into.text.push_str(part.text.as_deref().unwrap_or_default());
+            if let Some(call) = part.function_call {
+                into.call(&call.args);
+            }
         }
         if let Some(reason) = candidate.finish_reason {
             into.end = Some(end(&reason, candidate.finish_message.as_deref()));

@@ -52,6 +52,10 @@ pub struct Question<'a> {
 pub struct Gathered {
     /// The text.
     pub text: String,
+    /// The arguments of a tool call: some models give their reply there.
+    pub arguments: String,
+    /// Thoughts of which a server makes no secret: some give the whole reply there.
+    pub thoughts: String,
     /// The model, as it names itself.
     pub served: Option<String>,
     /// Token counts, once reported.
@@ -125,7 +129,7 @@ impl WireKind {
             Self::OpenaiResponses => responses::read(host, object, into),
             Self::Anthropic => anthropic::read(host, object, into),
         }?;
-        if into.text.len() > MAX_TEXT {
+        if into.text.len().max(into.arguments.len()) > MAX_TEXT {
             return Err(VlmError::TooLong { host: host.to_owned(), limit: MAX_TEXT });
         }
         Ok(())
@@ -133,6 +137,28 @@ impl WireKind {
 }
 
 impl Gathered {
+    /// Adds thoughts, up to the maximum length of a reply: longer ones are none.
+    fn think(&mut self, thoughts: &str) {
+        if self.thoughts.len() <= MAX_TEXT {
+            self.thoughts.push_str(thoughts);
+        }
+    }
+
+    /// Adds the arguments of a tool call: a part of them as text, or an object.
+    fn call(&mut self, arguments: &Value) {
+        match arguments {
+            Value::String(text) => self.arguments.push_str(text),
+            Value::Null => {}
+            object => self.arguments.push_str(&object.to_string()),
+        }
+    }
+
+    /// What was said in the place of a text that is missing.
+    fn elsewhere(&self) -> Option<&String> {
+        let is_reply = |text: &&String| text.contains('{') && text.len() <= MAX_TEXT;
+        [&self.arguments, &self.thoughts].into_iter().find(is_reply)
+    }
+
     /// The text of a complete reply.
     ///
     /// # Errors
@@ -153,6 +179,9 @@ impl Gathered {
             Some(End::Whole) | None => {}
         }
         if self.text.trim().is_empty() {
+            if let Some(text) = self.elsewhere() {
+                return Ok(text.clone());
+            }
             return Err(VlmError::Empty { host: host(), reason: self.end.is_none().then(|| "no reason given".to_owned()) });
         }
         Ok(self.text.clone())
@@ -214,6 +243,10 @@ pub fn error_of(host: &str, status: u16, object: &Value) -> Option<VlmError> {
     if let Some(param) = text("param").filter(|param| !param.is_empty() && !message.contains(param.as_str())) {
         message = format!("{message} ({param})");
     }
+    // Google names the quota, of a minute or of a day, in a detail only.
+    if let Some(quota) = quota(error) {
+        message = format!("{message} ({quota})");
+    }
     // Gemini's error code is in `status`, the others' in `code` or `type`.
     let code = text("status")
         .or_else(|| text("code").filter(|_| number.is_none()))
@@ -235,6 +268,12 @@ fn status_of(status: u16, code: Option<&str>) -> u16 {
         (200, Some("api_error" | "server_error")) => 500,
         _ => status,
     }
+}
+
+/// The quota that Google says is used up.
+fn quota(error: &Value) -> Option<&str> {
+    let violations = error.get("details")?.as_array()?.iter().find_map(|detail| detail.get("violations")?.as_array())?;
+    violations.iter().find_map(|violation| violation.get("quotaId")?.as_str())
 }
 
 /// Google gives the waiting time in a detail of the error, as `"46s"`.

@@ -17,6 +17,18 @@ const CONTAINERS: [&str; 4] = ["generationConfig", "output_config", "text", "pro
 const WHOLE: [&str; 4] = ["response_format", "format", "responseJsonSchema", "responseSchema"];
 /// Shorter names are ordinary words.
 const SHORTEST: usize = 5;
+/// Where the reply's schema is, in each format.
+const SCHEMAS: [&[&str]; 5] = [
+    &["response_format"],
+    &["text", "format"],
+    &["output_config", "format"],
+    &["generationConfig", "responseJsonSchema"],
+    &["generationConfig", "responseSchema"],
+];
+/// What servers that cannot use one call it.
+const SCHEMA_WORDS: [&str; 5] = ["json_object", "json_schema", "json mode", "structured output", "structured outputs"];
+/// The newer name of the limit of a reply's tokens, which some servers do not know.
+pub(crate) const MAX_TOKENS: &str = "max_completion_tokens";
 /// The image's detail, which is inside the messages.
 const DETAIL: &str = "detail";
 
@@ -32,6 +44,11 @@ pub(crate) fn named(body: &Value, message: &str) -> Option<Parameter> {
         .min_by_key(|(at, parameter)| (*at, std::cmp::Reverse(parameter.last().map_or(0, String::len))));
     if let Some((_, parameter)) = first {
         return Some(parameter.clone());
+    }
+    if SCHEMA_WORDS.iter().any(|word| message.find(word).is_some())
+        && let Some(path) = SCHEMAS.iter().find(|path| body.pointer(&format!("/{}", path.join("/"))).is_some())
+    {
+        return Some(path.iter().map(|name| (*name).to_owned()).collect());
     }
     if message.find(DETAIL).is_some() && has_detail(body) {
         return Some(vec![DETAIL.to_owned()]);
@@ -49,7 +66,7 @@ pub(crate) fn remove(body: &mut Value, parameter: &[String]) {
         ([name], Value::Object(map)) => {
             let value = map.shift_remove(name);
             // The older name of the same limit.
-            if let Some(value) = value.filter(|_| name == "max_completion_tokens") {
+            if let Some(value) = value.filter(|_| name == MAX_TOKENS) {
                 map.insert("max_tokens".to_owned(), value);
             }
         }
@@ -184,6 +201,10 @@ mod tests {
             ("gemini", "Unable to submit request because media_resolution is not supported", "generationConfig/mediaResolution"),
             ("anthropic", "thinking.type: disabled is not supported; use output_config.effort", "thinking"),
             ("anthropic", "output_config.effort: Extra inputs are not permitted", "output_config/effort"),
+            ("ollama", "'response_format.type' must be 'json_schema' or 'text'", "response_format"),
+            ("ollama", "json_object is not supported by this model", "response_format"),
+            ("ollama", "JSON mode is not enabled for this model.", "response_format"),
+            ("openai", "This model does not support structured outputs.", "text/format"),
             ("openrouter#some/model", "No endpoints found that can handle the requested parameters.", "reasoning"),
         ] {
             let mut body = body(model);

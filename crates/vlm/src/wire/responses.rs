@@ -57,6 +57,8 @@ enum Event {
     Text { delta: String },
     #[serde(rename = "response.refusal.delta")]
     Refusal { delta: String },
+    #[serde(rename = "response.function_call_arguments.delta")]
+    Arguments { delta: String },
     #[serde(rename = "response.created")]
     Created { response: Response },
     #[serde(rename = "response.completed", alias = "response.incomplete", alias = "response.failed")]
@@ -86,6 +88,8 @@ struct Incomplete {
 struct Item {
     r#type: String,
     content: Option<Vec<Content>>,
+    /// Of a function call.
+    arguments: Option<Value>,
 }
 
 #[derive(Deserialize, Default)]
@@ -118,6 +122,7 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
     match typed(host, object)? {
         Event::Text { delta } => into.text.push_str(&delta),
         Event::Refusal { delta } => decline(into, &delta),
+        Event::Arguments { delta } => into.arguments.push_str(&delta),
         Event::Created { response } => into.served = response.model.or(into.served.take()),
         Event::Ended { response } => return ended(host, response, &object["response"], into),
         Event::Other => {}
@@ -131,9 +136,13 @@ fn ended(host: &str, response: Response, object: &Value, into: &mut Gathered) ->
     }
     // A stream has already delivered its text.
     if into.text.is_empty() && into.end.is_none() {
-        for content in
-            response.output.into_iter().flatten().filter(|item| item.r#type == "message").flat_map(|item| item.content).flatten()
+        let items: Vec<Item> = response.output.into_iter().flatten().collect();
+        if into.arguments.is_empty()
+            && let Some(arguments) = items.iter().find_map(|item| item.arguments.as_ref())
         {
+            into.call(arguments);
+        }
+        for content in items.into_iter().filter(|item| item.r#type == "message").flat_map(|item| item.content).flatten() {
             into.text.push_str(content.text.as_deref().unwrap_or_default());
             decline(into, content.refusal.as_deref().unwrap_or_default());
         }

@@ -250,3 +250,100 @@ proptest::proptest! {
         }
     }
 }
+
+/// The text of a reply is found wherever servers put it.
+#[test]
+fn a_reply_in_another_place_is_read() {
+    let chat = WireKind::OpenaiChat;
+    let message = |message: Value| json!({ "choices": [{ "message": message, "finish_reason": "stop" }] });
+    let delta = |delta: Value| json!({ "choices": [{ "delta": delta }] });
+    let call =
+        |arguments: Value| json!([{ "id": "1", "type": "function", "function": { "name": "reply", "arguments": arguments } }]);
+    let reply = r#"{"a":1}"#;
+    for said in [
+        json!({ "content": [{ "type": "text", "text": reply }] }),
+        json!({ "content": [{ "type": "thinking", "thinking": [{ "type": "text", "text": "hm" }] }, { "type": "text", "text": reply }] }),
+        json!({ "content": [reply] }),
+        json!({ "content": "", "reasoning_content": reply }),
+        json!({ "content": null, "reasoning": reply }),
+        json!({ "content": null, "reasoning": reply, "reasoning_content": reply }),
+        json!({ "content": null, "tool_calls": call(json!(reply)) }),
+        json!({ "content": "", "tool_calls": call(json!({ "a": 1 })) }),
+        json!({ "content": null, "function_call": { "name": "reply", "arguments": reply } }),
+        // What is said aloud counts more than thoughts.
+        json!({ "content": reply, "reasoning_content": "{\"a\":2}" }),
+    ] {
+        assert_eq!(finished(chat, &[message(said.clone())]).as_deref(), Ok(reply), "{said}");
+    }
+    let pieces = |name: &str| {
+        let piece = |text: &str| match name {
+            "tool_calls" => delta(json!({ "tool_calls": [{ "index": 0, "function": { "arguments": text } }] })),
+            "content" => delta(json!({ "content": [{ "type": "text", "text": text }] })),
+            name => delta(json!({ "content": null, name: text })),
+        };
+        [piece("{\"a\""), piece(":1}"), json!({ "choices": [{ "delta": {}, "finish_reason": "stop" }] })]
+    };
+    for name in ["reasoning_content", "reasoning", "tool_calls", "content"] {
+        assert_eq!(finished(chat, &pieces(name)).as_deref(), Ok(reply), "{name}");
+    }
+    // Thoughts without a reply are none, and neither are those that the limit cut off.
+    assert_eq!(finished(chat, &[message(json!({ "content": "", "reasoning": "I see a crane" }))]).unwrap_err().code(), "empty");
+    let mut cut = message(json!({ "content": "", "reasoning": reply }));
+    cut["choices"][0]["finish_reason"] = json!("length");
+    assert_eq!(finished(chat, &[cut]).unwrap_err().code(), "cut_off");
+
+    let gemini = json!({ "candidates": [{ "content": { "parts": [{ "functionCall": { "name": "reply", "args": { "a": 1 } } }] },
+        "finishReason": "STOP" }] });
+    assert_eq!(finished(WireKind::Gemini, &[gemini]).as_deref(), Ok(reply));
+    let anthropic = json!({ "type": "message", "content": [{ "type": "tool_use", "id": "1", "name": "reply", "input": { "a": 1 } }],
+        "stop_reason": "tool_use" });
+    assert_eq!(finished(WireKind::Anthropic, &[anthropic]).as_deref(), Ok(reply));
+    let part = |text: &str| json!({ "type": "content_block_delta", "index": 0, "delta": { "type": "input_json_delta", "partial_json": text } });
+    let start = json!({ "type": "message_start", "message": { "model": "m", "content": [] } });
+    let end = json!({ "type": "message_delta", "delta": { "stop_reason": "tool_use" } });
+    assert_eq!(finished(WireKind::Anthropic, &[start, part("{\"a\""), part(":1}"), end]).as_deref(), Ok(reply));
+    let item = json!({ "type": "function_call", "name": "reply", "arguments": reply });
+    let ended = json!({ "type": "response.completed", "response": { "status": "completed", "output": [item] } });
+    let piece = json!({ "type": "response.function_call_arguments.delta", "delta": reply });
+    assert_eq!(finished(WireKind::OpenaiResponses, std::slice::from_ref(&ended)).as_deref(), Ok(reply));
+    assert_eq!(finished(WireKind::OpenaiResponses, &[piece, ended]).as_deref(), Ok(reply));
+}
+
+#[test]
+fn a_context_that_is_too_short_names_what_helps() {
+    let of = |status, message: &str, code: Value| {
+        error_of("h", status, &json!({ "error": { "message": message, "code": code } })).unwrap()
+    };
+    for error in [
+        of(
+            400,
+            "This model's maximum context length is 4096 tokens. However, you requested 5120 tokens",
+            json!("context_length_exceeded"),
+        ),
+        of(400, "'max_completion_tokens' is too large: 4096. This model's maximum context length is 2048 tokens", json!(400)),
+        of(400, "the request exceeds the available context size, try increasing it", json!("exceed_context_size_error")),
+    ] {
+        assert!(error.is_context(), "{error}");
+        for words in ["-c", "--max-model-len", "num_ctx", "max_output_tokens", "vlm.image_long_side"] {
+            assert!(error.to_string().contains(words), "{words}: {error}");
+        }
+    }
+    assert!(!of(400, "bad image", Value::Null).is_context() && !of(429, "context length", Value::Null).is_context());
+}
+
+#[test]
+fn a_quota_of_a_day_is_told_from_one_of_a_minute() {
+    let of = |quota: &str| {
+        error_of(
+            "h",
+            429,
+            &json!({ "error": { "code": 429, "message": "You exceeded your current quota", "status": "RESOURCE_EXHAUSTED", "details": [
+                { "violations": [{ "quotaId": quota }] }, { "retryDelay": "46s" }] } }),
+        )
+        .unwrap()
+    };
+    let (day, minute) =
+        (of("GenerateRequestsPerDayPerProjectPerModel-FreeTier"), of("GenerateRequestsPerMinutePerProjectPerModel"));
+    assert!(day.is_exhausted() && !day.may_retry() && day.to_string().contains("PerDay"), "{day}");
+    assert!(!minute.is_exhausted() && minute.may_retry(), "{minute}");
+}

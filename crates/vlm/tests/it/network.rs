@@ -10,7 +10,7 @@ use std::time::Duration;
 use rustls::pki_types::pem::PemObject as _;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::{ServerConfig, ServerConnection, StreamOwned};
-use spf_vlm::check::{Verdict, check};
+use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
 use spf_vlm::{RequestOptions, setup};
@@ -160,7 +160,7 @@ fn ask() {
         Ok(remote) => remote,
         Err(error) => return println!("NOT SET UP {error}"),
     };
-    match check(&mut remote, Duration::from_secs(10)).verdict {
+    match check(&mut remote, Duration::from_secs(10), USUAL_CAMERA).verdict {
         Verdict::Failed(error) => println!("FAILED {error}"),
         verdict => println!("ANSWERED {verdict:?}"),
     }

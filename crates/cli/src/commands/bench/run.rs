@@ -3,24 +3,27 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
 
 use serde_json::json;
 use spf_bench::contrast::{Contrast, Scoring, contrasts};
-use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, shell_word};
+use spf_bench::run::{Plan, Progress, RunManifest, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
 use spf_bench::task::{SUITES, Task, suite};
 use spf_bench::trial::{Method, Record, VlmUnderTest, run_id};
+use spf_vlm::service::{RunEnd, Service};
 
 use super::{pointer, store_error, task_of};
 use crate::args::BenchRun;
 use crate::commands::fly::signals::interrupts;
-use crate::commands::vlm::{Estimate, agreed, listed, obeying};
+use crate::commands::vlm::{Estimate, agreed, dollars, failure, listed, obeying, service};
 use crate::error::{CliError, nearest};
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
 use crate::settings::Settings;
+
+/// The highest limit of a cost, US dollars.
+const MOST_USD: f64 = 1e6;
 
 /// Flies tasks and prints success rates.
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
@@ -28,8 +31,19 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let (tasks, files) = tasks(args)?;
     settings.vlm.latency_s.flag(args.vlm_latency.as_deref());
     settings.vlm.send_key_to.flag(args.send_key_to.as_deref());
-    let max_cost = args.max_cost.map(|cost| cost.to_string());
-    settings.fly.max_cost_usd.flag(max_cost.as_deref());
+    settings.vlm.price.flag(args.vlm_price.as_deref());
+    settings.vlm.models.flag(args.vlm_models.as_deref());
+    settings.fly.max_cost_usd.flag(args.max_cost.as_deref());
+    let max_cost = settings.fly.max_cost_usd.get()?;
+    let per_trial = args.max_cost_per_trial;
+    if per_trial.is_some_and(|cost| !(0.0..=MOST_USD).contains(&cost)) {
+        return Err(CliError::usage("--max-cost-per-trial must be a number of US dollars from 0 to 1000000")
+            .hint("--max-cost-per-trial 0.1"));
+    }
+    // A limit of either kind needs a price.
+    if let (None, Some(cost)) = (max_cost, per_trial) {
+        settings.fly.max_cost_usd.flag(Some(&cost.to_string()));
+    }
     let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
     let vlms = args.vlm.as_deref().unwrap_or(own.1);
     let methods = listed(args.method.as_deref().unwrap_or(own.0)).into_iter().map(method).collect::<Result<Vec<_>, _>>()?;
@@ -43,20 +57,24 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
-    let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: args.max_cost };
+    let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: per_trial };
     let head = plan.head(shard, vlms);
     let total = plan.draws().iter().flatten().count();
-    if !agreed(&estimates(&plan, vlms, total, &settings, &args.output)?, args.yes, printer) {
+    let before = read_records(&args.output).unwrap_or_default();
+    let estimates = estimates(&plan, vlms, total, &settings, &before)?;
+    if !agreed(&estimates, args.yes, max_cost.is_some(), printer)? {
         return Ok(Exit::Aborted);
     }
-    let interrupts = interrupts()?;
+    let service = service(max_cost, &interrupts()?, printer)?;
+    service.charge(spent(&before, &args.output));
     if shard != Shard::WHOLE {
         printer.log(&format!("shard {}/{}, counted from 0", shard.index, shard.count));
     }
     let mut begun = false;
+    let mut paid = Paid::of(&before, &estimates);
     let ended = {
         let printer = &mut *printer;
-        run_plan(&plan, &head, &args.output, &options, &|| interrupts.load(Ordering::Relaxed) > 0, &mut |progress, record| {
+        run_plan(&plan, &head, &args.output, &options, &service, &mut |progress, record| {
             if !begun {
                 begun = true;
                 if progress.done > 0 {
@@ -64,7 +82,8 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
                 }
                 printer.start_count("trials", progress.of as u64, progress.done as u64);
             }
-            printer.count(progress.done as u64);
+            paid.add(record);
+            printer.count_with(progress.done as u64, &dollars(&service, paid.for_all(&service, progress)));
             if let Some((record, why)) = record.and_then(|record| Some((record, record.error.as_ref()?))) {
                 printer.log(&format!("warning: cannot fly {}: {why}", record.run_id));
             }
@@ -73,8 +92,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     printer.end_live();
     let ended = ended.map_err(|error| store_error(&error))?;
     if ended.stopped {
-        printer.log(&format!("stopped after {} of {} trials; repeat the command to resume", ended.done, ended.of));
-        return Ok(Exit::Aborted);
+        return early(&service, ended, printer);
     }
     let records = read_records(&args.output).map_err(|error| store_error(&error))?;
     let lines = lines(&records);
@@ -91,7 +109,63 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     Ok(Exit::Success)
 }
 
-/// The command for the same rows: the given arguments, without folder, shard and number of jobs.
+/// The end of a run of which trials are missing.
+fn early(service: &Service, Progress { done, of, .. }: Progress, printer: &Printer) -> Result<Exit, CliError> {
+    let end = service.ended().unwrap_or(RunEnd::Stopped);
+    let kept = format!("{done} of {of} trials are done and kept; the same command flies the others");
+    if let Some(error) = failure(&end, &kept) {
+        return Err(error);
+    }
+    printer.log(&match end {
+        RunEnd::Spent { spent, limit } => {
+            format!("${spent:.4} of ${limit} are spent (--max-cost): {kept}, with a higher limit")
+        }
+        _ => format!("stopped after {done} of {of} trials; repeat the command to resume"),
+    });
+    Ok(Exit::Aborted)
+}
+
+/// What a folder has cost, US dollars: its rows, and flights that the end of a run left without one.
+fn spent(before: &[Record], folder: &Path) -> f64 {
+    let unfinished = RunManifest::read(folder).ok().flatten().map_or(0.0, |made| made.unfinished_usd);
+    before.iter().filter_map(|record| record.cost_usd).sum::<f64>() + unfinished
+}
+
+/// What trials with a cost have cost.
+struct Paid {
+    usd: f64,
+    trials: usize,
+    /// The estimate for the trials that were missing, where nothing is known better.
+    guessed: Option<f64>,
+}
+
+impl Paid {
+    fn of(before: &[Record], estimates: &[Estimate]) -> Self {
+        let guessed = estimates.iter().map(Estimate::cost).sum();
+        let mut paid = Self { usd: 0.0, trials: 0, guessed };
+        before.iter().for_each(|record| paid.add(Some(record)));
+        paid
+    }
+
+    fn add(&mut self, record: Option<&Record>) {
+        if let Some(cost) = record.and_then(|record| record.cost_usd) {
+            self.usd += cost;
+            self.trials += 1;
+        }
+    }
+
+    /// What all trials will have cost; `None` if that is not known.
+    fn for_all(&self, service: &Service, progress: Progress) -> Option<f64> {
+        let left = progress.of - progress.done;
+        match self.trials {
+            0 if progress.done == 0 => self.guessed.map(|guessed| service.spent_usd() + guessed),
+            0 => None,
+            trials => Some(service.spent_usd() + left as f64 * self.usd / trials as f64),
+        }
+    }
+}
+
+/// The command for the same rows: the given arguments, without folder, shard, number of jobs and the limit of the whole cost.
 fn command(args: &BenchRun, vlms: &str) -> String {
     let mut words: Vec<String> = ["spf", "bench", "run"].map(str::to_owned).to_vec();
     let mut give = |name: &str, value: Option<String>| {
@@ -105,14 +179,15 @@ fn command(args: &BenchRun, vlms: &str) -> String {
     give("--send-key-to", args.send_key_to.clone());
     give("--trials", Some(args.trials.to_string()));
     give("--seed", Some(args.seed.to_string()));
-    give("--max-cost", args.max_cost.map(|cost| cost.to_string()));
+    give("--vlm-price", args.vlm_price.clone());
+    give("--vlm-models", args.vlm_models.clone());
+    give("--max-cost-per-trial", args.max_cost_per_trial.map(|cost| cost.to_string()));
     give("--config", args.config.as_ref().map(|path| path.display().to_string()));
     words.join(" ")
 }
 
 /// What the models of a plan will take, for the trials that are still to be flown.
-fn estimates(plan: &Plan, vlms: &str, total: usize, settings: &Settings, folder: &Path) -> Result<Vec<Estimate>, CliError> {
-    let before = read_records(folder).unwrap_or_default();
+fn estimates(plan: &Plan, vlms: &str, total: usize, settings: &Settings, before: &[Record]) -> Result<Vec<Estimate>, CliError> {
     let trials = total / plan.pointers.len().max(1);
     let estimate = |name| {
         let done: Vec<_> = before.iter().filter(|record| is_of(record, name)).collect();

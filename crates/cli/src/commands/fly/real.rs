@@ -17,7 +17,7 @@ use spf_flight::flight::{FlightPlan, Site};
 use spf_flight::real::Real;
 use spf_flight::site::Clock;
 use spf_vlm::Vlm;
-use spf_vlm::check::{Verdict, check};
+use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 
 use super::manual::Manual;
 use super::settings::{check_map, fence, limits, method, method_words, options, preset_and_policy, prompt, script};
@@ -101,11 +101,12 @@ pub(super) fn ready(
         method.at_end = AtEnd::Hover;
     }
     check_program(&pointing, printer)?;
-    check_vlm(settings, &pointing, printer)?;
     let (pointing, detector) = detector::combine(settings, pointing)?;
     let interrupts = flight_interrupts(true)?;
     let start = Instant::now();
     let seen = other_camera.map(|url| camera::open(url, &args.flight.camera, options.tello, start, printer)).transpose()?;
+    let camera_px = seen.as_ref().map_or(USUAL_CAMERA, |(_, optics)| (optics.width, optics.height));
+    check_vlm(settings, &pointing, camera_px, printer)?;
     let recorded = seen.as_ref().map_or(Ok(None), |(camera, _)| camera::recording(camera, target.is_simulated()))?;
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     let drone: Box<dyn Drone> = match seen {
@@ -217,8 +218,8 @@ fn check_program(pointing: &Pointing, printer: &Printer) -> Result<(), CliError>
     }
 }
 
-/// A VLM that points inaccurately is detected on the ground.
-fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Result<(), CliError> {
+/// A VLM that points inaccurately is detected on the ground, in images of the size and shape of the flight's.
+fn check_vlm(settings: &Settings, pointing: &Pointing, camera_px: (u32, u32), printer: &Printer) -> Result<(), CliError> {
     // A recording has no answer to images of a dot, and a person is not examined.
     let recorded = settings.fly.vlm.text().is_some_and(|name| name.starts_with("replay:") || is_human(name));
     if recorded || !settings.fly.vlm_check.is_on()? {
@@ -234,7 +235,7 @@ fn check_vlm(settings: &Settings, pointing: &Pointing, printer: &Printer) -> Res
         None => pointing.vlm_factory.clone(),
     };
     let mut vlm: Box<dyn Vlm> = factory(None, 0).map_err(|error| CliError::usage("cannot query the VLM").because(&*error))?;
-    match check(vlm.as_mut(), time).verdict {
+    match check(vlm.as_mut(), time, camera_px).verdict {
         Verdict::Good(worst) => {
             printer.log(&format!("{} responds and points within {:.1} % of the image width.", pointing.name, 100.0 * worst));
             Ok(())

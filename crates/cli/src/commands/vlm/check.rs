@@ -1,12 +1,12 @@
 //! `spf vlm check NAME`: checks whether a model replies and points as expected, and explains what is wrong if not.
 
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_vlm::check::{Check, Verdict, check as ask};
+use spf_vlm::check::{Check, USUAL_CAMERA, Verdict, check as ask};
 use spf_vlm::exec::EXEC;
 use spf_vlm::setup::{self, Access};
-use spf_vlm::{Paced, RequestOptions, Vlm, VlmError};
+use spf_vlm::{Paced, Vlm, VlmError};
 
-use super::{exec, refused, table};
+use super::{exec, refused, request_options, table};
 use crate::args::VlmCheck;
 use crate::error::CliError;
 use crate::exit::Exit;
@@ -22,17 +22,28 @@ pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError
         let (table, variables) = (table(&settings)?, variables()?);
         let send_to = settings.vlm.send_key_to.get()?.unwrap_or_default();
         let access = Access { keys: &variables, places: &environment, send_to: &send_to };
-        let remote = setup::remote(&table, &[args.name.as_str().into()], access, RequestOptions::default());
+        let remote = setup::remote(&table, &[args.name.as_str().into()], access, request_options(&settings)?);
         Box::new(remote.map_err(|error| refused(&settings, &args.name, &error))?)
     };
     let time = settings.reply_timeout()?;
-    let check = ask(vlm.as_mut(), time);
+    let camera = args.size.as_deref().map(camera_px).transpose()?.unwrap_or(USUAL_CAMERA);
+    let check = ask(vlm.as_mut(), time, camera);
     report(&check, printer);
     match &check.verdict {
         Verdict::Good(_) => Ok(Exit::Success),
         Verdict::Failed(error) => Err(failed(&args.name, error)),
         other => Err(astray(&args.name, other)),
     }
+}
+
+/// Width and height of a camera's frames, pixels.
+fn camera_px(text: &str) -> Result<(u32, u32), CliError> {
+    let side = |text: &str| text.parse().ok().filter(|side| (64..=8192).contains(side));
+    let size = text.split_once(['x', 'X', '×']).and_then(|(width, height)| Some((side(width)?, side(height)?)));
+    size.ok_or_else(|| {
+        CliError::usage(format!("--size: expected WIDTHxHEIGHT in pixels, each from 64 to 8192, found `{text}`"))
+            .hint("--size 1280x720")
+    })
 }
 
 fn report(check: &Check, printer: &Printer) {
@@ -52,8 +63,10 @@ fn report(check: &Check, printer: &Printer) {
         let about = if tokens.estimated { "about " } else { "" };
         let cost = check.account.cost_usd.map_or(String::new(), |cost| format!(", {about}${cost:.5}"));
         printer.result(&format!(
-            "good: {model} responds and points within {:.1} % of the image width; {about}{} tokens in, {} out{cost}",
+            "good: {model} responds and points within {:.1} % of the image width of {}×{} pixels; {about}{} tokens in, {} out{cost}",
             100.0 * worst,
+            check.image_px.0,
+            check.image_px.1,
             tokens.input,
             tokens.output + tokens.thinking,
         ));
@@ -117,6 +130,7 @@ pub(crate) fn advice(error: &VlmError) -> &'static str {
         _ if error.is_of_stand_in() => {
             "fly with --no-vlm-check, and with the camera that the same `spf sim serve` shows; it cannot be asked about a test image"
         }
+        _ if error.is_context() => "the query is longer than the server's context: change one of the settings named above",
         ("bad_request", VlmError::Vendor { code: Some(code), .. }) if code == "FAILED_PRECONDITION" => {
             "the vendor does not serve this region, or requires billing to be set up: see its console"
         }

@@ -4,18 +4,18 @@ use std::io::{BufRead, IsTerminal, Write};
 
 use spf_bench::trial::Record;
 use spf_core::prompt::{PromptKind, PromptText};
-use spf_vlm::setup;
+use spf_vlm::setup::{self, Access};
 use spf_vlm::table::{PerMillion, Price};
 use spf_vlm::{Tokens, today};
 
 use super::{own, table};
 use crate::error::CliError;
 use crate::printer::Printer;
-use crate::settings::{Settings, variables};
+use crate::settings::{Settings, environment, variables};
 
-/// Guesses, where nothing was flown before: queries of a flight, tokens of an image and its schema, of a reply, of thinking, and
-/// the latency in seconds.
-const QUERIES: f64 = 15.0;
+/// Guesses, where nothing was flown before: queries of a flight (those of the paper's suite with the oracle, docs/guide/paper.md),
+/// tokens of an image and its schema, of a reply, of thinking, and the latency in seconds.
+const QUERIES: f64 = 20.0;
 const IMAGE_AND_SCHEMA: f64 = 1500.0;
 const REPLY: f64 = 120.0;
 const THINKING: f64 = 400.0;
@@ -34,12 +34,14 @@ pub(crate) struct Estimate {
     tokens_out: f64,
     latency_s: f64,
     price: Option<Price>,
+    /// Whether it runs on this machine, where nobody is paid unless a price is given.
+    local: bool,
     /// Where the figures come from.
     source: String,
 }
 
 impl Estimate {
-    /// Of `flights` flights with a VLM, from the flights before; `None` if it is no model that may cost money.
+    /// Of `flights` flights with a VLM, from the flights before that were answered; `None` if it is no model that may cost money.
     pub(crate) fn of_flights(
         settings: &Settings,
         name: &str,
@@ -47,6 +49,8 @@ impl Estimate {
         before: &[&Record],
     ) -> Result<Option<Self>, CliError> {
         let Some(guess) = Self::guess(settings, name)? else { return Ok(None) };
+        let answered = |record: &&&Record| !record.vlm_details.models.is_empty() && record.tokens_in > 0;
+        let before: Vec<&Record> = before.iter().filter(answered).copied().collect();
         let sum = |of: fn(&Record) -> f64| before.iter().map(|record| of(record)).sum::<f64>();
         let queries = sum(|record| f64::from(record.n_vlm_calls));
         let mut estimate = Self {
@@ -79,6 +83,8 @@ impl Estimate {
         }
         let choice =
             setup::choose(&table(settings)?, name, &variables()?).map_err(|error| super::refused(settings, name, &error))?;
+        let places = environment;
+        let local = setup::is_local(&choice, Access { keys: &variables()?, places: &places, send_to: &[] });
         let given: Option<PerMillion> = settings.vlm.price.get()?;
         let price = given.map(Price::from).or_else(|| choice.model.price_on(&today()).cloned());
         let prompt = PromptText::shipped(PromptKind::Point).source().chars().count() as f64;
@@ -90,15 +96,21 @@ impl Estimate {
             tokens_out: REPLY + if choice.model.thinks { THINKING } else { 0.0 },
             latency_s: LATENCY_S,
             price,
+            local,
             source: String::new(),
         }))
     }
 
     /// US dollars; `None` if no price is known.
-    pub(super) fn cost(&self) -> Option<f64> {
+    pub(crate) fn cost(&self) -> Option<f64> {
         let count = |tokens: f64| (self.queries * tokens) as u64;
         let tokens = Tokens { input: count(self.tokens_in), output: count(self.tokens_out), ..Tokens::default() };
         self.price.as_ref().map(|price| price.of(&tokens))
+    }
+
+    /// Whether it costs nothing, as far as is known.
+    fn is_free(&self) -> bool {
+        self.cost().map_or(self.local, |cost| cost == 0.0)
     }
 
     fn words(&self) -> String {
@@ -117,17 +129,26 @@ impl Estimate {
 }
 
 /// Prints what the queries will take, and asks on a terminal whether to go on. True without queries to models.
-pub(crate) fn agreed(estimates: &[Estimate], yes: bool, printer: &Printer) -> bool {
+///
+/// # Errors
+/// Usage, if money may be spent, nobody is there to be asked, and neither `yes` nor a limit of the cost was given.
+pub(crate) fn agreed(estimates: &[Estimate], yes: bool, limited: bool, printer: &Printer) -> Result<bool, CliError> {
     let estimates: Vec<&Estimate> = estimates.iter().filter(|estimate| estimate.queries > 0.0).collect();
     estimates.iter().for_each(|estimate| printer.log(&estimate.words()));
-    let free = estimates.iter().all(|estimate| estimate.cost() == Some(0.0));
-    if free || yes || !std::io::stdin().is_terminal() || !std::io::stderr().is_terminal() {
-        return true;
+    if yes || estimates.iter().all(|estimate| estimate.is_free()) {
+        return Ok(true);
+    }
+    if !std::io::stdin().is_terminal() || !std::io::stderr().is_terminal() {
+        return match limited {
+            true => Ok(true),
+            false => Err(CliError::usage("this may cost money, and without a terminal nobody can be asked")
+                .hint("add --max-cost USD, or --yes to go on without a limit")),
+        };
     }
     // A question has no end of line.
     let mut out = std::io::stderr().lock();
     drop(write!(out, "Continue? [y/N] ").and_then(|()| out.flush()));
     let mut line = String::new();
     let read = std::io::stdin().lock().read_line(&mut line).is_ok();
-    read && matches!(line.trim().to_lowercase().as_str(), "y" | "yes")
+    Ok(read && matches!(line.trim().to_lowercase().as_str(), "y" | "yes"))
 }

@@ -4,6 +4,7 @@ mod check;
 mod estimate;
 mod list;
 mod own;
+mod served;
 mod trial;
 
 use std::path::Path;
@@ -26,6 +27,7 @@ pub(crate) use check::{advice, check};
 pub(crate) use estimate::{Estimate, agreed};
 pub(crate) use list::list;
 pub(crate) use own::{Pace, console, exec, is_human, listed, paced};
+pub(crate) use served::{dollars, failure, service};
 pub(crate) use trial::trial;
 
 use crate::commands::read;
@@ -206,6 +208,17 @@ fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Re
 /// The built-in prompt that asks as the paper does.
 const PAPER: &str = "paper";
 
+/// How a flight's queries are sent.
+fn request_options(settings: &Settings) -> Result<RequestOptions, CliError> {
+    Ok(RequestOptions {
+        hedge: settings.vlm.hedge_s.get()?,
+        long_side: settings.vlm.image_long_side.get()?,
+        quality: settings.vlm.jpeg_quality.get()?,
+        price: settings.vlm.price.get()?,
+        greedy: settings.fly.prompt.text().is_some_and(|prompt| prompt == PAPER),
+    })
+}
+
 /// A model of the table.
 pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Chosen, CliError> {
     let table = table(settings)?;
@@ -215,13 +228,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     let first = Name { text: name, from_file: settings.fly.vlm.is_from_file() };
     let second = settings.vlm.fallback.text().map(|text| Name { text, from_file: settings.vlm.fallback.is_from_file() });
     let names: Vec<Name<'_>> = [Some(first), second].into_iter().flatten().collect();
-    let strategy = RequestOptions {
-        hedge: settings.vlm.hedge_s.get()?,
-        long_side: settings.vlm.image_long_side.get()?,
-        quality: settings.vlm.jpeg_quality.get()?,
-        price: settings.vlm.price.get()?,
-        greedy: settings.fly.prompt.text().is_some_and(|prompt| prompt == PAPER),
-    };
+    let strategy = request_options(settings)?;
     let today = today();
     let mut chosen = Vec::new();
     let mut auto = String::new();

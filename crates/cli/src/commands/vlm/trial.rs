@@ -1,6 +1,5 @@
 //! `spf vlm trial NAME,…`: calibration dots, pointing questions and flights of models, on one page.
 
-use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
@@ -10,18 +9,20 @@ use spf_bench::ground::ask::{AnswererKind, AskOptions, Ended, MakeVlm, Plan as Q
 use spf_bench::ground::measure::{Measures, grades, report};
 use spf_bench::ground::source::{self, Source};
 use spf_bench::ground::{AnswerRow, Answerer};
-use spf_bench::run::{Plan, RunOptions, Shard, read_records, run as run_plan, shell_word};
+use spf_bench::run::{Plan, RunManifest, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::task::{Task, suite};
 use spf_bench::trial::{Method, Record, VlmUnderTest};
 use spf_bench::tryout::{DotCheck, Findings, page};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::VlmFactory;
-use spf_vlm::check::{Verdict, check as ask_dots};
+use spf_vlm::check::{USUAL_CAMERA, Verdict, check as ask_dots};
 use spf_vlm::exec::EXEC;
+use spf_vlm::service::{Fate, RunEnd, Service};
 use spf_vlm::{Paced, Vlm};
 
 use super::own::LATENCY_S;
+use super::served::{dollars, failure, service, stoppable};
 use super::{Estimate, agreed, exec, is_human, listed, remote};
 use crate::args::{Dataset, VlmTrial};
 use crate::commands::bench::store_error;
@@ -40,6 +41,8 @@ const ENDPOINT: [&str; 3] = ["frame in the last", "frames of the last", "camera'
 /// Version of the folder's files.
 const FORMAT: u32 = 1;
 
+const STOPPED: &str = "stopped; repeat the command to continue";
+
 /// A VLM on trial.
 #[derive(Clone)]
 struct Candidate {
@@ -54,7 +57,9 @@ struct Trial<'a> {
     settings: &'a Settings,
     candidates: &'a [Candidate],
     max_cost: Option<f64>,
-    stop: &'a AtomicU32,
+    /// Shared by questions and flights.
+    service: &'a Arc<Service>,
+    stop: &'a Arc<AtomicU32>,
 }
 
 /// Tries the models.
@@ -71,12 +76,18 @@ pub(crate) fn trial(args: &VlmTrial, printer: &mut Printer) -> Result<Exit, CliE
         estimates.extend(Estimate::of_questions(&settings, name, args.questions as usize + 3)?);
         estimates.extend(Estimate::of_flights(&settings, name, args.flights as usize, &[])?);
     }
-    if !agreed(&estimates, args.yes, printer) {
+    if !agreed(&estimates, args.yes, max_cost.is_some(), printer)? {
         return Ok(Exit::Aborted);
     }
     let stop = interrupts()?;
-    let trial = Trial { args, settings: &settings, candidates: &candidates, max_cost, stop: &stop };
+    let service = service(max_cost, &stop, printer)?;
+    let trial = Trial { args, settings: &settings, candidates: &candidates, max_cost, service: &service, stop: &stop };
     let dots = trial.dots(printer)?;
+    if trial.stopped() {
+        printer.log(STOPPED);
+        return Ok(Exit::Aborted);
+    }
+    service.charge(spent_on(&dots));
     let answering = answering(&candidates, &dots)?;
     let trial = Trial { candidates: &answering, ..trial };
     let (source, answerers, rows) = trial.questions(spent_on(&dots), printer)?;
@@ -85,11 +96,16 @@ pub(crate) fn trial(args: &VlmTrial, printer: &mut Printer) -> Result<Exit, CliE
     let findings = trial.findings(&dots, &source, &answerers, &rows, &records)?;
     trial.report(&findings, printer)?;
     let total: f64 = findings.iter().filter_map(Findings::cost_usd).sum();
+    let end = service.ended();
     if stop.load(Ordering::Relaxed) > 0 {
-        printer.log("stopped; repeat the command to continue");
+        printer.log(STOPPED);
         return Ok(Exit::Aborted);
     }
-    if max_cost.is_some_and(|most| total >= most) {
+    let kept = "what was answered and flown is kept; the same command does the rest";
+    if let Some(error) = end.as_ref().and_then(|end| failure(end, kept)) {
+        return Err(error);
+    }
+    if max_cost.is_some_and(|most| total >= most) || matches!(end, Some(RunEnd::Spent { .. })) {
         printer.log("the --max-cost limit is reached; raise it and repeat the command to continue");
         return Ok(Exit::Aborted);
     }
@@ -164,7 +180,14 @@ impl Trial<'_> {
                 continue;
             }
             all.retain(|dots| dots.vlm != candidate.name);
-            let check = ask_dots((candidate.make)().as_mut(), self.settings.reply_timeout()?);
+            // Whoever does not reply to them is not waited for.
+            let service = Service::impatient();
+            stoppable(&service, self.stop)?;
+            let mut vlm = service.guard((candidate.make)(), &Fate::default());
+            let check = ask_dots(&mut vlm, self.settings.reply_timeout()?, USUAL_CAMERA);
+            if self.stopped() {
+                break;
+            }
             let words = match &check.verdict {
                 Verdict::Good(worst) => format!("good: within {:.1} % of the width", 100.0 * worst),
                 Verdict::Other(_) => "points in unexpected coordinates (see `spf vlm check`)".to_owned(),
@@ -193,9 +216,10 @@ impl Trial<'_> {
         printer.end_live();
         let source = source::open(&path).map_err(|error| CliError::internal("cannot read the questions").because(&error))?;
         let prompt = PromptText::shipped(PromptKind::Point);
-        let answerer = |candidate: &Candidate| Answerer {
-            name: candidate.name.clone(),
-            kind: AnswererKind::Model(candidate.make.clone(), prompt.clone()),
+        let answerer = |candidate: &Candidate| {
+            let (make, service) = (candidate.make.clone(), self.service.clone());
+            let guarded: MakeVlm = Arc::new(move || Box::new(service.guard(make(), &Fate::default())));
+            Answerer { name: candidate.name.clone(), kind: AnswererKind::Model(guarded, prompt.clone()) }
         };
         let answerers: Vec<Answerer> = self.candidates.iter().map(answerer).collect();
         let head = Head {
@@ -213,7 +237,9 @@ impl Trial<'_> {
         let named = |row: &AnswerRow| (row.answerer.clone(), row.item.clone());
         let before: BTreeSet<_> =
             rows.iter().filter(|row| is_answered(row) && keys.contains(row.item.as_str())).map(named).collect();
-        let spent = spent + rows.iter().filter_map(|row| row.account.cost_usd).sum::<f64>();
+        let answered: f64 = rows.iter().filter_map(|row| row.account.cost_usd).sum();
+        self.service.charge(answered);
+        let spent = spent + answered;
         let plan = Questions {
             items: &source.items,
             answerers: &answerers,
@@ -225,10 +251,14 @@ impl Trial<'_> {
         let mut done = before.len() as u64;
         printer.start_count("questions", plan.questions() as u64, done);
         let ended: Result<Ended, CliError> = plan.run(&before, spent, self.stop, |row| {
+            // What the service failed at is no answer of the model.
+            if self.service.is_ended() && !is_answered(&row) {
+                return Ok(());
+            }
             folder.push(&row)?;
             rows.push(row);
             done += 1;
-            printer.count(done);
+            printer.count_with(done, &dollars(self.service, None));
             Ok(())
         });
         printer.end_live();
@@ -262,8 +292,10 @@ impl Trial<'_> {
         let flights = self.args.flights as usize;
         let there = || read_records(&folder).unwrap_or_default();
         let over = |spent: f64| self.max_cost.is_some_and(|most| spent >= most);
-        let before: f64 = there().iter().filter_map(|record| record.cost_usd).sum();
-        if flights == 0 || self.stopped() || over(spent + before) {
+        let unfinished = RunManifest::read(&folder).ok().flatten().map_or(0.0, |made| made.unfinished_usd);
+        let before = unfinished + there().iter().filter_map(|record| record.cost_usd).sum::<f64>();
+        self.service.charge(before);
+        if flights == 0 || self.service.is_ended() || over(spent + before) {
             return Ok(there());
         }
         let method = Method::of_name("spf").ok_or_else(|| CliError::internal("the method spf is missing"))?;
@@ -278,16 +310,13 @@ impl Trial<'_> {
         let head = plan.head(Shard::WHOLE, &self.args.names);
         let (jobs, command) = (usize::from(self.args.parallel), self.command());
         let options = RunOptions { jobs, videos: false, command, files: BTreeMap::new() };
-        let spent = Cell::new(spent + before);
         let mut begun = false;
-        let ended =
-            run_plan(&plan, &head, &folder, &options, &|| self.stopped() || over(spent.get()), &mut |progress, record| {
-                if !core::mem::replace(&mut begun, true) {
-                    printer.start_count("flights", progress.of as u64, progress.done as u64);
-                }
-                printer.count(progress.done as u64);
-                spent.set(spent.get() + record.and_then(|record| record.cost_usd).unwrap_or(0.0));
-            });
+        let ended = run_plan(&plan, &head, &folder, &options, self.service, &mut |progress, _| {
+            if !core::mem::replace(&mut begun, true) {
+                printer.start_count("flights", progress.of as u64, progress.done as u64);
+            }
+            printer.count_with(progress.done as u64, &dollars(self.service, None));
+        });
         printer.end_live();
         ended.map_err(|error| store_error(&error))?;
         Ok(there())

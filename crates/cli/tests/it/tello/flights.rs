@@ -9,7 +9,7 @@ use super::fly_command;
 use crate::harness::{Lab, Run, rows};
 use crate::vlm::server::Server;
 use crate::vlm::vendors::Vendor;
-use crate::vlm::{AHEAD, DONE, KEY};
+use crate::vlm::{AHEAD, DONE};
 
 /// A virtual Tello in a process of its own.
 pub(super) struct Served(Child);
@@ -200,9 +200,8 @@ fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
     let mut child = lab.command(&all).spawn().unwrap();
     let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map(Result::unwrap);
     assert_eq!(lines.next().unwrap(), "tello@127.0.0.49:8889");
-    let url = lines.next().unwrap();
+    let vlm = lines.next().unwrap();
     let served = Served(child);
-    let vlm = format!("openai@{url}/v1");
     let instruction = "go to the person in the green shirt";
     let flight = [
         "fly",
@@ -217,7 +216,7 @@ fn the_oracle_behind_http_points_in_the_drone_s_own_video() {
         "60",
     ];
     let mut command = lab.command(&[&flight[..], &["--out", "mine", "--vlm", &vlm]].concat());
-    let run = Run::of(&command.env("OPENAI_API_KEY", KEY).env("SPF_TELLO_LOCAL", "127.0.0.50").output().unwrap());
+    let run = Run::of(&command.env("SPF_TELLO_LOCAL", "127.0.0.50").output().unwrap());
     let summary: Value = serde_json::from_str(&run.stdout).unwrap_or_else(|error| panic!("{error}: {}", run.stderr));
     assert!(summary["decisions"].as_u64().unwrap() >= 2, "{summary}\n{}", run.stderr);
     let decisions = lab.decisions("mine");

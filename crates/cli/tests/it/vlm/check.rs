@@ -70,6 +70,36 @@ fn one_that_points_well_is_good() {
     }
 }
 
+/// A server that is right at 4:3 only: it squeezes every image into that shape, and answers in pixels of the result.
+#[test]
+fn the_images_have_the_size_and_shape_of_the_flights() {
+    let sizes = std::sync::Arc::new(std::sync::Mutex::new(Vec::new()));
+    let seen = sizes.clone();
+    let server = Server::start(move |_, request| {
+        let jpeg = Vendor::Anthropic.image(request);
+        let image = spf_media::jpeg::decode(&jpeg).unwrap();
+        seen.lock().unwrap().push((image.width(), image.height()));
+        let own = profile(AxisOrder::Xy, Scale::Pixels { width: image.width(), height: image.width() * 3 / 4 });
+        let [a, b] = own.point_numbers(red_dot(&jpeg));
+        let text = format!("{{\"status\":\"navigating\",\"look\":null,\"stage\":1,\"point\":[{a},{b}],\"depth\":2}}");
+        Vendor::Anthropic.stream(&Vendor::Anthropic.model(request), &text)
+    });
+    let name = format!("anthropic@{}", server.url());
+    let lab = Lab::new();
+    let check = |more: &[&str], side: &str| {
+        let mut command = lab.command(&[&["vlm", "check", &name], more].concat());
+        Run::of(&command.env(Vendor::Anthropic.key(), KEY).env("SPF_VLM_IMAGE_LONG_SIDE", side).output().unwrap())
+    };
+    let run = check(&[], "640");
+    assert!(run.code == Some(0) && run.stdout.contains("of 640×480 pixels"), "{}{}", run.stdout, run.stderr);
+    let run = check(&["--size", "1280x720"], "640");
+    assert_eq!(run.code, Some(6), "{}{}", run.stdout, run.stderr);
+    let sizes: std::collections::BTreeSet<(u32, u32)> = sizes.lock().unwrap().iter().copied().collect();
+    assert_eq!(sizes.into_iter().collect::<Vec<_>>(), [(640, 360), (640, 480)]);
+    let run = check(&["--size", "big"], "640");
+    assert!(run.code == Some(2) && run.stderr.contains("--size: expected WIDTHxHEIGHT"), "{}", run.stderr);
+}
+
 #[test]
 fn swapped_axes_and_other_scales_are_explained() {
     let run = check(&pointing(Vendor::Gemini, profile(AxisOrder::Xy, Scale::Thousand)), Vendor::Gemini);

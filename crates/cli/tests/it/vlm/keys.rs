@@ -248,8 +248,9 @@ fn long_commands(vlm: &str) -> [Vec<&str>; 2] {
 #[test]
 fn trials_and_benches_hide_keys_as_flights_do() {
     let vendor = Vendor::Gemini;
+    // A refused request would end a run.
     let server = Server::start(move |number, request| match number % 3 {
-        0 => Reply::json(400, &serde_json::json!({ "error": { "message": format!("key {KEY}"), "code": 400, "status": KEY } })),
+        0 => Reply::json(200, &serde_json::json!({ "promptFeedback": { "blockReason": format!("key {KEY}") } })),
         1 => vendor.stream(&format!("model-{KEY}"), &DONE.replace("the crane", KEY)),
         _ => vendor.stream(&vendor.model(request), DONE),
     });

@@ -10,6 +10,7 @@ mod own;
 mod requests;
 mod sdk;
 pub(crate) mod server;
+mod service;
 pub(crate) mod vendors;
 
 use serde_json::Value;

@@ -170,16 +170,29 @@ fn costs_are_told_before_they_arise() {
     };
     let run = bench("out", &vlm, &["--max-cost", "1"]);
     assert_eq!(run.code, Some(0), "{}", run.stderr);
-    assert!(run.stderr.contains("1 flights = 15 queries × ") && run.stderr.contains("about $"), "{}", run.stderr);
+    assert!(run.stderr.contains("1 flights = 20 queries × ") && run.stderr.contains("about $"), "{}", run.stderr);
     // From what was flown in the folder: two queries, and nothing left to fly.
     let mut more = vec!["--max-cost", "1"];
     let run = bench("out", &vlm, &more);
     assert!(!run.stderr.contains("queries ×"), "{}", run.stderr);
+    // Without a terminal nobody can agree, and without a limit nothing is flown.
+    let asked = server.questions().len();
+    let run = bench("unlimited", &vlm, &[]);
+    assert!(run.code == Some(2) && run.stderr.contains("this may cost money") && run.stderr.contains("--yes"), "{}", run.stderr);
+    assert_eq!(server.questions().len(), asked);
     // A model without a price is refused before anything flies, unless one is given.
     let unknown = format!("gemini#my-model@{}", server.url());
     let run = bench("unknown", &unknown, &more);
     assert_eq!(run.code, Some(2), "{}", run.stderr);
     assert!(run.stderr.contains("--max-cost requires a known price") && run.stderr.contains("--vlm-price"), "{}", run.stderr);
+    let run = bench("unknown", &unknown, &["--max-cost-per-trial", "1"]);
+    assert!(run.code == Some(2) && run.stderr.contains("requires a known price"), "{}", run.stderr);
+    // The limit is that of the run: flights of two queries, each of a tenth of a cent.
+    let others = ["--task", "sim-nav-black-car", "--task", "sim-nav-white-needle"];
+    let run = bench("limited", &vlm, &[&others[..], &["--jobs", "1", "--max-cost", "0.004"]].concat());
+    assert_eq!(run.code, Some(5), "{}", run.stderr);
+    assert!(run.stderr.contains("(--max-cost): ") && run.stderr.contains("with a higher limit"), "{}", run.stderr);
+    assert!(rows(&lab.path("limited/results.jsonl")).len() < 3);
     let before = server.questions().len();
     more.clear();
     let args =
@@ -251,7 +264,7 @@ fn a_trial_is_one_page_that_is_resumed_and_capped() {
     assert!(run.stderr.contains("--max-cost limit is reached") && run.stderr.contains("about $"), "{}", run.stderr);
     let asked = server.questions().len();
     assert!((3..9).contains(&asked), "{asked}");
-    let run = trial(&[]);
+    let run = trial(&["--yes"]);
     assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);
     // Those dots were missed, so they are sent again; no question is.
     let pointing = rows(&lab.path("tried/pointing/answers.jsonl"));
@@ -274,7 +287,7 @@ fn a_trial_is_one_page_that_is_resumed_and_capped() {
     }
     // Nothing is left to do, and nothing is paid for but the dots that were missed.
     let before = server.questions().len();
-    let run = trial(&[]);
+    let run = trial(&["--yes"]);
     assert_eq!((run.code, server.questions().len()), (Some(0), before + 3), "{}", run.stderr);
     assert_eq!(lab.spf(&["vlm", "trial", "oracle", "-o", "x"]).code, Some(2));
 }
@@ -290,7 +303,8 @@ fn a_trial_reads_the_answers_of_every_vendor() {
     let servers = Vendor::ALL.map(answers);
     let names = Vendor::ALL.iter().zip(&servers).map(|(vendor, server)| format!("{}@{}", vendor.name(), server.url()));
     let names = names.collect::<Vec<_>>();
-    let args = ["vlm", "trial", &names.join(","), "-o", "tried", "--questions", "2", "--flights", "1", "--parallel", "1"];
+    let args =
+        ["vlm", "trial", &names.join(","), "-o", "tried", "--questions", "2", "--flights", "1", "--parallel", "1", "--yes"];
     let mut command = lab.command(&args);
     for vendor in Vendor::ALL {
         command.env(vendor.key(), KEY);

@@ -163,3 +163,133 @@ fn depth_labels_of_ones_own_are_put_right() {
     // 30 m: 7.6.
     assert_eq!(serde_json::from_str::<Value>(&answer.text.unwrap()).unwrap()["depth"], 8);
 }
+
+fn chat(message: &Value, reason: &str, tokens: u64) -> Reply {
+    Reply::json(
+        200,
+        &json!({ "model": "m", "choices": [{ "message": message, "finish_reason": reason }],
+            "usage": { "prompt_tokens": 900, "completion_tokens": tokens } }),
+    )
+}
+
+#[test]
+fn an_answer_that_came_and_was_empty_is_paid_for_twice_at_most() {
+    let empty = || chat(&json!({ "content": "" }), "stop", 5);
+    let server = Server::start(move |_, _| empty());
+    let answer = ask(&mut remote(&server, "vllm", ""));
+    assert_eq!(answer.text.unwrap_err().code(), "empty");
+    assert_eq!((server.questions().len(), answer.account.requests, answer.account.tokens.input), (2, 2, 1800));
+    // One of the other kind, that the model broke off, is no better.
+    let broken = json!({ "candidates": [{ "content": { "parts": [] }, "finishReason": "MALFORMED_RESPONSE" }] });
+    let server = Server::start(move |_, _| Reply::json(200, &broken));
+    assert_eq!(ask(&mut remote(&server, "gemini", "")).text.unwrap_err().code(), "error_in_answer");
+    assert_eq!(server.questions().len(), 2);
+    let server =
+        Server::start(move |number, _| if number == 0 { empty() } else { chat(&json!({ "content": AHEAD }), "stop", 50) });
+    assert_eq!(ask(&mut remote(&server, "vllm", "")).text.as_deref(), Ok(AHEAD));
+}
+
+#[test]
+fn a_server_that_knows_only_the_older_limit_is_told_by_it() {
+    let server = Server::start(|_, request| match request.json().get("max_tokens") {
+        // Its own limit, and no word about the parameter that it ignored.
+        None => chat(&json!({ "content": &AHEAD[..30] }), "length", 16),
+        Some(_) => chat(&json!({ "content": AHEAD }), "stop", 50),
+    });
+    let mut own = remote(&server, "vllm", "");
+    let first = ask(&mut own);
+    assert_eq!((first.text.as_deref(), first.account.requests), (Ok(AHEAD), 2));
+    assert_eq!(ask(&mut own).account.requests, 1);
+    let bodies: Vec<Value> = server.questions().iter().map(Request::json).collect();
+    assert_eq!((&bodies[1]["max_tokens"], bodies[1].get("max_completion_tokens")), (&4096.into(), None));
+    assert_eq!(bodies[2]["max_tokens"], 4096);
+    // A reply at the limit that was asked for is not asked for again, and one that is cut anyway keeps the newer name.
+    for (tokens, requests) in [(4096, 1), (16, 2)] {
+        let server = Server::start(move |_, _| chat(&json!({ "content": "{" }), "length", tokens));
+        let mut own = remote(&server, "vllm", "");
+        assert_eq!(ask(&mut own).text.unwrap_err().code(), "cut_off");
+        assert_eq!(server.questions().len(), requests, "{tokens}");
+        drop(ask(&mut own));
+        let again = server.questions()[requests].json();
+        assert!(again.get("max_completion_tokens").is_some(), "{again}");
+    }
+}
+
+#[test]
+fn an_object_that_is_refused_is_asked_for_in_words() {
+    let rows = "[[vendor]]\nname = \"own\"\ntitle = \"own\"\nwire = \"openai-chat\"\nbase_url = \"http://127.0.0.1:9/v1\"\n\
+                auth = \"bearer\"\nkeys = [\"OWN_KEY\"]\nkey_needed = false\nfamily = \"thousand\"\nschema = \"json_object\"\n";
+    for message in
+        ["'response_format.type' must be 'json_schema' or 'text'", "json_object is not supported", "JSON mode is not enabled"]
+    {
+        let server = Server::start(move |_, request| match request.json().pointer("/response_format/type") {
+            Some(kind) => {
+                assert_eq!(kind, "json_object");
+                Reply::json(400, &json!({ "error": message }))
+            }
+            None => Vendor::Chat.stream("m", AHEAD),
+        });
+        let mut own = remote(&server, "own#m", rows);
+        assert_eq!(ask(&mut own).text.as_deref(), Ok(AHEAD), "{message}");
+        assert_eq!((ask(&mut own).account.requests, server.questions().len()), (1, 3), "{message}");
+    }
+}
+
+/// The parameter that such an error names has nothing to do with it.
+#[test]
+fn a_context_that_is_too_short_is_not_asked_again() {
+    let message = "'max_completion_tokens' is too large: 4096. This model's maximum context length is 2048 tokens.";
+    let server = Server::start(move |_, _| Reply::json(400, &json!({ "error": { "message": message, "code": 400 } })));
+    let error = ask(&mut remote(&server, "vllm", "")).text.unwrap_err();
+    assert!(error.is_context() && error.to_string().contains("--max-model-len"), "{error}");
+    assert_eq!(server.questions().len(), 1);
+}
+
+#[test]
+fn a_reply_in_thoughts_or_in_a_tool_call_is_one() {
+    let events = |delta: Value| {
+        let event = json!({ "model": "m", "choices": [{ "delta": delta, "finish_reason": "stop" }] });
+        Reply::new(200, "text/event-stream", format!("data: {event}\n\ndata: [DONE]\n\n"))
+    };
+    for delta in [
+        json!({ "content": null, "reasoning_content": AHEAD }),
+        json!({ "content": "", "reasoning": AHEAD }),
+        json!({ "content": [{ "type": "text", "text": AHEAD }] }),
+        json!({ "tool_calls": [{ "index": 0, "function": { "name": "spf_reply", "arguments": AHEAD } }] }),
+    ] {
+        let reply = events(delta.clone());
+        let server = Server::start(move |_, _| reply.clone());
+        let answer = ask(&mut remote(&server, "vllm", ""));
+        assert_eq!((answer.text.as_deref(), answer.account.requests), (Ok(AHEAD), 1), "{delta}");
+    }
+}
+
+#[test]
+fn another_model_than_the_one_asked_for_is_named_in_the_log() {
+    let server = Server::start(|number, request| {
+        let model = if number == 1 { Vendor::Gemini.model(request) } else { "gemini-3.8-flash".to_owned() };
+        Vendor::Gemini.stream(&model, AHEAD)
+    });
+    let asked = |remote: &mut Remote| ask(remote).account.asked_model;
+    let mut gemini = remote(&server, "gemini", "");
+    assert_eq!(asked(&mut gemini).as_deref(), Some("gemini-robotics-er-2-preview"));
+    assert_eq!(asked(&mut gemini), None);
+    // A server of one's own has names of its own.
+    let own = Server::start(|_, _| Vendor::Chat.stream("/models/a.gguf", AHEAD));
+    assert_eq!(asked(&mut remote(&own, "vllm", "")), None);
+    // The column, and one warning for all queries.
+    let lab = crate::harness::Lab::new();
+    let always = Server::start(|_, _| Vendor::Gemini.stream("gemini-3.8-flash", AHEAD));
+    let vlm = format!("gemini@{}", always.url());
+    let args = ["fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--max-decisions", "3", "--out", "mine"];
+    let run = crate::harness::Run::of(&lab.command(&args).env("GEMINI_API_KEY", KEY).output().unwrap());
+    assert_eq!(
+        run.stderr.matches("requested gemini-robotics-er-2-preview, served by gemini-3.8-flash").count(),
+        1,
+        "{}",
+        run.stderr
+    );
+    let rows = crate::harness::rows(&lab.path("mine/vlm.jsonl"));
+    let named = |row: &Value| row["model"] == "gemini-3.8-flash" && row["asked_model"] == "gemini-robotics-er-2-preview";
+    assert!(rows.len() >= 3 && rows.iter().all(named), "{rows:?}");
+}

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use spf_flight::sim::{FlightConditions, OracleVlm, SimWorld};
 use spf_serve::truth::SharedInstruction;
 use spf_serve::vlm::{AnswerForm, Camera, Endpoint, FrameProvider, Instruction, Memory, OnboardCamera, Responder, Serving};
+use spf_vlm::ORACLE_SERVED;
 
 use crate::args::Serve;
 use crate::commands::sim::{above_start, conditions, parse_effects, parse_kind};
@@ -84,7 +85,8 @@ pub(super) fn start(args: &Serve, oracle: &str, flown: Option<Flown>, printer: &
     let address = endpoint.address();
     let serving =
         endpoint.serve(lens, responder).map_err(|error| CliError::internal("cannot start the endpoint").because(&error))?;
-    printer.result(&format!("http://{address}"));
+    // As `--vlm` takes it.
+    printer.result(&format!("http://{address}/v1#{ORACLE_SERVED}"));
     printer.log(&format!(
         "Serving {name} over the OpenAI (http://{address}/v1), Gemini and Anthropic APIs (http://{address}) for {scene} \
             (http://{address}/frame.jpg); it is not a VLM. Stop with Ctrl-C.",
