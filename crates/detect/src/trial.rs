@@ -129,5 +129,5 @@ fn last(rows: &[Row], same: bool, names: Option<usize>) -> Result<Unit, NetworkE
         )));
     }
     let is_fraction = |row: &&&Row| row.place.iter().all(|at| (1.0 - FRACTIONS..=FRACTIONS).contains(at));
-    Ok(if !boxes.is_empty() && boxes.iter().all(|row| is_fraction(&row)) { Unit::Fractions } else { Unit::Pixels })
+    Ok(if !boxes.is_empty() && boxes.iter().all(is_fraction) { Unit::Fractions } else { Unit::Pixels })
 }

@@ -184,7 +184,7 @@ fn put_number(out: &mut Vec<u8>, number: u64, value: u64) {
 /// The sides of the constants of a graph, by name, and the graph around it.
 struct Constants<'a> {
     sides: BTreeMap<&'a [u8], Vec<i64>>,
-    around: Option<&'a Constants<'a>>,
+    around: Option<&'a Self>,
 }
 
 impl Constants<'_> {
@@ -341,7 +341,7 @@ impl<'a> Node<'a> {
         let mut window = Window::default();
         let rule = self.attribute("auto_pad").map_or(&b"NOTSET"[..], |attribute| attribute.text);
         let is_same = matches!(rule, b"SAME_UPPER" | b"SAME_LOWER");
-        if (own.is_none() && is_convolution) || !is_convolution {
+        if own.is_none() || !is_convolution {
             window.add("strides", lists[0], &strides);
         }
         if own.is_none() && is_convolution {

@@ -8,12 +8,13 @@ use serde::Deserialize;
 use serde_json::json;
 
 use super::problem::{Problem, short};
-use super::walk::INSTANCING;
 
 /// Maximum file size, and maximum size of all buffers of a file together, bytes.
 pub(super) const MAX_BYTES: u64 = 256 << 20;
 /// Maximum length of the JSON text, bytes, including embedded buffers and images.
 const MAX_JSON_BYTES: usize = 128 << 20;
+/// The extension by which a node places its mesh many times.
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Maximum number of values in the JSON text, which also bounds the memory for them.
 const MAX_JSON_VALUES: usize = 500_000;
 

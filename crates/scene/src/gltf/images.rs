@@ -4,11 +4,11 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
+use gltf::json::extensions::material::PbrSpecularGlossiness;
 use gltf::json::{Material, Root, texture};
 use spf_media::file::{FileError, Format, ImageFile, Limits, Samples};
 
 use super::files::{Buffers, Surroundings};
-use super::material::specular_glossiness;
 use super::problem::{Problem, missing, short};
 use crate::texture::{MAX_SIDE, Texture};
 
@@ -92,6 +92,11 @@ impl Images {
         self.textures.push(texture);
         Ok(index)
     }
+}
+
+/// The other description of a material, which takes precedence over the usual one.
+pub(super) fn specular_glossiness(material: &Material) -> Option<&PbrSpecularGlossiness> {
+    material.extensions.as_ref()?.pbr_specular_glossiness.as_ref()
 }
 
 /// The image of a surface's colour.

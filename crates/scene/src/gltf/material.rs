@@ -8,7 +8,7 @@ use gltf::json::material::AlphaMode;
 use gltf::json::validation::Checked;
 use gltf::json::{Root, texture};
 
-use super::images::{Images, base_texture};
+use super::images::{Images, base_texture, specular_glossiness};
 use super::problem::{Problem, missing};
 use crate::geometry::{Material, Pattern};
 use crate::texture::Texture;
@@ -163,11 +163,6 @@ struct Paint {
     alpha: f32,
     metallic: f32,
     roughness: f32,
-}
-
-/// The other description of a material, which takes precedence over the usual one.
-pub(super) fn specular_glossiness(material: &gltf::json::Material) -> Option<&PbrSpecularGlossiness> {
-    material.extensions.as_ref()?.pbr_specular_glossiness.as_ref()
 }
 
 impl Paint {

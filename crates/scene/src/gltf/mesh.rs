@@ -12,7 +12,7 @@ use super::accessor::Accessors;
 use super::material::{Look, shade_of};
 use super::normals::{cross, smooth};
 use super::problem::Problem;
-use super::size::too_far;
+use super::size::{FARTHEST, too_far};
 use super::walk::{Placed, point};
 use crate::geometry::Vertex;
 
@@ -20,8 +20,6 @@ use crate::geometry::Vertex;
 pub(super) const MAX_TRIANGLES: usize = 2_000_000;
 /// Maximum number of vertices before they are merged, counted likewise.
 const MAX_CORNERS: usize = 6_000_000;
-/// Farthest vertex from the origin along each axis, metres.
-pub(super) const FARTHEST: f32 = 2000.0;
 /// Twice the area of the smallest triangle that is kept, square metres.
 const SMALLEST: f32 = 1e-10;
 

@@ -3,9 +3,11 @@
 use glam::Vec3;
 use spf_core::coco;
 
-use super::mesh::FARTHEST;
 use super::problem::Problem;
 use crate::world::Object;
+
+/// Farthest vertex from the origin along each axis, metres.
+pub(super) const FARTHEST: f32 = 2000.0;
 
 /// How many times as tall as usual a thing is that was written in centimetres or in millimetres, at least and at most.
 const CENTIMETRES: std::ops::Range<f64> = 30.0..300.0;

@@ -9,11 +9,10 @@ use spf_core::geometry::EnuPosition;
 
 use super::UpAxis;
 use super::accessor::Accessors;
+use super::container::INSTANCING;
 use super::problem::{Problem, missing, short};
 use super::spec::{self, NodeSpec};
 
-/// The extension by which a node places its mesh many times.
-pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Maximum number of nodes of a file, and of the places of their meshes.
 const MAX_NODES: usize = 50_000;
 /// Maximum depth of the node tree.

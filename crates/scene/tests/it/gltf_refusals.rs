@@ -88,7 +88,9 @@ fn refusals_name_the_file_the_place_and_the_remedy() {
         (|m| instanced(m, &[]), "(`EXT_mesh_gpu_instancing`): they have no attributes", ""),
         (
             |m| {
-                let many = json!({"componentType": FLOAT, "type": "VEC3", "count": 50_001});
+                let place = json!({"bufferView": 1, "componentType": WORD});
+                let sparse = json!({"count": 1, "indices": place, "values": {"bufferView": 0}});
+                let many = json!({"componentType": FLOAT, "type": "VEC3", "count": 50_001, "sparse": sparse});
                 let many = m.push("accessors", many);
                 let attributes = json!({"attributes": {"TRANSLATION": many}});
                 m.json["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": attributes});
