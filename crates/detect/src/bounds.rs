@@ -12,7 +12,7 @@ pub const MAX_SIDE: usize = 4096;
 pub struct Bounds {
     /// Memory, bytes. The limit is one of Linux; on other systems the time alone is bounded.
     pub memory: u64,
-    /// Time to load it and to run it for the first time, each.
+    /// Time to load it, and for each of the two runs of its trial.
     pub load: Duration,
     /// Time of every later run.
     pub run: Duration,

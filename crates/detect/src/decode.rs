@@ -7,8 +7,10 @@
 //! | the same with 32 more rows, and a second output | with masks, which are ignored |
 //! | 1 × boxes × 6 | corners, score, class: after non-maximum suppression |
 //!
-//! Coordinates are pixels of the input; probabilities are final, and there is no objectness.
+//! Coordinates are pixels of the input, or fractions of it, as RT-DETR gives them; probabilities are final, and there is no
+//! objectness.
 
+use spf_core::coco::CLASSES;
 use spf_core::detection::MAX_DETECTIONS;
 use spf_core::query::ImageBox;
 
@@ -46,6 +48,29 @@ pub struct Layout {
     form: Form,
     /// Number of rows per cell that are not classes.
     masks: usize,
+    /// Width and height of the input if coordinates are fractions of it, else 1.
+    scale: (usize, usize),
+}
+
+/// The unit of a box's coordinates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unit {
+    /// Pixels of the input.
+    Pixels,
+    /// Fractions of the input's width and height.
+    Fractions,
+}
+
+/// What a network gives for one box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Row {
+    /// Its place: centre, width and height, or corners.
+    pub(crate) place: [f32; 4],
+    /// Its greatest score, and its least one.
+    pub(crate) score: f32,
+    pub(crate) least: f32,
+    /// The class of a final box.
+    pub(crate) class: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,13 +98,16 @@ impl Layout {
     ) -> Result<Self, NetworkError> {
         let masks = if masks { MASK_ROWS } else { 0 };
         let &[1, a, b] = shape else { return Err(unfit(shape, classes)) };
+        let scale = (1, 1);
         let cells: usize = [8, 16, 32].map(|stride| (input.0 / stride) * (input.1 / stride)).iter().sum();
-        let layout = |form| Ok(Self { form, masks });
+        let layout = |form| Ok(Self { form, masks, scale });
         let is_final = b == FINAL + masks;
         if end_to_end == Some(true) {
             return if is_final { layout(Form::Final) } else { Err(unfit(shape, classes)) };
         }
-        let raw = |rows: usize| rows.checked_sub(4 + masks).filter(|found| *found > 0 && classes.is_none_or(|n| n == *found));
+        let count = |rows: usize| rows.checked_sub(4 + masks).filter(|found| *found > 0);
+        // Without names, one class more than COCO has is its objectness.
+        let raw = |rows: usize| count(rows).filter(|found| classes.map_or(*found != 1 + CLASSES.len(), |n| n == *found));
         // The number of cells identifies the dimension; heads without the usual three strides have other numbers.
         match (raw(a), raw(b)) {
             (Some(found), _) if b == cells => layout(Form::Rows(found)),
@@ -87,8 +115,19 @@ impl Layout {
             _ if is_final && end_to_end != Some(false) => layout(Form::Final),
             (Some(found), _) if classes.is_some() => layout(Form::Rows(found)),
             (None, Some(found)) if classes.is_some() => layout(Form::Cells(found)),
-            _ => Err(unfit(shape, classes)),
+            _ => {
+                let rows = if b == cells { count(a) } else { count(b).filter(|_| a == cells) };
+                match (rows, classes) {
+                    (Some(rows), Some(names)) => Err(misnamed(rows, names)),
+                    _ => Err(unfit(shape, classes)),
+                }
+            }
         }
+    }
+
+    /// The layout with coordinates in this unit, of an input of `input` pixels.
+    pub(crate) fn with_unit(self, unit: Unit, input: (usize, usize)) -> Self {
+        Self { scale: if unit == Unit::Fractions { input } else { (1, 1) }, ..self }
     }
 
     /// Number of classes; `None` for final boxes.
@@ -111,6 +150,23 @@ impl Layout {
     /// # Errors
     /// [`NetworkError::Unfit`] if the output does not have this layout.
     pub fn decode(&self, shape: &[usize], values: &[f32]) -> Result<Vec<Candidate>, NetworkError> {
+        let (values, boxes) = self.checked(shape, values)?;
+        let width = values.len() / boxes.max(1);
+        let mut found = match self.form {
+            Form::Rows(classes) => best_rows(values, classes, boxes),
+            Form::Cells(classes) => values.chunks_exact(width.max(1)).filter_map(|cell| best(&cell[..4 + classes])).collect(),
+            Form::Final => values.chunks_exact(width.max(1)).filter_map(last).collect::<Vec<_>>(),
+        };
+        let (width, height) = (self.scale.0 as f32, self.scale.1 as f32);
+        for candidate in &mut found {
+            let [left, top, right, bottom] = candidate.corners;
+            candidate.corners = [left * width, top * height, right * width, bottom * height];
+        }
+        Ok(found)
+    }
+
+    /// The values of an output and its number of boxes, if it has this layout.
+    fn checked<'a>(&self, shape: &[usize], values: &'a [f32]) -> Result<(&'a [f32], usize), NetworkError> {
         let &[1, a, b] = shape else { return Err(unfit(shape, None)) };
         let (rows, boxes) = match self.form {
             Form::Rows(classes) => (a == 4 + classes + self.masks, b),
@@ -120,11 +176,31 @@ impl Layout {
         if !rows || a.checked_mul(b).is_none_or(|all| all != values.len() || all > MAX_VALUES) {
             return Err(unfit(shape, self.classes()));
         }
-        Ok(match self.form {
-            Form::Rows(classes) => best_rows(values, classes, boxes),
-            Form::Cells(classes) => values.chunks_exact(b).filter_map(|cell| best(&cell[..4 + classes])).collect(),
-            Form::Final => values.chunks_exact(b).filter_map(last).collect(),
-        })
+        Ok((values, boxes))
+    }
+
+    /// Everything in an output, as it is.
+    pub(crate) fn rows(&self, shape: &[usize], values: &[f32]) -> Result<Vec<Row>, NetworkError> {
+        let (values, boxes) = self.checked(shape, values)?;
+        let width = values.len() / boxes.max(1);
+        let at = |number: usize, of: usize| match self.form {
+            Form::Rows(_) => values[of * boxes + number],
+            Form::Cells(_) | Form::Final => values[number * width + of],
+        };
+        let scores = match self.form {
+            Form::Rows(classes) | Form::Cells(classes) => 4..4 + classes,
+            Form::Final => 4..5,
+        };
+        let row = |number: usize| {
+            let all = || scores.clone().map(|of| at(number, of));
+            Row {
+                place: core::array::from_fn(|of| at(number, of)),
+                score: all().fold(f32::NEG_INFINITY, f32::max),
+                least: all().fold(f32::INFINITY, f32::min),
+                class: if self.is_final() { at(number, 5) } else { 0.0 },
+            }
+        };
+        Ok((0..boxes).map(row).collect())
     }
 }
 
@@ -199,6 +275,12 @@ fn area(candidate: &Candidate) -> ImageBox {
     ImageBox { left, top, right, bottom }
 }
 
+/// The error for an output with another number of classes than the metadata names.
+fn misnamed(rows: usize, names: usize) -> NetworkError {
+    let objectness = if rows == names + 1 { " (or an objectness score, as YOLOv5 and older have: not supported)" } else { "" };
+    NetworkError::Unfit(format!("its output has scores of {rows} classes{objectness}, but its metadata has {names} class names"))
+}
+
 /// The error for an output of this shape.
 fn unfit(shape: &[usize], classes: Option<usize>) -> NetworkError {
     let shown = shape.iter().map(usize::to_string).collect::<Vec<_>>().join("×");
@@ -223,7 +305,7 @@ mod tests {
 
     #[test]
     fn every_export_is_known_by_its_shape() {
-        let is = |form, masks| Some(Layout { form, masks });
+        let is = |form, masks| Some(Layout { form, masks, scale: (1, 1) });
         for classes in [Some(80), None] {
             assert_eq!(layout(&[1, 84, 8400], classes, false, None), is(Form::Rows(80), 0));
             assert_eq!(layout(&[1, 8400, 84], classes, false, None), is(Form::Cells(80), 0));
@@ -248,6 +330,10 @@ mod tests {
         };
         let old = words(&[1, 25_200, 85], Some(80));
         assert!(old.contains("1×25200×85 with 80 class names") && old.contains("objectness"), "{old}");
+        // Without names too: as YOLOX exports COCO's classes.
+        assert!(words(&[1, 8400, 85], None).contains("objectness"));
+        assert!(words(&[1, 84, 8400], Some(3)).contains("scores of 80 classes, but its metadata has 3 class names"));
+        assert!(words(&[1, 8400, 7], Some(2)).contains("3 classes (or an objectness score"));
         assert!(words(&[1, 1000], None).contains("1×1000, expected"));
         for none in [&[][..], &[2, 84, 8400], &[1, 84, 8400, 1], &[1, 4, 8400], &[1, 0, 0]] {
             words(none, None);
@@ -261,14 +347,15 @@ mod tests {
     #[test]
     fn numbers_become_boxes_in_every_form() {
         let car = Candidate { corners: [90.0, 40.0, 110.0, 80.0], score: 0.9, class: 2 };
-        let decode = |form, shape: &[usize], values: &[f32]| Layout { form, masks: 0 }.decode(shape, values).unwrap();
+        let decode =
+            |form, shape: &[usize], values: &[f32]| Layout { form, masks: 0, scale: (1, 1) }.decode(shape, values).unwrap();
         assert_eq!(decode(Form::Rows(3), &SHAPE, &ROWS), [car]);
         let turned: Vec<f32> = (0..2).flat_map(|cell| (0..7).map(move |row| ROWS[2 * row + cell])).collect();
         assert_eq!(decode(Form::Cells(3), &[1, 2, 7], &turned), [car]);
         let last = [90.0, 40.0, 110.0, 80.0, 0.9, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(decode(Form::Final, &[1, 2, 6], &last), [car]);
-        assert!(Layout { form: Form::Rows(3), masks: 0 }.decode(&[1, 8, 2], &ROWS).is_err());
-        assert!(Layout { form: Form::Rows(3), masks: 0 }.decode(&SHAPE, &ROWS[..13]).is_err());
+        assert!(Layout { form: Form::Rows(3), masks: 0, scale: (1, 1) }.decode(&[1, 8, 2], &ROWS).is_err());
+        assert!(Layout { form: Form::Rows(3), masks: 0, scale: (1, 1) }.decode(&SHAPE, &ROWS[..13]).is_err());
     }
 
     #[test]
@@ -293,7 +380,7 @@ mod tests {
                 Form::Cells(_) => [1, 6, 10],
                 Form::Final => [1, 10, 6],
             };
-            let layout = Layout { form, masks: 0 };
+            let layout = Layout { form, masks: 0, scale: (1, 1) };
             let kept = suppress(layout.decode(&shape, &values).unwrap(), layout.is_final());
             for pair in kept.windows(2) {
                 prop_assert!(pair[0].score >= pair[1].score);
@@ -310,7 +397,7 @@ mod tests {
             let value = |row: usize, cell: usize| if row < 4 { values[row * 9 + cell] } else { scores[(row - 4) * 9 + cell] };
             let rows: Vec<f32> = (0..7).flat_map(|row| (0..9).map(move |cell| (row, cell))).map(|(row, cell)| value(row, cell)).collect();
             let cells: Vec<f32> = (0..9).flat_map(|cell| (0..7).map(move |row| (row, cell))).map(|(row, cell)| value(row, cell)).collect();
-            let decode = |form, shape: &[usize], values: &[f32]| Layout { form, masks: 0 }.decode(shape, values).unwrap();
+            let decode = |form, shape: &[usize], values: &[f32]| Layout { form, masks: 0, scale: (1, 1) }.decode(shape, values).unwrap();
             prop_assert_eq!(decode(Form::Rows(3), &[1, 7, 9], &rows), decode(Form::Cells(3), &[1, 9, 7], &cells));
         }
 

@@ -15,6 +15,7 @@ use crate::model::Model;
 use crate::mono_depth::MonoDepth;
 use crate::output_kind::OutputKind;
 use crate::process::Place;
+use crate::trial;
 
 /// Mean and standard deviation of red, green and blue in ImageNet, by which the inputs of these networks are normalised.
 const MEAN: [f32; 3] = [0.485, 0.456, 0.406];
@@ -51,7 +52,7 @@ pub struct DepthNetwork {
 }
 
 impl DepthNetwork {
-    /// Loads a model and runs it once on a grey image, so that problems show before a flight. In a process of its own
+    /// Loads a model and runs it on a grey image and on noise, so that problems show before a flight. In a process of its own
     /// ([`Place::Process`]) its memory and time are bounded.
     ///
     /// # Errors
@@ -60,9 +61,13 @@ impl DepthNetwork {
         let model = Model::open(path, place)?;
         let input = input_size(&model.description, options.size)?;
         let output = output(&model.description)?;
-        let grey = vec![0.0; 3 * input.0 * input.1];
-        let shape = model.run(Input { size: input, values: &grey, output })?.shape;
-        let output_size = output_size(&shape, input)?;
+        let pixels = 3 * input.0 * input.1;
+        let grey = model.run(Input { size: input, values: &vec![0.0; pixels], output })?;
+        let output_size = output_size(&grey.shape, input)?;
+        let noise = model.run(Input { size: input, values: &trial::noise(pixels, -2.0, 2.0), output })?;
+        if trial::is_same(&grey.values, &noise.values) {
+            return Err(trial::constant());
+        }
         Ok(Self { model: Arc::new(model), kind: options.kind, input, output, output_size })
     }
 

@@ -14,6 +14,7 @@ use crate::letterbox::{self, Letterbox};
 use crate::model::Model;
 use crate::names;
 use crate::process::Place;
+use crate::trial;
 
 /// Default side of the input for models with a dynamic size.
 const DEFAULT_SIDE: usize = 640;
@@ -33,7 +34,7 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// Loads a model and runs it once on a grey image, so that problems show before a flight. Its metadata is used:
+    /// Loads a model and runs it on a grey image and on noise, so that problems show before a flight. Its metadata is used:
     /// input size, classes, output layout. In a process of its own ([`Place::Process`]) its memory and time are bounded.
     ///
     /// # Errors
@@ -48,10 +49,14 @@ impl Detector {
             return Err(NetworkError::Unfit("it has no outputs".to_owned()));
         }
         let masks = about.outputs.iter().enumerate().any(|(index, other)| index != output && other.shape.len() == 4);
-        let class_names = about.metadata("names").and_then(names::parse);
-        let grey = vec![letterbox::PADDING; 3 * input.0 * input.1];
-        let shape = model.run(Input { size: input, values: &grey, output })?.shape;
-        let layout = Layout::of(&shape, input, class_names.as_ref().map(Vec::len), masks, end_to_end(about))?;
+        let class_names = class_names(about)?;
+        let pixels = 3 * input.0 * input.1;
+        let grey = model.run(Input { size: input, values: &vec![letterbox::PADDING; pixels], output })?;
+        let count = class_names.as_ref().map(Vec::len);
+        let layout = Layout::of(&grey.shape, input, count, masks, end_to_end(about))?;
+        let noise = model.run(Input { size: input, values: &trial::noise(pixels, 0.0, 1.0), output })?;
+        let (grey, noise) = ((&grey.shape[..], &grey.values[..]), (&noise.shape[..], &noise.values[..]));
+        let layout = layout.with_unit(trial::unit(&layout, count, input, grey, noise)?, input);
         let classes = names::complete(class_names, layout.classes());
         Ok(Self { model: Arc::new(model), input, output, layout, classes: classes.into() })
     }
@@ -84,6 +89,13 @@ impl Detector {
         letterbox.fill(image, &mut values);
         let output = self.model.run(Input { size: self.input, values: &values, output: self.output })?;
         let candidates = self.layout.decode(&output.shape, &output.values)?;
+        // The trial may have found nothing by which to tell.
+        let is_corner = |candidate: &decode::Candidate| candidate.corners.iter().all(|at| *at <= trial::FRACTIONS);
+        if !candidates.is_empty() && candidates.iter().all(is_corner) {
+            let why =
+                "all its boxes are in the first pixel: they seem to be fractions of the image; export it with boxes in pixels";
+            return Err(NetworkError::Unfit(why.to_owned()));
+        }
         let kept = decode::suppress(candidates, self.layout.is_final());
         let named = |candidate: decode::Candidate| Detection {
             name: self.classes.get(candidate.class).cloned().unwrap_or_else(|| format!("class {}", candidate.class)),
@@ -92,6 +104,17 @@ impl Detector {
         };
         Ok(kept.into_iter().map(named).collect())
     }
+}
+
+/// The class names of the metadata. Names that cannot be read would be taken for those of other classes.
+fn class_names(about: &Description) -> Result<Option<Vec<String>>, NetworkError> {
+    let Some(text) = about.metadata("names") else { return Ok(None) };
+    let names = names::parse(text).ok_or_else(|| {
+        let start: String = text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(80).collect();
+        let expected = "{0: 'person', 1: 'bicycle'}, from 0 without gaps, or ['person', 'bicycle']";
+        NetworkError::Unfit(format!("the `names` of its metadata cannot be read: `{start}`; expected {expected}"))
+    })?;
+    Ok(Some(names))
 }
 
 /// Models for other tasks have other outputs, some with the same shape.

@@ -26,7 +26,9 @@ mod network;
 mod network;
 mod output_kind;
 mod process;
+mod trial;
 pub mod triangulation;
+pub mod windows;
 mod wire;
 pub mod worker;
 

@@ -6,6 +6,7 @@ use rten_tensor::{Tensor, TensorView};
 
 use crate::error::NetworkError;
 use crate::exchange::{Description, Input, Outlet, Output};
+use crate::windows;
 
 /// Maximum length of an entry of metadata, bytes: names of thousands of classes.
 const MAX_ENTRY: usize = 1 << 20;
@@ -26,7 +27,7 @@ impl Network {
     pub(crate) fn load(bytes: Vec<u8>) -> Result<Self, NetworkError> {
         let mut options = ModelOptions::with_ops(OpRegistry::with_all_ops());
         options.prepack_weights(true);
-        let model = options.load(bytes).map_err(|error| unread(&error.to_string()))?;
+        let model = options.load(windows::complete(bytes)?).map_err(|error| unread(&error.to_string()))?;
         let &[input] = model.input_ids() else {
             return Err(NetworkError::Unfit(format!("it has {} inputs, expected one", model.input_ids().len())));
         };

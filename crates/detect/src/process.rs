@@ -14,6 +14,9 @@ use crate::exchange::{Description, Input, Output};
 use crate::wire::{self, Reply};
 use crate::worker::ARGUMENT;
 
+/// Number of runs of the trial before a flight.
+const TRIAL: u64 = 2;
+
 /// Where a network is run.
 #[derive(Clone, Debug)]
 pub enum Place {
@@ -52,8 +55,8 @@ struct Line {
     child: Child,
     to: Option<BufWriter<ChildStdin>>,
     replies: Receiver<Reply>,
-    /// Whether it was run before.
-    is_warm: bool,
+    /// How often it has run.
+    runs: u64,
     /// Why it was ended; whoever asks again gets the same reason.
     ended: Option<String>,
 }
@@ -86,7 +89,7 @@ impl Remote {
                 }
             });
         }
-        let mut line = Line { child, to, replies, is_warm: false, ended: None };
+        let mut line = Line { child, to, replies, runs: 0, ended: None };
         match line.ask(model, bounds, bounds.load).map_err(NetworkError::Load)? {
             Reply::Loaded(description) => Ok((Self { bounds, line: Mutex::new(line) }, description)),
             Reply::Failed(error) => Err(error),
@@ -97,10 +100,10 @@ impl Remote {
     /// Runs it.
     pub(crate) fn run(&self, input: Input<'_>) -> Result<Output, NetworkError> {
         let mut line = self.line.lock().unwrap_or_else(PoisonError::into_inner);
-        let time = if line.is_warm { self.bounds.run } else { self.bounds.load };
+        let time = if line.runs >= TRIAL { self.bounds.run } else { self.bounds.load };
         match line.ask(&wire::input(input), self.bounds, time).map_err(NetworkError::Run)? {
             Reply::Ran(output) => {
-                line.is_warm = true;
+                line.runs += 1;
                 Ok(output)
             }
             Reply::Failed(error) => Err(error),

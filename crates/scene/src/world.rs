@@ -46,6 +46,8 @@ pub struct Scene {
     pub geometry: SceneGeometry,
     /// Actors, in order of ids. Bounds and outlines of these objects are the initial ones.
     pub actors: Vec<Actor>,
+    /// What of its glTF files is not drawn, or may be in another unit: a sentence each, for whoever loaded it.
+    pub warnings: Vec<String>,
 }
 
 /// An object of a scene.

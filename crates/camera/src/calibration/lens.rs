@@ -1,5 +1,7 @@
 //! Models of lenses, as OpenCV has them.
 
+use core::fmt;
+
 use super::CalibrationError;
 
 /// How a lens distorts.
@@ -22,6 +24,33 @@ pub enum Lens {
     },
 }
 
+/// What a name of a model means.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Family {
+    None,
+    Brown,
+    Fisheye,
+}
+
+impl fmt::Display for Lens {
+    /// The model by its names, and the coefficients; of those that most lenses lack, the ones that are not zero.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.is_none() {
+            return f.write_str("no distortion");
+        }
+        match self {
+            Self::Brown { k: [k1, k2, k3], denominator, p: [p1, p2] } => {
+                write!(f, "Brown (plumb_bob, radtan): k1 {k1}, k2 {k2}, p1 {p1}, p2 {p2}, k3 {k3}")?;
+                let more = [("k4", denominator[0]), ("k5", denominator[1]), ("k6", denominator[2])];
+                more.iter().filter(|(_, value)| *value != 0.0).try_for_each(|(name, value)| write!(f, ", {name} {value}"))
+            }
+            Self::Fisheye { k: [k1, k2, k3, k4] } => {
+                write!(f, "fisheye (equidistant): k1 {k1}, k2 {k2}, k3 {k3}, k4 {k4}")
+            }
+        }
+    }
+}
+
 impl Lens {
     /// From OpenCV's order of coefficients: k1, k2, p1, p2, k3, k4, k5, k6.
     #[must_use]
@@ -35,30 +64,56 @@ impl Lens {
         Self::Fisheye { k }
     }
 
-    /// From the name of a model, OpenCV's flag for a fisheye, and the coefficients.
-    pub(super) fn of(model: Option<&str>, fisheye: Option<f64>, coefficients: &[f64]) -> Result<Self, CalibrationError> {
-        const KEY: &str = "distortion_coefficients";
-        let is_fisheye = match model {
-            Some("plumb_bob" | "rational_polynomial" | "radtan") => false,
-            Some("equidistant" | "fisheye" | "kannala_brandt") => true,
-            Some("none" | "") if coefficients.iter().all(|k| *k == 0.0) => return Ok(Self::brown([0.0; 8])),
-            Some(other) => return Err(CalibrationError::Model(other.chars().filter(char::is_ascii_graphic).take(40).collect())),
-            None => fisheye.is_some_and(|flag| flag != 0.0),
-        };
-        if is_fisheye {
-            let k = coefficients.try_into().map_err(|_| CalibrationError::Invalid(KEY, "a fisheye has four"))?;
-            return Ok(Self::fisheye(k));
+    /// From the names of models that a file gives by their keys, OpenCV's flag for a fisheye, and the coefficients with
+    /// their key.
+    pub(super) fn of(
+        models: &[(&'static str, &str)],
+        fisheye: Option<f64>,
+        (key, coefficients): (&'static str, &[f64]),
+    ) -> Result<Self, CalibrationError> {
+        let mut family: Option<(&'static str, Family)> = fisheye.map(|flag| {
+            let is_fisheye = flag != 0.0;
+            ("fisheye_model", if is_fisheye { Family::Fisheye } else { Family::Brown })
+        });
+        for &(key, name) in models {
+            let named = match name.trim().to_ascii_lowercase().as_str() {
+                // The model of the projection, which leaves that of the distortion open.
+                "pinhole" | "perspective" if key == "camera_model" => continue,
+                "plumb_bob" | "rational_polynomial" | "radtan" | "radial-tangential" | "pinhole-radtan" => Family::Brown,
+                "equidistant" | "fisheye" | "kannala_brandt" | "equi" | "pinhole-equi" => Family::Fisheye,
+                "none" | "" => Family::None,
+                _ => {
+                    let shown = name.chars().filter(char::is_ascii_graphic).take(40).collect();
+                    return Err(CalibrationError::Model(shown));
+                }
+            };
+            match family {
+                Some((other, known)) if known != named => return Err(CalibrationError::Contradiction(other, key)),
+                _ => family = Some((key, named)),
+            }
         }
-        // The last six of OpenCV's fourteen are for prisms and tilted sensors.
-        if !matches!(coefficients.len(), 0 | 4 | 5 | 8 | 12 | 14) {
-            return Err(CalibrationError::Invalid(KEY, "there are 4, 5 or 8"));
+        match family.map_or(Family::Brown, |(_, family)| family) {
+            Family::None if coefficients.iter().any(|k| *k != 0.0) => {
+                Err(CalibrationError::Invalid(key, "there are some, and the file says that there is no distortion"))
+            }
+            Family::None => Ok(Self::brown([0.0; 8])),
+            Family::Fisheye => {
+                let k = coefficients.try_into().map_err(|_| CalibrationError::Invalid(key, "a fisheye has four"))?;
+                Ok(Self::fisheye(k))
+            }
+            // The last six of OpenCV's fourteen are for prisms and tilted sensors.
+            Family::Brown if !matches!(coefficients.len(), 0 | 4 | 5 | 8 | 12 | 14) => {
+                Err(CalibrationError::Invalid(key, "there are 4, 5 or 8"))
+            }
+            Family::Brown if coefficients.iter().skip(8).any(|k| *k != 0.0) => {
+                Err(CalibrationError::Invalid(key, "those of thin prisms and tilted sensors cannot be used"))
+            }
+            Family::Brown => {
+                let mut all = [0.0; 8];
+                all.iter_mut().zip(coefficients).for_each(|(to, from)| *to = *from);
+                Ok(Self::brown(all))
+            }
         }
-        if coefficients.iter().skip(8).any(|k| *k != 0.0) {
-            return Err(CalibrationError::Invalid(KEY, "those of thin prisms and tilted sensors cannot be used"));
-        }
-        let mut all = [0.0; 8];
-        all.iter_mut().zip(coefficients).for_each(|(to, from)| *to = *from);
-        Ok(Self::brown(all))
     }
 
     /// Whether it does not distort at all.

@@ -45,7 +45,7 @@ pub(crate) struct CameraArgs {
     /// the camera sees
     #[arg(long = "camera", value_name = "URL")]
     pub(crate) url: Option<String>,
-    /// Calibration of that camera: a YAML file of OpenCV or ROS
+    /// Calibration of that camera: a YAML file of OpenCV, ROS or Kalibr
     #[arg(long = "camera-calibration", value_name = "FILE", requires = "url", conflicts_with = "fov")]
     pub(crate) calibration: Option<PathBuf>,
     /// Horizontal field of view of that camera, degrees, if it is not calibrated

@@ -147,14 +147,15 @@ pub(crate) fn open(
     Ok((camera, optics))
 }
 
-/// Checks a camera for `spf doctor`.
-pub(crate) fn check(url: &str, args: &CameraArgs, tello: TelloSettings) -> Result<Check, CliError> {
+/// Checks a camera for `spf doctor`: its lens, if it is calibrated, and what arrives.
+pub(crate) fn check(url: &str, args: &CameraArgs, tello: TelloSettings) -> Result<Vec<Check>, CliError> {
     let url = address("--camera", url)?;
     let geometry = Geometry::of(args, &url)?;
     let camera = geometry.start(url.clone(), tello, Instant::now())?;
     first_image(&camera, |_, _| {});
     let watched = Watched::of(&camera, CHECKED);
-    Ok(watched.check(&camera, &url, |size| geometry.mismatch(size)))
+    let watched = watched.check(&camera, &url, |size| geometry.mismatch(size));
+    Ok(geometry.lens().into_iter().chain([watched]).collect())
 }
 
 /// A camera that has shown its first image. `what` is the argument that names it.

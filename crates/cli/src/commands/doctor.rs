@@ -40,7 +40,7 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
         }
     };
     if let Some(url) = &args.camera.url {
-        checks.push(camera::check(url, &args.camera, options(&settings)?.tello)?);
+        checks.extend(camera::check(url, &args.camera, options(&settings)?.tello)?);
     }
     checks.extend(vlm(&settings)?);
     // It renders for seconds: what is wrong in the command is said before.

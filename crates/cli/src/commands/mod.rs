@@ -33,16 +33,20 @@ use spf_scene::{Scene, SceneLook};
 use crate::error::CliError;
 
 /// Loads a built-in scene or a scene file, or as in a log of the bench `SCENE+TASK`, with the objects that a built-in task adds;
-/// errors suggest similar names.
+/// errors suggest similar names. Says what of a model is not drawn.
 pub(crate) fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, CliError> {
     let task = name.rsplit_once('+').and_then(|(scene, task)| Some((scene, shipped(task).ok()??.objects)));
     let (scene, objects) = task.as_ref().map_or((name, ""), |(scene, objects)| (*scene, objects));
-    LoadedScene::load_adding(scene, conditions, objects).map_err(|error| {
+    let loaded = LoadedScene::load_adding(scene, conditions, objects).map_err(|error| {
         let built_in = Scene::built_in().join(", ");
         CliError::usage(format!("cannot load the scene `{name}`"))
             .because(&error)
             .hint(format!("built-in scenes: {built_in}; or a scene file (docs/reference/scene-format.md)"))
-    })
+    })?;
+    for warning in &loaded.scene.warnings {
+        tracing::warn!("{name}: {warning}");
+    }
+    Ok(loaded)
 }
 
 /// Reads a file named by the user.

@@ -89,6 +89,16 @@ fn the_doctor_watches_a_camera() {
     let line = run.stdout.lines().find(|line| line.contains("camera")).unwrap_or_else(|| panic!("{}{}", run.stdout, run.stderr));
     assert!(line.contains("400×300") && line.contains("frames/s (fine from 10, too few below 5), frames "), "{line}");
     assert!(line.contains("(fine without gaps, too many from 5 % lost)"), "{line}");
+    // The lens as it was read: 2·atan(400/700) by 2·atan(300/700).
+    let lens = run.stdout.lines().find(|line| line.contains("lens")).unwrap_or_else(|| panic!("{}", run.stdout));
+    let read =
+        "800×600, focal length 700.0 and 700.0 pixels, centre at (400.0, 300.0), Brown (plumb_bob, radtan): k1 -0.2, k2 0.1";
+    assert!(lens.starts_with("ok") && lens.contains(read) && lens.contains("sees 59° × 46°"), "{lens}");
+    // Under a name that is none, the distortion would be lost.
+    let file = String::from_utf8(lab.read("front.yaml")).unwrap();
+    lab.write("other.yaml", file.replace("distortion_coefficients", "distortion"));
+    let run = lab.spf(&["doctor", "--camera", "file:square.mp4", "--camera-calibration", "other.yaml"]);
+    assert!(run.code == Some(2) && run.stderr.contains("the key `distortion.data` is unknown"), "{}", run.stderr);
 }
 
 /// A camera that films the terminal and sends its images 0.4 s later; ffmpeg adds its own time.

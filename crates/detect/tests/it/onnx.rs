@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use crate::made::{Export, SIDE, model};
+use crate::made::{Export, SIDE, Unit, model};
 use spf_core::detection::Detection;
 use spf_core::query::ImageBox;
 use spf_detect::{Detector, NetworkError, Place};
@@ -66,6 +66,12 @@ fn every_layout_finds_the_same() {
         Export { masks: true, ..plain.clone() },
         Export { masks: true, transposed: true, ..plain.clone() },
         Export { dynamic: true, ..plain.clone() },
+        // Graphs that say no more of their windows than they need to.
+        Export { defaults: true, ..plain.clone() },
+        Export { defaults: true, dynamic: true, transposed: true, ..plain.clone() },
+        // Fractions of the image, as RT-DETR gives them.
+        Export { unit: Unit::Fractions, ..plain.clone() },
+        Export { unit: Unit::Fractions, transposed: true, ..plain.clone() },
     ];
     for export in exports {
         let detector = folder.open(&export).unwrap_or_else(|error| panic!("{export:?}: {error}"));
@@ -92,6 +98,41 @@ fn final_boxes_are_taken_as_they_are() {
         let found = detector.detect(&squares()).unwrap();
         assert_eq!((names(&found), found[0].area), (vec!["red cone"], RED));
     }
+}
+
+#[test]
+fn rows_of_rt_detr_are_read() {
+    let metadata = vec![("names", "{0: 'red cone', 1: 'blue box', 2: 'door'}"), ("task", "detect"), ("imgsz", "[64, 64]")];
+    let rows = Export { classes: 3, queries: Some(64), transposed: true, unit: Unit::Fractions, metadata, ..Export::default() };
+    let detector = Folder::new().open(&rows).unwrap_or_else(|error| panic!("{error}"));
+    let found = detector.detect(&squares()).unwrap();
+    assert_eq!((names(&found), [found[0].area, found[1].area]), (vec!["red cone", "blue box"], [RED, BLUE]));
+}
+
+#[test]
+fn operators_that_leave_their_windows_to_defaults_change_nothing() {
+    let folder = Folder::new();
+    let found = |export: &Export| folder.open(export).unwrap().detect(&squares()).unwrap();
+    assert_eq!(found(&Export { defaults: true, ..Export::default() }), found(&Export::default()));
+}
+
+#[test]
+fn final_boxes_in_fractions_are_read_or_refused() {
+    let three = "{0: 'red cone', 1: 'blue box', 2: 'door'}";
+    let export = Export {
+        is_final: true,
+        unit: Unit::Fractions,
+        metadata: vec![("names", three), ("imgsz", "[64, 64]")],
+        ..Export::default()
+    };
+    let detector = Folder::new().open(&export).unwrap();
+    let found = detector.detect(&squares()).unwrap();
+    assert_eq!((names(&found), found[0].area), (vec!["red cone"], RED));
+    // One that finds nothing in the trial shows its unit only in flight.
+    let hidden = Export { offset: -0.2, ..export };
+    let detector = Folder::new().open(&hidden).unwrap();
+    let refused = detector.detect(&squares()).unwrap_err().to_string();
+    assert!(refused.contains("fractions of the image"), "{refused}");
 }
 
 #[test]
@@ -122,13 +163,30 @@ fn what_does_not_fit_is_refused_in_words() {
     let folder = Folder::new();
     let with = |key, value| Export { metadata: vec![(key, value)], ..Export::default() };
     let plain = model(&Export::default());
-    let cases: [(Vec<u8>, &str); 7] = [
+    let last =
+        || Export { is_final: true, metadata: vec![("names", "['a', 'b', 'c']"), ("imgsz", "[64, 64]")], ..Export::default() };
+    let cases: [(Vec<u8>, &str); 15] = [
         (b"no model at all".to_vec(), "cannot load"),
         (plain[..plain.len() / 2].to_vec(), "cannot load"),
         (model(&Export { half: true, ..Export::default() }), "export without `half`"),
         (model(&Export { channels: 1, ..Export::default() }), "its input is 1×1×64×64, expected 1×3×height×width"),
         (model(&with("task", "pose")), "task is `pose`, expected `detect`"),
-        (model(&with("names", "{0: 'a'}")), "its output is 1×6×84 with 1 class names"),
+        (
+            model(&with("names", "{0: 'a'}")),
+            "has scores of 2 classes (or an objectness score, as YOLOv5 and older have: not supported)",
+        ),
+        (model(&with("names", "['a', 'b', 'c']")), "has scores of 2 classes, but its metadata has 3 class names"),
+        (model(&with("names", "{0: 'a', 2: 'b'}")), "`names` of its metadata cannot be read: `{0: 'a', 2: 'b'}`"),
+        (model(&Export { constant: true, ..Export::default() }), "the same for every image"),
+        (model(&Export { unit: Unit::Cells, ..Export::default() }), "from (0.5, 0.5) to (7.5, 7.5) in an input of 64×64 pixels"),
+        (model(&Export { offset: -7.0, ..Export::default() }), "its scores are from -7.0 to 0.0, expected probabilities"),
+        (model(&Export { offset: 0.5, constant: true, ..last() }), "the same for every image"),
+        (model(&Export { offset: 1.5, ..last() }), "the last two of a row of its output are 1.5"),
+        // One class after its objectness, as many numbers as a final box has.
+        (
+            model(&Export { queries: Some(64), transposed: true, offset: 0.3, ..with("names", "['a']") }),
+            "are 0.3 and 0.3, expected left, top, right, bottom, score and class; heads with objectness (YOLOv5 and older)",
+        ),
         (Vec::new(), "cannot load"),
     ];
     for (bytes, words) in cases {

@@ -7,8 +7,6 @@ pub(crate) mod vit;
 
 /// The side of the input, pixels.
 pub(crate) const SIDE: usize = 64;
-/// Rows of a cell: box, two classes.
-const ROWS: usize = 6;
 const MASK_ROWS: usize = 32;
 const FLOAT: u64 = 1;
 const INT64: u64 = 7;
@@ -29,6 +27,18 @@ pub(crate) struct Export {
     pub(crate) half: bool,
     /// Channels of the input.
     pub(crate) channels: usize,
+    /// Classes; from the third on nothing is found of them.
+    pub(crate) classes: usize,
+    /// The unit of the boxes.
+    pub(crate) unit: Unit,
+    /// Only the first this many cells, as queries that are no cells of the usual heads; needs `transposed`.
+    pub(crate) queries: Option<usize>,
+    /// What is found does not depend on the image.
+    pub(crate) constant: bool,
+    /// What is added to the scores.
+    pub(crate) offset: f32,
+    /// Before the heads are operators that change nothing and leave their windows to defaults and rules.
+    pub(crate) defaults: bool,
     /// The model's metadata.
     pub(crate) metadata: Vec<(&'static str, &'static str)>,
 }
@@ -42,9 +52,27 @@ impl Default for Export {
             dynamic: false,
             half: false,
             channels: 3,
+            classes: 2,
+            unit: Unit::Pixels,
+            queries: None,
+            constant: false,
+            offset: 0.0,
+            defaults: false,
             metadata: vec![("names", "{0: 'red cone', 1: 'blue box'}"), ("task", "detect"), ("imgsz", "[64, 64]")],
         }
     }
+}
+
+/// The unit of boxes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(dead_code, reason = "not every test that makes models makes all of them")]
+pub(crate) enum Unit {
+    /// Pixels of the input.
+    Pixels,
+    /// Fractions of its sides.
+    Fractions,
+    /// Cells of the head.
+    Cells,
 }
 
 /// A message of protocol buffers.
@@ -121,28 +149,39 @@ fn value(name: &str, dims: &[Result<usize, &str>]) -> Message {
 
 /// The model, as a file.
 pub(crate) fn model(export: &Export) -> Vec<u8> {
-    let rows = ROWS + if export.masks { MASK_ROWS } else { 0 };
+    let rows = 4 + export.classes + if export.masks { MASK_ROWS } else { 0 };
     let mut graph = Message::default().text(2, "squares");
+    let images = if export.defaults { "through" } else { "images" };
+    if export.defaults {
+        graph = through(graph, images);
+    }
     let mut parts = Vec::new();
     for stride in [8, 16, 32] {
         let (side, names) = (SIDE / stride, ["conv", "weights", "grid", "put", "size", "head"].map(|n| format!("{n}{stride}")));
         let [conv, weights, grid, put, size, head] = names.each_ref().map(String::as_str);
         let strides = [stride as u64, stride as u64];
         graph = graph
-            .message(1, &node("Conv", &["images", weights], conv, &[("strides", &strides), ("kernel_shape", &strides)], &[]))
+            .message(1, &node("Conv", &[images, weights], conv, &[("strides", &strides), ("kernel_shape", &strides)], &[]))
             .message(1, &node("Add", &[conv, grid], put, &[], &[]))
             .message(1, &node("Reshape", &[put, size], head, &[], &[]))
             .message(5, &looking(weights, rows, export, stride))
-            .message(5, &floats(grid, &[1, rows, side, side], &places(rows, export.is_final, stride)))
+            .message(5, &floats(grid, &[1, rows, side, side], &places(rows, export, stride)))
             .message(5, &tensor(size, &[3], INT64, &[1, rows, side * side].map(|n| (n as i64).to_le_bytes()).concat()));
         parts.push(head.to_owned());
     }
     let turned = export.transposed || export.is_final;
     let heads: Vec<&str> = parts.iter().map(String::as_str).collect();
-    let (joined, cells) = (if turned { "joined" } else { "output0" }, 84);
+    let (joined, cells) = (if turned { "joined" } else { "output0" }, export.queries.unwrap_or(84));
     graph = graph.message(1, &node("Concat", &heads, joined, &[], &[("axis", 2)]));
     if turned {
-        graph = graph.message(1, &node("Transpose", &["joined"], "output0", &[("perm", &[0, 2, 1])], &[]));
+        let whole = if export.queries.is_some() { "cells" } else { "output0" };
+        graph = graph.message(1, &node("Transpose", &["joined"], whole, &[("perm", &[0, 2, 1])], &[]));
+    }
+    if let Some(queries) = export.queries {
+        graph = graph.message(1, &node("Slice", &["cells", "from", "to", "along"], "output0", &[], &[]));
+        for (name, value) in [("from", 0), ("to", queries as i64), ("along", 1)] {
+            graph = graph.message(5, &tensor(name, &[1], INT64, &value.to_le_bytes()));
+        }
     }
     let (batch, height, width) =
         if export.dynamic { (Err("batch"), Err("height"), Err("width")) } else { (Ok(1), Ok(SIDE), Ok(SIDE)) };
@@ -166,7 +205,7 @@ pub(crate) fn model(export: &Export) -> Vec<u8> {
 fn looking(name: &str, rows: usize, export: &Export, stride: usize) -> Message {
     let area = stride * stride;
     let mut weights = vec![0.0; rows * export.channels * area];
-    if stride == 8 && export.channels == 3 {
+    if stride == 8 && export.channels == 3 && !export.constant {
         let classes = if export.is_final { 1 } else { 2 };
         for class in 0..classes {
             let row = (4 + class) * 3 * area;
@@ -179,22 +218,63 @@ fn looking(name: &str, rows: usize, export: &Export, stride: usize) -> Message {
     if export.half { tensor(name, &dims, FLOAT16, &vec![0; 2 * weights.len()]) } else { floats(name, &dims, &weights) }
 }
 
-/// Offset added to each cell: its position, as centre and size or as corners.
-fn places(rows: usize, is_final: bool, stride: usize) -> Vec<f32> {
+/// Offset added to each cell: its position, as centre and size or as corners, and that of the scores.
+fn places(rows: usize, export: &Export, stride: usize) -> Vec<f32> {
     let side = SIDE / stride;
     let size = stride as f32;
+    let unit = match export.unit {
+        Unit::Pixels => 1.0,
+        Unit::Fractions => SIDE as f32,
+        Unit::Cells => size,
+    };
     let mut values = vec![0.0; rows * side * side];
+    let scores = if export.is_final { 1 } else { export.classes };
+    values[4 * side * side..(4 + scores) * side * side].fill(export.offset);
     for y in 0..side {
         for x in 0..side {
             let (left, top) = (x as f32 * size, y as f32 * size);
-            let place =
-                if is_final { [left, top, left + size, top + size] } else { [left + 0.5 * size, top + 0.5 * size, size, size] };
+            let place = if export.is_final {
+                [left, top, left + size, top + size]
+            } else {
+                [left + 0.5 * size, top + 0.5 * size, size, size]
+            };
             for (row, number) in place.into_iter().enumerate() {
-                values[(row * side + y) * side + x] = number;
+                values[(row * side + y) * side + x] = number / unit;
             }
         }
     }
     values
+}
+
+/// An operator that pads by a rule.
+fn ruled(operator: &str, inputs: &[&str], output: &str, lists: &[(&str, &[u64])], rule: &str) -> Message {
+    let attribute = Message::default().text(1, "auto_pad").text(4, rule).number(20, 3);
+    node(operator, inputs, output, lists, &[]).message(5, &attribute)
+}
+
+/// Operators that change nothing, in each way in which a file may leave their windows to defaults and rules.
+fn through(graph: Message, last: &str) -> Message {
+    // Each channel by itself, with a one at a place of the kernel.
+    let kernel = |name: &str, side: usize, place: usize| {
+        let mut values = vec![0.0; 9 * side * side];
+        (0..3).for_each(|channel| values[4 * channel * side * side + place * side + place] = 1.0);
+        floats(name, &[3, 3, side, side], &values)
+    };
+    let twice: (&str, &[u64]) = ("strides", &[2, 2]);
+    graph
+        // Nothing but the weights tells the window.
+        .message(1, &node("Conv", &["images", "one"], "by_weights", &[], &[]))
+        .message(1, &ruled("Conv", &["by_weights", "three"], "upper", &[], "SAME_UPPER"))
+        // Of one pixel of padding the first side gets it.
+        .message(1, &ruled("Conv", &["upper", "two"], "lower", &[], "SAME_LOWER"))
+        .message(1, &node("MaxPool", &["lower"], "pooled", &[("kernel_shape", &[1, 1])], &[]))
+        // To twice the size, each pixel in the place of the kernel's first, and back.
+        .message(1, &ruled("ConvTranspose", &["pooled", "first"], "wide", &[twice], "SAME_UPPER"))
+        .message(1, &ruled("Conv", &["wide", "one"], last, &[twice], "VALID"))
+        .message(5, &kernel("one", 1, 0))
+        .message(5, &kernel("two", 2, 1))
+        .message(5, &kernel("three", 3, 1))
+        .message(5, &kernel("first", 3, 0))
 }
 
 /// How a depth network is exported. Its value at a pixel is the red of that pixel, from 0 to 1, times `gain`.

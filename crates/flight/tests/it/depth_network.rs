@@ -24,14 +24,15 @@ use crate::made::{DepthExport, depth};
 
 const SIZE: (usize, usize) = (112, 84);
 
-/// Disparity grows with the row from the horizon down, as it does over level ground. Above it there is nothing.
+/// Disparity grows with the row from the horizon down, as it does over level ground. Above it there is nothing: less than
+/// zero, by what is red, since a network without a trace of the image is refused.
 fn knows_ground() -> DepthNetwork {
     let camera = CraftKind::Quad.camera().resized(SIZE.0 as u32, SIZE.1 as u32);
     let horizon = camera.cy - camera.fy * camera.tilt.tan();
     let rows = (0..SIZE.1).map(|row| 0.4 * (row as f64 + 0.5 - horizon).max(0.0) as f32).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ground.onnx");
-    std::fs::write(&path, depth(&DepthExport { gain: 0.0, size: Some(SIZE), rows, ..DepthExport::default() })).unwrap();
+    std::fs::write(&path, depth(&DepthExport { gain: -1e-9, size: Some(SIZE), rows, ..DepthExport::default() })).unwrap();
     DepthNetwork::open(&path, DepthOptions { kind: OutputKind::Disparity, size: None }, &Place::Here).unwrap()
 }
 

@@ -150,6 +150,7 @@ pub(super) fn build(
         weather: shining.weather,
         geometry: SceneGeometry { parts: all, materials: materials.list, textures, light: shining.light },
         actors: actors.list,
+        warnings: expanded.models.warnings,
     })
 }
 

@@ -41,6 +41,8 @@ pub(super) struct Models {
     list: Vec<(RawModel, Arc<Model>)>,
     /// Memory used by their images, bytes.
     images: usize,
+    /// What of them is not drawn.
+    pub(super) warnings: Vec<String>,
 }
 
 impl Models {
@@ -83,6 +85,7 @@ impl Models {
             let message = format!("the textures of the models exceed {} MiB", MAX_TEXTURE_BYTES >> 20);
             return Err(source.error(at, message, Some("make them smaller".to_owned())));
         }
+        self.warnings.extend(model.warnings.iter().map(|warning| format!("the model `{}`: {warning}", raw.file)));
         self.list.push((raw, Arc::new(model)));
         Ok(self.list.len() - 1)
     }

@@ -11,6 +11,7 @@ use super::problem::{Problem, missing};
 pub(super) const MAX_ELEMENTS: usize = 6_000_000;
 
 /// Reads the accessors of a file.
+#[derive(Clone, Copy)]
 pub(super) struct Accessors<'a> {
     pub(super) root: &'a Root,
     pub(super) buffers: &'a Buffers<'a>,
@@ -47,9 +48,11 @@ fn whole(bytes: &[u8]) -> u32 {
     }
 }
 
-/// One component of a vector: a float, or an unsigned fraction.
+/// One component of a vector: a float, or a fraction.
 fn number(bytes: &[u8], component: ComponentType) -> f32 {
     match component {
+        ComponentType::I8 => (f32::from(whole(bytes) as i8) / 127.0).max(-1.0),
+        ComponentType::I16 => (f32::from(whole(bytes) as i16) / 32_767.0).max(-1.0),
         ComponentType::U8 => whole(bytes) as f32 / 255.0,
         ComponentType::U16 => whole(bytes) as f32 / 65_535.0,
         _ => f32::from_bits(whole(bytes)),
@@ -67,7 +70,7 @@ impl<'a> Accessors<'a> {
         })
     }
 
-    /// Vectors of floats or, for normalised values (texture coordinates, colours), of unsigned fractions. A vector with
+    /// Vectors of floats or, for normalised values (texture coordinates, colours, rotations), of fractions. A vector with
     /// fewer than `N` components is filled up with `fill`, where `least` allows it.
     pub(super) fn vectors<const N: usize>(
         &self,
@@ -79,8 +82,7 @@ impl<'a> Accessors<'a> {
         let accessor = self.accessor(index)?;
         let (component, kind) = self.kind(accessor, index)?;
         let width = kind.multiplicity();
-        let fits = component == ComponentType::F32
-            || (fractions && accessor.normalized && matches!(component, ComponentType::U8 | ComponentType::U16));
+        let fits = component == ComponentType::F32 || (fractions && accessor.normalized && component != ComponentType::U32);
         let flat = !matches!(kind, Type::Mat2 | Type::Mat3 | Type::Mat4);
         if !fits || !flat || !(least..=N).contains(&width) {
             let message = format!("accessor {} has {kind:?} of {component:?}, which is not valid for its use", index.value());

@@ -13,6 +13,8 @@ use super::problem::{Problem, short};
 pub(super) const MAX_BYTES: u64 = 256 << 20;
 /// Maximum length of the JSON text, bytes, including embedded buffers and images.
 const MAX_JSON_BYTES: usize = 128 << 20;
+/// The extension by which a node places its mesh many times.
+pub(super) const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 /// Maximum number of values in the JSON text, which also bounds the memory for them.
 const MAX_JSON_VALUES: usize = 500_000;
 
@@ -97,20 +99,18 @@ fn root(text: &[u8]) -> Result<Root, Problem> {
     Ok(root)
 }
 
-/// Rejects required extensions that are not supported.
+/// Rejects required extensions without which nothing, or something else, would be drawn. Of textures in other formats the
+/// material's plain colour is drawn, with a warning (`images`).
 fn supported(name: &str) -> Result<(), Problem> {
     let harmless = ["KHR_materials_", "KHR_lights_", "EXT_lights_", "KHR_texture_transform", "KHR_xmp"];
-    if harmless.iter().any(|prefix| name.starts_with(prefix)) && !name.ends_with("pbrSpecularGlossiness") {
+    let textures = ["KHR_texture_basisu", "EXT_texture_webp", "EXT_texture_avif", "MSFT_texture_dds"];
+    if harmless.iter().any(|prefix| name.starts_with(prefix)) || textures.contains(&name) || name == INSTANCING {
         return Ok(());
     }
     let remedy = match name {
         "KHR_draco_mesh_compression" => "export without compression (Blender: untick Data > Compression)",
         "EXT_meshopt_compression" | "KHR_meshopt_compression" => "export without compression",
         "KHR_mesh_quantization" => "export without quantisation: coordinates as 32-bit floats",
-        "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => {
-            "export the textures as PNG or JPEG"
-        }
-        "EXT_mesh_gpu_instancing" => "export each instance as a node",
         _ => "export without it",
     };
     Err(Problem::new(format!("unsupported extension `{}`", short(name))).hint(remedy))

@@ -1,13 +1,15 @@
-//! Images of a file: PNG and JPEG, checked before decoding, scaled down to fit the memory limit.
+//! Images of a file: PNG and JPEG, checked before decoding, scaled down to fit the memory limit. Of others the file tells a
+//! fallback, or they are left out with a warning.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
-use gltf::json::{Root, texture};
+use gltf::json::extensions::material::PbrSpecularGlossiness;
+use gltf::json::{Material, Root, texture};
 use spf_media::file::{FileError, Format, ImageFile, Limits, Samples};
 
 use super::files::{Buffers, Surroundings};
-use super::problem::{Problem, missing};
+use super::problem::{Problem, missing, short};
 use crate::texture::{MAX_SIDE, Texture};
 
 /// Maximum memory of all textures together, bytes.
@@ -24,6 +26,8 @@ const LIMITS: Limits = Limits { side: u32::MAX, pixels: u64::MAX, memory: 256 <<
 pub(super) struct Images {
     pub(super) textures: Vec<Texture>,
     by_image: BTreeMap<usize, u16>,
+    /// What was left out, and what that costs.
+    pub(super) warnings: Vec<String>,
 }
 
 struct Encoded<'a> {
@@ -41,11 +45,24 @@ impl Images {
         around: &mut Surroundings,
     ) -> Result<Self, Problem> {
         let materials = used.iter().filter_map(|&index| root.materials.get(index));
-        let infos = materials.flat_map(|m| [&m.pbr_metallic_roughness.base_color_texture, &m.emissive_texture]).flatten();
-        let wanted: BTreeSet<usize> = infos.filter_map(|info| source(root, info)).collect();
+        let infos = materials.flat_map(|m| [base_texture(m), m.emissive_texture.as_ref()]).flatten();
+        let (mut wanted, mut lost) = (BTreeSet::new(), BTreeMap::<String, BTreeSet<usize>>::new());
+        for info in infos {
+            match source(root, info) {
+                Some(image) => drop(wanted.insert(image)),
+                None => drop(lost.entry(without_source(root, info)).or_default().insert(info.index.value())),
+            }
+        }
         let mut encoded = Vec::new();
         for image in wanted {
-            encoded.push(open(root, image, buffers, around)?);
+            match open(root, image, buffers, around)? {
+                Some(found) => encoded.push(found),
+                None => {
+                    let is_its = |(_, texture): &(usize, &texture::Texture)| texture.source.value() == image;
+                    let textures = root.textures.iter().enumerate().filter(is_its).map(|(index, _)| index);
+                    lost.entry("an image that is neither PNG nor JPEG".to_owned()).or_default().extend(textures);
+                }
+            }
         }
         let pixels = |e: &Encoded<'_>| u64::from(e.size.0) * u64::from(e.size.1);
         if encoded.iter().map(pixels).sum::<u64>() > MAX_PIXELS {
@@ -53,7 +70,8 @@ impl Images {
             return Err(Problem::new(message).hint("reduce the textures"));
         }
         let halvings = halvings(&encoded.iter().map(|e| e.size).collect::<Vec<_>>());
-        let mut images = Self::default();
+        let mut images =
+            Self { warnings: lost.iter().map(|(why, textures)| left_out(why, textures)).collect(), ..Self::default() };
         for (encoded, halvings) in encoded.into_iter().zip(halvings) {
             let index = images.push(decode(&encoded)?.coarser(halvings))?;
             images.by_image.insert(encoded.image, index);
@@ -76,8 +94,46 @@ impl Images {
     }
 }
 
+/// The other description of a material, which takes precedence over the usual one.
+pub(super) fn specular_glossiness(material: &Material) -> Option<&PbrSpecularGlossiness> {
+    material.extensions.as_ref()?.pbr_specular_glossiness.as_ref()
+}
+
+/// The image of a surface's colour.
+pub(super) fn base_texture(material: &Material) -> Option<&texture::Info> {
+    match specular_glossiness(material) {
+        Some(other) => other.diffuse_texture.as_ref(),
+        None => material.pbr_metallic_roughness.base_color_texture.as_ref(),
+    }
+}
+
+/// The image of a texture; `None` if only an extension names one.
 fn source(root: &Root, info: &texture::Info) -> Option<usize> {
-    root.textures.get(info.index.value()).map(|texture| texture.source.value())
+    let source = root.textures.get(info.index.value())?.source.value();
+    (source < root.images.len()).then_some(source)
+}
+
+/// What a texture without an image needs, in words.
+fn without_source(root: &Root, info: &texture::Info) -> String {
+    let extensions = root.textures.get(info.index.value()).and_then(|texture| texture.extensions.as_ref());
+    match extensions.and_then(|extensions| extensions.others.keys().next()) {
+        Some(name) => format!("`{}`", short(name)),
+        None => "an image that the file does not name".to_owned(),
+    }
+}
+
+/// The warning about textures that need what cannot be read.
+fn left_out(needed: &str, textures: &BTreeSet<usize>) -> String {
+    let list = textures.iter().take(5).map(usize::to_string).collect::<Vec<_>>().join(", ");
+    let (which, what) = match textures.len() {
+        1 => (format!("texture {list} needs"), "its surfaces have"),
+        2..=5 => (format!("textures {list} need"), "their surfaces have"),
+        more => (format!("{more} textures ({list}, …) need"), "their surfaces have"),
+    };
+    format!(
+        "{which} {needed}, which cannot be read: {what} the plain colour of their material, which also names the objects, and \
+         do not glow; export the textures as PNG or JPEG"
+    )
 }
 
 /// Number of times each image is halved so that all fit the memory limit.
@@ -92,7 +148,13 @@ fn halvings(sizes: &[(u32, u32)]) -> Vec<usize> {
     sizes.iter().map(|&size| own(size).max(all) as usize).collect()
 }
 
-fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Surroundings) -> Result<Encoded<'a>, Problem> {
+/// An image, measured; `None` if it is neither PNG nor JPEG.
+fn open<'a>(
+    root: &Root,
+    image: usize,
+    buffers: &'a Buffers<'_>,
+    around: &mut Surroundings,
+) -> Result<Option<Encoded<'a>>, Problem> {
     let found = root.images.get(image).ok_or_else(|| missing("image", image))?;
     let bytes = match (found.buffer_view, &found.uri) {
         (Some(view), _) => Cow::Borrowed(buffers.view(root, view)?.0),
@@ -100,15 +162,14 @@ fn open<'a>(root: &Root, image: usize, buffers: &'a Buffers<'_>, around: &mut Su
         (None, None) => return Err(Problem::new(format!("image {image} has no data"))),
     };
     if Format::of(&bytes).is_none() {
-        let message = format!("image {image} is neither PNG nor JPEG");
-        return Err(Problem::new(message).hint("export the textures as PNG or JPEG"));
+        return Ok(None);
     }
     let size = ImageFile::open(&bytes, LIMITS).map_err(|e| unreadable(image, &e))?.size();
     if size.0.max(size.1) > MAX_SIDE {
         let message = format!("image {image} has {} × {} pixels; at most {MAX_SIDE} per side are supported", size.0, size.1);
         return Err(Problem::new(message).hint("reduce the texture"));
     }
-    Ok(Encoded { image, bytes, size })
+    Ok(Some(Encoded { image, bytes, size }))
 }
 
 fn unreadable(image: usize, error: &FileError) -> Problem {

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
+use gltf::json::extensions::material::PbrSpecularGlossiness;
 use gltf::json::material::AlphaMode;
 use gltf::json::validation::Checked;
 use gltf::json::{Root, texture};
 
-use super::images::Images;
+use super::images::{Images, base_texture, specular_glossiness};
 use super::problem::{Problem, missing};
 use crate::geometry::{Material, Pattern};
 use crate::texture::Texture;
@@ -108,11 +109,9 @@ impl<'a> Looks<'a> {
             Some(index) => self.root.materials.get(index).ok_or_else(|| missing("material", index))?,
             None => &default,
         };
-        let pbr = &found.pbr_metallic_roughness;
-        let [r, g, b, alpha] = pbr.base_color_factor.0.map(fraction);
-        let colour = Vec3::new(r, g, b);
-        let mirror = mirror(fraction(pbr.metallic_factor.0), fraction(pbr.roughness_factor.0));
-        let base = pbr.base_color_texture.as_ref();
+        let Paint { colour, alpha, metallic, roughness } = Paint::of(found);
+        let mirror = mirror(metallic, roughness);
+        let base = base_texture(found);
         let texture = base.and_then(|info| self.images.of(self.root, info));
         let emission = self.emission(found);
         let (pattern, mean, by_corner) = match texture {
@@ -137,9 +136,10 @@ impl<'a> Looks<'a> {
         let strength =
             material.extensions.as_ref().and_then(|e| e.emissive_strength.as_ref()).map_or(1.0, |e| e.emissive_strength.0);
         let given = Vec3::from(material.emissive_factor.0.map(fraction)) * strength.clamp(0.0, 20.0);
-        let image = material.emissive_texture.as_ref().and_then(|info| self.images.of(self.root, info));
-        let mean = image.and_then(|i| self.images.textures.get(usize::from(i))).map_or(Vec3::ONE, Texture::mean);
-        given * mean
+        // What a map that could not be read would leave dark is not known: nothing glows.
+        let Some(info) = &material.emissive_texture else { return given };
+        let image = self.images.of(self.root, info).and_then(|image| self.images.textures.get(usize::from(image)));
+        given * image.map_or(Vec3::ZERO, Texture::mean)
     }
 
     /// The palette image of vertex colours.
@@ -153,6 +153,38 @@ impl<'a> Looks<'a> {
         let index = self.images.push(Texture::from_roots(PALETTE_WIDTH, PALETTE_HEIGHT, texels))?;
         self.palette = Some(index);
         Ok(index)
+    }
+}
+
+/// What a material reflects, as metal or not.
+struct Paint {
+    /// Linear RGB.
+    colour: Vec3,
+    alpha: f32,
+    metallic: f32,
+    roughness: f32,
+}
+
+impl Paint {
+    fn of(material: &gltf::json::Material) -> Self {
+        match specular_glossiness(material) {
+            Some(other) => Self::specular(other),
+            None => {
+                let pbr = &material.pbr_metallic_roughness;
+                let [r, g, b, alpha] = pbr.base_color_factor.0.map(fraction);
+                let [metallic, roughness] = [pbr.metallic_factor.0, pbr.roughness_factor.0].map(fraction);
+                Self { colour: Vec3::new(r, g, b), alpha, metallic, roughness }
+            }
+        }
+    }
+
+    /// From diffuse and specular colour. Metal has no diffuse colour; anything else reflects only some 4 %.
+    fn specular(given: &PbrSpecularGlossiness) -> Self {
+        let [r, g, b, alpha] = given.diffuse_factor.0.map(fraction);
+        let (diffuse, specular) = (Vec3::new(r, g, b), Vec3::from(given.specular_factor.0.map(fraction)));
+        let is_metal = given.diffuse_texture.is_none() && diffuse.max_element() < 0.04 && specular.max_element() > 0.2;
+        let (colour, metallic) = if is_metal { (specular, 1.0) } else { (diffuse, 0.0) };
+        Self { colour, alpha, metallic, roughness: 1.0 - fraction(given.glossiness_factor.0) }
     }
 }
 

@@ -12,6 +12,7 @@ use super::accessor::Accessors;
 use super::material::{Look, shade_of};
 use super::normals::{cross, smooth};
 use super::problem::Problem;
+use super::size::{FARTHEST, too_far};
 use super::walk::{Placed, point};
 use crate::geometry::Vertex;
 
@@ -19,8 +20,6 @@ use crate::geometry::Vertex;
 pub(super) const MAX_TRIANGLES: usize = 2_000_000;
 /// Maximum number of vertices before they are merged, counted likewise.
 const MAX_CORNERS: usize = 6_000_000;
-/// Farthest vertex from the origin along each axis, metres.
-const FARTHEST: f32 = 2000.0;
 /// Twice the area of the smallest triangle that is kept, square metres.
 const SMALLEST: f32 = 1e-10;
 
@@ -34,11 +33,16 @@ pub(super) struct Drawn {
 /// Reads meshes and counts their size.
 pub(super) struct Meshes<'a> {
     pub(super) accessors: Accessors<'a>,
+    /// The factor from the file's lengths to metres.
+    scale: f64,
     triangles: usize,
     corners: usize,
     /// Points and lines, which are not rendered.
     pub(super) skipped: usize,
 }
+
+/// A vertex that is not finite, or too far away.
+struct Far(Vec3);
 
 /// The data of a primitive, before it is placed.
 struct Attributes {
@@ -49,8 +53,8 @@ struct Attributes {
 }
 
 impl<'a> Meshes<'a> {
-    pub(super) fn new(accessors: Accessors<'a>) -> Self {
-        Self { accessors, triangles: 0, corners: 0, skipped: 0 }
+    pub(super) fn new(accessors: Accessors<'a>, scale: f64) -> Self {
+        Self { accessors, scale, triangles: 0, corners: 0, skipped: 0 }
     }
 
     /// Whether a primitive has vertex colours.
@@ -77,7 +81,12 @@ impl<'a> Meshes<'a> {
             let message = format!("{of} refers to vertex {wrong} of {}", attributes.positions.len());
             return Err(Problem::new(message).hint("export the file again"));
         }
-        place(&attributes, triangles(&corners, mode), placed, look, of)
+        place(&attributes, triangles(&corners, mode), placed, look).map_err(|Far(vertex)| {
+            if vertex.is_finite() {
+                return too_far(vertex, self.scale, of);
+            }
+            Problem::new(format!("{of} has a vertex that is not finite")).hint("export the file again")
+        })
     }
 
     /// Counts before reading, so that no small file becomes a large scene.
@@ -140,7 +149,7 @@ fn triangles(corners: &[u32], mode: Mode) -> Vec<[u32; 3]> {
     }
 }
 
-fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look: &Look, of: &str) -> Result<Drawn, Problem> {
+fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look: &Look) -> Result<Drawn, Far> {
     let positions: Vec<Vec3> = from.positions.iter().map(|&p| point(&placed.to_world, p)).collect();
     let turn = DMat3::from_mat4(placed.to_world);
     if turn.determinant() < 0.0 {
@@ -149,15 +158,8 @@ fn place(from: &Attributes, mut triangles: Vec<[u32; 3]>, placed: &Placed, look:
     }
     for &i in triangles.iter().flatten() {
         let p = positions[i as usize];
-        if !p.is_finite() {
-            return Err(Problem::new(format!("{of} has a vertex that is not finite")).hint("export the file again"));
-        }
-        if p.abs().max_element() > FARTHEST {
-            let message =
-                format!("{of} extends {:.0} m from the origin; at most {FARTHEST} m is supported", p.abs().max_element());
-            let hint =
-                "move the model to the origin, or scale it down: `spf_scale` of its scene, or `scale` of a scene file's [gltf]";
-            return Err(Problem::new(message).hint(hint));
+        if !p.is_finite() || p.abs().max_element() > FARTHEST {
+            return Err(Far(p));
         }
     }
     triangles.retain(|t| cross(t.map(|i| positions[i as usize])).length() > SMALLEST);

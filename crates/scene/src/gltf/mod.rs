@@ -14,6 +14,7 @@ mod names;
 mod normals;
 mod objects;
 mod problem;
+mod size;
 mod spec;
 mod start;
 mod walk;
@@ -128,8 +129,11 @@ fn import(
     overrides: &ModelOverrides,
     shining: Shining,
 ) -> Result<Scene, Problem> {
-    let Assembled { assembly, start, extras } = assemble(bytes, folder, overrides.scale, overrides.up)?;
-    world(assembly, start, &extras, overrides, file, shining)
+    let Assembled { assembly, start, extras, scale, mut warnings } = assemble(bytes, folder, overrides.scale, overrides.up)?;
+    warnings.extend(size::doubt(&assembly.objects, scale));
+    let mut scene = world(assembly, start, &extras, overrides, file, shining)?;
+    scene.warnings = warnings;
+    Ok(scene)
 }
 
 /// Everything read from a file.
@@ -137,6 +141,10 @@ struct Assembled {
     assembly: Assembly,
     start: Option<Viewpoint>,
     extras: SceneSpec,
+    /// The factor from the file's lengths to metres.
+    scale: f64,
+    /// What of the file is not drawn.
+    warnings: Vec<String>,
 }
 
 /// Reads a file; the given scale and upward axis take precedence over its extras.
@@ -150,12 +158,13 @@ fn assemble(bytes: &[u8], folder: Option<&Path>, scale: Option<f64>, up: Option<
     if !(1e-4..=1e4).contains(&scale) {
         return Err(Problem::new(format!("`scale` must be from 0.0001 to 10000, not `{scale}`")));
     }
-    let walked = walk::walk(&root, walk::axes(up.or(extras.up).unwrap_or_default(), scale), scene)?;
-    let images = Images::load(&root, &materials(&root, &walked), &buffers, &mut around)?;
+    let accessors = Accessors { root: &root, buffers: &buffers };
+    let walked = walk::walk(accessors, walk::axes(up.or(extras.up).unwrap_or_default(), scale), scene)?;
+    let mut images = Images::load(&root, &materials(&root, &walked), &buffers, &mut around)?;
+    let warnings = std::mem::take(&mut images.warnings);
     let looks = Looks::new(&root, images);
-    let meshes = Meshes::new(Accessors { root: &root, buffers: &buffers });
-    let assembly = Assembly::build(&root, &walked, meshes, looks)?;
-    Ok(Assembled { assembly, start: walked.start, extras })
+    let assembly = Assembly::build(&root, &walked, Meshes::new(accessors, scale), looks)?;
+    Ok(Assembled { assembly, start: walked.start, extras, scale, warnings })
 }
 
 /// The extras of the scene.
@@ -253,6 +262,7 @@ fn world(
         weather: shining.weather,
         geometry,
         actors: Vec::new(),
+        warnings: Vec::new(),
     })
 }
 

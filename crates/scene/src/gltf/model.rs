@@ -16,6 +16,8 @@ pub(crate) struct Model {
     pub(crate) materials: Vec<Material>,
     /// Its material images.
     pub(crate) textures: Vec<Texture>,
+    /// What of the file is not drawn.
+    pub(crate) warnings: Vec<String>,
 }
 
 impl Model {
@@ -36,6 +38,6 @@ impl Model {
         if parts.is_empty() {
             return Err(Problem::new("it has no triangles"));
         }
-        Ok(Self { parts, materials: made.assembly.materials, textures: made.assembly.textures })
+        Ok(Self { parts, materials: made.assembly.materials, textures: made.assembly.textures, warnings: made.warnings })
     }
 }

@@ -1,16 +1,19 @@
 //! Traverses the nodes of a file: the transform of each mesh, and the object it belongs to.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DMat4, DQuat, DVec3, Vec3};
 use gltf::json::{Index, Root, scene::Node};
+use serde::Deserialize;
 use spf_core::geometry::EnuPosition;
 
 use super::UpAxis;
+use super::accessor::Accessors;
+use super::container::INSTANCING;
 use super::problem::{Problem, missing, short};
 use super::spec::{self, NodeSpec};
 
-/// Maximum number of nodes of a file.
+/// Maximum number of nodes of a file, and of the places of their meshes.
 const MAX_NODES: usize = 50_000;
 /// Maximum depth of the node tree.
 const MAX_DEPTH: usize = 200;
@@ -68,6 +71,13 @@ pub(super) fn axes(up: UpAxis, scale: f64) -> DMat4 {
     DMat4::from_cols((x * scale).extend(0.0), (y * scale).extend(0.0), (z * scale).extend(0.0), DVec3::ZERO.extend(1.0))
 }
 
+/// The contents of [`INSTANCING`]: accessors by `TRANSLATION`, `ROTATION`, `SCALE`, and names of the exporter's own.
+#[derive(Deserialize)]
+struct Instancing {
+    #[serde(default)]
+    attributes: BTreeMap<String, u32>,
+}
+
 struct Visit {
     node: usize,
     above: DMat4,
@@ -80,8 +90,9 @@ struct Visit {
 }
 
 /// Traverses the file's scene.
-pub(super) fn walk(root: &Root, axes: DMat4, scene: usize) -> Result<Walked, Problem> {
-    let mut walk = Walk { root, out: Walked::default(), seen: BTreeSet::new(), camera: None };
+pub(super) fn walk(accessors: Accessors<'_>, axes: DMat4, scene: usize) -> Result<Walked, Problem> {
+    let root = accessors.root;
+    let mut walk = Walk { root, accessors, out: Walked::default(), seen: BTreeSet::new(), camera: None };
     let tops: Vec<usize> = match root.scenes.get(scene) {
         Some(scene) => scene.nodes.iter().map(Index::value).collect(),
         None => tops(root),
@@ -104,6 +115,7 @@ fn tops(root: &Root) -> Vec<usize> {
 
 struct Walk<'a> {
     root: &'a Root,
+    accessors: Accessors<'a>,
     out: Walked,
     seen: BTreeSet<usize>,
     camera: Option<Viewpoint>,
@@ -117,8 +129,7 @@ impl Walk<'_> {
             return Err(Problem::new(message).hint("nodes must form a tree; export the file again"));
         }
         if self.seen.len() > MAX_NODES || visit.depth > MAX_DEPTH {
-            let message = format!("it has more than {MAX_NODES} nodes, or a hierarchy deeper than {MAX_DEPTH}");
-            return Err(Problem::new(message).hint("join meshes"));
+            return Err(too_many());
         }
         let name = node.name.clone().unwrap_or_default();
         let spec = self.spec(node, &name, visit.node)?;
@@ -138,17 +149,52 @@ impl Walk<'_> {
             object = tagged;
         }
         if let Some(mesh) = node.mesh {
-            let owner = match tagged {
-                Some(owner) => owner,
-                None => self.own(self.name_of(node, name), NodeSpec::default(), visit.object),
-            };
-            object = Some(owner);
-            self.out.placed.push(Placed { mesh: mesh.value(), owner, to_world, solid });
+            let mut first = None;
+            for place in self.places(node, &format!("node {} `{}`", visit.node, short(&name)))? {
+                if self.out.placed.len() >= MAX_NODES {
+                    return Err(too_many());
+                }
+                let owner = match tagged {
+                    Some(owner) => owner,
+                    None => self.own(self.name_of(node, name.clone()), NodeSpec::default(), visit.object),
+                };
+                first = first.or(Some(owner));
+                self.out.placed.push(Placed { mesh: mesh.value(), owner, to_world: to_world * place, solid });
+            }
+            object = first.or(object);
         }
         let below = node.children.iter().flatten().rev();
         let depth = visit.depth + 1;
         stack.extend(below.map(|child| Visit { node: child.value(), above: to_world, tagged, object, solid, depth }));
         Ok(())
+    }
+
+    /// Where a node's mesh is placed, relative to the node: once, or at each instance. `of` names it in errors.
+    fn places(&self, node: &Node, of: &str) -> Result<Vec<DMat4>, Problem> {
+        let Some(given) = node.extensions.as_ref().and_then(|all| all.others.get(INSTANCING)) else {
+            return Ok(vec![DMat4::IDENTITY]);
+        };
+        let wrong = |why: String| {
+            Problem::new(format!("the instances of {of} (`{INSTANCING}`): {why}")).hint("export each instance as a node")
+        };
+        let Instancing { attributes } = Instancing::deserialize(given).map_err(|error| wrong(error.to_string()))?;
+        let counts = attributes.values().map(|index| self.accessors.count(Index::new(*index)));
+        let counts: Vec<usize> = counts.collect::<Result<_, _>>()?;
+        let Some(&count) = counts.first() else { return Err(wrong("they have no attributes".to_owned())) };
+        if counts.iter().any(|other| *other != count) {
+            return Err(wrong(format!("their attributes have {counts:?} values")));
+        }
+        // Counted before they are read.
+        if self.out.placed.len() + count > MAX_NODES {
+            return Err(too_many());
+        }
+        let of = |key: &str| attributes.get(key).map(|index| Index::new(*index));
+        let moved = of("TRANSLATION").map(|i| self.accessors.vectors::<3>(i, 3, 0.0, false)).transpose()?;
+        let turned = of("ROTATION").map(|i| self.accessors.vectors::<4>(i, 4, 0.0, true)).transpose()?;
+        let scaled = of("SCALE").map(|i| self.accessors.vectors::<3>(i, 3, 0.0, false)).transpose()?;
+        let get = |vectors: &Option<Vec<[f32; 3]>>, i: usize, or: f32| vectors.as_ref().map_or([or; 3], |all| all[i]);
+        let place = |i| transform(get(&scaled, i, 1.0), turned.as_ref().map_or([0.0; 4], |all| all[i]), get(&moved, i, 0.0));
+        Ok((0..count).map(place).collect())
     }
 
     fn own(&mut self, name: String, spec: NodeSpec, above: Option<usize>) -> usize {
@@ -183,13 +229,21 @@ fn local(node: &Node) -> DMat4 {
     if let Some(m) = node.matrix {
         return DMat4::from_cols_array(&m.map(f64::from));
     }
+    transform(node.scale.unwrap_or([1.0; 3]), node.rotation.unwrap_or_default().0, node.translation.unwrap_or_default())
+}
+
+/// The transform that scales, then turns, then moves.
+fn transform(scale: [f32; 3], [x, y, z, w]: [f32; 4], moved: [f32; 3]) -> DMat4 {
     let wide = |v: [f32; 3]| DVec3::from(v.map(f64::from));
-    let [x, y, z, w] = node.rotation.unwrap_or_default().0.map(f64::from);
-    let turn = DQuat::from_xyzw(x, y, z, w);
+    let turn = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
     // Exporters round; a quaternion of zero length means no rotation.
     let turn = if turn.length_squared() > 1e-12 { turn.normalize() } else { DQuat::IDENTITY };
-    let (scale, moved) = (wide(node.scale.unwrap_or([1.0; 3])), wide(node.translation.unwrap_or_default()));
-    DMat4::from_scale_rotation_translation(scale, turn, moved)
+    DMat4::from_scale_rotation_translation(wide(scale), turn, wide(moved))
+}
+
+fn too_many() -> Problem {
+    Problem::new(format!("it has more than {MAX_NODES} nodes or instances, or a hierarchy deeper than {MAX_DEPTH}"))
+        .hint("join meshes")
 }
 
 /// Position and direction of a node: along its own −z, as for cameras, which is forward of an empty of Blender.

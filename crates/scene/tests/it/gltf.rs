@@ -12,7 +12,7 @@ use spf_scene::collide::Collider;
 use spf_scene::geometry::{Part, Pattern, Role};
 use spf_scene::{Object, Scene};
 
-use crate::model::{BYTE, Model, SHORT, object, png, yard};
+use crate::model::{BYTE, Model, SHORT, SIGNED_SHORT, object, png, yard};
 
 /// West, south, bottom, east, north, top.
 fn extent(object: &Object) -> [f64; 6] {
@@ -197,6 +197,122 @@ fn materials_are_kept_as_far_as_they_can_be_rendered() {
     model.json["materials"][1]["pbrMetallicRoughness"]["baseColorFactor"] = json!([1.0, 1.0, 1.0, 0.0]);
     let scene = model.scene();
     assert_eq!(parts(&scene, object(&scene, "car_001"))[0].role, Role::Glass);
+}
+
+/// The colour of the only part of an object, and whether it has an image.
+fn paint(scene: &Scene, key: &str) -> (Vec3, bool) {
+    let [part] = parts(scene, object(scene, key))[..] else { panic!("one part") };
+    let material = &scene.geometry.materials[usize::from(part.material)];
+    (material.colour, matches!(material.pattern, Pattern::Image { texture, .. } if texture != u16::MAX))
+}
+
+#[test]
+fn textures_in_other_formats_have_a_fallback_or_are_left_out_with_a_warning() {
+    // As exporters write them: only the extension names the image.
+    for (extension, bytes) in
+        [("KHR_texture_basisu", &b"\xabKTX 20\xbb\r\n\x1a\n"[..]), ("EXT_texture_webp", b"RIFF\0\0\0\0WEBPVP8 ")]
+    {
+        let mut model = yard();
+        model.json["extensionsRequired"] = json!([extension]);
+        let view = model.view(bytes);
+        let other = model.push("images", json!({"bufferView": view, "mimeType": "image/other"}));
+        model.json["textures"][0]["extensions"] = json!({extension: {"source": other}});
+        let kept = model.scene();
+        assert!(paint(&kept, "floor").1 && kept.warnings.is_empty(), "the fallback is drawn: {:?}", kept.warnings);
+        model.json["textures"][0].as_object_mut().unwrap().remove("source");
+        let pbr = &mut model.json["materials"][0]["pbrMetallicRoughness"];
+        pbr["baseColorFactor"] = json!([0.5, 0.02, 0.02, 1.0]);
+        let plain = model.scene();
+        assert_eq!(paint(&plain, "floor"), (Vec3::new(0.5, 0.02, 0.02), false));
+        assert_eq!(object(&plain, "floor").tags.colour.as_deref(), Some("red"));
+        let [warning] = &plain.warnings[..] else { panic!("{:?}", plain.warnings) };
+        let costs = warning.contains("plain colour") && warning.contains("PNG or JPEG");
+        assert!(warning.starts_with(&format!("texture 0 needs `{extension}`, which cannot be read")) && costs, "{warning}");
+        // Some exporters name such an image as if every program could read it.
+        model.json["textures"][0]["source"] = json!(other);
+        let plain = model.scene();
+        assert!(!paint(&plain, "floor").1 && plain.warnings[0].contains("neither PNG nor JPEG"), "{:?}", plain.warnings);
+        // As a map of what glows, it leaves the surface dark.
+        model.json["materials"][0]["pbrMetallicRoughness"] = json!({});
+        model.json["materials"][0]["emissiveTexture"] = json!({"index": 0});
+        model.json["materials"][0]["emissiveFactor"] = json!([1.0, 1.0, 1.0]);
+        let dark = model.scene();
+        assert!(dark.geometry.materials.iter().all(|material| material.emission == Vec3::ZERO) && dark.warnings.len() == 1);
+    }
+    let mut empty = yard();
+    empty.json["textures"][0] = json!({});
+    assert!(empty.scene().warnings[0].contains("an image that the file does not name"));
+}
+
+#[test]
+fn colours_of_specular_glossiness_are_drawn() {
+    const NAME: &str = "KHR_materials_pbrSpecularGlossiness";
+    let mut model = yard();
+    model.json["extensionsRequired"] = json!([NAME]);
+    // Without a colour of the usual kind it would be white.
+    let red = json!({"diffuseFactor": [0.5, 0.02, 0.02, 1.0], "specularFactor": [0.04, 0.04, 0.04], "glossinessFactor": 0.0});
+    model.json["materials"][1] = json!({"extensions": {NAME: red}});
+    let scene = model.scene();
+    assert_eq!(paint(&scene, "car_001"), (Vec3::new(0.5, 0.02, 0.02), false));
+    assert_eq!(object(&scene, "car_001").tags.colour.as_deref(), Some("red"));
+    // A metal has the colour of what it reflects.
+    let gold = json!({"diffuseFactor": [0.0, 0.0, 0.0, 1.0], "specularFactor": [0.9, 0.6, 0.1], "glossinessFactor": 1.0});
+    model.json["materials"][1] = json!({"extensions": {NAME: gold}});
+    // An image of the diffuse colour.
+    let image = model.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"].take();
+    model.json["materials"][0] =
+        json!({"extensions": {NAME: {"diffuseTexture": image, "specularFactor": [0.0, 0.0, 0.0], "glossinessFactor": 0.1}}});
+    let scene = model.scene();
+    let car = parts(&scene, object(&scene, "car_001"))[0];
+    let material = &scene.geometry.materials[usize::from(car.material)];
+    assert_eq!(material.colour, Vec3::new(0.9, 0.6, 0.1));
+    assert_eq!(material.pattern, Pattern::Image { texture: u16::MAX, mirror: 1.0 });
+    assert_eq!((paint(&scene, "floor"), scene.warnings), ((Vec3::ONE, true), Vec::new()));
+}
+
+#[test]
+fn each_instance_of_a_mesh_is_drawn() {
+    let mut model = block(json!({"name": "Tree", "translation": [100.0, 0.0, 0.0]}));
+    let moved = model.floats(&[[0.0, 0.0, -10.0], [5.0, 0.0, -20.0], [0.0, 2.0, 0.0]]);
+    // A quarter turn about the vertical, as a fraction of 16 bits; the third is as in the file.
+    let quarter = (f32::from(i16::MAX) * FRAC_1_SQRT_2) as i16;
+    let turned: Vec<u8> = [[0, 0, 0, i16::MAX], [0, quarter, 0, quarter], [0, 0, 0, i16::MAX]]
+        .iter()
+        .flatten()
+        .flat_map(|v| v.to_le_bytes())
+        .collect();
+    let turned = model.accessor(&turned, SIGNED_SHORT, "VEC4", 3);
+    model.json["accessors"][turned]["normalized"] = json!(true);
+    let scaled = model.floats(&[[1.0, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 3.0, 1.0]]);
+    let attributes = json!({"TRANSLATION": moved, "ROTATION": turned, "SCALE": scaled});
+    model.json["nodes"][0]["extensions"] = json!({"EXT_mesh_gpu_instancing": {"attributes": attributes}});
+    model.json["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
+    let scene = model.scene();
+    assert_eq!(extent(object(&scene, "tree")), [99.0, 8.0, 0.0, 101.0, 12.0, 1.0]);
+    assert_eq!(extent(object(&scene, "tree_2")), [103.0, 19.0, 0.0, 107.0, 21.0, 1.0]);
+    assert_eq!(extent(object(&scene, "tree_3")), [99.0, -2.0, 2.0, 101.0, 2.0, 5.0]);
+    assert!(scene.warnings.is_empty() && scene.objects[..3].iter().all(|tree| tree.tags.names[0].ends_with("tree")));
+    // Of a tagged node they are one object.
+    model.json["nodes"][0]["extras"] = json!({"spf_names": "wood"});
+    let scene = model.scene();
+    let wood = object(&scene, "tree");
+    assert_eq!((parts(&scene, wood).len(), extent(wood)), (3, [99.0, -2.0, 0.0, 107.0, 21.0, 5.0]));
+}
+
+#[test]
+fn things_a_hundred_times_too_tall_are_doubted() {
+    let chair = |height: f32, scale: f32| {
+        let mut model = Model::new();
+        let mesh = model.block(0.5 * height, height, 0.5 * height);
+        model.node(json!({"name": "Chair", "mesh": mesh, "scale": [scale, scale, scale]}));
+        model.scene().warnings
+    };
+    assert_eq!(chair(0.9, 1.0), Vec::<String>::new());
+    assert_eq!(chair(9.0, 1.0), Vec::<String>::new());
+    let centimetres = &chair(90.0, 1.0)[0];
+    assert!(centimetres.starts_with("`chair` is 90 m tall: if the lengths of the file are in centimetres, set `scale = 0.01`"));
+    assert!(chair(900.0, 1.0)[0].contains("in millimetres, set `scale = 0.001`"));
+    assert_eq!(chair(90.0, 0.01), Vec::<String>::new());
 }
 
 #[test]

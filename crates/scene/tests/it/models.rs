@@ -184,3 +184,14 @@ fn a_model_has_its_place_in_variants() {
     assert_ne!(at(1), at(2));
     assert_eq!(at(1), at(1));
 }
+
+#[test]
+fn what_of_a_model_is_not_drawn_is_said_once() {
+    let mut model = crate_model();
+    model.json["textures"][0] = json!({"extensions": {"EXT_texture_webp": {"source": 0}}});
+    let twice = CRATE.replace("id = \"crate\"", "id = \"other\"");
+    let folder = folder(&format!("{CRATE}{twice}"), &model.glb());
+    let scene = load(folder.path()).unwrap();
+    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(warning.starts_with("the model `models/crate.glb`: texture 0 needs `EXT_texture_webp`"), "{warning}");
+}

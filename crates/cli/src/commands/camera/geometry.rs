@@ -7,6 +7,7 @@ use spf_camera::craft::SHAPE;
 use spf_camera::{Camera, CameraUrl};
 use spf_core::camera::Camera as Optics;
 use spf_drone::tello::TelloSettings;
+use spf_flight::doctor::{Check, Finding};
 
 use super::{Finish, calibrate, settings, start};
 use crate::args::{CameraArgs, Times};
@@ -45,7 +46,7 @@ impl Geometry {
                 Some(parsed.map_err(|error| {
                     CliError::usage(format!("invalid calibration file `{}`", path.display()))
                         .because(&error)
-                        .hint("the YAML of OpenCV's calibration sample and of ROS' camera_calibration can be read")
+                        .hint("the YAML of OpenCV's calibration sample, of ROS and of Kalibr can be read (docs/guide/cameras.md)")
                 })?)
             }
             None => None,
@@ -85,6 +86,15 @@ impl Geometry {
                 Optics::from_fov(width, height, self.fov, 2.0 * libm::atan(high), self.tilt)
             }
         }
+    }
+
+    /// The lens as its calibration was read, for `spf doctor`.
+    pub(super) fn lens(&self) -> Option<Check> {
+        let calibration = self.calibration.as_ref()?;
+        let (across, down) = calibration.camera(self.tilt).half_fov();
+        let (across, down) = (2.0 * across.to_degrees(), 2.0 * down.to_degrees());
+        let found = format!("{calibration}; without distortion it sees {across:.0}° × {down:.0}°");
+        Some(Check::new("lens", Finding::Good, found, None))
     }
 
     /// Whether the images have another shape than those of the calibration.

@@ -7,6 +7,7 @@ use spf_scene::{Object, Scene, SceneError};
 
 pub(crate) const FLOAT: u32 = 5126;
 pub(crate) const SHORT: u32 = 5123;
+pub(crate) const SIGNED_SHORT: u32 = 5122;
 pub(crate) const WORD: u32 = 5125;
 pub(crate) const BYTE: u32 = 5121;
 
