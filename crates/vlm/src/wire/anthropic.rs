@@ -94,10 +94,12 @@ enum Block {
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 enum Delta {
-    TextDelta {
+    #[serde(rename = "text_delta")]
+    Text {
         text: String,
     },
-    InputJsonDelta {
+    #[serde(rename = "input_json_delta")]
+    InputJson {
         partial_json: String,
     },
     #[serde(other)]
@@ -133,8 +135,8 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
             count(message.usage, into);
             stop(message.stop_reason, into);
         }
-        Event::ContentBlockDelta { delta: Delta::TextDelta { text } } => into.text.push_str(&text),
-        Event::ContentBlockDelta { delta: Delta::InputJsonDelta { partial_json } } => into.arguments.push_str(&partial_json),
+        Event::ContentBlockDelta { delta: Delta::Text { text } } => into.text.push_str(&text),
+        Event::ContentBlockDelta { delta: Delta::InputJson { partial_json } } => into.arguments.push_str(&partial_json),
         Event::MessageDelta { delta, usage } => {
             count(usage, into);
             stop(delta.stop_reason, into);
