@@ -8,13 +8,17 @@
 //!   this frame arrived later than usual. A stream with timestamps shows that: the difference between arrival and timestamp
 //!   is smallest for frames that were not held back. After a stall of one second, the frames of the burst that follows are
 //!   as old as they are. Without timestamps, the pauses between the frames show it ([`Delay`]).
+//! - A clock of the camera that is off by a constant rate of up to 1 % would make frames seem later and later, or hide what is late.
+//!   It shows as a straight line over the seconds, and is followed. A link that is too slow by so little, and as evenly, cannot be told
+//!   from it.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_drone::frames::delay::Delay;
 
-/// The smallest difference between arrival and timestamp is that of this time and the one before it. The clock of a camera
+/// The smallest difference between arrival and timestamp is that of this time and the one before it. The usual clock of a camera
 /// differs from ours by some 50 parts in a million, thus by 30 ms in this time; a link that is too slow for the stream delays it
 /// by more, and must not be forgotten.
 const MEMORY: Duration = Duration::from_secs(600);
@@ -25,6 +29,13 @@ const BACKWARDS: i64 = 500_000_000;
 const MOST_AGE: Duration = Duration::from_secs(60);
 /// Greatest delay. A stream later than that is of no use to a pilot, however late it is.
 const MOST_LATE: i64 = 60_000_000_000;
+
+/// Greatest part by which the rate of a camera's clock may differ from ours for it to be followed.
+const DRIFT: f64 = 0.01;
+/// Seconds from which a drift is measured, at least and at most, and how much it must amount to within them, ns: it is above the usual
+/// jitter of a network. What is off by no more than half of that is jitter.
+const DRIFT_SECONDS: (usize, usize) = (15, 120);
+const LEAST_DRIFT: i64 = 40_000_000;
 
 /// Seconds of which the rate of the timestamps is told, at least and at most.
 const TICKS: (usize, usize) = (5, 30);
@@ -56,6 +67,11 @@ pub struct CaptureClock {
     /// Start of the present interval.
     since: Time,
     last_stamp: Option<i64>,
+    /// The last drift that was measured, seconds per second, and what the smallest differences were raised by for it, ns.
+    drift: f64,
+    raised: i64,
+    /// Last arrival of a frame with a timestamp.
+    last: Time,
     delay: Delay,
     ticks: Ticks,
     own_age: Option<f64>,
@@ -83,6 +99,9 @@ impl CaptureClock {
             least: [None; 2],
             since: Time::ZERO,
             last_stamp: None,
+            drift: 0.0,
+            raised: 0,
+            last: Time::ZERO,
             delay: Delay::default(),
             ticks: Ticks::default(),
             own_age: None,
@@ -115,18 +134,43 @@ impl CaptureClock {
         self.ticks.rate()
     }
 
+    /// Raises the smallest differences by as much as a slow clock of the camera lets all of them grow. A fast one lowers them anyway.
+    fn follow_drift(&mut self, at: Time) {
+        let grown = |drift: f64, since: Time| (drift * at.since(since).as_nanos() as f64) as i64;
+        let known = self.ticks.drift();
+        let rise = match known {
+            Some((drift, from)) => {
+                self.drift = drift;
+                grown(drift, from.at) - (self.raised - from.raised)
+            }
+            None => grown(self.drift, self.last),
+        };
+        self.last = at;
+        if rise > 0 {
+            self.raised += rise;
+            self.least.iter_mut().flatten().for_each(|least| *least = least.saturating_add(rise));
+        }
+        if known.is_some() {
+            // As if it had been known from the first of these seconds on.
+            let raised = self.raised;
+            self.ticks.seconds.iter_mut().for_each(|second| second.raised = raised - grown(self.drift, second.at));
+        }
+    }
+
     /// How much later than usual a frame arrived.
     fn late(&mut self, at: Time, stamp: i64) -> Duration {
         if self.last_stamp.is_some_and(|last| stamp < last.saturating_sub(BACKWARDS)) {
             self.least = [None; 2];
             self.ticks = Ticks::default();
+            self.drift = 0.0;
         }
         self.last_stamp = Some(stamp);
         if at.since(self.since) > MEMORY {
             (self.since, self.least) = (at, [None, self.least[0]]);
         }
         let difference = i64::try_from(at.as_nanos()).unwrap_or(i64::MAX).saturating_sub(stamp);
-        self.ticks.observe(at, difference);
+        self.ticks.observe(at, difference, self.raised);
+        self.follow_drift(at);
         let least = &mut self.least[0];
         *least = Some(least.map_or(difference, |least| least.min(difference)));
         let usual = self.least.iter().flatten().min().copied().unwrap_or(difference);
@@ -134,43 +178,96 @@ impl CaptureClock {
     }
 }
 
+/// Of one second, the frame that came least late.
+#[derive(Clone, Copy, Debug)]
+struct Second {
+    /// Its arrival.
+    at: Time,
+    /// The difference from its timestamp, ns.
+    difference: i64,
+    /// What the smallest differences had been raised by until then, ns.
+    raised: i64,
+}
+
 /// Compares the rate of the timestamps with that of our clock.
 #[derive(Clone, Debug, Default)]
 struct Ticks {
-    /// Of each second, the frame that came least late: its arrival, and the difference from its timestamp, ns.
-    seconds: VecDeque<(Time, i64)>,
+    seconds: VecDeque<Second>,
     /// Start of the present second.
     since: Time,
 }
 
+/// The differences of some seconds, and the straight line from the first to the last.
+struct Line<'a> {
+    seconds: &'a VecDeque<Second>,
+    range: Range<usize>,
+    first: Second,
+    /// From the first to the last, ns, and ns per ns.
+    total: i64,
+    slope: f64,
+}
+
+impl Line<'_> {
+    /// Whether all seconds are as near as this to the line, or to another one of this slope from the first on, ns.
+    fn holds(&self, slope: f64, within: f64) -> bool {
+        self.seconds.range(self.range.clone()).all(|second| {
+            let expected = slope * second.at.since(self.first.at).as_nanos() as f64;
+            (second.difference.saturating_sub(self.first.difference) as f64 - expected).abs() <= within
+        })
+    }
+
+    /// Whether all of them lie on the line.
+    fn is_straight(&self) -> bool {
+        self.holds(self.slope, OFF_THE_LINE * self.total.saturating_abs() as f64)
+    }
+}
+
 impl Ticks {
-    fn observe(&mut self, at: Time, difference: i64) {
+    fn observe(&mut self, at: Time, difference: i64, raised: i64) {
+        let second = Second { at, difference, raised };
         match self.seconds.back_mut() {
             Some(least) if at.since(self.since) < Duration::from_secs(1) => {
-                *least = if difference < least.1 { (at, difference) } else { *least }
+                *least = if difference < least.difference { second } else { *least }
             }
             _ => {
                 self.since = at;
-                self.seconds.push_back((at, difference));
-                if self.seconds.len() > TICKS.1 {
+                self.seconds.push_back(second);
+                if self.seconds.len() > DRIFT_SECONDS.1 {
                     self.seconds.pop_front();
                 }
             }
         }
     }
 
+    /// The line of the last seconds, of this many at least and at most.
+    fn line(&self, (least, most): (usize, usize)) -> Option<Line<'_>> {
+        let skipped = self.seconds.len().saturating_sub(most);
+        self.line_of(skipped..self.seconds.len()).filter(|_| self.seconds.len() >= least)
+    }
+
+    fn line_of(&self, range: Range<usize>) -> Option<Line<'_>> {
+        let (first, last) = (*self.seconds.get(range.start)?, *self.seconds.get(range.end.checked_sub(1)?)?);
+        let total = last.difference.saturating_sub(first.difference);
+        let slope = total as f64 / (last.at.since(first.at).as_nanos() as f64).max(1.0);
+        Some(Line { seconds: &self.seconds, range, first, total, slope })
+    }
+
     fn rate(&self) -> Option<f64> {
-        let (first, last) = (*self.seconds.front()?, *self.seconds.back()?);
-        let total = last.1.saturating_sub(first.1);
-        let slope = total as f64 / (last.0.since(first.0).as_nanos() as f64).max(1.0);
-        if self.seconds.len() < TICKS.0 || slope.abs() < LEAST_DEVIATION.0 || total.saturating_abs() < LEAST_DEVIATION.1 {
-            return None;
-        }
-        let off = |(at, difference): &(Time, i64)| {
-            let expected = slope * at.since(first.0).as_nanos() as f64;
-            (difference.saturating_sub(first.1) as f64 - expected).abs()
-        };
-        self.seconds.iter().all(|second| off(second) <= OFF_THE_LINE * total.saturating_abs() as f64).then_some(1.0 - slope)
+        let line = self.line(TICKS)?;
+        let deviates = line.slope.abs() >= LEAST_DEVIATION.0 && line.total.saturating_abs() >= LEAST_DEVIATION.1;
+        (deviates && line.is_straight()).then_some(1.0 - line.slope)
+    }
+
+    /// The drift, seconds per second, and the second from which on it was measured; zero where there is none. `None` where stalls,
+    /// jitter or a clock that was set leave it unknown.
+    fn drift(&self) -> Option<(f64, Second)> {
+        // The present second may still get a frame that came less late.
+        let complete = self.seconds.len().checked_sub(1).filter(|complete| *complete >= DRIFT_SECONDS.0)?;
+        let line = self.line_of(0..complete)?;
+        let within = (OFF_THE_LINE * line.total.saturating_abs() as f64).min(0.5 * LEAST_DRIFT as f64);
+        let drifts = line.slope.abs() <= DRIFT && line.total.saturating_abs() >= LEAST_DRIFT && line.holds(line.slope, within);
+        let slope = if drifts { Some(line.slope) } else { line.holds(0.0, 0.5 * LEAST_DRIFT as f64).then_some(0.0) };
+        slope.map(|slope| (slope, line.first))
     }
 }
 
@@ -252,6 +349,36 @@ mod tests {
         // 100 parts in a million too slow, for an hour at one frame a second.
         let last = ages((0..3600_u64).map(|n| (1000 + 1000 * n, 1000 * n as i64 - n as i64 / 10))).pop();
         assert!(last.is_some_and(|age| age <= 100 + 120), "{last:?}");
+    }
+
+    /// Ten minutes at 20 images a second over a network that delays them by up to 15 ms, with a stall of 2 s after five minutes.
+    #[test]
+    fn a_clock_that_drifts_makes_no_frame_older_or_younger() {
+        for drift in [-0.005, -0.001, 0.0, 0.0005, 0.001, 0.005, 0.009] {
+            for told in [false, true] {
+                let mut clock = CaptureClock::new(LATENCY);
+                let mut ages = Vec::new();
+                for n in 0..12_000_u64 {
+                    let jitter = n * 7919 % 16;
+                    let sent = 50 * n;
+                    let stalled = (300_000..302_000).contains(&sent);
+                    let at = Time::from_millis(if stalled { 303_000 } else { 1000 + sent + jitter });
+                    let stamp = Some((sent as f64 * (1.0 - drift) * 1e6) as i64);
+                    // Its wall clock is right, as the reports of the sender tell it.
+                    let held = at.as_secs_f64() - 1.0 - sent as f64 / 1000.0;
+                    let age = told.then_some(0.08 + held);
+                    let age = at.since(clock.captured(Arrival { at, stamp, age, follows: true })).as_secs_f64();
+                    ages.push(age - held);
+                }
+                let usual = if told { 0.08 } else { 0.1 };
+                // Until a drift is measured, it amounts to 0.15 s at most.
+                let (least, most) = ages.iter().fold((f64::INFINITY, 0.0_f64), |(l, m), age| (l.min(*age), m.max(*age)));
+                assert!(most < usual + 0.16 && least > usual - 0.07, "{drift} {told}: {least} {most}");
+                let late = ages[2400..].iter().fold(0.0_f64, |most, age| most.max(*age));
+                assert!(late < usual + 0.07, "{drift} {told}: {late}");
+                assert_eq!(clock.tick_rate(), None);
+            }
+        }
     }
 
     #[test]

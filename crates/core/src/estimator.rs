@@ -5,9 +5,14 @@
 //! degrees or tenths of a metre per second is accurate to half a unit, so a prediction inside that interval is kept. A
 //! slowly wandering position (satellite navigation) has a low gain, so that a single step is measured by integrated
 //! velocity. A craft without position is dead-reckoned; one without velocity is predicted from its commands alone.
+//!
+//! The frame of the estimate is continuous: where a craft's own estimator resets its position, which then jumps from one report to
+//! the next although the craft has not moved, the jump is subtracted from then on. So whatever is remembered as a place stays where
+//! it is, seen from the craft. What counts by the reported position (limits, geofence, home) takes the reports as they are.
 
 use std::collections::VecDeque;
 
+use glam::DVec3;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,7 +100,7 @@ impl TelemetryAccuracy {
 const NOISE_TIME: f64 = 0.3;
 /// Filter time constant for a wandering position, s: long compared with a step (3 s), short compared with a flight.
 const WANDER_TIME: f64 = 30.0;
-/// A position this many times its noise away from the estimate is a jump of the source, and adopted at once.
+/// A position this many times its noise away from the estimate is that of another origin, and adopted at once.
 const JUMP: f64 = 10.0;
 /// Correlation time of the velocity report error, s: while the velocity is constant it is rounded the same way.
 const ERROR_TIME: f64 = 1.0;
@@ -105,9 +110,10 @@ const HORIZON: Duration = Duration::from_millis(500);
 const MEMORY: Duration = Duration::from_secs(15);
 /// A longer gap between reports leaves a dead-reckoned position unknown.
 const GAP: f64 = 1.0;
-/// A position reported this far from the prediction, and farther than its noise explains, is a jump: poses before it are of
-/// another origin, metres.
+/// A position reported this far from the prediction, and farther than its noise explains, is of another origin, metres.
 const OFF: f64 = 0.5;
+/// The time of a report may be wrong by this much, s, in which the craft has flown on.
+const MISTIMED: f64 = 0.1;
 /// Maximum number of poses: [`MEMORY`] at 50 Hz, with room.
 const POSES: usize = 1024;
 
@@ -115,8 +121,13 @@ const POSES: usize = 1024;
 #[derive(Clone, Debug)]
 pub struct MotionEstimator {
     response: Response,
+    /// Greatest acceleration, m/s².
+    acceleration: f64,
     senses: TelemetryAccuracy,
     log: CommandLog,
+    /// What the position has jumped by so far, which is subtracted from the reported one, metres; and when it last did.
+    jumps: DVec3,
+    jumped: Option<Time>,
     newest: Option<(Telemetry, State)>,
     drift: Drift,
     odometry: Odometry,
@@ -131,8 +142,11 @@ impl MotionEstimator {
     pub fn new(craft: &Craft, senses: TelemetryAccuracy) -> Self {
         Self {
             response: Response::of(craft),
+            acceleration: craft.acceleration.max(craft.climb_acceleration),
             senses,
             log: CommandLog::default(),
+            jumps: DVec3::ZERO,
+            jumped: None,
             newest: None,
             drift: Drift::default(),
             odometry: Odometry::default(),
@@ -155,12 +169,18 @@ impl MotionEstimator {
             + telemetry.attitude.roll
             + telemetry.yaw_rate.unwrap_or(0.0)
             + telemetry.height.unwrap_or(0.0);
-        if !reported.is_finite() {
+        if !reported.is_finite() || self.newest.is_some_and(|(before, _)| telemetry.time <= before.time) {
             return;
         }
+        let mut telemetry = Telemetry { position: telemetry.position.map(|at| less(at, self.jumps)), ..*telemetry };
+        if let Some(jump) = self.newest.and_then(|(before, _)| self.jump(&before, &telemetry)) {
+            self.jumps += jump;
+            self.jumped = Some(telemetry.time);
+            telemetry.position = telemetry.position.map(|at| less(at, jump));
+        }
+        let telemetry = &telemetry;
         let state = match &self.newest {
             None => first(telemetry),
-            Some((before, _)) if telemetry.time <= before.time => return,
             Some((before, state)) => {
                 let elapsed = telemetry.time.since(before.time).as_secs_f64();
                 if telemetry.position.is_some() {
@@ -240,10 +260,29 @@ impl MotionEstimator {
         self.past.get(after.saturating_sub(1)).map_or(self.odometry, |&(.., odometry)| odometry)
     }
 
-    /// Time before which poses cannot be compared with later ones: when the position last jumped, or was unknown.
+    /// Time before which poses cannot be compared with later ones: when the position was last unknown, or moved by an amount that no
+    /// report explains.
     #[must_use]
     pub fn lost_track(&self) -> Option<Time> {
         self.lost
+    }
+
+    /// When the reported position last jumped from one report to the next. Poses go on without the jump.
+    #[must_use]
+    pub fn jumped(&self) -> Option<Time> {
+        self.jumped
+    }
+
+    /// What the reported position has jumped by since the report before, if the reported velocities do not explain it, metres.
+    fn jump(&self, before: &Telemetry, telemetry: &Telemetry) -> Option<DVec3> {
+        let (from, to) = before.position.zip(telemetry.position)?;
+        let (start, end) = before.velocity.zip(telemetry.velocity)?;
+        let elapsed = telemetry.time.since(before.time).as_secs_f64();
+        let moved = 0.5 * elapsed * (start.vector() + end.vector());
+        let off = to.vector() - from.vector() - moved;
+        // Meanwhile the craft may have flown faster than at both times.
+        let explained = OFF + self.acceleration * elapsed * elapsed + MISTIMED * start.speed().max(end.speed());
+        (elapsed <= GAP && off.length() > explained).then_some(off)
     }
 
     /// Standard deviation of the horizontal position as of the newest report, metres: that of the position source or,
@@ -414,6 +453,11 @@ fn lose(
         odometry.climb += velocity.up.abs() * elapsed;
     }
     odometry
+}
+
+/// A position, moved back by a vector.
+fn less(at: EnuPosition, by: DVec3) -> EnuPosition {
+    EnuPosition::of_vector(at.vector() - by)
 }
 
 fn first(telemetry: &Telemetry) -> State {

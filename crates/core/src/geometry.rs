@@ -155,6 +155,11 @@ impl EnuDirection {
 }
 
 impl EnuVelocity {
+    /// East, north and up as a vector.
+    pub(crate) fn vector(self) -> DVec3 {
+        DVec3::new(self.east, self.north, self.up)
+    }
+
     /// Speed, m/s.
     #[must_use]
     pub fn speed(self) -> f64 {

@@ -12,6 +12,7 @@ pub mod modes;
 pub mod parameter;
 pub mod ranges;
 pub mod report;
+pub mod station;
 pub mod url;
 pub mod wire;
 

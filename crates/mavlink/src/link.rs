@@ -1,11 +1,12 @@
 //! A link to one vehicle: UDP, TCP or a serial port, as bytes.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs, UdpSocket};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use crate::station::Station;
 use crate::url::{HostPort, MavlinkUrl};
 use crate::wire::{Decoder, Packet};
 
@@ -19,6 +20,8 @@ const RECONNECT: Duration = Duration::from_secs(1);
 const PEER_SILENT: Duration = Duration::from_secs(3);
 /// Longest datagram, bytes.
 pub const LONGEST: usize = 4096;
+/// Senders of heartbeats that are remembered. Somebody who floods the link must not fill the memory.
+const STATIONS: usize = 64;
 
 /// Why a link could not be opened.
 #[derive(Debug, thiserror::Error)]
@@ -67,7 +70,7 @@ struct Stream {
 }
 
 enum Port {
-    /// The peer is the autopilot that is heard first; a fixed one has been named by the user.
+    /// The peer is the multicopter that is heard first; a fixed one has been named by the user.
     Udp {
         socket: UdpSocket,
         peer: Mutex<Peer>,
@@ -90,8 +93,16 @@ pub struct Link {
     port: Port,
     /// The system that the link is to; `None` for whichever is heard first.
     wanted: Option<u8>,
-    /// Systems whose autopilots were heard, also those that may not speak for the vehicle.
-    vehicles: Mutex<BTreeSet<u8>>,
+    heard: Mutex<Heard>,
+}
+
+/// What has arrived, also of those that may not speak for the vehicle.
+#[derive(Debug, Default)]
+struct Heard {
+    /// Who sends heartbeats, by system and component.
+    stations: BTreeMap<[u8; 2], Station>,
+    /// Bytes so far.
+    bytes: usize,
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -134,7 +145,7 @@ impl Link {
                 serial_port(path, *rate).map_err(open)?
             }
         };
-        Ok(Self { port, wanted, vehicles: Mutex::default() })
+        Ok(Self { port, wanted, heard: Mutex::default() })
     }
 
     /// Whether packets can be lost, reordered or come twice (UDP).
@@ -143,31 +154,54 @@ impl Link {
         matches!(self.port, Port::Udp { .. })
     }
 
-    /// The system of a packet that is the heartbeat of a vehicle's autopilot is remembered.
+    /// The sender of a packet that is a heartbeat is remembered.
     pub fn note(&self, packet: &Packet) {
-        if is_autopilot(packet) {
-            lock(&self.vehicles).insert(packet.system);
+        if let Some(station) = Station::of(packet) {
+            let mut heard = lock(&self.heard);
+            let id = [station.system, station.component];
+            if heard.stations.len() < STATIONS || heard.stations.contains_key(&id) {
+                heard.stations.insert(id, station);
+            }
         }
     }
 
-    /// Another vehicle than this one that was heard.
+    /// Who has sent heartbeats so far, in the order of system and component.
     #[must_use]
-    pub fn other_than(&self, system: u8) -> Option<u8> {
-        lock(&self.vehicles).iter().copied().find(|other| *other != system)
+    pub fn stations(&self) -> Vec<Station> {
+        lock(&self.heard).stations.values().copied().collect()
     }
 
-    /// Whether a datagram has the heartbeat of the autopilot that the link is to, with its checksum.
+    /// Bytes that have arrived so far, from anyone.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        lock(&self.heard).bytes
+    }
+
+    /// The system of another multicopter than this one that was heard.
+    #[must_use]
+    pub fn other_than(&self, system: u8) -> Option<u8> {
+        self.stations().into_iter().find(|station| station.system != system && station.is_vehicle()).map(|other| other.system)
+    }
+
+    /// Whether a datagram has the heartbeat of the multicopter that the link is to, with its checksum.
     fn is_of_vehicle(&self, datagram: &[u8]) -> bool {
         let mut decoder = Decoder::default();
         decoder.push(datagram);
-        let beats: Vec<Packet> = core::iter::from_fn(|| decoder.next_packet()).filter(is_autopilot).collect();
-        beats.iter().for_each(|packet| self.note(packet));
-        beats.iter().any(|packet| self.wanted.is_none_or(|wanted| packet.system == wanted))
+        let packets: Vec<Packet> = core::iter::from_fn(|| decoder.next_packet()).collect();
+        packets.iter().for_each(|packet| self.note(packet));
+        let mut stations = packets.iter().filter_map(Station::of);
+        stations.any(|station| station.is_vehicle() && self.wanted.is_none_or(|wanted| station.system == wanted))
     }
 
     /// Waits up to [`POLL_INTERVAL`] for bytes of the vehicle. Zero means that there are none yet. The flag is set where the bytes
     /// do not continue those before: a datagram, a new connection.
     pub fn receive(&self, buffer: &mut [u8]) -> (usize, bool) {
+        let received = self.receive_from_port(buffer);
+        lock(&self.heard).bytes += received.0;
+        received
+    }
+
+    fn receive_from_port(&self, buffer: &mut [u8]) -> (usize, bool) {
         match &self.port {
             Port::Udp { socket, peer, fixed } => {
                 let Ok((length, from)) = socket.recv_from(buffer) else { return (0, false) };
@@ -175,8 +209,9 @@ impl Link {
                 let now = Instant::now();
                 let known = peer.address == Some(from);
                 let silent = peer.heard.is_none_or(|heard| now.duration_since(heard) >= PEER_SILENT);
-                // Nobody else may speak for the vehicle while it is there, and no other than an autopilot for it at any time.
+                // Nobody else may speak for the vehicle while it is there, and no other than a multicopter at any time.
                 if !known && (!self.is_of_vehicle(&buffer[..length]) || *fixed || !silent) {
+                    lock(&self.heard).bytes += length;
                     return (0, false);
                 }
                 *peer = Peer { address: Some(from), heard: Some(now) };
@@ -255,12 +290,6 @@ fn serial_port(path: &str, rate: u32) -> std::io::Result<Port> {
 #[cfg(not(unix))]
 fn serial_port(path: &str, rate: u32) -> std::io::Result<Port> {
     Err(std::io::Error::new(ErrorKind::Unsupported, format!("{path} at {rate}")))
-}
-
-/// Whether it is the heartbeat of an autopilot (component 1).
-fn is_autopilot(packet: &Packet) -> bool {
-    // 8 is `MAV_AUTOPILOT_INVALID`: ground stations, cameras, computers.
-    packet.component == 1 && packet.system != 0 && packet.autopilot().is_some_and(|number| number != 8)
 }
 
 fn address(at: &HostPort) -> std::io::Result<SocketAddr> {
@@ -347,14 +376,55 @@ mod tests {
     use super::*;
     use crate::wire::{Body, Encoder};
 
-    /// A heartbeat: mode, type, autopilot, base mode, state, version.
+    /// A heartbeat of system, component, type and autopilot.
+    fn beat([system, component, kind, autopilot]: [u8; 4]) -> Vec<u8> {
+        // Mode, type, autopilot, base mode, state, version.
+        Encoder::new([system, component]).frame(&Body { id: 0, payload: vec![0, 0, 0, 0, kind, autopilot, 1, 4, 3] })
+    }
+
     fn heartbeat(component: u8, autopilot: u8) -> Vec<u8> {
-        let payload = vec![0, 0, 0, 0, 2, autopilot, 1, 4, 3];
-        Encoder::new([1, component]).frame(&Body { id: 0, payload })
+        beat([1, component, 2, autopilot])
+    }
+
+    /// Whether any of what was sent from a socket is taken for the vehicle's.
+    fn arrives(link: &Link, from: &UdpSocket, bytes: &[u8]) -> usize {
+        let Port::Udp { socket, .. } = &link.port else { panic!("no UDP") };
+        from.send_to(bytes, ("127.0.0.1", socket.local_addr().unwrap().port())).unwrap();
+        let mut buffer = [0; LONGEST];
+        // What was dropped has been received by the second call.
+        [(); 2].map(|()| link.receive(&mut buffer).0).into_iter().sum()
+    }
+
+    /// Each sends from an address of its own, before the vehicle does: an ADS-B receiver, a camera that says that it has an autopilot
+    /// and is component 1, a rover, an antenna tracker, a ground station with the vehicle's number.
+    #[test]
+    fn whoever_else_is_heard_first_does_not_keep_the_vehicle_out() {
+        let others = [[9, 156, 27, 0], [1, 1, 30, 0], [3, 1, 10, 3], [4, 1, 5, 3], [1, 190, 6, 8]];
+        for other in others {
+            let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap(), None).unwrap();
+            let [first, vehicle] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
+            let bytes = beat(other);
+            assert_eq!(arrives(&link, &first, &bytes), 0, "{other:?}");
+            // Something has arrived, and from whom is known.
+            let [system, component, kind, autopilot] = other;
+            assert_eq!(link.stations(), [Station { system, component, kind, autopilot }]);
+            assert_eq!(link.bytes(), bytes.len());
+            assert!(arrives(&link, &vehicle, &heartbeat(1, 12)) > 0, "{other:?}");
+            assert_eq!(link.other_than(1), None, "{other:?} is no second vehicle");
+        }
     }
 
     #[test]
-    fn only_the_heartbeat_of_an_autopilot_makes_a_peer() {
+    fn a_flood_of_senders_is_not_remembered() {
+        let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap(), None).unwrap();
+        for system in 1..=255 {
+            assert!(!link.is_of_vehicle(&beat([system, 190, 6, 8])));
+        }
+        assert_eq!(link.stations().len(), STATIONS);
+    }
+
+    #[test]
+    fn only_the_heartbeat_of_a_multicopter_makes_a_peer() {
         let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap(), None).unwrap();
         let mut broken = heartbeat(1, 12);
         broken[12] ^= 1;
@@ -363,18 +433,10 @@ mod tests {
             assert!(!link.is_of_vehicle(other), "{other:?}");
         }
         assert!(link.is_of_vehicle(&heartbeat(1, 12)) && link.is_of_vehicle(&[attitude, heartbeat(1, 3)].concat()));
-        let Port::Udp { socket, .. } = &link.port else { panic!("no UDP") };
-        let port = socket.local_addr().unwrap().port();
         let [stranger, vehicle] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
-        let arrives = |from: &UdpSocket, bytes: &[u8]| {
-            from.send_to(bytes, ("127.0.0.1", port)).unwrap();
-            let mut buffer = [0; LONGEST];
-            // What was dropped has been received by the second call.
-            [(); 2].map(|()| link.receive(&mut buffer).0).into_iter().sum::<usize>()
-        };
-        assert_eq!(arrives(&stranger, b"hello"), 0);
+        assert_eq!(arrives(&link, &stranger, b"hello"), 0);
         let beat = heartbeat(1, 12);
-        assert_eq!((arrives(&vehicle, &beat), arrives(&stranger, &beat)), (beat.len(), 0));
+        assert_eq!((arrives(&link, &vehicle, &beat), arrives(&link, &stranger, &beat)), (beat.len(), 0));
         vehicle.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
         link.send(b"to the vehicle");
         assert_eq!(vehicle.recv(&mut [0; 64]).unwrap(), 14);
@@ -383,16 +445,11 @@ mod tests {
     /// Both are heard, wherever they send from; the one that is wanted may speak.
     #[test]
     fn two_vehicles_on_one_port_are_both_known() {
-        let of = |system: u8| Encoder::new([system, 1]).frame(&Body { id: 0, payload: vec![0, 0, 0, 0, 2, 12, 1, 4, 3] });
         for (wanted, speaks) in [(None, 1), (Some(2), 2)] {
             let link = Link::open(&"udpin:127.0.0.1:0".parse().unwrap(), wanted).unwrap();
-            let Port::Udp { socket, .. } = &link.port else { panic!("no UDP") };
-            let port = socket.local_addr().unwrap().port();
-            let mut buffer = [0; LONGEST];
             let vehicles = [1, 2].map(|system| (system, UdpSocket::bind("127.0.0.1:0").unwrap()));
             for (system, vehicle) in &vehicles {
-                vehicle.send_to(&of(*system), ("127.0.0.1", port)).unwrap();
-                let arrived = [(); 2].map(|()| link.receive(&mut buffer).0).into_iter().sum::<usize>();
+                let arrived = arrives(&link, vehicle, &beat([*system, 1, 2, 12]));
                 assert_eq!(arrived > 0, *system == speaks, "{wanted:?} {system}");
             }
             assert_eq!((link.other_than(1), link.other_than(2)), (Some(2), Some(1)));
@@ -408,7 +465,7 @@ mod tests {
         let file = std::fs::File::from(std::os::fd::OwnedFd::from(ours));
         let frame = [7; 4096];
         while write_within(&file, &frame, Duration::ZERO).is_ok() {}
-        let link = Link { port: Port::Serial(file), wanted: None, vehicles: Mutex::default() };
+        let link = Link { port: Port::Serial(file), wanted: None, heard: Mutex::default() };
         let begun = Instant::now();
         link.send(&frame);
         assert!((SEND_TIME..Duration::from_secs(60)).contains(&begun.elapsed()), "{:?}", begun.elapsed());

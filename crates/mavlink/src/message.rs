@@ -223,15 +223,22 @@ fn of_variances(one: f32, other: f32) -> Report {
     if one.is_nan() || other.is_nan() { Report::Other } else { Report::PositionCovariance(variance.max(0.0).sqrt()) }
 }
 
+/// Charge, 0..=1, of what `SYS_STATUS` tells: per cent, with -1 for a charge that is not known, and millivolts. Without a sensor some
+/// firmware tells an empty battery, whose voltage is zero or unknown.
+fn charge(remaining: i8, millivolts: u16) -> Option<f64> {
+    let charge = u8::try_from(remaining).ok().filter(|charge| *charge <= 100)?;
+    let is_measured = charge > 0 || !matches!(millivolts, 0 | u16::MAX);
+    is_measured.then(|| f64::from(charge) * 0.01)
+}
+
 fn read(message: &MavMessage) -> Report {
     match message {
         MavMessage::SYS_STATUS(status) => {
             let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
             let fence = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
             let says = status.onboard_control_sensors_present.contains(check);
-            let charge = u8::try_from(status.battery_remaining).ok().filter(|charge| *charge <= 100);
             Report::System {
-                battery: charge.map(|charge| f64::from(charge) * 0.01),
+                battery: charge(status.battery_remaining, status.voltage_battery),
                 may_arm: says.then(|| status.onboard_control_sensors_health.contains(check)),
                 fenced: status
                     .onboard_control_sensors_present
@@ -348,6 +355,26 @@ mod tests {
         // One that no dialect has is acknowledged all the same.
         let ack = packet(&acknowledgement([255, 190], 54_321, 3)).report();
         assert_eq!(ack, Report::Acknowledgement { command: 54_321, result: 3, target: [255, 190] });
+    }
+
+    #[test]
+    fn a_battery_without_a_sensor_is_unknown_and_an_empty_one_is_empty() {
+        let told = |remaining: i8, millivolts: u16| {
+            let status = mavlink::dialects::common::SYS_STATUS_DATA {
+                voltage_battery: millivolts,
+                battery_remaining: remaining,
+                ..Default::default()
+            };
+            let mut decoder = crate::wire::Decoder::default();
+            decoder.push(&crate::wire::Encoder::new([1, 1]).frame(&Body::from(&MavMessage::SYS_STATUS(status))));
+            let Report::System { battery, .. } = decoder.next_packet().unwrap().report() else { panic!("no status") };
+            battery
+        };
+        for (remaining, millivolts) in [(0, 0), (0, u16::MAX), (-1, 0), (-1, u16::MAX), (-1, 11_800), (101, 12_000)] {
+            assert_eq!(told(remaining, millivolts), None, "{remaining} % {millivolts} mV");
+        }
+        // A charge that is told without a voltage is one.
+        assert_eq!([told(0, 9600), told(1, 0), told(50, u16::MAX), told(100, 12_600)], [0.0, 0.01, 0.5, 1.0].map(Some));
     }
 
     /// Bytes as pymavlink 2.4 packs them: five floats, the flags, one more float.

@@ -1,6 +1,9 @@
-//! RTSP, by the crate `retina`.
+//! RTSP, by the crate `retina`. Within the connection (`rtsp://`), what the camera sends is [repaired](repair) before it.
 
-use std::num::NonZeroU32;
+mod relay;
+mod repair;
+
+use std::net::Ipv4Addr;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -12,6 +15,7 @@ use retina::client::{
 use retina::codec::{CodecItem, FrameFormat, VideoFrame};
 use spf_drone::frames::VideoStats;
 use spf_media::h264::AccessUnit;
+use url::Url;
 
 use super::{SILENCE, runtime, unless_stopped};
 use crate::address::{Server, Transport};
@@ -24,8 +28,11 @@ const ANSWER_TIME: Duration = Duration::from_secs(10);
 const GOODBYE_TIME: Duration = Duration::from_millis(500);
 /// Seconds from 1900, when the time of NTP begins, to 1970 (RFC 5905, figure 4).
 const NTP_EPOCH: f64 = 2_208_988_800.0;
-/// A timestamp that jumps by more than this belongs to a clock that was set; the connection then begins anew.
-const JUMP_SECONDS: u32 = 10;
+/// A camera whose timestamps go this far from the arrivals within one frame, seconds, has set its clock: what it told of the wall clock
+/// before is void.
+const CLOCK_SET: f64 = 1.0;
+/// The usual port.
+const PORT: u16 = 554;
 
 /// Receives from a server.
 pub(super) fn receive(server: &Server, transport: Transport, feed: &mut Feed) -> Result<(), SourceError> {
@@ -44,7 +51,7 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
     let (mut stream, is_jpeg) = opened.ok_or_else(SourceError::no_answer)??;
     let mut tally = VideoStats::default();
     let mut packets = Packets::default();
-    let (mut awaits_key, mut clock) = (true, None);
+    let (mut awaits_key, mut clock, mut before) = (true, None, None::<(f64, f64)>);
     let mut last_image = feed.now();
     loop {
         let Some(item) = unless_stopped(feed, stream.next(), SILENCE).await else { return Ok(()) };
@@ -65,8 +72,11 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
                     tally.units += 1;
                 }
                 feed.tally(tally, packets);
+                let times = (frame.timestamp().elapsed_secs(), at.as_secs_f64());
+                let goes_on = |(stamp, at): (f64, f64)| ((times.0 - stamp) - (times.1 - at)).abs() < CLOCK_SET;
+                clock = clock.filter(|_| before.replace(times).is_none_or(goes_on));
                 if !awaits_key {
-                    let stamp = (frame.timestamp().elapsed_secs() * 1e9) as i64;
+                    let stamp = (times.0 * 1e9) as i64;
                     let age = clock.as_ref().and_then(|clock: &SenderClock| clock.age(&frame));
                     tracing::trace!("frame with age {age:?} s by the camera's clock");
                     if is_jpeg {
@@ -87,7 +97,15 @@ async fn session(server: &Server, transport: Transport, group: &Arc<SessionGroup
 /// Opens the first stream with video that can be decoded, and starts it.
 async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -> Result<(Demuxed, bool), SourceError> {
     let explained = |error| failure(&error, server);
-    let url = server.url.parse().map_err(|_| SourceError::connection("the address is invalid".to_owned(), None))?;
+    let invalid = || SourceError::connection("the address is invalid".to_owned(), None);
+    let mut url: Url = server.url.parse().map_err(|_| invalid())?;
+    if transport == Transport::Tcp {
+        let host = url.host_str().ok_or_else(invalid)?.trim_start_matches('[').trim_end_matches(']');
+        let port = relay::to(host, url.port().unwrap_or(PORT)).await;
+        let port = port.map_err(|error| SourceError::connection(format!("cannot connect: {error}"), Some(&error)))?;
+        // As behind a router that forwards a port: the camera does not see its own name.
+        url.set_ip_host(Ipv4Addr::LOCALHOST.into()).and_then(|()| url.set_port(Some(port))).map_err(|()| invalid())?;
+    }
     let credentials = server.credentials.as_ref();
     let credentials =
         credentials.map(|known| retina::client::Credentials { username: known.user.clone(), password: known.password.clone() });
@@ -110,18 +128,14 @@ async fn open(server: &Server, transport: Transport, group: Arc<SessionGroup>) -
             },
         });
     };
-    let is_ordered = transport == Transport::Tcp;
     let transport = match transport {
         Transport::Tcp => RtspTransport::Tcp(TcpTransportOptions::default()),
         Transport::Udp => RtspTransport::Udp(UdpTransportOptions::default()),
     };
     let setup = SetupOptions::default().transport(transport).frame_format(FrameFormat::SIMPLE);
     session.setup(index, setup).await.map_err(explained)?;
-    let mut play = PlayOptions::default().unknown_rtcp_ssrc(UnknownRtcpSsrcPolicy::Default);
-    // By UDP, a report may overtake the image before it, whose timestamp then seems to jump back.
-    if let Some(jump) = NonZeroU32::new(JUMP_SECONDS).filter(|_| is_ordered) {
-        play = play.enforce_timestamps_with_max_jump_secs(jump);
-    }
+    // Timestamps may jump: `CaptureClock` makes of them what they are worth.
+    let play = PlayOptions::default().unknown_rtcp_ssrc(UnknownRtcpSsrcPolicy::Default);
     let stream = session.play(play).await.map_err(explained)?.demuxed().map_err(explained)?;
     Ok((stream, is_jpeg))
 }

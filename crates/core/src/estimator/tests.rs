@@ -231,3 +231,53 @@ fn heading_wraps() {
         assert!(i == 0 || wrap_angle(between.unwrap().attitude.heading - heading).abs() < 0.03);
     }
 }
+
+/// An agile flight whose position source is reset every two seconds, by metres in any direction: the poses go on as if it were not, and
+/// none of them is lost. What a craft may fly between two late reports is no jump.
+#[test]
+fn a_jump_of_the_position_is_subtracted_and_motion_is_none() {
+    for senses in [TelemetryAccuracy::EXACT, TelemetryAccuracy::quad()] {
+        for (every, jumps) in [(50, true), (250, true), (500, false), (50, false)] {
+            let mut estimator = MotionEstimator::new(&Craft::quad(), senses);
+            let report = |model: &CraftModel| {
+                let mut telemetry = exact(model);
+                let begun = CraftModel::new(Craft::quad()).now;
+                let resets = if jumps { (model.now.since(begun).as_nanos() / 2_000_000_000) as f64 } else { 0.0 };
+                let at = telemetry.position.unwrap();
+                telemetry.position = Some(EnuPosition {
+                    east: at.east + 6.0 * resets,
+                    north: at.north - 40.0 * (resets % 2.0),
+                    up: at.up + 3.0 * (resets % 3.0),
+                });
+                telemetry
+            };
+            fly(&mut estimator, 14, every, report, |estimator, model| {
+                let known = estimator.at(model.now).unwrap();
+                let most = if jumps { 0.8 } else { 0.4 };
+                assert!(known.position.distance(model.position) < most, "{every} {jumps}: {known:?} {:?}", model.position);
+                assert!(estimator.is_tracked_since(Time::ZERO, model.now) || every == 500);
+            });
+            assert_eq!((estimator.jumped().is_some(), estimator.lost_track()), (jumps, None), "{every}");
+        }
+    }
+}
+
+/// After a pause nobody knows how far it has flown meanwhile.
+#[test]
+fn after_a_pause_a_far_position_is_lost_and_no_jump() {
+    let mut estimator = MotionEstimator::new(&Craft::quad(), TelemetryAccuracy::quad());
+    let at = |ms, east| Telemetry {
+        time: Time::from_millis(ms),
+        position: Some(EnuPosition { east, ..EnuPosition::default() }),
+        velocity: Some(EnuVelocity::default()),
+        phase: FlightPhase::Flying,
+        ..Telemetry::default()
+    };
+    for report in [at(0, 0.0), at(50, 0.0), at(1200, 9.0)] {
+        estimator.observe(&report);
+    }
+    assert_eq!((estimator.jumped(), estimator.lost_track()), (None, Some(Time::from_millis(1200))));
+    estimator.observe(&at(1250, 14.0));
+    assert_eq!(estimator.jumped(), Some(Time::from_millis(1250)));
+    assert!((estimator.at(Time::from_millis(1250)).unwrap().position.east - 9.0).abs() < 1e-9);
+}

@@ -185,7 +185,7 @@ impl ObstacleMap {
         self.is_kept_out.get(index).is_some_and(|is| *is)
     }
 
-    /// Forgets everything, after a jump of the position source.
+    /// Forgets everything, after the position was lost.
     pub fn clear(&mut self) {
         let changed = self.changed + 1;
         *self = Self { faded_occupied: self.faded_occupied, faded_free: self.faded_free, changed, ..Self::new() };

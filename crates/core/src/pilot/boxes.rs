@@ -28,6 +28,13 @@ pub(super) struct Boxes {
     told: bool,
 }
 
+impl Boxes {
+    /// Forgets them.
+    pub(super) fn clear(&mut self) {
+        self.known.clear();
+    }
+}
+
 impl Pilot {
     /// Takes the boxes of a reply, except that of the target.
     pub(super) fn remember_boxes(&mut self, waiting: &Waiting) {

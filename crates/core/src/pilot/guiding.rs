@@ -40,6 +40,8 @@ pub(super) struct Guiding {
     follows: bool,
     /// When the motion estimate last lost track, as far as it has been taken into account.
     pub(super) lost: Option<Time>,
+    /// The same of the last jump of the position.
+    pub(super) jumped: Option<Time>,
     /// Position of the last target that was given up.
     given_up: Option<EnuPosition>,
     /// When the last depth grid arrived.
@@ -130,6 +132,15 @@ impl Guiding {
         }
         self.anchors.reset();
         self.gate = None;
+    }
+
+    /// Forgets all places of before `lost`.
+    pub(super) fn forget_places(&mut self, lost: Time) {
+        self.anchors.lose_track(lost);
+        self.given_up = None;
+        if let Some(map) = &mut self.map {
+            map.clear();
+        }
     }
 
     /// Forgets the target's height: it is another instruction's.

@@ -1,6 +1,6 @@
 //! What fills the obstacle map, and what the brake gets of it: telemetry, depth grids, range scans, frames, replies.
 
-use super::Pilot;
+use super::{Note, Pilot};
 use crate::avoid::{MARKED, is_person};
 use crate::depth::DepthGrid;
 use crate::geometry::{EnuPosition, Pose};
@@ -22,16 +22,17 @@ const PASS_PERIOD: Duration = Duration::from_millis(200);
 impl Pilot {
     /// Takes telemetry into account that the motion estimate has taken.
     pub(super) fn map_telemetry(&mut self, now: Time, telemetry: &Telemetry) {
+        let jumped = self.estimator.jumped();
+        if core::mem::replace(&mut self.guiding.jumped, jumped) != jumped {
+            self.note(Note::Limited(
+                "the craft's own position estimate jumped, although it has not moved: places stay where they are; limits, geofence \
+                 and home count by the new position",
+            ));
+        }
         let lost = self.estimator.lost_track();
         if lost != self.guiding.lost {
             self.guiding.lost = lost;
-            self.guiding.anchors.lose_track(lost.unwrap_or(now));
-            self.seen.clear();
-            self.shown.clear();
-            if let Some(map) = &mut self.guiding.map {
-                map.clear();
-            }
-            self.void_kept_out(now);
+            self.forget_places(now, lost.unwrap_or(now));
         }
         let (Some(map), Some(below)) = (&mut self.guiding.map, telemetry.ground_clearance) else { return };
         if let Some(pose) = self.estimator.pose_at(telemetry.time).filter(|_| below.is_finite() && telemetry.phase.is_flying()) {
@@ -39,6 +40,30 @@ impl Pilot {
             let end = EnuPosition { up: pose.position.up - below, ..pose.position };
             map.ray(pose.position, end, true);
         }
+    }
+
+    /// Forgets all places of before `lost`: nobody knows where they are now. What flies to one stops, and decides anew from rest.
+    fn forget_places(&mut self, now: Time, lost: Time) {
+        self.guiding.forget_places(lost);
+        self.seen.clear();
+        self.shown.clear();
+        self.void_kept_out(now);
+        // A craft that reports no position loses track at every pause of its reports, and is reckoned on.
+        if self.estimator.is_dead_reckoned() {
+            return;
+        }
+        self.lose_target();
+        self.boxes.clear();
+        self.envelope.observe_obstacles(core::iter::empty());
+        self.view = None;
+        if self.executing {
+            self.note(Note::Limited(
+                "the position is another than it was: the way to where the craft flew is not known any more",
+            ));
+            self.stop_motion(now);
+        }
+        self.rest_from(now);
+        self.needs_rest = true;
     }
 
     pub(super) fn map_depth(&mut self, now: Time, grid: &DepthGrid, pose: Pose) {

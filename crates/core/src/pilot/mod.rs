@@ -123,7 +123,7 @@ pub struct Pilot {
     /// Time since which the camera alone has been delaying take-off.
     ready_since: Option<Time>,
     hold_after_take_off: bool,
-    /// Places that the operator has marked, and the last one that a jump of the position has made void.
+    /// Places that the operator has marked, and the last one that the loss of the position has made void.
     kept_out: Vec<KeepOut>,
     voided: Option<u32>,
     first_motion: Option<Time>,
@@ -336,7 +336,8 @@ impl Pilot {
         self.estimator.position_error()
     }
 
-    /// When the position last jumped, or was unknown: poses of before cannot be compared with later ones.
+    /// When the position was last unknown, or moved by an amount that no report explains: poses of before cannot be compared with
+    /// later ones.
     #[must_use]
     pub fn lost_track(&self) -> Option<Time> {
         self.estimator.lost_track()

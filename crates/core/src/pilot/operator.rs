@@ -117,7 +117,7 @@ impl Pilot {
     /// Keeps out of these places from now on. The motion ends, for its way was not checked against them; the next decision leads
     /// around them. Flight by hand goes on.
     fn keep_out(&mut self, now: Time, mut places: Vec<KeepOut>) {
-        // An order that crossed with a jump may name places of before.
+        // An order that crossed with the loss of the position may name places of before.
         places.retain(|place| self.voided.is_none_or(|last| place.id > last));
         self.stop_motion(now);
         self.policy.keep_out(&places);
@@ -126,13 +126,15 @@ impl Pilot {
         self.kept_out = places;
     }
 
-    /// Forgets the places to keep out of when the position has jumped: nobody knows by how much of it they have. What flew on its
+    /// Forgets the places to keep out of when the position was lost: nobody knows where they are now. What flew on its
     /// own holds, until the operator has marked them again and resumes.
     pub(super) fn void_kept_out(&mut self, now: Time) {
         let Some(last) = self.kept_out.iter().map(|place| place.id).max() else { return };
         self.voided = Some(last);
         self.keep_out(now, Vec::new());
-        self.note(Note::Limited("the position jumped: the marked places are void; mark them again, then resume"));
+        self.note(Note::Limited(
+            "the position was lost, and is another now: the marked places are void; mark them again, then resume",
+        ));
         if matches!(self.phase, Phase::Ground | Phase::TakeOff | Phase::Flying) {
             self.hold(now, Phase::Held);
         }

@@ -142,7 +142,7 @@ impl Shown {
         views.filter_map(|view| view.is_free(now, place, around)).next()
     }
 
-    /// Forgets everything: the position has jumped.
+    /// Forgets everything: the position was lost.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }

@@ -62,7 +62,7 @@ impl Seen {
         }
     }
 
-    /// Forgets everything: the position has jumped.
+    /// Forgets everything: the position was lost.
     pub(super) fn clear(&mut self) {
         self.0.clear();
     }

@@ -13,6 +13,7 @@ use spf_core::estimator::TelemetryAccuracy;
 use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::link::Link;
+use spf_mavlink::station::Station;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
 
@@ -242,6 +243,15 @@ impl MavlinkCraft {
         (vehicle.mode(), vehicle.is_flying())
     }
 
+    /// Who else sends heartbeats on the link.
+    #[must_use]
+    pub fn others(&self) -> Vec<Station> {
+        let known = [self.shared.target, self.shared.own];
+        let mut stations = self.shared.link.stations();
+        stations.retain(|station| !known.contains(&[station.system, station.component]));
+        stations
+    }
+
     /// What the link delivered so far.
     #[must_use]
     pub fn link_stats(&self) -> LinkStats {
@@ -273,7 +283,9 @@ fn receive(shared: &Shared, mut decoder: Decoder) {
                 let now = shared.now();
                 shared.vehicle().handle_gimbal(now, news);
             }
-            if [packet.system, packet.component] != shared.target {
+            // A ground station with the vehicle's numbers counts its packets by itself.
+            let is_its = [packet.system, packet.component] == shared.target && !packet.is_controller();
+            if !is_its {
                 // Our own, as a router sends them back, are not another's.
                 if packet.is_controller() && [packet.system, packet.component] != shared.own {
                     lock(&shared.stats).other_stations = true;

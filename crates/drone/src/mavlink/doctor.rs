@@ -7,6 +7,7 @@ use spf_mavlink::modes::Autopilot;
 use spf_mavlink::url::MavlinkUrl;
 
 use super::craft::MavlinkCraft;
+use super::opening::listed;
 use super::settings::MavlinkSettings;
 use super::vehicle::Facts;
 use crate::examine::{Check, Finding, battery};
@@ -78,8 +79,11 @@ pub(super) fn examine(url: &MavlinkUrl, settings: &MavlinkSettings) -> Vec<Check
             Some("it can change the flight mode at any time; this program then lets go"),
         ));
     }
-    let charge = facts.battery.map(|charge| (100.0 * charge).round() as u8);
-    checks.push(battery(charge, "charge the battery: the envelope refuses take-off below 20 %"));
+    let others = drone.others();
+    if !others.is_empty() {
+        checks.push(Check::new("also heard", Finding::Good, listed(&others), None));
+    }
+    checks.push(charge(&facts));
     if let Some(tilt) = drone.with_vehicle(|vehicle, now| vehicle.camera_tilt(now)) {
         checks.push(Check::new(
             "gimbal",
@@ -98,6 +102,21 @@ pub(super) fn examine(url: &MavlinkUrl, settings: &MavlinkSettings) -> Vec<Check
     }
     checks.extend(parameters(&facts));
     checks
+}
+
+/// The battery, which may have no sensor.
+fn charge(facts: &Facts) -> Check {
+    let advice = match (facts.battery, facts.autopilot) {
+        (Some(_), _) => "charge the battery: the envelope refuses take-off below 20 %",
+        (None, Autopilot::Px4) => "take-off is refused without it: set up the battery's sensor (BAT1_SOURCE, BAT1_V_DIV)",
+        (None, Autopilot::ArduPilot) => {
+            "take-off is refused without it: set up the battery's sensor (BATT_MONITOR, BATT_CAPACITY)"
+        }
+    };
+    match facts.battery {
+        Some(charge) => battery(Some((100.0 * charge).round() as u8), advice),
+        None => Check::new("battery", Finding::Bad, "its charge is unknown: the autopilot does not tell it", Some(advice)),
+    }
 }
 
 /// The autopilot in words.

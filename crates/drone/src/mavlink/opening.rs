@@ -4,8 +4,9 @@ use std::time::Instant;
 
 use spf_core::time::{Duration, Time};
 use spf_mavlink::link::{Link, LinkError};
-use spf_mavlink::modes::{Autopilot, Mode};
+use spf_mavlink::modes::Mode;
 use spf_mavlink::report::Report;
+use spf_mavlink::station::Station;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder};
 
@@ -35,21 +36,20 @@ pub enum ConnectError {
         /// Bytes that arrived nevertheless.
         bytes: usize,
     },
-    /// Another autopilot than PX4 and ArduPilot.
-    #[error("the autopilot on {url} is neither PX4 nor ArduPilot (MAV_AUTOPILOT {number})")]
-    Unknown {
+    /// Heartbeats arrived, but none of a multicopter with PX4 or ArduPilot, or not of the one that is wanted.
+    #[error(
+        "no heartbeat of a multicopter with PX4 or ArduPilot{} on {url} within {} s; heard: {}",
+        of(*.wanted),
+        HEARTBEAT_WAIT.as_secs(),
+        listed(.heard)
+    )]
+    Others {
         /// The address.
         url: MavlinkUrl,
-        /// Its number.
-        number: u8,
-    },
-    /// Not a multicopter.
-    #[error("the vehicle on {url} is no multicopter (MAV_TYPE {kind})")]
-    NoCopter {
-        /// The address.
-        url: MavlinkUrl,
-        /// Its number.
-        kind: u8,
+        /// The system that is wanted.
+        wanted: Option<u8>,
+        /// Who was heard.
+        heard: Vec<Station>,
     },
     /// Heartbeats arrive, but not all messages that a flight needs.
     #[error("the {autopilot} on {url} does not send {} within {wait} s", .missing.join(", "))]
@@ -89,6 +89,15 @@ pub enum ConnectError {
     Start(#[source] std::io::Error),
 }
 
+fn of(system: Option<u8>) -> String {
+    system.map_or(String::new(), |system| format!(" of system {system}"))
+}
+
+/// Stations in words.
+pub(super) fn listed(stations: &[Station]) -> String {
+    stations.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+}
+
 impl ConnectError {
     /// What to do about it.
     #[must_use]
@@ -111,6 +120,13 @@ impl ConnectError {
             Self::Silent { .. } => {
                 "bytes arrive, but no heartbeat: check the rate of the serial port, and that its protocol is MAVLink".to_owned()
             }
+            Self::Others { url, wanted: Some(_), heard } if heard.iter().any(Station::is_vehicle) => {
+                let system = heard.iter().find(|station| station.is_vehicle()).map_or(1, |station| station.system);
+                format!("name one that is there, as --drone \"mavlink@{url}?sysid={system}\"")
+            }
+            Self::Others { .. } => "check that the vehicle itself sends to this address, and that its frame is set up in the autopilot: \
+                                    others than multicopters are not flown"
+                .to_owned(),
             Self::Missing { texts, .. } if texts.is_empty() => {
                 "wait for satellite navigation, or another source of position, and try again".to_owned()
             }
@@ -135,10 +151,8 @@ pub(super) struct Found {
     pub(super) encoder: Encoder,
 }
 
-/// `MAV_TYPE` of multicopters: quad-, hexa-, octo-, tri-, deca- and dodecarotor, coaxial.
-const COPTERS: [u8; 7] = [2, 3, 13, 14, 15, 29, 35];
-
-/// Waits for the heartbeat of an autopilot.
+/// Waits for the heartbeat of a multicopter. Whoever else is heard meanwhile (receivers, cameras, other vehicles, ground stations) is
+/// only remembered.
 pub(super) fn find(
     url: &MavlinkUrl,
     link: &Link,
@@ -147,9 +161,10 @@ pub(super) fn find(
     take_off_height: f64,
     start: Instant,
 ) -> Result<Found, ConnectError> {
-    let (begun, mut called, mut bytes) = (Instant::now(), None::<Instant>, 0);
+    let (begun, mut called) = (Instant::now(), None::<Instant>);
     // Our system is not known yet; a ground station is answered by everyone.
-    let mut caller = Encoder::new([settings.system.unwrap_or(255), COMPONENT]);
+    let caller_id = [settings.system.unwrap_or(255), COMPONENT];
+    let mut caller = Encoder::new(caller_id);
     let mut buffer = [0; spf_mavlink::link::LONGEST];
     while begun.elapsed() < HEARTBEAT_WAIT {
         if called.is_none_or(|called| called.elapsed() >= CALL) {
@@ -160,22 +175,12 @@ pub(super) fn find(
         if restarts {
             decoder.clear();
         }
-        bytes += length;
         decoder.push(&buffer[..length]);
         while let Some(packet) = decoder.next_packet() {
             let Report::Heartbeat(heartbeat) = packet.report() else { continue };
-            let number = packet.autopilot().unwrap_or(8);
             link.note(&packet);
-            // Cameras, gimbals and ground stations have none.
-            if number == 8 || packet.system == 0 || settings.vehicle.is_some_and(|wanted| packet.system != wanted) {
-                continue;
-            }
-            let Some(autopilot) = Autopilot::from_heartbeat(number) else {
-                return Err(ConnectError::Unknown { url: url.clone(), number });
-            };
-            if !COPTERS.contains(&heartbeat.kind) {
-                return Err(ConnectError::NoCopter { url: url.clone(), kind: heartbeat.kind });
-            }
+            let is_wanted = |station: &Station| settings.vehicle.is_none_or(|wanted| station.system == wanted);
+            let Some(autopilot) = Station::of(&packet).filter(is_wanted).and_then(|station| station.copter()) else { continue };
             let own = [settings.system.unwrap_or(packet.system), COMPONENT];
             let now = Time::ZERO + start.elapsed();
             let mode = Mode(autopilot, heartbeat.custom_mode);
@@ -184,5 +189,99 @@ pub(super) fn find(
             return Ok(Found { system: packet.system, component: packet.component, vehicle, encoder: Encoder::new(own) });
         }
     }
-    Err(ConnectError::Silent { url: url.clone(), bytes })
+    Err(nobody(url, link, settings, caller_id))
+}
+
+/// Why no vehicle was found.
+fn nobody(url: &MavlinkUrl, link: &Link, settings: &MavlinkSettings, caller: [u8; 2]) -> ConnectError {
+    let mut heard = link.stations();
+    // A router may send back what comes from here.
+    heard.retain(|station| [station.system, station.component] != caller);
+    if heard.is_empty() {
+        return ConnectError::Silent { url: url.clone(), bytes: link.bytes() };
+    }
+    ConnectError::Others { url: url.clone(), wanted: settings.vehicle, heard }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write as _;
+    use std::net::TcpListener;
+
+    use spf_mavlink::modes::Autopilot;
+    use spf_mavlink::wire::Body;
+
+    use super::*;
+
+    /// A heartbeat of system, component, type and autopilot.
+    fn beat([system, component, kind, autopilot]: [u8; 4]) -> Vec<u8> {
+        Encoder::new([system, component]).frame(&Body { id: 0, payload: vec![0, 0, 0, 0, kind, autopilot, 1, 4, 3] })
+    }
+
+    /// An ADS-B receiver, a camera that says that it has an autopilot and is component 1, a rover, an antenna tracker, a vehicle with
+    /// another autopilot, a ground station with the vehicle's number.
+    const OTHERS: [[u8; 4]; 6] = [[9, 156, 27, 0], [1, 1, 30, 0], [3, 1, 10, 3], [4, 1, 5, 3], [5, 1, 2, 17], [7, 190, 6, 8]];
+
+    /// A link on which these heartbeats come, one after the other.
+    fn heard(beats: &[[u8; 4]], wanted: Option<u8>) -> (MavlinkUrl, Link, std::net::TcpStream) {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let url: MavlinkUrl = format!("tcpout:{}", listener.local_addr().unwrap()).parse().unwrap();
+        let link = Link::open(&url, wanted).unwrap();
+        let (mut stream, _) = listener.accept().unwrap();
+        beats.iter().for_each(|of| stream.write_all(&beat(*of)).unwrap());
+        (url, link, stream)
+    }
+
+    fn found(beats: &[[u8; 4]], wanted: Option<u8>) -> (u8, Autopilot) {
+        let (url, link, _stream) = heard(beats, wanted);
+        let settings = MavlinkSettings { vehicle: wanted, ..MavlinkSettings::default() };
+        let found = find(&url, &link, &mut Decoder::default(), &settings, 3.0, Instant::now()).unwrap();
+        (found.system, found.vehicle.facts().autopilot)
+    }
+
+    #[test]
+    fn whoever_is_heard_first_the_multicopter_is_waited_for() {
+        for other in OTHERS {
+            assert_eq!(found(&[other, other, [7, 1, 2, 12]], None), (7, Autopilot::Px4), "{other:?}");
+        }
+        assert_eq!(found(&[OTHERS.as_slice(), &[[7, 1, 13, 3]]].concat(), None), (7, Autopilot::ArduPilot));
+        // The number chooses among multicopters.
+        assert_eq!(found(&[[1, 1, 2, 12], [8, 1, 2, 3]], Some(8)), (8, Autopilot::ArduPilot));
+    }
+
+    #[test]
+    fn who_was_heard_instead_is_listed_with_what_to_do() {
+        let error = |beats: &[[u8; 4]], wanted: Option<u8>| {
+            let (url, link, stream) = heard(beats, None);
+            drop(stream);
+            let (mut decoder, mut buffer) = (Decoder::default(), [0; spf_mavlink::link::LONGEST]);
+            let all = 21 * beats.len();
+            while link.bytes() < all {
+                let (length, _) = link.receive(&mut buffer);
+                decoder.push(&buffer[..length]);
+                while let Some(packet) = decoder.next_packet() {
+                    link.note(&packet);
+                }
+            }
+            let settings = MavlinkSettings { vehicle: wanted, ..MavlinkSettings::default() };
+            let error = nobody(&url, &link, &settings, [255, COMPONENT]);
+            (error.to_string().replace(&url.to_string(), "URL"), error.hint().unwrap().replace(&url.to_string(), "URL"))
+        };
+        let (text, hint) = error(&[[3, 1, 10, 3], [1, 100, 30, 8], [255, 191, 18, 8]], None);
+        assert_eq!(
+            text,
+            "no heartbeat of a multicopter with PX4 or ArduPilot on URL within 10 s; heard: system 1 component 100 (camera); system 3 \
+             component 1 (rover, ArduPilot)"
+        );
+        assert!(hint.contains("others than multicopters are not flown"), "{hint}");
+        let (text, hint) = error(&[[2, 1, 2, 12]], Some(9));
+        assert!(
+            text.contains("ArduPilot of system 9 on URL") && text.ends_with("system 2 component 1 (multicopter, PX4)"),
+            "{text}"
+        );
+        assert_eq!(hint, "name one that is there, as --drone \"mavlink@URL?sysid=2\"");
+        // Only what comes back from here.
+        let (text, _) = error(&[[255, 191, 18, 8]], None);
+        assert_eq!(text, "no heartbeat of an autopilot on URL within 10 s");
+    }
 }

@@ -13,3 +13,20 @@ mod server;
 mod session;
 
 pub use server::{RtspError, Server, Unit};
+
+/// What the standards forbid, and cameras do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quirks {
+    /// The answer to `SETUP` does not tell the channels of packets within the connection.
+    pub no_channels: bool,
+    /// It tells another source number (SSRC) than that of the packets.
+    pub other_source: bool,
+    /// Two packets of another source come within the connection: before the first image, and before its last packet.
+    pub stray_packets: bool,
+    /// Bytes that are no packet come before each image within the connection.
+    pub noise: bool,
+    /// The timestamp of every second image is this much earlier, 1/90000 s.
+    pub back: u16,
+    /// For every second five images the clock of the timestamps is off by this much, seconds.
+    pub jump: i16,
+}

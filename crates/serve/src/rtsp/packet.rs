@@ -24,6 +24,8 @@ pub struct Packetizer {
     sequence: u16,
     /// Added to timestamps, so that they tell nothing about the clock (RFC 3550, section 5.1).
     offset: u32,
+    /// What the clock of the timestamps is off by, ticks.
+    off: i32,
     packets: u32,
     octets: u32,
 }
@@ -33,7 +35,7 @@ impl Packetizer {
     #[must_use]
     pub const fn new(random: u64) -> Self {
         let source = (random >> 32) as u32;
-        Self { source, sequence: random as u16, offset: source.rotate_left(16) ^ random as u32, packets: 0, octets: 0 }
+        Self { source, sequence: random as u16, offset: source.rotate_left(16) ^ random as u32, off: 0, packets: 0, octets: 0 }
     }
 
     /// Its source number (SSRC).
@@ -48,11 +50,16 @@ impl Packetizer {
         self.sequence
     }
 
+    /// From now on the clock of the timestamps is off by this many ticks.
+    pub const fn set_clock(&mut self, off: i32) {
+        self.off = off;
+    }
+
     /// The RTP time at a wall-clock time, given as the time since 1970.
     fn timestamp(&self, wall: Duration) -> u32 {
         let ticks = wall.as_nanos() * u128::from(CLOCK) / 1_000_000_000;
         // 32 bits, which wrap every 13 hours.
-        (ticks as u32).wrapping_add(self.offset)
+        (ticks as u32).wrapping_add(self.offset).wrapping_add_signed(self.off)
     }
 
     /// The packets of an access unit (NAL units with start codes) captured at `wall`, a time since 1970.

@@ -14,7 +14,8 @@ use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::{broadcast, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
-use super::packet::Packetizer;
+use super::Quirks;
+use super::packet::{CLOCK, Packetizer};
 use super::request::{Incoming, Request, read};
 use super::session::{ParameterSets, Session, Step, TIMEOUT, Transport};
 
@@ -69,6 +70,7 @@ pub struct Server {
 
 struct Shared {
     path: String,
+    quirks: Quirks,
     units: broadcast::Sender<Arc<Unit>>,
     parameters: Mutex<Option<ParameterSets>>,
     clients: AtomicUsize,
@@ -82,6 +84,14 @@ impl Server {
     /// # Errors
     /// [`RtspError`] if the address cannot be bound, or no thread can be started.
     pub fn start(listen: SocketAddr, path: &str) -> Result<Self, RtspError> {
+        Self::start_with(listen, path, Quirks::default())
+    }
+
+    /// The same, of a camera with quirks.
+    ///
+    /// # Errors
+    /// [`RtspError`] if the address cannot be bound, or no thread can be started.
+    pub fn start_with(listen: SocketAddr, path: &str, quirks: Quirks) -> Result<Self, RtspError> {
         let failed = |source| RtspError::Listen { address: listen, source };
         let listener = StdListener::bind(listen).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
@@ -89,6 +99,7 @@ impl Server {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(RtspError::Thread)?;
         let shared = Arc::new(Shared {
             path: path.to_owned(),
+            quirks,
             units: broadcast::channel(WAITING).0,
             parameters: Mutex::default(),
             clients: AtomicUsize::new(0),
@@ -234,6 +245,8 @@ struct Client {
     /// Images, while it plays.
     playing: Option<(broadcast::Receiver<Arc<Unit>>, Counted)>,
     awaits_key: bool,
+    /// Images sent so far.
+    images: u32,
     next_report: Instant,
     /// Its last request.
     heard: Instant,
@@ -258,6 +271,7 @@ impl Client {
             outlet: None,
             playing: None,
             awaits_key: true,
+            images: 0,
             next_report: now,
             heard: now,
         }
@@ -322,7 +336,7 @@ impl Client {
         let (mut text, step) = self.session.answer(request, parameters.as_ref());
         if let Step::SetUp(transport) = step {
             let (outlet, ports) = self.open(transport).await?;
-            text = self.session.set_up(request, transport, ports, self.packetizer.source());
+            text = self.session.set_up(request, transport, ports, self.packetizer.source(), self.shared.quirks);
             self.outlet = Some(outlet);
         }
         self.write(text.as_bytes()).await?;
@@ -365,6 +379,9 @@ impl Client {
         if self.awaits_key {
             return Ok(());
         }
+        let quirks = self.shared.quirks;
+        let jump = if self.images / 5 % 2 == 1 { i32::from(quirks.jump) * CLOCK as i32 } else { 0 };
+        self.packetizer.set_clock(jump - if self.images % 2 == 1 { i32::from(quirks.back) } else { 0 });
         let packets = self.packetizer.packets(since_1970(unit.captured), &unit.unit.annex_b);
         let mut report = None;
         if Instant::now() >= self.next_report {
@@ -376,9 +393,16 @@ impl Client {
         match &self.outlet {
             Some(Outlet::Interleaved(rtp, rtcp)) => {
                 let mut bytes = Vec::new();
-                for (channel, packet) in
-                    packets.iter().map(|packet| (rtp, packet)).chain(report.iter().map(|packet| (rtcp, packet)))
-                {
+                if quirks.noise {
+                    // Text, a head of a packet that is none, and zeros, as a driver's messages or a lost part of the stream.
+                    bytes.extend(b"debug: frame\r\n$\x00\x05\x78R\x00\x00\x00RTP");
+                }
+                let mut stray = Packetizer::new(u64::MAX);
+                let strays = stray.packets(Duration::ZERO, &[0, 0, 1, 0x65, 1, 0, 0, 1, 0x65, 2]);
+                let mut strays = strays.iter().filter(|_| quirks.stray_packets && self.images == 0);
+                let (last, others) = packets.split_last().map_or((None, &packets[..]), |(last, others)| (Some(last), others));
+                let sent = strays.next().into_iter().chain(others).chain(strays.next()).chain(last).map(|packet| (rtp, packet));
+                for (channel, packet) in sent.chain(report.iter().map(|packet| (rtcp, packet))) {
                     bytes.extend([b'$', *channel]);
                     bytes.extend((packet.len() as u16).to_be_bytes());
                     bytes.extend(packet);
@@ -396,6 +420,7 @@ impl Client {
             }
             None => {}
         }
+        self.images = self.images.wrapping_add(1);
         Ok(())
     }
 

@@ -3,6 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 
+use super::Quirks;
 use super::packet::{CLOCK, PAYLOAD_TYPE};
 use super::request::Request;
 
@@ -102,9 +103,18 @@ impl Session {
     }
 
     /// The answer to `SETUP`; `ports` are those of the server, for UDP.
-    pub(super) fn set_up(&mut self, request: &Request, transport: Transport, ports: (u16, u16), source: u32) -> String {
+    pub(super) fn set_up(
+        &mut self,
+        request: &Request,
+        transport: Transport,
+        ports: (u16, u16),
+        source: u32,
+        quirks: Quirks,
+    ) -> String {
         self.is_set_up = true;
+        let source = if quirks.other_source { !source } else { source };
         let header = match transport {
+            Transport::Interleaved { .. } if quirks.no_channels => "RTP/AVP/TCP;unicast".to_owned(),
             Transport::Interleaved { rtp, rtcp } => format!("RTP/AVP/TCP;unicast;interleaved={rtp}-{rtcp}"),
             Transport::Udp { rtp, rtcp } => {
                 format!("RTP/AVP;unicast;client_port={rtp}-{rtcp};server_port={}-{}", ports.0, ports.1)
@@ -248,7 +258,7 @@ mod tests {
         set_up.transport = Some("RTP/AVP;unicast;client_port=5000-5001".to_owned());
         let (_, step) = session.answer(&set_up, None);
         let Step::SetUp(transport) = step else { panic!("{step:?}") };
-        let text = session.set_up(&set_up, transport, (6000, 6001), 0x12ab);
+        let text = session.set_up(&set_up, transport, (6000, 6001), 0x12ab, Quirks::default());
         assert!(text.contains("client_port=5000-5001;server_port=6000-6001;ssrc=000012AB"), "{text}");
         assert!(text.contains("Session: 0000000000000abc;timeout=60\r\n"), "{text}");
         for (method, expected) in [("PLAY", Step::Play), ("PAUSE", Step::Pause), ("TEARDOWN", Step::End)] {

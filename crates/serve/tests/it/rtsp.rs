@@ -11,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime};
 use spf_core::time::Time;
 use spf_media::Rgb;
 use spf_media::h264::{Encoder, EncoderSettings};
-use spf_serve::rtsp::{Server, Unit};
+use spf_serve::rtsp::{Quirks, Server, Unit};
 
 use crate::harness::{camera, have, images, wait};
 
@@ -26,7 +26,12 @@ struct Shown {
 
 impl Shown {
     fn new() -> Self {
-        let server = Arc::new(Server::start(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), "/camera").unwrap());
+        Self::with(Quirks::default())
+    }
+
+    fn with(quirks: Quirks) -> Self {
+        let server = Server::start_with(SocketAddr::from((Ipv4Addr::LOCALHOST, 0)), "/camera", quirks);
+        let server = Arc::new(server.unwrap());
         let stopped = Arc::new(AtomicBool::new(false));
         let (sending, ends) = (server.clone(), stopped.clone());
         let thread = std::thread::spawn(move || {
@@ -97,6 +102,37 @@ fn our_own_receiver_plays_it_by_tcp_and_udp() {
     while shown.server.is_watched() {
         assert!(begun.elapsed() < Duration::from_secs(20), "nobody watches any more");
         std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
+/// What the standards forbid, and common players play: all at once, each over its own connection, and all of it over one.
+#[test]
+fn the_quirks_of_cameras_are_played_without_a_second_connection() {
+    let none = Quirks::default();
+    let all = Quirks { no_channels: true, other_source: true, stray_packets: true, noise: true, back: 6000, jump: -20 };
+    let quirks = [
+        Quirks { no_channels: true, ..none },
+        Quirks { other_source: true, ..none },
+        Quirks { stray_packets: true, ..none },
+        Quirks { noise: true, ..none },
+        // Images are 4500 apart.
+        Quirks { back: 6000, ..none },
+        Quirks { jump: 20, ..none },
+        Quirks { jump: -20, ..none },
+        Quirks { jump: 3600, ..none },
+        all,
+    ];
+    let shown: Vec<_> = quirks.iter().map(|quirks| (quirks, Shown::with(*quirks))).collect();
+    let cameras: Vec<_> = shown.iter().map(|(quirks, shown)| (quirks, camera(&shown.server.url()))).collect();
+    for (quirks, camera) in &cameras {
+        images(camera, 12, SIZE);
+        let report = camera.report();
+        assert_eq!((report.connections, report.packets_lost, report.last_failure), (1, 0, None), "{quirks:?}");
+        // A clock that was set makes no image old for long.
+        wait("an image of now", camera, || {
+            let (meta, _) = spf_drone::frames::Frames::newest(&camera.frames()).unwrap();
+            meta.received.since(meta.captured) < Duration::from_secs(3)
+        });
     }
 }
 

@@ -279,19 +279,72 @@ fn mark(flight: &mut Flight, id: u32) -> KeepOut {
     place
 }
 
+/// The craft's own estimator is reset: 8 m east, 3 m south and 2 m up in one report, at full speed, with a way planned and a query open.
 #[test]
-fn a_jump_of_the_position_voids_the_marked_places_and_holds() {
+fn a_jump_of_the_position_moves_no_place() {
+    let goal = target(0.0, 40.0, 3.0);
+    for (anchored, mapped) in [(false, false), (true, true)] {
+        let mut flight = guided(anchored, mapped).fly(with_ball(goal, target(50.0, 0.0, 3.0), 1.5));
+        flight.until_moving();
+        mark(&mut flight, 4);
+        flight.pass(0.5);
+        let before = flight.pilot.known_pose(flight.now).position;
+        flight.reports = |telemetry| Telemetry {
+            position: telemetry.position.map(|at| EnuPosition { east: at.east + 8.0, north: at.north - 3.0, up: at.up + 2.0 }),
+            ..telemetry
+        };
+        flight.pass(0.1);
+        let after = flight.pilot.known_pose(flight.now).position;
+        assert!(before.distance(after) < 0.6, "{before:?} {after:?}");
+        assert_eq!((flight.pilot.kept_out().len(), flight.pilot.phase()), (1, Phase::Flying));
+        let told = |note: &Note| matches!(note, Note::Limited(why) if why.contains("position estimate jumped"));
+        assert_eq!(flight.notes.iter().filter(|(_, note)| told(note)).count(), 1);
+        // By the reports it would end 8 m aside.
+        assert_eq!(flight.end(), Outcome::Reached, "{anchored} {mapped}");
+        let ended = flight.model.position;
+        assert!(ended.east.abs() < 2.5 && ended.horizontal_distance(goal) < 4.0, "{anchored} {mapped}: {ended:?}");
+    }
+}
+
+/// The position is another from now on, and no velocity tells whether the craft has flown there.
+const ELSEWHERE: fn(Telemetry) -> Telemetry = |telemetry| Telemetry {
+    position: telemetry.position.map(|at| EnuPosition { east: at.east + 8.0, ..at }),
+    velocity: None,
+    ..telemetry
+};
+
+#[test]
+fn a_position_that_was_lost_ends_the_way_to_a_place_of_before() {
+    for (anchored, mapped) in [(false, false), (true, true)] {
+        let mut flight = guided(anchored, mapped).fly(with_ball(target(0.0, 40.0, 3.0), target(50.0, 0.0, 3.0), 1.5));
+        flight.until_moving();
+        flight.pass(0.5);
+        let at = flight.now;
+        flight.reports = ELSEWHERE;
+        flight.pass(1.0);
+        // It brakes, and flies no more until a frame taken at rest has been asked about.
+        let moving = flight.setpoints_since(at + STOP_RULE).find(|(_, setpoint)| !setpoint.is_hold());
+        assert!(moving.is_none(), "{anchored} {mapped}: {moving:?}");
+        assert_eq!(flight.pilot.phase(), Phase::Flying);
+        assert!(flight.pilot.anchor().is_none() && flight.pilot.guide().is_none());
+        let (east, asked) = (flight.model.position.east, flight.queries.len());
+        flight.until_asked(asked + 2);
+        // Nothing led to where the old places would be now.
+        assert!((flight.model.position.east - east).abs() < 1.0, "{anchored} {mapped}: {:?}", flight.model.position);
+    }
+}
+
+#[test]
+fn a_position_that_was_lost_voids_the_marked_places_and_holds() {
     let mut flight = guided(true, true).fly(with_ball(target(0.0, 40.0, 3.0), target(50.0, 0.0, 3.0), 1.5));
     flight.until_moving();
     let place = mark(&mut flight, 4);
     flight.pass(0.5);
     assert_eq!((flight.pilot.kept_out().len(), flight.pilot.phase()), (1, Phase::Flying));
-    // The position source is off by 8 m from now on.
-    flight.reports =
-        |telemetry| Telemetry { position: telemetry.position.map(|at| EnuPosition { east: at.east + 8.0, ..at }), ..telemetry };
+    flight.reports = ELSEWHERE;
     flight.pass(0.5);
     assert_eq!((flight.pilot.kept_out().len(), flight.pilot.phase()), (0, Phase::Held));
-    assert!(flight.notes.iter().any(|(_, note)| matches!(note, Note::Limited(why) if why.contains("the position jumped"))));
+    assert!(flight.notes.iter().any(|(_, note)| matches!(note, Note::Limited(why) if why.contains("marked places are void"))));
     // An order that crossed with it brings none of them back.
     flight.operator(OperatorEvent::KeepOut(vec![place]));
     assert_eq!(flight.pilot.kept_out().len(), 0);

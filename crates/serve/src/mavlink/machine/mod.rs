@@ -198,6 +198,14 @@ impl VirtualVehicle {
         self.blurred = Some(metres);
     }
 
+    /// Its estimator is reset: from now on its position is another by this, metres east and north, although it has not moved. Its home
+    /// keeps its coordinates, and is therefore elsewhere, too.
+    pub fn jump(&mut self, [east, north]: [f64; 2]) {
+        for place in [&mut self.origin, &mut self.home] {
+            (place.east, place.north) = (place.east - east, place.north - north);
+        }
+    }
+
     /// Its pilot changes the mode by the switch of the radio, its fifth channel, if it has a receiver.
     pub fn radio(&mut self, now: Time, mode: Mode, craft: &mut SimCraft) {
         if let Some(channels) = &mut self.radio {

@@ -174,6 +174,25 @@ fn a_flight_by_language_over_the_protocol_reaches_lands_and_disarms() {
     }
 }
 
+/// Its estimator is reset twice on the way, by metres: it ends where it ends without that, and reaches its goal.
+#[test]
+fn a_reset_of_the_estimator_does_not_lead_the_flight_astray() {
+    for autopilot in BOTH {
+        let ended = |deeds| {
+            let flight = fly(autopilot, &[], none(), deeds, "");
+            let (at, outcome, cause) = flight.seen.outcome.clone().unwrap();
+            assert_eq!((outcome, flight.phase()), (Outcome::Reached, FlightPhase::OnGround), "{autopilot:?}: {cause}");
+            assert!(flight.world.truth().collided_with.is_empty());
+            (at, flight.world.truth().pose.position)
+        };
+        let (at, plain) = ended(Vec::new());
+        // Once the craft flies, and before it is there.
+        let deed = |part: f64, by| (part * at.as_secs_f64(), Deed::Jump(by));
+        let (_, jumped) = ended(vec![deed(0.5, [9.0, -6.0]), deed(0.75, [-4.0, 5.0])]);
+        assert!(plain.horizontal_distance(jumped) < 1.5, "{autopilot:?}: {plain:?} {jumped:?}");
+    }
+}
+
 #[test]
 fn a_radio_that_loses_a_fifth_and_repeats_a_fifth_changes_nothing_but_the_time() {
     let rules: Vec<Rule> = [Stream::Telemetry, Stream::Commands]

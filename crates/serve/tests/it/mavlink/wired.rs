@@ -39,6 +39,8 @@ pub(crate) enum Deed {
     Station(VehicleCommand),
     /// Its position is this uncertain from now on, metres.
     Blur(f32),
+    /// Its estimator is reset, by metres east and north.
+    Jump([f64; 2]),
     /// From now on another onboard computer sends zero setpoints, 10 a second, and heartbeats.
     Companion,
 }
@@ -279,6 +281,7 @@ impl WiredVehicle {
                 Deed::Radio(mode) => self.served.radio(now, mode, &mut craft),
                 Deed::Companion => self.companion = true,
                 Deed::Blur(metres) => self.served.blur(metres),
+                Deed::Jump(metres) => self.served.jump(metres),
                 Deed::Station(command) => {
                     let sent = spf_mavlink::command::Transmission { command, confirmation: 0, as_int: false };
                     let frame = self.encoders[2].frame(&message::command([1, 1], &sent));
