@@ -94,12 +94,10 @@ enum Block {
 #[derive(Deserialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 enum Delta {
-    TextDelta {
-        text: String,
-    },
-    InputJsonDelta {
-        partial_json: String,
-    },
+    #[serde(rename = "text_delta")]
+    Text { text: String },
+    #[serde(rename = "input_json_delta")]
+    Json { partial_json: String },
     #[serde(other)]
     Other,
 }
@@ -133,8 +131,8 @@ pub(super) fn read(host: &str, object: &Value, into: &mut Gathered) -> Result<()
             count(message.usage, into);
             stop(message.stop_reason, into);
         }
-        Event::ContentBlockDelta { delta: Delta::TextDelta { text } } => into.text.push_str(&text),
-        Event::ContentBlockDelta { delta: Delta::InputJsonDelta { partial_json } } => into.arguments.push_str(&partial_json),
+        Event::ContentBlockDelta { delta: Delta::Text { text } } => into.text.push_str(&text),
+        Event::ContentBlockDelta { delta: Delta::Json { partial_json } } => into.arguments.push_str(&partial_json),
         Event::MessageDelta { delta, usage } => {
             count(usage, into);
             stop(delta.stop_reason, into);
