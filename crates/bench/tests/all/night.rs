@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, LazyLock, Mutex};
 
 use spf_bench::run::{Plan, Progress, RunManifest, RunOptions, Shard, run};
 use spf_bench::task::Task;
@@ -157,13 +157,20 @@ fn rows(folder: &Path) -> String {
     std::fs::read_to_string(folder.join("results.jsonl")).unwrap()
 }
 
+/// A night without any failure: its end, and its rows.
+static CALM: LazyLock<(Night, String)> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let night = night(folder.path(), None, |_, _| None);
+    assert_eq!((night.end.clone(), night.progress.done), (None, TRIALS));
+    assert!(night.took > 3 * HOUR, "{:?}", night.took);
+    (night, rows(folder.path()))
+});
+
 /// An hour without network, then overload and a rate limit, cost the night an hour and no row.
 #[test]
 fn a_night_with_an_hour_without_service_has_the_same_rows() {
-    let (calm, rough) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let undisturbed = night(calm.path(), None, |_, _| None);
-    assert_eq!((undisturbed.end, undisturbed.progress.done), (None, TRIALS));
-    assert!(undisturbed.took > 3 * HOUR, "{:?}", undisturbed.took);
+    let rough = tempfile::tempdir().unwrap();
+    let (undisturbed, calm) = &*CALM;
     let disturbed = night(rough.path(), None, |number, now| {
         let dead = (HOUR..2 * HOUR).contains(&now);
         let error = match number % 3 {
@@ -174,7 +181,7 @@ fn a_night_with_an_hour_without_service_has_the_same_rows() {
         dead.then_some(error)
     });
     assert_eq!((disturbed.end, disturbed.progress.done, disturbed.progress.stopped), (None, TRIALS, false));
-    assert_eq!(rows(rough.path()), rows(calm.path()));
+    assert_eq!(rows(rough.path()), *calm);
     let failing = disturbed.waits.last().unwrap().failing;
     assert!((HOUR / 2..=HOUR).contains(&failing), "{:?}", disturbed.waits);
     let longer = disturbed.took - undisturbed.took;
@@ -187,8 +194,8 @@ fn a_night_with_an_hour_without_service_has_the_same_rows() {
 /// Whatever ends a run leaves the rows of whole flights, and the same command flies the others.
 #[test]
 fn a_run_that_its_service_ended_is_resumed() {
-    let (calm, rough) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let whole = night(calm.path(), None, |_, _| None);
+    let rough = tempfile::tempdir().unwrap();
+    let (whole, calm) = &*CALM;
     let folder = rough.path();
     // A wrong key: no row, and a reason.
     let refused = night(folder, None, |_, _| Some(vendor(401, "bad key", None)));
@@ -217,7 +224,7 @@ fn a_run_that_its_service_ended_is_resumed() {
         _ => None,
     });
     assert_eq!((well.end, well.progress.done, well.waits.len()), (None, TRIALS, 2));
-    assert_eq!(rows(folder), rows(calm.path()));
+    assert_eq!(rows(folder), *calm);
     assert!(RunManifest::read(folder).unwrap().unwrap().ended.is_some());
 }
 
