@@ -5,20 +5,17 @@ use std::backtrace::{Backtrace, BacktraceStatus};
 use std::borrow::Cow;
 use std::io::{self, Write};
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::Builder;
-use std::time::Duration;
 
 use tracing_subscriber::fmt::MakeWriter;
 
 use crate::printer::{Printer, turns_direction};
+use crate::stalled::{self, PATIENCE};
 
 /// Maximum number of waiting lines; further ones are lost, and counted.
 const WAITING: usize = 1024;
-/// Maximum wait for the terminal at the end of the program or of a flight.
-const PATIENCE: Duration = Duration::from_secs(1);
-
 /// Work for the logging thread.
 enum Log {
     Lines(Vec<u8>),
@@ -29,26 +26,6 @@ enum Log {
 static LOG: OnceLock<SyncSender<Log>> = OnceLock::new();
 /// Number of log lines lost.
 static LOST: AtomicU64 = AtomicU64::new(0);
-
-/// Whether the terminal did not read what a flight had printed: from then on nothing is waited for that is written to it.
-static BLOCKED: AtomicBool = AtomicBool::new(false);
-
-/// Whether the terminal does not read.
-pub(crate) fn is_blocked() -> bool {
-    BLOCKED.load(Ordering::Relaxed)
-}
-
-/// Does something that may wait for the terminal for ever, and waits for it for a second.
-pub(crate) fn within_patience(print: impl FnOnce() + Send + 'static) {
-    let (done, printed) = channel();
-    let print = move || {
-        print();
-        let _ = done.send(());
-    };
-    if Builder::new().name("output".to_owned()).spawn(print).is_ok() {
-        let _ = printed.recv_timeout(PATIENCE);
-    }
-}
 
 /// Starts the thread that writes log lines to standard error. Without it they are written directly.
 pub(crate) fn start() {
@@ -201,7 +178,7 @@ impl PrintThread {
     /// dropped.
     pub(crate) fn finish(self) -> Printer {
         let printer = if self.paced { self.back.recv_timeout(PATIENCE).ok() } else { self.back.recv().ok() };
-        BLOCKED.store(printer.is_none(), Ordering::Relaxed);
+        stalled::set(printer.is_none());
         printer.unwrap_or_else(|| Printer::new(self.json))
     }
 }

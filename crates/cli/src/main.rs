@@ -8,6 +8,7 @@ mod exit;
 mod printer;
 mod progress;
 mod settings;
+mod stalled;
 
 use std::ffi::OsString;
 use std::io::IsTerminal;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::background;
+use crate::stalled;
 
 /// Interval of progress lines when standard error is not a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
@@ -34,10 +34,9 @@ impl Live {
     fn log(&self, text: &str) {
         let text = harmless(text);
         match self.get() {
-            _ if background::is_blocked() => background::say(&text),
             Some(bar) => bar.println(text),
             // A closed standard error must not end a flight.
-            None => drop(writeln!(std::io::stderr().lock(), "{text}")),
+            None => stalled::print(move || drop(writeln!(std::io::stderr().lock(), "{text}"))),
         }
     }
 }
@@ -177,12 +176,7 @@ impl Printer {
     /// Prints data to standard output in any case. A closed pipe is not an error.
     pub(crate) fn data(&self, text: &str) {
         let text = text.to_owned();
-        let print = move || drop(writeln!(std::io::stdout().lock(), "{text}"));
-        if background::is_blocked() {
-            background::within_patience(print);
-        } else {
-            print();
-        }
+        stalled::print(move || drop(writeln!(std::io::stdout().lock(), "{text}")));
     }
 }
 

@@ -151,7 +151,7 @@ fn a_flight_by_language_over_real_sockets_with_the_camera_by_rtsp() {
     let links = format!("udpout:{address}");
     let served = Served::start(&lab, "px4", &links, &[&serve[..], &["--mavlink-param", "COM_OBL_RC_ACT=5"]].concat(), 3);
     let [drone, camera, url] = &served.addresses[..] else { panic!("{:?}", served.addresses) };
-    let vlm = format!("openai@{url}/v1");
+    let vlm = url.clone();
     let fly = ["fly", "fly to the fountain", "--drone", drone, "--camera", camera, "--camera-fov", "90", "--camera-tilt", "5"];
     let more = ["--vlm", &vlm, "--no-vlm-check", "--unattended", "--max-time", "90", "--out", "mine", "--json"];
     let output = lab.command(&[&fly[..], &more].concat()).env(Vendor::OpenAi.key(), KEY).output().unwrap();
@@ -177,7 +177,7 @@ fn unattended_a_craft_that_its_own_failsafe_holds_is_landed() {
     let more = ["--mavlink-param", "COM_OBL_RC_ACT=5", "--fault", "silent.toml"];
     let served = Served::start(&lab, "px4", &format!("udpout:{}", own_address()), &[&serve[..], &more].concat(), 3);
     let [drone, camera, url] = &served.addresses[..] else { panic!("{:?}", served.addresses) };
-    let vlm = format!("openai@{url}/v1");
+    let vlm = url.clone();
     let fly = ["fly", "fly to the fountain", "--drone", drone, "--camera", camera, "--camera-fov", "90", "--camera-tilt", "5"];
     let more =
         ["--vlm", &vlm, "--no-vlm-check", "--unattended", "--max-time", "170", "--out", "mine", "--json", "--max-speed", "0.5"];
@@ -211,7 +211,7 @@ fn a_flight_without_a_camera_is_refused_at_once() {
 fn the_doctor_tells_what_to_set_before_a_flight() {
     let lab = Lab::new();
     let served = Served::start(&lab, "px4", "udpin:127.0.0.1:0", &["--scene", "park", "--vlm"], 2);
-    let vlm = format!("openai@{}/v1", served.addresses[1]);
+    let vlm = served.addresses[1].clone();
     let args = ["doctor", "--drone", &served.addresses[0], "--vlm", &vlm];
     let run = Run::of(&lab.command(&args).env(Vendor::OpenAi.key(), KEY).output().unwrap());
     assert_eq!(run.code, Some(0), "{}\n{}", run.stdout, run.stderr);

@@ -47,7 +47,7 @@ fn over_a_serial_port_a_killed_flight_is_continued_by_the_next() {
     let serve = ["--scene", "park", "--rtsp=127.0.0.1:0", "--vlm=oracle:perfect", "--truth", "truth.jsonl", "--quality", "draft"];
     let served = Served::start(&lab, "ardupilot", &link, &serve, 3);
     let [_, camera, url] = &served.addresses[..] else { panic!("{:?}", served.addresses) };
-    let (drone, vlm) = (format!("mavlink@serial:{}:921600", pair.ports[1]), format!("openai@{url}/v1"));
+    let (drone, vlm) = (format!("mavlink@serial:{}:921600", pair.ports[1]), url.clone());
     let fly = ["fly", "fly to the fountain", "--drone", &drone, "--camera", camera, "--camera-fov", "90", "--camera-tilt", "5"];
     let with = |out: &str| {
         let more = ["--vlm", &vlm, "--no-vlm-check", "--unattended", "--max-time", "90", "--out", out, "--json"];
