@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Builder;
 use std::time::Instant;
@@ -13,6 +13,8 @@ use crate::error::{brief, quote};
 
 /// Maximum length of a line, bytes.
 const LONGEST_LINE: u64 = 1 << 20;
+/// Most lines that wait to be read: a program that prints more waits itself, and does not fill the memory.
+const WAITING: usize = 16;
 /// Time that a program has to end by itself once its input is closed.
 const EXIT_GRACE: Duration = Duration::from_millis(500);
 
@@ -50,7 +52,7 @@ impl Running {
         std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn()?;
         let (requests, to_write) = channel::<String>();
-        let (said, lines) = channel();
+        let (said, lines) = sync_channel(WAITING);
         let last_error = Arc::new(Mutex::new(String::new()));
         let (reading, errors_read) = channel::<()>();
         let pipes = (child.stdin.take(), child.stdout.take(), child.stderr.take());
