@@ -36,7 +36,7 @@ fuzz_target!(|bytes: &[u8]| {
         let mut now = Time::ZERO;
         if flies {
             vehicle.handle(now, &Report::Parameter { name: "MIS_TAKEOFF_ALT".to_owned(), field: 2.5, kind: 9 });
-            vehicle.engage(now, true);
+            vehicle.engage(now);
             vehicle.apply(now, &take_off());
         }
         let mut decoder = Decoder::default();
