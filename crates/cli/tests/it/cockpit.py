@@ -92,7 +92,7 @@ def fly(browser):
     shot(page, "laptop-dark-by-hand")
     accessible(page, "by hand")
     page.keyboard.up("KeyD")
-    page.get_by_role("button", name="Resume").click()
+    page.get_by_role("button", name="Resume").first.click()
     phase(page, "flying", 5)
 
     # Cutting the motors is offered for four seconds.
@@ -201,8 +201,8 @@ def broken(page):
         globalThis.clip = CanvasRenderingContext2D.prototype.clip;
         CanvasRenderingContext2D.prototype.clip = () => { throw new Error("broken on purpose"); };
     }""")
-    if page.get_by_role("button", name="Resume").is_visible():
-        page.get_by_role("button", name="Resume").click()
+    if page.get_by_role("button", name="Resume").first.is_visible():
+        page.get_by_role("button", name="Resume").first.click()
         phase(page, "flying", 5)
     page.get_by_role("button", name="Hold", exact=True).click()
     expect(page.locator("#ack")).to_contain_text("Hold: received", timeout=3000)
@@ -244,13 +244,13 @@ def spectate(browser, program, pilot):
     other.set_viewport_size(ACROSS)
     other.wait_for_timeout(300)
     shot(other, "phone-light-across")
-    other.get_by_role("button", name="Resume").tap()
+    other.get_by_role("button", name="Resume").first.tap()
     # And back.
     pilot.get_by_role("button", name="Ask for the controls").click()
     other.get_by_role("button", name="Hand over").tap()
     expect(pilot.locator("#role")).to_contain_text("You fly")
     other.context.close()
-    pilot.get_by_role("button", name="Resume").click()
+    pilot.get_by_role("button", name="Resume").first.click()
 
 
 def lose(program, page):
@@ -276,8 +276,8 @@ def lose(program, page):
             break
     assert noticed < 1, noticed
     page.wait_for_timeout(1500)
-    if page.get_by_role("button", name="Resume").is_visible():
-        page.get_by_role("button", name="Resume").click()
+    if page.get_by_role("button", name="Resume").first.is_visible():
+        page.get_by_role("button", name="Resume").first.click()
 
 
 def point(browser):
