@@ -21,32 +21,7 @@ const CENT: f64 = 0.01;
 const TRIALS: usize = 2;
 
 /// A task whose flights are short.
-const TASK: &str = r#"
-format = 1
-id = "drink"
-instruction = "go to the vending machine"
-set = "real_world"
-category = "navigation"
-scene = "yard"
-variants = false
-craft = "tello"
-avoid = false
-max_time_s = 25.0
-max_decisions = 10
-
-[start]
-view = "always"
-range_m = [2.0, 6.0]
-
-[[goals]]
-kind = "reach"
-targets = [{ id = "vending_machine" }]
-
-[[trajectories]]
-why = "before it, looking at it"
-verdict = "accepted"
-path = ["-8.4,11,1.0,0", "-8.4,12.1,1.0,0"]
-"#;
+const TASK: &str = include_str!("drink.toml");
 
 /// A clock that goes on while somebody waits or a query is answered.
 #[derive(Default)]

@@ -6,32 +6,7 @@ use crate::harness::{Lab, Run, rows, skip};
 use crate::view::Browser;
 
 /// A task that ends within seconds: the vending machine of the yard is the first object approached.
-const TASK: &str = r#"
-format = 1
-id = "drink"
-instruction = "go to the vending machine"
-set = "real_world"
-category = "navigation"
-scene = "yard"
-variants = false
-craft = "tello"
-avoid = false
-max_time_s = 25.0
-max_decisions = 10
-
-[start]
-view = "always"
-range_m = [2.0, 6.0]
-
-[[goals]]
-kind = "reach"
-targets = [{ id = "vending_machine" }]
-
-[[trajectories]]
-why = "before it, looking at it"
-verdict = "accepted"
-path = ["-8.4,11,1.0,0", "-8.4,12.1,1.0,0"]
-"#;
+const TASK: &str = include_str!("../../../bench/tests/all/drink.toml");
 
 fn lab() -> Lab {
     let lab = Lab::new();

@@ -101,7 +101,7 @@ impl Evidence {
     }
 
     /// The newest heartbeat shows the mode for setpoints: what the radio shows now means nothing else.
-    pub(super) fn is_ours(&mut self) {
+    pub(super) fn remember_radio(&mut self) {
         (self.before, self.received) = (self.since.take().or(self.before), self.receives.take().or(self.received));
     }
 

@@ -290,7 +290,7 @@ impl Vehicle {
                     }
                     self.follow(now);
                     if mode == self.autopilot.external() {
-                        self.evidence.is_ours();
+                        self.evidence.remember_radio();
                     }
                 }
             }
