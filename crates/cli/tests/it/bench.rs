@@ -139,7 +139,7 @@ fn a_task_is_checked() {
     assert!(wrong.code == Some(2) && wrong.stdout.contains("WRONG"), "{}{}", wrong.stdout, wrong.stderr);
     lab.write("bad.toml", TASK.replace("craft =", "kraft ="));
     let bad = lab.spf(&["bench", "check", "./bad.toml"]);
-    assert!(bad.code == Some(2) && bad.stderr.contains("./bad.toml:9:"), "{}", bad.stderr);
+    assert!(bad.code == Some(2) && bad.stderr.contains("./bad.toml:8:"), "{}", bad.stderr);
     assert!(bad.stderr.contains("did you mean `craft`?"), "{}", bad.stderr);
 }
 
