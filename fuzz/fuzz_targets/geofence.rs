@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use spf_core::geofence::Geofence;
+use spf_envelope::geofence::Geofence;
 use spf_core::geometry::EnuPosition;
 
 fuzz_target!(|data: &[u8]| {

@@ -6,7 +6,7 @@
 use libfuzzer_sys::fuzz_target;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
-use spf_core::envelope::{Cleared, Envelope, Limits};
+use spf_envelope::{Cleared, Envelope, Limits};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
 use spf_drone::mavlink::vehicle::{Outgoing, Vehicle};

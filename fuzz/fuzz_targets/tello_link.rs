@@ -5,7 +5,7 @@
 use libfuzzer_sys::fuzz_target;
 use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
-use spf_core::envelope::{Envelope, Limits};
+use spf_envelope::{Envelope, Limits};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_drone::tello::conversation::Order;

@@ -1,6 +1,6 @@
 //! Baseline methods of flying by language, for comparison with See, Point, Fly (docs/explanation/baselines.md).
 //!
-//! Each is a [`Policy`](spf_core::policy::Policy), as the method itself: a state machine driven by frames and replies,
+//! Each is a [`Policy`](spf_pilot::policy::Policy), as the method itself: a state machine driven by frames and replies,
 //! so that pilot, executor, envelope and judge are the same for all. [`Pivot`](pivot::Pivot) chooses among arrows
 //! overlaid on the image, [`TypeFly`](typefly::TypeFly) runs programs that a planner writes from a list of detections,
 //! and [`Plain`](plain::Plain) flies moves given in words and numbers. Like the core, this crate does no I/O and reads

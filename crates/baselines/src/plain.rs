@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 
 use spf_core::grounding::GroundingProfile;
-use spf_core::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{ActForm, Memory, Query, QueryId, QueryKind};
+use spf_pilot::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
 
 use crate::actions::parse_moves;
 

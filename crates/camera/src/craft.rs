@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use spf_core::camera::Camera as Optics;
 use spf_core::command::Command;
-use spf_core::envelope::Cleared;
 use spf_core::frame::{FrameMeta, Unusable};
 use spf_core::ranges::RangeScan;
 use spf_core::time::Time;
 use spf_drone::frames::{FrameStore, Frames};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_envelope::Cleared;
 
 use crate::Camera;
 use crate::diagnosis::{Trouble, troubles};

@@ -1,6 +1,6 @@
 //! Exit codes (listed for users in README.md).
 
-use spf_core::pilot::Outcome;
+use spf_pilot::Outcome;
 use std::process::ExitCode;
 
 /// Exit codes of commands.

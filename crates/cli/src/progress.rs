@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use spf_core::envelope::Cause;
-use spf_core::pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 use spf_core::time::{Duration, Time};
+use spf_envelope::Cause;
 use spf_flight::run::Observer;
 use spf_flight::words;
+use spf_pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 
 use crate::background::{Line, Lines};
 use crate::printer::one_line;

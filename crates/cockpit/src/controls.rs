@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 use spf_core::command::Setpoint;
-use spf_core::pilot::OperatorEvent;
+use spf_pilot::OperatorEvent;
 use tokio::sync::mpsc;
 
 use crate::flight_controls::{FlightControls, ReadInstruction};

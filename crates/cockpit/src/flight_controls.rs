@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::mpsc::Sender;
 
 use spf_core::craft::Craft;
-use spf_core::pilot::OperatorEvent;
+use spf_pilot::OperatorEvent;
 
 /// Reads an instruction before it is flown: what was understood, one line; or why it cannot be flown.
 pub type ReadInstruction = Arc<dyn Fn(&str) -> Result<String, String> + Send + Sync>;

@@ -4,11 +4,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use serde_json::{Value, json};
-use spf_core::avoid::KeepOut;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameMeta;
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Phase, Pilot};
+use spf_core::keep_out::KeepOut;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_flight::log::FlightHeader;
@@ -16,6 +15,7 @@ use spf_flight::odometer::Odometer;
 use spf_flight::run::Observer;
 use spf_flight::sight::Sight;
 use spf_flight::words;
+use spf_pilot::{Action, Event, Note, OperatorEvent, Phase, Pilot};
 use spf_vlm::human::HUMAN;
 
 use crate::hub::{Hub, Kept, json};
@@ -154,7 +154,7 @@ impl Instruments {
     /// Occupied cells at about the craft's height.
     fn obstacles(&self, now: Time, pilot: &Pilot) {
         let Some(map) = pilot.obstacle_map() else { return };
-        let level = spf_core::obstacle_map::Cell::of(pilot.known_pose(now).position).up;
+        let level = spf_space::obstacle_map::Cell::of(pilot.known_pose(now).position).up;
         let near = map.occupied().filter(|cell| (cell.up - level).abs() <= SLICE).take(CELLS);
         let cells: Vec<[f64; 2]> = near.map(|cell| cell.middle()).map(|at| [rounded(at.east), rounded(at.north)]).collect();
         self.hub.tell(Kept::No, &json!({"type": "obstacles", "cells": cells}));

@@ -1,14 +1,15 @@
 //! What is drawn over the picture, in fractions of the image, as seen from where the picture was taken.
 
 use serde::Serialize;
-use spf_core::avoid::{KeepOut, MARKED, Sighting};
 use spf_core::camera::Camera;
 use spf_core::geometry::{BodyDisplacement, EnuPosition, Pose};
+use spf_core::keep_out::{KeepOut, MARKED};
 use spf_core::lift::{Lifting, project_displacement};
-use spf_core::pilot::{Action, Decision, Note, Pilot};
+use spf_core::panel::Panel;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::time::{Duration, Time};
 use spf_core::track::TrackQuality;
+use spf_pilot::{Action, Decision, Note, Pilot};
 
 /// How long the boxes of a reply and the report of a tracker are shown.
 const BOXES_SHOWN: Duration = Duration::from_millis(1500);
@@ -76,7 +77,7 @@ struct Track {
 pub(crate) struct Drawn {
     goal: Option<EnuPosition>,
     label: String,
-    boxes: Vec<(Sighting, String)>,
+    boxes: Vec<(Panel, String)>,
     boxes_until: Time,
 }
 
@@ -95,13 +96,13 @@ impl Drawn {
         self.goal = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
         self.label = reply.and_then(|reply| reply.target.clone()).unwrap_or_default();
         let boxes = reply.into_iter().flat_map(|reply| &reply.boxes).filter(|b| b.name != MARKED);
-        self.boxes = boxes.map(|b| (Sighting::new(camera, decision.pose, b.area, b.depth), b.name.clone())).collect();
+        self.boxes = boxes.map(|b| (Panel::new(camera, decision.pose, b.area, b.depth), b.name.clone())).collect();
         self.boxes_until = now + BOXES_SHOWN;
     }
 
     /// The overlay of a picture taken at `at` from `pose`.
     pub(crate) fn seen(&self, now: Time, at: Time, pose: Pose, camera: &Camera, pilot: &Pilot) -> Overlay {
-        let boxes: &[(Sighting, String)] = if now < self.boxes_until { &self.boxes } else { &[] };
+        let boxes: &[(Panel, String)] = if now < self.boxes_until { &self.boxes } else { &[] };
         let boxes = boxes.iter().filter_map(|(place, label)| {
             let (area, _) = place.seen_from(camera, pose)?;
             Some(Box { area: corners(area), label: label.clone() })
@@ -155,6 +156,6 @@ fn track(at: Time, pose: Pose, camera: &Camera, pilot: &Pilot) -> Option<Track> 
         return None;
     }
     let then = pilot.pose_at(report.captured)?;
-    let (area, _) = Sighting::new(camera, then, report.area, FAR).seen_from(camera, pose)?;
+    let (area, _) = Panel::new(camera, then, report.area, FAR).seen_from(camera, pose)?;
     Some(Track { area: corners(area), sure: report.quality == TrackQuality::Good })
 }

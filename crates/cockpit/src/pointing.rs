@@ -5,15 +5,15 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use spf_core::avoid::{KeepOut, MARKED_MOST};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
+use spf_core::keep_out::{KeepOut, MARKED_MOST};
 use spf_core::lift::{CameraDisplacement, Lifting, lift, project_displacement, range_of_label};
-use spf_core::pilot::Phase;
 use spf_core::query::{ImageBox, ImagePoint, Look, Query, QueryKind};
 use spf_core::time::Time;
+use spf_pilot::Phase;
 use spf_vlm::human::{HUMAN, Pointed, pixels, reply_to};
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 

@@ -7,12 +7,12 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use serde_json::{Value, json};
 use spf_core::frame::{FrameId, FrameMeta};
-use spf_core::pilot::Decision;
 use spf_core::query::Query;
 use spf_core::time::Time;
 use spf_drone::frames::Photo;
 use spf_flight::words;
 use spf_media::{Jpeg, Rgb, Scaler, marks};
+use spf_pilot::Decision;
 
 use crate::ahead::{Drawn, Exposed};
 use crate::film::{Film, Unit};

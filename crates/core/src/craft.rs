@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 
+/// Speed below which a craft counts as standing still, m/s (the pilot uses the same value for the next frame).
+const STANDSTILL: f64 = 0.1;
+
 /// Limits and dynamics of a craft. SI units and radians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Craft {
@@ -77,6 +80,17 @@ impl Craft {
             return_height: None,
             return_climb: 0.0,
         }
+    }
+
+    /// Time from a zero setpoint to standstill (below 0.1 m/s) from `speed` m/s, s: the dead time plus v/a, or the time
+    /// of the first-order lag where its tail takes longer than the acceleration limit.
+    #[must_use]
+    pub fn standstill_time(&self, speed: f64) -> f64 {
+        let (speed, a) = (speed.abs(), self.acceleration.max(0.01));
+        // The craft slows by min(a, v/lag): at the limit down to a·lag, exponentially from there.
+        let knee = (a * self.lag).min(speed);
+        let tail = if knee > STANDSTILL { self.lag * libm::log(knee / STANDSTILL) } else { 0.0 };
+        self.dead_time + (speed / a).max((speed - knee) / a + tail)
     }
 }
 

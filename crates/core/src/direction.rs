@@ -34,7 +34,9 @@ impl Direction {
         EnuPosition { east: eye.east + range * east, north: eye.north + range * north, up: eye.up + range * up }
     }
 
-    pub(crate) fn unit(self) -> [f64; 3] {
+    /// As a unit vector: east, north, up.
+    #[must_use]
+    pub fn unit(self) -> [f64; 3] {
         let level = libm::cos(self.elevation);
         [level * libm::sin(self.bearing), level * libm::cos(self.bearing), libm::sin(self.elevation)]
     }

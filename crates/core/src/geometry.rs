@@ -84,12 +84,14 @@ pub fn wrap_angle(angle: f64) -> f64 {
 
 impl EnuPosition {
     /// East, north and up as a vector.
-    pub(crate) fn vector(self) -> DVec3 {
+    #[must_use]
+    pub fn vector(self) -> DVec3 {
         DVec3::new(self.east, self.north, self.up)
     }
 
     /// The position at the end of a vector from the origin.
-    pub(crate) fn of_vector(DVec3 { x: east, y: north, z: up }: DVec3) -> Self {
+    #[must_use]
+    pub fn of_vector(DVec3 { x: east, y: north, z: up }: DVec3) -> Self {
         Self { east, north, up }
     }
 
@@ -156,7 +158,8 @@ impl EnuDirection {
 
 impl EnuVelocity {
     /// East, north and up as a vector.
-    pub(crate) fn vector(self) -> DVec3 {
+    #[must_use]
+    pub fn vector(self) -> DVec3 {
         DVec3::new(self.east, self.north, self.up)
     }
 

@@ -1,15 +1,13 @@
-//! The method of **See, Point, Fly** (Hu et al., CoRL 2025, arXiv 2509.22653) as a sans-IO library.
+//! The method of **See, Point, Fly** (Hu et al., CoRL 2025, arXiv 2509.22653), readable in an hour.
 //!
-//! This crate does no I/O, reads no clock, starts no threads and contains no `unsafe`. Callers pass in events with
-//! their time and carry out the actions that come back. The two types to know are [`pilot::Pilot`], a state machine
-//! that turns events into actions, and [`envelope::Envelope`], the only type that can create a cleared command.
+//! A query asks a VLM for a point ([`prompt`], [`query`]); its reply is read ([`reply`]); [`lift`] converts the point to a
+//! displacement (eq. 2), [`step`] its depth label to a step length (§3.2), and [`primitives`] the displacement to control
+//! primitives (§3.4). The other modules are the values that all crates share: camera, geometry, time, telemetry, commands.
 //!
-//! [`lift`] converts an image point to a displacement (eq. 2), [`step`] a depth label to a step length (§3.2),
-//! [`primitives`] a displacement to control primitives (§3.4) and [`executor`] those to velocity setpoints.
+//! No I/O, no clock, no threads, no `unsafe`. The crates above build the flight from it: `spf-motion`, `spf-space`,
+//! `spf-envelope` and `spf-pilot`, which are as pure.
 #![forbid(unsafe_code)]
 
-pub mod anchor;
-pub mod avoid;
 pub mod camera;
 pub mod coco;
 pub mod command;
@@ -17,22 +15,14 @@ pub mod craft;
 pub mod depth;
 pub mod detection;
 pub mod direction;
-pub mod envelope;
-pub mod estimator;
-pub mod executor;
-pub mod following;
 pub mod frame;
-pub mod geofence;
 pub mod geometry;
 pub mod gimbal;
 pub mod grounding;
-pub mod guidance;
+pub mod keep_out;
 pub mod lift;
-pub mod obstacle_map;
-pub mod odometry;
-pub mod pilot;
-pub mod planner;
-pub mod policy;
+pub mod motion;
+pub mod panel;
 pub mod primitives;
 pub mod prompt;
 pub mod query;
@@ -40,7 +30,6 @@ pub mod ranges;
 pub mod reply;
 pub mod rng;
 pub mod sign;
-mod standing;
 pub mod step;
 pub mod tags;
 pub mod telemetry;

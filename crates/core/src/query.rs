@@ -172,7 +172,7 @@ pub struct ImageBox {
 impl ImageBox {
     /// A side of a box within this fraction of the image from an edge is cut off there: the object extends beyond the
     /// image.
-    pub(crate) const CUT: f64 = 0.01;
+    pub const CUT: f64 = 0.01;
 
     /// Whether a point lies in it or on its edge.
     #[must_use]

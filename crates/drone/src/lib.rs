@@ -20,13 +20,13 @@ use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::depth::DepthGrid;
-use spf_core::envelope::Cleared;
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameMeta;
 use spf_core::gimbal::GimbalReport;
 use spf_core::ranges::RangeScan;
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
+use spf_envelope::Cleared;
+use spf_motion::estimator::TelemetryAccuracy;
 
 use crate::frames::Frames;
 

@@ -17,21 +17,21 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use serde_json::json;
-use spf_core::avoid::PathShape;
 use spf_core::camera::Camera;
 use spf_core::craft::Craft;
-use spf_core::estimator::MotionEstimate;
-use spf_core::executor::{Ending, Executor, Motion};
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_core::pilot::{PilotSettings, Preset};
-use spf_core::policy::spf::{Spf, SpfSettings};
-use spf_core::policy::{Expected, Policy, PolicyEvent, Step, View};
+use spf_core::motion::MotionEstimate;
 use spf_core::query::VerticalRoom;
 use spf_core::time::{Duration, Time};
 use spf_media::{Jpeg, Rgb, Scaler};
+use spf_motion::executor::{Ending, Executor, Motion};
+use spf_pilot::policy::spf::{Spf, SpfSettings};
+use spf_pilot::policy::{Expected, Policy, PolicyEvent, Step, View};
+use spf_pilot::{PilotSettings, Preset};
 use spf_render::{Channels, RenderedImage, Renderer};
 use spf_scene::Scene;
+use spf_space::avoid::PathShape;
 use spf_vlm::setup::{self, Access};
 use spf_vlm::table::Table;
 use spf_vlm::{QueryImage, QueryRequest, RequestOptions, Vlm, VlmError};
@@ -195,7 +195,7 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
         craft: Craft::tello(),
         depth: preset.depth,
         near_m: preset.near_m,
-        keep_m: spf_core::following::DEFAULT_KEEP,
+        keep_m: spf_pilot::follower::DEFAULT_KEEP,
         close_up: false,
     });
     spf.handle(PolicyEvent::Instruction("Take off and fly to the red crane"));

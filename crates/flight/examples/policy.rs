@@ -9,13 +9,13 @@ use std::error::Error;
 use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use spf_core::policy::{Move, Policy, PolicyEvent, Reading, Step};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::PromptKind;
 use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::pilot::{PolicyMaker, PolicyParts};
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
+use spf_pilot::policy::{Move, Policy, PolicyEvent, Reading, Step};
 
 /// Flies sides until there are four.
 struct Square {

@@ -8,7 +8,6 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use spf_core::pilot::{Decision, PilotSettings};
 use spf_core::time::Duration;
 use spf_flight::flight::{self, FlightPlan, Site};
 use spf_flight::recorder::RecordPlan;
@@ -16,6 +15,7 @@ use spf_flight::replay::row;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_flight::words;
 use spf_oracle::ErrorFile;
+use spf_pilot::{Decision, PilotSettings};
 use spf_record::log::LogReader;
 use spf_record::out_dir::OutDir;
 

@@ -9,18 +9,18 @@
 use std::error::Error;
 use std::sync::Arc;
 
-use spf_core::avoid::PathShape;
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Pilot, PilotParts, PilotSettings, Preset};
-use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::time::duration_from_secs;
 use spf_drone::Drone;
+use spf_envelope::Limits;
 use spf_flight::run::run;
 use spf_flight::sim::{LoadedScene, OracleVlm, SimDrone, SimWorld};
 use spf_flight::world::{Lockstep, Script};
 use spf_oracle::ErrorFile;
+use spf_pilot::policy::spf::{Spf, SpfSettings};
+use spf_pilot::{Pilot, PilotParts, PilotSettings, Preset};
+use spf_space::avoid::PathShape;
 
 /// Reported numbers of trials.
 const COUNTS: [usize; 4] = [1, 2, 10, 100];
@@ -48,7 +48,7 @@ fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<d
             shape: PathShape::Straight,
             depth: settings.depth,
             near_m: settings.near_m,
-            keep_m: spf_core::following::DEFAULT_KEEP,
+            keep_m: spf_pilot::follower::DEFAULT_KEEP,
             close_up: false,
         })),
         instruction: "fly to the red crane".to_owned(),

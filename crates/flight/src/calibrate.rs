@@ -12,11 +12,11 @@ use std::time::Instant;
 
 use spf_core::command::Setpoint;
 use spf_core::geometry::wrap_angle;
-use spf_core::pilot::{Action, Event, OperatorEvent, Pilot};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone;
 use spf_drone::tello::sticks::Calibration;
+use spf_pilot::{Action, Event, OperatorEvent, Pilot};
 use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use crate::flight::{FlightError, FlightPlan, Site, fly};

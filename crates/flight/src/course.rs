@@ -1,7 +1,7 @@
 //! The course of a flight, as its summary tells it.
 
-use spf_core::pilot::{Action, Ending, Event, Note, OperatorEvent, Outcome, Pilot};
 use spf_core::time::Time;
+use spf_pilot::{Action, Ending, Event, Note, OperatorEvent, Outcome, Pilot};
 
 use crate::log::FlightHeader;
 use crate::run::Observer;

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 
-use spf_core::avoid::{MARKED, Sighting};
 use spf_core::camera::Camera;
 use spf_core::depth::DepthGrid;
 use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::keep_out::MARKED;
 use spf_core::lift::{Lifting, project_displacement, range_of_label};
-use spf_core::pilot::{Action, Note, Pilot};
+use spf_core::panel::Panel;
 use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::reply::ObstacleBox;
 use spf_core::time::{Duration, Time};
@@ -20,6 +20,7 @@ use spf_media::Scaler;
 use spf_media::frame::Rgb;
 use spf_media::jpeg::Jpeg;
 use spf_media::marks::{self, Hud};
+use spf_pilot::{Action, Note, Pilot};
 use spf_record::log::foxglove::Marks;
 use spf_record::video::{VideoError, VideoWriter};
 
@@ -79,7 +80,7 @@ pub(crate) struct Film {
     decision: String,
     waypoint: Option<EnuPosition>,
     /// The boxes of the last reply, each with its caption, and when their frame was captured.
-    boxes: Vec<(Sighting, String)>,
+    boxes: Vec<(Panel, String)>,
     captured: Time,
     /// The marks of the last query, such as PIVOT's arrows.
     query_marks: Vec<Mark>,
@@ -140,7 +141,7 @@ impl Film {
                 self.decision = format!("{}. {}", decision.number, words::decision(decision));
                 self.waypoint = decision.goal.filter(|_| !decision.passed).map(|goal| goal.position);
                 // They belong to the frame of the decision, and are shown where they are by now.
-                let place = |b: &ObstacleBox| Sighting::new(self.frame_source.camera(), decision.pose, b.area, b.depth);
+                let place = |b: &ObstacleBox| Panel::new(self.frame_source.camera(), decision.pose, b.area, b.depth);
                 let boxes = decision.reading.reply.iter().flat_map(|reply| &reply.boxes).filter(|b| b.name != MARKED);
                 self.boxes =
                     boxes.map(|b| (place(b), format!("{} {:.0} m", b.name, range_of_label(f64::from(b.depth))))).collect();
@@ -228,7 +229,7 @@ impl Film {
 
     /// The boxes as seen from a pose.
     fn boxes_at(&self, known: Pose) -> Vec<(ImageBox, String)> {
-        let seen = |(place, caption): &(Sighting, String)| {
+        let seen = |(place, caption): &(Panel, String)| {
             let (area, _) = place.seen_from(self.frame_source.camera(), known)?;
             Some((area, caption.clone()))
         };

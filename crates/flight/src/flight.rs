@@ -6,12 +6,12 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread::Builder;
 use std::time::Instant;
 
-use spf_core::envelope::Limits;
-use spf_core::executor::Motion;
-use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_core::prompt::PromptText;
 use spf_core::time::Duration;
 use spf_drone::Drone;
+use spf_envelope::Limits;
+use spf_motion::executor::Motion;
+use spf_pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_vlm::Vlm;
 
 use crate::course::Course;
@@ -38,7 +38,7 @@ use crate::world::{Live, Lockstep, Script};
 /// ```
 /// use std::sync::Arc;
 ///
-/// use spf_core::pilot::Outcome;
+/// use spf_pilot::Outcome;
 /// use spf_core::time::Duration;
 /// use spf_flight::flight::{FlightPlan, Site, fly};
 /// use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};

@@ -2,8 +2,8 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use spf_core::pilot::{Action, Note, Pilot};
 use spf_core::time::Time;
+use spf_pilot::{Action, Note, Pilot};
 
 use crate::run::Observer;
 

@@ -7,8 +7,8 @@
 
 use spf_core::command::Setpoint;
 use spf_core::craft::Craft;
-use spf_core::pilot::OperatorEvent;
 use spf_core::time::{Duration, Time};
+use spf_pilot::OperatorEvent;
 
 /// A key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! The flight loop that joins a pilot and a world, and complete flights in the embedded simulator or with a real craft.
 //!
 //! [`flight::fly`] flies a [`flight::FlightPlan`] and returns its [`summary::Summary`]. It runs [`run`](run::run), the
-//! only loop: a [`World`](run::World) waits and acts, a [`Pilot`](spf_core::pilot::Pilot) decides, and an
+//! only loop: a [`World`](run::World) waits and acts, a [`Pilot`](spf_pilot::Pilot) decides, and an
 //! [`Observer`](run::Observer) watches. The same code flies a real craft and ten thousand simulated trials.
 
 pub mod calibrate;

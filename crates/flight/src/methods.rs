@@ -4,12 +4,12 @@
 use std::sync::LazyLock;
 
 use serde::Deserialize;
-use spf_core::executor::{Ending, Motion};
-use spf_core::guidance::{AnchorUse, Guidance};
 use spf_core::lift::Lifting;
-use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::query::ActForm;
 use spf_core::step::StepRule;
+use spf_motion::executor::{Ending, Motion};
+use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::{PilotSettings, Preset, QueryTiming};
 use thiserror::Error;
 
 use crate::tracking::TrackBy;

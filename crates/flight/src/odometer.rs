@@ -1,8 +1,8 @@
 //! The length of the flown path as the pilot knows it: one figure for the page, the files and the result.
 
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Phase, Pilot};
 use spf_core::time::Time;
+use spf_pilot::{Phase, Pilot};
 
 /// Adds up the path of the estimated positions since take-off began.
 #[derive(Clone, Debug, Default)]

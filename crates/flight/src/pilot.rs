@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use spf_core::craft::Craft;
-use spf_core::pilot::{Pilot, PilotParts, PilotSettings};
-use spf_core::policy::Policy;
 use spf_core::prompt::{PromptKind, PromptText};
+use spf_pilot::policy::Policy;
+use spf_pilot::{Pilot, PilotParts, PilotSettings};
 use spf_vlm::ImageSpec;
 
 use crate::log::FlightHeader;

@@ -5,13 +5,13 @@ use core::fmt;
 use spf_baselines::pivot::{Pivot, PivotSettings};
 use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
 use spf_baselines::typefly::{TypeFly, TypeFlySettings};
-use spf_core::avoid::PathShape;
-use spf_core::executor::Motion;
-use spf_core::policy::Policy;
-use spf_core::policy::spf::{Spf, SpfSettings};
 use spf_core::prompt::PromptKind;
 use spf_core::query::ActForm;
 use spf_core::step::StepRule;
+use spf_motion::executor::Motion;
+use spf_pilot::policy::Policy;
+use spf_pilot::policy::spf::{Spf, SpfSettings};
+use spf_space::avoid::PathShape;
 
 use crate::methods::{Family, MethodRow, rows};
 use crate::pilot::{PolicyMaker, PolicyParts};

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use spf_core::pilot::{Action, Pilot};
 use spf_core::time::Time;
 use spf_drone::Drone;
+use spf_pilot::{Action, Pilot};
 
 use crate::frame_age::FrameAge;
 use crate::frame_source::CameraFrameSource;

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_core::time::Time;
+use spf_pilot::{Action, Decision, Event, Note, Phase, Pilot};
 use spf_record::jsonl::JsonLines;
 use spf_record::live::LiveSender;
 use spf_record::out_dir::OutDir;

@@ -11,9 +11,9 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Event, Pilot, PilotSettings};
 use spf_core::prompt::{PromptError, PromptText};
 use spf_core::time::Time;
+use spf_pilot::{Event, Pilot, PilotSettings};
 use spf_record::log::{Entry, ReadError};
 
 use crate::log::{Channel, FlightHeader, LinkNews, LinkRow, OperatorRow, ReplyRow, output};

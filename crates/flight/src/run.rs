@@ -3,8 +3,8 @@
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use spf_core::pilot::{Action, Event, Pilot};
 use spf_core::time::Time;
+use spf_pilot::{Action, Event, Pilot};
 
 use crate::log::FlightHeader;
 use crate::sight::Sight;

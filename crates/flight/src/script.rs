@@ -2,8 +2,8 @@
 
 use serde::Deserialize;
 use spf_core::command::Setpoint;
-use spf_core::pilot::OperatorEvent;
 use spf_core::time::{Duration, Time};
+use spf_pilot::OperatorEvent;
 
 use crate::world::Script;
 

@@ -6,8 +6,8 @@ use crate::sim::Followed;
 use crate::tracking::TrackBy;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use spf_core::pilot::{Outcome, PilotSettings, Preset};
 use spf_core::tags::SURFACES;
+use spf_pilot::{Outcome, PilotSettings, Preset};
 
 /// A collision in flight.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

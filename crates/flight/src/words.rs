@@ -2,9 +2,9 @@
 
 use std::fmt::Display;
 
-use spf_core::avoid::Avoidance;
-use spf_core::pilot::{Around, Decision, LetGo, Note, OperatorEvent, Outcome, Passage, Phase};
 use spf_core::reply::{Look, Status};
+use spf_pilot::{Around, Decision, LetGo, Note, OperatorEvent, Outcome, Passage, Phase};
+use spf_space::avoid::Avoidance;
 use spf_vlm::ORACLE_SERVED;
 use spf_vlm::human::HUMAN;
 

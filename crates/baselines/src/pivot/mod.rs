@@ -15,13 +15,13 @@ use spf_core::craft::Craft;
 use spf_core::geometry::BodyDisplacement;
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{self, Lifting};
-use spf_core::policy::search::{Search, SearchAction};
-use spf_core::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Choice, Completion, Look, parse_choice, parse_completion};
 use spf_core::rng::RandomStream;
+use spf_pilot::policy::search::{Search, SearchAction};
+use spf_pilot::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
 
 /// How the results of parallel runs are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

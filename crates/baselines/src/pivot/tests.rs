@@ -2,9 +2,9 @@ use super::*;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, Pose};
-use spf_core::policy::Expected;
 use spf_core::query::{Mark, VerticalRoom};
 use spf_core::time::Time;
+use spf_pilot::policy::Expected;
 
 const CRAFT_STEP: f64 = 2.0;
 

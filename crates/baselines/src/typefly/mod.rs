@@ -16,11 +16,11 @@ use skills::Library;
 
 use spf_core::craft::Craft;
 use spf_core::grounding::GroundingProfile;
-use spf_core::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{one_line, one_line_within, parse_completion};
 use spf_core::time::{Duration, Time};
+use spf_pilot::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
 
 /// Number of call results included in the next planner prompt.
 const REMEMBERED_CALLS: usize = 20;

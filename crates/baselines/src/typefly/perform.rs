@@ -3,12 +3,12 @@
 use super::minispec::{SkillCall, Value};
 use super::skills::{Argument, Axis, Figure, Skill};
 use super::{TypeFly, Waits};
-use spf_core::policy::{FailReason, Move, Step};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::QueryKind;
 use spf_core::reply::one_line;
 use spf_core::time::duration_from_secs;
+use spf_pilot::policy::{FailReason, Move, Step};
 
 /// Minimum and maximum move of the second version on a Tello, centimetres.
 const MOVE_CM: (f64, f64) = (20.0, 300.0);

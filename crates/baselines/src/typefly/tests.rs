@@ -2,9 +2,9 @@ use super::*;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::Pose;
-use spf_core::policy::{Expected, Move};
 use spf_core::primitives::Primitives;
 use spf_core::query::VerticalRoom;
+use spf_pilot::policy::{Expected, Move};
 
 const CAR: &str = "car_3 x:0.50 y:0.60 width:0.20 height:0.10 color:black";
 

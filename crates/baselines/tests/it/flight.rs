@@ -8,17 +8,17 @@ use std::collections::VecDeque;
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
-use spf_core::envelope::Limits;
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, EnuVelocity, Pose, wrap_angle};
 use spf_core::lift::{Lifting, project_displacement};
-use spf_core::pilot::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts};
-use spf_core::pilot::{PilotSettings, Preset};
-use spf_core::policy::Policy;
 use spf_core::query::{ImagePoint, Query, QueryId};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_envelope::Limits;
+use spf_motion::estimator::TelemetryAccuracy;
+use spf_pilot::policy::Policy;
+use spf_pilot::{Action, Decision, Ending, Event, Note, OperatorEvent, Outcome, Phase, Pilot, PilotParts};
+use spf_pilot::{PilotSettings, Preset};
 
 /// The clock's step.
 const STEP: Duration = Duration::from_millis(10);

@@ -3,8 +3,8 @@
 use spf_baselines::pivot::{Pivot, PivotSettings};
 use spf_core::craft::Craft;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{Outcome, Preset};
 use spf_core::query::{ImagePoint, Mark, Query, QueryKind};
+use spf_pilot::{Outcome, Preset};
 
 use crate::flight::{CRANE, Flight, sighted};
 

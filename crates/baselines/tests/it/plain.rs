@@ -1,9 +1,9 @@
 //! Text actions in flight.
 
 use spf_baselines::plain::{Plain, PlainSettings};
-use spf_core::pilot::{OperatorEvent, Outcome, Preset};
 use spf_core::query::{ActForm, QueryKind};
 use spf_core::time::Time;
+use spf_pilot::{OperatorEvent, Outcome, Preset};
 
 use crate::flight::Flight;
 

@@ -3,8 +3,8 @@
 use spf_baselines::typefly::{TypeFly, TypeFlySettings};
 use spf_core::craft::Craft;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{Outcome, Preset};
 use spf_core::query::QueryKind;
+use spf_pilot::{Outcome, Preset};
 
 use crate::flight::{CRANE, Flight, sighted};
 

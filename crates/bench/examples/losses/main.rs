@@ -14,16 +14,16 @@ use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
 use spf_bench::trial::Method;
-use spf_core::envelope::{BrakeLimits, Limits};
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Decision, Note, Pilot};
 use spf_core::reply::Status;
 use spf_core::rng::RandomStream;
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, SimWorld, Simulated, Teleport, VlmFactory, oracle_factory};
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, Decision, Note, Pilot};
 
 /// How long a target is hidden.
 const HIDDEN: Duration = Duration::from_secs(6);
@@ -149,8 +149,7 @@ fn flown(scene: &Arc<LoadedScene>, method: &str, errors: &str, loss: Loss, seed:
         oracle(of, seed)
     });
     let site = Site::Simulated(Simulated { seed, ..Simulated::new(scene.clone(), "losses") });
-    let settings =
-        spf_core::pilot::PilotSettings { avoid: bench.avoid, max_time: Duration::from_secs(120), ..bench.settings(1.0) };
+    let settings = spf_pilot::PilotSettings { avoid: bench.avoid, max_time: Duration::from_secs(120), ..bench.settings(1.0) };
     let plan = FlightPlan {
         limits: Limits { brake: bench.brake.then(BrakeLimits::without_sensor), ..site.limits() },
         settings,
@@ -167,7 +166,7 @@ fn flown(scene: &Arc<LoadedScene>, method: &str, errors: &str, loss: Loss, seed:
         loss,
         noticed: since(watcher.noticed),
         recovered: since(watcher.recovered),
-        reached: summary.outcome == spf_core::pilot::Outcome::Reached && watcher.finished.is_some_and(|near| near < 5.0 + 1.3),
+        reached: summary.outcome == spf_pilot::Outcome::Reached && watcher.finished.is_some_and(|near| near < 5.0 + 1.3),
         seconds: summary.finished_at_s,
         queries: watcher.queries,
     }))

@@ -9,13 +9,13 @@ use std::time::Instant;
 
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
-use spf_core::policy::spf::{is_small, region};
 use spf_core::prompt::{PromptInput, PromptText};
 use spf_core::query::{ImageBox, ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
 use spf_core::time::Duration;
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
+use spf_pilot::policy::spf::{is_small, region};
 use spf_vlm::{Answer, Cancel, QueryRequest, Usage, Vlm, VlmError};
 
 use super::photo::Photograph;

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use spf_core::pilot::{PilotSettings, Preset};
 use spf_core::time::duration_from_secs;
 use spf_flight::methods::{BenchSettings, MethodRow, rows};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::VlmFactory;
+use spf_pilot::{PilotSettings, Preset};
 use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm};
 
 use crate::task::{Task, TaskSet};
@@ -139,9 +139,9 @@ pub(super) fn blind(metres: f64) -> VlmFactory {
 #[cfg(test)]
 mod tests {
     use spf_baselines::actions::{Action, parse_actions};
-    use spf_core::executor::{Ending, Motion};
-    use spf_core::pilot::QueryTiming;
     use spf_core::step::StepRule;
+    use spf_motion::executor::{Ending, Motion};
+    use spf_pilot::QueryTiming;
 
     use super::*;
 

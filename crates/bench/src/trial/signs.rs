@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
-use spf_core::geofence::{Geofence, GeofenceError};
 use spf_core::geometry::{EnuPosition, EnuVelocity};
+use spf_envelope::Limits;
+use spf_envelope::geofence::{Geofence, GeofenceError};
 use spf_flight::sim::{LoadedScene, WorldSnapshot};
 use spf_scene::geometry::ObjectId;
 

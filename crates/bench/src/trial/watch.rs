@@ -3,10 +3,10 @@
 use std::sync::{Arc, OnceLock};
 
 use spf_core::geometry::EnuPosition;
-use spf_core::pilot::{Action, Note, Outcome, Phase, Pilot};
 use spf_core::time::Time;
 use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
+use spf_pilot::{Action, Note, Outcome, Phase, Pilot};
 
 use super::path::Trace;
 use super::signs::{SignFigures, SignWatch};

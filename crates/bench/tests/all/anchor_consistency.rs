@@ -11,16 +11,16 @@ use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_bench::task::{Task, shipped, suite};
 use spf_bench::trial::draw;
-use spf_core::anchor::Gate;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::EnuPosition;
-use spf_core::guidance::{AnchorUse, Guidance};
-use spf_core::pilot::{Action, Decision, Note, Phase, Pilot, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::{Time, duration_from_secs};
 use spf_flight::flight::fly;
 use spf_flight::run::Observer;
 use spf_flight::sim::{SimWorld, WorldSnapshot};
+use spf_pilot::anchor::Gate;
+use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::{Action, Decision, Note, Phase, Pilot, PilotSettings, Preset};
 use spf_scene::geometry::ObjectId;
 
 use crate::seen::{ACROSS_M, Shown, flight, minus, shown, targets};

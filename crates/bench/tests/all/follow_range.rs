@@ -11,13 +11,13 @@ use std::sync::{Arc, OnceLock};
 use spf_bench::judge::{EVALUATION_INTERVAL, Judge, JudgeCamera};
 use spf_bench::task::shipped;
 use spf_bench::trial::draw;
-use spf_core::envelope::{BrakeLimits, Limits};
-use spf_core::guidance::{AnchorUse, Guidance};
-use spf_core::pilot::{Action, Note, Outcome, Pilot, PilotSettings, Preset};
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::flight::{FlightPlan, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
+use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::{Action, Note, Outcome, Pilot, PilotSettings, Preset};
 use spf_scene::geometry::ObjectId;
 
 const TASKS: [&str; 2] = ["real-follow-green-shirt", "real-follow-red-cone"];

@@ -16,11 +16,11 @@ use spf_bench::task::shipped;
 use spf_bench::trial::{Method, Trial, VlmUnderTest, draw};
 use spf_core::command::{Command, Manoeuvre};
 use spf_core::geometry::Pose;
-use spf_core::pilot::{Action, Decision, Note, Pilot};
 use spf_core::time::Time;
 use spf_flight::run::Observer;
 use spf_flight::sim::oracle_factory;
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, Decision, Note, Pilot};
 
 /// What is flown: between two answers by nothing, by boxes, by measured depth, and with a tracker; in both sets, to things that are
 /// tall, low, far, walk, and follow one another.

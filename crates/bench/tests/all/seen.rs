@@ -7,11 +7,11 @@ use spf_bench::task::Task;
 use spf_bench::trial::Sampled;
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::{Lifting, lift, unproject};
-use spf_core::pilot::PilotSettings;
 use spf_core::query::ImagePoint;
 use spf_flight::flight::{FlightPlan, Site};
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, WorldSnapshot, oracle_factory};
 use spf_oracle::ErrorFile;
+use spf_pilot::PilotSettings;
 use spf_render::Channels;
 use spf_scene::geometry::ObjectId;
 

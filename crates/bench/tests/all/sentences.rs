@@ -10,23 +10,23 @@ use std::sync::{Arc, Mutex};
 
 use spf_bench::task::{Task, suite};
 use spf_bench::trial::draw;
-use spf_core::avoid::Avoidance;
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
-use spf_core::envelope::Limits;
 use spf_core::geometry::{Pose, wrap_angle};
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{CameraDisplacement, Lifting, lift, range_of_label};
-use spf_core::pilot::{Action, Decision, Event, Note, OperatorEvent, Pilot, PilotSettings, Preset};
 use spf_core::query::{DepthAs, ImagePoint, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Time, duration_from_secs};
+use spf_envelope::Limits;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, Simulated, oracle_factory};
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, Decision, Event, Note, OperatorEvent, Pilot, PilotSettings, Preset};
+use spf_space::avoid::Avoidance;
 
 /// Before the history in a prompt, and what follows it.
 const HEADING: &str = "\nSo far, from the drone's own record (\"then\": until the next answer listed, or until this image):\n";

@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use spf_core::pilot::PilotSettings;
 use spf_detect::{Bounds, Detector, NetworkError, Place};
 use spf_flight::detector::{DetectorPlan, model_detects};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::{VlmFactory, oracle_factory};
+use spf_pilot::PilotSettings;
 
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;

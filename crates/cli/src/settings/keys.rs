@@ -4,14 +4,14 @@
 use std::net::{IpAddr, SocketAddr};
 
 use spf_core::craft::CraftKind;
-use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
 use spf_flight::tracking::TrackBy;
+use spf_motion::executor::Motion;
+use spf_pilot::{AtEnd, Preset, QueryTiming};
 use spf_render::effects::Effects;
 use spf_scene::{Lighting, Weather};
 use spf_sim::wind::Wind;

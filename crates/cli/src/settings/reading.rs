@@ -5,9 +5,7 @@ use std::fmt::Display;
 use std::str::FromStr;
 
 use spf_core::craft::CraftKind;
-use spf_core::executor::Motion;
 use spf_core::geometry::Pose;
-use spf_core::pilot::{AtEnd, Preset, QueryTiming};
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::driver::{Driver, Target};
@@ -17,6 +15,8 @@ use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
 use spf_flight::pose::parse_pose;
 use spf_flight::tracking::TrackBy;
+use spf_motion::executor::Motion;
+use spf_pilot::{AtEnd, Preset, QueryTiming};
 use spf_scene::{Lighting, Weather};
 use spf_sim::depth_sensor::{DepthFault, DepthSensor};
 

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use spf_core::pilot::OperatorEvent;
+use spf_pilot::OperatorEvent;
 
 use super::{Controls, Inner};
 use crate::hub::json;

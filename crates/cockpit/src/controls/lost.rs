@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use serde_json::json;
-use spf_core::pilot::OperatorEvent;
+use spf_pilot::OperatorEvent;
 
 use super::{CHECK, Controls, Inner, LOST_AFTER};
 use crate::hub::json;

@@ -2,7 +2,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use spf_core::camera::Camera;
 use spf_core::craft::Craft;
-use spf_core::pilot::Phase;
+use spf_pilot::Phase;
 
 use super::*;
 use crate::message::Side;

@@ -8,9 +8,9 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 use spf_cockpit::{Cockpit, FlightControls, FlightEnd};
 use spf_core::craft::Craft;
-use spf_core::pilot::{Outcome, QueryTiming};
 use spf_flight::flight::{FlightPlan, Flown, Site, fly};
 use spf_flight::sim::{LoadedScene, Simulated, VlmFactory};
+use spf_pilot::{Outcome, QueryTiming};
 use spf_vlm::Vlm;
 
 use crate::client::Socket;

@@ -10,7 +10,6 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use spf_cockpit::{Cockpit, FlightControls};
 use spf_core::craft::Craft;
-use spf_core::pilot::Event;
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::recorder::RecordPlan;
@@ -18,6 +17,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_media::Rgb;
 use spf_oracle::ErrorFile;
+use spf_pilot::Event;
 use spf_record::out_dir::OutDir;
 
 use crate::harness::skip;

@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 use serde_json::json;
 use spf_cockpit::{Cockpit, FlightControls};
 use spf_core::craft::Craft;
-use spf_core::pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, Note, OperatorEvent, Phase, Pilot};
 
 use crate::client::Socket;
 

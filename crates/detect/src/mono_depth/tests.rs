@@ -4,10 +4,10 @@ use proptest::prelude::*;
 
 use spf_core::depth::CameraAxes;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::obstacle_map::{Cell, CellState, ObstacleMap};
 use spf_core::query::ImagePoint;
 use spf_core::ranges::{RangeRay, RangeScan};
 use spf_core::rng::RandomStream;
+use spf_space::obstacle_map::{Cell, CellState, ObstacleMap};
 
 use super::*;
 use crate::triangulation::StaticPoint;

@@ -8,14 +8,14 @@ use std::time::Instant;
 
 use spf_core::camera::Camera;
 use spf_core::command::Command;
-use spf_core::envelope::Cleared;
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
+use spf_envelope::Cleared;
 use spf_mavlink::link::Link;
 use spf_mavlink::station::Station;
 use spf_mavlink::url::MavlinkUrl;
 use spf_mavlink::wire::{Decoder, Encoder, LinkStats, Sequence};
+use spf_motion::estimator::TelemetryAccuracy;
 
 use super::limits::{craft, limited};
 use super::opening::{COMPONENT, ConnectError, Found, find};

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use spf_core::craft::Craft;
-use spf_core::envelope::Limits;
+use spf_envelope::Limits;
 use spf_mavlink::url::MavlinkUrl;
 
 use super::craft::MavlinkCraft;

@@ -9,9 +9,9 @@ use std::time::Instant;
 use spf_core::camera::Camera;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
-use spf_core::envelope::Cleared;
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::time::{Duration, Time};
+use spf_envelope::Cleared;
+use spf_motion::estimator::TelemetryAccuracy;
 use spf_screen::profile::{Axis, Profile};
 use spf_screen::{Display, Eye, Gamepad, Hands, Hidden, ScreenError};
 

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use spf_core::craft::Craft;
-use spf_core::envelope::Limits;
+use spf_envelope::Limits;
 use spf_screen::profile::{Profile, ProfileError};
 use spf_screen::{Hidden, ScreenError};
 

@@ -4,8 +4,8 @@ use std::net::{IpAddr, SocketAddr};
 use std::time::Instant;
 
 use spf_core::craft::Craft;
-use spf_core::envelope::Limits;
-use spf_core::executor::Motion;
+use spf_envelope::Limits;
+use spf_motion::executor::Motion;
 
 use super::craft::{Connected, Tello};
 use super::doctor;

@@ -8,13 +8,13 @@ use std::sync::Arc;
 
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
-use spf_core::envelope::Cleared;
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::geometry::{BodyDisplacement, EnuVelocity, Pose};
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::{FrameStore, Frames};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_envelope::Cleared;
+use spf_motion::estimator::TelemetryAccuracy;
 
 /// Interval of telemetry and frames.
 const TICK: Duration = Duration::from_millis(50);

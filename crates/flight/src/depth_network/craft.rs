@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use spf_core::command::Command;
 use spf_core::depth::DepthGrid;
-use spf_core::envelope::Cleared;
 use spf_core::frame::FrameMeta;
 use spf_core::ranges::RangeScan;
 use spf_core::time::{Duration, Time};
@@ -14,6 +13,7 @@ use spf_detect::mono_depth::{FARTHEST, MonoDepth};
 use spf_detect::triangulation::PointReport;
 use spf_drone::frames::{Frames, Photo};
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_envelope::Cleared;
 
 use super::beside::Beside;
 use super::points::PointFollower;

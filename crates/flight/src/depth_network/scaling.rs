@@ -5,7 +5,6 @@ use std::collections::VecDeque;
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
 use spf_core::depth::DepthGrid;
-use spf_core::estimator::MotionEstimator;
 use spf_core::geometry::Pose;
 use spf_core::gimbal::{Gimbal, GimbalReport};
 use spf_core::ranges::RangeScan;
@@ -14,6 +13,7 @@ use spf_core::time::{Duration, Time};
 use spf_detect::mono_depth::{Clues, MonoDepth, NoScale, PastScan, Scale};
 use spf_detect::triangulation::{MotionError, PointReport, StaticPoint, Triangulation};
 use spf_drone::Capabilities;
+use spf_motion::estimator::MotionEstimator;
 
 /// An older estimate is of no use: the craft is elsewhere.
 const STALE: Duration = Duration::from_secs(3);

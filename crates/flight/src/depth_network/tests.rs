@@ -10,8 +10,6 @@ use std::time::Instant;
 use spf_core::command::Command;
 use spf_core::craft::Craft;
 use spf_core::depth::{CameraAxes, DepthGrid, DepthSource};
-use spf_core::envelope::Cleared;
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::gimbal::GimbalReport;
 use spf_core::query::ImagePoint;
@@ -19,6 +17,8 @@ use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_detect::mono_depth::DepthKind;
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_envelope::Cleared;
+use spf_motion::estimator::TelemetryAccuracy;
 
 use super::scaling::Scaling;
 use super::*;

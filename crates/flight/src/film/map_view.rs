@@ -1,10 +1,10 @@
 //! The obstacle map from above, in a corner of the video: what is known at the craft's height, the path, the target.
 
 use spf_core::geometry::{BodyDisplacement, EnuPosition, Pose};
-use spf_core::obstacle_map::{Cell, CellState, ObstacleMap};
-use spf_core::pilot::Pilot;
 use spf_media::frame::Rgb;
 use spf_media::marks::{Canvas, Colour, Point};
+use spf_pilot::Pilot;
+use spf_space::obstacle_map::{Cell, CellState, ObstacleMap};
 
 /// Side of the image, pixels, and of the square that it shows, metres.
 pub(super) const SIDE: u32 = 132;

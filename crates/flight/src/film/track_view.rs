@@ -1,14 +1,14 @@
 //! The box of the tracked target in the video.
 
-use spf_core::avoid::Sighting;
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
-use spf_core::pilot::Pilot;
+use spf_core::panel::Panel;
 use spf_core::query::ImageBox;
 use spf_core::time::{Duration, Time};
 use spf_core::track::TrackQuality;
 use spf_media::Rgb;
 use spf_media::marks::{Canvas, Colour, Rect};
+use spf_pilot::Pilot;
 
 /// How long a report is shown: without a newer one the tracker has stopped.
 const SHOWN: Duration = Duration::from_secs(1);
@@ -23,7 +23,7 @@ pub(super) fn area(pilot: &Pilot, camera: &Camera, at: Time, known: Pose) -> Opt
     }
     // The report is on an older frame than the one that is shown.
     let then = pilot.pose_at(report.captured)?;
-    let (area, _) = Sighting::new(camera, then, report.area, FAR).seen_from(camera, known)?;
+    let (area, _) = Panel::new(camera, then, report.area, FAR).seen_from(camera, known)?;
     Some((area, report.quality))
 }
 

@@ -18,13 +18,13 @@ use bytes::Bytes;
 use serde::Serialize;
 use spf_core::command::Command;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::obstacle_map::Cell;
-use spf_core::pilot::{Action, Decision, Event, Note, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
+use spf_pilot::{Action, Decision, Event, Note, Pilot};
 use spf_record::live::LiveSender;
 use spf_record::log::foxglove::{self, Level, Marks, Prism};
 use spf_record::log::{Log, LogError, LogSender, Message, Topic};
+use spf_space::obstacle_map::Cell;
 
 use crate::frame_source::FrameSource;
 use crate::summary::Summary;

@@ -5,15 +5,15 @@ use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::command::{Manoeuvre, Setpoint};
 use spf_core::craft::Craft;
-use spf_core::envelope::{Cause, Limits};
-use spf_core::estimator::TelemetryAccuracy;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Around, LetGo, Note, OperatorEvent, Phase, PilotSettings, Preset};
 use spf_core::query::QueryId;
 use spf_core::time::Time;
 use spf_core::track::TrackStart;
+use spf_envelope::{Cause, Limits};
+use spf_motion::estimator::TelemetryAccuracy;
+use spf_pilot::{Around, LetGo, Note, OperatorEvent, Phase, PilotSettings, Preset};
 
 use crate::share::SharedMark;
 

@@ -4,11 +4,11 @@ use schemars::JsonSchema;
 use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
 use spf_core::gimbal::GimbalReport;
-use spf_core::pilot::{Decision, Ending};
 use spf_core::query::Query;
 use spf_core::ranges::RangeScan;
 use spf_core::telemetry::Telemetry;
 use spf_core::track::TrackReport;
+use spf_pilot::{Decision, Ending};
 use spf_record::log::{Topic, foxglove};
 
 use super::rows::{

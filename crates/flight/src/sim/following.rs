@@ -3,8 +3,8 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use spf_core::pilot::PilotSettings;
 use spf_core::time::Time;
+use spf_pilot::PilotSettings;
 use spf_scene::geometry::ObjectId;
 
 use super::loaded_scene::{LoadedScene, WorldSnapshot};
@@ -104,8 +104,8 @@ fn rate(samples: &[(f64, bool)], within_m: f64, window_s: f64) -> Followed {
 
 #[cfg(test)]
 mod tests {
-    use spf_core::pilot::Preset;
     use spf_core::time::duration_from_secs;
+    use spf_pilot::Preset;
 
     use super::*;
 

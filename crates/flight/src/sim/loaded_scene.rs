@@ -4,10 +4,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use spf_core::camera::Camera;
 use spf_core::craft::CraftKind;
-use spf_core::envelope::Limits;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::tags::Tagged;
 use spf_core::time::Time;
+use spf_envelope::Limits;
 use spf_oracle::{Place, Placed};
 use spf_render::effects::Posed;
 use spf_render::{Channels, Frustum, RenderedImage, Renderer};

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::pilot::{Action, Note, OperatorEvent, Pilot};
 use spf_core::time::Time;
 use spf_drone::Drone;
+use spf_pilot::{Action, Note, OperatorEvent, Pilot};
 use spf_render::effects::Effects;
 use spf_scene::geometry::ObjectId;
 use spf_sim::wind::Wind;

@@ -8,11 +8,11 @@ use std::time::Instant;
 
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
-use spf_core::pilot::{Action, Event};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::Time;
 use spf_core::track::TrackStart;
 use spf_drone::frames::{Frames, Photo};
+use spf_pilot::{Action, Event};
 
 use super::{Progress, Tracking};
 

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use spf_core::pilot::{Action, Event};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
+use spf_pilot::{Action, Event};
 
 use super::{Progress, Tracking};
 

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Instant;
 
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
+use spf_pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_vlm::{Cancel, QueryRequest, Vlm, VlmError};
 
 use super::pause::Pauses;

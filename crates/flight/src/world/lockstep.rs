@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::Receiver;
 
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_core::query::{Query, QueryId};
 use spf_core::time::Time;
 use spf_drone::Drone;
+use spf_pilot::{Action, Event, Note, OperatorEvent, Pilot};
 use spf_vlm::{QueryRequest, Vlm};
 
 use super::{Script, answer_event, pilot_event};

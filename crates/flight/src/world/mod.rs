@@ -9,10 +9,10 @@ pub use lockstep::Lockstep;
 
 use std::collections::VecDeque;
 
-use spf_core::pilot::{Event, LetGo, OperatorEvent, Pilot};
 use spf_core::query::QueryId;
 use spf_core::time::{Duration, Time};
 use spf_drone::{Drone, DroneEvent};
+use spf_pilot::{Event, LetGo, OperatorEvent, Pilot};
 use spf_vlm::VlmError;
 
 /// Operator inputs at given flight times, for virtual time and tests.

@@ -7,13 +7,13 @@ use spf_core::camera::{Camera, Distortion};
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::lift::{Lifting, lift, unproject};
-use spf_core::pilot::Outcome;
 use spf_core::query::ImagePoint;
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::sim::{FlightConditions, LoadedScene, SimWorld, Simulated, oracle_factory};
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
+use spf_pilot::Outcome;
 use spf_render::Channels;
 use spf_render::effects::Effects;
 

@@ -5,9 +5,6 @@ use std::sync::Arc;
 
 use spf_core::craft::CraftKind;
 use spf_core::depth::{DepthGrid, DepthSource};
-use spf_core::guidance::Guidance;
-use spf_core::obstacle_map::Cell;
-use spf_core::pilot::{Action, Pilot, PilotSettings, Preset};
 use spf_core::time::{Duration, Time};
 use spf_detect::{DepthNetwork, DepthOptions, OutputKind, Place};
 use spf_flight::depth_network::{DepthPlan, OnnxDepth};
@@ -17,8 +14,11 @@ use spf_flight::replay::{Changes, replay, row};
 use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
+use spf_pilot::guidance::Guidance;
+use spf_pilot::{Action, Pilot, PilotSettings, Preset};
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
+use spf_space::obstacle_map::Cell;
 
 use crate::made::{DepthExport, depth};
 

@@ -20,10 +20,10 @@ use std::net::TcpListener;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 
-use spf_core::pilot::Outcome;
-use spf_core::policy::{Policy, PolicyEvent, Step};
 use spf_core::time::Duration;
 use spf_media::Rgb;
+use spf_pilot::Outcome;
+use spf_pilot::policy::{Policy, PolicyEvent, Step};
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use spf_core::pilot::{Action, Outcome, Pilot};
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Flown, Site, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, Outcome, Pilot};
 
 /// Panics at its second decision, like an encoder with a bug.
 #[derive(Default)]

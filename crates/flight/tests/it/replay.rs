@@ -4,13 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::Value;
-use spf_core::avoid::KeepOut;
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::grounding::{AxisOrder, GroundingProfile};
-use spf_core::pilot::{OperatorEvent, PilotSettings, Preset};
+use spf_core::keep_out::KeepOut;
 use spf_core::query::ImageBox;
 use spf_core::step::StepRule;
 use spf_core::time::{Duration, Time};
@@ -23,6 +22,7 @@ use spf_flight::replay::{Changes, Report, head, replay, replay_keeping, row};
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
+use spf_pilot::{OperatorEvent, PilotSettings, Preset};
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
 

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use signal_hook::consts::SIGUSR2;
 use spf_core::command::Command;
-use spf_core::envelope::Cleared;
 use spf_core::time::Time;
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_envelope::Cleared;
 
 /// The variable that allows the panic.
 const WANTED: &str = "PANIC_OF_FLIGHT_LOOP_ON_SIGUSR2";

@@ -3,7 +3,7 @@
 use std::sync::mpsc::Sender;
 
 use spf_core::craft::Craft;
-use spf_core::pilot::OperatorEvent;
+use spf_pilot::OperatorEvent;
 
 use super::reading::Reader;
 
@@ -46,9 +46,9 @@ mod platform {
 
     use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcsetattr};
     use spf_core::craft::Craft;
-    use spf_core::pilot::OperatorEvent;
     use spf_core::time::Time;
     use spf_flight::keys::{Keys, keys_of};
+    use spf_pilot::OperatorEvent;
 
     use crate::background;
     use crate::commands::fly::reading::Reader;
@@ -226,7 +226,7 @@ mod platform {
     use std::sync::mpsc::Sender;
 
     use spf_core::craft::Craft;
-    use spf_core::pilot::OperatorEvent;
+    use spf_pilot::OperatorEvent;
 
     use crate::commands::fly::reading::Reader;
 

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use spf_camera::WithCamera;
 use spf_cockpit::Cockpit;
-use spf_core::pilot::AtEnd;
 use spf_flight::flight::{FlightPlan, Site};
 use spf_flight::real::Real;
 use spf_flight::sim::Simulated;
 use spf_flight::site::Clock;
+use spf_pilot::AtEnd;
 use spf_scene::SceneLook;
 
 use super::settings::{check_map, flight_conditions, limits, method, method_words, options, preset_and_policy, prompt, script};

@@ -11,11 +11,11 @@ use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
 use spf_cockpit::{Cockpit, FlightControls, FlightEnd, Flights, ReadInstruction};
 use spf_core::craft::Craft;
-use spf_core::pilot::OperatorEvent;
 use spf_core::prompt::PromptText;
 use spf_flight::flight::Flown;
 use spf_flight::sim::VlmFactory;
 use spf_flight::words;
+use spf_pilot::OperatorEvent;
 use spf_vlm::Vlm;
 use spf_vlm::human::HUMAN;
 

@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use spf_core::geometry::Pose;
-use spf_core::pilot::OperatorEvent;
 use spf_core::tags::Tagged;
 use spf_core::time::Time;
 use spf_flight::keys::Pressed;
 use spf_flight::sim::LoadedScene;
 use spf_oracle::language::Verb;
 use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, unread};
+use spf_pilot::OperatorEvent;
 
 use crate::error::CliError;
 use crate::printer::{one_line, quoted};

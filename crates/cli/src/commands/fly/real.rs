@@ -5,17 +5,17 @@ use std::time::Instant;
 
 use spf_camera::WithCamera;
 use spf_cockpit::Cockpit;
-use spf_core::envelope::{BrakeLimits, Limits};
-use spf_core::executor::Motion;
-use spf_core::pilot::{AtEnd, PilotSettings, QueryTiming};
 use spf_core::time::Duration;
 use spf_drone::Drone;
 use spf_drone::driver::{ConnectError, Connected, Target};
 use spf_drone::mavlink::settings::GimbalUse;
 use spf_drone::options::Options;
+use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::flight::{FlightPlan, Site};
 use spf_flight::real::Real;
 use spf_flight::site::Clock;
+use spf_motion::executor::Motion;
+use spf_pilot::{AtEnd, PilotSettings, QueryTiming};
 use spf_vlm::Vlm;
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 

@@ -3,11 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use spf_core::envelope::{BrakeLimits, Limits};
-use spf_core::executor::{Ending, Motion};
-use spf_core::geofence::Geofence;
-use spf_core::guidance::{AnchorUse, Guidance};
-use spf_core::pilot::{PilotSettings, Preset, QueryTiming};
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
 use spf_core::time::{Duration, duration_from_secs};
@@ -15,10 +10,15 @@ use spf_drone::mavlink::settings::{FencePlan, GimbalUse, MavlinkSettings};
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
 use spf_drone::tello::sticks::Calibration;
+use spf_envelope::geofence::Geofence;
+use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::FlightConditions;
 use spf_flight::tracking::TrackBy;
 use spf_flight::world::Script;
+use spf_motion::executor::{Ending, Motion};
+use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::{PilotSettings, Preset, QueryTiming};
 
 use crate::commands::read;
 use crate::commands::vlm::{Pace, is_human};

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use spf_core::pilot::Outcome;
 use spf_core::time::Time;
 use spf_flight::log::{Channel, FlightHeader};
 use spf_flight::summary::{Summary, VerifiedBy};
 use spf_flight::words;
+use spf_pilot::Outcome;
 use spf_record::log::{LogReader, ReadError};
 
 use super::{unreadable, warn_truncated};

@@ -1,10 +1,10 @@
 //! `spf log open`: a file made by `spf log share`, read and decided again.
 
 use serde::Serialize;
-use spf_core::pilot::Outcome;
 use spf_core::time::Time;
 use spf_flight::share::{Opened, ShareError, SharedMark, check};
 use spf_flight::words;
+use spf_pilot::Outcome;
 use spf_record::OutDir;
 use spf_record::log::LogReader;
 

@@ -4,8 +4,8 @@ use std::io::BufRead as _;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
-use spf_core::pilot::OperatorEvent;
 use spf_core::time::duration_from_secs;
+use spf_pilot::OperatorEvent;
 use spf_vlm::exec::{EXEC, Exec, ExecOptions};
 use spf_vlm::human::{HELP, HUMAN, Human, ORDERS};
 use spf_vlm::{Paced, Vlm};

@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use serde_json::json;
 use spf_core::command::Command;
-use spf_core::pilot::{Action, Note, Outcome, Pilot};
 use spf_core::time::Time;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::VlmFactory;
 use spf_flight::summary::Summary;
+use spf_pilot::{Action, Note, Outcome, Pilot};
 use spf_vlm::setup::{Access, KeyHost, Name};
 use spf_vlm::table::Table;
 use spf_vlm::{Hedge, RequestOptions, setup};

@@ -4,7 +4,6 @@ use std::sync::{Arc, Mutex};
 
 use spf_core::craft::CraftKind;
 use spf_core::grounding::GroundingProfile;
-use spf_core::pilot::{Outcome, PilotSettings};
 use spf_core::query::QueryKind;
 use spf_core::reply::parse_reply;
 use spf_core::time::Duration;
@@ -12,6 +11,7 @@ use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::sim::{LoadedScene, OracleVlm, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::Summary;
 use spf_oracle::ErrorFile;
+use spf_pilot::{Outcome, PilotSettings};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Remote, RequestOptions, Usage, Vlm, setup};

@@ -20,10 +20,10 @@ mod uncertainty;
 use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::envelope::Cleared;
 use spf_core::ranges::RangeScan;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
+use spf_envelope::Cleared;
 use spf_mavlink::command::Commands;
 use spf_mavlink::fence::{FenceError, Transfer};
 use spf_mavlink::modes::{Autopilot, Mode};

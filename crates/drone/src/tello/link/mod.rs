@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::envelope::Cleared;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
+use spf_envelope::Cleared;
 
 mod leaving;
 mod reach;

@@ -1,8 +1,8 @@
 //! State and messages of the link when lines are late, lost or repeated, or come from a drone in the air.
 
 use spf_core::craft::Craft;
-use spf_core::envelope::{Envelope, Limits};
 use spf_core::telemetry::Telemetry;
+use spf_envelope::{Envelope, Limits};
 
 use super::*;
 

@@ -4,10 +4,10 @@ use std::sync::{Arc, OnceLock};
 
 use spf_core::command::Command;
 use spf_core::craft::CraftKind;
-use spf_core::pilot::{Action, Event, Pilot, PilotSettings, Preset};
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, Event, Pilot, PilotSettings, Preset};
 use spf_render::Channels;
 
 use super::super::points::PointFollower;

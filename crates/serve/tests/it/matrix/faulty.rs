@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use spf_core::command::Command;
 use spf_core::depth::DepthGrid;
-use spf_core::envelope::Cleared;
 use spf_core::frame::{FrameMeta, Unusable};
 use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_drone::frames::Frames;
 use spf_drone::{Capabilities, Drone, DroneError, DroneEvent};
+use spf_envelope::Cleared;
 use spf_serve::fault::{Content, FaultMachine, Stream};
 
 use super::faults::DepthFailing;

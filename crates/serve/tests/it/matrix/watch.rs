@@ -1,11 +1,11 @@
 //! Watches a flight: whether every motion has a fresh reason.
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::envelope::Limits;
-use spf_core::pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot};
 use spf_core::time::{Duration, Time, duration_from_secs};
+use spf_envelope::Limits;
 use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
+use spf_pilot::{Action, Event, Note, OperatorEvent, Outcome, Phase, Pilot};
 
 use super::faults::{DepthFailing, FlightPart};
 

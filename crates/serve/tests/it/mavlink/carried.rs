@@ -1,7 +1,7 @@
 //! What a vehicle carries, in whole flights: sensors that stop it, a map that it is told, a gimbal that looks.
 
-use spf_core::envelope::BrakeLimits;
 use spf_core::geometry::Pose;
+use spf_envelope::BrakeLimits;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage};
 
 use super::ranges::beside_something;

@@ -84,7 +84,7 @@ fn a_fence_is_sent_read_back_and_kept_by_the_autopilot_over_a_bad_radio() {
         assert!(words.starts_with("inside a polygon of 4 corners, outside a circle of 20 m"), "{words}");
         // It holds at its border, whatever we send: that is somebody else who has taken over.
         let (mut drone, world) = take_off(drone, world);
-        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        let mut envelope = spf_envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
         let left = passes(&mut drone, 20.0, |drone| {
             while let Some((_, event)) = drone.driver.take_event() {
                 if let spf_drone::DroneEvent::Telemetry(telemetry) = event {

@@ -17,12 +17,11 @@ pub(crate) mod wired;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use spf_core::craft::{Craft, CraftKind};
-use spf_core::envelope::Limits;
-use spf_core::pilot::{Action, AtEnd, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_drone::Drone as _;
 use spf_drone::mavlink::vehicle::{Notice, Outgoing};
+use spf_envelope::Limits;
 use spf_flight::flight::{self, FlightPlan, Site};
 use spf_flight::real::Real;
 use spf_flight::run::Observer;
@@ -32,6 +31,7 @@ use spf_flight::world::Script;
 use spf_mavlink::command::{CommandResult, VehicleCommand, ids};
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_oracle::ErrorFile;
+use spf_pilot::{Action, AtEnd, Event, Note, Outcome, Phase, Pilot, PilotSettings, Preset};
 use spf_serve::fault::{Fault, FaultPlan, Rule, Stream};
 use spf_vlm::Vlm;
 
@@ -297,7 +297,7 @@ fn hovering(autopilot: Autopilot, parameters: &[(&str, f64)]) -> (WiredVehicle, 
 /// Takes it off, until it flies by our setpoints.
 fn take_off(mut drone: WiredVehicle, world: SimWorld) -> (WiredVehicle, SimWorld) {
     drone.get_ready();
-    let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+    let mut envelope = spf_envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
     let mut phase = FlightPhase::OnGround;
     let mut asked = false;
     while phase != FlightPhase::Flying {
@@ -336,7 +336,7 @@ fn a_landing_soon_after_the_take_off_and_a_hold_soon_after_the_landing_are_ours(
     };
     for autopilot in BOTH {
         let (mut drone, world) = hovering(autopilot, &[]);
-        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        let mut envelope = spf_envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
         drone.beat_strictly();
         passes(&mut drone, 1.3);
         let land = envelope.clear(drone.now, spf_core::command::Command::Land).unwrap();
@@ -353,7 +353,7 @@ fn a_landing_soon_after_the_take_off_and_a_hold_soon_after_the_landing_are_ours(
         assert_eq!((world.truth().phase, drone.driver.is_ours(), lets_go(&drone)), (FlightPhase::OnGround, false, false));
         // And up again, for half a second.
         let take_offs = commands(&drone, ids::TAKE_OFF);
-        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        let mut envelope = spf_envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
         while let Some((_, event)) = drone.next_event(drone.now) {
             if let spf_drone::DroneEvent::Telemetry(telemetry) = event {
                 envelope.observe_telemetry(drone.now, &telemetry);
@@ -386,7 +386,7 @@ fn a_take_off_whose_acknowledgement_is_lost_is_flown() {
         let mut drone = WiredVehicle::new(world.clone(), autopilot, &[], faults, Vec::new());
         drone.get_ready();
         assert!(drone.now < Time::from_secs_f64(6.0));
-        let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+        let mut envelope = spf_envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
         let (mut asked, mut phase) = (false, FlightPhase::OnGround);
         while phase != FlightPhase::Flying {
             assert!(drone.now < Time::from_secs_f64(40.0), "{autopilot:?} {:?}", drone.told.lock().unwrap().notices);

@@ -23,7 +23,7 @@ fn an_old_ardupilot_is_asked_for_groups_of_messages_and_tells_by_its_state_that_
     assert!(asked(&drone) >= 4);
     // Its estimator's report is in one of the groups.
     assert_eq!(drone.driver.facts().position_error(drone.now), Some(0.5));
-    let mut envelope = spf_core::envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
+    let mut envelope = spf_envelope::Envelope::new(Limits::for_craft(&Craft::quad()), Craft::quad());
     let land = envelope.clear(drone.now, spf_core::command::Command::Land).unwrap();
     drone.apply(drone.now, &land.cleared).unwrap();
     let until = drone.now + Duration::from_secs(25);

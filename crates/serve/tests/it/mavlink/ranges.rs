@@ -1,11 +1,11 @@
 //! Sensors around the vehicle: what they measure reaches the pilot, and what the pilot's map shows reaches a vehicle without them.
 
 use spf_core::command::{Command, Setpoint};
-use spf_core::envelope::{BrakeLimits, Cause, Envelope};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_core::ranges::{RangeRay, RangeScan};
 use spf_core::telemetry::Telemetry;
 use spf_drone::DroneEvent;
+use spf_envelope::{BrakeLimits, Cause, Envelope};
 
 use super::*;
 

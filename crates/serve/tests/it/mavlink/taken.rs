@@ -1,7 +1,7 @@
 //! Somebody else at the controls: a key that is held, another onboard computer, and a program that starts again in the air.
 
 use spf_core::command::Setpoint;
-use spf_core::pilot::OperatorEvent;
+use spf_pilot::OperatorEvent;
 
 use super::*;
 

@@ -1,0 +1,506 @@
+//! The policy, decision by decision; whole flights are in the pilot's tests.
+
+use super::*;
+use crate::guidance::AnchorUse;
+use spf_core::camera::Camera;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_core::query::VerticalRoom;
+use spf_core::time::{Duration, Time};
+use spf_space::avoid::Avoidance;
+
+pub(super) fn policy(avoid: bool) -> Spf {
+    let mut spf = Spf::new(settings(avoid));
+    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
+    spf
+}
+
+pub(super) fn settings(avoid: bool) -> SpfSettings {
+    SpfSettings {
+        step: StepRule::PAPER,
+        lifting: Lifting::Levelled,
+        shape: PathShape::Straight,
+        avoid,
+        confirm_done: true,
+        grounding: GroundingProfile::default(),
+        image_size: Some((640, 480)),
+        craft: Craft::quad(),
+        depth: DepthAs::Labels,
+        near_m: Some(3.0),
+        keep_m: crate::follower::DEFAULT_KEEP,
+        close_up: false,
+    }
+}
+
+/// What the policy asks about a frame, and does when it hears this answer.
+fn told(spf: &mut Spf, frame: u64, answer: &str) -> (Query, Step) {
+    told_from(spf, &view(frame), answer)
+}
+
+pub(super) fn told_from(spf: &mut Spf, view: &View, answer: &str) -> (Query, Step) {
+    let query = sent_query(spf.handle(PolicyEvent::Frame(view)));
+    let step = spf.handle(PolicyEvent::Reply { id: query.id, text: answer });
+    (query, step)
+}
+
+pub(super) fn view(id: u64) -> View {
+    let frame = FrameMeta {
+        id: FrameId(id),
+        captured: Time::ZERO,
+        received: Time::ZERO,
+        capture_counter: id,
+        width: 960,
+        height: 720,
+        unusable: None,
+    };
+    View {
+        frame,
+        camera: Camera::quad(),
+        pose: Pose::default(),
+        at_rest: true,
+        room: VerticalRoom::default(),
+        expected: Expected::Unknown,
+    }
+}
+
+pub(super) fn sent_query(step: Step) -> Query {
+    let Step::Ask(query) = step else { panic!("{step:?}") };
+    *query
+}
+
+const CAR_AHEAD: &str = r#"{"box":[400,450,600,550],"depth":4,"name":"car"}"#;
+
+/// What the policy asks about a frame, and does when it hears this answer with these boxes.
+fn decided(spf: &mut Spf, frame: u64, boxes: &str, answer: &str) -> (Query, Step) {
+    let (query, step) = told(spf, frame, &format!(r#"{},"boxes":[{boxes}]}}"#, answer.strip_suffix('}').unwrap()));
+    assert_eq!(query.kind, QueryKind::point(true));
+    (query, step)
+}
+
+fn ahead(target: &str) -> String {
+    format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"{target}"}}"#)
+}
+
+#[test]
+fn the_target_is_no_obstacle() {
+    let mut spf = policy(true);
+    // Cut off by the lower edge.
+    let car = r#"{"box":[400,100,1000,900],"depth":1,"name":"the black car"}"#;
+    decided(&mut spf, 0, car, &ahead("the black car"));
+    assert_eq!(spf.reading().avoidance, Some(Avoidance::Clear));
+    decided(&mut spf, 1, car, &ahead("red crane"));
+    assert!(!matches!(spf.reading().avoidance, Some(Avoidance::Clear)));
+}
+
+#[test]
+fn a_second_look_has_boxes_too() {
+    let mut spf = policy(true);
+    let done = r#"{"status":"done"}"#;
+    let (first, step) = decided(&mut spf, 0, "", done);
+    assert_eq!((first.memory.confirming, step), (false, Step::Look));
+    let (second, step) = decided(&mut spf, 1, "", done);
+    assert_eq!((second.memory.confirming, step), (true, Step::Done));
+}
+
+#[test]
+fn a_search_keeps_clear_of_the_boxes_too() {
+    let mut spf = policy(true);
+    let open = r#"{"status":"not_visible","look":"right","point":[500,500],"depth":9}"#;
+    let flown = (0..40).find(|frame| {
+        decided(&mut spf, *frame, CAR_AHEAD, open);
+        spf.reading().step.is_some()
+    });
+    assert!(flown.is_some(), "it goes along the way that the answers show");
+    assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading().avoidance);
+}
+
+/// Half of a path along the image's edge is outside the image, where no box is reported.
+#[test]
+fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
+    let aside = r#"{"status":"navigating","point":[500,970],"depth":5,"target":"crane"}"#;
+    let mut spf = policy(true);
+    for _ in 0..2 {
+        let (_, step) = decided(&mut spf, 0, "", aside);
+        let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
+        // tan = 0.94 right of the middle: 43.2°.
+        assert!((primitives.yaw.to_degrees() - 43.2).abs() < 0.5 && primitives.forward == 0.0, "{primitives:?}");
+        assert!(spf.reading().actions[0].starts_with("turns first"), "{:?}", spf.reading().actions);
+        // If repeated, it is flown to.
+        let (_, step) = decided(&mut spf, 1, "", aside);
+        let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
+        assert!(primitives.forward > 1.0, "{primitives:?}");
+    }
+    // The other edge counts separately, once; any other step in between resets the count.
+    let left = aside.replace("970", "30");
+    let forward = |step: Step| matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0);
+    let mut spf = policy(true);
+    for (answer, flies) in [(aside, false), (&left, false), (aside, true)] {
+        assert_eq!(forward(decided(&mut spf, 0, "", answer).1), flies, "{answer}");
+    }
+    assert!(!forward(decided(&mut spf, 0, "", aside).1));
+    spf.handle(PolicyEvent::MoveEnded { completed: false });
+    assert!(!forward(decided(&mut spf, 0, "", aside).1), "the turn was cut short");
+    decided(&mut spf, 0, "", r#"{"status":"not_visible","look":"left"}"#);
+    assert!(!forward(decided(&mut spf, 0, "", aside).1), "it has turned elsewhere");
+    // Outside obstacle mode it flies as in the paper.
+    let mut spf = policy(false);
+    let query = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
+    let step = spf.handle(PolicyEvent::Reply { id: query.id, text: aside });
+    assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
+}
+
+/// The climbs of a blocked path count towards the 3 m too, until a step is flown; then it turns.
+#[test]
+fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
+    let mut spf = Spf::new(settings(true));
+    spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+    let mut number = 0;
+    let mut decide = |spf: &mut Spf, boxes: &str| {
+        let query = sent_query(spf.handle(PolicyEvent::Frame(&view(number))));
+        number += 1;
+        let text = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
+        match spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) {
+            Step::Move(Move { primitives, .. }) => Some(primitives),
+            _ => None,
+        }
+    };
+    let wall = r#"{"box":[30,0,1000,1000],"depth":1,"name":"wall"}"#;
+    let mut moves =
+        |spf: &mut Spf| (0..15).filter_map(|_| decide(spf, wall)).map(|p| (p.climb, p.yaw != 0.0)).collect::<Vec<_>>();
+    assert_eq!(moves(&mut spf), [(1.0, false), (1.0, false), (1.0, false), (0.0, true), (0.0, true)]);
+    assert!(spf.reading().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading().actions);
+}
+
+/// What a forward camera has seen overhead hangs there for as long as the craft stays below it.
+#[test]
+fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
+    let climb_after = |seconds: u64, north: f64, name: &str| {
+        let mut spf = Spf::new(settings(true));
+        spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+        let at = |seconds: u64, north: f64| {
+            let mut view = view(seconds);
+            view.frame.captured = Time::ZERO + Duration::from_secs(seconds);
+            view.pose.position.north = north;
+            view
+        };
+        let pointing =
+            |boxes: &str| format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
+        told_from(&mut spf, &at(0, 0.0), &pointing(&format!(r#"{{"box":[0,0,300,1000],"depth":1,"name":"{name}"}}"#)));
+        let wall = pointing(r#"{"box":[30,0,1000,1000],"depth":1,"name":"wall"}"#);
+        (0..3).find_map(|i| match told_from(&mut spf, &at(seconds + i, north), &wall).1 {
+            Step::Move(Move { primitives, .. }) => Some(primitives.climb),
+            _ => None,
+        })
+    };
+    assert_eq!(climb_after(5, 0.0, "parasol"), Some(0.0));
+    assert_eq!(climb_after(60, 0.5, "parasol"), Some(0.0));
+    assert_eq!(climb_after(60, 3.0, "parasol"), Some(1.0));
+    // Somebody walks on.
+    assert_eq!(climb_after(60, 0.5, "woman"), Some(1.0));
+}
+
+#[test]
+fn who_is_followed_is_flown_to_and_a_turn_is_turned() {
+    let mut spf = policy(false);
+    let (query, step) = told(&mut spf, 0, r#"{"status":"following","point":[500,500],"depth":5,"target":"man"}"#);
+    assert!(query.prompt.contains("the drone is within 3 m of it"), "{}", query.prompt);
+    assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 2.0), "{step:?}");
+    let (_, step) = told(&mut spf, 1, r#"{"status":"navigating","point":null,"turn_deg":-90,"target":"man"}"#);
+    let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
+    assert_eq!(primitives, Primitives { yaw: -90.0_f64.to_radians(), ..Primitives::default() });
+}
+
+#[test]
+fn a_blocked_way_is_held_before_a_person_and_backed_off_from_otherwise() {
+    let blocked = |name: &str, depth| {
+        format!(r#"{{"status":"blocked","boxes":[{{"box":[300,400,900,600],"depth":{depth},"name":"{name}"}}]}}"#)
+    };
+    let mut spf = policy(true);
+    assert_eq!(told(&mut spf, 0, &blocked("woman", 2)).1, Step::Look);
+    for (name, depth) in [("shelf", 2), ("woman", 8)] {
+        let (_, step) = told(&mut policy(true), 1, &blocked(name, depth));
+        assert!(matches!(step, Step::Move(Move { primitives, then_rest: true, .. }) if primitives.forward == -1.0), "{step:?}");
+    }
+    // Nobody says what it is.
+    assert_eq!(told(&mut policy(false), 0, r#"{"status":"blocked"}"#).1, Step::Look);
+}
+
+#[test]
+fn what_was_wrong_is_told_once() {
+    let mut spf = policy(true);
+    let (first, step) = told(&mut spf, 0, &ahead("red crane"));
+    assert!(first.memory.refused.is_none() && matches!(step, Step::Reject(_)), "{step:?}");
+    let (second, _) = told(&mut spf, 1, r#"{"status":"not_visible","boxes":[]}"#);
+    assert!(second.prompt.contains("\nYour last answer could not be used: it lacked boxes.\n"), "{}", second.prompt);
+    let (third, _) = told(&mut spf, 2, r#"{"status":"not_visible","boxes":[]}"#);
+    assert!(!third.prompt.contains("could not be used"), "{}", third.prompt);
+}
+
+/// A post whose middle is seen now left, now right of the way: the craft passes it on the side on which it began.
+#[test]
+fn a_detour_keeps_its_side_from_answer_to_answer() {
+    let post = |u: u32| {
+        let (left, right) = (u - 40, u + 40);
+        format!(
+            r#"{{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[{{"box":[100,{left},900,{right}],"depth":4,"name":"post"}}]}}"#
+        )
+    };
+    let mut spf = policy(true);
+    let mut sides = Vec::new();
+    for (frame, u) in [490, 510, 480, 520, 490].into_iter().enumerate() {
+        told(&mut spf, frame as u64, &post(u));
+        let waypoint = spf.reading().waypoint.unwrap();
+        assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading().avoidance);
+        sides.push(waypoint.u > 0.5);
+    }
+    assert_eq!(sides, [true; 5]);
+    // Twice clear, and the next one is passed where it is nearest.
+    for frame in 10..14 {
+        told(&mut spf, frame, r#"{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[]}"#);
+    }
+    told(&mut spf, 14, &post(520));
+    assert!(spf.reading().waypoint.unwrap().u < 0.5);
+}
+
+/// The last box was 9.6 px wide, so its region goes along; after an answer without one nothing does.
+#[test]
+fn a_small_target_goes_along_enlarged_if_wanted() {
+    let small = r#"{"status":"navigating","target_box":[495,495,505,505],"point":[500,500],"depth":9,"target":"crane"}"#;
+    let mut spf = Spf::new(SpfSettings { close_up: true, ..settings(false) });
+    spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+    let (first, _) = told(&mut spf, 0, small);
+    assert_eq!(first.close_up, None);
+    let (second, _) = told(&mut spf, 1, r#"{"status":"not_visible"}"#);
+    let region = second.close_up.unwrap();
+    assert!((region.left - 0.4).abs() < 1e-9 && (region.bottom - 0.6).abs() < 1e-9, "{region:?}");
+    assert!(second.prompt.contains("The second image enlarges the part [400, 400, 600, 600]"), "{}", second.prompt);
+    let (third, _) = told(&mut spf, 2, small);
+    assert_eq!(third.close_up, None);
+    let mut spf = policy(false);
+    told(&mut spf, 0, small);
+    assert_eq!(told(&mut spf, 1, small).0.close_up, None);
+}
+
+/// A depth network may be without its scale: only a sensor's map takes the place of the check against the boxes.
+#[test]
+fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes() {
+    let wall = r#"{"status":"navigating","point":[500,500],"depth":10,"target":"crane",
+        "boxes":[{"box":[0,0,1000,1000],"depth":2,"name":"wall"}]}"#;
+    let checked = |sensor: bool| {
+        let guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor, ..Guidance::default() };
+        let mut spf = policy(true).with_guidance(guidance);
+        told(&mut spf, 0, wall);
+        spf.reading().avoidance
+    };
+    assert!(matches!(checked(false), Some(Avoidance::Shortened { .. } | Avoidance::Hold { .. })), "{:?}", checked(false));
+    assert_eq!(checked(true), None);
+}
+
+/// An anchored policy.
+fn anchored(avoid: bool) -> Spf {
+    let guidance = Guidance { anchor: AnchorUse::Always, ..Guidance::default() };
+    let mut spf = Spf::new(settings(avoid)).with_guidance(guidance);
+    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the crane")), Step::Look);
+    spf
+}
+
+/// The policy's response to a reply on a frame that is expected to show the target.
+fn told_expecting(spf: &mut Spf, frame: u64, expected: Expected, answer: &str) -> Step {
+    let query = sent_query(spf.handle(PolicyEvent::Frame(&View { expected, ..view(frame) })));
+    spf.handle(PolicyEvent::Reply { id: query.id, text: answer })
+}
+
+#[test]
+fn only_a_point_on_the_boxed_target_is_a_sighting() {
+    let reply = |target_box: &str| {
+        format!(r#"{{"target":"crane","status":"navigating","stage":1,"target_box":{target_box},"point":[500,500],"depth":8}}"#)
+    };
+    assert!(matches!(told(&mut anchored(false), 0, &reply("[400,400,600,600]")).1, Step::Goto(_)));
+    // Beside it; and straight on, which has no box.
+    assert!(matches!(told(&mut anchored(false), 0, &reply("[400,700,600,900]")).1, Step::Move(_)));
+    assert!(matches!(told(&mut anchored(false), 0, &reply("null")).1, Step::Move(_)));
+    // At the image's edge the box is cut off, and so is what is pointed at.
+    let at_edge = reply("[400,0,600,600]").replace("[500,500]", "[500,5]");
+    assert!(matches!(told(&mut anchored(false), 0, &at_edge).1, Step::Move(_)));
+}
+
+#[test]
+fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
+    let mut spf = policy(false);
+    let cone = |target: &str, stage: u32| {
+        format!(
+            r#"{{"target":"{target}","status":"navigating","stage":{stage},"target_box":[400,400,600,600],"point":[500,500],"depth":3}}"#
+        )
+    };
+    told(&mut spf, 0, &cone("orange cone", 1));
+    told(&mut spf, 1, &cone("next cone", 2));
+    // 1.8 m nearer, and 30° to the right: 1 m away.
+    let position = EnuPosition { north: 1.8, ..EnuPosition::default() };
+    let turned = |degrees: f64, north: f64| {
+        let attitude = Attitude { heading: degrees.to_radians(), ..Attitude::default() };
+        View { pose: Pose { position: EnuPosition { north, ..position }, attitude }, ..view(2) }
+    };
+    let (query, _) = told_from(&mut spf, &turned(30.0, 1.8), &cone("next cone", 2));
+    let place = query.memory.finished[0].place.unwrap();
+    assert!((place.range_m - 1.0).abs() < 0.02 && (place.bearing_deg + 30.0).abs() < 0.1, "{place:?}");
+    let area = place.area.unwrap();
+    assert!(area.left < 0.1 && (0.4..0.6).contains(&area.right), "{area:?}");
+    assert!(
+        query.prompt.contains(r#"target "orange cone". That target is now about 1 m away, in the box ["#),
+        "{}",
+        query.prompt
+    );
+    let (query, _) = told_from(&mut spf, &turned(150.0, 1.8), &cone("next cone", 2));
+    assert!(query.prompt.contains("about 1 m away, outside this image, 150° to the left of straight ahead."), "{}", query.prompt);
+    // 40 m there and back are a drift of 2 m or more: too far to tell.
+    told_from(&mut spf, &turned(0.0, -18.2), &cone("next cone", 2));
+    let (query, _) = told_from(&mut spf, &turned(0.0, 1.8), &cone("next cone", 2));
+    assert_eq!(query.memory.finished[0].place, None);
+    assert!(query.prompt.contains(r#"target "orange cone"."#), "{}", query.prompt);
+
+    // Somebody may have walked on, and a point beside something is no place of it.
+    let beside =
+        r#"{"target":"left of it","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,900],"depth":3}"#;
+    for first in [cone("man in blue", 1), beside.to_owned()] {
+        let mut spf = policy(false);
+        told(&mut spf, 0, &first);
+        told(&mut spf, 1, &cone("next cone", 2));
+        let (query, _) = told(&mut spf, 2, &cone("next cone", 2));
+        assert_eq!((query.memory.finished.len(), query.memory.finished[0].place), (1, None));
+    }
+}
+
+#[test]
+fn a_target_that_is_not_seen_is_flown_to_only_in_its_own_stage() {
+    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 20.0 };
+    let seen = r#"{"target":"tower","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,500],"depth":6}"#;
+    let lost = |stage: u32| format!(r#"{{"target":"tower","status":"not_visible","stage":{stage},"look":"left"}}"#);
+    let mut spf = anchored(false);
+    told(&mut spf, 0, seen);
+    assert_eq!(told_expecting(&mut spf, 1, known, &lost(1)), Step::Keep);
+    // The place that is known is the first tower's.
+    assert!(matches!(told_expecting(&mut spf, 2, known, &lost(2)), Step::Move(_)));
+    // A point that is no place of the second one does not make it known either.
+    let beside = r#"{"target":"left of it","status":"navigating","stage":3,"target_box":null,"point":[500,900],"depth":6}"#;
+    let mut spf = anchored(false);
+    told(&mut spf, 0, seen);
+    assert!(matches!(told_expecting(&mut spf, 1, known, beside), Step::Move(_)));
+    assert!(matches!(told_expecting(&mut spf, 2, known, &lost(3)), Step::Move(_)));
+}
+
+/// After one reply without the target the craft flies on if it should be seen; after five if a box stands in front of it.
+#[test]
+fn a_target_behind_a_box_is_waited_for_longer() {
+    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 40.0 };
+    let seen = r#"{"target":"tower","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,500],"depth":8,"boxes":[]}"#;
+    let kept = |boxes: &str| {
+        let lost = format!(r#"{{"target":"tower","status":"not_visible","stage":1,"look":"left","boxes":{boxes}}}"#);
+        let mut spf = anchored(true);
+        told(&mut spf, 0, seen);
+        (1..9).take_while(|&frame| told_expecting(&mut spf, frame, known, &lost) == Step::Keep).count()
+    };
+    assert_eq!(kept("[]"), 1);
+    assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":6,"name":"building"}]"#), 5);
+    // Beside it, and behind it.
+    assert_eq!(kept(r#"[{"box":[0,0,300,300],"depth":6,"name":"building"}]"#), 1);
+    assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":9,"name":"building"}]"#), 1);
+}
+
+/// A reply that points at something else, and one that does not show the target, are two that contradict what is known.
+#[test]
+fn a_reply_that_points_elsewhere_counts_as_one_without_the_target() {
+    let known = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 40.0 };
+    let at = |left: u32, right: u32| {
+        let u = (left + right) / 2;
+        format!(
+            r#"{{"target":"oak","status":"navigating","stage":1,"target_box":[400,{left},600,{right}],"point":[500,{u}],"depth":8}}"#
+        )
+    };
+    let lost = r#"{"target":"oak","status":"not_visible","stage":1,"look":"left"}"#;
+    let mut spf = anchored(false);
+    told(&mut spf, 0, &at(400, 600));
+    assert!(matches!(told_expecting(&mut spf, 1, known, &at(30, 130)), Step::Goto(_)));
+    assert!(matches!(told_expecting(&mut spf, 2, known, lost), Step::Move(_)));
+    // The same, where the second reply points at the known place, or its box reaches there.
+    for second in [at(450, 600), at(60, 560)] {
+        let mut spf = anchored(false);
+        told(&mut spf, 0, &at(400, 600));
+        assert!(matches!(told_expecting(&mut spf, 1, known, &second), Step::Goto(_)));
+        assert_eq!(told_expecting(&mut spf, 2, known, lost), Step::Keep);
+    }
+}
+
+/// A target of 20 pixels, then of 60, then replies that do not see it: the craft looks twice more for the first before it turns away.
+#[test]
+fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_away() {
+    let missed = r#"{"status":"not_visible","look":"right"}"#;
+    let steps = |guidance: Guidance, box_: &str| {
+        let mut spf = policy(false).with_guidance(guidance);
+        let seen = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"kite","target_box":{box_}}}"#);
+        told(&mut spf, 0, &seen);
+        [1, 2, 3].map(|frame| matches!(told(&mut spf, frame, missed).1, Step::Keep))
+    };
+    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
+    assert_eq!(steps(guidance, "[490,490,510,510]"), [true, true, false]);
+    assert_eq!(steps(guidance, "[460,460,540,540]"), [false; 3]);
+    // A craft that holds while it asks has nothing to fly on with.
+    assert_eq!(steps(Guidance::default(), "[490,490,510,510]"), [false; 3]);
+}
+
+#[test]
+fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
+    let view = view(1);
+    let area = ImageBox { left: 0.42, top: 0.3, right: 0.58, bottom: 0.7 };
+    let place = KeepOut::new(3, &view.camera, view.pose, area, 4).unwrap();
+    let answer = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane"}"#;
+    let waypoint = |marked: bool| {
+        let mut spf = Spf::new(settings(false));
+        spf.handle(PolicyEvent::Instruction("fly to the crane"));
+        spf.keep_out(if marked { core::slice::from_ref(&place) } else { &[] });
+        let (query, _) = told_from(&mut spf, &view, answer);
+        assert_eq!(
+            query.prompt.contains("The operator has marked the place in the box [300, 420, 700, 580]"),
+            marked,
+            "{}",
+            query.prompt
+        );
+        assert_eq!(query.marks.len(), usize::from(marked));
+        spf.reading().waypoint.unwrap()
+    };
+    assert!((waypoint(false).u - 0.5).abs() < 0.01);
+    assert!((waypoint(true).u - 0.5).abs() > 0.1, "{:?}", waypoint(true));
+    // A new instruction does not unmark it.
+    let mut spf = Spf::new(settings(true));
+    spf.keep_out(&[place]);
+    spf.handle(PolicyEvent::Instruction("fly to the crane"));
+    assert_eq!(told_from(&mut spf, &view, answer).0.marks.len(), 1);
+}
+
+/// Something in the way of somebody who is followed by their track keeps the craft where it is; it goes on looking at them.
+#[test]
+fn something_in_the_way_of_somebody_tracked_ends_no_following() {
+    let boxes = r#"[{"box":[300,0,1000,1000],"depth":1,"name":"hedge"}]"#;
+    let answer = format!(
+        r#"{{"target":"man","status":"following","target_box":[300,400,700,600],"point":[500,500],"depth":4,"boxes":{boxes}}}"#
+    );
+    let at = ImagePoint { u: 0.5, v: 0.5 };
+    let step = |is_tracked: bool| {
+        let mut spf = policy(true).with_guidance(Guidance { track: true, ..Guidance::default() });
+        told_expecting(&mut spf, 0, Expected::Followed { at, range: 3.2, is_tracked }, &answer)
+    };
+    let Step::Follow(goto) = step(true) else { panic!("{:?}", step(true)) };
+    assert!(!goto.is_detour && goto.clear == 0.0 && goto.motion.primitives.forward == 0.0, "{goto:?}");
+    assert_eq!(step(false), Step::Look);
+}
+
+#[test]
+fn somebody_who_has_left_the_image_is_looked_for_where_they_went() {
+    let lost = r#"{"target":"man","status":"not_visible","look":"right"}"#;
+    let yaw = |expected: Expected| {
+        let mut spf = policy(false).with_guidance(Guidance { track: true, ..Guidance::default() });
+        let Step::Move(motion) = told_expecting(&mut spf, 0, expected, lost) else { panic!() };
+        motion.primitives.yaw
+    };
+    assert_eq!(yaw(Expected::Left { off: -1.2 }), -1.2);
+    assert!(yaw(Expected::Unknown) > 0.0);
+}
