@@ -8,7 +8,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{ActForm, Memory, Query, QueryId, QueryKind};
-use spf_pilot::policy::{Move, Policy, PolicyEvent, Reading, Step, View};
+use spf_pilot::policy::{Move, Output, Policy, PolicyEvent, Reading, Step, View};
 
 use crate::actions::parse_moves;
 
@@ -138,12 +138,9 @@ impl Plain {
     }
 }
 
-impl Policy for Plain {
-    fn name(&self) -> &'static str {
-        "plain"
-    }
-
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+impl Plain {
+    /// The step that follows from an event.
+    fn step(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt) = (self.next_id, self.prompt.clone());
@@ -171,11 +168,19 @@ impl Policy for Plain {
                 self.queue.clear();
                 Step::Wait
             }
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::KeepOut(_) | PolicyEvent::Continue => Step::Wait,
         }
     }
+}
 
-    fn reading(&self) -> Reading {
-        self.reading.clone()
+impl Policy for Plain {
+    fn name(&self) -> &'static str {
+        "plain"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let is_reply = matches!(event, PolicyEvent::Reply { .. });
+        let step = self.step(event);
+        Output { step, reading: if is_reply { self.reading.clone() } else { Reading::default() } }
     }
 }

@@ -15,7 +15,7 @@ use spf_flight::flight::{self, FlightPlan, Flown, Site};
 use spf_flight::pilot::{PolicyMaker, PolicyParts};
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
-use spf_pilot::policy::{Move, Policy, PolicyEvent, Reading, Step};
+use spf_pilot::policy::{Move, Output, Policy, PolicyEvent, Step};
 
 /// Flies sides until there are four.
 struct Square {
@@ -27,8 +27,8 @@ impl Policy for Square {
         "square"
     }
 
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
-        match event {
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let step = match event {
             // An instruction, the first or an operator's new one, restarts the policy.
             PolicyEvent::Instruction(_) => {
                 self.sides = 0;
@@ -41,11 +41,8 @@ impl Policy for Square {
                 Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false })
             }
             _ => Step::Wait,
-        }
-    }
-
-    fn reading(&self) -> Reading {
-        Reading { actions: vec![format!("side {}", self.sides)], ..Reading::default() }
+        };
+        step.into()
     }
 }
 

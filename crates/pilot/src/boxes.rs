@@ -2,6 +2,7 @@
 //! that no reply has checked.
 
 use super::{Pilot, Waiting};
+use crate::policy::Reading;
 use spf_core::direction::Direction;
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::range_of_label;
@@ -37,8 +38,8 @@ impl Boxes {
 
 impl Pilot {
     /// Takes the boxes of a reply, except that of the target.
-    pub(super) fn remember_boxes(&mut self, waiting: &Waiting) {
-        let Some(reply) = self.policy.reading().reply else { return };
+    pub(super) fn remember_boxes(&mut self, waiting: &Waiting, reading: &Reading) {
+        let Some(reply) = &reading.reply else { return };
         let view = &waiting.view;
         let is_target = |name: &str| reply.target.as_deref().is_some_and(|target| same_name(target, name));
         for obstacle in reply.boxes.iter().filter(|obstacle| !is_target(&obstacle.name)) {

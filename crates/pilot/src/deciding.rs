@@ -1,7 +1,7 @@
 //! Frames, queries, replies and the steps that follow.
 
 use super::{Action, Decision, Note, Outcome, Phase, Pilot, QueryTiming, Waiting};
-use crate::policy::{Expected, FailReason, PolicyEvent, Step, View};
+use crate::policy::{Expected, FailReason, Output, PolicyEvent, Step, View};
 use spf_core::frame::{FrameMeta, Unusable};
 use spf_core::geometry::wrap_angle;
 use spf_core::query::{Query, QueryId, QueryKind, VerticalRoom};
@@ -72,8 +72,8 @@ impl Pilot {
         }
         self.used = Some(view.frame.id);
         self.needs_rest = false;
-        let step = self.policy.handle(PolicyEvent::Frame(&view));
-        self.carry_out(now, step, &view);
+        let output = self.policy.handle(PolicyEvent::Frame(&view));
+        self.carry_out(now, output, &view);
     }
 
     pub(super) fn reply(&mut self, now: Time, id: QueryId, text: &str) {
@@ -85,17 +85,17 @@ impl Pilot {
         if let Some(reason) = self.outdated(now, &waiting.view).filter(|_| !waiting.decided) {
             return self.set_aside(now, id, &waiting.view, reason);
         }
-        let step = self.policy.handle(PolicyEvent::Reply { id, text });
-        self.envelope.observe_reply(now, !matches!(step, Step::Reject(_)));
-        if decides(&step, &waiting.query) && !waiting.decided {
+        let output = self.policy.handle(PolicyEvent::Reply { id, text });
+        self.envelope.observe_reply(now, !matches!(output.step, Step::Reject(_)));
+        if decides(&output.step, &waiting.query) && !waiting.decided {
             self.decisions += 1;
         }
-        self.learn(now, &waiting, &step);
-        self.track_reply(&waiting, &step);
-        let (goal, passed) = self.planned(now, &step);
-        let decision = self.decision(now, &waiting, text, &step, goal, passed);
+        self.learn(now, &waiting, &output);
+        self.track_reply(&waiting, &output);
+        let (goal, passed) = self.planned(now, &output.step);
+        let decision = self.decision(now, &waiting, text, &output, goal, passed);
         self.note(Note::Decision(Box::new(decision)));
-        self.carry_out(now, step, &waiting.view);
+        self.carry_out(now, output, &waiting.view);
     }
 
     pub(super) fn chunk(&mut self, now: Time, id: QueryId, text: &str) {
@@ -105,14 +105,14 @@ impl Pilot {
         if !waiting.decided && self.outdated(now, &view).is_some() {
             return;
         }
-        let step = self.policy.handle(PolicyEvent::Chunk { id, text });
+        let output = self.policy.handle(PolicyEvent::Chunk { id, text });
         if let Some(waiting) = self.waiting.get_mut(&id)
-            && decides(&step, &waiting.query)
+            && decides(&output.step, &waiting.query)
             && !core::mem::replace(&mut waiting.decided, true)
         {
             self.decisions += 1;
         }
-        self.carry_out(now, step, &view);
+        self.carry_out(now, output, &view);
     }
 
     pub(super) fn reply_failed(&mut self, now: Time, id: QueryId, reason: String) {
@@ -198,8 +198,8 @@ impl Pilot {
     /// Tells the policy that a query has no answer, and does what it makes of that.
     fn query_failed(&mut self, now: Time, id: QueryId, view: &View, reason: String) {
         self.note(Note::QueryFailed { id, reason });
-        let step = self.policy.handle(PolicyEvent::ReplyFailed { id });
-        self.carry_out(now, step, view);
+        let output = self.policy.handle(PolicyEvent::ReplyFailed { id });
+        self.carry_out(now, output, view);
     }
 
     /// Cancels all open queries. The policy is notified, otherwise it would wait forever, but its answer is not carried
@@ -212,17 +212,18 @@ impl Pilot {
     }
 
     /// Carries out a step, and requests further steps from the policy until it waits.
-    pub(super) fn carry_out(&mut self, now: Time, step: Step, view: &View) {
-        let mut step = step;
+    pub(super) fn carry_out(&mut self, now: Time, output: Output, view: &View) {
+        let mut output = output;
         for _ in 0..STEPS_AT_ONCE {
-            match step {
+            let is_second_look = output.reading.is_done();
+            match output.step {
                 Step::Ask(query) => self.ask(now, query, *view),
                 Step::Move(motion) => self.begin_move(now, motion),
                 Step::Goto(goto) => self.begin_goto(now, &goto),
                 Step::Follow(goto) => self.begin_following(now, &goto),
                 Step::Keep => self.keep_on(now, view),
                 // A second look at somebody who walks: at rest, the craft would lose them.
-                Step::Look if self.is_second_look() && self.goes_along(now) => return,
+                Step::Look if is_second_look && self.goes_along(now) => return,
                 Step::Look => {
                     self.stop_motion(now);
                     self.needs_rest = true;
@@ -239,7 +240,7 @@ impl Pilot {
                     return self.end_instruction(now, outcome, cause.to_owned());
                 }
             }
-            step = self.policy.handle(PolicyEvent::Continue);
+            output = self.policy.handle(PolicyEvent::Continue);
         }
     }
 
@@ -263,10 +264,11 @@ impl Pilot {
         now: Time,
         waiting: &Waiting,
         text: &str,
-        step: &Step,
+        output: &Output,
         goal: Option<spf_core::geometry::Pose>,
         passed: bool,
     ) -> Decision {
+        let step = &output.step;
         let number = if decides(step, &waiting.query) || waiting.decided { self.decisions } else { self.decisions + 1 };
         let step = match step {
             Step::Ask(_) => "ask",
@@ -284,7 +286,7 @@ impl Pilot {
             number,
             query: (*waiting.query).clone(),
             reply: text.to_owned(),
-            reading: self.policy.reading(),
+            reading: output.reading.clone(),
             step: step.to_owned(),
             frame: waiting.view.frame.id,
             captured: waiting.view.frame.captured,

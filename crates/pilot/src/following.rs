@@ -4,13 +4,12 @@ use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 
 use super::{Outcome, Pilot, Waiting};
 use crate::follower::{Answer, Follower, TargetEstimate, WayOut};
-use crate::policy::{Expected, Goto, Step};
+use crate::policy::{Expected, Goto, Output, Step};
 use spf_core::command::Setpoint;
 use spf_core::direction::Direction;
 use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::lift::{Lifting, project_displacement, range_of_label};
 use spf_core::motion::MotionEstimate;
-use spf_core::reply::Status;
 use spf_core::time::Time;
 use spf_core::track::TrackReport;
 use spf_space::avoid::is_grown_up;
@@ -50,19 +49,20 @@ impl Pilot {
     }
 
     /// Takes a reply that sees the target to follow; any other target ends it.
-    pub(super) fn follow_reply(&mut self, waiting: &Waiting, step: &Step) {
+    pub(super) fn follow_reply(&mut self, waiting: &Waiting, output: &Output) {
         self.following.waits = false;
-        let goto = match step {
+        let stays = output.reading.is_following();
+        let goto = match &output.step {
             Step::Follow(goto) => goto,
             Step::Keep | Step::Look | Step::Ask(_) | Step::Wait | Step::Reject(_) => return,
             // Something else is in the way first; the reply sees the target all the same.
-            Step::Move(_) if self.is_staying() && self.following.stays => return,
+            Step::Move(_) if stays && self.following.stays => return,
             // A search, or another target.
             _ => return self.lose_target(),
         };
         let Some(area) = goto.area else { return };
-        let is_person = self.policy.reading().reply.and_then(|reply| reply.target).is_some_and(|name| is_grown_up(&name));
-        let stays = self.is_staying();
+        let target = output.reading.reply.as_ref().and_then(|reply| reply.target.as_deref());
+        let is_person = target.is_some_and(is_grown_up);
         let (camera, keep) = (self.camera, if stays { self.settings.keep_m } else { self.stop_distance() + HALF_PERSON });
         let begun = self.following.follower.take().filter(|_| self.following.stays == stays);
         (self.following.stays, self.following.clear) = (stays, (waiting.view.pose.position, goto.clear));
@@ -72,19 +72,9 @@ impl Pilot {
         follower.answer(&Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person });
     }
 
-    /// Whether the last reply is one to stay with the target, as opposed to a flight to it.
-    fn is_staying(&self) -> bool {
-        self.policy.reading().reply.is_some_and(|reply| reply.status == Status::Following)
-    }
-
     /// Whether the craft moves along with a target that walks: it cannot wait for it at rest.
     pub(super) fn goes_along(&self, now: Time) -> bool {
         self.followed(now).is_some_and(|target| target.is_sure && target.velocity.horizontal_speed() > WALKS)
-    }
-
-    /// Whether the last reply was a `done` that awaits a second look.
-    pub(super) fn is_second_look(&self) -> bool {
-        self.policy.reading().reply.is_some_and(|reply| reply.status == Status::Done)
     }
 
     /// Forgets where the target is. How long it has been followed goes on: a short loss does not begin it anew.

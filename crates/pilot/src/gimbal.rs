@@ -87,9 +87,9 @@ impl Pilot {
         }
         self.rest_from(now);
         self.needs_rest = true;
-        let step = self.policy.handle(PolicyEvent::MoveEnded { completed: true });
+        let output = self.policy.handle(PolicyEvent::MoveEnded { completed: true });
         if let Some(view) = self.view {
-            self.carry_out(now, step, &view);
+            self.carry_out(now, output, &view);
         }
     }
 }

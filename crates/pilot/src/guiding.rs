@@ -13,7 +13,7 @@ use super::view_height::correction;
 use super::{AnchorReport, Pilot, QueryTiming, Waiting};
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
 use crate::guidance::{AnchorUse, SLOW_ANSWERS};
-use crate::policy::{Expected, Goto, Move, Step, View};
+use crate::policy::{Expected, Goto, Move, Output, Step, View};
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
 use spf_core::lift::range_of_label;
@@ -248,8 +248,8 @@ impl Pilot {
     }
 
     /// Takes what a reply says about target and obstacles, at its frame's time and pose.
-    pub(super) fn learn(&mut self, now: Time, waiting: &Waiting, step: &Step) {
-        let view = &waiting.view;
+    pub(super) fn learn(&mut self, now: Time, waiting: &Waiting, output: &Output) {
+        let (step, view) = (&output.step, &waiting.view);
         self.guiding.ages.add(now.since(view.frame.captured));
         self.guiding.gate = None;
         if let Step::Goto(goto) = step {
@@ -262,14 +262,14 @@ impl Pilot {
             let open = self.waiting.values().map(|waiting| waiting.view.frame.captured).min();
             self.guiding.anchors.settle(now, open);
         }
-        let Some(reply) = self.policy.reading().reply else { return };
+        let Some(reply) = &output.reading.reply else { return };
         // A search has begun: the target is not where it was thought to be. What is only hidden, and is waited for, is.
         let waits = matches!(step, Step::Keep | Step::Look);
         if reply.status == Status::NotVisible && !waits {
             self.guiding.forget_target();
         }
         if matches!(waiting.query.kind, QueryKind::Point { .. }) {
-            self.map_reply(now, view, &reply);
+            self.map_reply(now, view, reply);
         }
     }
 

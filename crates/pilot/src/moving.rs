@@ -271,12 +271,12 @@ impl Pilot {
 
     pub(super) fn move_ended(&mut self, now: Time) {
         self.executing = false;
-        let step = match self.pending.take() {
-            Some(motion) => Step::Move(motion),
+        let output = match self.pending.take() {
+            Some(motion) => Step::Move(motion).into(),
             None => self.policy.handle(PolicyEvent::MoveEnded { completed: true }),
         };
         if let Some(view) = self.view {
-            self.carry_out(now, step, &view);
+            self.carry_out(now, output, &view);
         }
     }
 

@@ -120,7 +120,7 @@ impl Pilot {
         // An order that crossed with the loss of the position may name places of before.
         places.retain(|place| self.voided.is_none_or(|last| place.id > last));
         self.stop_motion(now);
-        self.policy.keep_out(&places);
+        self.policy.handle(PolicyEvent::KeepOut(&places));
         self.envelope.keep_out(&places);
         self.guiding.keep_out(places.iter().flat_map(|place| place.points(CELL)).map(Cell::of));
         self.kept_out = places;

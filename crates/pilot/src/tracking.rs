@@ -1,7 +1,7 @@
 //! Has the target's box tracked from one answer to the next.
 
 use super::{Action, Pilot, Waiting};
-use crate::policy::Step;
+use crate::policy::{Output, Step};
 use spf_core::query::QueryId;
 use spf_core::reply::Status;
 use spf_core::time::Time;
@@ -22,14 +22,15 @@ impl Pilot {
     }
 
     /// Asks for a track of the box that a reply gives, or ends it where the reply shows no target.
-    pub(super) fn track_reply(&mut self, waiting: &Waiting, step: &Step) {
+    pub(super) fn track_reply(&mut self, waiting: &Waiting, output: &Output) {
         if !self.settings.guidance.track {
             return;
         }
-        self.follow_reply(waiting, step);
-        self.remember_boxes(waiting);
-        self.remember_free(waiting, step);
-        let Some(reply) = self.policy.reading().reply.filter(|_| !matches!(step, Step::Reject(_))) else { return };
+        let step = &output.step;
+        self.follow_reply(waiting, output);
+        self.remember_boxes(waiting, &output.reading);
+        self.remember_free(waiting, output);
+        let Some(reply) = output.reading.reply.as_ref().filter(|_| !matches!(step, Step::Reject(_))) else { return };
         match reply.target_box.filter(|_| reply.status.leads_to_a_point()) {
             Some(area) => {
                 self.tracking = Tracking { id: Some(waiting.query.id), last: None };

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 
 use super::shown::is_same_place;
 use super::{Note, Pilot, Waiting};
-use crate::policy::{Move, Step};
+use crate::policy::{Move, Output, Step};
 use spf_core::camera::Camera;
 use spf_core::direction::Direction;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -115,11 +115,13 @@ impl Pilot {
     }
 
     /// Takes what a reply shows to be free.
-    pub(super) fn remember_free(&mut self, waiting: &Waiting, step: &Step) {
-        let reading = self.policy.reading();
-        let (Some(reply), Some(listed), false) = (reading.reply, reading.listed, matches!(step, Step::Reject(_))) else { return };
+    pub(super) fn remember_free(&mut self, waiting: &Waiting, output: &Output) {
+        let reading = &output.reading;
+        let (Some(reply), Some(listed), false) = (&reading.reply, &reading.listed, matches!(output.step, Step::Reject(_))) else {
+            return;
+        };
         let odometry = self.estimator.odometry_at(waiting.view.frame.captured);
-        self.shown.reply(waiting, &reply, &listed, odometry);
+        self.shown.reply(waiting, reply, listed, odometry);
     }
 
     /// Whether a straight path away from a person is known to be free of what stands still: it was flown, or shown by a reply,

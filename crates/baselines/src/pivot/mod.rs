@@ -21,7 +21,7 @@ use spf_core::query::{ImagePoint, Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{Choice, Completion, Look, parse_choice, parse_completion};
 use spf_core::rng::RandomStream;
 use spf_pilot::policy::search::{Search, SearchAction};
-use spf_pilot::policy::{FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
+use spf_pilot::policy::{FailReason, Move, Output, Policy, PolicyEvent, Reading, Step, View};
 
 /// How the results of parallel runs are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -387,12 +387,9 @@ fn words(choice: &Choice, shown: usize) -> String {
     format!("chooses {numbers} of {shown}")
 }
 
-impl Policy for Pivot {
-    fn name(&self) -> &'static str {
-        "pivot"
-    }
-
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+impl Pivot {
+    /// The step that follows from an event.
+    fn step(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt) = (self.next_id, self.prompt.clone());
@@ -416,12 +413,20 @@ impl Policy for Pivot {
                 Step::Wait
             }
             PolicyEvent::Continue => self.ask_next(),
-            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } => Step::Wait,
+            PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::KeepOut(_) => Step::Wait,
         }
     }
+}
 
-    fn reading(&self) -> Reading {
-        self.reading.clone()
+impl Policy for Pivot {
+    fn name(&self) -> &'static str {
+        "pivot"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let is_reply = matches!(event, PolicyEvent::Reply { .. });
+        let step = self.step(event);
+        Output { step, reading: if is_reply { self.reading.clone() } else { Reading::default() } }
     }
 }
 

@@ -36,7 +36,7 @@ fn pivot(change: impl FnOnce(&mut PivotSettings)) -> Pivot {
     let mut settings = PivotSettings::published(Craft::quad(), CRAFT_STEP);
     change(&mut settings);
     let mut pivot = Pivot::new(settings);
-    assert_eq!(pivot.handle(PolicyEvent::Instruction("fly to the crane")), Step::Look);
+    assert_eq!(pivot.step(PolicyEvent::Instruction("fly to the crane")), Step::Look);
     pivot
 }
 
@@ -64,13 +64,13 @@ fn begun(pivot: &mut Pivot) -> Query {
 }
 
 fn begun_towards(pivot: &mut Pivot, heading: f64) -> Query {
-    let sent = query(pivot.handle(PolicyEvent::Frame(&view_towards(1, heading))));
+    let sent = query(pivot.step(PolicyEvent::Frame(&view_towards(1, heading))));
     assert_eq!(sent.kind, QueryKind::Done);
-    query(pivot.handle(PolicyEvent::Reply { id: sent.id, text: r#"{"done":false,"stage":1}"# }))
+    query(pivot.step(PolicyEvent::Reply { id: sent.id, text: r#"{"done":false,"stage":1}"# }))
 }
 
 fn answer(pivot: &mut Pivot, to: &Query, points: &[u32]) -> Step {
-    pivot.handle(PolicyEvent::Reply { id: to.id, text: &format!("{{\"points\":{points:?}}}") })
+    pivot.step(PolicyEvent::Reply { id: to.id, text: &format!("{{\"points\":{points:?}}}") })
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn three_rounds_on_one_frame_close_in_on_the_target() {
             Step::Ask(next) => query = *next,
             Step::Move(motion) => {
                 assert_eq!(round, 2);
-                let reached = pivot.reading().waypoint.unwrap();
+                let reached = pivot.reading.clone().waypoint.unwrap();
                 let away = libm::hypot((reached.u - u) * 960.0, (reached.v - v) * 720.0);
                 assert!(away < 45.0, "{away} px off");
                 let lifted = lift::unproject(&Camera::quad(), reached, CRAFT_STEP).unwrap();
@@ -142,8 +142,8 @@ fn in_obstacle_mode_the_search_of_a_policy_without_boxes_does_not_climb() {
             let Step::Move(motion) = answer(&mut pivot, &query, &[]) else { break };
             climbs += u32::from(motion.primitives.climb != 0.0);
             heading += motion.primitives.yaw;
-            words.extend(pivot.reading().actions);
-            pivot.handle(PolicyEvent::MoveEnded { completed: true });
+            words.extend(pivot.reading.clone().actions);
+            pivot.step(PolicyEvent::MoveEnded { completed: true });
         }
         assert_eq!((climbs, words.iter().any(|word| word.starts_with("no climb"))), (u32::from(!avoid), avoid));
     }
@@ -160,7 +160,7 @@ fn where_nothing_is_chosen_the_search_turns_until_it_gives_up() {
                 assert!(motion.then_rest && motion.primitives.forward == 0.0);
                 heading += motion.primitives.yaw;
                 turns += 1;
-                assert_eq!(pivot.handle(PolicyEvent::MoveEnded { completed: true }), Step::Wait);
+                assert_eq!(pivot.step(PolicyEvent::MoveEnded { completed: true }), Step::Wait);
             }
             Step::Fail(FailReason::NotFound) => {
                 assert_eq!(turns, 11, "five turns, a climb, five turns");
@@ -176,16 +176,16 @@ fn where_nothing_is_chosen_the_search_turns_until_it_gives_up() {
 fn parallel_runs_agree_on_their_mean() {
     let mut pivot = pivot(|settings| (settings.runs, settings.rounds) = (3, 1));
     let first = begun(&mut pivot);
-    let second = query(pivot.handle(PolicyEvent::Continue));
-    let third = query(pivot.handle(PolicyEvent::Continue));
-    assert_eq!(pivot.handle(PolicyEvent::Continue), Step::Wait);
+    let second = query(pivot.step(PolicyEvent::Continue));
+    let third = query(pivot.step(PolicyEvent::Continue));
+    assert_eq!(pivot.step(PolicyEvent::Continue), Step::Wait);
     assert_ne!(first.marks, second.marks);
     // In any order; a run without a choice does not count.
     assert_eq!(answer(&mut pivot, &third, &[1]), Step::Wait);
     assert_eq!(answer(&mut pivot, &first, &[]), Step::Wait);
     assert!(matches!(answer(&mut pivot, &second, &[2]), Step::Move(_)));
     let (a, b) = (numbers(&third)[0].1, numbers(&second)[1].1);
-    let reached = pivot.reading().waypoint.unwrap();
+    let reached = pivot.reading.clone().waypoint.unwrap();
     assert!((reached.u - 0.5 * (a.u + b.u)).abs() < 1e-9 && (reached.v - 0.5 * (a.v + b.v)).abs() < 1e-9);
 }
 
@@ -193,42 +193,42 @@ fn parallel_runs_agree_on_their_mean() {
 fn parallel_runs_vote() {
     let mut pivot = pivot(|settings| (settings.runs, settings.rounds, settings.consensus) = (2, 1, Consensus::Vote));
     let first = begun(&mut pivot);
-    let second = query(pivot.handle(PolicyEvent::Continue));
+    let second = query(pivot.step(PolicyEvent::Continue));
     assert_eq!(answer(&mut pivot, &first, &[5]), Step::Wait);
     let vote = query(answer(&mut pivot, &second, &[7]));
     let (a, b) = (numbers(&first)[4].1, numbers(&second)[6].1);
     assert_eq!(numbers(&vote), [(1, a), (2, b)]);
     assert!(matches!(answer(&mut pivot, &vote, &[2]), Step::Move(_)));
-    assert_eq!(pivot.reading().waypoint, Some(b));
+    assert_eq!(pivot.reading.clone().waypoint, Some(b));
 }
 
 #[test]
 fn done_is_believed_at_the_second_look() {
     let mut pivot = pivot(|_| ());
-    let first = query(pivot.handle(PolicyEvent::Frame(&view(1))));
-    assert_eq!(pivot.handle(PolicyEvent::Reply { id: first.id, text: r#"{"done":true}"# }), Step::Look);
-    assert_eq!(pivot.handle(PolicyEvent::Frame(&View { at_rest: false, ..view(2) })), Step::Wait);
-    let second = query(pivot.handle(PolicyEvent::Frame(&view(3))));
+    let first = query(pivot.step(PolicyEvent::Frame(&view(1))));
+    assert_eq!(pivot.step(PolicyEvent::Reply { id: first.id, text: r#"{"done":true}"# }), Step::Look);
+    assert_eq!(pivot.step(PolicyEvent::Frame(&View { at_rest: false, ..view(2) })), Step::Wait);
+    let second = query(pivot.step(PolicyEvent::Frame(&view(3))));
     assert!(second.memory.confirming && second.prompt.contains("second look"));
-    assert_eq!(pivot.handle(PolicyEvent::Reply { id: second.id, text: r#"{"done":true}"# }), Step::Done);
+    assert_eq!(pivot.step(PolicyEvent::Reply { id: second.id, text: r#"{"done":true}"# }), Step::Done);
 }
 
 #[test]
 fn what_cannot_be_parsed_is_refused_and_queried_again() {
     let mut pivot = pivot(|settings| settings.runs = 2);
     let first = begun(&mut pivot);
-    let second = query(pivot.handle(PolicyEvent::Continue));
-    let refused = pivot.handle(PolicyEvent::Reply { id: first.id, text: "the left one" });
-    assert!(matches!(refused, Step::Reject(_)) && pivot.reading().refused.is_some());
+    let second = query(pivot.step(PolicyEvent::Continue));
+    let refused = pivot.step(PolicyEvent::Reply { id: first.id, text: "the left one" });
+    assert!(matches!(refused, Step::Reject(_)) && pivot.reading.clone().refused.is_some());
     assert_eq!(answer(&mut pivot, &second, &[1]), Step::Wait, "the other run's answer is void");
-    assert_eq!(query(pivot.handle(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);
+    assert_eq!(query(pivot.step(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);
 }
 
 #[test]
 fn a_query_without_an_answer_is_sent_again() {
     let mut pivot = pivot(|_| ());
     let first = begun(&mut pivot);
-    assert_eq!(pivot.handle(PolicyEvent::ReplyFailed { id: first.id }), Step::Wait);
+    assert_eq!(pivot.step(PolicyEvent::ReplyFailed { id: first.id }), Step::Wait);
     assert_eq!(answer(&mut pivot, &first, &[1]), Step::Wait, "too late");
-    assert_eq!(query(pivot.handle(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);
+    assert_eq!(query(pivot.step(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);
 }

@@ -20,7 +20,7 @@ use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{one_line, one_line_within, parse_completion};
 use spf_core::time::{Duration, Time};
-use spf_pilot::policy::{FailReason, Policy, PolicyEvent, Reading, Step, View};
+use spf_pilot::policy::{FailReason, Output, Policy, PolicyEvent, Reading, Step, View};
 
 /// Number of call results included in the next planner prompt.
 const REMEMBERED_CALLS: usize = 20;
@@ -448,12 +448,9 @@ impl TypeFly {
     }
 }
 
-impl Policy for TypeFly {
-    fn name(&self) -> &'static str {
-        "typefly"
-    }
-
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+impl TypeFly {
+    /// The step that follows from an event.
+    fn step(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt) = (self.next_id, self.prompt.clone());
@@ -470,12 +467,20 @@ impl Policy for TypeFly {
                 Step::Wait
             }
             PolicyEvent::MoveEnded { completed } => self.move_ended(completed),
-            PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
+            PolicyEvent::Chunk { .. } | PolicyEvent::Continue | PolicyEvent::KeepOut(_) => Step::Wait,
         }
     }
+}
 
-    fn reading(&self) -> Reading {
-        self.reading.clone()
+impl Policy for TypeFly {
+    fn name(&self) -> &'static str {
+        "typefly"
+    }
+
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let is_reply = matches!(event, PolicyEvent::Reply { .. });
+        let step = self.step(event);
+        Output { step, reading: if is_reply { self.reading.clone() } else { Reading::default() } }
     }
 }
 

@@ -19,7 +19,7 @@ impl Instructed {
         let mut settings = TypeFlySettings::new(Craft::tello());
         change(&mut settings);
         let mut policy = TypeFly::new(settings);
-        assert_eq!(policy.handle(PolicyEvent::Instruction("go to the car")), Step::Look);
+        assert_eq!(policy.step(PolicyEvent::Instruction("go to the car")), Step::Look);
         Self { policy, frames: 0 }
     }
 
@@ -34,7 +34,7 @@ impl Instructed {
             height: 720,
             unusable: None,
         };
-        self.policy.handle(PolicyEvent::Frame(&View {
+        self.policy.step(PolicyEvent::Frame(&View {
             frame,
             camera: Camera::tello(),
             pose: Pose::default(),
@@ -45,7 +45,7 @@ impl Instructed {
     }
 
     fn reply(&mut self, to: &Query, text: &str) -> Step {
-        self.policy.handle(PolicyEvent::Reply { id: to.id, text })
+        self.policy.step(PolicyEvent::Reply { id: to.id, text })
     }
 
     /// Passes a frame with these detections; returns the policy's response.
@@ -71,7 +71,7 @@ impl Instructed {
     }
 
     fn moved(&mut self) -> Step {
-        self.policy.handle(PolicyEvent::MoveEnded { completed: true })
+        self.policy.step(PolicyEvent::MoveEnded { completed: true })
     }
 }
 
@@ -228,7 +228,7 @@ fn queries_are_sent_while_the_program_runs() {
 fn a_program_runs_while_it_arrives_and_nothing_of_it_twice() {
     let mut told = Instructed::new(|_| ());
     let sent = query(told.sees(CAR));
-    let mut chunk = |text: &str| told.policy.handle(PolicyEvent::Chunk { id: sent.id, text });
+    let mut chunk = |text: &str| told.policy.step(PolicyEvent::Chunk { id: sent.id, text });
     assert_eq!(chunk("mf,"), Step::Wait);
     assert_eq!(motion(chunk("50;mf,1")), forward(0.5));
     assert_eq!(chunk("00;"), Step::Wait, "the first move is under way");
@@ -263,9 +263,9 @@ fn an_unusable_reply_is_refused_and_queried_again() {
 fn what_is_cut_short_or_never_answered_is_planned_anew() {
     let mut told = Instructed::new(|_| ());
     motion(told.plans(CAR, "mf,50;->True;"));
-    assert_eq!(told.policy.handle(PolicyEvent::MoveEnded { completed: false }), Step::Wait);
+    assert_eq!(told.policy.step(PolicyEvent::MoveEnded { completed: false }), Step::Wait);
     let sent = query(told.sees(CAR));
-    assert_eq!(told.policy.handle(PolicyEvent::ReplyFailed { id: sent.id }), Step::Wait);
+    assert_eq!(told.policy.step(PolicyEvent::ReplyFailed { id: sent.id }), Step::Wait);
     assert_eq!(told.reply(&sent, "->True;"), Step::Wait, "too late");
     let over = told.plans(CAR, "->True;");
     assert_eq!(told.ends(over, true), Step::Done);

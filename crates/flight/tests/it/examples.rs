@@ -20,10 +20,14 @@ use std::net::TcpListener;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
 
-use spf_core::time::Duration;
+use spf_core::camera::Camera;
+use spf_core::frame::{FrameId, FrameMeta};
+use spf_core::geometry::Pose;
+use spf_core::query::VerticalRoom;
+use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
 use spf_pilot::Outcome;
-use spf_pilot::policy::{Policy, PolicyEvent, Step};
+use spf_pilot::policy::{Expected, Policy, PolicyEvent, Step};
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
@@ -71,8 +75,20 @@ fn a_policy_of_one_s_own_flies_its_square() {
 #[test]
 fn an_instruction_starts_a_policy_of_one_s_own_over() {
     let mut square = policy::square(4);
-    assert_eq!(square.handle(PolicyEvent::Instruction("fly a square")), Step::Look);
-    assert_eq!(square.reading().actions, ["side 0"]);
+    let frame = FrameMeta {
+        id: FrameId(1),
+        captured: Time::ZERO,
+        received: Time::ZERO,
+        capture_counter: 1,
+        width: 960,
+        height: 720,
+        unusable: None,
+    };
+    let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
+    let view = View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true, room, expected };
+    assert_eq!(square.handle(PolicyEvent::Frame(&view)).step, Step::Done, "its four sides are flown");
+    assert_eq!(square.handle(PolicyEvent::Instruction("fly a square")).step, Step::Look);
+    assert!(matches!(square.handle(PolicyEvent::Frame(&view)).step, Step::Move(_)));
 }
 
 #[test]

@@ -21,7 +21,7 @@ use spf_core::geometry::{BodyDisplacement, Pose};
 use spf_core::keep_out::KeepOut;
 use spf_core::primitives::Primitives;
 use spf_core::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
-use spf_core::reply::{ObstacleBox, Reply};
+use spf_core::reply::{ObstacleBox, Reply, Status};
 use spf_space::avoid::Avoidance;
 
 /// A frame with the pilot's estimates for its capture time.
@@ -108,9 +108,12 @@ pub enum PolicyEvent<'a> {
     },
     /// The last step was carried out; is there anything more to do at this instant?
     Continue,
+    /// The keep-out volumes that the operator has marked, instead of those before. Whatever a policy makes of them, the
+    /// envelope stops before them. The returned step is not carried out.
+    KeepOut(&'a [KeepOut]),
 }
 
-/// The output of a policy.
+/// A step of a policy.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Step {
     /// Send a query to a VLM. The pilot sets its deadline, and answers with [`PolicyEvent::ReplyFailed`] if more than 8
@@ -134,6 +137,21 @@ pub enum Step {
     Reject(String),
     /// The flight cannot go on.
     Fail(FailReason),
+}
+
+/// What a policy makes of an event: its step, and what it has read in the reply if the event was one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Output {
+    /// What to do.
+    pub step: Step,
+    /// The reply as it was read; empty after any other event than [`PolicyEvent::Reply`].
+    pub reading: Reading,
+}
+
+impl From<Step> for Output {
+    fn from(step: Step) -> Self {
+        Self { step, reading: Reading::default() }
+    }
 }
 
 /// Why a policy gives up.
@@ -182,7 +200,7 @@ pub struct Goto {
     pub clear: f64,
 }
 
-/// A policy's interpretation of its last reply, for progress display, recording and overlays.
+/// A policy's interpretation of a reply. It travels with the step: the pilot learns from it, and it is displayed and recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reading {
     /// The parsed reply of a `Point` query.
@@ -206,18 +224,25 @@ pub struct Reading {
     pub refused: Option<String>,
 }
 
+impl Reading {
+    /// Whether the reply stays with somebody who moves, as opposed to a flight to the target.
+    #[must_use]
+    pub fn is_following(&self) -> bool {
+        self.reply.as_ref().is_some_and(|reply| reply.status == Status::Following)
+    }
+
+    /// Whether the reply takes the instruction to be fulfilled.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.reply.as_ref().is_some_and(|reply| reply.status == Status::Done)
+    }
+}
+
 /// A language-guided flight method.
 pub trait Policy: Send {
     /// Its name on the command line.
     fn name(&self) -> &'static str;
 
-    /// Handles an event and returns one step.
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step;
-
-    /// Takes the places that the operator has marked, instead of those before. Whatever a policy makes of them, the envelope
-    /// stops before them.
-    fn keep_out(&mut self, _places: &[KeepOut]) {}
-
-    /// The interpretation of the last reply handled.
-    fn reading(&self) -> Reading;
+    /// Handles an event: one step, and what a reply was read as.
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output;
 }

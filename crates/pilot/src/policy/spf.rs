@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::guidance::Guidance;
 use crate::policy::search::{OpenDirection, Search, SearchAction};
-use crate::policy::{Expected, FailReason, Move, Policy, PolicyEvent, Reading, Step, View};
+use crate::policy::{Expected, FailReason, Move, Output, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::camera::Camera;
 use spf_core::craft::Craft;
 use spf_core::grounding::GroundingProfile;
@@ -434,12 +434,9 @@ fn search_with(camera: &Camera, craft: &Craft) -> Search {
     Search::new(2.0 * camera.half_fov().0, craft)
 }
 
-impl Policy for Spf {
-    fn name(&self) -> &'static str {
-        "spf"
-    }
-
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+impl Spf {
+    /// The step that follows from an event.
+    fn step(&mut self, event: PolicyEvent<'_>) -> Step {
         match event {
             PolicyEvent::Instruction(text) => {
                 let (next_id, prompt, guidance) = (self.next_id, self.prompt.clone(), self.guidance);
@@ -478,16 +475,24 @@ impl Policy for Spf {
                 }
                 Step::Wait
             }
+            PolicyEvent::KeepOut(places) => {
+                self.kept_out = places.to_vec();
+                Step::Wait
+            }
             PolicyEvent::Frame(_) | PolicyEvent::Chunk { .. } | PolicyEvent::Continue => Step::Wait,
         }
     }
+}
 
-    fn keep_out(&mut self, places: &[KeepOut]) {
-        self.kept_out = places.to_vec();
+impl Policy for Spf {
+    fn name(&self) -> &'static str {
+        "spf"
     }
 
-    fn reading(&self) -> Reading {
-        self.reading.clone()
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let is_reply = matches!(event, PolicyEvent::Reply { .. });
+        let step = self.step(event);
+        Output { step, reading: if is_reply { self.reading.clone() } else { Reading::default() } }
     }
 }
 

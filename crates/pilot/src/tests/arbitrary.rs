@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use proptest::prelude::*;
 
 use super::*;
-use crate::policy::{Move, PolicyEvent, Reading};
+use crate::policy::{Move, Output, PolicyEvent};
 use spf_core::geometry::Attitude;
 use spf_core::primitives::Primitives;
 use spf_core::query::{ActForm, QueryKind};
@@ -165,8 +165,8 @@ impl Policy for Legs {
         "legs"
     }
 
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
-        match event {
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let step = match event {
             PolicyEvent::Instruction(_) => {
                 *self = Self { next_id: self.next_id, ..Self::default() };
                 Step::Look
@@ -200,11 +200,8 @@ impl Policy for Legs {
                 Step::Wait
             }
             _ => Step::Wait,
-        }
-    }
-
-    fn reading(&self) -> Reading {
-        Reading::default()
+        };
+        step.into()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Policies with several queries: all use the same pilot.
 
 use super::*;
-use crate::policy::{Move, PolicyEvent, Reading, View};
+use crate::policy::{Move, Output, PolicyEvent, View};
 use spf_core::primitives::Primitives;
 use spf_core::query::QueryKind;
 
@@ -32,8 +32,8 @@ impl Policy for Chooser {
         "chooser"
     }
 
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
-        match event {
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let step = match event {
             PolicyEvent::Frame(view) => {
                 self.view = Some(*view);
                 self.answers.clear();
@@ -44,7 +44,7 @@ impl Policy for Chooser {
             PolicyEvent::Reply { text, .. } => {
                 self.answers.push(text.parse().unwrap());
                 if self.answers.len() < 3 {
-                    return self.ask(QueryKind::Choose);
+                    return self.ask(QueryKind::Choose).into();
                 }
                 self.ask_on = true;
                 let primitives = Primitives { forward: self.answers.iter().sum(), ..Primitives::default() };
@@ -52,11 +52,8 @@ impl Policy for Chooser {
             }
             PolicyEvent::Continue if core::mem::take(&mut self.ask_on) => self.ask(QueryKind::Done),
             _ => Step::Wait,
-        }
-    }
-
-    fn reading(&self) -> Reading {
-        Reading::default()
+        };
+        step.into()
     }
 }
 
@@ -118,18 +115,15 @@ impl Policy for Restless {
         "restless"
     }
 
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
         self.0 += 1;
         let primitives = Primitives { climb: 0.5, ..Primitives::default() };
-        match (self.0 % 3, event) {
+        let step = match (self.0 % 3, event) {
             (_, PolicyEvent::Instruction(_)) => Step::Wait,
             (0, _) => Step::Move(Move { primitives, anchor: None, then_rest: false, looks: false }),
             _ => Step::Ask(Box::new(Query::new(QueryId(self.0), FrameId(0), QueryKind::Detect { coco: false, scored: false }))),
-        }
-    }
-
-    fn reading(&self) -> Reading {
-        Reading::default()
+        };
+        step.into()
     }
 }
 
@@ -156,8 +150,8 @@ impl Policy for Eager {
         "eager"
     }
 
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
-        match event {
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let step = match event {
             PolicyEvent::Frame(view) => {
                 self.moved = false;
                 self.id += 1;
@@ -171,11 +165,8 @@ impl Policy for Eager {
                 looks: false,
             }),
             _ => Step::Wait,
-        }
-    }
-
-    fn reading(&self) -> Reading {
-        Reading::default()
+        };
+        step.into()
     }
 }
 

@@ -1,7 +1,7 @@
 //! No motion backwards into space that no frame has shown, and vertical search moves between floor and ceiling.
 
 use super::*;
-use crate::policy::{Policy, PolicyEvent, Reading};
+use crate::policy::{Output, Policy, PolicyEvent};
 use spf_core::frame::FrameId;
 use spf_core::primitives::Primitives;
 use spf_core::query::{QueryId, QueryKind};
@@ -23,8 +23,8 @@ impl Policy for Moves {
         "moves"
     }
 
-    fn handle(&mut self, event: PolicyEvent<'_>) -> Step {
-        match event {
+    fn handle(&mut self, event: PolicyEvent<'_>) -> Output {
+        let step = match event {
             PolicyEvent::Frame(_) | PolicyEvent::MoveEnded { completed: true } => match self.left.pop_front() {
                 Some(primitives) => {
                     self.moving = true;
@@ -33,11 +33,8 @@ impl Policy for Moves {
                 None => Step::Wait,
             },
             _ => Step::Wait,
-        }
-    }
-
-    fn reading(&self) -> Reading {
-        Reading::default()
+        };
+        step.into()
     }
 }
 

@@ -11,7 +11,7 @@ use spf_space::avoid::Avoidance;
 
 pub(super) fn policy(avoid: bool) -> Spf {
     let mut spf = Spf::new(settings(avoid));
-    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
+    assert_eq!(spf.step(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
     spf
 }
 
@@ -38,8 +38,8 @@ fn told(spf: &mut Spf, frame: u64, answer: &str) -> (Query, Step) {
 }
 
 pub(super) fn told_from(spf: &mut Spf, view: &View, answer: &str) -> (Query, Step) {
-    let query = sent_query(spf.handle(PolicyEvent::Frame(view)));
-    let step = spf.handle(PolicyEvent::Reply { id: query.id, text: answer });
+    let query = sent_query(spf.step(PolicyEvent::Frame(view)));
+    let step = spf.step(PolicyEvent::Reply { id: query.id, text: answer });
     (query, step)
 }
 
@@ -87,9 +87,9 @@ fn the_target_is_no_obstacle() {
     // Cut off by the lower edge.
     let car = r#"{"box":[400,100,1000,900],"depth":1,"name":"the black car"}"#;
     decided(&mut spf, 0, car, &ahead("the black car"));
-    assert_eq!(spf.reading().avoidance, Some(Avoidance::Clear));
+    assert_eq!(spf.reading.clone().avoidance, Some(Avoidance::Clear));
     decided(&mut spf, 1, car, &ahead("red crane"));
-    assert!(!matches!(spf.reading().avoidance, Some(Avoidance::Clear)));
+    assert!(!matches!(spf.reading.clone().avoidance, Some(Avoidance::Clear)));
 }
 
 #[test]
@@ -108,10 +108,14 @@ fn a_search_keeps_clear_of_the_boxes_too() {
     let open = r#"{"status":"not_visible","look":"right","point":[500,500],"depth":9}"#;
     let flown = (0..40).find(|frame| {
         decided(&mut spf, *frame, CAR_AHEAD, open);
-        spf.reading().step.is_some()
+        spf.reading.clone().step.is_some()
     });
     assert!(flown.is_some(), "it goes along the way that the answers show");
-    assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading().avoidance);
+    assert!(
+        matches!(spf.reading.clone().avoidance, Some(Avoidance::Shifted { by: 0, .. })),
+        "{:?}",
+        spf.reading.clone().avoidance
+    );
 }
 
 /// Half of a path along the image's edge is outside the image, where no box is reported.
@@ -124,7 +128,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
         let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
         // tan = 0.94 right of the middle: 43.2°.
         assert!((primitives.yaw.to_degrees() - 43.2).abs() < 0.5 && primitives.forward == 0.0, "{primitives:?}");
-        assert!(spf.reading().actions[0].starts_with("turns first"), "{:?}", spf.reading().actions);
+        assert!(spf.reading.clone().actions[0].starts_with("turns first"), "{:?}", spf.reading.clone().actions);
         // If repeated, it is flown to.
         let (_, step) = decided(&mut spf, 1, "", aside);
         let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
@@ -138,14 +142,14 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
         assert_eq!(forward(decided(&mut spf, 0, "", answer).1), flies, "{answer}");
     }
     assert!(!forward(decided(&mut spf, 0, "", aside).1));
-    spf.handle(PolicyEvent::MoveEnded { completed: false });
+    spf.step(PolicyEvent::MoveEnded { completed: false });
     assert!(!forward(decided(&mut spf, 0, "", aside).1), "the turn was cut short");
     decided(&mut spf, 0, "", r#"{"status":"not_visible","look":"left"}"#);
     assert!(!forward(decided(&mut spf, 0, "", aside).1), "it has turned elsewhere");
     // Outside obstacle mode it flies as in the paper.
     let mut spf = policy(false);
-    let query = sent_query(spf.handle(PolicyEvent::Frame(&view(0))));
-    let step = spf.handle(PolicyEvent::Reply { id: query.id, text: aside });
+    let query = sent_query(spf.step(PolicyEvent::Frame(&view(0))));
+    let step = spf.step(PolicyEvent::Reply { id: query.id, text: aside });
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
 }
 
@@ -153,13 +157,13 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
 #[test]
 fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
     let mut spf = Spf::new(settings(true));
-    spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+    spf.step(PolicyEvent::Instruction("fly to the red crane"));
     let mut number = 0;
     let mut decide = |spf: &mut Spf, boxes: &str| {
-        let query = sent_query(spf.handle(PolicyEvent::Frame(&view(number))));
+        let query = sent_query(spf.step(PolicyEvent::Frame(&view(number))));
         number += 1;
         let text = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
-        match spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) {
+        match spf.step(PolicyEvent::Reply { id: query.id, text: &text }) {
             Step::Move(Move { primitives, .. }) => Some(primitives),
             _ => None,
         }
@@ -168,7 +172,7 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
     let mut moves =
         |spf: &mut Spf| (0..15).filter_map(|_| decide(spf, wall)).map(|p| (p.climb, p.yaw != 0.0)).collect::<Vec<_>>();
     assert_eq!(moves(&mut spf), [(1.0, false), (1.0, false), (1.0, false), (0.0, true), (0.0, true)]);
-    assert!(spf.reading().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading().actions);
+    assert!(spf.reading.clone().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading.clone().actions);
 }
 
 /// What a forward camera has seen overhead hangs there for as long as the craft stays below it.
@@ -176,7 +180,7 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
 fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
     let climb_after = |seconds: u64, north: f64, name: &str| {
         let mut spf = Spf::new(settings(true));
-        spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+        spf.step(PolicyEvent::Instruction("fly to the red crane"));
         let at = |seconds: u64, north: f64| {
             let mut view = view(seconds);
             view.frame.captured = Time::ZERO + Duration::from_secs(seconds);
@@ -249,8 +253,8 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
     let mut sides = Vec::new();
     for (frame, u) in [490, 510, 480, 520, 490].into_iter().enumerate() {
         told(&mut spf, frame as u64, &post(u));
-        let waypoint = spf.reading().waypoint.unwrap();
-        assert!(matches!(spf.reading().avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading().avoidance);
+        let waypoint = spf.reading.clone().waypoint.unwrap();
+        assert!(matches!(spf.reading.clone().avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading.clone().avoidance);
         sides.push(waypoint.u > 0.5);
     }
     assert_eq!(sides, [true; 5]);
@@ -259,7 +263,7 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
         told(&mut spf, frame, r#"{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[]}"#);
     }
     told(&mut spf, 14, &post(520));
-    assert!(spf.reading().waypoint.unwrap().u < 0.5);
+    assert!(spf.reading.clone().waypoint.unwrap().u < 0.5);
 }
 
 /// The last box was 9.6 px wide, so its region goes along; after an answer without one nothing does.
@@ -267,7 +271,7 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
 fn a_small_target_goes_along_enlarged_if_wanted() {
     let small = r#"{"status":"navigating","target_box":[495,495,505,505],"point":[500,500],"depth":9,"target":"crane"}"#;
     let mut spf = Spf::new(SpfSettings { close_up: true, ..settings(false) });
-    spf.handle(PolicyEvent::Instruction("fly to the red crane"));
+    spf.step(PolicyEvent::Instruction("fly to the red crane"));
     let (first, _) = told(&mut spf, 0, small);
     assert_eq!(first.close_up, None);
     let (second, _) = told(&mut spf, 1, r#"{"status":"not_visible"}"#);
@@ -290,7 +294,7 @@ fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes(
         let guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor, ..Guidance::default() };
         let mut spf = policy(true).with_guidance(guidance);
         told(&mut spf, 0, wall);
-        spf.reading().avoidance
+        spf.reading.clone().avoidance
     };
     assert!(matches!(checked(false), Some(Avoidance::Shortened { .. } | Avoidance::Hold { .. })), "{:?}", checked(false));
     assert_eq!(checked(true), None);
@@ -300,14 +304,14 @@ fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes(
 fn anchored(avoid: bool) -> Spf {
     let guidance = Guidance { anchor: AnchorUse::Always, ..Guidance::default() };
     let mut spf = Spf::new(settings(avoid)).with_guidance(guidance);
-    assert_eq!(spf.handle(PolicyEvent::Instruction("fly to the crane")), Step::Look);
+    assert_eq!(spf.step(PolicyEvent::Instruction("fly to the crane")), Step::Look);
     spf
 }
 
 /// The policy's response to a reply on a frame that is expected to show the target.
 fn told_expecting(spf: &mut Spf, frame: u64, expected: Expected, answer: &str) -> Step {
-    let query = sent_query(spf.handle(PolicyEvent::Frame(&View { expected, ..view(frame) })));
-    spf.handle(PolicyEvent::Reply { id: query.id, text: answer })
+    let query = sent_query(spf.step(PolicyEvent::Frame(&View { expected, ..view(frame) })));
+    spf.step(PolicyEvent::Reply { id: query.id, text: answer })
 }
 
 #[test]
@@ -455,8 +459,8 @@ fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
     let answer = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane"}"#;
     let waypoint = |marked: bool| {
         let mut spf = Spf::new(settings(false));
-        spf.handle(PolicyEvent::Instruction("fly to the crane"));
-        spf.keep_out(if marked { core::slice::from_ref(&place) } else { &[] });
+        spf.step(PolicyEvent::Instruction("fly to the crane"));
+        spf.step(PolicyEvent::KeepOut(if marked { core::slice::from_ref(&place) } else { &[] }));
         let (query, _) = told_from(&mut spf, &view, answer);
         assert_eq!(
             query.prompt.contains("The operator has marked the place in the box [300, 420, 700, 580]"),
@@ -465,14 +469,14 @@ fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
             query.prompt
         );
         assert_eq!(query.marks.len(), usize::from(marked));
-        spf.reading().waypoint.unwrap()
+        spf.reading.clone().waypoint.unwrap()
     };
     assert!((waypoint(false).u - 0.5).abs() < 0.01);
     assert!((waypoint(true).u - 0.5).abs() > 0.1, "{:?}", waypoint(true));
     // A new instruction does not unmark it.
     let mut spf = Spf::new(settings(true));
-    spf.keep_out(&[place]);
-    spf.handle(PolicyEvent::Instruction("fly to the crane"));
+    spf.step(PolicyEvent::KeepOut(&[place]));
+    spf.step(PolicyEvent::Instruction("fly to the crane"));
     assert_eq!(told_from(&mut spf, &view, answer).0.marks.len(), 1);
 }
 

@@ -1,7 +1,7 @@
 use crate::guidance::{AnchorUse, Guidance};
 use crate::policy::spf::tests::{settings, told_from, view};
 use crate::policy::spf::{Primitives, Spf};
-use crate::policy::{Move, Policy, PolicyEvent, Step};
+use crate::policy::{Move, PolicyEvent, Step};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
 /// A crane in view, and a wall before it that leaves room at the image's left edge only.
@@ -19,7 +19,7 @@ struct Flight {
 impl Flight {
     fn begin(guidance: Guidance) -> Self {
         let mut spf = Spf::new(settings(true)).with_guidance(guidance);
-        spf.handle(PolicyEvent::Instruction("fly to the crane"));
+        spf.step(PolicyEvent::Instruction("fly to the crane"));
         Self { spf, pose: Pose::default(), frames: 0 }
     }
 
@@ -42,7 +42,7 @@ impl Flight {
     fn unasked(&mut self) -> Option<Primitives> {
         self.frames += 1;
         let view = crate::policy::View { pose: self.pose, ..view(self.frames) };
-        let step = self.spf.handle(PolicyEvent::Frame(&view));
+        let step = self.spf.step(PolicyEvent::Frame(&view));
         self.flown(step)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::guidance::{AnchorUse, Guidance};
 use crate::policy::spf::tests::{policy, sent_query, told_from, view};
-use crate::policy::{Move, Policy, PolicyEvent, Step};
+use crate::policy::{Move, PolicyEvent, Step};
 use spf_core::lift::label_of_range;
 use spf_core::time::{Duration, Time};
 use spf_space::avoid::Avoidance;
@@ -26,8 +26,8 @@ fn guided_persons_while(guidance: Guidance, status: &str, labels: &[u8], left: u
         let answer = format!(r#"{{{status},"boxes":[{{"box":[{top},{left},{bottom},{right}],"depth":{depth},"name":"man"}}]}}"#);
         let mut view = view(frame as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
-        let query = sent_query(spf.handle(PolicyEvent::Frame(&view)));
-        let step = spf.handle(PolicyEvent::Reply { id: query.id, text: &answer });
+        let query = sent_query(spf.step(PolicyEvent::Frame(&view)));
+        let step = spf.step(PolicyEvent::Reply { id: query.id, text: &answer });
         matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
     };
     labels.iter().enumerate().map(&mut backs_off).collect()
@@ -140,7 +140,7 @@ fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
             );
             told_from(&mut spf, &view, &answer);
         }
-        spf.reading()
+        spf.reading.clone()
     };
     let guided = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     // From the right towards the path, 4.6 m ahead, at 0.7 m/s: she is not on it yet.
@@ -160,7 +160,7 @@ fn only_without_guidance_a_step_leads_under_a_wall() {
     let avoided = |guidance: Guidance| {
         let mut spf = policy(true).with_guidance(guidance);
         told_from(&mut spf, &view(0), wall);
-        spf.reading().avoidance
+        spf.reading.clone().avoidance
     };
     assert!(matches!(avoided(Guidance { anchor: AnchorUse::Low, ..Guidance::default() }), Some(Avoidance::Shortened { .. })));
     assert!(matches!(avoided(Guidance::default()), Some(Avoidance::Shifted { point, .. }) if point.v > 0.5));
