@@ -27,7 +27,7 @@ use spf_core::query::VerticalRoom;
 use spf_core::time::{Duration, Time};
 use spf_media::Rgb;
 use spf_pilot::Outcome;
-use spf_pilot::policy::{Expected, Policy, PolicyEvent, Step};
+use spf_pilot::policy::{Expected, Policy, PolicyEvent, Step, View};
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 use spf_vlm::setup::Access;
 use spf_vlm::table::Table;
