@@ -92,7 +92,8 @@ pub fn run(pilot: &mut Pilot, world: &mut dyn World, observers: &mut [&mut dyn O
             observers.each(|observer| observer.action(now, &action, pilot));
         }
         world.surroundings(pilot);
-        let Some(deadline) = pilot.next_deadline() else { return observers.failures };
+        let Some((deadline, why)) = pilot.next_deadline() else { return observers.failures };
+        tracing::trace!(now = now.as_secs_f64(), at = deadline.as_secs_f64(), "waits at most until {}", why.words());
         let event = world.wait(deadline);
         let now = world.now();
         observers.each(|observer| observer.time(now, pilot));

@@ -129,6 +129,32 @@ pub enum Action {
     Finished(Ending),
 }
 
+/// Why the pilot wants to be polled at a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Deadline {
+    /// The next setpoint is due, or the next command to land.
+    Tick,
+    /// A query expires.
+    Query,
+    /// The setpoint flown by hand ends.
+    ManualSetpoint,
+    /// Something that the envelope has to see grows too old.
+    Envelope,
+}
+
+impl Deadline {
+    /// In words, for the log.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Tick => "the next setpoint",
+            Self::Query => "a query expires",
+            Self::ManualSetpoint => "a setpoint flown by hand ends",
+            Self::Envelope => "something grows too old for the envelope",
+        }
+    }
+}
+
 /// The outcome of a flight, as judged by the pilot without ground truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

@@ -13,144 +13,78 @@
 #![forbid(unsafe_code)]
 
 pub mod anchor;
-mod boxes;
 mod course;
-mod deciding;
-mod ending;
 mod event;
+mod flight;
+mod flying;
 pub mod follower;
 mod following;
-mod gimbal;
 pub mod guidance;
-mod guiding;
-mod mapping;
-mod moving;
-mod operator;
+mod leg;
+mod outbox;
 pub mod policy;
-mod reactions;
-mod returning;
+mod queries;
+mod senses;
 mod settings;
-mod shown;
 mod standing;
-mod take_over;
-mod target_height;
-mod tracking;
-mod unseen;
+mod target;
 mod view_height;
 
-pub use event::{Action, AnchorReport, Around, Decision, Ending, Event, LetGo, Note, OperatorEvent, Outcome, Passage, Phase};
+pub use event::{
+    Action, AnchorReport, Around, Deadline, Decision, Ending, Event, LetGo, Note, OperatorEvent, Outcome, Passage, Phase,
+};
 pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
 
-use std::collections::{BTreeMap, VecDeque};
-
-use crate::policy::{Move, Policy, PolicyEvent, View};
+use crate::anchor::{Anchor, AnchorView};
+use crate::flight::{CraftNews, Due, Flight, TAKE_OFF_TIME};
+use crate::flying::Ended;
+use crate::follower::TargetEstimate;
+use crate::leg::Leg;
+use crate::outbox::Outbox;
+use crate::policy::{Policy, PolicyEvent};
+use crate::queries::Queries;
+use crate::senses::Senses;
+use crate::target::{Here, Target};
 use spf_core::camera::Camera;
-use spf_core::command::Setpoint;
+use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::depth::DepthGrid;
-use spf_core::frame::FrameId;
+use spf_core::frame::FrameMeta;
+use spf_core::geometry::Pose;
 use spf_core::keep_out::KeepOut;
-use spf_core::motion::MotionEstimate;
-use spf_core::query::QueryId;
 use spf_core::ranges::RangeScan;
 use spf_core::telemetry::{FlightPhase, Telemetry};
 use spf_core::time::{Duration, Time, duration_from_secs};
-use spf_envelope::{Cause, Envelope, Limits};
-use spf_motion::estimator::{MotionEstimator, TelemetryAccuracy};
+use spf_core::track::TrackReport;
+use spf_envelope::{Cause, Envelope, Limits, Reaction};
+use spf_motion::estimator::TelemetryAccuracy;
 use spf_motion::executor::Executor;
+use spf_space::Space;
+use spf_space::obstacle_map::ObstacleMap;
+use spf_space::planner::Guide;
 
-/// An open query.
-#[derive(Clone, Debug)]
-struct Waiting {
-    query: Box<spf_core::query::Query>,
-    view: View,
-    queried_at: Time,
-    /// Part of its streamed reply has already decided; the rest is not a second decision.
-    decided: bool,
-}
+/// How long a craft on the ground is given to send its first usable frame, where take-off requires one.
+const VIDEO_TIME: Duration = Duration::from_secs(15);
+/// Interval at which `Land` is repeated until the craft reports being on the ground: a lost command must not leave it
+/// in the air.
+const LAND_REPEAT: Duration = Duration::from_secs(1);
 
 /// The state machine that flies an instruction. See the [module](self).
+///
+/// It only mediates: its parts never call each other. Information runs one way, from the senses to target and space, from
+/// there to the leg, and from the leg through the envelope to the craft.
 pub struct Pilot {
     settings: PilotSettings,
     craft: Craft,
-    camera: Camera,
     policy: Box<dyn Policy>,
+    flight: Flight,
+    senses: Senses,
+    queries: Queries,
+    target: Target,
+    space: Space,
+    leg: Leg,
     envelope: Envelope,
-    estimator: MotionEstimator,
-    executor: Executor,
-
-    /// Latest time passed in; earlier times are treated as equal to it.
-    now: Time,
-    phase: Phase,
-    craft_phase: FlightPhase,
-    /// Measurement time of the newest telemetry.
-    last_telemetry: Option<Time>,
-    link_lost: bool,
-    entered: Time,
-    outbox: VecDeque<Action>,
-    ending: Option<Ending>,
-    instruction: String,
-    waiting: BTreeMap<QueryId, Waiting>,
-    view: Option<View>,
-    /// What the last frames have shown.
-    seen: unseen::Seen,
-    /// What replies have shown to be free.
-    shown: shown::Shown,
-    used: Option<FrameId>,
-    decisions: u32,
-    late_replies: u32,
-
-    guiding: guiding::Guiding,
-    tracking: tracking::Tracking,
-    following: following::Following,
-    boxes: boxes::Boxes,
-    gimbal: gimbal::GimbalState,
-    executing: bool,
-    pending: Option<Move>,
-    needs_rest: bool,
-    hold_since: Option<Time>,
-    settled: Option<Time>,
-    manual: Option<(Setpoint, Time)>,
-    /// The operator's last setpoint.
-    last_manual: Option<Time>,
-    /// Last setpoint of the operator, also an ignored one.
-    last_setpoint: Option<Time>,
-    /// Time from which flight time is counted; advanced by the time flown by hand.
-    counted_from: Time,
-    /// Time up to which flight time is counted.
-    counted_to: Time,
-    /// Decisions made before the current instruction, which do not count against the limit.
-    earlier_decisions: u32,
-    /// The landing must not be interrupted, and why.
-    must_land: Option<&'static str>,
-    /// When the operator took over a landing that the craft may still be flying.
-    taken_over: Option<Time>,
-    /// Somebody else flies the craft.
-    flown_elsewhere: Option<Elsewhere>,
-    /// Time since which the camera alone has been delaying take-off.
-    ready_since: Option<Time>,
-    hold_after_take_off: bool,
-    /// Places that the operator has marked, and the last one that the loss of the position has made void.
-    kept_out: Vec<KeepOut>,
-    voided: Option<u32>,
-    first_motion: Option<Time>,
-    next_tick: Time,
-    /// Since when a limit has left nothing of the requested motion.
-    kept_since: Option<Time>,
-    /// The last setpoint requested from the envelope.
-    wanted: Setpoint,
-    /// The envelope's reaction and setpoint change that were last reported.
-    last_reaction: Option<Cause>,
-    last_change: Option<Cause>,
-    /// When a boundary last reduced a setpoint, and which.
-    held_back: Option<(Time, Cause)>,
-}
-
-/// Somebody else flies, and not by our commands.
-#[derive(Clone, Copy, Debug, Default)]
-struct Elsewhere {
-    /// Whether whoever had our controls has left them since.
-    abandoned: bool,
+    outbox: Outbox,
 }
 
 /// The components of a pilot.
@@ -175,259 +109,675 @@ impl Pilot {
     /// A pilot on the ground; it takes off once telemetry reports that the craft is on the ground.
     #[must_use]
     pub fn new(parts: PilotParts) -> Self {
-        let PilotParts { settings, craft, senses, camera, limits, policy, instruction } = parts;
-        let mut pilot = Self {
+        let PilotParts { settings, craft, senses, camera, limits, mut policy, instruction } = parts;
+        // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.
+        policy.handle(PolicyEvent::Instruction(&instruction));
+        let executor = Executor::new(craft, settings.motion, settings.ending).with_period(tick_length(settings.rate_hz));
+        Self {
             settings,
             craft,
-            camera,
             policy,
+            flight: Flight::new(instruction),
+            senses: Senses::new(camera, &craft, senses),
+            queries: Queries::default(),
+            target: Target::new(&settings, &craft),
+            space: Space::new(craft.radius, settings.guidance.map),
+            leg: Leg::new(executor),
             envelope: Envelope::new(limits, craft),
-            estimator: MotionEstimator::new(&craft, senses),
-            executor: Executor::new(craft, settings.motion, settings.ending).with_period(tick_length(settings.rate_hz)),
-            now: Time::ZERO,
-            phase: Phase::Ground,
-            craft_phase: FlightPhase::OnGround,
-            last_telemetry: None,
-            link_lost: false,
-            entered: Time::ZERO,
-            outbox: VecDeque::new(),
-            ending: None,
-            instruction,
-            waiting: BTreeMap::new(),
-            view: None,
-            seen: unseen::Seen::default(),
-            shown: shown::Shown::default(),
-            used: None,
-            decisions: 0,
-            late_replies: 0,
-            guiding: guiding::Guiding::new(settings.guidance.map),
-            tracking: tracking::Tracking::default(),
-            following: following::Following::default(),
-            boxes: boxes::Boxes::default(),
-            gimbal: gimbal::GimbalState::default(),
-            executing: false,
-            pending: None,
-            needs_rest: true,
-            hold_since: None,
-            settled: None,
-            manual: None,
-            last_manual: None,
-            last_setpoint: None,
-            counted_from: Time::ZERO,
-            counted_to: Time::ZERO,
-            earlier_decisions: 0,
-            must_land: None,
-            taken_over: None,
-            flown_elsewhere: None,
-            ready_since: None,
-            hold_after_take_off: false,
-            kept_out: Vec::new(),
-            voided: None,
-            first_motion: None,
-            next_tick: Time::ZERO,
-            kept_since: None,
-            wanted: Setpoint::HOLD,
-            last_reaction: None,
-            last_change: None,
-            held_back: None,
-        };
-        let text = pilot.instruction.clone();
-        // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.
-        pilot.policy.handle(PolicyEvent::Instruction(&text));
-        pilot
+            outbox: Outbox::default(),
+        }
     }
 
     /// Handles an event that occurred at `now`.
     pub fn handle(&mut self, now: Time, event: Event) {
-        let now = self.clock(now);
+        let now = self.flight.clock(now);
+        let ended = match event {
+            Event::Reply { id, text } => self.replied(now, id, &text),
+            Event::Chunk { id, text } => self.chunk(now, id, &text),
+            Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
+            other => {
+                self.observe(now, other);
+                None
+            }
+        };
+        self.conclude(now, ended);
+    }
+
+    /// Handles what is no reply.
+    fn observe(&mut self, now: Time, event: Event) {
         match event {
             Event::Frame(frame) => self.frame(now, frame),
             Event::Telemetry(telemetry) => self.telemetry(now, telemetry),
             Event::Depth(grid) => self.depth(now, &grid),
-            Event::Gimbal(report) => self.gimbal.reports.observe(report),
+            Event::Gimbal(report) => self.senses.gimbal.observe(report),
             Event::Ranges(scan) => self.ranges(now, &scan),
             Event::Track(report) => self.track_report(now, report),
-            Event::Reply { id, text } => self.reply(now, id, &text),
-            Event::Chunk { id, text } => self.chunk(now, id, &text),
-            Event::ReplyFailed { id, reason } => self.reply_failed(now, id, reason),
             Event::Operator(event) => self.operator(now, event),
             Event::Spent { reason } => self.spent(now, reason),
             Event::LinkLost => {
                 self.envelope.link_lost(now);
-                self.link_lost = true;
+                self.flight.link_lost = true;
                 // The craft may be anywhere when the link returns: pending queries are repeated.
                 self.cancel_queries();
-                self.needs_rest = true;
+                self.leg.rest.is_needed = true;
                 self.stop_motion(now);
-                self.next_tick = now;
+                self.leg.next_tick = now;
             }
             Event::LinkRestored => {
                 self.envelope.link_restored(now);
-                self.link_lost = false;
+                self.flight.link_lost = false;
             }
             Event::LetGo(news) => self.let_go(now, news),
+            Event::Reply { .. } | Event::Chunk { .. } | Event::ReplyFailed { .. } => {}
         }
     }
 
     /// The next action at `now`; `None` if there is none until an event or [`Pilot::next_deadline`].
     pub fn poll(&mut self, now: Time) -> Option<Action> {
-        let now = self.clock(now);
+        let now = self.flight.clock(now);
         if self.outbox.is_empty() {
             self.advance(now);
         }
-        self.outbox.pop_front()
+        self.outbox.pop()
     }
 
-    /// When to poll again if no event arrives; `None` once the flight is over.
+    /// When to poll again if no event arrives, and why; `None` once the flight is over.
     #[must_use]
-    pub fn next_deadline(&self) -> Option<Time> {
-        if self.phase == Phase::Ended {
+    pub fn next_deadline(&self) -> Option<(Time, Deadline)> {
+        if self.flight.phase == Phase::Ended {
             return None;
         }
-        let queries = self.waiting.values().map(|waiting| waiting.query.deadline);
-        let manual = self.manual.map(|(_, until)| until);
-        queries.chain(manual).chain(self.envelope.next_deadline(self.now)).chain([self.next_tick]).min()
+        let all = [
+            (Some(self.leg.next_tick), Deadline::Tick),
+            (self.queries.deadline(), Deadline::Query),
+            (self.flight.hand_deadline(), Deadline::ManualSetpoint),
+            (self.envelope.next_deadline(self.flight.now()), Deadline::Envelope),
+        ];
+        all.into_iter().filter_map(|(at, why)| Some((at?, why))).min_by_key(|(at, _)| *at)
     }
 
     /// The outcome; `None` while the flight continues, also after the operator has resumed a flight that had ended.
     #[must_use]
     pub fn ending(&self) -> Option<&Ending> {
-        self.ending.as_ref()
+        self.flight.ending.as_ref()
     }
 
     /// The current phase.
     #[must_use]
     pub fn phase(&self) -> Phase {
-        self.phase
+        self.flight.phase
     }
 
     /// Number of decisions so far.
     #[must_use]
     pub fn decisions(&self) -> u32 {
-        self.decisions
+        self.flight.decisions()
     }
 
     /// Number of replies that arrived for queries already cancelled.
     #[must_use]
     pub fn late_replies(&self) -> u32 {
-        self.late_replies
+        self.queries.late()
     }
 
     /// When the first moving setpoint was sent: the start of the completion time. Take-off does not count as motion.
     #[must_use]
     pub fn first_motion(&self) -> Option<Time> {
-        self.first_motion
+        self.leg.first_motion
     }
 
     /// The last setpoint requested from the envelope, before clearing. For recording.
     #[must_use]
     pub fn wanted(&self) -> Setpoint {
-        self.wanted
+        self.leg.wanted
     }
 
     /// Estimated pose of the craft at `now`.
     #[must_use]
-    pub fn known_pose(&self, now: Time) -> spf_core::geometry::Pose {
-        self.known(now).pose()
+    pub fn known_pose(&self, now: Time) -> Pose {
+        self.senses.known(now).pose()
     }
 
     /// Estimated pose at a time that has passed, such as a frame's capture; `None` if it is not known, or no longer.
     #[must_use]
-    pub fn pose_at(&self, time: Time) -> Option<spf_core::geometry::Pose> {
-        self.estimator.pose_at(time)
+    pub fn pose_at(&self, time: Time) -> Option<Pose> {
+        self.senses.estimator.pose_at(time)
     }
 
-    /// Standard deviation of the estimated horizontal position, metres ([`MotionEstimator::position_error`]).
+    /// Standard deviation of the estimated horizontal position, metres
+    /// ([`position_error`](spf_motion::estimator::MotionEstimator::position_error)).
     #[must_use]
     pub fn position_error(&self) -> f64 {
-        self.estimator.position_error()
+        self.senses.estimator.position_error()
     }
 
     /// When the position was last unknown, or moved by an amount that no report explains: poses of before cannot be compared with
     /// later ones.
     #[must_use]
     pub fn lost_track(&self) -> Option<Time> {
-        self.estimator.lost_track()
+        self.senses.estimator.lost_track()
     }
 
     /// Whether the craft reports no position of its own.
     #[must_use]
     pub fn is_dead_reckoned(&self) -> bool {
-        self.estimator.is_dead_reckoned()
+        self.senses.estimator.is_dead_reckoned()
     }
 
-    /// Estimated motion of the craft. Nothing flies before the first telemetry, so no decision is based on the default.
-    fn known(&self, now: Time) -> MotionEstimate {
-        self.estimator.at(now).unwrap_or_default()
+    /// The keep-out volumes that the operator has marked.
+    #[must_use]
+    pub fn kept_out(&self) -> &[KeepOut] {
+        self.space.kept_out()
     }
 
-    /// Handles telemetry. A report older than the newest one, for instance overtaken in transit, is ignored.
-    fn telemetry(&mut self, now: Time, mut telemetry: Telemetry) {
-        // A craft clock that runs ahead must not make all its later reports look old.
-        telemetry.time = telemetry.time.min(now);
-        if self.last_telemetry.is_some_and(|last_telemetry| telemetry.time <= last_telemetry) {
+    /// The obstacle map, if it is on. For recording.
+    #[must_use]
+    pub fn obstacle_map(&self) -> Option<&ObstacleMap> {
+        self.space.map()
+    }
+
+    /// The target's place, if it is known. For recording.
+    #[must_use]
+    pub fn anchor(&self) -> Option<&Anchor> {
+        self.target.anchor()
+    }
+
+    /// The same as seen from the craft. For recording.
+    #[must_use]
+    pub fn anchor_view(&self, now: Time) -> Option<AnchorView> {
+        self.target.sight(Here { at: self.known_pose(now).position, odometry: self.senses.odometry_at(now) })
+    }
+
+    /// The plan being flown, if there is one. For recording.
+    #[must_use]
+    pub fn guide(&self) -> Option<&Guide> {
+        self.leg.course()?.guide.as_ref()
+    }
+
+    /// The last report on the track that was asked for last; `None` without one. For recording.
+    #[must_use]
+    pub fn track(&self) -> Option<&TrackReport> {
+        self.target.following.as_ref()?.track()
+    }
+
+    /// The target that is followed, if there is one. For recording.
+    #[must_use]
+    pub fn followed(&self, now: Time) -> Option<TargetEstimate> {
+        let following = self.target.following.as_ref().filter(|_| self.leg.is_following())?;
+        following.target(now, self.known_pose(now).position)
+    }
+
+    fn advance(&mut self, now: Time) {
+        if self.flight.phase == Phase::Ended {
             return;
         }
-        self.last_telemetry = Some(telemetry.time);
-        self.estimator.observe(&telemetry);
-        self.map_telemetry(now, &telemetry);
-        self.envelope.observe_spread(self.estimator.spread());
+        let ended = self.expire_queries(now);
+        self.conclude(now, ended);
+        self.flight.count_time(now);
+        if self.flight.expire_hand(now) {
+            self.leg.next_tick = now;
+        }
+        self.react(now);
+        self.limits(now);
+        let ended = self.follow_gimbal(now);
+        self.conclude(now, ended);
+        let ended = self.decide(now);
+        self.conclude(now, ended);
+        if now >= self.leg.next_tick {
+            let ended = self.tick(now);
+            self.conclude(now, ended);
+            // From `now`, not from the last due time: a late caller gets one tick, not a burst of missed ones.
+            let lands = self.flight.phase == Phase::Landing;
+            self.leg.next_tick = now + if lands { LAND_REPEAT } else { tick_length(self.settings.rate_hz) };
+        }
+    }
+
+    // ---- What arrives ----
+
+    fn frame(&mut self, now: Time, frame: FrameMeta) {
+        let frame = self.senses.frame(now, frame);
+        self.envelope.observe_frame(now, &frame);
+        if let Some(from) = self.senses.see(frame) {
+            self.space.frame(now, from);
+        }
+    }
+
+    fn telemetry(&mut self, now: Time, mut telemetry: Telemetry) {
+        let Some(news) = self.senses.telemetry(now, &mut telemetry) else { return };
+        if news.jumped {
+            self.outbox.note(Note::Limited(
+                "the craft's own position estimate jumped, although it has not moved: places stay where they are; limits, geofence \
+                 and home count by the new position",
+            ));
+        }
+        if let Some(lost) = news.lost {
+            self.forget_places(now, lost);
+        }
+        if let Some(below) = telemetry.ground_clearance.filter(|below| below.is_finite() && telemetry.phase.is_flying())
+            && let Some(pose) = self.senses.estimator.pose_at(telemetry.time)
+        {
+            self.space.below(now, below, pose);
+        }
+        self.envelope.observe_spread(self.senses.estimator.spread());
         self.envelope.observe_telemetry(now, &telemetry);
-        self.executor.observe(telemetry.time, telemetry.phase);
-        let before = core::mem::replace(&mut self.craft_phase, telemetry.phase);
-        self.follow_craft(now, before, telemetry.crashed);
+        self.leg.executor.observe(telemetry.time, telemetry.phase);
+        self.follow_craft(now, &telemetry);
     }
 
     /// Passes a depth grid to brake and map, with the pose at its capture. A grid of unknown pose says nothing, and neither does
     /// one of a sensor that has failed: a frozen one would clear the map of what the craft flies towards.
     fn depth(&mut self, now: Time, grid: &DepthGrid) {
-        if let Some(pose) = self.estimator.pose_at(grid.captured.min(now))
+        if let Some(pose) = self.senses.estimator.pose_at(grid.captured.min(now))
             && self.envelope.observe_depth(now, grid, pose)
         {
-            self.map_depth(now, grid, pose);
+            self.space.depth(now, grid, pose);
         }
     }
 
     /// Passes a scan of a sensor around the craft to brake and map, with the pose at its capture.
     fn ranges(&mut self, now: Time, scan: &RangeScan) {
-        if let Some(pose) = self.estimator.pose_at(scan.captured.min(now)) {
+        if let Some(pose) = self.senses.estimator.pose_at(scan.captured.min(now)) {
             self.envelope.observe_ranges(now, scan, pose);
-            self.map_ranges(now, scan, pose);
+            self.space.ranges(now, scan, pose);
         }
     }
 
-    fn clock(&mut self, now: Time) -> Time {
-        self.now = self.now.max(now);
-        self.now
+    /// Forgets all places of before `lost`: nobody knows where they are now. What flies to one stops, and decides anew from rest.
+    fn forget_places(&mut self, now: Time, lost: Time) {
+        self.target.forget_places(lost);
+        self.space.forget_places();
+        self.void_kept_out(now);
+        // A craft that reports no position loses track at every pause of its reports, and is reckoned on.
+        if self.is_dead_reckoned() {
+            return;
+        }
+        if let Some(following) = &mut self.target.following {
+            following.lose();
+        }
+        self.space.forget_boxes();
+        self.envelope.observe_obstacles(core::iter::empty());
+        self.senses.view = None;
+        if self.leg.is_moving() {
+            self.outbox.note(Note::Limited(
+                "the position is another than it was: the way to where the craft flew is not known any more",
+            ));
+            self.stop_motion(now);
+        }
+        self.rest_anew(now);
+    }
+
+    /// The next decision is made from rest that begins now.
+    fn rest_anew(&mut self, now: Time) {
+        self.leg.rest.begin(now);
+        self.leg.rest.is_needed = true;
+    }
+
+    /// Follows the phase that the craft reports.
+    fn follow_craft(&mut self, now: Time, telemetry: &Telemetry) {
+        match self.flight.observe(now, telemetry.phase, telemetry.crashed) {
+            CraftNews::None => {}
+            CraftNews::Crashed => {
+                self.cancel_queries();
+                self.stop_motion(now);
+                self.settle(Ending::new(Outcome::Collision, "the craft collided with something"));
+                self.command(now, Command::EmergencyStop);
+                self.enter(now, Phase::Ended);
+            }
+            CraftNews::Airborne => {
+                self.rest_anew(now);
+                self.leg.next_tick = now;
+                self.enter(now, if self.flight.start.then_hold { Phase::Held } else { Phase::Flying });
+            }
+            CraftNews::Refused => self.finish(now, Ending::new(Outcome::Failed, "the craft refused to take off")),
+            CraftNews::Landed => self.enter(now, Phase::Ended),
+            CraftNews::LandedByItself => {
+                self.finish(now, Ending::new(Outcome::Failed, "the craft landed or stopped its motors"));
+            }
+        }
+    }
+
+    /// The craft does not fly by our commands any more.
+    fn let_go(&mut self, now: Time, news: LetGo) {
+        if self.flight.phase == Phase::Ended {
+            return;
+        }
+        self.outbox.note(Note::LetGo(news));
+        let lands = self.flight.phase == Phase::Landing;
+        match self.flight.let_go(news) {
+            // A landing that was ordered, as by a signal, is not forgotten: it is commanded again, and the craft is landed as soon as
+            // it is known to be nobody's, or the flight ends because it is somebody's.
+            LetGo::Somebody | LetGo::Failsafe if lands || self.flight.landing_is_final().is_some() => {}
+            LetGo::Somebody | LetGo::Failsafe => self.hold(now, Phase::Held),
+            LetGo::Nobody => self.finish(
+                now,
+                Ending::new(
+                    Outcome::Aborted,
+                    "the link was lost, the craft's own failsafe held it, and nobody was there to decide",
+                ),
+            ),
+            LetGo::NotLanded if lands => self.enter(now, Phase::Ended),
+            LetGo::NotLanded => {}
+        }
+    }
+
+    // ---- The operator ----
+
+    fn operator(&mut self, now: Time, event: OperatorEvent) {
+        let still_held = matches!(event, OperatorEvent::Setpoint(_)) && self.flight.hears_held_key(now);
+        let held = still_held.then_some("landing or returning: let go of the key, and press it again to take over");
+        if let Some(why) = self.flight.refusal(&event).or(held) {
+            self.flight.ignore(&event);
+            return self.outbox.note(Note::OperatorIgnored(event, why));
+        }
+        self.outbox.note(Note::Operator(event.clone()));
+        match event {
+            OperatorEvent::Hold | OperatorEvent::Left => self.hold(now, Phase::Held),
+            OperatorEvent::Resume => {
+                self.flight.take_back();
+                self.resume(now);
+            }
+            OperatorEvent::Setpoint(setpoint) => {
+                self.hold(now, Phase::Manual);
+                self.flight.take_setpoint(now, setpoint);
+                self.leg.next_tick = now;
+            }
+            OperatorEvent::Instruction(text) => self.instruct(now, text),
+            OperatorEvent::KeepOut(places) => self.keep_out(now, places),
+            OperatorEvent::Land if self.flight.phase == Phase::Ground => {
+                let cause = "the operator ended the flight before take-off";
+                self.end_before_take_off(now, Ending::new(Outcome::Aborted, cause));
+            }
+            OperatorEvent::Land => self.finish(now, Ending::new(Outcome::Aborted, "the operator ended the flight")),
+            OperatorEvent::Abandoned if self.flight.phase == Phase::Ground => {
+                self.end_before_take_off(now, Ending::new(Outcome::Aborted, "nobody had the controls before take-off"));
+            }
+            OperatorEvent::Abandoned => {
+                self.finish(now, Ending::new(Outcome::Aborted, "nobody had the controls any more"));
+            }
+            OperatorEvent::CutMotors => {
+                self.cancel_queries();
+                self.stop_motion(now);
+                self.settle(Ending::new(Outcome::Aborted, "the operator cut the motors"));
+                self.command(now, Command::EmergencyStop);
+                self.enter(now, Phase::Ended);
+            }
+        }
+    }
+
+    /// Stops deciding and flying; open queries are cancelled.
+    fn hold(&mut self, now: Time, phase: Phase) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.flight.hands_off();
+        match self.flight.phase {
+            Phase::Ground | Phase::TakeOff => self.flight.start.then_hold = true,
+            _ => self.interrupt_landing(now, phase),
+        }
+        self.leg.next_tick = now;
+    }
+
+    fn resume(&mut self, now: Time) {
+        self.flight.start.then_hold = false;
+        if matches!(self.flight.phase, Phase::Held | Phase::Manual | Phase::Hovering | Phase::Returning | Phase::Landing) {
+            self.flight.hands_off();
+            self.rest_anew(now);
+            self.reopen(now);
+            self.interrupt_landing(now, Phase::Flying);
+            self.leg.next_tick = now;
+        }
+    }
+
+    /// Continues a flight whose outcome was settled, with the current instruction. Time and decisions count afresh.
+    fn reopen(&mut self, now: Time) {
+        if self.flight.reopen(now) {
+            self.forget_instruction();
+            self.policy.handle(PolicyEvent::Instruction(&self.flight.instruction));
+        }
+    }
+
+    /// Interrupts a landing or return in progress: from now on the craft holds in `phase`, unless it reports otherwise.
+    fn interrupt_landing(&mut self, now: Time, phase: Phase) {
+        if self.flight.interrupt_landing(now) {
+            self.leg.rest.begin(now);
+        }
+        self.enter(now, phase);
+    }
+
+    /// Forgets what belongs to the instruction until now: the target's place, height and track, and whom the craft follows.
+    fn forget_instruction(&mut self) {
+        self.target.forget_instruction();
+        if let Some(following) = &mut self.target.following {
+            if following.untrack() {
+                self.outbox.push(Action::Untrack);
+            }
+            following.end();
+        }
+    }
+
+    fn instruct(&mut self, now: Time, text: String) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.leg.rest.is_needed = true;
+        self.forget_instruction();
+        // A fresh start: the policy forgets the previous instruction.
+        self.policy.handle(PolicyEvent::Instruction(&text));
+        self.flight.instruction = text;
+        // Held by the operator it waits for `Resume`, also if the previous instruction had ended.
+        if matches!(self.flight.phase, Phase::Hovering | Phase::Returning | Phase::Landing) {
+            self.resume(now);
+        }
+    }
+
+    /// Keeps out of these places from now on. The motion ends, for its way was not checked against them; the next decision leads
+    /// around them. Flight by hand goes on.
+    fn keep_out(&mut self, now: Time, places: Vec<KeepOut>) {
+        self.stop_motion(now);
+        let places = self.space.keep_out(places);
+        self.policy.handle(PolicyEvent::KeepOut(places));
+        self.envelope.keep_out(places);
+    }
+
+    /// Forgets the places to keep out of when the position was lost: nobody knows where they are now. What flew on its
+    /// own holds, until the operator has marked them again and resumes.
+    fn void_kept_out(&mut self, now: Time) {
+        if !self.space.void_kept_out() {
+            return;
+        }
+        self.keep_out(now, Vec::new());
+        self.outbox.note(Note::Limited(
+            "the position was lost, and is another now: the marked places are void; mark them again, then resume",
+        ));
+        if matches!(self.flight.phase, Phase::Ground | Phase::TakeOff | Phase::Flying) {
+            self.hold(now, Phase::Held);
+        }
+    }
+
+    // ---- The envelope's reactions, and limits of time ----
+
+    /// Obeys the envelope's current reaction: the conditions and their delays are its own (`docs/explanation/safety.md`,
+    /// "Reactions").
+    fn react(&mut self, now: Time) {
+        let phase = self.flight.phase;
+        if phase == Phase::Returning {
+            // Told, and nothing else: the craft's own navigation goes on, and has failsafes of its own.
+            return self.outbox.reaction(self.envelope.manual_reaction(now).cause());
+        }
+        if !matches!(phase, Phase::Flying | Phase::Held | Phase::Manual | Phase::Hovering | Phase::TakeOff) {
+            return;
+        }
+        // An operator in manual flight sees the craft: a frozen camera does not end it.
+        let by_hand = matches!(phase, Phase::Manual | Phase::Held | Phase::Hovering);
+        let reaction = if by_hand { self.envelope.manual_reaction(now) } else { self.envelope.reaction(now) };
+        self.outbox.reaction(reaction.cause());
+        match reaction {
+            Reaction::Continue => {}
+            Reaction::Hold(cause) => {
+                self.stop_if_moving(now);
+                if cause.is_blind() {
+                    let ended = self.set_aside_unseen(now);
+                    self.conclude(now, ended);
+                }
+            }
+            Reaction::Land(cause) => {
+                // Every other condition can be resolved, or judged, by an operator who sees the craft.
+                if cause == Cause::LowBattery {
+                    self.flight.must_land("landing on a low battery; only cutting the motors is accepted now");
+                }
+                self.finish(now, Ending::new(outcome_of(cause), cause.to_string()));
+            }
+        }
+    }
+
+    fn stop_if_moving(&mut self, now: Time) {
+        if self.leg.is_moving() {
+            self.stop_motion(now);
+        }
+    }
+
+    /// Time-driven transitions: take-off, its timeout, the flight's time limit, the end of landing.
+    fn limits(&mut self, now: Time) {
+        match self.flight.due(now, self.settings.max_time, self.leg.next_tick) {
+            Due::Nothing => {}
+            Due::TakeOff => self.take_off(now),
+            Due::NoTakeOff => {
+                let cause = format!("no take-off within {} s", TAKE_OFF_TIME.as_secs());
+                self.finish(now, Ending::new(Outcome::Failed, cause));
+            }
+            Due::OutOfTime => {
+                let (limit, held_back) = (self.settings.max_time.as_secs_f64(), self.leg.held_back(now));
+                let cause = format!("the flight time limit of {limit} s was reached{held_back}");
+                self.finish(now, Ending::new(Outcome::Timeout, cause));
+            }
+            Due::HoverOver => self.land(now),
+            Due::NoReturn(why) => {
+                self.outbox.note(Note::Limited(why));
+                self.land(now);
+            }
+            Due::LandingOver => self.enter(now, Phase::Ended),
+            Due::LandAgain => self.command(now, Command::Land),
+        }
+    }
+
+    fn take_off(&mut self, now: Time) {
+        let limit = self.settings.max_time;
+        if self.flight.is_out_of_time(now, limit) {
+            let cause = format!("the flight time limit of {} s was reached on the ground", limit.as_secs_f64());
+            return self.end_before_take_off(now, Ending::new(Outcome::Timeout, cause));
+        }
+        let (start, craft) = (&mut self.flight.start, self.flight.craft);
+        if start.then_hold || craft != FlightPhase::OnGround || self.senses.estimator.newest().is_none() {
+            return;
+        }
+        // Video takes seconds to start; without it the take-off is refused below.
+        let ready = *start.ready_since.get_or_insert(now);
+        let video = !self.envelope.limits().take_off_checks || self.envelope.has_fresh_frame(now);
+        if !video && now.since(ready) < VIDEO_TIME {
+            return;
+        }
+        match self.envelope.clear(now, Command::TakeOff) {
+            Ok(clearance) => {
+                self.outbox.push(Action::Command(clearance.cleared));
+                self.enter(now, Phase::TakeOff);
+            }
+            Err(refusal) => {
+                self.settle(Ending::new(Outcome::Aborted, refusal.to_string()));
+                self.enter(now, Phase::Ended);
+            }
+        }
+    }
+
+    /// Ends the flight because a budget is exhausted.
+    fn spent(&mut self, now: Time, reason: String) {
+        let ending = Ending::new(Outcome::Aborted, reason);
+        match self.flight.phase {
+            Phase::Ground => self.end_before_take_off(now, ending),
+            Phase::Landing | Phase::Returning | Phase::Ended => {}
+            _ => self.finish(now, ending),
+        }
+    }
+
+    // ---- The end ----
+
+    /// Ends the instruction, if it has ended: the outcome is settled, and the craft lands, hovers or returns.
+    fn conclude(&mut self, now: Time, ended: Ended) {
+        let Some(ending) = ended else { return };
+        let is_flying = self.flight.phase == Phase::Flying;
+        match self.settings.at_end {
+            AtEnd::Hover if is_flying => {
+                self.cancel_queries();
+                self.stop_motion(now);
+                self.settle(ending);
+                self.enter(now, Phase::Hovering);
+                self.leg.next_tick = now;
+            }
+            AtEnd::Return if is_flying => self.return_home(now, ending),
+            _ => self.finish(now, ending),
+        }
+    }
+
+    /// Sets the outcome and returns home by the craft's own navigation, if the envelope clears it; else lands. The return is
+    /// watched and not interfered with; the operator may hold, land, fly by hand or give a new instruction at any time.
+    fn return_home(&mut self, now: Time, ending: Ending) {
+        let Ok(clearance) = self.envelope.clear(now, Command::Return) else {
+            self.outbox.note(Note::Limited("the safety envelope does not clear a return from here: landing"));
+            return self.finish(now, ending);
+        };
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.settle(ending);
+        self.outbox.push(Action::Command(clearance.cleared));
+        self.enter(now, Phase::Returning);
+    }
+
+    /// Ends a flight before take-off. A craft that is already taking off by itself is landed.
+    fn end_before_take_off(&mut self, now: Time, ending: Ending) {
+        if self.flight.craft == FlightPhase::OnGround {
+            self.settle(ending);
+            self.enter(now, Phase::Ended);
+        } else {
+            self.finish(now, ending);
+        }
+    }
+
+    /// Sets the outcome and lands.
+    fn finish(&mut self, now: Time, ending: Ending) {
+        self.cancel_queries();
+        self.stop_motion(now);
+        self.settle(ending);
+        self.land(now);
+    }
+
+    /// Begins the landing of a flight whose outcome is settled.
+    fn land(&mut self, now: Time) {
+        if !matches!(self.flight.phase, Phase::Landing | Phase::Ended) {
+            self.enter(now, Phase::Landing);
+            self.command(now, Command::Land);
+            self.leg.next_tick = now + LAND_REPEAT;
+        }
+    }
+
+    /// Sets the outcome; the first cause wins.
+    fn settle(&mut self, ending: Ending) {
+        if let Some(ending) = self.flight.settle(ending) {
+            self.outbox.push(Action::Finished(ending));
+        }
     }
 
     fn enter(&mut self, now: Time, phase: Phase) {
-        if self.phase != phase {
-            self.phase = phase;
-            self.entered = now;
-            self.outbox.push_back(Action::Note(Note::Phase(phase)));
+        if self.flight.enter(now, phase) {
+            self.outbox.note(Note::Phase(phase));
         }
     }
+}
 
-    fn advance(&mut self, now: Time) {
-        if self.phase == Phase::Ended {
-            return;
+/// The outcome of a flight that ends by a cause (`docs/explanation/safety.md`).
+fn outcome_of(cause: Cause) -> Outcome {
+    match cause {
+        Cause::Crashed => Outcome::Collision,
+        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::UncertainPosition | Cause::LowBattery => {
+            Outcome::Aborted
         }
-        self.expire_queries(now);
-        self.count_time(now);
-        if self.manual.take_if(|(_, until)| *until <= now).is_some() {
-            self.next_tick = now;
-        }
-        self.react(now);
-        self.limits(now);
-        self.follow_gimbal(now);
-        self.decide(now);
-        if now >= self.next_tick {
-            self.tick(now);
-            // From `now`, not from the last due time: a late caller gets one tick, not a burst of missed ones.
-            self.next_tick =
-                now + if self.phase == Phase::Landing { ending::LAND_REPEAT } else { tick_length(self.settings.rate_hz) };
-        }
+        _ => Outcome::Failed,
     }
 }
 

@@ -104,6 +104,12 @@ fn is_default_keep(keep: &f64) -> bool {
 }
 
 impl PilotSettings {
+    /// Whether the craft is guided between two answers: it flies on while it asks, in blended motion.
+    #[must_use]
+    pub fn is_guided(&self) -> bool {
+        self.think == QueryTiming::Continuous && self.motion == Motion::Blended
+    }
+
     /// The settings of a preset, with limits of 180 s and 60 decisions.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {

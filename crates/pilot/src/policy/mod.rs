@@ -139,6 +139,25 @@ pub enum Step {
     Fail(FailReason),
 }
 
+impl Step {
+    /// Its name in a record of decisions.
+    #[must_use]
+    pub fn word(&self) -> &'static str {
+        match self {
+            Self::Ask(_) => "ask",
+            Self::Move(_) => "move",
+            Self::Goto(_) => "goto",
+            Self::Follow(_) => "follow",
+            Self::Keep => "keep",
+            Self::Look => "look",
+            Self::Wait => "wait",
+            Self::Done => "done",
+            Self::Reject(_) => "reject",
+            Self::Fail(_) => "fail",
+        }
+    }
+}
+
 /// What a policy makes of an event: its step, and what it has read in the reply if the event was one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Output {

@@ -304,7 +304,7 @@ impl Chaos {
         for _ in 0..ACTIONS_AT_ONCE {
             match self.pilot.poll(self.now) {
                 None => {
-                    assert!(self.pilot.next_deadline().is_none_or(|deadline| deadline > self.now), "due now, and idle");
+                    assert!(self.pilot.next_deadline().is_none_or(|(deadline, _)| deadline > self.now), "due now, and idle");
                     return;
                 }
                 Some(Action::Ask(query)) => {
@@ -383,7 +383,7 @@ impl Chaos {
             assert!(self.reason || self.now > ends || !self.is_flown(), "a manoeuvre without a reason is flown on");
         }
         for _ in 0..100_000 {
-            let due = self.pilot.next_deadline().unwrap_or(until).max(self.now);
+            let due = self.pilot.next_deadline().map_or(until, |(at, _)| at).max(self.now);
             if due > until || self.now == until {
                 self.now = until;
                 self.pump();

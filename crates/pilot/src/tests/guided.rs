@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::guidance::{AnchorUse, Guidance};
+use crate::target::may_overhang;
 use spf_core::depth::{DepthGrid, DepthSource};
 use spf_core::lift::label_of_range;
 use spf_core::reply::ObstacleBox;
@@ -176,7 +177,7 @@ fn a_frozen_depth_sensor_does_not_clear_the_map() {
             let event = grid(&flight, counter, if is_frozen { 1500 } else { 1500 + counter as u16 });
             flight.tell(event);
         }
-        let map = flight.pilot.guiding.map_mut().unwrap();
+        let map = &mut flight.pilot.space.mapped.as_mut().unwrap().map;
         map.ray(at, EnuPosition { north: at.north + 3.0, ..at }, true);
         for counter in 5..20 {
             flight.pass(0.1);
@@ -192,8 +193,7 @@ fn a_frozen_depth_sensor_does_not_clear_the_map() {
 /// A tower's platform or a tree's crown reaches farther over a craft than a bottle on a desk reaches under it.
 #[test]
 fn a_lost_target_above_bars_a_climb_from_farther_away_than_one_below_bars_a_descent() {
-    let barred =
-        |up: f64, away: f64, climb: f64| super::super::unseen::may_overhang(target(0.0, away, up), target(0.0, 0.0, 10.0), climb);
+    let barred = |up: f64, away: f64, climb: f64| may_overhang(target(0.0, away, up), target(0.0, 0.0, 10.0), climb);
     assert!(barred(12.0, 2.9, 1.0) && barred(9.6, 2.9, 1.0), "a climb under a target at its height or above");
     assert!(!barred(9.4, 2.9, 1.0) && !barred(12.0, 3.1, 1.0), "a climb above a target, or far from it");
     assert!(!barred(8.0, 1.6, -1.0) && !barred(12.0, 1.6, -1.0), "looking down at what is in front");

@@ -32,19 +32,23 @@ use faults::{Content, Fault, Rule, Stream, pass};
 
 use super::*;
 use crate::follower::DEFAULT_KEEP;
+use crate::policy::Move;
 use crate::policy::Step;
 use crate::policy::spf::{Spf, SpfSettings};
 use spf_core::command::Command;
+use spf_core::frame::FrameId;
 use spf_core::frame::FrameMeta;
 use spf_core::geometry::{BodyDisplacement, EnuPosition, EnuVelocity, Pose};
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{Lifting, project_displacement};
+use spf_core::query::QueryId;
 use spf_core::query::{ImageBox, ImagePoint, Query};
 use spf_core::reply::{Look, OpenWay, Reply, Status};
 use spf_envelope::Cleared;
 use spf_motion::executor::Motion;
 use spf_motion::executor::craft_model::CraftModel;
 use spf_space::avoid::PathShape;
+use std::collections::VecDeque;
 
 /// Interval of frames and telemetry.
 const PERIOD: Duration = Duration::from_millis(50);
@@ -393,7 +397,7 @@ impl Flight {
         for _ in 0..ACTIONS_AT_ONCE {
             match self.pilot.poll(self.now) {
                 None => {
-                    if let Some(deadline) = self.pilot.next_deadline() {
+                    if let Some((deadline, _)) = self.pilot.next_deadline() {
                         assert!(deadline > self.now, "idle, and due at {deadline}, which is not after {}", self.now);
                     }
                     return;
@@ -425,7 +429,8 @@ impl Flight {
     /// Advances to the next instant at which something is due.
     fn step(&mut self, until: Time) {
         let due = self.queue.first_key_value().map_or(Time::MAX, |((at, _), _)| *at);
-        let next = due.min(self.pilot.next_deadline().unwrap_or(Time::MAX)).min(self.valid_until).min(until).max(self.now);
+        let next =
+            due.min(self.pilot.next_deadline().map_or(Time::MAX, |(at, _)| at)).min(self.valid_until).min(until).max(self.now);
         self.model.fly_until(next);
         self.now = next;
         if self.valid_until <= next {

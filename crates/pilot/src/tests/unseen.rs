@@ -4,7 +4,6 @@ use super::*;
 use crate::policy::{Output, Policy, PolicyEvent};
 use spf_core::frame::FrameId;
 use spf_core::primitives::Primitives;
-use spf_core::query::{QueryId, QueryKind};
 
 /// Flies moves one after the other, whatever the frames show; a refused one is over.
 struct Moves {
@@ -99,14 +98,18 @@ fn where_a_reply_has_shown_a_way_aside_the_craft_backs_off_there() {
     flight.pass(3.0);
     assert!(flight.model.position.distance(start) < 0.1 && limited(&flight) == 1);
     let now = flight.now;
-    let mut view = flight.pilot.view.unwrap();
+    let mut view = flight.pilot.senses.view.unwrap();
     view.pose.attitude.heading += core::f64::consts::FRAC_PI_2;
-    let query = Box::new(Query::new(QueryId(1000), view.frame.id, QueryKind::point(true)));
-    let waiting = Waiting { query, view, queried_at: now, decided: false };
     let target_box = Some(ImageBox { left: 0.45, top: 0.4, right: 0.55, bottom: 0.6 });
     let reply = Reply { target_box, depth: Some(6), ..Reply::new(Status::Navigating) };
-    let odometry = flight.pilot.estimator.odometry_at(now);
-    flight.pilot.shown.reply(&waiting, &reply, &reply.boxes, odometry);
+    let from = flight.pilot.senses.viewpoint(&view);
+    // A reply that was not asked what is near says nothing of it.
+    flight.pilot.space.reply(from, &reply, None);
+    flight.pilot.begin_move(now, back);
+    flight.pass(3.0);
+    assert!(flight.model.position.distance(start) < 0.1 && limited(&flight) == 2);
+    let now = flight.now;
+    flight.pilot.space.reply(from, &reply, Some(&reply.boxes));
     flight.pilot.begin_move(now, back);
     flight.pass(3.0);
     let end = flight.model.position;

@@ -43,7 +43,7 @@ fn a_craft_that_is_too_low_for_its_target_climbs_unless_something_is_above() {
             let camera = Camera::from_fov(16, 12, 90.0_f64.to_radians(), 73.7_f64.to_radians(), -60.0_f64.to_radians());
             let grid =
                 DepthGrid { captured: flight.now, counter: 0, camera, cm: vec![150; 16 * 12], source: DepthSource::Sensor };
-            flight.pilot.map_depth(flight.now, &grid, Pose { position: at, attitude: Attitude::default() });
+            flight.pilot.space.depth(flight.now, &grid, Pose { position: at, attitude: Attitude::default() });
         }
         let sign = EnuPosition { north: at.north + 2.0, up: at.up + 2.0, ..at };
         assert!(flight.pilot.bring_into_view(flight.now, sign));

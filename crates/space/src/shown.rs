@@ -6,15 +6,14 @@
 
 use std::collections::VecDeque;
 
-use super::Waiting;
-use spf_core::camera::Camera;
-use spf_core::geometry::{EnuPosition, Pose};
+use crate::Viewpoint;
+use crate::avoid::is_person;
+use spf_core::geometry::EnuPosition;
 use spf_core::lift::{Lifting, project_displacement, range_of_label};
-use spf_core::query::{ImageBox, QueryKind};
+use spf_core::query::ImageBox;
 use spf_core::reply::{ObstacleBox, Reply};
 use spf_core::time::{Duration, Time};
 use spf_motion::odometry::Odometry;
-use spf_space::avoid::is_person;
 
 /// Replies are remembered for this long.
 const REMEMBERED: Duration = Duration::from_secs(90);
@@ -32,17 +31,14 @@ const DEEPEST: f64 = 3.0;
 const STOOD: Duration = Duration::from_secs(15);
 
 /// Whether the position at one time can still be compared with that at a later one.
-pub(super) fn is_same_place(then: Odometry, now: Odometry) -> bool {
+pub(crate) fn is_same_place(then: Odometry, now: Odometry) -> bool {
     then.drift_to(now).horizontal <= SAME_PLACE * SAME_PLACE
 }
 
 /// What one reply has shown.
 #[derive(Clone, Debug)]
-struct View {
-    captured: Time,
-    camera: Camera,
-    pose: Pose,
-    odometry: Odometry,
+struct Answered {
+    from: Viewpoint,
     /// Up to this range everything is in `boxes`, metres.
     reach: f64,
     boxes: Vec<Thing>,
@@ -65,17 +61,18 @@ impl Thing {
     }
 }
 
-impl View {
+impl Answered {
     /// Whether a body with this much space around it is free at `place`, metres; `None` if the view does not show all of it.
     fn is_free(&self, now: Time, place: EnuPosition, around: f64) -> Option<bool> {
-        let ahead = self.pose.position.displacement_to(place, self.pose.attitude.heading);
+        let Viewpoint { captured, camera, pose, .. } = self.from;
+        let ahead = pose.position.displacement_to(place, pose.attitude.heading);
         let range = ahead.length();
-        let at = project_displacement(ahead, &self.camera, self.pose.attitude, Lifting::Levelled)?;
+        let at = project_displacement(ahead, &camera, pose.attitude, Lifting::Levelled)?;
         let size = around / range.max(around);
-        let aside = (size * self.camera.fx / f64::from(self.camera.width), size * self.camera.fy / f64::from(self.camera.height));
+        let aside = (size * camera.fx / f64::from(camera.width), size * camera.fy / f64::from(camera.height));
         let mut hides = false;
         for thing in self.boxes.iter().filter(|thing| range >= thing.nearest - around) {
-            let may_have_gone = thing.is_person && now.since(self.captured) > STOOD;
+            let may_have_gone = thing.is_person && now.since(captured) > STOOD;
             if range > thing.farthest + around || may_have_gone {
                 hides |= thing.covers(at.u, at.v, aside);
             } else if thing.covers(at.u, at.v, aside) {
@@ -91,20 +88,13 @@ impl View {
 
 /// What the replies of the last time have shown.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Shown(VecDeque<View>);
+pub(crate) struct Shown(VecDeque<Answered>);
 
 impl Shown {
-    /// Takes a reply, if its query asked for what is near: `listed` is what it names itself. Beside that its boxes may hold what earlier
-    /// ones named, which says nothing of how far this one goes.
-    pub(super) fn reply(&mut self, waiting: &Waiting, reply: &Reply, listed: &[ObstacleBox], odometry: Odometry) {
-        let view = &waiting.view;
-        let now = view.frame.captured;
-        while self.0.front().is_some_and(|first| now.since(first.captured) > REMEMBERED) {
-            self.0.pop_front();
-        }
-        if !matches!(waiting.query.kind, QueryKind::Point { avoid: true, .. }) {
-            return;
-        }
+    /// Takes a reply to a query that asked for what is near: `listed` is what it names itself. Beside that its boxes may hold what
+    /// earlier ones named, which says nothing of how far this one goes.
+    pub(crate) fn reply(&mut self, from: Viewpoint, reply: &Reply, listed: &[ObstacleBox]) {
+        self.expire(from.captured);
         let boxes: Vec<Thing> = reply
             .boxes
             .iter()
@@ -113,7 +103,7 @@ impl Shown {
                 let (nearest, farthest) = (range_of_label(label - 0.5), range_of_label(label + 0.5));
                 // The lowest label means anything that is nearer, too.
                 let nearest = if found.depth <= 1 { 0.0 } else { nearest };
-                let wide = (found.area.right - found.area.left) * f64::from(view.camera.width) / view.camera.fx * farthest;
+                let wide = (found.area.right - found.area.left) * f64::from(from.camera.width) / from.camera.fx * farthest;
                 let is_person = is_person(&found.name);
                 Thing { area: found.area, nearest, farthest: farthest + wide.min(DEEPEST), is_person }
             })
@@ -132,18 +122,25 @@ impl Shown {
             None => farthest,
         };
         let reach = reach.min(SIGHT);
-        self.0.push_back(View { captured: now, camera: view.camera, pose: view.pose, odometry, reach, boxes });
+        self.0.push_back(Answered { from, reach, boxes });
+    }
+
+    /// Forgets what was shown too long before `now`.
+    pub(crate) fn expire(&mut self, now: Time) {
+        while self.0.front().is_some_and(|first| now.since(first.from.captured) > REMEMBERED) {
+            self.0.pop_front();
+        }
     }
 
     /// Whether the newest reply that has shown a place has shown it to be free for a body with this much space around it, metres; `None`
     /// if none has.
-    pub(super) fn is_free(&self, now: Time, place: EnuPosition, around: f64, odometry: Odometry) -> Option<bool> {
-        let views = self.0.iter().rev().filter(|view| is_same_place(view.odometry, odometry));
+    pub(crate) fn is_free(&self, now: Time, place: EnuPosition, around: f64, odometry: Odometry) -> Option<bool> {
+        let views = self.0.iter().rev().filter(|view| is_same_place(view.from.odometry, odometry));
         views.filter_map(|view| view.is_free(now, place, around)).next()
     }
 
     /// Forgets everything: the position was lost.
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.0.clear();
     }
 }
@@ -151,30 +148,16 @@ impl Shown {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::policy::Expected;
-    use spf_core::frame::{FrameId, FrameMeta};
-    use spf_core::query::{DepthAs, Query, QueryId, VerticalRoom};
+    use spf_core::camera::Camera;
+    use spf_core::geometry::Pose;
     use spf_core::reply::Status;
 
     /// A body of 0.2 m with 0.2 m around it.
     const AROUND: f64 = 0.4;
 
-    fn waiting(avoid: bool, north: f64) -> Waiting {
-        let frame = FrameMeta {
-            id: FrameId(1),
-            captured: Time::ZERO,
-            received: Time::ZERO,
-            capture_counter: 1,
-            width: 960,
-            height: 720,
-            unusable: None,
-        };
-        let pose = Pose { position: EnuPosition { north, up: 1.0, ..EnuPosition::default() }, ..Pose::default() };
-        let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
-        let view = crate::policy::View { frame, camera: Camera::quad(), pose, at_rest: false, room, expected };
-        let kind = QueryKind::Point { avoid, depth: DepthAs::Labels };
-        let query = Box::new(Query::new(QueryId(1), FrameId(1), kind));
-        Waiting { query, view, queried_at: Time::ZERO, decided: false }
+    fn from() -> Viewpoint {
+        let pose = Pose { position: EnuPosition { up: 1.0, ..EnuPosition::default() }, ..Pose::default() };
+        Viewpoint { captured: Time::ZERO, camera: Camera::quad(), pose, odometry: Odometry::default() }
     }
 
     /// Somebody straight ahead, whom the label puts 3.6 to 6 m away, and these boxes.
@@ -193,12 +176,12 @@ mod tests {
 
     fn shown(boxes: Vec<ObstacleBox>) -> Shown {
         let mut shown = Shown::default();
-        take(&mut shown, true, &reply(boxes));
+        take(&mut shown, &reply(boxes));
         shown
     }
 
-    fn take(shown: &mut Shown, avoid: bool, reply: &Reply) {
-        shown.reply(&waiting(avoid, 0.0), reply, &reply.boxes, Odometry::default());
+    fn take(shown: &mut Shown, reply: &Reply) {
+        shown.reply(from(), reply, &reply.boxes);
     }
 
     fn is_free(shown: &Shown, at: EnuPosition) -> bool {
@@ -213,10 +196,6 @@ mod tests {
         for unknown in [place(0.0, 4.0), place(3.0, 1.0), place(0.0, -1.0)] {
             assert!(!is_free(&known, unknown), "{unknown:?}");
         }
-        // A reply that was not asked what is near says nothing of it.
-        let mut unasked = Shown::default();
-        take(&mut unasked, false, &reply(Vec::new()));
-        assert!(!is_free(&unasked, place(0.0, 3.0)));
     }
 
     #[test]
@@ -229,11 +208,11 @@ mod tests {
         assert!(is_free(&known, place(0.8, 1.5)) && !is_free(&known, place(1.3, 2.8)), "before the lamp and in it");
         // Somebody walks on: what was hidden is not known, but a place where they stood may be free by another reply.
         let mut known = shown(Vec::new());
-        take(&mut known, true, &reply(vec![thing(0.4, 0.6, 2, "man")]));
+        take(&mut known, &reply(vec![thing(0.4, 0.6, 2, "man")]));
         let after =
             |known: &Shown, s: u64| known.is_free(Time::from_millis(1000 * s), place(0.0, 2.0), AROUND, Odometry::default());
         assert_eq!((after(&known, 14), after(&known, 16)), (Some(false), Some(true)));
-        take(&mut known, true, &reply(vec![thing(0.4, 0.6, 2, "cupboard")]));
+        take(&mut known, &reply(vec![thing(0.4, 0.6, 2, "cupboard")]));
         assert!(!is_free(&known, place(0.0, 2.0)), "the newest reply counts");
     }
 
@@ -244,16 +223,16 @@ mod tests {
         // Without a target nobody says how far the list goes.
         let unseen = |boxes| {
             let mut shown = Shown::default();
-            take(&mut shown, true, &Reply { boxes, ..Reply::new(Status::NotVisible) });
+            take(&mut shown, &Reply { boxes, ..Reply::new(Status::NotVisible) });
             shown
         };
         // What an earlier reply named does not tell how far this one goes, but is there.
         let mut recalled = Shown::default();
         let with = |depth: u8| Reply { boxes: vec![thing(0.4, 0.6, depth, "chair")], ..Reply::new(Status::NotVisible) };
-        recalled.reply(&waiting(true, 0.0), &with(5), &[], Odometry::default());
+        recalled.reply(from(), &with(5), &[]);
         assert!(!is_free(&recalled, place(0.0, 1.0)));
         let mut recalled = shown(Vec::new());
-        recalled.reply(&waiting(true, 0.0), &with(2), &[], Odometry::default());
+        recalled.reply(from(), &with(2), &[]);
         assert_eq!(recalled.is_free(Time::ZERO, place(0.0, 2.0), AROUND, Odometry::default()), Some(false));
         assert!(!is_free(&unseen(Vec::new()), place(0.0, 1.0)));
         assert!(is_free(&unseen(vec![thing(0.0, 0.1, 4, "chair")]), place(0.0, 3.0)));
