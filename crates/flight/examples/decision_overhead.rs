@@ -195,7 +195,7 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
         craft: Craft::tello(),
         depth: preset.depth,
         near_m: preset.near_m,
-        keep_m: spf_pilot::follower::DEFAULT_KEEP,
+        keep_m: spf_pilot::steering::DEFAULT_KEEP,
         close_up: false,
     });
     spf.handle(PolicyEvent::Instruction("Take off and fly to the red crane"));

@@ -48,9 +48,10 @@ fn flown(scene: &Arc<LoadedScene>, seed: u64) -> Result<(Pilot, Lockstep), Box<d
             shape: PathShape::Straight,
             depth: settings.depth,
             near_m: settings.near_m,
-            keep_m: spf_pilot::follower::DEFAULT_KEEP,
+            keep_m: spf_pilot::steering::DEFAULT_KEEP,
             close_up: false,
         })),
+        steering: None,
         instruction: "fly to the red crane".to_owned(),
     });
     let oracle = OracleVlm::new("oracle".to_owned(), world.clone(), ErrorFile::named("default")?, seed);

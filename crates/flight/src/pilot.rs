@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use spf_core::craft::Craft;
 use spf_core::prompt::{PromptKind, PromptText};
+use spf_follow::follower::StayWith;
 use spf_pilot::policy::Policy;
+use spf_pilot::steering::Steering;
 use spf_pilot::{Pilot, PilotParts, PilotSettings};
 use spf_vlm::ImageSpec;
 
@@ -49,6 +51,7 @@ pub(crate) fn pilot(head: &FlightHeader, policy: &dyn PolicyMaker, prompt: Arc<P
         camera: head.camera,
         limits: head.limits.clone(),
         policy: policy.policy(PolicyParts { settings: head.settings, craft: head.craft, image_spec, prompt, seed }),
+        steering: head.settings.guidance.track.then(|| Box::<StayWith>::default() as Box<dyn Steering>),
         instruction: head.instruction.clone(),
     })
 }

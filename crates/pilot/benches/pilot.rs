@@ -83,7 +83,7 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         craft,
         depth: settings.depth,
         near_m: settings.near_m,
-        keep_m: spf_pilot::follower::DEFAULT_KEEP,
+        keep_m: spf_pilot::steering::DEFAULT_KEEP,
         close_up: false,
     });
     let mut pilot = Pilot::new(PilotParts {
@@ -93,6 +93,7 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         camera: Camera::quad(),
         limits: Limits::for_craft(&craft),
         policy: Box::new(policy),
+        steering: None,
         instruction: "fly to the red crane".to_owned(),
     });
     let mut now = Time::ZERO;

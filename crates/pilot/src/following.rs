@@ -1,8 +1,8 @@
 //! Staying with a target that moves: its track from one answer to the next, and where it is by that.
 
-use crate::follower::{Answer, Follower, TargetEstimate, WayOut};
 use crate::policy::{Expected, Goto, Output, Step, View};
 use crate::settings::PilotSettings;
+use crate::steering::{Answer, Steering, TargetEstimate, WayOut};
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
@@ -30,8 +30,9 @@ const WALKS: f64 = 0.3;
 const STEP_BACK: f64 = 1.0;
 
 /// The target that is followed, and its track.
-#[derive(Debug)]
 pub(crate) struct Following {
+    /// Estimates the target, and steers.
+    steering: Box<dyn Steering>,
     /// Whether the craft can stay with a target; if not, it flies the step of each reply.
     can_stay: bool,
     /// Distance to keep from somebody whom the craft stays with, and from one to whom it only flies, metres.
@@ -50,7 +51,8 @@ pub(crate) struct Following {
 /// What is known of the target.
 #[derive(Debug, Default)]
 struct Held {
-    follower: Option<Follower>,
+    /// Whether a reply has seen it.
+    is_known: bool,
     /// Whether the instruction is to stay with it, as opposed to a flight to it.
     stays: bool,
     /// Where the last reply's frame was taken, and how far from there the way is clear, metres.
@@ -72,8 +74,9 @@ pub(crate) enum TrackNews {
 
 impl Following {
     /// `stop`: distance at which the craft stops before a target, metres.
-    pub(crate) fn new(settings: &PilotSettings, stop: f64) -> Self {
+    pub(crate) fn new(settings: &PilotSettings, stop: f64, steering: Box<dyn Steering>) -> Self {
         Self {
+            steering,
             can_stay: settings.is_guided(),
             keep: [settings.keep_m, stop + HALF_PERSON],
             enough: settings.follow_time,
@@ -91,7 +94,7 @@ impl Following {
 
     /// Where the target is.
     pub(crate) fn target(&self, now: Time, at: EnuPosition) -> Option<TargetEstimate> {
-        self.held.follower.as_ref()?.target(now, at)
+        self.steering.target(now, at)
     }
 
     /// Somebody with whom the craft stays, whatever it does.
@@ -114,12 +117,14 @@ impl Following {
         let Some(area) = goto.area else { return };
         let target = output.reading.reply.as_ref().and_then(|reply| reply.target.as_deref());
         let is_person = target.is_some_and(is_grown_up);
-        let keep = self.keep[usize::from(!stays)];
-        let begun = self.held.follower.take().filter(|_| self.held.stays == stays);
-        (self.held.stays, self.held.clear) = (stays, (view.pose.position, goto.clear));
-        let follower = self.held.follower.insert(begun.unwrap_or_else(|| Follower::new(view.camera, keep)));
+        if !self.held.is_known || self.held.stays != stays {
+            self.steering.start(self.keep_from(stays));
+        }
+        let clear = (view.pose.position, goto.clear);
+        (self.held.is_known, self.held.stays, self.held.clear) = (true, stays, clear);
         let range = range_of_label(goto.label);
-        follower.answer(&Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person });
+        let answer = Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person };
+        self.steering.answer(&view.camera, &answer);
     }
 
     /// The box to be tracked that a reply gives, or the end of the track where it shows no target.
@@ -150,6 +155,12 @@ impl Following {
     /// Forgets where the target is. How long it has been followed goes on: a short loss does not begin it anew.
     pub(crate) fn lose(&mut self) {
         self.held = Held::default();
+        self.steering.start(self.keep_from(true));
+    }
+
+    /// The distance to keep from somebody whom the craft stays with, or from one to whom it only flies, metres.
+    fn keep_from(&self, stays: bool) -> f64 {
+        self.keep[usize::from(!stays)]
     }
 
     /// A new instruction: another target.
@@ -172,21 +183,19 @@ impl Following {
     /// Takes where the target was in a frame taken at `pose`. Returns whether the step of the reply that was flown so far needs no
     /// end: the track is good now.
     pub(crate) fn tracked(&mut self, now: Time, report: &TrackReport, pose: Pose) -> bool {
-        let Some(follower) = &mut self.held.follower else { return false };
-        follower.report(report, pose);
-        follower.is_tracked(now) && self.held.waits
+        self.steering.report(report, pose);
+        self.steering.is_tracked(now) && self.held.waits
     }
 
     /// Whether the craft can stay with the target of a reply from now on, by its track.
     pub(crate) fn can_begin(&self, now: Time, goto: &Goto) -> bool {
-        let is_tracked = self.held.follower.as_ref().is_some_and(|follower| follower.is_tracked(now));
-        self.can_stay && is_tracked && !goto.is_detour
+        self.can_stay && self.steering.is_tracked(now) && !goto.is_detour
     }
 
     /// The step to a target without a track, for instance of one that is still too small: no nearer than the distance to keep.
     pub(crate) fn step_to(&self, goto: &Goto) -> Primitives {
         let mut primitives = goto.motion.primitives;
-        let room = range_of_label(goto.label) - self.held.follower.as_ref().map_or(self.keep[0], Follower::keep);
+        let room = range_of_label(goto.label) - self.keep_from(self.held.stays || !self.held.is_known);
         primitives.forward = primitives.forward.min(room.max(-STEP_BACK));
         primitives
     }
@@ -219,8 +228,7 @@ impl Following {
         target: &TargetEstimate,
         way_out: Option<WayOut>,
     ) -> Setpoint {
-        let setpoint = self.held.follower.as_ref().and_then(|follower| follower.setpoint(now, known, craft, way_out));
-        let setpoint = setpoint.unwrap_or(Setpoint::HOLD);
+        let setpoint = self.steering.setpoint(now, known, craft, way_out).unwrap_or(Setpoint::HOLD);
         let (from, clear) = self.held.clear;
         // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is, unless
         // the reply sees something before them.
@@ -256,7 +264,7 @@ impl Following {
     /// followed was last seen.
     pub(crate) fn expected(&self, now: Time, camera: &Camera, pose: Pose, target: Option<TargetEstimate>) -> Option<Expected> {
         let (target, stays) = (target.filter(|target| target.is_sure), self.held.stays);
-        let lost = || self.held.follower.as_ref().filter(|_| stays)?.last_place(now);
+        let lost = || self.steering.last_place(now).filter(|_| stays);
         let place = target.map(|target| target.position).or_else(lost)?;
         let away = pose.position.displacement_to(place, pose.attitude.heading);
         let range = away.length();
@@ -264,7 +272,7 @@ impl Following {
             Some(at) if stays => Some(Expected::Followed { at, range, is_tracked: target.is_some() }),
             Some(at) => Some(Expected::InView { at, range }),
             None if stays => {
-                let place = self.held.follower.as_ref()?.went_to(now)?;
+                let place = self.steering.went_to(now)?;
                 let off = wrap_angle(pose.position.bearing_to(place) - pose.attitude.heading);
                 (off.abs() > camera.half_fov().0).then_some(Expected::Left { off })
             }

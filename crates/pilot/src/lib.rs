@@ -17,7 +17,6 @@ mod course;
 mod event;
 mod flight;
 mod flying;
-pub mod follower;
 mod following;
 pub mod guidance;
 mod leg;
@@ -26,7 +25,8 @@ pub mod policy;
 mod queries;
 mod senses;
 mod settings;
-mod standing;
+pub mod standing;
+pub mod steering;
 mod target;
 mod view_height;
 
@@ -38,12 +38,12 @@ pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
 use crate::anchor::{Anchor, AnchorView};
 use crate::flight::{CraftNews, Due, Flight, TAKE_OFF_TIME};
 use crate::flying::Ended;
-use crate::follower::TargetEstimate;
 use crate::leg::Leg;
 use crate::outbox::Outbox;
 use crate::policy::{Policy, PolicyEvent};
 use crate::queries::Queries;
 use crate::senses::Senses;
+use crate::steering::{Steering, TargetEstimate};
 use crate::target::{Here, Target};
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
@@ -101,6 +101,8 @@ pub struct PilotParts {
     pub limits: Limits,
     /// The decision policy.
     pub policy: Box<dyn Policy>,
+    /// What stays with a target that moves; `None` if nothing tracks.
+    pub steering: Option<Box<dyn Steering>>,
     /// The user's instruction.
     pub instruction: String,
 }
@@ -109,7 +111,7 @@ impl Pilot {
     /// A pilot on the ground; it takes off once telemetry reports that the craft is on the ground.
     #[must_use]
     pub fn new(parts: PilotParts) -> Self {
-        let PilotParts { settings, craft, senses, camera, limits, mut policy, instruction } = parts;
+        let PilotParts { settings, craft, senses, camera, limits, mut policy, steering, instruction } = parts;
         // A policy answers an instruction with Look or Wait; on the ground there is nothing to look at yet.
         policy.handle(PolicyEvent::Instruction(&instruction));
         let executor = Executor::new(craft, settings.motion, settings.ending).with_period(tick_length(settings.rate_hz));
@@ -120,7 +122,7 @@ impl Pilot {
             flight: Flight::new(instruction),
             senses: Senses::new(camera, &craft, senses),
             queries: Queries::default(),
-            target: Target::new(&settings, &craft),
+            target: Target::new(&settings, &craft, steering),
             space: Space::new(craft.radius, settings.guidance.map),
             leg: Leg::new(executor),
             envelope: Envelope::new(limits, craft),
@@ -788,5 +790,8 @@ fn tick_length(rate_hz: f64) -> Duration {
     duration_from_secs(1.0 / if rate_hz >= 5.0 { rate_hz.min(100.0) } else { 5.0 })
 }
 
+/// So that what plugs into a pilot compiles as part of its tests.
+#[cfg(test)]
+extern crate self as spf_pilot;
 #[cfg(test)]
 mod tests;

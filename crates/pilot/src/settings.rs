@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::follower::DEFAULT_KEEP;
 use crate::guidance::Guidance;
+use crate::steering::DEFAULT_KEEP;
 use spf_core::lift::Lifting;
 use spf_core::query::DepthAs;
 use spf_core::step::StepRule;

@@ -10,7 +10,7 @@ use spf_core::geometry::Pose;
 use spf_core::query::{ImageBox, ImagePoint};
 
 /// A box that ends this near to the image's edge, as a fraction of its size, goes on beyond it.
-pub(crate) const IMAGE_EDGE: f64 = 0.02;
+pub const IMAGE_EDGE: f64 = 0.02;
 /// Standard deviation of each of a box's edges, as a fraction of its height; and of the camera's pitch, radians.
 const EDGE_SD: f64 = 0.05;
 const PITCH_SD: f64 = 0.02;
@@ -23,9 +23,10 @@ const LEAST_HEIGHT: f64 = 0.3;
 /// world, 0.07 m within each, and postures.
 const STATURE: f64 = 1.7;
 const STATURE_SD: f64 = 0.08;
-/// From the middle of a person, and from the feet, to the surface that faces the camera, metres: labels mean that surface.
+/// From the middle of a person to the surface that faces the camera, metres: labels mean that surface.
 const MIDDLE_TO_SURFACE: f64 = 0.2;
-pub(crate) const FEET_TO_SURFACE: f64 = 0.1;
+/// The same from the feet.
+pub const FEET_TO_SURFACE: f64 = 0.1;
 /// Nearer than this nobody is, metres.
 const NEAREST: f64 = 0.3;
 /// A range of a larger relative error says less than a label.
@@ -36,16 +37,19 @@ const GATE: f64 = 2.5;
 
 /// Logarithm of a range.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Reading {
-    pub(crate) ln_range: f64,
-    pub(crate) sigma: f64,
+pub struct Reading {
+    /// Logarithm of the range in metres.
+    pub ln_range: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
     /// An edge of the image cuts the box off: the target is at most this far away.
-    pub(crate) is_bound: bool,
+    pub is_bound: bool,
 }
 
 impl Reading {
     /// Fused with another logarithm of the range and its variance; `None` if they are too far apart to be of the same thing.
-    pub(crate) fn fused_with(&self, (ln_range, variance): (f64, f64)) -> Option<(f64, f64)> {
+    #[must_use]
+    pub fn fused_with(&self, (ln_range, variance): (f64, f64)) -> Option<(f64, f64)> {
         let (apart, own) = (self.ln_range - ln_range, self.sigma * self.sigma);
         let total = 1.0 / (1.0 / own + 1.0 / variance);
         (apart * apart <= GATE * GATE * (own + variance)).then(|| (total * (self.ln_range / own + ln_range / variance), total))
@@ -73,7 +77,8 @@ impl Edges {
 
 /// The range from the camera to the surface of a target that stands on the ground from which the craft took off, `depth` metres
 /// before its foot; `None` if the lower edge is not clearly below the horizon. What hangs above the ground is nearer.
-pub(crate) fn by_ground(camera: &Camera, pose: Pose, area: ImageBox, depth: f64) -> Option<Reading> {
+#[must_use]
+pub fn by_ground(camera: &Camera, pose: Pose, area: ImageBox, depth: f64) -> Option<Reading> {
     let height = pose.position.up;
     if height.is_nan() || height < LEAST_HEIGHT {
         return None;
@@ -92,7 +97,8 @@ pub(crate) fn by_ground(camera: &Camera, pose: Pose, area: ImageBox, depth: f64)
 }
 
 /// The range from the camera to the surface of a person, by the box around them; `None` for a box without height.
-pub(crate) fn by_stature(camera: &Camera, pose: Pose, area: ImageBox) -> Option<Reading> {
+#[must_use]
+pub fn by_stature(camera: &Camera, pose: Pose, area: ImageBox) -> Option<Reading> {
     let is_bound = area.bottom > 1.0 - IMAGE_EDGE || area.top < IMAGE_EDGE;
     let Edges { top, middle, foot } = Edges::of(camera, pose, area);
     let high = libm::tan(top) - libm::tan(foot);
@@ -105,7 +111,8 @@ pub(crate) fn by_stature(camera: &Camera, pose: Pose, area: ImageBox) -> Option<
 
 /// Height of the middle of a person who is `range` metres away, in the frame of the camera's position; `None` if neither head nor
 /// feet are in the image.
-pub(crate) fn middle_of(camera: &Camera, pose: Pose, area: ImageBox, range: f64) -> Option<f64> {
+#[must_use]
+pub fn middle_of(camera: &Camera, pose: Pose, area: ImageBox, range: f64) -> Option<f64> {
     let Edges { top, middle, foot } = Edges::of(camera, pose, area);
     let level = (range + MIDDLE_TO_SURFACE) * libm::cos(middle);
     let above = match (area.top >= IMAGE_EDGE, area.bottom <= 1.0 - IMAGE_EDGE) {

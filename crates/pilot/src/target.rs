@@ -9,6 +9,7 @@ use crate::following::Following;
 use crate::guidance::{AnchorUse, SLOW_ANSWERS};
 use crate::policy::{Goto, Move};
 use crate::settings::PilotSettings;
+use crate::steering::Steering;
 use spf_core::craft::Craft;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, range_of_label};
@@ -27,7 +28,6 @@ const LEVEL_WITH: f64 = 0.5;
 const TALL: f64 = 6.0;
 
 /// Where the target is.
-#[derive(Debug)]
 pub(crate) struct Target {
     rule: AnchorUse,
     anchors: Anchors,
@@ -66,7 +66,7 @@ pub(crate) struct Here {
 }
 
 impl Target {
-    pub(crate) fn new(settings: &PilotSettings, craft: &Craft) -> Self {
+    pub(crate) fn new(settings: &PilotSettings, craft: &Craft, steering: Option<Box<dyn Steering>>) -> Self {
         let clear = craft.radius + 0.3;
         let stop = settings.near_m.map_or(clear, |near| clear.max(0.5 * near));
         Self {
@@ -78,7 +78,7 @@ impl Target {
             height: TargetHeight::default(),
             ages: AnswerAges::default(),
             stop,
-            following: settings.guidance.track.then(|| Following::new(settings, stop)),
+            following: steering.map(|steering| Following::new(settings, stop, steering)),
         }
     }
 

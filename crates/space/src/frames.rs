@@ -3,8 +3,8 @@
 
 use std::collections::VecDeque;
 
-use crate::Viewpoint;
 use crate::shown::is_same_place;
+use crate::viewpoint::Viewpoint;
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, project_displacement};

@@ -13,6 +13,8 @@ mod panels;
 pub mod planner;
 mod shown;
 mod space;
+mod viewpoint;
 
 pub use mapped::Mapped;
-pub use space::{OWN_SURFACE, Space, Viewpoint};
+pub use space::{OWN_SURFACE, Space};
+pub use viewpoint::Viewpoint;

@@ -3,7 +3,7 @@
 use crate::avoid::is_person;
 use crate::obstacle_map::{Cell, Mobility, ObstacleMap};
 use crate::planner::{Planner, Progress};
-use crate::space::{Viewpoint, is_solid_beside_sensors};
+use crate::viewpoint::Viewpoint;
 use spf_core::geometry::EnuPosition;
 use spf_core::keep_out::MARKED;
 use spf_core::lift::range_of_label;
@@ -71,4 +71,15 @@ impl Mapped {
         self.told = Some(now);
         Some(self.map.occupied().map(Cell::middle).filter(move |place| place.distance(at) <= BRAKE_SIGHT))
     }
+}
+
+/// Whether a depth sensor may see nothing of an object with this name: it is transparent or thin.
+fn is_unseen_by_sensors(name: &str) -> bool {
+    const WORDS: [&str; 10] = ["glass", "window", "mirror", "wire", "cable", "rope", "line", "net", "antenna", "pole"];
+    name.split(|c: char| !c.is_alphanumeric()).any(|word| WORDS.iter().any(|w| word.eq_ignore_ascii_case(w)))
+}
+
+/// Whether an obstacle of this name is a solid of the map although depth is measured.
+fn is_solid_beside_sensors(name: &str) -> bool {
+    is_person(name) || is_unseen_by_sensors(name)
 }

@@ -1,8 +1,8 @@
 //! The boxes of the last replies as obstacles for the brake, while the craft follows somebody: between two replies it flies ways
 //! that no reply has checked.
 
-use crate::Viewpoint;
 use crate::avoid::{is_person, same_name};
+use crate::viewpoint::Viewpoint;
 use spf_core::direction::Direction;
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::range_of_label;

@@ -6,8 +6,8 @@
 
 use std::collections::VecDeque;
 
-use crate::Viewpoint;
 use crate::avoid::is_person;
+use crate::viewpoint::Viewpoint;
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::{Lifting, project_displacement, range_of_label};
 use spf_core::query::ImageBox;

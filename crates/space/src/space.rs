@@ -1,11 +1,12 @@
 //! [`Space`]: what frames, replies and sensors have shown of the surroundings.
 
-use crate::avoid::{BODY_MARGIN, is_person};
+use crate::avoid::BODY_MARGIN;
 use crate::frames::{FLOWN_COUNTS, FRAME_COUNTS, Frames, points_on};
 use crate::mapped::Mapped;
 use crate::obstacle_map::{CELL, Cell, ObstacleMap};
 use crate::panels::Panels;
 use crate::shown::Shown;
+use crate::viewpoint::Viewpoint;
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_6};
 use spf_core::camera::Camera;
 use spf_core::depth::DepthGrid;
@@ -25,19 +26,6 @@ const BESIDE: f64 = 0.5;
 const ABOVE: f64 = 0.3;
 /// Distance from a target's place at which a known obstacle in between counts as the target, metres.
 pub const OWN_SURFACE: f64 = 1.5;
-
-/// From where and when something was seen.
-#[derive(Clone, Copy, Debug)]
-pub struct Viewpoint {
-    /// Capture time of the frame.
-    pub captured: Time,
-    /// The camera that took it.
-    pub camera: Camera,
-    /// Estimated pose at capture.
-    pub pose: Pose,
-    /// Drift of the position until then.
-    pub odometry: Odometry,
-}
 
 /// What is known of the surroundings. It answers questions; the brake alone gets a list.
 #[derive(Debug)]
@@ -229,15 +217,4 @@ impl Space {
             !map.is_clear(from, from.towards(place, until))
         })
     }
-}
-
-/// Whether a depth sensor may see nothing of an object with this name: it is transparent or thin.
-pub(crate) fn is_unseen_by_sensors(name: &str) -> bool {
-    const WORDS: [&str; 10] = ["glass", "window", "mirror", "wire", "cable", "rope", "line", "net", "antenna", "pole"];
-    name.split(|c: char| !c.is_alphanumeric()).any(|word| WORDS.iter().any(|w| word.eq_ignore_ascii_case(w)))
-}
-
-/// Whether an obstacle of this name is a solid of the map although depth is measured.
-pub(crate) fn is_solid_beside_sensors(name: &str) -> bool {
-    is_person(name) || is_unseen_by_sensors(name)
 }

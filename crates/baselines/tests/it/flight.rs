@@ -156,6 +156,7 @@ impl Flight {
             camera: Camera::quad(),
             limits: Limits::for_craft(&craft),
             policy: Box::new(policy),
+            steering: None,
             instruction: "fly to the red crane".to_owned(),
         });
         Self {

@@ -11,8 +11,9 @@ use spf_camera::film::{Film, FilmError, VideoFrame};
 use spf_camera::{CameraState, CameraUrl};
 use spf_core::time::{Time, duration_from_secs};
 use spf_drone::frames::Frames as _;
+use spf_follow::track::{Quality, SMALLEST, Tracker};
 use spf_media::marks::{Canvas, Colour, Point, Rect, TextStyle};
-use spf_media::track::{PixelBox, Quality, SMALLEST, TrackImage, Tracker};
+use spf_media::track::{PixelBox, TrackImage};
 use spf_media::{Rgb, resize};
 use spf_record::VideoWriter;
 

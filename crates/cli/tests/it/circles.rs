@@ -1,13 +1,16 @@
 //! The files of a crate have no cyclic dependencies: if A uses B, directly or through others, B does not use A. A
-//! module and its submodules form one subject and may use each other.
+//! module and its submodules form one subject and may use each other. The methods of one type have no cycle across files
+//! either, there without exception: a type whose methods call each other from many files is no machine that can be read.
 
 mod graph;
+mod methods;
 mod modules;
 mod paths;
 
 use std::path::Path;
 use std::process::Command;
 
+use methods::{files_of_methods, of_methods};
 use modules::{Circle, Crate};
 
 /// The roots of all crates of the workspace.
@@ -43,6 +46,40 @@ fn files_have_no_circles() {
     assert!(told.is_empty(), "{} circles:\n{}", told.len(), told.join("\n"));
     // An unresolved name could hide a cycle.
     assert!(unfollowed.is_empty(), "where these lead is not seen:\n{}", unfollowed.join("\n"));
+}
+
+#[test]
+fn methods_of_one_type_have_no_circles_across_files() {
+    let mut told = Vec::new();
+    crates(|is| {
+        for Circle { files, uses } in of_methods(is) {
+            told.push(format!("{files:?}\n    {}", uses.join("\n    ")));
+        }
+        let files = files_of_methods(is, "Pilot");
+        assert!(files <= 2, "the methods of `Pilot` stand in {files} files");
+    });
+    assert!(told.is_empty(), "{} circles:\n{}", told.len(), told.join("\n"));
+}
+
+#[test]
+fn a_circle_of_methods_is_found() {
+    let of = |files: &[(&str, &str)]| {
+        let read = |path: &Path| {
+            let name = path.to_str().unwrap().replace('\\', "/");
+            files.iter().find(|(at, _)| *at == name).map(|(_, text)| (*text).to_owned())
+        };
+        let is = Crate::read(Path::new("lib.rs"), &read);
+        (of_methods(&is).len(), files_of_methods(&is, "A"))
+    };
+    let lib = ("lib.rs", "mod b; pub struct A; impl A { fn one(&self) { self.two() } fn four(&self) {} }");
+    let back = |call: &'static str| of(&[lib, ("b.rs", call)]);
+    assert_eq!(back("use crate::A; impl A { fn two(&self) {} }"), (0, 2));
+    assert_eq!(back("use crate::A; impl A { fn two(&self) { self.three() } fn three(&self) { self.four() } }"), (1, 2));
+    assert_eq!(back("use super::A; impl A { fn two(&self) { println!(\"{}\", self.four()) } }"), (1, 2));
+    assert_eq!(back("use super::A; impl A { fn two(&self) { [1].map(Self::four) } }"), (1, 2));
+    // Another type of this name, and a method of a field.
+    assert_eq!(back("struct A; impl A { fn two(&self) { self.four() } fn four(&self) {} }"), (0, 2));
+    assert_eq!(back("use crate::A; impl A { fn two(&self) { self.0.four() } }"), (0, 2));
 }
 
 /// The cycles of a made-up crate, each as the names of its files.

@@ -26,7 +26,8 @@ use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_core::track::{TrackQuality, TrackReport, TrackStart};
 use spf_drone::frames::Photo;
-use spf_media::track::{PixelBox, Quality, TrackImage, Tracker};
+use spf_follow::track::{Quality, Tracker};
+use spf_media::track::{PixelBox, TrackImage};
 
 use attitudes::Attitudes;
 use ring::Ring;

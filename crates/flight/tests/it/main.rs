@@ -10,7 +10,10 @@ mod examples;
 mod made;
 mod observers;
 mod oracle_language;
+mod rendered_track;
 mod replay;
 mod rooms;
 mod share;
+#[path = "../../../render/tests/it/streets/mod.rs"]
+mod streets;
 mod tracking;

@@ -70,7 +70,7 @@ impl PixelBox {
     }
 
     /// Scaled about the centre; the same bits if it is not.
-    pub(super) fn scaled(&self, scale: f64) -> Self {
+    pub fn scaled(&self, scale: f64) -> Self {
         if scale == 1.0 {
             return *self;
         }
@@ -78,13 +78,13 @@ impl PixelBox {
     }
 
     /// Moved, and scaled about the centre.
-    pub(super) fn moved(&self, shift: Shift, scale: f64) -> Self {
+    pub fn moved(&self, shift: Shift, scale: f64) -> Self {
         let (x, y) = self.centre();
         Self::around((x + shift.x, y + shift.y), self.width() * scale, self.height() * scale)
     }
 
     /// Halfway between this box and another.
-    pub(super) fn between(&self, other: &Self) -> Self {
+    pub fn between(&self, other: &Self) -> Self {
         Self {
             left: (self.left + other.left) / 2.0,
             top: (self.top + other.top) / 2.0,
@@ -94,14 +94,14 @@ impl PixelBox {
     }
 
     /// The share of the box inside an image of this size.
-    pub(super) fn inside(&self, (width, height): (u32, u32)) -> f64 {
+    pub fn inside(&self, (width, height): (u32, u32)) -> f64 {
         let across = self.right.min(f64::from(width)) - self.left.max(0.0);
         let down = self.bottom.min(f64::from(height)) - self.top.max(0.0);
         across.max(0.0) * down.max(0.0) / (self.width() * self.height()).max(1e-9)
     }
 
     /// Whether the coordinates are numbers, in order, and not absurd.
-    pub(super) fn is_sound(&self) -> bool {
+    pub fn is_sound(&self) -> bool {
         let edges = [self.left, self.top, self.right, self.bottom];
         edges.iter().all(|edge| edge.is_finite() && edge.abs() < 1e5) && self.width() > 0.0 && self.height() > 0.0
     }

@@ -3,13 +3,13 @@
 use crate::frame::{FrameError, Rgb};
 
 /// Number of fractional bits of an interpolated value.
-pub(crate) const FRACTION: u32 = 5;
+pub const FRACTION: u32 = 5;
 /// Bits of an interpolation weight.
 const WEIGHT: u32 = 14;
 
 /// A grey image of 8 bits, rows from the top.
 #[derive(Clone, PartialEq, Eq)]
-pub(crate) struct Grey {
+pub struct Grey {
     width: u32,
     height: u32,
     data: Vec<u8>,
@@ -23,7 +23,7 @@ impl core::fmt::Debug for Grey {
 
 impl Grey {
     /// The brightness of a colour image.
-    pub(super) fn of(image: &Rgb) -> Self {
+    pub fn of(image: &Rgb) -> Self {
         let brightness = |pixel: &[u8]| {
             let [red, green, blue] = [pixel[0], pixel[1], pixel[2]].map(u32::from);
             ((77 * red + 150 * green + 29 * blue + 128) >> 8) as u8
@@ -33,7 +33,7 @@ impl Grey {
     }
 
     /// An image from just as many bytes as it has pixels.
-    pub(super) fn of_bytes(width: u32, height: u32, data: Vec<u8>) -> Self {
+    pub fn of_bytes(width: u32, height: u32, data: Vec<u8>) -> Self {
         debug_assert_eq!(data.len(), width as usize * height as usize);
         Self { width, height, data }
     }
@@ -42,7 +42,7 @@ impl Grey {
     ///
     /// # Errors
     /// [`FrameError::WrongLength`] if `data` is not `width × height` bytes long.
-    pub(super) fn from_raw(width: u32, height: u32, data: Vec<u8>) -> Result<Self, FrameError> {
+    pub fn from_raw(width: u32, height: u32, data: Vec<u8>) -> Result<Self, FrameError> {
         let needed = u64::from(width) * u64::from(height);
         if u64::try_from(data.len()) == Ok(needed) {
             Ok(Self { width, height, data })
@@ -52,12 +52,12 @@ impl Grey {
     }
 
     /// Width and height, pixels.
-    pub(crate) const fn size(&self) -> (u32, u32) {
+    pub const fn size(&self) -> (u32, u32) {
         (self.width, self.height)
     }
 
     /// The bytes, in rows from the top.
-    pub(crate) fn data(&self) -> &[u8] {
+    pub fn data(&self) -> &[u8] {
         &self.data
     }
 
@@ -104,7 +104,7 @@ impl Grey {
     }
 
     /// Samples the square of `side` × `side` pixels around a place, in its own resolution.
-    pub(crate) fn square(&self, (x, y): (f64, f64), side: usize, into: &mut [i32]) {
+    pub fn square(&self, (x, y): (f64, f64), side: usize, into: &mut [i32]) {
         let half = (side / 2) as f64;
         let (left, top) = (x - half, y - half);
         let (width, height) = (self.width as usize, self.height as usize);
@@ -135,7 +135,7 @@ impl Grey {
     }
 
     /// Samples a grid of `columns` × `rows` places.
-    pub(super) fn grid(&self, columns: &[Tap], rows: &[Tap], into: &mut [i32]) {
+    pub fn grid(&self, columns: &[Tap], rows: &[Tap], into: &mut [i32]) {
         for (row, values) in rows.iter().zip(into.chunks_exact_mut(columns.len())) {
             for (column, value) in columns.iter().zip(values) {
                 *value = self.at(*column, *row);
@@ -146,7 +146,7 @@ impl Grey {
 
 /// Two neighbouring pixels of a row or column, and the second one's weight in 1/128.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Tap {
+pub struct Tap {
     first: usize,
     second: usize,
     weight: i32,
@@ -154,7 +154,7 @@ pub(super) struct Tap {
 
 impl Tap {
     /// The pixels about a coordinate among `length` pixels; the centre of the first one is 0.
-    pub(super) fn at(coordinate: f64, length: usize) -> Self {
+    pub fn at(coordinate: f64, length: usize) -> Self {
         let last = length.saturating_sub(1);
         let place = coordinate.clamp(0.0, last as f64);
         let first = place as usize;
@@ -164,7 +164,7 @@ impl Tap {
 
 /// An image in falling sizes, each half of the one before.
 #[derive(Clone, Debug)]
-pub(crate) struct Pyramid {
+pub struct Pyramid {
     levels: Vec<Grey>,
 }
 
@@ -173,7 +173,7 @@ impl Pyramid {
     const LEVELS: usize = 5;
 
     /// Halves the image until a side would be below 24 pixels.
-    pub(crate) fn of(image: &Grey) -> Self {
+    pub fn of(image: &Grey) -> Self {
         let mut levels = vec![image.clone()];
         while levels.len() < Self::LEVELS
             && let Some(last) = levels.last()
@@ -185,17 +185,17 @@ impl Pyramid {
     }
 
     /// A level; the coarsest one for a greater number.
-    pub(crate) fn level(&self, number: usize) -> &Grey {
+    pub fn level(&self, number: usize) -> &Grey {
         &self.levels[number.min(self.levels.len() - 1)]
     }
 
     /// The coarsest level's number.
-    pub(crate) fn top(&self) -> usize {
+    pub fn top(&self) -> usize {
         self.levels.len() - 1
     }
 
     /// Width and height of the image, pixels.
-    pub(crate) fn size(&self) -> (u32, u32) {
+    pub fn size(&self) -> (u32, u32) {
         self.levels[0].size()
     }
 }

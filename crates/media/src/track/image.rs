@@ -9,9 +9,10 @@ const MOST: u32 = 120;
 /// An image to track in: its brightness, and at a fraction of the size its colours, if it has any.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TrackImage {
-    pub(crate) grey: Grey,
+    /// Its brightness.
+    pub grey: Grey,
     /// Red less blue, and green less the mean of both, halved, about 128.
-    pub(super) tints: Option<[Grey; 2]>,
+    pub tints: Option<[Grey; 2]>,
 }
 
 impl TrackImage {

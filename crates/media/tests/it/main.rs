@@ -6,4 +6,3 @@ mod ffmpeg;
 mod h264;
 mod jpeg;
 mod marks;
-mod track;

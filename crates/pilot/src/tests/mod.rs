@@ -11,6 +11,10 @@ mod asking;
 mod endings;
 mod failings;
 mod faults;
+/// The follower that plugs into a flight, compiled for these tests as well: they fly after people.
+#[path = "../../../follow/src/follower/mod.rs"]
+#[allow(unreachable_pub, reason = "it is another crate's")]
+mod follower;
 mod following;
 mod gimbal;
 mod guided;
@@ -31,10 +35,10 @@ use std::collections::BTreeMap;
 use faults::{Content, Fault, Rule, Stream, pass};
 
 use super::*;
-use crate::follower::DEFAULT_KEEP;
 use crate::policy::Move;
 use crate::policy::Step;
 use crate::policy::spf::{Spf, SpfSettings};
+use crate::steering::DEFAULT_KEEP;
 use spf_core::command::Command;
 use spf_core::frame::FrameId;
 use spf_core::frame::FrameMeta;
@@ -152,6 +156,7 @@ impl Setup {
             camera,
             limits: self.limits,
             policy,
+            steering: settings.guidance.track.then(|| Box::<follower::StayWith>::default() as Box<dyn Steering>),
             instruction: "fly to the red crane".to_owned(),
         });
         let mut model = CraftModel::new(self.craft);

@@ -6,5 +6,4 @@ mod light;
 mod model;
 mod render;
 mod streets;
-mod track;
 mod yard;

@@ -232,6 +232,23 @@ impl Crate {
         self.resolve(module, path, &mut BTreeSet::new()).into_iter().filter_map(item).collect()
     }
 
+    /// Each item that is no module, with its module and file.
+    pub(super) fn items(&self, mut told: impl FnMut(usize, usize, &Item)) {
+        for (id, module) in self.modules.iter().enumerate() {
+            module.items.iter().for_each(|item| told(id, module.file, item));
+        }
+    }
+
+    /// The file that defines what a path of a module names; `None` outside this crate.
+    pub(super) fn file_of(&self, module: usize, path: &[String]) -> Option<usize> {
+        self.files_of(module, path).into_iter().next()
+    }
+
+    /// A file's path.
+    pub(super) fn path(&self, file: usize) -> String {
+        self.files[file].0.to_str().unwrap().replace('\\', "/")
+    }
+
     /// Whether a file's module is an ancestor of another's.
     fn is_above(&self, file: usize, other: usize) -> bool {
         let above = self.files[file].1;
@@ -286,7 +303,7 @@ impl Crate {
             edges.entry(from).or_default().insert(to);
         }
         let found = circles(&edges, &|above, below| self.is_above(above, below));
-        let path = |file: usize| self.files[file].0.to_str().unwrap().replace('\\', "/");
+        let path = |file: usize| self.path(file);
         found
             .into_iter()
             .map(|knot| Circle {

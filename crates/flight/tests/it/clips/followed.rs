@@ -6,8 +6,9 @@ use spf_core::geometry::Attitude;
 use spf_core::lift::seen_after_turn;
 use spf_core::query::ImagePoint;
 use spf_core::track::TrackQuality;
+use spf_follow::track::{Quality, Tracker};
 use spf_media::Rgb;
-use spf_media::track::{PixelBox, Quality, Shift, TrackImage, Tracker};
+use spf_media::track::{PixelBox, Shift, TrackImage};
 
 use super::clip::{Clip, Moment};
 use super::flight::camera;

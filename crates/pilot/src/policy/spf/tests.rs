@@ -27,7 +27,7 @@ pub(super) fn settings(avoid: bool) -> SpfSettings {
         craft: Craft::quad(),
         depth: DepthAs::Labels,
         near_m: Some(3.0),
-        keep_m: crate::follower::DEFAULT_KEEP,
+        keep_m: crate::steering::DEFAULT_KEEP,
         close_up: false,
     }
 }

@@ -4,8 +4,9 @@ use core::hash::Hasher as _;
 
 use fnv::FnvHasher;
 use proptest::prelude::*;
+use spf_follow::track::{Quality, Track, Tracker};
 use spf_media::Rgb;
-use spf_media::track::{PixelBox, Quality, Shift, Track, TrackImage, Tracker};
+use spf_media::track::{PixelBox, Shift, TrackImage};
 
 /// Width and height of the clips, pixels.
 const SIZE: (u32, u32) = (320, 240);
@@ -231,7 +232,7 @@ fn tally(clip: &Clip) -> Tally {
     tally
 }
 
-/// Figures by kind of clip, over seeds: `SEEDS=1000..1400 cargo test -p spf-media --test it --release -- --ignored track::figures
+/// Figures by kind of clip, over seeds: `SEEDS=1000..1400 cargo test -p spf-follow --test it --release -- --ignored track::figures
 /// --nocapture`. Thresholds were chosen with seeds below 1000.
 #[test]
 #[ignore = "prints figures; takes minutes"]

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_follow::track::{Quality, Tracker};
 use spf_media::Rgb;
-use spf_media::track::{PixelBox, Quality, Shift, TrackImage, Tracker};
+use spf_media::track::{PixelBox, Shift, TrackImage};
 use spf_render::{Channels, Renderer};
 use spf_scene::{Aabb, Scene};
 
@@ -197,7 +198,7 @@ fn objects_of_the_city_are_followed() {
     assert!(tally.false_good * 20 <= tally.images, "{tally:?}");
 }
 
-/// Figures: `cargo test -p spf-render --test it -- --ignored track::figures --nocapture`. No rendered clip was used to choose the
+/// Figures: `cargo test -p spf-flight --test it -- --ignored rendered_track::figures --nocapture`. No rendered clip was used to choose the
 /// tracker's thresholds.
 #[test]
 #[ignore = "prints figures; takes minutes"]
@@ -216,7 +217,7 @@ fn figures() {
 }
 
 /// The same for people, who are near and plainly dressed:
-/// `SCENES="office yard park city" IMAGES=80 cargo test -p spf-render --test it -- --ignored track::people --nocapture`; with
+/// `SCENES="office yard park city" IMAGES=80 cargo test -p spf-flight --test it -- --ignored rendered_track::people --nocapture`; with
 /// `GREY=1` without their colours, with `EACH=1` person by person.
 #[test]
 #[ignore = "prints figures; takes a minute"]

@@ -1,10 +1,20 @@
 //! Walkers that turn and stop, followed by the craft of the executor's tests.
 
-use super::*;
+use spf_core::camera::Camera;
+use spf_core::command::Setpoint;
+use spf_core::craft::Craft;
+use spf_core::direction::Direction;
 use spf_core::frame::FrameId;
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::{Lifting, label_of_range, project_displacement, range_of_label};
+use spf_core::motion::MotionEstimate;
+use spf_core::query::{ImageBox, QueryId};
 use spf_core::rng::RandomStream;
+use spf_core::time::{Duration, Time};
+use spf_core::track::{TrackQuality, TrackReport};
+use spf_follow::follower::Follower;
 use spf_motion::executor::craft_model::CraftModel;
+use spf_pilot::steering::{Answer, DEFAULT_KEEP, WayOut};
 
 /// Frames, reports and setpoints: 10 a second.
 const TICK: Duration = Duration::from_millis(100);

@@ -1,7 +1,7 @@
 //! Whether a box shows what it showed before: zero-mean normalised cross-correlation of small patches, in integers.
 
-use super::area::{PixelBox, Shift};
-use super::grey::{FRACTION, Pyramid, Tap};
+use spf_media::track::grey::{FRACTION, Pyramid, Tap};
+use spf_media::track::{PixelBox, Shift};
 
 /// Samples of a patch across and down.
 const FINE: usize = 24;

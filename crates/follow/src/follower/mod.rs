@@ -12,7 +12,6 @@ use std::collections::VecDeque;
 
 use filter::Filter;
 
-use crate::standing::{self, FEET_TO_SURFACE, IMAGE_EDGE, Reading};
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
 use spf_core::craft::Craft;
@@ -22,12 +21,11 @@ use spf_core::motion::MotionEstimate;
 use spf_core::query::{ImageBox, ImagePoint, QueryId};
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_core::track::{TrackQuality, TrackReport};
+use spf_pilot::standing::{self, FEET_TO_SURFACE, IMAGE_EDGE, Reading};
+use spf_pilot::steering::{Answer, DEFAULT_KEEP, Steering, TargetEstimate, WayOut};
 
 /// Distances that can be kept, metres: the least is for a target that is only flown to.
 const KEEP: (f64, f64) = (0.4, 10.0);
-/// The distance that is kept by default, metres.
-pub const DEFAULT_KEEP: f64 = 2.5;
-
 /// Without a good track for this long, the target's velocity is not used any more.
 const SURE: Duration = Duration::from_millis(500);
 /// Without one for this long, the target is lost.
@@ -71,43 +69,6 @@ const UPRIGHT_WITHIN: f64 = 1.5;
 const SOONER: f64 = 0.7;
 /// With a bearing error above this, the craft only turns, radians: 45°.
 const TURN_FIRST: f64 = core::f64::consts::FRAC_PI_4;
-
-/// What a reply says about the target.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Answer {
-    /// When its frame was captured.
-    pub captured: Time,
-    /// The pose at capture.
-    pub pose: Pose,
-    /// The target's box in the frame.
-    pub area: ImageBox,
-    /// The target's range according to its label, metres.
-    pub range: f64,
-    /// Whether the target is a person, of a person's stature.
-    pub is_person: bool,
-}
-
-/// A way on which the craft may get away from the target.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WayOut {
-    /// Its direction, radians clockwise from north.
-    pub bearing: f64,
-    /// How fast it may be flown, m/s: the craft must stop within what is known to be free.
-    pub speed: f64,
-}
-
-/// What is known about a followed target.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TargetEstimate {
-    /// Its position.
-    pub position: EnuPosition,
-    /// Its horizontal velocity; zero if the track is not good.
-    pub velocity: EnuVelocity,
-    /// Standard deviation of its range, metres.
-    pub range_sd: f64,
-    /// Whether it was tracked within the last half second.
-    pub is_sure: bool,
-}
 
 /// A range at an earlier time.
 #[derive(Clone, Copy, Debug)]
@@ -159,12 +120,6 @@ impl Follower {
             tracked: None,
             confirmed: Time::ZERO,
         }
-    }
-
-    /// The distance that is kept, metres.
-    #[must_use]
-    pub fn keep(&self) -> f64 {
-        self.keep
     }
 
     /// Takes a reply that sees the target.
@@ -350,5 +305,45 @@ fn centre(area: ImageBox) -> ImagePoint {
     ImagePoint { u: 0.5 * (area.left + area.right), v: 0.5 * (area.top + area.bottom) }
 }
 
-#[cfg(test)]
-mod tests;
+/// Stays with one target after the other, each with a follower of its own.
+#[derive(Clone, Debug, Default)]
+pub struct StayWith {
+    keep: f64,
+    follower: Option<Follower>,
+}
+
+impl Steering for StayWith {
+    fn answer(&mut self, camera: &Camera, answer: &Answer) {
+        self.follower.get_or_insert_with(|| Follower::new(*camera, self.keep)).answer(answer);
+    }
+
+    fn report(&mut self, report: &TrackReport, pose: Pose) {
+        if let Some(follower) = &mut self.follower {
+            follower.report(report, pose);
+        }
+    }
+
+    fn start(&mut self, keep: f64) {
+        *self = Self { keep, follower: None };
+    }
+
+    fn is_tracked(&self, now: Time) -> bool {
+        self.follower.as_ref().is_some_and(|follower| follower.is_tracked(now))
+    }
+
+    fn target(&self, now: Time, from: EnuPosition) -> Option<TargetEstimate> {
+        self.follower.as_ref()?.target(now, from)
+    }
+
+    fn last_place(&self, now: Time) -> Option<EnuPosition> {
+        self.follower.as_ref()?.last_place(now)
+    }
+
+    fn went_to(&self, now: Time) -> Option<EnuPosition> {
+        self.follower.as_ref()?.went_to(now)
+    }
+
+    fn setpoint(&self, now: Time, known: &MotionEstimate, craft: &Craft, way_out: Option<WayOut>) -> Option<Setpoint> {
+        self.follower.as_ref()?.setpoint(now, known, craft, way_out)
+    }
+}

@@ -9,8 +9,8 @@
 
 use microfft::Complex32;
 
-use super::area::{PixelBox, Shift};
-use super::grey::{Grey, Pyramid, Tap};
+use spf_media::track::grey::{Grey, Pyramid, Tap};
+use spf_media::track::{PixelBox, Shift};
 
 /// Cells of a window across and down.
 const CELLS: usize = 32;
