@@ -189,7 +189,7 @@ fn row(name: &str, samples: &[Sample]) -> f64 {
 }
 
 #[test]
-#[ignore = "takes 20 s: .ci/interop runs it"]
+#[ignore = "takes 20 s: a command of CONTRIBUTING.md"]
 fn in_a_flight_the_range_of_somebody_followed_is_about_right() {
     let (samples, _) = flown(TASKS[1], "perfect", 3);
     let errors: Vec<f64> = samples.iter().filter_map(|sample| sample.error()).map(|(error, _)| error.abs()).collect();

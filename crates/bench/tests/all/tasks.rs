@@ -133,7 +133,7 @@ fn every_tenth_task_judges_its_own_trajectories() {
 }
 
 #[test]
-#[ignore = "renders for 20 s: .ci/interop runs it"]
+#[ignore = "renders for 20 s: a command of CONTRIBUTING.md"]
 fn every_task_judges_its_own_trajectories() {
     judge(|_| true);
 }
