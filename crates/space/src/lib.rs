@@ -1,6 +1,6 @@
-//! What is known of the surroundings: [`avoid`] checks a step against the boxes of a reply (paper §3.1), [`obstacle_map`] keeps what
-//! depth and ranges have measured, and [`planner`] leads through its free space. [`Space`] holds what frames, replies and sensors have
-//! shown, and answers questions about it.
+//! What is known of the surroundings: [`avoid`] checks a step against the boxes of a reply (paper §3.1), [`views`] remembers what the
+//! last replies listed, [`obstacle_map`] keeps what depth and ranges have measured, and [`planner`] leads through its free space.
+//! [`Space`] holds what frames, replies and sensors have shown, and answers questions about it.
 //!
 //! Pure, as all of `spf-core`: no I/O, no clock, no threads.
 #![forbid(unsafe_code)]
@@ -14,6 +14,7 @@ pub mod planner;
 mod shown;
 mod space;
 mod viewpoint;
+pub mod views;
 
 pub use mapped::Mapped;
 pub use space::{OWN_SURFACE, Space};

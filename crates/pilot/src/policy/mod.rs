@@ -23,6 +23,7 @@ use spf_core::primitives::Primitives;
 use spf_core::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
 use spf_core::reply::{ObstacleBox, Reply, Status};
 use spf_space::avoid::Avoidance;
+use spf_space::views::Capture;
 
 /// A frame with the pilot's estimates for its capture time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +40,14 @@ pub struct View {
     pub room: VerticalRoom,
     /// Whether the frame should show the target, as far as its place is known.
     pub expected: Expected,
+}
+
+impl View {
+    /// From where and when the frame was taken.
+    #[must_use]
+    pub fn capture(&self) -> Capture {
+        Capture { camera: self.camera, pose: self.pose, captured: self.frame.captured }
+    }
 }
 
 /// Whether a frame should show the target.

@@ -59,6 +59,29 @@ pub enum SearchAction {
     Exhausted,
 }
 
+/// How a craft searches, fixed for a flight.
+#[derive(Clone, Copy, Debug)]
+struct Pattern {
+    /// Angle per turn, radians, positive.
+    turn: f64,
+    /// Climb between the two full turns, metres.
+    climb: f64,
+    /// Highest depth label that counts.
+    deepest: u8,
+}
+
+impl Pattern {
+    /// A full turn of which nothing is observed yet.
+    fn sweep(&self) -> Sweep {
+        Sweep::new(COVERED_FRACTION / TURN_FRACTION * self.turn)
+    }
+
+    /// Maximum turns per full turn, twice those that it takes: a craft that cannot turn must not search for ever.
+    fn most_turns(&self) -> u32 {
+        2 * libm::ceil(TAU / self.turn.max(0.1)) as u32
+    }
+}
+
 /// Stage of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
@@ -70,16 +93,48 @@ enum Stage {
     Excursion(u32),
 }
 
+/// A full turn on the spot.
+#[derive(Clone, Debug)]
+struct Sweep {
+    /// Headings for which a frame was answered. The initial view does not count: the sweep ends where it began.
+    covered: Coverage,
+    turns: u32,
+    /// Whether the last action was one of its turns.
+    turning: bool,
+    /// The most open direction seen.
+    open: Option<OpenDirection>,
+}
+
+impl Sweep {
+    /// Nothing is observed yet; each look covers `angle`, radians.
+    fn new(angle: f64) -> Self {
+        Self { covered: Coverage::new(angle), turns: 0, turning: false, open: None }
+    }
+
+    /// Notes a look at this heading. It is the craft's actual one, not the intended one: a turn may have been cut short.
+    fn look(&mut self, heading: f64) {
+        if core::mem::take(&mut self.turning) {
+            self.covered.look(heading);
+        }
+    }
+
+    /// The next turn, at best by `wished` radians. Whatever the replies ask for, each shows something new: left and right in turn
+    /// are not a full circle.
+    fn turn(&mut self, heading: f64, wished: f64) -> f64 {
+        (self.turning, self.turns) = (true, self.turns + 1);
+        if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished }
+    }
+}
+
 /// The search: turn by 0.8 of the horizontal field of view; after a full turn climb once and turn again; then twice fly
 /// along the most open direction reported and turn there; then give up. An open direction is flown only from a frame
 /// taken in that direction. Of directions that are equally open, or open farther than the craft flies in 12 s, it takes the
 /// one nearest to the heading at which the search began.
 #[derive(Clone, Debug)]
 pub struct Search {
-    /// Angle per turn, radians, positive.
-    turn: f64,
-    /// Climb between the two full turns, metres.
-    climb: f64,
+    pattern: Pattern,
+    stage: Stage,
+    sweep: Sweep,
     /// Turned since the target was last seen, signed, clockwise positive.
     turned: f64,
     /// Climbs and descents since the target was last flown to, metres: looks up and down, the climb between the two
@@ -87,22 +142,11 @@ pub struct Search {
     vertical: f64,
     /// Moves ahead since the target was last seen.
     ahead: u32,
+    /// Whether it has climbed between the two turns.
     climbed: bool,
-    stage: Stage,
-    /// Headings for which a frame of this sweep was answered. The initial view does not count: the sweep ends where it
-    /// began.
-    covered: Coverage,
-    /// Turns of this sweep.
-    turns: u32,
-    /// Whether the last action was a turn of this sweep.
-    turning: bool,
-    /// The most open direction seen in this sweep.
-    open: Option<OpenDirection>,
     excursions: u32,
     /// Heading of the last excursion.
     gone: Option<f64>,
-    /// Highest depth label that counts.
-    deepest: u8,
     /// Heading of the first look: where the target was expected.
     expected: Option<f64>,
     /// Whether the second turn leads to the other side of that heading.
@@ -114,44 +158,33 @@ impl Search {
     /// between the two turns.
     #[must_use]
     pub fn new(horizontal_fov: f64, craft: &Craft) -> Self {
-        Self {
+        let pattern = Pattern {
             turn: TURN_FRACTION * horizontal_fov,
             climb: craft.take_off_height,
             deepest: label_of_range(LABELLED_PART * NEARBY_S * craft.cruise_speed),
-            expected: None,
-            both_sides: false,
+        };
+        Self::begin(pattern, Sweep::new(COVERED_FRACTION * horizontal_fov))
+    }
+
+    fn begin(pattern: Pattern, sweep: Sweep) -> Self {
+        Self {
+            pattern,
+            stage: Stage::Sweep,
+            sweep,
             turned: 0.0,
             vertical: 0.0,
             ahead: 0,
             climbed: false,
-            stage: Stage::Sweep,
-            covered: Coverage::new(COVERED_FRACTION * horizontal_fov),
-            turns: 0,
-            turning: false,
-            open: None,
             excursions: 0,
             gone: None,
+            expected: None,
+            both_sides: false,
         }
     }
 
     /// Resets the search, since the target was seen and is flown to.
     pub fn reset(&mut self) {
-        *self = Self {
-            turned: 0.0,
-            vertical: 0.0,
-            ahead: 0,
-            climbed: false,
-            stage: Stage::Sweep,
-            covered: Coverage::new(COVERED_FRACTION / TURN_FRACTION * self.turn),
-            turns: 0,
-            turning: false,
-            open: None,
-            excursions: 0,
-            gone: None,
-            expected: None,
-            both_sides: false,
-            ..*self
-        };
+        *self = Self::begin(self.pattern, self.pattern.sweep());
     }
 
     /// Resets the search, since the target was seen; climbs and descents still count until the target is flown to.
@@ -161,9 +194,10 @@ impl Search {
         self.vertical = vertical;
     }
 
-    /// Turns first to the side that is asked for, and then to the other: a target that was in view a moment ago is near that view.
+    /// Turns first to the side that is asked for, and then to the other: a target that was in view a moment ago is near that
+    /// view.
     pub fn on_both_sides(&mut self) {
-        self.both_sides = self.turns == 0;
+        self.both_sides = self.sweep.turns == 0;
     }
 
     /// Takes up to `wished` metres from those left for climbs and descents; returns what may be flown.
@@ -187,60 +221,73 @@ impl Search {
 
     /// The same after an answer that asks for a turn by `turn`, radians, clockwise positive.
     pub fn next_turning(&mut self, look: Look, turn: Option<f64>, heading: f64, way: Option<OpenDirection>) -> SearchAction {
-        // The target is thought to be ahead, hidden or too far away: closer to it, it may come into view.
-        if let (Look::Ahead, None, Some(open), Stage::Sweep) = (look, turn, way, self.stage)
-            && self.ahead < AHEAD_MOVES
+        if let Some(way) = way
+            && let Some(depth) = self.flight_along(way, look == Look::Ahead && turn.is_none())
         {
-            self.ahead += 1;
-            self.begin_sweep();
-            return SearchAction::Fly { depth: open.depth.min(self.deepest) };
-        }
-        if let (Stage::Face | Stage::Excursion(1..), Some(way)) = (self.stage, way) {
-            let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
-            self.stage = Stage::Excursion(left - 1);
-            self.gone = Some(way.heading);
-            return SearchAction::Fly { depth: way.depth.min(self.deepest) };
+            return SearchAction::Fly { depth };
         }
         if self.stage != Stage::Sweep {
             self.stage = Stage::Sweep;
             self.begin_sweep();
         }
-        // The craft's actual heading, not the intended one: a turn may have been cut short.
-        if core::mem::take(&mut self.turning) {
-            self.covered.look(heading);
+        self.sweep.look(heading);
+        self.compare(heading, way);
+        if let Some(climb) = self.look_vertically(look) {
+            return SearchAction::Look(Primitives { climb, ..Primitives::default() });
         }
-        let expected = *self.expected.get_or_insert(heading);
-        let back = |way: &OpenDirection| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
-        let rank = |way: OpenDirection| (way.depth.min(self.deepest), -wrap_angle(way.heading - expected).abs());
-        if let Some(way) = way.filter(|way| !back(way) && self.open.is_none_or(|open| rank(*way) > rank(open))) {
-            self.open = Some(way);
-        }
-        match look {
-            // The camera cannot tilt, and the space behind the craft has not been seen: objects below come into view
-            // from lower down.
-            Look::Up | Look::Down => {
-                let metres = self.take_vertical(VERTICAL_LOOK);
-                if metres >= WORTH_CLIMBING {
-                    let climb = if look == Look::Up { metres } else { -metres };
-                    return SearchAction::Look(Primitives { climb, ..Primitives::default() });
-                }
-            }
-            _ => {}
-        }
-        if self.covered.is_full() || self.turns >= self.most_turns() {
+        if self.sweep.covered.is_full() || self.sweep.turns >= self.pattern.most_turns() {
             return self.swept_all(heading, way);
         }
-        let wished = turn.unwrap_or(match look {
-            Look::Left => -self.turn,
-            Look::Behind => PI,
-            _ => self.turn,
-        });
-        let other_side = self.both_sides && self.turns == 1;
-        let wished = if other_side { -2.0 * self.turned } else { wished };
-        // Whatever the replies ask for, each turn shows something new: left and right in turn are not a full circle.
-        let yaw = if self.covered.contains(heading + wished) { self.covered.towards_gap(heading) } else { wished };
-        (self.turning, self.turns) = (true, self.turns + 1);
+        let other_side = self.both_sides && self.sweep.turns == 1;
+        let wished = match (turn, look) {
+            _ if other_side => -2.0 * self.turned,
+            (Some(turn), _) => turn,
+            (None, Look::Left) => -self.pattern.turn,
+            (None, Look::Behind) => PI,
+            (None, _) => self.pattern.turn,
+        };
+        let yaw = self.sweep.turn(heading, wished);
         self.turn_by(yaw)
+    }
+
+    /// The depth label of a flight along an open direction: on an excursion, or at first if the target is thought to be ahead,
+    /// hidden or too far away, since closer to it, it may come into view.
+    fn flight_along(&mut self, way: OpenDirection, is_thought_ahead: bool) -> Option<u8> {
+        match self.stage {
+            Stage::Sweep if is_thought_ahead && self.ahead < AHEAD_MOVES => {
+                self.ahead += 1;
+                self.begin_sweep();
+            }
+            Stage::Face | Stage::Excursion(1..) => {
+                let left = if let Stage::Excursion(left) = self.stage { left } else { EXCURSION_MOVES };
+                self.stage = Stage::Excursion(left - 1);
+                self.gone = Some(way.heading);
+            }
+            Stage::Sweep | Stage::Excursion(0) => return None,
+        }
+        Some(way.depth.min(self.pattern.deepest))
+    }
+
+    /// Compares an open direction with the most open one so far. None leads back to where the last excursion began.
+    fn compare(&mut self, heading: f64, way: Option<OpenDirection>) {
+        let expected = *self.expected.get_or_insert(heading);
+        let back = |way: &OpenDirection| self.gone.is_some_and(|gone| wrap_angle(way.heading - gone - PI).abs() < BACK);
+        let rank = |way: OpenDirection| (way.depth.min(self.pattern.deepest), -wrap_angle(way.heading - expected).abs());
+        if let Some(way) = way.filter(|way| !back(way) && self.sweep.open.is_none_or(|open| rank(*way) > rank(open))) {
+            self.sweep.open = Some(way);
+        }
+    }
+
+    /// The climb, negative for a descent, of a look up or down. The camera cannot tilt, and the space behind the craft has not
+    /// been seen: objects below come into view from lower down.
+    fn look_vertically(&mut self, look: Look) -> Option<f64> {
+        let sign = match look {
+            Look::Up => 1.0,
+            Look::Down => -1.0,
+            _ => return None,
+        };
+        let metres = self.take_vertical(VERTICAL_LOOK);
+        (metres >= WORTH_CLIMBING).then_some(sign * metres)
     }
 
     /// After a full turn: climb once, then move elsewhere.
@@ -248,13 +295,13 @@ impl Search {
         if !self.climbed {
             self.climbed = true;
             self.begin_sweep();
-            let climb = self.take_vertical(self.climb);
+            let climb = self.take_vertical(self.pattern.climb);
             if climb >= WORTH_CLIMBING {
                 return SearchAction::Look(Primitives { climb, ..Primitives::default() });
             }
             return self.next(Look::Right, heading, way);
         }
-        let Some(open) = self.open.filter(|_| self.excursions < EXCURSIONS) else { return SearchAction::Exhausted };
+        let Some(open) = self.sweep.open.filter(|_| self.excursions < EXCURSIONS) else { return SearchAction::Exhausted };
         self.excursions += 1;
         self.stage = Stage::Face;
         let yaw = wrap_angle(open.heading - heading);
@@ -265,13 +312,7 @@ impl Search {
     }
 
     fn begin_sweep(&mut self) {
-        self.covered = Coverage::new(COVERED_FRACTION / TURN_FRACTION * self.turn);
-        (self.turns, self.turning, self.open) = (0, false, None);
-    }
-
-    /// Maximum turns per sweep, twice those of a full turn: a craft that cannot turn must not search for ever.
-    fn most_turns(&self) -> u32 {
-        2 * libm::ceil(TAU / self.turn.max(0.1)) as u32
+        self.sweep = self.pattern.sweep();
     }
 
     fn turn_by(&mut self, yaw: f64) -> SearchAction {
@@ -427,7 +468,7 @@ mod tests {
         assert!(heading.abs() < 1.3, "{heading}");
         assert_eq!(flown, Some(5));
         // A quadrotor flies along streets.
-        assert_eq!(Search::new(PI / 2.0, &Craft::quad()).deepest, label_of_range(20.0));
+        assert_eq!(Search::new(PI / 2.0, &Craft::quad()).pattern.deepest, label_of_range(20.0));
     }
 
     #[test]

@@ -3,15 +3,17 @@
 
 use core::f64::consts::PI;
 
-use super::{OpenQuery, Spf};
-use crate::policy::{Move, Step, View};
+use super::answered::Answered;
+use super::moves;
+use super::plan::Plan;
+use crate::policy::{Reading, Step, View};
 use spf_core::direction::Direction;
 use spf_core::geometry::{BodyDisplacement, EnuPosition, wrap_angle};
 use spf_core::lift::{Lifting, lift, project_displacement, range_of_label, unproject};
 use spf_core::primitives::Primitives;
 use spf_core::query::ImagePoint;
 use spf_core::reply::{ObstacleBox, Reply, Status};
-use spf_space::avoid::{self, Avoidance, Side};
+use spf_space::avoid::{self, Avoidance, PassingSide, Side};
 
 /// Angle between the target and the side to which the craft turns, radians: 60°.
 const TURN: f64 = 60.0 / 180.0 * PI;
@@ -22,8 +24,6 @@ const LEAST: f64 = 0.5;
 const AHEAD: f64 = 30.0 / 180.0 * PI;
 /// Depth label from which it has room.
 const ROOM: u8 = 2;
-/// Angle below which a target is not below the craft, radians: 6°.
-const BELOW: f64 = 6.0 / 180.0 * PI;
 /// Attempts on one side, after which the other one is tried.
 const ON_ONE_SIDE: u32 = 2;
 /// Attempts in all until the target's path is free again.
@@ -31,7 +31,7 @@ const ATTEMPTS: u32 = 4;
 
 /// Where the craft is on its way around a side.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Leg {
+enum Leg {
     /// It has turned to a side; the next answer tells what is there. `other`: so it has to the other one.
     Looks { side: Side, other: bool, target: EnuPosition },
     /// It has flown there, and turns back to the target.
@@ -58,110 +58,106 @@ impl Aside {
     pub(super) fn clear(&mut self) {
         *self = Self::default();
     }
-}
 
-impl Spf {
-    /// Begins a way around what blocks the path to `point`; `None` if all that could be tried has been.
-    pub(super) fn begin_aside(&mut self, open_query: OpenQuery, reply: &Reply, point: ImagePoint, label: f64) -> Option<Step> {
-        if self.guidance.is_off() || reply.status != Status::Navigating {
+    /// Begins a way around what blocks the path of a plan, on the side on which it was being passed; `None` if all that could be
+    /// tried has been.
+    pub(super) fn begin(&mut self, plan: &Plan<'_>, passed: Option<Side>, reading: &mut Reading) -> Option<Step> {
+        let (view, reply) = (plan.view(), plan.answer.reply);
+        if reply.status != Status::Navigating {
             return None;
         }
-        let view = open_query.view;
-        if self.aside.attempts >= ATTEMPTS {
-            let first = !core::mem::replace(&mut self.aside.backed_off, true);
-            return first.then(|| self.back_off(open_query, "backs off: the path is blocked, and so are its sides"));
+        if self.attempts >= ATTEMPTS {
+            let first = !core::mem::replace(&mut self.backed_off, true);
+            return first.then(|| moves::back_off(view, "backs off: the path is blocked, and so are its sides", reading));
         }
-        let first = *self.aside.first.get_or_insert_with(|| self.detour.side().unwrap_or_else(|| roomier(&reply.boxes, point)));
-        let side = if self.aside.attempts < ON_ONE_SIDE { first } else { opposite(first) };
-        let target = Direction::of_point(&view.camera, view.pose, point).place(view.pose.position, range_of_label(label));
-        Some(self.turn_aside(open_query, side, false, target))
+        let first = *self.first.get_or_insert_with(|| passed.unwrap_or_else(|| roomier(&reply.boxes, plan.point)));
+        let side = if self.attempts < ON_ONE_SIDE { first } else { opposite(first) };
+        let target =
+            Direction::of_point(&view.camera, view.pose, plan.point).place(view.pose.position, range_of_label(plan.label));
+        Some(self.turn(view, side, false, target, reading))
     }
 
-    /// Turns to a side of the target.
-    fn turn_aside(&mut self, open_query: OpenQuery, side: Side, other: bool, target: EnuPosition) -> Step {
-        self.aside.attempts += 1;
-        self.aside.leg = Some(Leg::Looks { side, other, target });
-        let name = if side == Side::Left { "left" } else { "right" };
-        self.reading.actions.push(format!("looks for a way around on the {name}: the path is blocked"));
-        let from = open_query.view.pose;
-        let to = from.position.bearing_to(target) + if side == Side::Left { -TURN } else { TURN };
-        self.turn(open_query, wrap_angle(to - from.attitude.heading))
+    /// Turns to a side of the target; `other`: after the other one.
+    fn turn(&mut self, view: &View, side: Side, other: bool, target: EnuPosition, reading: &mut Reading) -> Step {
+        self.attempts += 1;
+        self.leg = Some(Leg::Looks { side, other, target });
+        let (name, yaw) = if side == Side::Left { ("left", -TURN) } else { ("right", TURN) };
+        reading.actions.push(format!("looks for a way around on the {name}: the path is blocked"));
+        let to = view.pose.position.bearing_to(target) + yaw;
+        moves::turn(view, wrap_angle(to - view.pose.attitude.heading), reading)
     }
 
-    /// What follows from an answer about the side to which the craft has turned; `None` if it is not on a way around, or the
-    /// answer leads to the target.
-    pub(super) fn look_aside(&mut self, open_query: OpenQuery, reply: &Reply) -> Option<Step> {
-        let Some(Leg::Looks { side, other, target }) = self.aside.leg.take() else { return None };
-        match reply.status {
+    /// What follows from a reply about the side to which the craft has turned; `None` if it is not on a way around, or the
+    /// reply leads to the target.
+    pub(super) fn look(&mut self, answer: &Answered<'_>, passing: Option<PassingSide>, reading: &mut Reading) -> Option<Step> {
+        let Some(Leg::Looks { side, other, target }) = self.leg.take() else { return None };
+        match answer.reply.status {
             Status::Done | Status::Blocked | Status::Following => return None,
             // From here the target can be flown to.
-            Status::Navigating if self.is_way_to(&open_query.view, reply) => return None,
+            Status::Navigating if is_way_to(answer, passing) => return None,
             Status::Navigating | Status::NotVisible => {}
         }
-        self.confirming = false;
-        let view = open_query.view;
-        let clearance = self.clearance();
-        let free = self.open_ahead(&view, reply).and_then(|(point, step)| {
-            let ahead = self.plan_to(&view, point, step);
-            match avoid::avoid(&ahead, clearance, &reply.boxes, None, None) {
-                Avoidance::Clear => Some((point, step)),
-                Avoidance::Shifted { point, .. } if !avoid::leads_along_edge(&ahead, point, step, clearance) => {
-                    Some((point, step))
-                }
-                Avoidance::Shortened { step, .. } if step >= LEAST => Some((point, step)),
-                _ => None,
-            }
-        });
-        let (point, step) = match free {
+        let view = answer.view();
+        let (point, step) = match way_ahead(answer) {
             Some(free) => free,
             None if other => {
-                self.reading.actions.push("no way around on this side either".to_owned());
-                let back = view.pose.position.bearing_to(target);
-                return Some(self.turn(open_query, wrap_angle(back - view.pose.attitude.heading)));
+                reading.actions.push("no way around on this side either".to_owned());
+                return Some(moves::turn(view, back_to(view, target), reading));
             }
-            None => return Some(self.turn_aside(open_query, opposite(side), true, target)),
+            None => return Some(self.turn(view, opposite(side), true, target, reading)),
         };
-        let lifted = lift(unproject(&view.camera, point, step).ok()?, &view.camera, view.pose.attitude, self.settings.lifting);
-        self.aside.leg = Some(Leg::TurnsBack { target });
-        self.reading.actions.push("flies around what is in the way".to_owned());
-        (self.reading.waypoint, self.reading.step, self.reading.displacement) = (Some(point), Some(step), Some(lifted));
-        let primitives = Primitives::from_displacement(lifted);
-        self.reading.primitives = Some(primitives);
-        Some(Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false }))
-    }
-
-    /// Where ahead a reply leaves room, and how far it is flown: straight on where it lists what stands before its target, else
-    /// in its open direction, since an answer that sees no target need not list more than what stands before that.
-    fn open_ahead(&self, view: &View, reply: &Reply) -> Option<(ImagePoint, f64)> {
-        if reply.status == Status::Navigating {
-            return Some((ImagePoint { u: 0.5, v: level(view) }, WAY));
-        }
-        let way = reply.open_way.filter(|way| libm::atan(view.camera.ray(way.point).right).abs() < AHEAD)?;
-        (way.depth >= ROOM).then(|| (way.point, WAY.min(0.5 * range_of_label(f64::from(way.depth)))))
+        let lifting = answer.rules.settings.lifting;
+        let lifted = lift(unproject(&view.camera, point, step).ok()?, &view.camera, view.pose.attitude, lifting);
+        self.leg = Some(Leg::TurnsBack { target });
+        reading.actions.push("flies around what is in the way".to_owned());
+        (reading.waypoint, reading.step, reading.displacement) = (Some(point), Some(step), Some(lifted));
+        Some(moves::read_to_rest(view, Primitives::from_displacement(lifted), reading))
     }
 
     /// The turn back to the target after the way around, whether or not that was flown to its end.
     pub(super) fn turn_back(&mut self, view: &View) -> Option<Step> {
-        let Leg::TurnsBack { target } = self.aside.leg? else { return None };
-        self.aside.leg = None;
-        let yaw = wrap_angle(view.pose.position.bearing_to(target) - view.pose.attitude.heading);
-        let primitives = Primitives { yaw, ..Primitives::default() };
-        Some(Step::Move(Move { primitives, anchor: Some(view.pose), then_rest: true, looks: false }))
+        let Leg::TurnsBack { target } = self.leg? else { return None };
+        self.leg = None;
+        Some(moves::to_rest(view, Primitives { yaw: back_to(view, target), ..Primitives::default() }))
     }
+}
 
-    /// Whether a reply points at a target to which a path is free.
-    fn is_way_to(&self, view: &View, reply: &Reply) -> bool {
-        let (Some(point), Some(label)) = (reply.point, reply.label()) else { return false };
-        let plan = self.plan_to(view, point, self.settings.step.length_of(label));
-        let clearance = self.clearance();
-        let outcome = avoid::avoid(&plan, clearance, &reply.boxes, reply.target.as_deref(), self.detour.keep);
-        matches!(outcome, Avoidance::Clear | Avoidance::Shifted { .. })
-    }
+/// The turn to a place, radians clockwise.
+fn back_to(view: &View, target: EnuPosition) -> f64 {
+    wrap_angle(view.pose.position.bearing_to(target) - view.pose.attitude.heading)
+}
 
-    /// Whether a point lies below the craft: a climb would bring it out of view.
-    pub(super) fn is_below(&self, view: &View, point: ImagePoint) -> bool {
-        Direction::of_point(&view.camera, view.pose, point).elevation < -BELOW
+/// Whether a reply points at a target to which a path is free.
+fn is_way_to(answer: &Answered<'_>, passing: Option<PassingSide>) -> bool {
+    let Answered { rules, reply, .. } = answer;
+    let (Some(point), Some(label)) = (reply.point, reply.label()) else { return false };
+    let planned = rules.planned(answer.view(), point, rules.settings.step.length_of(label));
+    let outcome = avoid::avoid(&planned, rules.clearance(), &reply.boxes, reply.target.as_deref(), passing);
+    matches!(outcome, Avoidance::Clear | Avoidance::Shifted { .. })
+}
+
+/// Where a way around leads ahead, and how far it is flown, clear of the boxes of the reply.
+fn way_ahead(answer: &Answered<'_>) -> Option<(ImagePoint, f64)> {
+    let Answered { rules, reply, .. } = answer;
+    let clearance = rules.clearance();
+    let (point, step) = open_ahead(answer.view(), reply)?;
+    let planned = rules.planned(answer.view(), point, step);
+    match avoid::avoid(&planned, clearance, &reply.boxes, None, None) {
+        Avoidance::Clear => Some((point, step)),
+        Avoidance::Shifted { point, .. } if !avoid::leads_along_edge(&planned, point, step, clearance) => Some((point, step)),
+        Avoidance::Shortened { step, .. } if step >= LEAST => Some((point, step)),
+        _ => None,
     }
+}
+
+/// Where ahead a reply leaves room, and how far it is flown: straight on where it lists what stands before its target, else
+/// in its open direction, since a reply that sees no target need not list more than what stands before that.
+fn open_ahead(view: &View, reply: &Reply) -> Option<(ImagePoint, f64)> {
+    if reply.status == Status::Navigating {
+        return Some((ImagePoint { u: 0.5, v: level(view) }, WAY));
+    }
+    let way = reply.open_way.filter(|way| libm::atan(view.camera.ray(way.point).right).abs() < AHEAD)?;
+    (way.depth >= ROOM).then(|| (way.point, WAY.min(0.5 * range_of_label(f64::from(way.depth)))))
 }
 
 /// The side on which what hides `point` ends nearer to it, and has room beside it in the image.

@@ -121,64 +121,48 @@ impl History {
     pub(super) fn answered(&mut self, view: &View, reply: &Reply, stage: u32) {
         self.moved_to(view.pose);
         self.count += 1;
-        let said = match reply.status {
-            Status::Done => Said::Done,
-            Status::NotVisible => Said::NotSeen,
-            Status::Blocked => Said::Blocked,
-            Status::Navigating | Status::Following if reply.point.is_some() => Said::Pointed,
-            Status::Navigating | Status::Following => Said::Turn,
-        };
         if let Some(next) = reply.stage {
-            if next > stage.max(1) {
-                // What has a place is named as it was when it was pointed at.
-                let (named, place) = (self.target.take(), self.place.take());
-                let target = place.as_ref().map(|place| place.target.clone()).or(named);
-                self.finished.push_back(Finished { stage: stage.max(1), answer: self.count, target, place });
-            } else if next < stage {
-                // It has gone back: what it thought finished is not.
-                self.finished.retain(|finished| finished.stage < next);
-                (self.target, self.place) = (None, None);
-            }
-            while self.finished.len() > REMEMBERED_ANSWERS {
-                self.finished.pop_front();
-            }
+            self.at_stage(next, stage);
         }
         if reply.target.is_some() {
             self.target.clone_from(&reply.target);
         }
+        let said = said(reply);
         match (said, reply.point) {
             (Said::Pointed, Some(point)) => {
                 self.place = Place::new(view, reply, self.flown);
                 let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(point).right);
                 self.sighting = Some(Sighting { answer: self.count, bearing, turned: 0.0, lost: None });
             }
-            (Said::NotSeen, _) => {
-                let half = view.camera.half_fov().0;
-                if let Some(sighting) = self.sighting.as_mut().filter(|sighting| sighting.lost.is_none()) {
-                    let away = wrap_angle(sighting.bearing - view.pose.attitude.heading);
-                    let side = if away < 0.0 { Look::Left } else { Look::Right };
-                    sighting.lost = Some((away.abs() > half).then_some(side));
-                }
-            }
+            (Said::NotSeen, _) => self.lost_in(view),
             _ => {}
         }
-        let past = PastAnswer {
-            said,
-            target: reply.target.clone(),
-            point: reply.point.filter(|_| said == Said::Pointed),
-            depth: reply.depth.filter(|_| said == Said::Pointed),
-            range_m: reply.range_m.filter(|_| said == Said::Pointed),
-            planned_m: None,
-            detour: None,
-            moved_m: 0.0,
-            climbed_m: 0.0,
-            turned_deg: 0.0,
-        };
-        self.answers.push_back((past, view.pose));
-        while self.answers.len() > REMEMBERED_ANSWERS {
-            self.answers.pop_front();
-        }
+        push_last(&mut self.answers, (past(reply, said), view.pose));
         self.yaw = 0.0;
+    }
+
+    /// Notes the stage of an answer; `stage` is the one before it.
+    fn at_stage(&mut self, next: u32, stage: u32) {
+        if next > stage.max(1) {
+            // What has a place is named as it was when it was pointed at.
+            let (named, place) = (self.target.take(), self.place.take());
+            let target = place.as_ref().map(|place| place.target.clone()).or(named);
+            push_last(&mut self.finished, Finished { stage: stage.max(1), answer: self.count, target, place });
+        } else if next < stage {
+            // It has gone back: what it thought finished is not.
+            self.finished.retain(|finished| finished.stage < next);
+            (self.target, self.place) = (None, None);
+        }
+    }
+
+    /// Notes that an answer about `view` has not seen the target, and on which side its direction had left the frame by then.
+    fn lost_in(&mut self, view: &View) {
+        let half = view.camera.half_fov().0;
+        if let Some(sighting) = self.sighting.as_mut().filter(|sighting| sighting.lost.is_none()) {
+            let away = wrap_angle(sighting.bearing - view.pose.attitude.heading);
+            let side = if away < 0.0 { Look::Left } else { Look::Right };
+            sighting.lost = Some((away.abs() > half).then_some(side));
+        }
     }
 
     /// Notes what follows from the last answer.
@@ -237,6 +221,41 @@ impl History {
         let unseen = self.sighting.is_none() && self.answers.back().is_some_and(|(past, _)| past.said == Said::NotSeen);
         memory.searched_deg = unseen.then(|| self.turned.to_degrees());
         memory.room = Some(view.room);
+    }
+}
+
+/// Appends one to those that are remembered, of which the oldest goes.
+fn push_last<T>(remembered: &mut VecDeque<T>, last: T) {
+    remembered.push_back(last);
+    while remembered.len() > REMEMBERED_ANSWERS {
+        remembered.pop_front();
+    }
+}
+
+/// What an answer said.
+fn said(reply: &Reply) -> Said {
+    match reply.status {
+        Status::Done => Said::Done,
+        Status::NotVisible => Said::NotSeen,
+        Status::Blocked => Said::Blocked,
+        Status::Navigating | Status::Following if reply.point.is_some() => Said::Pointed,
+        Status::Navigating | Status::Following => Said::Turn,
+    }
+}
+
+/// An answer after which nothing has been flown yet.
+fn past(reply: &Reply, said: Said) -> PastAnswer {
+    PastAnswer {
+        said,
+        target: reply.target.clone(),
+        point: reply.point.filter(|_| said == Said::Pointed),
+        depth: reply.depth.filter(|_| said == Said::Pointed),
+        range_m: reply.range_m.filter(|_| said == Said::Pointed),
+        planned_m: None,
+        detour: None,
+        moved_m: 0.0,
+        climbed_m: 0.0,
+        turned_deg: 0.0,
     }
 }
 

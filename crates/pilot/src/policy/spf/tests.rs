@@ -2,15 +2,39 @@
 
 use super::*;
 use crate::guidance::AnchorUse;
+use crate::policy::{Expected, Move};
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
-use spf_core::query::VerticalRoom;
+use spf_core::keep_out::KeepOut;
+use spf_core::query::{ImageBox, Query, QueryKind, VerticalRoom};
 use spf_core::time::{Duration, Time};
 use spf_space::avoid::Avoidance;
 
-pub(super) fn policy(avoid: bool) -> Spf {
-    let mut spf = Spf::new(settings(avoid));
+/// A policy, and what it has read in the last event.
+pub(super) struct Rig {
+    spf: Spf,
+    pub(super) reading: Reading,
+}
+
+impl Rig {
+    pub(super) fn new(settings: SpfSettings) -> Self {
+        Self { spf: Spf::new(settings), reading: Reading::default() }
+    }
+
+    pub(super) fn with_guidance(self, guidance: Guidance) -> Self {
+        Self { spf: self.spf.with_guidance(guidance), ..self }
+    }
+
+    pub(super) fn step(&mut self, event: PolicyEvent<'_>) -> Step {
+        let Output { step, reading } = self.spf.handle(event);
+        self.reading = reading;
+        step
+    }
+}
+
+pub(super) fn policy(avoid: bool) -> Rig {
+    let mut spf = Rig::new(settings(avoid));
     assert_eq!(spf.step(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
     spf
 }
@@ -33,11 +57,11 @@ pub(super) fn settings(avoid: bool) -> SpfSettings {
 }
 
 /// What the policy asks about a frame, and does when it hears this answer.
-fn told(spf: &mut Spf, frame: u64, answer: &str) -> (Query, Step) {
+fn told(spf: &mut Rig, frame: u64, answer: &str) -> (Query, Step) {
     told_from(spf, &view(frame), answer)
 }
 
-pub(super) fn told_from(spf: &mut Spf, view: &View, answer: &str) -> (Query, Step) {
+pub(super) fn told_from(spf: &mut Rig, view: &View, answer: &str) -> (Query, Step) {
     let query = sent_query(spf.step(PolicyEvent::Frame(view)));
     let step = spf.step(PolicyEvent::Reply { id: query.id, text: answer });
     (query, step)
@@ -71,7 +95,7 @@ pub(super) fn sent_query(step: Step) -> Query {
 const CAR_AHEAD: &str = r#"{"box":[400,450,600,550],"depth":4,"name":"car"}"#;
 
 /// What the policy asks about a frame, and does when it hears this answer with these boxes.
-fn decided(spf: &mut Spf, frame: u64, boxes: &str, answer: &str) -> (Query, Step) {
+fn decided(spf: &mut Rig, frame: u64, boxes: &str, answer: &str) -> (Query, Step) {
     let (query, step) = told(spf, frame, &format!(r#"{},"boxes":[{boxes}]}}"#, answer.strip_suffix('}').unwrap()));
     assert_eq!(query.kind, QueryKind::point(true));
     (query, step)
@@ -87,9 +111,9 @@ fn the_target_is_no_obstacle() {
     // Cut off by the lower edge.
     let car = r#"{"box":[400,100,1000,900],"depth":1,"name":"the black car"}"#;
     decided(&mut spf, 0, car, &ahead("the black car"));
-    assert_eq!(spf.reading.clone().avoidance, Some(Avoidance::Clear));
+    assert_eq!(spf.reading.avoidance, Some(Avoidance::Clear));
     decided(&mut spf, 1, car, &ahead("red crane"));
-    assert!(!matches!(spf.reading.clone().avoidance, Some(Avoidance::Clear)));
+    assert!(!matches!(spf.reading.avoidance, Some(Avoidance::Clear)));
 }
 
 #[test]
@@ -108,14 +132,10 @@ fn a_search_keeps_clear_of_the_boxes_too() {
     let open = r#"{"status":"not_visible","look":"right","point":[500,500],"depth":9}"#;
     let flown = (0..40).find(|frame| {
         decided(&mut spf, *frame, CAR_AHEAD, open);
-        spf.reading.clone().step.is_some()
+        spf.reading.step.is_some()
     });
     assert!(flown.is_some(), "it goes along the way that the answers show");
-    assert!(
-        matches!(spf.reading.clone().avoidance, Some(Avoidance::Shifted { by: 0, .. })),
-        "{:?}",
-        spf.reading.clone().avoidance
-    );
+    assert!(matches!(spf.reading.avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading.avoidance);
 }
 
 /// Half of a path along the image's edge is outside the image, where no box is reported.
@@ -128,7 +148,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
         let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
         // tan = 0.94 right of the middle: 43.2°.
         assert!((primitives.yaw.to_degrees() - 43.2).abs() < 0.5 && primitives.forward == 0.0, "{primitives:?}");
-        assert!(spf.reading.clone().actions[0].starts_with("turns first"), "{:?}", spf.reading.clone().actions);
+        assert!(spf.reading.actions[0].starts_with("turns first"), "{:?}", spf.reading.actions);
         // If repeated, it is flown to.
         let (_, step) = decided(&mut spf, 1, "", aside);
         let Step::Move(Move { primitives, then_rest: false, .. }) = step else { panic!("{step:?}") };
@@ -156,10 +176,10 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
 /// The climbs of a blocked path count towards the 3 m too, until a step is flown; then it turns.
 #[test]
 fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
-    let mut spf = Spf::new(settings(true));
+    let mut spf = Rig::new(settings(true));
     spf.step(PolicyEvent::Instruction("fly to the red crane"));
     let mut number = 0;
-    let mut decide = |spf: &mut Spf, boxes: &str| {
+    let mut decide = |spf: &mut Rig, boxes: &str| {
         let query = sent_query(spf.step(PolicyEvent::Frame(&view(number))));
         number += 1;
         let text = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
@@ -170,16 +190,16 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
     };
     let wall = r#"{"box":[30,0,1000,1000],"depth":1,"name":"wall"}"#;
     let mut moves =
-        |spf: &mut Spf| (0..15).filter_map(|_| decide(spf, wall)).map(|p| (p.climb, p.yaw != 0.0)).collect::<Vec<_>>();
+        |spf: &mut Rig| (0..15).filter_map(|_| decide(spf, wall)).map(|p| (p.climb, p.yaw != 0.0)).collect::<Vec<_>>();
     assert_eq!(moves(&mut spf), [(1.0, false), (1.0, false), (1.0, false), (0.0, true), (0.0, true)]);
-    assert!(spf.reading.clone().actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading.clone().actions);
+    assert!(spf.reading.actions.last().unwrap().contains("it has climbed 3 m"), "{:?}", spf.reading.actions);
 }
 
 /// What a forward camera has seen overhead hangs there for as long as the craft stays below it.
 #[test]
 fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
     let climb_after = |seconds: u64, north: f64, name: &str| {
-        let mut spf = Spf::new(settings(true));
+        let mut spf = Rig::new(settings(true));
         spf.step(PolicyEvent::Instruction("fly to the red crane"));
         let at = |seconds: u64, north: f64| {
             let mut view = view(seconds);
@@ -253,8 +273,8 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
     let mut sides = Vec::new();
     for (frame, u) in [490, 510, 480, 520, 490].into_iter().enumerate() {
         told(&mut spf, frame as u64, &post(u));
-        let waypoint = spf.reading.clone().waypoint.unwrap();
-        assert!(matches!(spf.reading.clone().avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading.clone().avoidance);
+        let waypoint = spf.reading.waypoint.unwrap();
+        assert!(matches!(spf.reading.avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading.avoidance);
         sides.push(waypoint.u > 0.5);
     }
     assert_eq!(sides, [true; 5]);
@@ -263,14 +283,14 @@ fn a_detour_keeps_its_side_from_answer_to_answer() {
         told(&mut spf, frame, r#"{"status":"navigating","point":[500,500],"depth":7,"target":"crane","boxes":[]}"#);
     }
     told(&mut spf, 14, &post(520));
-    assert!(spf.reading.clone().waypoint.unwrap().u < 0.5);
+    assert!(spf.reading.waypoint.unwrap().u < 0.5);
 }
 
 /// The last box was 9.6 px wide, so its region goes along; after an answer without one nothing does.
 #[test]
 fn a_small_target_goes_along_enlarged_if_wanted() {
     let small = r#"{"status":"navigating","target_box":[495,495,505,505],"point":[500,500],"depth":9,"target":"crane"}"#;
-    let mut spf = Spf::new(SpfSettings { close_up: true, ..settings(false) });
+    let mut spf = Rig::new(SpfSettings { close_up: true, ..settings(false) });
     spf.step(PolicyEvent::Instruction("fly to the red crane"));
     let (first, _) = told(&mut spf, 0, small);
     assert_eq!(first.close_up, None);
@@ -294,22 +314,22 @@ fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes(
         let guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor, ..Guidance::default() };
         let mut spf = policy(true).with_guidance(guidance);
         told(&mut spf, 0, wall);
-        spf.reading.clone().avoidance
+        spf.reading.avoidance
     };
     assert!(matches!(checked(false), Some(Avoidance::Shortened { .. } | Avoidance::Hold { .. })), "{:?}", checked(false));
     assert_eq!(checked(true), None);
 }
 
 /// An anchored policy.
-fn anchored(avoid: bool) -> Spf {
+fn anchored(avoid: bool) -> Rig {
     let guidance = Guidance { anchor: AnchorUse::Always, ..Guidance::default() };
-    let mut spf = Spf::new(settings(avoid)).with_guidance(guidance);
+    let mut spf = Rig::new(settings(avoid)).with_guidance(guidance);
     assert_eq!(spf.step(PolicyEvent::Instruction("fly to the crane")), Step::Look);
     spf
 }
 
 /// The policy's response to a reply on a frame that is expected to show the target.
-fn told_expecting(spf: &mut Spf, frame: u64, expected: Expected, answer: &str) -> Step {
+fn told_expecting(spf: &mut Rig, frame: u64, expected: Expected, answer: &str) -> Step {
     let query = sent_query(spf.step(PolicyEvent::Frame(&View { expected, ..view(frame) })));
     spf.step(PolicyEvent::Reply { id: query.id, text: answer })
 }
@@ -434,7 +454,8 @@ fn a_reply_that_points_elsewhere_counts_as_one_without_the_target() {
     }
 }
 
-/// A target of 20 pixels, then of 60, then replies that do not see it: the craft looks twice more for the first before it turns away.
+/// A target of 20 pixels, then of 60, then replies that do not see it: the craft looks twice more for the first before it turns
+/// away.
 #[test]
 fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_away() {
     let missed = r#"{"status":"not_visible","look":"right"}"#;
@@ -458,7 +479,7 @@ fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
     let place = KeepOut::new(3, &view.camera, view.pose, area, 4).unwrap();
     let answer = r#"{"status":"navigating","point":[500,500],"depth":9,"target":"crane"}"#;
     let waypoint = |marked: bool| {
-        let mut spf = Spf::new(settings(false));
+        let mut spf = Rig::new(settings(false));
         spf.step(PolicyEvent::Instruction("fly to the crane"));
         spf.step(PolicyEvent::KeepOut(if marked { core::slice::from_ref(&place) } else { &[] }));
         let (query, _) = told_from(&mut spf, &view, answer);
@@ -469,12 +490,12 @@ fn a_step_leads_around_what_the_operator_has_marked_and_the_query_says_so() {
             query.prompt
         );
         assert_eq!(query.marks.len(), usize::from(marked));
-        spf.reading.clone().waypoint.unwrap()
+        spf.reading.waypoint.unwrap()
     };
     assert!((waypoint(false).u - 0.5).abs() < 0.01);
     assert!((waypoint(true).u - 0.5).abs() > 0.1, "{:?}", waypoint(true));
     // A new instruction does not unmark it.
-    let mut spf = Spf::new(settings(true));
+    let mut spf = Rig::new(settings(true));
     spf.step(PolicyEvent::KeepOut(&[place]));
     spf.step(PolicyEvent::Instruction("fly to the crane"));
     assert_eq!(told_from(&mut spf, &view, answer).0.marks.len(), 1);

@@ -1,6 +1,6 @@
 use crate::guidance::{AnchorUse, Guidance};
-use crate::policy::spf::tests::{settings, told_from, view};
-use crate::policy::spf::{Primitives, Spf};
+use crate::policy::spf::Primitives;
+use crate::policy::spf::tests::{Rig, settings, told_from, view};
 use crate::policy::{Move, PolicyEvent, Step};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
@@ -11,14 +11,14 @@ const OPEN: &str = r#"{"status":"not_visible","look":"right","point":[500,520],"
 const CLOSED: &str = r#"{"status":"not_visible","look":"right","boxes":[]}"#;
 
 struct Flight {
-    spf: Spf,
+    spf: Rig,
     pose: Pose,
     frames: u64,
 }
 
 impl Flight {
     fn begin(guidance: Guidance) -> Self {
-        let mut spf = Spf::new(settings(true)).with_guidance(guidance);
+        let mut spf = Rig::new(settings(true)).with_guidance(guidance);
         spf.step(PolicyEvent::Instruction("fly to the crane"));
         Self { spf, pose: Pose::default(), frames: 0 }
     }

@@ -140,7 +140,7 @@ fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
             );
             told_from(&mut spf, &view, &answer);
         }
-        spf.reading.clone()
+        spf.reading
     };
     let guided = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     // From the right towards the path, 4.6 m ahead, at 0.7 m/s: she is not on it yet.
@@ -160,7 +160,7 @@ fn only_without_guidance_a_step_leads_under_a_wall() {
     let avoided = |guidance: Guidance| {
         let mut spf = policy(true).with_guidance(guidance);
         told_from(&mut spf, &view(0), wall);
-        spf.reading.clone().avoidance
+        spf.reading.avoidance
     };
     assert!(matches!(avoided(Guidance { anchor: AnchorUse::Low, ..Guidance::default() }), Some(Avoidance::Shortened { .. })));
     assert!(matches!(avoided(Guidance::default()), Some(Avoidance::Shifted { point, .. }) if point.v > 0.5));

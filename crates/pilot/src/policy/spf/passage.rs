@@ -1,0 +1,125 @@
+//! The way to the target past what is in it: the side on which it is passed, and what follows when no direction is free.
+
+use super::answered::Answered;
+use super::aside::Aside;
+use super::plan::{Before, Plan, Refusal, TurnedFirst};
+use super::rules::Rules;
+use crate::policy::{Reading, Step, View};
+use spf_space::avoid::{self, Avoidance, PassingSide, Side};
+
+/// Number of times in a row that a blocked path is answered by holding and querying again before searching for another.
+const BLOCKED_LOOKS: u32 = 3;
+/// The same after a way around has been tried: somebody who walks has walked on.
+const BLOCKED_AGAIN: u32 = 2;
+/// Number of clear paths in a row after which a detour is over.
+const DETOUR_OVER: u32 = 2;
+
+/// A detour under way.
+#[derive(Clone, Copy, Debug, Default)]
+struct DetourSide {
+    passing: Option<PassingSide>,
+    /// Clear paths in a row.
+    clear: u32,
+}
+
+impl DetourSide {
+    fn clear(&mut self) {
+        self.clear += 1;
+        if self.clear >= DETOUR_OVER {
+            self.passing = None;
+        }
+    }
+
+    /// A path around has been found on this side; `None` if it leads over or under.
+    fn shifted(&mut self, side: Option<Side>) {
+        self.clear = 0;
+        let Some(side) = side else { return };
+        self.passing = match self.passing {
+            Some(passing) if passing.side == side => Some(passing),
+            // It changes sides once; a craft that did so at every reply would get nowhere.
+            Some(_) => Some(PassingSide { side, strict: true }),
+            None => Some(PassingSide { side, strict: false }),
+        };
+    }
+}
+
+/// The way past what is before the target.
+#[derive(Clone, Debug)]
+pub(super) struct Passage {
+    detour: DetourSide,
+    /// Replies in a row that left no direction free.
+    blocked: u32,
+    /// Ways around that are out of view; `None` without guidance.
+    aside: Option<Aside>,
+    /// The turn towards the path that was flown instead of the last step.
+    turned: Option<TurnedFirst>,
+}
+
+impl Passage {
+    pub(super) fn new(rules: &Rules) -> Self {
+        let aside = rules.is_guided.then(Aside::default);
+        Self { detour: DetourSide::default(), blocked: 0, aside, turned: None }
+    }
+
+    /// What the decisions before leave for the next plan. Only the very next one follows the turn that was made for it.
+    pub(super) fn before(&mut self) -> Before {
+        Before { passing: self.detour.passing, turned: self.turned.take() }
+    }
+
+    /// Forgets the turn that was made for the next step: it has not shown what lies there, or the step does not follow.
+    pub(super) fn forget_turn(&mut self) {
+        self.turned = None;
+    }
+
+    /// Notes what the checks have made of a plan.
+    pub(super) fn checked(&mut self, plan: &Plan<'_>, refusal: Option<Refusal>) {
+        if let Some(Refusal::TurnFirst(turn)) = refusal {
+            self.turned = Some(turn);
+        }
+        let Some(outcome) = plan.avoidance.filter(|_| refusal != Some(Refusal::Blocked)) else { return };
+        self.blocked = 0;
+        if refusal == Some(Refusal::Beside) {
+            return;
+        }
+        match outcome {
+            Avoidance::Clear => self.detour.clear(),
+            Avoidance::Shifted { point, .. } => self.detour.shifted(avoid::side_of(&plan.straight(), point)),
+            Avoidance::Shortened { .. } | Avoidance::Hold { .. } => return,
+        }
+        if let Some(aside) = &mut self.aside {
+            aside.clear();
+        }
+    }
+
+    /// Notes that no direction is free; returns whether the craft waits for another reply.
+    pub(super) fn waits(&mut self) -> bool {
+        self.blocked += 1;
+        let looks = if self.aside.is_some_and(|aside| aside.was_tried()) { BLOCKED_AGAIN } else { BLOCKED_LOOKS };
+        if self.blocked >= looks {
+            self.blocked = 0;
+        }
+        self.blocked > 0
+    }
+
+    /// Begins a way around that is out of view; `None` if there is none, or all that could be tried has been.
+    pub(super) fn go_aside(&mut self, plan: &Plan<'_>, reading: &mut Reading) -> Option<Step> {
+        let passed = self.detour.passing.map(|passing| passing.side);
+        self.aside.as_mut()?.begin(plan, passed, reading)
+    }
+
+    /// What follows from a reply about a side to which the craft has turned ([`Aside::look`]).
+    pub(super) fn look_aside(&mut self, answer: &Answered<'_>, reading: &mut Reading) -> Option<Step> {
+        let passing = self.detour.passing;
+        self.aside.as_mut()?.look(answer, passing, reading)
+    }
+
+    /// The turn back to the target after a way around.
+    pub(super) fn turn_back(&mut self, view: &View) -> Option<Step> {
+        self.aside.as_mut()?.turn_back(view)
+    }
+
+    /// The path is closed, whatever the side on which it was passed.
+    pub(super) fn close(&mut self) {
+        self.detour = DetourSide::default();
+    }
+}

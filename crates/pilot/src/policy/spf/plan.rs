@@ -1,0 +1,360 @@
+//! A step towards an image point, as it is planned, and the checks that may refuse it: the first refusal wins.
+
+use super::answered::Answered;
+use super::retreat;
+use super::rules::{KeptClear, is_at_edge};
+use crate::policy::{Expected, Goto, Move, Reading, Step, View};
+use spf_core::direction::Direction;
+use spf_core::keep_out::MARKED;
+use spf_core::lift::{self, UnprojectError};
+use spf_core::primitives::Primitives;
+use spf_core::query::ImagePoint;
+use spf_core::reply::{ObstacleBox, Status};
+use spf_space::avoid::{self, Avoidance, MIN_STEP, PassingSide, PlannedStep, Side};
+use spf_space::views::Views;
+
+/// Climb with which the craft looks over what blocks its path, metres.
+pub(super) const BLOCKED_CLIMB: f64 = 1.0;
+/// Steps longer than the planned one whose path is compared with the boxes.
+const LONGER_STEPS: u32 = 8;
+/// Most turns in a row towards paths along the image edges; the second only towards the other edge.
+const TURNS_FIRST: u32 = 2;
+/// Nearer than this multiple of the distance to keep, the craft is beside who is followed.
+const BESIDE: f64 = 1.6;
+/// Angle below which a target is not below the craft, radians: 6°.
+const BELOW: f64 = 6.0 / 180.0 * core::f64::consts::PI;
+
+/// Turns flown instead of the step itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct TurnedFirst {
+    /// Where the last one led.
+    side: Side,
+    /// Number in a row.
+    turns: u32,
+}
+
+impl TurnedFirst {
+    /// The turn to this side after the one `before`; `None` if the step itself comes next.
+    fn next(before: Option<Self>, side: Side) -> Option<Self> {
+        match before {
+            None => Some(Self { side, turns: 1 }),
+            Some(last) if last.side != side && last.turns < TURNS_FIRST => Some(Self { side, turns: last.turns + 1 }),
+            Some(_) => None,
+        }
+    }
+}
+
+/// What the decisions before have left for this one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Before {
+    /// The side on which an obstacle is being passed.
+    pub(super) passing: Option<PassingSide>,
+    /// The turn towards the path that was flown instead of the last step.
+    pub(super) turned: Option<TurnedFirst>,
+}
+
+/// A step towards an image point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plan<'a> {
+    pub(super) answer: Answered<'a>,
+    /// Where the reply points, and the depth label of what is there.
+    pub(super) point: ImagePoint,
+    pub(super) label: f64,
+    before: Before,
+    /// What the obstacles make of it; `None` if nothing is checked.
+    pub(super) avoidance: Option<Avoidance>,
+    /// The point flown to.
+    pub(super) waypoint: ImagePoint,
+    /// Distance along the optical axis that the obstacles leave, metres.
+    step: f64,
+    /// The most that a person leaves who walks towards the craft, metres, where it is less.
+    room: Option<f64>,
+}
+
+/// What a check makes of a plan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Verdict {
+    /// It may be flown.
+    Fly,
+    /// It may be flown for so many metres along the optical axis.
+    Within(f64),
+    /// It is not flown.
+    Refused(Refusal),
+}
+
+/// Why a plan is not flown, and what is done instead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Refusal {
+    /// The craft is beside somebody with whom it stays, and something is in the way: it stays there, and goes on looking at them.
+    Beside,
+    /// No direction is free: it waits, and then looks for a way over or around.
+    Blocked,
+    /// Somebody walks towards it: it waits for them.
+    Met,
+    /// The path leads along the edge of the image: it turns there first.
+    TurnFirst(TurnedFirst),
+}
+
+/// The checks, in order.
+const CHECKS: [fn(&Plan<'_>, &Views) -> Verdict; 4] = [stays_beside, is_blocked, meets_somebody, leads_along_edge];
+
+/// The craft stays with somebody whose track tells where they are: it does not need to get anywhere, and comes no nearer.
+fn stays_beside(plan: &Plan<'_>, _: &Views) -> Verdict {
+    let Answered { rules, reply, .. } = plan.answer;
+    let beside = rules.kept_m.map_or(0.0, |kept| BESIDE * kept);
+    let is_beside = matches!(plan.view().expected, Expected::Followed { is_tracked: true, range, .. } if range < beside);
+    let is_in_the_way = plan.avoidance.is_some_and(|outcome| outcome != Avoidance::Clear);
+    let stays = is_in_the_way && is_beside && reply.status == Status::Following && rules.follows(reply);
+    if stays { Verdict::Refused(Refusal::Beside) } else { Verdict::Fly }
+}
+
+fn is_blocked(plan: &Plan<'_>, _: &Views) -> Verdict {
+    let is_blocked = matches!(plan.avoidance, Some(Avoidance::Hold { .. }));
+    if is_blocked { Verdict::Refused(Refusal::Blocked) } else { Verdict::Fly }
+}
+
+/// The craft does not go to meet a person who walks towards it, unless it is to stay with them.
+fn meets_somebody(plan: &Plan<'_>, views: &Views) -> Verdict {
+    let Answered { rules, reply, .. } = plan.answer;
+    match retreat::room_before_target(plan.view(), reply, views) {
+        Some(room) if room < plan.step && !rules.follows(reply) => {
+            if room < MIN_STEP {
+                Verdict::Refused(Refusal::Met)
+            } else {
+                Verdict::Within(room)
+            }
+        }
+        _ => Verdict::Fly,
+    }
+}
+
+/// Half of a path along the edge of the image is outside it, where no box is listed.
+fn leads_along_edge(plan: &Plan<'_>, _: &Views) -> Verdict {
+    let Answered { rules, reply, .. } = plan.answer;
+    // A craft that follows turns to its target all the time.
+    let stays = rules.follows(reply) && reply.status == Status::Following;
+    if plan.avoidance.is_none() || stays {
+        return Verdict::Fly;
+    }
+    let planned = rules.planned(plan.view(), plan.point, plan.step);
+    if !avoid::leads_along_edge(&planned, plan.waypoint, plan.step, rules.clearance()) {
+        return Verdict::Fly;
+    }
+    let side = if plan.view().camera.ray(plan.waypoint).right > 0.0 { Side::Right } else { Side::Left };
+    // A target at the very edge of the frame every time is flown to anyway.
+    let next = TurnedFirst::next(plan.before.turned, side);
+    next.map_or(Verdict::Fly, |turn| Verdict::Refused(Refusal::TurnFirst(turn)))
+}
+
+impl<'a> Plan<'a> {
+    /// The step towards a point, led around what the obstacles of the reply leave no room for.
+    pub(super) fn new(answer: Answered<'a>, (point, label): (ImagePoint, f64), before: Before, views: &Views) -> Self {
+        let step = answer.rules.settings.step.length_of(label);
+        let plan = Self { answer, point, label, before, avoidance: None, waypoint: point, step, room: None };
+        if answer.rules.kept_clear != KeptClear::ByBoxes && !views.has_keep_out() {
+            return plan;
+        }
+        let planned = plan.answer.rules.planned(plan.view(), point, step);
+        let target = answer.reply.target.as_deref();
+        let outcome = avoid::avoid(&planned, answer.rules.clearance(), &plan.counted(), target, before.passing);
+        let (waypoint, step) = match outcome {
+            Avoidance::Shifted { point, .. } => (point, step),
+            Avoidance::Shortened { step: shorter, .. } => (point, shorter),
+            Avoidance::Clear | Avoidance::Hold { .. } => (point, step),
+        };
+        let plan = Self { avoidance: Some(outcome), ..plan };
+        // Beside somebody, the craft keeps looking at them.
+        if stays_beside(&plan, views) == Verdict::Fly { Self { waypoint, step, ..plan } } else { plan }
+    }
+
+    /// Lets all checks look at the plan, until one refuses it.
+    ///
+    /// # Errors
+    /// The first refusal.
+    pub(super) fn check(&mut self, views: &Views) -> Result<(), Refusal> {
+        for check in CHECKS {
+            match check(self, views) {
+                Verdict::Fly => {}
+                Verdict::Within(room) => self.room = Some(room),
+                Verdict::Refused(refusal) => return Err(refusal),
+            }
+        }
+        Ok(())
+    }
+
+    /// What a person who walks towards the craft leaves, metres.
+    pub(super) fn room(&self) -> Option<f64> {
+        self.room
+    }
+
+    pub(super) fn view(&self) -> &View {
+        self.answer.view()
+    }
+
+    /// Distance flown along the optical axis, metres.
+    pub(super) fn length(&self) -> f64 {
+        self.room.unwrap_or(self.step)
+    }
+
+    /// The planned step without obstacles.
+    pub(super) fn straight(&self) -> PlannedStep<'_> {
+        let Answered { rules, .. } = &self.answer;
+        rules.planned(self.view(), self.point, rules.settings.step.length_of(self.label))
+    }
+
+    /// The motions of the step (paper §3.3, §3.4), written into the reading; `turns`: nothing is flown of it but the turn.
+    ///
+    /// # Errors
+    /// If the point cannot be lifted; the craft must not fly there.
+    pub(super) fn read(&self, turns: bool, reading: &mut Reading) -> Result<Primitives, UnprojectError> {
+        let View { camera, pose, .. } = self.view();
+        (reading.waypoint, reading.step) = (Some(self.waypoint), Some(self.length()));
+        let lifting = self.answer.rules.settings.lifting;
+        let displacement = lift::lift(lift::unproject(camera, self.waypoint, self.length())?, camera, pose.attitude, lifting);
+        let mut primitives = Primitives::from_displacement(displacement);
+        reading.displacement = Some(displacement);
+        if turns {
+            primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
+            (reading.step, reading.displacement) = (None, None);
+        }
+        reading.primitives = Some(primitives);
+        Ok(primitives)
+    }
+
+    /// The motion of the step.
+    pub(super) fn motion(&self, primitives: Primitives) -> Move {
+        // An open direction is flown to its end.
+        let then_rest = self.answer.reply.status == Status::NotVisible;
+        Move { primitives, anchor: Some(self.view().pose), then_rest, looks: false }
+    }
+
+    /// The obstacles that count: what the operator has marked does in any case.
+    fn counted(&self) -> Vec<ObstacleBox> {
+        let Answered { rules, reply, .. } = &self.answer;
+        let counts = |obstacle: &&ObstacleBox| rules.kept_clear == KeptClear::ByBoxes || obstacle.name == MARKED;
+        reply.boxes.iter().filter(counts).cloned().collect()
+    }
+
+    /// How far the obstacles leave the straight path clear, metres along the optical axis: the longest step towards the point, up
+    /// to half of the range that the label states; at least the planned one, which is.
+    fn clear(&self) -> f64 {
+        if self.room.is_some() || self.avoidance != Some(Avoidance::Clear) {
+            return self.length();
+        }
+        let (boxes, clearance) = (self.counted(), self.answer.rules.clearance());
+        let half = 0.5 * lift::range_of_label(self.label);
+        let longer = (0..LONGER_STEPS).map(|nth| half + (self.step - half) * f64::from(nth) / f64::from(LONGER_STEPS));
+        let is_clear = |step: f64| {
+            let planned = PlannedStep { step, ..self.straight() };
+            avoid::avoid(&planned, clearance, &boxes, self.answer.reply.target.as_deref(), None) == Avoidance::Clear
+        };
+        longer.take_while(|&step| step > self.step).find(|&step| is_clear(step)).unwrap_or(self.step)
+    }
+
+    /// Whether the reply's point tells the pilot where the target is: a point beside, above or behind it, or straight on, does
+    /// not.
+    pub(super) fn tells_place(&self) -> bool {
+        let Answered { rules, reply, .. } = self.answer;
+        let is_on_target = reply.target_box.is_some_and(|area| area.contains(self.point)) && !is_at_edge(self.point);
+        rules.follows(reply) || reply.status == Status::Navigating && rules.keeps_place && is_on_target
+    }
+
+    /// The step with the sighting of the target, of this stage. `stays`: it comes no nearer.
+    pub(super) fn sighting(&self, motion: Move, stage: u32, stays: bool) -> Step {
+        let Answered { rules, query, reply } = self.answer;
+        let is_clear = stays || self.avoidance.is_none_or(|outcome| outcome == Avoidance::Clear);
+        let Primitives { forward, climb, .. } = motion.primitives;
+        let goto = Goto {
+            id: query.id,
+            point: self.point,
+            area: reply.target_box,
+            label: self.label,
+            stage,
+            motion,
+            is_detour: self.waypoint != self.point || !is_clear,
+            clear: if stays { 0.0 } else { libm::hypot(forward, climb) * self.clear() / self.length() },
+        };
+        if rules.follows(reply) { Step::Follow(goto) } else { Step::Goto(goto) }
+    }
+
+    /// Why the craft does not climb to look over what blocks the path; `None` if it may.
+    pub(super) fn no_climb(&self, views: &Views) -> Option<&'static str> {
+        let (rules, view) = (&self.answer.rules, self.view());
+        if !views.clears(&view.pose, BLOCKED_CLIMB, rules.clearance()) {
+            return Some("an obstacle reaches beyond the upper edge of the frame");
+        }
+        // Over what stands before a low target, that target would be lost under the craft.
+        let is_below = Direction::of_point(&view.camera, view.pose, self.point).elevation < -BELOW;
+        (rules.is_guided && is_below).then_some("the target would be lost under the craft")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::asking::{OpenQuery, Purpose};
+    use super::super::rules::Rules;
+    use super::super::tests::{settings, view};
+    use super::*;
+    use crate::guidance::Guidance;
+    use spf_core::query::{ImageBox, QueryId};
+    use spf_core::reply::Reply;
+
+    const AHEAD: ImagePoint = ImagePoint { u: 0.5, v: 0.5 };
+    /// At the image's edge, where the path leads along what has not been observed.
+    const ASIDE: ImagePoint = ImagePoint { u: 0.97, v: 0.5 };
+
+    /// What the checks make of a step to a tower at this point, 12.9 m away by its label, among obstacles.
+    fn checked<T>(point: ImagePoint, boxes: &[ObstacleBox], of: impl Fn(&Plan<'_>, Option<Refusal>) -> T) -> T {
+        let area = ImageBox { left: point.u - 0.02, top: 0.4, right: point.u + 0.02, bottom: 0.6 };
+        let reply = Reply {
+            target: Some("tower".to_owned()),
+            target_box: Some(area),
+            point: Some(point),
+            depth: Some(6),
+            boxes: boxes.to_vec(),
+            ..Reply::new(Status::Navigating)
+        };
+        let query = OpenQuery { id: QueryId(1), view: view(1), purpose: Purpose::Decide };
+        let answer = Answered { rules: Rules::new(settings(true), Guidance::default()), query, reply: &reply };
+        let mut plan = Plan::new(answer, (point, 6.0), Before::default(), &Views::default());
+        let refusal = plan.check(&Views::default()).err();
+        of(&plan, refusal)
+    }
+
+    fn wall(depth: u8) -> ObstacleBox {
+        let area = ImageBox { left: 0.0, top: 0.0, right: 1.0, bottom: 1.0 };
+        ObstacleBox { area, depth, name: "wall".to_owned() }
+    }
+
+    #[test]
+    fn the_first_refusal_wins() {
+        let refusal = |point, boxes: &[ObstacleBox]| checked(point, boxes, |_, refusal| refusal);
+        assert_eq!(refusal(AHEAD, &[]), None);
+        assert!(matches!(refusal(ASIDE, &[]), Some(Refusal::TurnFirst(_))));
+        assert_eq!(refusal(AHEAD, &[wall(1)]), Some(Refusal::Blocked));
+        // No turn is made towards a path that is not free.
+        assert_eq!(refusal(ASIDE, &[wall(1)]), Some(Refusal::Blocked));
+    }
+
+    #[test]
+    fn of_a_shortened_step_as_much_is_clear_as_is_flown_and_of_a_free_one_up_to_half_the_range() {
+        // The label 6 is 12.9 m, and the paper's step for it 3.99 m.
+        let (length, clear) = checked(AHEAD, &[], |plan, _| (plan.length(), plan.clear()));
+        assert!((length - 3.99).abs() < 0.01 && (clear - 6.46).abs() < 0.05, "{length} {clear}");
+        // A wall from 3.6 m on.
+        let (length, clear) = checked(AHEAD, &[wall(4)], |plan, _| (plan.length(), plan.clear()));
+        assert!(length < 3.5 && clear == length, "{length} {clear}");
+    }
+
+    #[test]
+    fn a_turn_is_made_once_to_each_side() {
+        let first = TurnedFirst::next(None, Side::Right);
+        assert!(first.is_some() && TurnedFirst::next(first, Side::Right).is_none());
+        let second = TurnedFirst::next(first, Side::Left);
+        assert!(
+            second.is_some()
+                && TurnedFirst::next(second, Side::Right).is_none()
+                && TurnedFirst::next(second, Side::Left).is_none()
+        );
+    }
+}

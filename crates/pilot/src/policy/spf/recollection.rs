@@ -1,0 +1,66 @@
+//! What each query recalls of the flight so far, for the VLM.
+
+use super::history::History;
+use crate::policy::{Reading, View};
+use spf_core::camera::Camera;
+use spf_core::query::{ImageBox, ImagePoint, Look, Memory};
+use spf_core::reply::{ObstacleBox, Reply, ReplyError};
+
+/// Number of earlier targets that are recalled.
+const TARGETS: usize = 8;
+
+/// The memory of a flight, as a query carries it, and the events it is made from.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Recollection {
+    memory: Memory,
+    history: History,
+}
+
+impl Recollection {
+    /// The stage of the instruction, from 1; 0 before the first reply.
+    pub(super) fn stage(&self) -> u32 {
+        self.memory.stage
+    }
+
+    /// The half of the image in which the target was last pointed at.
+    pub(super) fn last_seen(&self) -> Option<Look> {
+        self.memory.last_seen
+    }
+
+    /// The memory of a query about a view. `turned`: by how much the search has turned, radians clockwise.
+    pub(super) fn about(&mut self, view: &View, confirming: bool, turned: f64, kept_out: Vec<ImageBox>) -> Memory {
+        self.history.fill(view, &mut self.memory);
+        Memory { confirming, turned, kept_out, ..self.memory.clone() }
+    }
+
+    /// Notes whether a reply could be read: what was wrong is stated until there is another reply.
+    pub(super) fn parsed(&mut self, parsed: &Result<Reply, ReplyError>) {
+        self.memory.refused = parsed.as_ref().err().map(ReplyError::for_the_model);
+    }
+
+    /// Notes a usable reply about a view; returns whether it has gone on to another stage.
+    pub(super) fn answered(&mut self, view: &View, reply: &Reply) -> bool {
+        self.history.answered(view, reply, self.memory.stage);
+        let stage = reply.stage.unwrap_or(self.memory.stage);
+        core::mem::replace(&mut self.memory.stage, stage) != stage
+    }
+
+    /// Notes that a reply points at its target.
+    pub(super) fn pointed(&mut self, reply: &Reply, point: ImagePoint) {
+        let targets = &mut self.memory.targets;
+        if let Some(target) = &reply.target
+            && targets.last() != Some(target)
+        {
+            targets.push(target.clone());
+            if targets.len() > TARGETS {
+                targets.remove(0);
+            }
+        }
+        self.memory.last_seen = Some(if point.u < 0.5 { Look::Left } else { Look::Right });
+    }
+
+    /// Notes what follows from the last reply.
+    pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading, boxes: &[ObstacleBox]) {
+        self.history.planned(camera, reading, boxes);
+    }
+}

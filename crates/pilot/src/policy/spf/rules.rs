@@ -1,0 +1,133 @@
+//! The method of a flight, as settings and guidance make it. Nothing else of SPF reads [`Guidance`].
+
+use super::SpfSettings;
+use crate::guidance::Guidance;
+use crate::policy::View;
+use spf_core::query::{ImagePoint, QueryKind};
+use spf_core::reply::{Reply, Status};
+use spf_space::avoid::{self, BODY_MARGIN, PlannedStep};
+
+/// A point this near to the image's edge, as a fraction of its size, is no place of a target.
+const IMAGE_EDGE: f64 = 0.02;
+
+/// What keeps a step clear of obstacles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum KeptClear {
+    /// Nothing but the operator's keep-out volumes: the paper without obstacle mode.
+    Unchecked,
+    /// The obstacle boxes of replies (paper §3.1).
+    ByBoxes,
+    /// The planner, on a map that a depth sensor fills.
+    ByPlanner,
+}
+
+/// The method of a flight.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rules {
+    pub(super) settings: SpfSettings,
+    /// What keeps steps clear of obstacles.
+    pub(super) kept_clear: KeptClear,
+    /// Whether something guides the craft between two replies, so that it flies on while it asks.
+    pub(super) is_guided: bool,
+    /// Whether the pilot keeps the target's place ([`crate::policy::Step::Goto`]).
+    pub(super) keeps_place: bool,
+    /// Distance kept from somebody whom the pilot tracks, metres; `None` if it tracks nobody.
+    pub(super) kept_m: Option<f64>,
+}
+
+impl Rules {
+    pub(super) fn new(settings: SpfSettings, guidance: Guidance) -> Self {
+        let kept_clear = match settings.avoid {
+            false => KeptClear::Unchecked,
+            true if guidance.map && guidance.sensor => KeptClear::ByPlanner,
+            true => KeptClear::ByBoxes,
+        };
+        Self {
+            settings,
+            kept_clear,
+            is_guided: !guidance.is_off(),
+            keeps_place: guidance.keeps_anchor(),
+            kept_m: guidance.track.then_some(settings.keep_m),
+        }
+    }
+
+    /// The kind of its queries.
+    pub(super) fn kind(&self) -> QueryKind {
+        QueryKind::Point { avoid: self.settings.avoid, depth: self.settings.depth }
+    }
+
+    /// Size of the image of a view as it is sent, pixels.
+    pub(super) fn sent_size(&self, view: &View) -> (u32, u32) {
+        self.settings.image_size.unwrap_or((view.frame.width, view.frame.height))
+    }
+
+    /// Distance to keep free around the body, metres.
+    pub(super) fn clearance(&self) -> f64 {
+        self.settings.craft.radius + BODY_MARGIN
+    }
+
+    /// A step towards an image point, to be checked against boxes.
+    pub(super) fn planned<'a>(&self, view: &'a View, point: ImagePoint, step: f64) -> PlannedStep<'a> {
+        PlannedStep {
+            camera: &view.camera,
+            attitude: view.pose.attitude,
+            lifting: self.settings.lifting,
+            shape: self.settings.shape,
+            point,
+            step,
+            // Without guidance it is all that leads out from before a wall.
+            dives: !self.is_guided,
+        }
+    }
+
+    /// Whether the pilot stays with the target by its track: if the reply says so, and in the flight to a person, who may walk.
+    pub(super) fn follows(&self, reply: &Reply) -> bool {
+        let to_person = reply.status == Status::Navigating
+            && reply.target.as_deref().is_some_and(avoid::is_person)
+            && reply.target_box.zip(reply.point).is_some_and(|(area, point)| area.contains(point) && !is_at_edge(point));
+        self.kept_m.is_some() && reply.target_box.is_some() && (reply.status == Status::Following || to_person)
+    }
+}
+
+/// Whether a point lies at the image's edge: what is pointed at goes on beyond it.
+pub(super) fn is_at_edge(point: ImagePoint) -> bool {
+    [point.u, point.v].iter().any(|&at| !(IMAGE_EDGE..=1.0 - IMAGE_EDGE).contains(&at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::settings;
+    use super::*;
+    use crate::guidance::AnchorUse;
+
+    #[test]
+    fn only_a_map_that_a_sensor_fills_takes_the_place_of_the_boxes() {
+        let kept_clear = |avoid: bool, map: bool, sensor: bool| {
+            let guidance = Guidance { anchor: AnchorUse::Always, map, sensor, ..Guidance::default() };
+            Rules::new(settings(avoid), guidance).kept_clear
+        };
+        assert_eq!(kept_clear(true, true, true), KeptClear::ByPlanner);
+        assert_eq!(kept_clear(true, true, false), KeptClear::ByBoxes);
+        assert_eq!(kept_clear(true, false, true), KeptClear::ByBoxes);
+        assert_eq!(kept_clear(false, true, true), KeptClear::Unchecked);
+    }
+
+    #[test]
+    fn a_tracker_follows_whom_the_reply_follows_and_a_person_it_points_at() {
+        let guidance = |track| Guidance { track, ..Guidance::default() };
+        let follows = |track: bool, status, target: &str, u: f64| {
+            let area = spf_core::query::ImageBox { left: 0.0, top: 0.4, right: 0.6, bottom: 0.6 };
+            let reply = Reply {
+                target: Some(target.to_owned()),
+                target_box: Some(area),
+                point: Some(ImagePoint { u, v: 0.5 }),
+                ..Reply::new(status)
+            };
+            Rules::new(settings(false), guidance(track)).follows(&reply)
+        };
+        assert!(follows(true, Status::Following, "cart", 0.5) && !follows(false, Status::Following, "cart", 0.5));
+        assert!(follows(true, Status::Navigating, "woman", 0.5) && !follows(true, Status::Navigating, "cart", 0.5));
+        // Beside her, and where the image cuts her off.
+        assert!(!follows(true, Status::Navigating, "woman", 0.7) && !follows(true, Status::Navigating, "woman", 0.01));
+    }
+}
