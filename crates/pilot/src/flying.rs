@@ -261,10 +261,11 @@ impl Pilot {
 
     /// Takes what a reply says about target and surroundings, at its frame's time and pose.
     fn learn(&mut self, now: Time, asked: &Asked, output: &Output) {
-        let from = self.senses.viewpoint(&asked.view);
+        let from = asked.view.viewpoint();
+        let odometry = self.senses.odometry_at(from.captured);
         let Output { step, reading } = output;
         let goto = if let Step::Goto(goto) = step { Some(goto) } else { None };
-        self.target.learn(now, &from, goto, self.settings.lifting, self.queries.oldest_capture());
+        self.target.learn(now, &from, odometry, goto, self.settings.lifting, self.queries.oldest_capture());
         if let Some(reply) = &reading.reply {
             // A search has begun: the target is not where it was thought to be. What is only hidden, and is waited for, is.
             if reply.status == Status::NotVisible && !matches!(step, Step::Keep | Step::Look) {
@@ -282,7 +283,7 @@ impl Pilot {
             self.space.boxes(from, reply);
             if let Some(listed) = reading.listed.as_ref().filter(|_| !matches!(step, Step::Reject(_))) {
                 let asked_for = matches!(asked.query.kind, QueryKind::Point { avoid: true, .. });
-                self.space.reply(from, reply, asked_for.then_some(listed.as_slice()));
+                self.space.reply(from, odometry, reply, asked_for.then_some(listed.as_slice()));
             }
         }
         match following.track_reply(asked.query.id, &asked.view, output) {

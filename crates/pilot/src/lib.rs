@@ -340,7 +340,8 @@ impl Pilot {
         let frame = self.senses.frame(now, frame);
         self.envelope.observe_frame(now, &frame);
         if let Some(from) = self.senses.see(frame) {
-            self.space.frame(now, from);
+            let odometry = self.senses.odometry_at(from.captured);
+            self.space.frame(now, from, odometry);
         }
     }
 

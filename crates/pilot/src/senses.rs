@@ -110,13 +110,7 @@ impl Senses {
         let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
         let view = View { frame, camera: self.camera, pose, at_rest: false, room, expected };
         self.view = Some(view);
-        Some(self.viewpoint(&view))
-    }
-
-    /// From where a view was taken.
-    pub(crate) fn viewpoint(&self, view: &View) -> Viewpoint {
-        let (captured, odometry) = (view.frame.captured, self.estimator.odometry_at(view.frame.captured));
-        Viewpoint { captured, camera: view.camera, pose: view.pose, odometry }
+        Some(view.viewpoint())
     }
 
     /// Drift of the position until then.

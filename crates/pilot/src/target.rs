@@ -108,23 +108,31 @@ impl Target {
 
     /// Takes what a reply that arrives at `now` says about the target, at its frame's time and pose; `open`: capture time of the
     /// oldest frame that an open query is about.
-    pub(crate) fn learn(&mut self, now: Time, from: &Viewpoint, goto: Option<&Goto>, lifting: Lifting, open: Option<Time>) {
+    pub(crate) fn learn(
+        &mut self,
+        now: Time,
+        from: &Viewpoint,
+        odometry: Odometry,
+        goto: Option<&Goto>,
+        lifting: Lifting,
+        open: Option<Time>,
+    ) {
         self.ages.add(now.since(from.captured));
         self.gate = None;
         let Some(goto) = goto else { return };
         self.height.note(goto.stage, height_of(from, goto));
         if self.is_anchored() {
-            self.gate = self.sighting(from, goto, lifting).map(|sighting| self.anchors.observe(sighting));
+            self.gate = self.sighting(from, odometry, goto, lifting).map(|sighting| self.anchors.observe(sighting));
             self.anchors.settle(now, open);
         }
     }
 
-    fn sighting(&self, from: &Viewpoint, goto: &Goto, lifting: Lifting) -> Option<Sighting> {
+    fn sighting(&self, from: &Viewpoint, odometry: Odometry, goto: &Goto, lifting: Lifting) -> Option<Sighting> {
         let label = libm::round(goto.label).clamp(1.0, 10.0) as u8;
-        let Viewpoint { captured, camera, pose, odometry } = from;
+        let Viewpoint { captured, camera, pose } = from;
         let (id, stage, trust) = (goto.id.0, goto.stage, &self.trust);
         let sighting =
-            Sighting::of_label(*captured, id, stage, *pose, *odometry, camera, lifting, goto.point, Some(label), trust).ok()?;
+            Sighting::of_label(*captured, id, stage, *pose, odometry, camera, lifting, goto.point, Some(label), trust).ok()?;
         Some(match goto.area {
             Some(area) => sighting.of_box(area, camera).on_ground(area, camera, *pose),
             None => sighting,

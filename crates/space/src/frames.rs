@@ -32,7 +32,7 @@ pub(crate) struct Frames(VecDeque<(Time, Pose, Odometry)>);
 
 impl Frames {
     /// Remembers a usable frame.
-    pub(crate) fn add(&mut self, Viewpoint { captured, pose, odometry, .. }: Viewpoint) {
+    pub(crate) fn add(&mut self, Viewpoint { captured, pose, .. }: Viewpoint, odometry: Odometry) {
         if self.0.back().is_none_or(|(last, ..)| captured.since(*last) >= SPACING && captured > *last) {
             self.0.push_back((captured, pose, odometry));
         }

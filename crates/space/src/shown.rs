@@ -39,6 +39,8 @@ pub(crate) fn is_same_place(then: Odometry, now: Odometry) -> bool {
 #[derive(Clone, Debug)]
 struct Answered {
     from: Viewpoint,
+    /// Drift of the position until then.
+    odometry: Odometry,
     /// Up to this range everything is in `boxes`, metres.
     reach: f64,
     boxes: Vec<Thing>,
@@ -93,7 +95,7 @@ pub(crate) struct Shown(VecDeque<Answered>);
 impl Shown {
     /// Takes a reply to a query that asked for what is near: `listed` is what it names itself. Beside that its boxes may hold what
     /// earlier ones named, which says nothing of how far this one goes.
-    pub(crate) fn reply(&mut self, from: Viewpoint, reply: &Reply, listed: &[ObstacleBox]) {
+    pub(crate) fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply, listed: &[ObstacleBox]) {
         self.expire(from.captured);
         let boxes: Vec<Thing> = reply
             .boxes
@@ -122,7 +124,7 @@ impl Shown {
             None => farthest,
         };
         let reach = reach.min(SIGHT);
-        self.0.push_back(Answered { from, reach, boxes });
+        self.0.push_back(Answered { from, odometry, reach, boxes });
     }
 
     /// Forgets what was shown too long before `now`.
@@ -135,7 +137,7 @@ impl Shown {
     /// Whether the newest reply that has shown a place has shown it to be free for a body with this much space around it, metres; `None`
     /// if none has.
     pub(crate) fn is_free(&self, now: Time, place: EnuPosition, around: f64, odometry: Odometry) -> Option<bool> {
-        let views = self.0.iter().rev().filter(|view| is_same_place(view.from.odometry, odometry));
+        let views = self.0.iter().rev().filter(|view| is_same_place(view.odometry, odometry));
         views.filter_map(|view| view.is_free(now, place, around)).next()
     }
 
@@ -157,7 +159,7 @@ mod tests {
 
     fn from() -> Viewpoint {
         let pose = Pose { position: EnuPosition { up: 1.0, ..EnuPosition::default() }, ..Pose::default() };
-        Viewpoint { captured: Time::ZERO, camera: Camera::quad(), pose, odometry: Odometry::default() }
+        Viewpoint { captured: Time::ZERO, camera: Camera::quad(), pose }
     }
 
     /// Somebody straight ahead, whom the label puts 3.6 to 6 m away, and these boxes.
@@ -181,7 +183,7 @@ mod tests {
     }
 
     fn take(shown: &mut Shown, reply: &Reply) {
-        shown.reply(from(), reply, &reply.boxes);
+        shown.reply(from(), Odometry::default(), reply, &reply.boxes);
     }
 
     fn is_free(shown: &Shown, at: EnuPosition) -> bool {
@@ -229,10 +231,10 @@ mod tests {
         // What an earlier reply named does not tell how far this one goes, but is there.
         let mut recalled = Shown::default();
         let with = |depth: u8| Reply { boxes: vec![thing(0.4, 0.6, depth, "chair")], ..Reply::new(Status::NotVisible) };
-        recalled.reply(from(), &with(5), &[]);
+        recalled.reply(from(), Odometry::default(), &with(5), &[]);
         assert!(!is_free(&recalled, place(0.0, 1.0)));
         let mut recalled = shown(Vec::new());
-        recalled.reply(from(), &with(2), &[]);
+        recalled.reply(from(), Odometry::default(), &with(2), &[]);
         assert_eq!(recalled.is_free(Time::ZERO, place(0.0, 2.0), AROUND, Odometry::default()), Some(false));
         assert!(!is_free(&unseen(Vec::new()), place(0.0, 1.0)));
         assert!(is_free(&unseen(vec![thing(0.0, 0.1, 4, "chair")]), place(0.0, 3.0)));

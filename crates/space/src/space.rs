@@ -64,9 +64,9 @@ impl Space {
         self.mapped.as_ref().map(|mapped| &mapped.map)
     }
 
-    /// Takes a usable frame.
-    pub fn frame(&mut self, now: Time, from: Viewpoint) {
-        self.frames.add(from);
+    /// Takes a usable frame; `odometry`: drift of the position until then.
+    pub fn frame(&mut self, now: Time, from: Viewpoint, odometry: Odometry) {
+        self.frames.add(from, odometry);
         if let Some(Mapped { map, .. }) = &mut self.mapped {
             map.advance(now, from.pose.position);
             map.frame(from.captured, &from.camera, from.pose);
@@ -101,9 +101,9 @@ impl Space {
 
     /// Takes what a reply shows to be free, and its boxes for the brake. `listed` are those that it names itself; `None` if its
     /// query did not ask for what is near, so that it says nothing of it.
-    pub fn reply(&mut self, from: Viewpoint, reply: &Reply, listed: Option<&[ObstacleBox]>) {
+    pub fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply, listed: Option<&[ObstacleBox]>) {
         match listed {
-            Some(listed) => self.shown.reply(from, reply, listed),
+            Some(listed) => self.shown.reply(from, odometry, reply, listed),
             None => self.shown.expire(from.captured),
         }
     }

@@ -3,16 +3,15 @@
 //! It answers what a policy asks of its surroundings where no map does: what a reply has left out, whether a climb meets an
 //! obstacle, how persons walk and where they are about to be, and where the operator has marked keep-out volumes.
 
-use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
 use spf_core::lift::range_of_label;
-use spf_core::panel::Panel;
 use spf_core::query::ImageBox;
 use spf_core::reply::ObstacleBox;
-use spf_core::time::{Duration, Time};
+use spf_core::time::Duration;
 
 use crate::avoid::{self, Motion, ObstacleMemory, Walkers, is_person, same_name};
+use crate::viewpoint::Viewpoint;
 
 /// How long obstacles count for climbs and descents after the frame in which they were listed: a person, who walks on, and
 /// whatever else there is, which may leave the view long before the craft climbs beside it.
@@ -26,29 +25,10 @@ const OVERHEAD_LABEL: u8 = 3;
 /// Most views that are kept.
 const MOST_VIEWS: usize = 32;
 
-/// From where and when an image was taken.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Capture {
-    /// The camera.
-    pub camera: Camera,
-    /// Estimated pose of the craft at capture.
-    pub pose: Pose,
-    /// Time of capture.
-    pub captured: Time,
-}
-
-impl Capture {
-    /// Where a box of the image is in the world, by its label.
-    #[must_use]
-    pub fn place_of(&self, obstacle: &ObstacleBox) -> EnuPosition {
-        Panel::new(&self.camera, self.pose, obstacle.area, obstacle.depth).middle()
-    }
-}
-
 /// The obstacles that a reply listed, and those of the reply before that it left out.
 #[derive(Clone, Debug)]
 struct Listed {
-    from: Capture,
+    from: Viewpoint,
     boxes: Vec<ObstacleBox>,
 }
 
@@ -79,29 +59,29 @@ impl Views {
 
     /// The boxes of the keep-out volumes in an image.
     #[must_use]
-    pub fn keep_out_areas(&self, at: &Capture) -> Vec<ImageBox> {
+    pub fn keep_out_areas(&self, at: &Viewpoint) -> Vec<ImageBox> {
         self.kept_out.iter().filter_map(|volume| volume.area_in(&at.camera, at.pose)).collect()
     }
 
     /// The keep-out volumes as obstacles of an image ([`KeepOut::tiles_in`]).
     #[must_use]
-    pub fn keep_out_tiles(&self, at: &Capture) -> Vec<ObstacleBox> {
+    pub fn keep_out_tiles(&self, at: &Viewpoint) -> Vec<ObstacleBox> {
         self.kept_out.iter().flat_map(|volume| volume.tiles_in(&at.camera, at.pose)).collect()
     }
 
     /// Learns of the persons whom a reply about the image lists, or to whom it leads.
-    pub fn learn_persons(&mut self, at: &Capture, persons: &[ObstacleBox]) {
+    pub fn learn_persons(&mut self, at: &Viewpoint, persons: &[ObstacleBox]) {
         self.walkers.observe(&at.camera, at.pose, at.captured, persons);
     }
 
     /// The obstacles of earlier replies that a reply about the image leaves out though they lie in it
     /// ([`ObstacleMemory::recall`]); those that it lists are remembered from now on.
-    pub fn recall(&mut self, at: &Capture, listed: &[ObstacleBox], target: Option<&str>) -> Vec<ObstacleBox> {
+    pub fn recall(&mut self, at: &Viewpoint, listed: &[ObstacleBox], target: Option<&str>) -> Vec<ObstacleBox> {
         self.obstacles.recall(&at.camera, at.pose, at.captured, listed, target)
     }
 
     /// Learns of the obstacles in the image, besides those of the seconds before it.
-    pub fn learn(&mut self, at: &Capture, boxes: &[ObstacleBox]) {
+    pub fn learn(&mut self, at: &Viewpoint, boxes: &[ObstacleBox]) {
         let now = at.captured;
         self.listed.retain_mut(|listed| {
             if listed.from.captured + PERSON_REMEMBERED < now {
@@ -138,7 +118,7 @@ impl Views {
     /// How fast a person of the image has come nearer to where the craft is now since the view before, m/s, by their boxes alone;
     /// `None` if that did not list them.
     #[must_use]
-    pub fn closing_speed(&self, at: &Capture, person: &ObstacleBox) -> Option<f64> {
+    pub fn closing_speed(&self, at: &Viewpoint, person: &ObstacleBox) -> Option<f64> {
         let earlier = self.listed.iter().rev().find(|listed| listed.from.captured < at.captured)?;
         let before = earlier.boxes.iter().find(|other| same_name(&other.name, &person.name))?;
         let elapsed = at.captured.since(earlier.from.captured).as_secs_f64();
@@ -148,14 +128,14 @@ impl Views {
 
     /// Where those who walk are about to be, as boxes of the image; all but the person `except` ([`Walkers::ahead`]).
     #[must_use]
-    pub fn walks_ahead(&self, at: &Capture, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
+    pub fn walks_ahead(&self, at: &Viewpoint, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
         self.walkers.ahead(&at.camera, at.pose, at.captured, except)
     }
 }
 
 impl Listed {
     fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
-        let Capture { camera, pose: seen, .. } = self.from;
+        let Viewpoint { camera, pose: seen, .. } = self.from;
         // The same end height, relative to where the view was taken.
         let from_there = climb + pose.position.up - seen.position.up;
         let end = EnuPosition { up: pose.position.up + climb, ..pose.position };
@@ -177,11 +157,13 @@ fn hangs_over(obstacle: &ObstacleBox, away: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spf_core::camera::Camera;
+    use spf_core::time::Time;
 
-    fn at(seconds: u64, north: f64) -> Capture {
+    fn at(seconds: u64, north: f64) -> Viewpoint {
         let position = EnuPosition { north, up: 1.5, ..EnuPosition::default() };
         let pose = Pose { position, ..Pose::default() };
-        Capture { camera: Camera::quad(), pose, captured: Time::ZERO + Duration::from_secs(seconds) }
+        Viewpoint { camera: Camera::quad(), pose, captured: Time::ZERO + Duration::from_secs(seconds) }
     }
 
     fn listed(top: f64, bottom: f64, depth: u8, name: &str) -> ObstacleBox {
@@ -191,7 +173,7 @@ mod tests {
     #[test]
     fn a_climb_meets_what_any_view_of_the_last_seconds_shows() {
         let mut views = Views::default();
-        let clears = |views: &Views, from: Capture, climb: f64| views.clears(&from.pose, climb, 0.5);
+        let clears = |views: &Views, from: Viewpoint, climb: f64| views.clears(&from.pose, climb, 0.5);
         views.learn(&at(0, 0.0), &[listed(0.0, 0.5, 2, "beam")]);
         views.learn(&at(1, 0.0), &[]);
         assert!(!clears(&views, at(1, 0.0), 1.0));

@@ -22,8 +22,8 @@ use spf_core::keep_out::KeepOut;
 use spf_core::primitives::Primitives;
 use spf_core::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
 use spf_core::reply::{ObstacleBox, Reply, Status};
+use spf_space::Viewpoint;
 use spf_space::avoid::Avoidance;
-use spf_space::views::Capture;
 
 /// A frame with the pilot's estimates for its capture time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,8 +45,8 @@ pub struct View {
 impl View {
     /// From where and when the frame was taken.
     #[must_use]
-    pub fn capture(&self) -> Capture {
-        Capture { camera: self.camera, pose: self.pose, captured: self.frame.captured }
+    pub fn viewpoint(&self) -> Viewpoint {
+        Viewpoint { camera: self.camera, pose: self.pose, captured: self.frame.captured }
     }
 }
 

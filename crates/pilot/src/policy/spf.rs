@@ -133,7 +133,7 @@ impl Spf {
     }
 
     fn ask(&mut self, view: &View) -> Step {
-        let kept_out = self.views.keep_out_areas(&view.capture());
+        let kept_out = self.views.keep_out_areas(&view.viewpoint());
         let confirming = self.asking.purpose == Purpose::Confirm;
         let memory = self.recollection.about(view, confirming, self.visibility.turned(), kept_out);
         self.asking.ask(&self.rules, view, memory, self.visibility.close_up(&self.rules, view))
@@ -167,7 +167,7 @@ impl Spf {
     /// Learns from the obstacles of a reply, and adds to them those that count beside them; returns the step back from a person
     /// who is about to walk into the craft, if there is one.
     fn learn(&mut self, view: &View, reply: &mut Reply, reading: &mut Reading) -> Option<Step> {
-        let (rules, at) = (&self.rules, view.capture());
+        let (rules, at) = (&self.rules, view.viewpoint());
         let has_boxes = rules.kept_clear != KeptClear::Unchecked;
         reading.listed = has_boxes.then(|| reply.boxes.clone());
         if has_boxes && rules.is_guided {

@@ -58,7 +58,7 @@ impl Retreat {
 
     fn comes_nearer(self, view: &View, person: &ObstacleBox, views: &Views) -> bool {
         let (is_here, is_near) = (person.depth <= HERE, person.depth <= NEAR);
-        let at = view.capture();
+        let at = view.viewpoint();
         let closing = || views.closing_speed(&at, person);
         match views.motion_of(person) {
             // So it is always without guidance.
@@ -83,7 +83,7 @@ pub(super) fn persons(reply: &Reply) -> Vec<ObstacleBox> {
 pub(super) fn room_before_target(view: &View, reply: &Reply, views: &Views) -> Option<f64> {
     let target = target_person(reply)?;
     let Motion::Walks(walk) = views.motion_of(&target) else { return None };
-    let closing = walk.closing(view.capture().place_of(&target), view.pose.position);
+    let closing = walk.closing(view.viewpoint().place_of(&target), view.pose.position);
     let range = range_of_label(f64::from(target.depth) - 0.5);
     (closing > CREEPS).then(|| (range - closing * AHEAD_OF_FRAME.as_secs_f64() - KEPT).max(0.0))
 }
