@@ -42,7 +42,7 @@ const SENSORS: usize = 32;
 /// The known obstacles and motion.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Brake {
-    depth: Option<Seen>,
+    depth: Option<NewestGrid>,
     /// Values of the newest grid, and the number of consecutive grids with these values.
     repeated: (Vec<u16>, u32),
     /// Whether the sensor gave values when it was last due to; and the same of each strip.
@@ -57,7 +57,7 @@ pub(super) struct Brake {
 
 /// The newest usable grid.
 #[derive(Clone, Debug)]
-struct Seen {
+struct NewestGrid {
     captured: Time,
     counter: u64,
     camera: Camera,
@@ -135,7 +135,7 @@ impl Brake {
         }
         let points = nearest.into_iter().flatten().map(|at| axes.place(at.right, at.forward, at.up)).collect();
         let (captured, strips) = (grid.captured.min(now), self.strips);
-        self.depth = Some(Seen { captured, counter: grid.counter, camera: grid.camera, axes, points, strips });
+        self.depth = Some(NewestGrid { captured, counter: grid.counter, camera: grid.camera, axes, points, strips });
         true
     }
 
@@ -193,7 +193,7 @@ impl Brake {
     }
 
     /// The newest grid, if the sensor works.
-    fn seen(&self, now: Time, limits: &BrakeLimits) -> Option<&Seen> {
+    fn seen(&self, now: Time, limits: &BrakeLimits) -> Option<&NewestGrid> {
         self.depth.as_ref().filter(|seen| now.since(seen.captured) < duration_from_secs(limits.max_depth_age))
     }
 
@@ -272,7 +272,7 @@ fn nearest<'a>(points: impl Iterator<Item = &'a EnuPosition>, motion: &Motion, a
 }
 
 /// Whether a grid's field of view covers the path: the place 2 m along it, with strips that work across the body's corridor there.
-fn shows(seen: &Seen, motion: &Motion, along: [f64; 3]) -> bool {
+fn shows(seen: &NewestGrid, motion: &Motion, along: [f64; 3]) -> bool {
     let ahead = 2.0;
     let place = EnuPosition {
         east: motion.from.east + ahead * along[0],

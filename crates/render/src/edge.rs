@@ -16,7 +16,7 @@ const BLOCKS: usize = 64;
 
 /// The visible triangles at the samples of one pixel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen {
+pub(crate) struct PixelSamples {
     /// Pixel in the tile.
     pub(crate) x: u8,
     pub(crate) y: u8,
@@ -27,7 +27,7 @@ pub(crate) struct Seen {
 /// The pixels on edges of one tile.
 #[derive(Debug)]
 pub(crate) struct Edges {
-    pixels: Vec<Seen>,
+    pixels: Vec<PixelSamples>,
     /// Where each block's pixels start.
     first: [u32; BLOCKS],
     /// Each block's pixels, a bit each, row after row.
@@ -57,14 +57,14 @@ impl Edges {
             self.first[block] = self.pixels.len() as u32;
         }
         self.wanted[block] |= 1 << ((y & 7) << 3 | x & 7);
-        self.pixels.push(Seen { x, y, near: [0.0; COUNT], id: [NONE; COUNT] });
+        self.pixels.push(PixelSamples { x, y, near: [0.0; COUNT], id: [NONE; COUNT] });
     }
 
     pub(crate) fn is_empty(&self) -> bool {
         self.pixels.is_empty()
     }
 
-    pub(crate) fn seen(&self) -> &[Seen] {
+    pub(crate) fn seen(&self) -> &[PixelSamples] {
         &self.pixels
     }
 
@@ -198,7 +198,7 @@ impl Steps {
 
     /// `at` and `z` are those of the pixel's corner.
     #[inline(always)]
-    fn draw(&self, t: &ScreenTriangle, at: [i32; 3], z: f32, seen: &mut Seen) {
+    fn draw(&self, t: &ScreenTriangle, at: [i32; 3], z: f32, seen: &mut PixelSamples) {
         let [first, second, third] = &self.edges;
         for s in 0..COUNT {
             let inside = (at[0] + first[s]) | (at[1] + second[s]) | (at[2] + third[s]);

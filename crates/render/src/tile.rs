@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 
-use super::edge::{COUNT, Edges, SAMPLES, Seen};
+use super::edge::{COUNT, Edges, PixelSamples, SAMPLES};
 use super::joins::Joins;
 use super::lanes::{LANES, Simd, U, with_instructions};
 use super::packet::Packets;
@@ -263,7 +263,7 @@ struct Group {
 }
 
 /// Groups a pixel's samples by surface; returns the number of groups.
-fn part(shader: &Shader<'_>, joins: &mut Joins, seen: &Seen, groups: &mut [Group; COUNT]) -> usize {
+fn part(shader: &Shader<'_>, joins: &mut Joins, seen: &PixelSamples, groups: &mut [Group; COUNT]) -> usize {
     let mut left = (1u32 << COUNT) - 1;
     let mut count = 0;
     while left != 0 {

@@ -125,7 +125,7 @@ fn solve(matrix: DMat3, right: DVec3) -> Option<(DVec3, DMat3)> {
 
 /// A ray that a point was seen along.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct RaySeen {
     at: Time,
     /// East, north, up.
     from: DVec3,
@@ -136,7 +136,7 @@ struct Seen {
 /// A point that is followed.
 #[derive(Clone, Debug, Default)]
 struct Track {
-    seen: VecDeque<Seen>,
+    seen: VecDeque<RaySeen>,
     /// The inverse of its range from where it was first seen, 1/metres, and the standard deviation, whether or not it is sure.
     inverse: Option<(f64, f64)>,
 }
@@ -233,7 +233,7 @@ impl Triangulation {
         for (id, along) in rays {
             let Some(along) = unit(along + correction.turned.cross(along)) else { continue };
             let mut track = before.remove(&id).unwrap_or_default();
-            track.add(Seen { at: report.captured, from, along });
+            track.add(RaySeen { at: report.captured, from, along });
             if let Some(point) = track.triangulate(id, error, &correction, self.error) {
                 self.points.push(point);
             }
@@ -249,7 +249,7 @@ fn ray_error(camera: &Camera) -> f64 {
 }
 
 impl Track {
-    fn add(&mut self, seen: Seen) {
+    fn add(&mut self, seen: RaySeen) {
         self.seen.push_back(seen);
         while self.seen.len() > RAYS || self.seen.front().is_some_and(|first| seen.at.since(first.at) > KEPT) {
             self.seen.pop_front();
@@ -264,7 +264,7 @@ impl Track {
             return None;
         }
         // Relative to the last place, in the axes of the rays.
-        let from = |seen: &Seen| correction.displacement(seen.from - last.from);
+        let from = |seen: &RaySeen| correction.displacement(seen.from - last.from);
         let mut place = None;
         let mut inverse = DMat3::ZERO;
         // Twice, because the weights depend on the distances.

@@ -90,7 +90,7 @@ pub(super) struct Claim {
 
 /// What an actor that may have to step aside knows about another one.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Seen {
+pub(super) struct Neighbour {
     pub(super) at: DVec2,
     pub(super) velocity: DVec2,
     pub(super) radius: f64,
@@ -159,9 +159,9 @@ impl Course {
     }
 
     /// Its state as others see it.
-    pub(super) fn seen(&self, place: &ActorPlace) -> Seen {
+    pub(super) fn seen(&self, place: &ActorPlace) -> Neighbour {
         let ahead = DVec2::new(libm::sin(place.heading), libm::cos(place.heading));
-        Seen { at: on_map(place), velocity: ahead * place.speed, radius: self.body.radius }
+        Neighbour { at: on_map(place), velocity: ahead * place.speed, radius: self.body.radius }
     }
 
     /// Writes the bounds of the space that it needs until it stands still at maximum braking into `claim`. `place` is
@@ -238,7 +238,12 @@ impl Course {
 
     /// The next state: the best one for which `is_free` accepts the space that it needs. Maximum braking is always
     /// possible.
-    pub(super) fn next(&self, state: &State, others: &[Seen], mut is_free: impl FnMut(&State, &ActorPlace) -> bool) -> State {
+    pub(super) fn next(
+        &self,
+        state: &State,
+        others: &[Neighbour],
+        mut is_free: impl FnMut(&State, &ActorPlace) -> bool,
+    ) -> State {
         let mut now = *state;
         if now.wait > 0.0 {
             return self.resting(now);
@@ -317,7 +322,7 @@ impl Course {
     /// Lateral offset at which a person wants to walk: to the right of the nearest person who stands or comes the other
     /// way, to the left if there is no space on the right, and on the path if nobody is in the way. Unchanged for
     /// vehicles.
-    fn step_aside(&self, state: &State, spot: &Spot, others: &[Seen]) -> f64 {
+    fn step_aside(&self, state: &State, spot: &Spot, others: &[Neighbour]) -> f64 {
         if self.motion.aside <= 0.0 {
             return state.aside;
         }

@@ -14,7 +14,7 @@ use spf_core::time::{Duration, Time};
 
 use super::Gait;
 use super::cast::Cast;
-use super::course::{Claim, Course, GIVE_WAY_DISTANCE, Seen, State};
+use super::course::{Claim, Course, GIVE_WAY_DISTANCE, Neighbour, State};
 use super::place::ActorPlace;
 
 /// Length of a tick: the frame period of the simulated camera.
@@ -30,7 +30,7 @@ pub struct Traffic {
     cast: Arc<Cast>,
     states: Vec<State>,
     rooms: Rooms,
-    seen: Vec<Seen>,
+    seen: Vec<Neighbour>,
     /// The order in which actors choose.
     order: Vec<usize>,
     /// Places at the last ticks, the newest last.

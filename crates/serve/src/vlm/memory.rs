@@ -64,7 +64,7 @@ pub enum Unrecognised {
     Wording(&'static str),
 }
 
-struct Seen {
+struct EarlierAnswer {
     at: Time,
     remembered: Remembered,
     thumbnail: Vec<u8>,
@@ -76,7 +76,7 @@ pub struct Memory(Mutex<Film>);
 
 #[derive(Default)]
 struct Film {
-    seen: VecDeque<Seen>,
+    seen: VecDeque<EarlierAnswer>,
     /// Aspect ratio of the frames.
     shape: f64,
 }
@@ -92,7 +92,7 @@ impl Memory {
         let thumbnail = thumbnail(image);
         let mut film = self.film();
         film.shape = f64::from(image.width()) / f64::from(image.height().max(1));
-        film.seen.push_back(Seen { at, remembered, thumbnail });
+        film.seen.push_back(EarlierAnswer { at, remembered, thumbnail });
         film.forget(at);
     }
 
@@ -111,7 +111,7 @@ impl Memory {
         if (shape / film.shape - 1.0).abs() > SHAPE {
             return Err(Unrecognised::Shape { width: image.width(), height: image.height() });
         }
-        let mut best: Option<(u64, &Seen)> = None;
+        let mut best: Option<(u64, &EarlierAnswer)> = None;
         for seen in film.seen.iter().rev() {
             let squares = difference(&seen.thumbnail, &thumbnail);
             if best.is_none_or(|(least, _)| squares < least) {

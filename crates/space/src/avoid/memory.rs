@@ -17,7 +17,7 @@ const SAME: f64 = 0.15;
 
 /// An obstacle of an earlier reply.
 #[derive(Clone, Debug)]
-struct Seen {
+struct EarlierBox {
     name: String,
     place: Panel,
     captured: Time,
@@ -27,7 +27,7 @@ struct Seen {
 
 /// The obstacles of the last replies.
 #[derive(Clone, Debug, Default)]
-pub struct ObstacleMemory(Vec<Seen>);
+pub struct ObstacleMemory(Vec<EarlierBox>);
 
 impl ObstacleMemory {
     /// Takes in the boxes of a reply about the frame of `camera` taken at `pose`, and returns those of earlier replies that it
@@ -58,12 +58,12 @@ impl ObstacleMemory {
             }
             counts
         });
-        self.0.extend(reported.iter().map(|obstacle| Seen::new(camera, pose, captured, obstacle)));
+        self.0.extend(reported.iter().map(|obstacle| EarlierBox::new(camera, pose, captured, obstacle)));
         missing
     }
 }
 
-impl Seen {
+impl EarlierBox {
     fn new(camera: &Camera, pose: Pose, captured: Time, obstacle: &ObstacleBox) -> Self {
         let place = Panel::new(camera, pose, obstacle.area, obstacle.depth);
         Self { name: obstacle.name.clone(), place, captured, missed: 0 }

@@ -73,7 +73,7 @@ pub enum Motion {
 
 /// One sighting of a person.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct Spotted {
     captured: Time,
     pose: Pose,
     area: ImageBox,
@@ -85,7 +85,7 @@ struct Seen {
 #[derive(Clone, Debug)]
 struct Person {
     name: String,
-    seen: VecDeque<Seen>,
+    seen: VecDeque<Spotted>,
     motion: Motion,
 }
 
@@ -103,7 +103,7 @@ impl Walkers {
         let mut taken = vec![false; self.0.len()];
         for listed in boxes.iter().filter(|listed| is_person(&listed.name)) {
             let panel = Panel::new(camera, pose, listed.area, listed.depth);
-            let seen = Seen { captured, pose, area: listed.area, depth: listed.depth, panel };
+            let seen = Spotted { captured, pose, area: listed.area, depth: listed.depth, panel };
             let apart = |person: &Person| {
                 let last = person.seen.back()?;
                 let walked = FASTEST * captured.since(last.captured).as_secs_f64();
@@ -158,7 +158,7 @@ impl Person {
 
     /// Takes a sighting, and compares it with the last one before that is far enough away, and with one some seconds older: the
     /// first shows who has just begun to walk, the second who walks slowly.
-    fn add(&mut self, seen: Seen) {
+    fn add(&mut self, seen: Spotted) {
         let earlier = |apart: Duration| self.seen.iter().filter(move |before| before.captured + apart <= seen.captured);
         let before = earlier(APART).next_back();
         let longer = earlier(APART).find(|before| before.captured + LONGER >= seen.captured);
@@ -173,7 +173,7 @@ impl Person {
 }
 
 /// Of two estimates of a person's motion that which brings them nearer to the craft.
-fn nearer_of(one: Motion, other: Motion, seen: &Seen) -> Motion {
+fn nearer_of(one: Motion, other: Motion, seen: &Spotted) -> Motion {
     let closing = |walk: Walk| walk.closing(seen.panel.middle(), seen.pose.position);
     match (one, other) {
         (Motion::Walks(a), Motion::Walks(b)) => Motion::Walks(if closing(a) >= closing(b) { a } else { b }),
@@ -183,7 +183,7 @@ fn nearer_of(one: Motion, other: Motion, seen: &Seen) -> Motion {
     }
 }
 
-impl Seen {
+impl Spotted {
     /// Distance over ground to another sighting, beyond what the error of its range explains, metres.
     fn gap(&self, other: &Self) -> f64 {
         let at = other.pose.position;
@@ -209,7 +209,7 @@ impl Seen {
 
 /// The motion from one sighting to another. The size of a box tells how much nearer a person has come far better than two depth
 /// labels; where it is cut off, only the walk across the line of sight is known.
-fn motion_between(first: &Seen, last: &Seen) -> Motion {
+fn motion_between(first: &Spotted, last: &Spotted) -> Motion {
     let elapsed = last.captured.since(first.captured).as_secs_f64();
     let (label_first, label_last) = (range_of_label(f64::from(first.depth)), range_of_label(f64::from(last.depth)));
     let [tall, wide] = [0, 1].map(|axis| first.sizes()[axis].zip(last.sizes()[axis]));
@@ -224,7 +224,7 @@ fn motion_between(first: &Seen, last: &Seen) -> Motion {
         let range = libm::sqrt(label_last * label_first / ratio);
         (range * ratio, range)
     });
-    let place = |seen: &Seen, range: f64| {
+    let place = |seen: &Spotted, range: f64| {
         let (sin, cos) = (libm::sin(seen.bearing()), libm::cos(seen.bearing()));
         (seen.pose.position.east + range * sin, seen.pose.position.north + range * cos)
     };
