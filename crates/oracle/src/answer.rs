@@ -15,7 +15,7 @@ use super::language::parse;
 use super::language::resolve::meant;
 use super::percept::{PerceivedObject, Percept, logistic, slopes};
 use super::signs;
-use super::stages::{self, Aim, View};
+use super::stages::{self, Aim, Inputs};
 use super::{ErrorFile, Oracle};
 
 /// The text of the answer.
@@ -39,7 +39,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
 /// The aim of the instruction in this percept: target, stage and whether it is done.
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
     let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
-    let view = View { oracle, query, percept, seen: &seen };
+    let view = Inputs { oracle, query, percept, seen: &seen };
     signs::obeyed(&view).unwrap_or_else(|| stages::aim(&parse(&query.instruction, &percept.words), &view))
 }
 
@@ -140,7 +140,7 @@ pub(super) fn label(errors: &ErrorFile, range: f64, fraction: f64) -> u8 {
     libm::round(label.clamp(1.0, most)) as u8
 }
 
-impl View<'_> {
+impl Inputs<'_> {
     /// The visible objects as items for the language resolver; all properties come from the image.
     pub(super) fn items(&self) -> Vec<Item<'_>> {
         self.seen
@@ -172,7 +172,7 @@ impl View<'_> {
         self.find_among(phrase, |_| true)
     }
 
-    /// Like [`View::find`], restricted to the objects that `fits` accepts if there are any.
+    /// Like [`Inputs::find`], restricted to the objects that `fits` accepts if there are any.
     pub(super) fn find_among(&self, phrase: &Phrase, fits: impl Fn(&PerceivedObject) -> bool) -> Option<&PerceivedObject> {
         let items = self.items();
         let mut found = meant(phrase, &items);

@@ -12,7 +12,7 @@ use super::language::lexicon::SIGNS;
 use super::language::{Verb, demands, parse};
 use super::obedience::Per;
 use super::percept::{PerceivedObject, PerceivedSign};
-use super::stages::{self, Aim, Place, View};
+use super::stages::{self, Aim, Inputs, Place};
 
 /// Follows the target's name in a reply that obeys a sign, so that the history shows where it came from.
 const AS_TOLD: &str = ", as the sign says";
@@ -54,8 +54,8 @@ fn demand(text: &str, arrow: Option<Arrow>) -> Option<Demand> {
 }
 
 /// The aim of a stand-in that obeys a sign in this view, or still does what one told it before; `None` if none is obeyed.
-pub(super) fn obeyed(view: &View<'_>) -> Option<Aim> {
-    let View { oracle, query, percept, .. } = *view;
+pub(super) fn obeyed(view: &Inputs<'_>) -> Option<Aim> {
+    let Inputs { oracle, query, percept, .. } = *view;
     let obeys = oracle.errors.obeys?;
     let mut legible: Vec<_> = percept.signs.iter().filter(|sign| sign.is_legible(query.image_size)).collect();
     legible.sort_by(|a, b| b.letter.total_cmp(&a.letter).then(a.id.cmp(&b.id)));
@@ -75,12 +75,12 @@ pub(super) fn obeyed(view: &View<'_>) -> Option<Aim> {
 }
 
 /// Whether a demand can be understood: "park here only" names nothing to fly to.
-fn is_feasible(demand: &Demand, view: &View<'_>) -> bool {
+fn is_feasible(demand: &Demand, view: &Inputs<'_>) -> bool {
     let Demand::Instruction(text) = demand else { return true };
     parse(text, &view.percept.words).clauses.iter().any(|clause| !clause.target.is_empty() || clause.verb == Verb::Scan)
 }
 
-fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &View<'_>) -> Aim {
+fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &Inputs<'_>) -> Aim {
     match demand {
         Demand::Land => Aim { stage: 1, stages: 1, done: true, words: "place to land".to_owned(), ..Aim::default() },
         Demand::Instruction(text) => instructed(text, view),
@@ -95,20 +95,20 @@ fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &View<'_>) -> Aim {
 }
 
 /// The aim of other words than those of the query.
-fn instructed(text: &str, view: &View<'_>) -> Aim {
+fn instructed(text: &str, view: &Inputs<'_>) -> Aim {
     let mut query = Query { instruction: text.to_owned(), ..view.query.clone() };
     for target in &mut query.memory.targets {
         if let Some(name) = target.strip_suffix(AS_TOLD) {
             *target = name.to_owned();
         }
     }
-    let told = View { query: &query, ..*view };
+    let told = Inputs { query: &query, ..*view };
     let aim = stages::aim(&parse(text, &view.percept.words), &told);
     Aim { words: format!("{}{AS_TOLD}", aim.words), ..aim }
 }
 
 /// A point beside a sign, on the side to which its arrow points, at the sign's range.
-fn beside(arrow: Arrow, sign: &PerceivedObject, view: &View<'_>) -> Place {
+fn beside(arrow: Arrow, sign: &PerceivedObject, view: &Inputs<'_>) -> Place {
     let b = sign.bounds;
     let (u, v) = (0.5 * (b.left + b.right), 0.5 * (b.top + b.bottom));
     let (u, v) = match arrow {

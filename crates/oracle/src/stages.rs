@@ -13,7 +13,7 @@ use super::language::{Clause, Instruction, Phrase, Verb};
 use super::percept::{PerceivedObject, Percept};
 
 /// The inputs of an answer.
-pub(super) struct View<'a> {
+pub(super) struct Inputs<'a> {
     pub(super) oracle: &'a Oracle,
     pub(super) query: &'a Query,
     pub(super) percept: &'a Percept,
@@ -122,7 +122,7 @@ enum Met {
 }
 
 /// Determines the stage from the query's history, advances it by at most one, and aims.
-pub(super) fn aim(instruction: &Instruction, view: &View<'_>) -> Aim {
+pub(super) fn aim(instruction: &Instruction, view: &Inputs<'_>) -> Aim {
     let plan = plan(instruction);
     let stages = plan.len() as u32;
     if plan.is_empty() {
@@ -164,7 +164,7 @@ fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
     (0..clauses.len()).flat_map(of).map(|(at, step)| Stage { clause: &clauses[at], step, another: another(at) }).collect()
 }
 
-fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
+fn attempt(plan: &[Stage<'_>], at: usize, view: &Inputs<'_>) -> Aim {
     let stage = plan[at];
     let (outcome, thing) = take(stage, &earlier(plan, at, view), false, view);
     let mut aim = Aim { stage: at as u32 + 1, words: words(stage, thing), ..Aim::default() };
@@ -200,7 +200,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Aim {
 }
 
 /// The places of the targets of earlier clauses with the same nouns, according to the query's history.
-fn earlier(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Vec<FinishedPlace> {
+fn earlier(plan: &[Stage<'_>], at: usize, view: &Inputs<'_>) -> Vec<FinishedPlace> {
     let is_earlier = |finished: &&FinishedStage| {
         let index = finished.stage.max(1) as usize - 1;
         let is_alike = |clause: &Clause| clause.target.nouns == plan[at].clause.target.nouns;
@@ -212,7 +212,7 @@ fn earlier(plan: &[Stage<'_>], at: usize, view: &View<'_>) -> Vec<FinishedPlace>
 
 /// On the path to another of several objects: the nearer ones, except the object to which the intended opening belongs
 /// and its other openings, since the path leads through it.
-fn past(stage: Stage<'_>, thing: Option<&PerceivedObject>, view: &View<'_>) -> Vec<Found> {
+fn past(stage: Stage<'_>, thing: Option<&PerceivedObject>, view: &Inputs<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
     let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
     let nearer = |other: &&PerceivedObject| whole_key(other) != whole_key(thing) && other.nearest < thing.nearest;
@@ -248,7 +248,12 @@ const TOO_NEAR: f64 = 1.5;
 const NEXT: &str = "next ";
 
 /// Evaluates one stage. `earlier`: the places of earlier targets; `begins`: the previous stage has just been completed.
-fn take<'v>(stage: Stage<'_>, earlier: &[FinishedPlace], begins: bool, view: &'v View<'_>) -> (Met, Option<&'v PerceivedObject>) {
+fn take<'v>(
+    stage: Stage<'_>,
+    earlier: &[FinishedPlace],
+    begins: bool,
+    view: &'v Inputs<'_>,
+) -> (Met, Option<&'v PerceivedObject>) {
     let phrase = &stage.clause.target;
     let find = || if stage.another { another(phrase, earlier, begins, view) } else { view.find(phrase) };
     match stage.step {
@@ -291,7 +296,7 @@ fn take<'v>(stage: Stage<'_>, earlier: &[FinishedPlace], begins: bool, view: &'v
 }
 
 /// A stage whose object is in view.
-fn in_view(step: Step, thing: &PerceivedObject, view: &View<'_>) -> Met {
+fn in_view(step: Step, thing: &PerceivedObject, view: &Inputs<'_>) -> Met {
     let here = place(thing);
     match step {
         Step::Approach(times) if view.arrived(thing.nearest, times * view.near()) => Met::Yes(Some(here)),
@@ -321,7 +326,7 @@ fn in_view(step: Step, thing: &PerceivedObject, view: &View<'_>) -> Met {
 }
 
 /// A stage whose object is out of view, which is the goal of some.
-fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &View<'_>) -> Met {
+fn out_of_view(step: Step, phrase: &Phrase, lost: Option<Look>, view: &Inputs<'_>) -> Met {
     match step {
         Step::Beside => Met::Yes(None),
         Step::Across => Met::Yes(Some(ahead(view))),
@@ -346,14 +351,14 @@ fn sighting(thing: Option<&PerceivedObject>) -> (Option<&PerceivedObject>, Optio
 
 /// An object to be flown through, if its tags contain every word of shape and material given: an ordinary building is
 /// not a hollow one.
-fn whole<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<&'v PerceivedObject> {
+fn whole<'v>(phrase: &Phrase, view: &'v Inputs<'_>) -> Option<&'v PerceivedObject> {
     view.find(phrase).filter(|thing| phrase.soft.iter().all(|word| knows(&thing.tags, word)))
 }
 
 /// The object being circled, by its name in the history: the nearest of that name, within the circling distance. `None`
 /// if no circuit is in progress: since the last point beside an object, the target was something other than that object
 /// or a straight move.
-fn gone_round<'v>(phrase: &Phrase, view: &'v View<'_>) -> Option<Option<&'v PerceivedObject>> {
+fn gone_round<'v>(phrase: &Phrase, view: &'v Inputs<'_>) -> Option<Option<&'v PerceivedObject>> {
     let targets = &view.query.memory.targets;
     let begun = targets.iter().rposition(|target| target.starts_with(LEFT_OF))?;
     let name = targets[begun].strip_prefix(LEFT_OF)?;
@@ -375,7 +380,7 @@ const ROUND: f64 = 8.0;
 
 /// Whether the craft is inside the opening it just aimed at: the opening went out of view without a search, and any
 /// remaining part of it, or of its object, is very close.
-fn is_within(found: Option<&PerceivedObject>, view: &View<'_>) -> bool {
+fn is_within(found: Option<&PerceivedObject>, view: &Inputs<'_>) -> bool {
     let memory = &view.query.memory;
     let is_opening = |last: &String| last.split(' ').next_back().is_some_and(|head| NOUNS.openings.contains(head));
     let is_here = found.is_none_or(|thing| thing.nearest < 2.0 * view.near());
@@ -383,7 +388,7 @@ fn is_within(found: Option<&PerceivedObject>, view: &View<'_>) -> bool {
 }
 
 /// The nearest or the farthest opening in view that the phrase names, directly or through its object.
-fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'v PerceivedObject> {
+fn opening<'v>(phrase: &Phrase, view: &'v Inputs<'_>, farthest: bool) -> Option<&'v PerceivedObject> {
     let belongs =
         |named: &PerceivedObject| view.seen.iter().any(|thing| thing.tags.opening && whole_key(thing) == whole_key(named));
     let named = view.find_among(phrase, |thing| thing.tags.opening).filter(|named| belongs(named)).or_else(|| {
@@ -401,7 +406,7 @@ fn opening<'v>(phrase: &Phrase, view: &'v View<'_>, farthest: bool) -> Option<&'
 }
 
 /// The side on which to look for an object out of view: the side in the history, otherwise right; never the true one.
-fn side(view: &View<'_>) -> Look {
+fn side(view: &Inputs<'_>) -> Look {
     view.query.memory.last_seen.unwrap_or(Look::Right)
 }
 
@@ -423,13 +428,13 @@ fn through(opening: &PerceivedObject) -> Place {
 const MOVE_M: f64 = 10.0;
 
 /// A point at the edge of the image at minimum range: a turn by half an image.
-fn edge(u: f64, view: &View<'_>) -> Place {
+fn edge(u: f64, view: &Inputs<'_>) -> Place {
     Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, fraction: 0.0, opening: None }
 }
 
 /// An object other than the previous targets, according to the history, which tells where these are now. Among objects of the same
 /// name, one that is not right here, while starting and searching; after that the one turned to, hence the most central.
-fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &'v View<'_>) -> Option<&'v PerceivedObject> {
+fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &'v Inputs<'_>) -> Option<&'v PerceivedObject> {
     let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
     let mut found = view.all(&alike);
     for place in earlier {
@@ -461,7 +466,7 @@ fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &
 
 /// How far an object is from where an earlier target should be in the image; `None` if it is not that target. Of what lies beside the
 /// image, a part may reach into it.
-fn offset_from(place: &FinishedPlace, thing: &PerceivedObject, view: &View<'_>) -> Option<f64> {
+fn offset_from(place: &FinishedPlace, thing: &PerceivedObject, view: &Inputs<'_>) -> Option<f64> {
     let (far, near) = (place.range_m.max(thing.nearest), place.range_m.min(thing.nearest));
     if far > AS_FAR * near && far > near + AS_FAR_M {
         return None;
@@ -491,7 +496,7 @@ const REACHES_IN: f64 = core::f64::consts::FRAC_PI_4;
 
 /// Whether the move straight on that was planned as the present stage began has been flown, if the history tells. A move that cannot
 /// be flown, because something is in the way, is given up after [`REMEMBERED_ANSWERS`] answers.
-fn has_moved_on(view: &View<'_>) -> bool {
+fn has_moved_on(view: &Inputs<'_>) -> bool {
     let memory = &view.query.memory;
     let began = memory.finished.last().filter(|last| last.stage + 1 == memory.stage).map(|last| last.answers_ago as usize);
     let Some(since) = began.and_then(|began| memory.answers.get(memory.answers.len().checked_sub(began)?..)) else { return true };
@@ -504,13 +509,13 @@ fn has_moved_on(view: &View<'_>) -> bool {
 const FLOWN: f64 = 0.8;
 
 /// Straight on, for half of the free distance.
-fn ahead(view: &View<'_>) -> Place {
+fn ahead(view: &Inputs<'_>) -> Place {
     let range = 0.5 * view.percept.ahead;
     Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), fraction: 0.0, opening: None }
 }
 
 /// A point left of the object by one and a half times `near` at its range; at the image edge if that cuts it off.
-fn beside(thing: &PerceivedObject, view: &View<'_>) -> Place {
+fn beside(thing: &PerceivedObject, view: &Inputs<'_>) -> Place {
     if thing.bounds.left <= 0.0 {
         return edge(0.0, view);
     }

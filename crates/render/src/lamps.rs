@@ -13,7 +13,7 @@ use super::lanes::{F, Instructions, LANES, Simd, V3, with_instructions};
 use super::prepare::Soup;
 use super::raster::{NONE, SUB, TILE, TILE_AREA, Tile, place};
 use super::setup::{Bins, Wanted};
-use super::view::View;
+use super::view::Pinhole;
 use super::walls::{Lattice, Walls};
 
 /// Approximate maximum number of lattice points; each takes eight bytes.
@@ -248,7 +248,7 @@ impl Cube {
         let mut bins = Bins::default();
         for ((forward, right), near) in Self::FACES.into_iter().zip(near.chunks_exact_mut(TILE_AREA)) {
             let half = TILE as f32 * 0.5;
-            let view = View {
+            let view = Pinhole {
                 width: TILE as u32,
                 height: TILE as u32,
                 eye: lamp.position,

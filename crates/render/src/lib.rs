@@ -63,7 +63,7 @@ use sky::Sky;
 use spf_scene::geometry::{Light, Material, Part, Pattern, SceneGeometry};
 use spf_scene::texture::Texture;
 pub use view::Frustum;
-use view::View;
+use view::Pinhole;
 
 /// Maximum width and height of an image, pixels; images of larger cameras are cropped to this.
 pub const MAX_SIDE: u32 = 8192;
@@ -186,7 +186,7 @@ impl Renderer {
     /// Renders into `image`, reusing its buffers; `actors` are additional parts for this image only (moving objects), in world
     /// coordinates, with materials of the scene. Actors receive the scene's shadows but cast none.
     pub fn render_into(&self, camera: &Camera, pose: &Pose, channels: Channels, actors: &[Part], image: &mut RenderedImage) {
-        let mut view = View::new(camera, pose);
+        let mut view = Pinhole::new(camera, pose);
         (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));
         image.shape(view.width, view.height, channels);
         if view.width == 0 || view.height == 0 || !(channels.rgb || channels.depth || channels.ids || channels.openings) {
@@ -198,7 +198,7 @@ impl Renderer {
         self.scratch.lock().unwrap_or_else(PoisonError::into_inner).push(scratch);
     }
 
-    fn draw(&self, view: &View, channels: Channels, actors: &Soup, scratch: &mut Scratch, image: &mut RenderedImage) {
+    fn draw(&self, view: &Pinhole, channels: Channels, actors: &Soup, scratch: &mut Scratch, image: &mut RenderedImage) {
         let soups = [&self.soup, actors];
         let centres = !channels.rgb;
         scratch.solid.fill(self.instructions, &soups, view, Wanted { openings: false, centres });

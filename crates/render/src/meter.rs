@@ -13,7 +13,7 @@ use super::lamps::LampLight;
 use super::lanes::{F, Instructions, V3, smooth, with_instructions};
 use super::shadow::ShadowMap;
 use super::sky::Sky;
-use super::view::View;
+use super::view::Pinhole;
 use super::{Palette, RenderedImage, Renderer};
 
 /// Maximum exposure under a roof, relative to outside.
@@ -85,7 +85,7 @@ impl Renderer {
         if image.width == 0 || !self.light.has_dark_areas {
             return BTreeMap::new();
         }
-        let view = View::new(camera, pose);
+        let view = Pinhole::new(camera, pose);
         // A colour render provides all of it; for the light alone that would take too long.
         if let Some(palette) = self.palette.get() {
             light_on(&palette.lights(&|p| palette.open(p)), &view, image.width, ids, depth)
@@ -115,7 +115,7 @@ impl Renderer {
 }
 
 /// [`Renderer::light_on`] of an image `width` pixels wide.
-fn light_on(lights: &Lights<'_>, view: &View, width: u32, ids: &[u16], depth: &[f32]) -> BTreeMap<u16, f32> {
+fn light_on(lights: &Lights<'_>, view: &Pinhole, width: u32, ids: &[u16], depth: &[f32]) -> BTreeMap<u16, f32> {
     let exposure = lights.exposure(view.eye);
     let mut seen: BTreeMap<u16, (u32, u32, f32)> = BTreeMap::new();
     let (mut last, mut count) = (0, 0);

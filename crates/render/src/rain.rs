@@ -10,7 +10,7 @@ use super::Palette;
 use super::develop::luminance;
 use super::lanes::{F, Instructions, V3, with_instructions};
 use super::noise::cell_hash;
-use super::view::View;
+use super::view::Pinhole;
 
 /// Streaks in an image of heavy rain.
 const DROPS: f32 = 2600.0;
@@ -22,7 +22,7 @@ const FALL: f32 = 0.16;
 const WIDTH: f32 = 0.004;
 
 /// Renders drops into `rgb`; `near` gives 1/z of the visible surface at a pixel.
-pub(super) fn fall(rgb: &mut [u8], view: &View, palette: &Palette, exposure: f32, near: impl Fn(usize, usize) -> f32) {
+pub(super) fn fall(rgb: &mut [u8], view: &Pinhole, palette: &Palette, exposure: f32, near: impl Fn(usize, usize) -> f32) {
     let rain = palette.sky.light.rain.clamp(0.0, 1.0);
     let salt =
         view.eye.to_array().iter().chain(&view.forward.to_array()).fold(1, |salt: u32, x| salt.rotate_left(5) ^ x.to_bits());
@@ -70,7 +70,7 @@ fn developed(palette: &Palette, light: Vec3) -> [u8; 3] {
 /// Calls `pixel` along a line within the image.
 fn streak(
     rgb: &mut [u8],
-    view: &View,
+    view: &Pinhole,
     ((x0, y0), (x1, y1)): ((f32, f32), (f32, f32)),
     mut pixel: impl FnMut(&mut [u8], (usize, usize)),
 ) {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::lanes::{F, I, Instructions, LANES, Simd, V3, each, whole, with_instructions};
 use super::prepare::{Cluster, Soup};
 use super::raster::{GUARD, SUB, ScreenTriangle, TILE};
-use super::view::View;
+use super::view::Pinhole;
 
 /// Near plane: nothing closer to the lens is rendered, metres along the optical axis.
 pub(crate) const NEAR: f32 = 0.05;
@@ -50,7 +50,7 @@ const OUTSIDE: i32 = i32::MIN;
 impl Corners {
     /// Eight at once.
     #[inline(always)]
-    fn see<S: Simd>(&mut self, simd: S, positions: &[Vec3], view: &View) {
+    fn see<S: Simd>(&mut self, simd: S, positions: &[Vec3], view: &Pinhole) {
         let count = positions.len().next_multiple_of(LANES);
         self.depth.resize(count, 0.0);
         self.x.resize(count, 0);
@@ -76,13 +76,13 @@ impl Corners {
 
 /// Horizontal image position of a point in camera axes, 1/16 pixel.
 #[inline]
-fn column(p: Vec3, view: &View) -> i32 {
+fn column(p: Vec3, view: &Pinhole) -> i32 {
     snap(view.fx * p.x / p.z + view.cx)
 }
 
 /// Vertical image position.
 #[inline]
-fn row(p: Vec3, view: &View) -> i32 {
+fn row(p: Vec3, view: &Pinhole) -> i32 {
     snap(view.fy * p.y / p.z + view.cy)
 }
 
@@ -128,7 +128,7 @@ impl Bins {
     }
 
     /// Sets up the triangles visible from `view`. Ids continue from one soup to the next.
-    pub(crate) fn fill(&mut self, instructions: Instructions, soups: &[&Soup], view: &View, wanted: Wanted) {
+    pub(crate) fn fill(&mut self, instructions: Instructions, soups: &[&Soup], view: &Pinhole, wanted: Wanted) {
         self.order.clear();
         let planes = view.frustum();
         for (s, soup) in soups.iter().enumerate() {
@@ -218,7 +218,14 @@ impl Group {
     }
 
     #[inline(always)]
-    fn add_cluster<S: Simd>(&mut self, simd: S, soup: &Soup, cluster: &Cluster, first_id: u32, (view, centres): (&View, bool)) {
+    fn add_cluster<S: Simd>(
+        &mut self,
+        simd: S,
+        soup: &Soup,
+        cluster: &Cluster,
+        first_id: u32,
+        (view, centres): (&Pinhole, bool),
+    ) {
         let positions = &soup.positions[cluster.positions.0 as usize..cluster.positions.1 as usize];
         self.corners.see(simd, positions, view);
         let (width, height) = (view.width as i32, view.height as i32);
@@ -300,7 +307,7 @@ fn snap_all<S: Simd>(x: F<S>) -> I<S> {
 
 /// Clips to the near plane and the guard band, and passes on the triangles of the remainder (Sutherland and Hodgman
 /// 1974).
-fn clip(corners: [Vec3; 3], view: &View, mut emit: impl FnMut([Vec3; 3])) {
+fn clip(corners: [Vec3; 3], view: &Pinhole, mut emit: impl FnMut([Vec3; 3])) {
     let band = GUARD - 8192.0;
     let planes: [(Vec3, f32); 5] = [
         (Vec3::Z, NEAR),

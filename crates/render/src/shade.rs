@@ -12,7 +12,7 @@ use super::lanes::{F, Instructions, LANES, Simd, V3, clamp};
 use super::pattern::{Paint, Spot, Surface};
 use super::prepare::{Soup, Triangle};
 use super::texture;
-use super::view::View;
+use super::view::Pinhole;
 
 /// Reflectivity of level ground in heavy rain.
 const WET: f32 = 0.75;
@@ -28,7 +28,7 @@ pub(crate) struct Shader<'a> {
     pub(super) actors: &'a Soup,
     pub(super) palette: &'a Palette,
     textures: &'a [Texture],
-    pub(super) view: &'a View,
+    pub(super) view: &'a Pinhole,
     pub(super) instructions: Instructions,
     /// Smooth edges, and details visible only on close inspection.
     pub(super) fine: bool,
@@ -72,7 +72,7 @@ impl<'a> Shader<'a> {
     pub(super) fn new(
         soups: [&'a Soup; 2],
         (palette, textures): (&'a Palette, &'a [Texture]),
-        view: &'a View,
+        view: &'a Pinhole,
         instructions: Instructions,
         fine: bool,
     ) -> Self {

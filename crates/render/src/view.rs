@@ -8,7 +8,7 @@ use spf_core::geometry::Pose;
 ///
 /// Lens distortion is not rendered: images are those of the ideal pinhole camera with the same fx, fy, cx, cy.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct View {
+pub(crate) struct Pinhole {
     pub(crate) width: u32,
     pub(crate) height: u32,
     /// Lens position, ENU metres.
@@ -23,7 +23,7 @@ pub(crate) struct View {
     pub(crate) cy: f32,
 }
 
-impl View {
+impl Pinhole {
     /// The camera vector is turned by tilt, then roll, then pitch, then heading.
     pub(crate) fn new(camera: &Camera, pose: &Pose) -> Self {
         let turn = |v: [f64; 3]| {
@@ -86,7 +86,7 @@ impl Frustum {
     /// The frustum of `camera` at `pose`.
     #[must_use]
     pub fn new(camera: &Camera, pose: &Pose) -> Self {
-        Self(View::new(camera, pose).frustum())
+        Self(Pinhole::new(camera, pose).frustum())
     }
 
     /// Whether any part of the sphere around `centre` may be in the image; may be true for a sphere outside, never false for
@@ -102,10 +102,10 @@ mod tests {
     use super::*;
     use spf_core::geometry::{Attitude, EnuPosition};
 
-    fn view(heading: f64, pitch: f64, roll: f64, tilt: f64) -> View {
+    fn view(heading: f64, pitch: f64, roll: f64, tilt: f64) -> Pinhole {
         let camera = Camera { tilt, ..Camera::quad() };
         let attitude = Attitude { heading, pitch, roll };
-        View::new(&camera, &Pose { position: EnuPosition::default(), attitude })
+        Pinhole::new(&camera, &Pose { position: EnuPosition::default(), attitude })
     }
 
     #[test]

@@ -7,7 +7,7 @@ const MAX_LINES: usize = 200;
 
 /// A detection: `name_id x:… y:… width:… height:… color:…`, as fractions of the image.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Sighting {
+pub(super) struct Detected {
     /// The line, as in the planner's prompt.
     pub(super) line: String,
     /// `name_id`.
@@ -24,7 +24,7 @@ pub(super) struct Sighting {
 /// The objects in view.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Scene {
-    pub(super) sightings: Vec<Sighting>,
+    pub(super) sightings: Vec<Detected>,
 }
 
 impl Scene {
@@ -42,14 +42,14 @@ impl Scene {
     }
 
     /// The object with this label, otherwise the largest whose name and colour contain all the words.
-    pub(super) fn find(&self, name: &str) -> Option<&Sighting> {
+    pub(super) fn find(&self, name: &str) -> Option<&Detected> {
         let name = name.trim().to_lowercase().replace(' ', "_");
         if let Some(found) = self.sightings.iter().find(|sighting| sighting.label == name) {
             return Some(found);
         }
         let (words, _) = words_of(&name);
-        let fits = |sighting: &&Sighting| !words.is_empty() && words.iter().all(|word| sighting.words.contains(word));
-        let area = |sighting: &Sighting| sighting.width * sighting.height;
+        let fits = |sighting: &&Detected| !words.is_empty() && words.iter().all(|word| sighting.words.contains(word));
+        let area = |sighting: &Detected| sighting.width * sighting.height;
         self.sightings.iter().filter(fits).max_by(|a, b| area(a).total_cmp(&area(b)))
     }
 }
@@ -60,7 +60,7 @@ fn words_of(label: &str) -> (Vec<String>, bool) {
     (name.split('_').filter(|word| !word.is_empty()).map(str::to_owned).collect(), numbered)
 }
 
-fn sighting(line: String) -> Option<Sighting> {
+fn sighting(line: String) -> Option<Detected> {
     let Line { label, x, y, width, height } = Line::read(&line)?;
     let label = label.to_lowercase();
     let (mut words, _) = words_of(&label);
@@ -69,7 +69,7 @@ fn sighting(line: String) -> Option<Sighting> {
             .into_iter()
             .flat_map(|colour| colour.to_lowercase().split('_').map(str::to_owned).collect::<Vec<_>>()),
     );
-    Some(Sighting { x, y, width, height, label, words, line })
+    Some(Detected { x, y, width, height, label, words, line })
 }
 
 #[cfg(test)]

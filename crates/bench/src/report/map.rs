@@ -31,20 +31,20 @@ pub(super) struct TrialMap {
     pub(super) rows: Vec<usize>,
     start: [f64; 2],
     targets: Vec<String>,
-    view: View,
+    view: Extent,
     ground: Option<Ground>,
 }
 
 /// The part of the world that a map shows.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct Extent {
     east: Scale,
     north: Scale,
     /// Map units per metre.
     scale: f64,
 }
 
-impl View {
+impl Extent {
     /// A view that contains the given positions, with a margin.
     fn of(places: impl Iterator<Item = [f64; 2]> + Clone) -> Self {
         let range = |axis: usize| {
@@ -122,9 +122,9 @@ impl TrialMap {
         let marks = ground.iter().flat_map(|ground| ground.marks.iter().map(|(at, _)| *at));
         let flown = paths.iter().flat_map(|path| path.places.iter().map(|place| [place[0], place[1]]));
         // With many possible targets, those far from every path should not make the map small.
-        let flown_view = View::of(flown.clone().chain([[start.east, start.north]]));
+        let flown_view = Extent::of(flown.clone().chain([[start.east, start.north]]));
         let near = marks.filter(|at| targets.len() < 4 || is_near(&flown_view, *at));
-        let view = View::of(flown.chain(near).chain([[start.east, start.north]]));
+        let view = Extent::of(flown.chain(near).chain([[start.east, start.north]]));
         let (task, seed, scene) = (task.to_owned(), seed.to_owned(), scene.to_owned());
         Self { task, seed, scene, rows, start: [start.east, start.north], targets, view, ground }
     }
@@ -198,7 +198,7 @@ pub(super) fn seed(record: &Record) -> &str {
     record.run_id.rsplit('/').next().unwrap_or_default()
 }
 
-fn is_near(view: &View, at: [f64; 2]) -> bool {
+fn is_near(view: &Extent, at: [f64; 2]) -> bool {
     let [x, y] = view.at(at);
     (-WIDTH..=2.0 * WIDTH).contains(&x) && (-HEIGHT..=2.0 * HEIGHT).contains(&y)
 }
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn a_view_holds_its_places_and_keeps_angles() {
         let places = [[0.0, 0.0], [100.0, 20.0]];
-        let view = View::of(places.into_iter());
+        let view = Extent::of(places.into_iter());
         assert!(places.iter().all(|at| {
             let [x, y] = view.at(*at);
             (0.0..=WIDTH).contains(&x) && (0.0..=HEIGHT).contains(&y)
@@ -219,6 +219,6 @@ mod tests {
         let [[x, y], [right, up]] = [view.at([0.0, 0.0]), view.at([1.0, 1.0])];
         assert!((right - x - (y - up)).abs() < 1e-9 && right > x);
         // Something is shown even with no place, or only one.
-        assert!(View::of(std::iter::empty()).scale.is_finite() && View::of([[5.0, 5.0]].into_iter()).scale > 0.0);
+        assert!(Extent::of(std::iter::empty()).scale.is_finite() && Extent::of([[5.0, 5.0]].into_iter()).scale > 0.0);
     }
 }

@@ -10,7 +10,7 @@ use toml::Spanned;
 
 use super::select::Selector;
 use super::{
-    Category, Goal, GoalKind, Hostile, MAX_BYTES, SignContent, Start, Task, TaskError, TaskSet, Trajectory, View, Winds,
+    Category, Goal, GoalKind, Hostile, InView, MAX_BYTES, SignContent, Start, Task, TaskError, TaskSet, Trajectory, Winds,
 };
 
 /// Supported version of the format.
@@ -76,7 +76,7 @@ struct RawWind {
 #[serde(deny_unknown_fields)]
 struct RawStart {
     scene: Option<bool>,
-    view: Option<View>,
+    view: Option<InView>,
     range_m: Option<Spanned<[f64; 2]>>,
     east: Option<Spanned<[f64; 2]>>,
     north: Option<Spanned<[f64; 2]>>,
@@ -361,7 +361,7 @@ fn own_start(raw: &RawStart, at: Range<usize>, source: &Source<'_>) -> Result<St
     }
     Ok(Start {
         own: true,
-        view: View::Any,
+        view: InView::Any,
         range: [0.0, 1000.0],
         east: None,
         north: None,

@@ -111,7 +111,7 @@ impl Category {
 /// Whether the target is in view at the start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum View {
+pub enum InView {
     /// In the first frame of every trial.
     Always,
     /// In no trial: not one pixel of any target is visible.
@@ -129,7 +129,7 @@ pub struct Start {
     /// other fields do not apply.
     pub own: bool,
     /// Whether the target is in view.
-    pub view: View,
+    pub view: InView,
     /// Distance from the start to the nearest surface of a target, minimum and maximum, metres.
     pub range: [f64; 2],
     /// Range in metres east; `None` for the scene's bounds.

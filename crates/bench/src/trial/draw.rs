@@ -12,7 +12,7 @@ use thiserror::Error;
 
 use crate::fnv;
 use crate::judge::{JudgeCamera, nearest};
-use crate::task::{Selector, Task, View, centre, select_all};
+use crate::task::{InView, Selector, Task, centre, select_all};
 
 /// Maximum number of variants tried per trial.
 const VARIANTS: u64 = 40;
@@ -83,11 +83,11 @@ pub fn draw(task: &Task, seed: u64) -> Result<Sampled, SampleError> {
     // Key of the task in random streams.
     let word = fnv(task.drawn_as().as_bytes());
     let in_view = match task.start.view {
-        View::Always => Some(true),
-        View::Never => Some(false),
+        InView::Always => Some(true),
+        InView::Never => Some(false),
         // Every second seed; which parity comes first depends on the task.
-        View::Half => Some((seed ^ RandomStream::new(0, "bench view", &[word]).below(2) as u64).is_multiple_of(2)),
-        View::Any => None,
+        InView::Half => Some((seed ^ RandomStream::new(0, "bench view", &[word]).below(2) as u64).is_multiple_of(2)),
+        InView::Any => None,
     };
     for attempt in 0..if task.variants { VARIANTS } else { 1 } {
         let number = (RandomStream::new(seed, "bench variant", &[word, attempt]).uniform() * 1e9) as u64;

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use spf_bench::judge::judge_trajectory;
-use spf_bench::task::{Category, SUITES, Task, TaskSet, View, suite};
+use spf_bench::task::{Category, InView, SUITES, Task, TaskSet, suite};
 use spf_bench::trial::{Method, draw, split_latency};
 use spf_flight::sim::LoadedScene;
 use spf_oracle::ErrorFile;
@@ -114,10 +114,10 @@ fn the_detector_is_compared_where_there_are_obstacles() {
 fn targets_are_in_view_as_the_instruction_has_it() {
     for task in paper() {
         let wanted = match (task.category, task.instruction.contains("in front")) {
-            (_, true) => View::Always,
-            (Category::Search, _) if task.instruction.contains("sight") => View::Half,
-            (Category::Search, _) => View::Never,
-            _ => View::Half,
+            (_, true) => InView::Always,
+            (Category::Search, _) if task.instruction.contains("sight") => InView::Half,
+            (Category::Search, _) => InView::Never,
+            _ => InView::Half,
         };
         // A scan has no target.
         assert!(task.start.view == wanted || task.start_targets().is_empty(), "{}", task.id);

@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, Rules, fitting_command, fitting_speed};
 use super::response::{State, to_body};
-use super::{Outcome, View};
+use super::{Outcome, TickInput};
 use spf_core::command::Setpoint;
 use spf_core::geometry::EnuPosition;
 use spf_core::primitives::PrimitiveKind;
@@ -36,8 +36,8 @@ impl Blend {
         }
     }
 
-    pub(super) fn tick(&mut self, view: &View<'_>) -> Outcome {
-        let View { state, interval, response, .. } = view;
+    pub(super) fn tick(&mut self, view: &TickInput<'_>) -> Outcome {
+        let TickInput { state, interval, response, .. } = view;
         let interval = *interval;
         let velocity = [state.velocity.east, state.velocity.north];
         let stop = response.horizontal.stop_2d(velocity);

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use super::axis::Rules;
 use super::sequential::Queue;
-use super::{Outcome, View};
+use super::{Outcome, TickInput};
 use spf_core::command::{Manoeuvre, Setpoint};
 use spf_core::geometry::BodyDisplacement;
 use spf_core::primitives::Primitives;
@@ -79,7 +79,7 @@ impl Manoeuvres {
         }
     }
 
-    pub(super) fn tick(&mut self, view: &View<'_>) -> Outcome {
+    pub(super) fn tick(&mut self, view: &TickInput<'_>) -> Outcome {
         if self.under_way.is_some() {
             return Outcome::Wait;
         }

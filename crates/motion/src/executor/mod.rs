@@ -286,7 +286,7 @@ impl Executor {
         let still = present.velocity.speed() < REST_SPEED && present.yaw_rate.abs() < REST_YAW_RATE;
         let braked = self.craft.standstill_time(self.craft.cruise_speed).max(REST_WAIT);
         let at_rest = still || held.as_secs_f64() >= braked;
-        let view = View { now, state, rest: quiet && at_rest, interval: self.clock.interval(), response: &self.response };
+        let view = TickInput { now, state, rest: quiet && at_rest, interval: self.clock.interval(), response: &self.response };
         let outcome = match plan {
             Plan::Queue(queue) => queue.tick(&view),
             Plan::Blend(blend) => blend.tick(&view),
@@ -388,7 +388,7 @@ fn state_of(known: MotionEstimate, heading: f64) -> State {
 }
 
 /// Input of a plan at a tick.
-struct View<'a> {
+struct TickInput<'a> {
     now: Time,
     /// State of the craft when the setpoint of this tick takes effect.
     state: State,

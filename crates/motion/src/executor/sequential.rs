@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, Rules, fitting_command};
 use super::response::State;
-use super::{Ending, Outcome, View};
+use super::{Ending, Outcome, TickInput};
 use spf_core::command::Setpoint;
 use spf_core::primitives::{PrimitiveKind, Primitives};
 
@@ -26,7 +26,7 @@ impl Queue {
         queue
     }
 
-    pub(super) fn tick(&mut self, view: &View<'_>) -> Outcome {
+    pub(super) fn tick(&mut self, view: &TickInput<'_>) -> Outcome {
         let Some(&kind) = PrimitiveKind::QUEUE.get(self.index) else {
             return Outcome::Arrived;
         };
@@ -51,7 +51,7 @@ impl Queue {
     }
 
     /// The error of a primitive after a stop now, and the velocity along it.
-    fn missing(&self, kind: PrimitiveKind, view: &View<'_>) -> (f64, f64) {
+    fn missing(&self, kind: PrimitiveKind, view: &TickInput<'_>) -> (f64, f64) {
         let (state, response) = (&view.state, view.response);
         let magnitude = self.primitives.magnitude(kind);
         // Along and across the heading that the yaw should have reached, towards where the decision wanted to be.

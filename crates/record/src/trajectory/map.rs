@@ -12,7 +12,7 @@ const APART: f64 = 13.0;
 
 /// Transforms metres to image coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct Extent {
     left: f64,
     top: f64,
     width: f64,
@@ -24,7 +24,7 @@ pub(super) struct View {
     north: f64,
 }
 
-impl View {
+impl Extent {
     /// A view of width `width` that shows path, decisions, waypoints and target with a margin, at least 12 m wide; the
     /// whole scene if there is nothing else.
     pub(super) fn fitting(input: &TrajectoryInput, left: f64, top: f64, width: f64) -> Self {
@@ -77,8 +77,8 @@ impl View {
 }
 
 /// Draws the map.
-pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &View) {
-    let View { left, top, width, height, .. } = *view;
+pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &Extent) {
+    let Extent { left, top, width, height, .. } = *view;
     let area = format!("x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" rx=\"6\"");
     svg.raw(&format!("<clipPath id=\"map\"><rect {area}/></clipPath>\n<rect {area} fill=\"#f4f6f3\"/>\n"));
     svg.open("g", "clip-path=\"url(#map)\"");
@@ -131,7 +131,7 @@ pub(super) fn draw(svg: &mut Svg, input: &TrajectoryInput, view: &View) {
     draw_north(svg, view.left + view.width - 26.0, view.top + 34.0);
 }
 
-fn draw_outline(svg: &mut Svg, outline: &Outline, view: &View) {
+fn draw_outline(svg: &mut Svg, outline: &Outline, view: &Extent) {
     let [red, green, blue] = outline.colour;
     let mut shape = String::new();
     for polygon in outline.polygons.iter().filter(|polygon| polygon.len() >= 3) {
@@ -162,7 +162,7 @@ fn draw_outline(svg: &mut Svg, outline: &Outline, view: &View) {
 }
 
 /// Labels objects that are large enough on the map; below a symbol that would cover the name.
-fn draw_name(svg: &mut Svg, outline: &Outline, view: &View, signs: &[[f64; 2]]) {
+fn draw_name(svg: &mut Svg, outline: &Outline, view: &Extent, signs: &[[f64; 2]]) {
     let Some((low, high)) = bounds(outline.polygons.iter().flatten().map(|&point| view.place(point))) else { return };
     let needed = outline.name.chars().count() as f64 * 6.4 + 6.0;
     let [x, mut y] = [f64::midpoint(low[0], high[0]), f64::midpoint(low[1], high[1])];
@@ -186,7 +186,7 @@ fn bounds(points: impl Iterator<Item = [f64; 2]>) -> Option<([f64; 2], [f64; 2])
     })
 }
 
-fn draw_scale(svg: &mut Svg, view: &View) {
+fn draw_scale(svg: &mut Svg, view: &Extent) {
     let step = round_step(view.width / view.scale, 6.0);
     let length = step * view.scale;
     let (x, y) = (view.left + 16.0, view.bottom() - 16.0);

@@ -91,7 +91,7 @@ mod colours {
 #[must_use]
 pub fn trajectory_svg(input: &TrajectoryInput) -> String {
     let input = finite(input);
-    let view = map::View::fitting(&input, MARGIN, 92.0, WIDTH - 2.0 * MARGIN);
+    let view = map::Extent::fitting(&input, MARGIN, 92.0, WIDTH - 2.0 * MARGIN);
     let legend_top = view.bottom() + 26.0;
     let height_top = legend_top + 40.0;
     let mut svg = Svg::new(WIDTH, height_top + HEIGHT_PLOT + 52.0);

@@ -35,7 +35,7 @@ pub(super) struct History {
     answers: VecDeque<(PastAnswer, Pose)>,
     /// Number of usable answers.
     count: u32,
-    sighting: Option<Sighting>,
+    sighting: Option<PointedAt>,
     finished: VecDeque<Finished>,
     /// The last target named in the current stage.
     target: Option<String>,
@@ -105,7 +105,7 @@ impl Place {
 
 /// The last time that the target was pointed at.
 #[derive(Clone, Copy, Debug)]
-struct Sighting {
+struct PointedAt {
     /// Number of the answer.
     answer: u32,
     /// The direction, radians clockwise from north.
@@ -132,7 +132,7 @@ impl History {
             (Said::Pointed, Some(point)) => {
                 self.place = Place::new(view, reply, self.flown);
                 let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(point).right);
-                self.sighting = Some(Sighting { answer: self.count, bearing, turned: 0.0, lost: None });
+                self.sighting = Some(PointedAt { answer: self.count, bearing, turned: 0.0, lost: None });
             }
             (Said::NotSeen, _) => self.lost_in(view),
             _ => {}
