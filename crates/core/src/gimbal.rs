@@ -10,7 +10,7 @@ use crate::geometry::{Attitude, Pose};
 use crate::time::{Duration, Time};
 
 /// Reports that are remembered: longer than a frame takes to arrive.
-const REMEMBERED: Duration = Duration::from_secs(5);
+const REPORTS_KEPT: Duration = Duration::from_secs(5);
 const MOST: usize = 256;
 /// A report tells nothing about times that are farther from it than this.
 const KNOWN: Duration = Duration::from_secs(1);
@@ -41,7 +41,7 @@ impl Gimbal {
             return;
         }
         self.0.push_back(report);
-        while self.0.len() > MOST || self.0.get(1).is_some_and(|second| report.measured.since(second.measured) > REMEMBERED) {
+        while self.0.len() > MOST || self.0.get(1).is_some_and(|second| report.measured.since(second.measured) > REPORTS_KEPT) {
             self.0.pop_front();
         }
     }

@@ -8,7 +8,7 @@ use spf_scene::geometry::{Material, Part, Role, Vertex};
 const CLUSTER: usize = 64;
 
 /// Number of recent surfaces that a triangle is compared with.
-const REMEMBERED: usize = 8;
+const RECENT: usize = 8;
 
 /// Data of a triangle for the shader. Everything is an affine function of the world position, so that a pixel needs
 /// nothing but its position: no interpolation in the image, and therefore exact perspective.
@@ -160,7 +160,7 @@ impl Soup {
     /// The flat surface among the latest ones since triangle `start` that has these corners too.
     fn piece(&self, start: usize, corners: &[Vertex; 3]) -> Option<u32> {
         let earlier = self.triangles.iter().zip(&self.surfaces).enumerate().skip(start).rev();
-        let mut surfaces = earlier.filter(|&(i, (t, &surface))| surface as usize == i && t.smooth == 0).take(REMEMBERED);
+        let mut surfaces = earlier.filter(|&(i, (t, &surface))| surface as usize == i && t.smooth == 0).take(RECENT);
         surfaces.find(|(_, (t, _))| corners.iter().all(|c| t.has(c))).map(|(i, _)| i as u32)
     }
 }

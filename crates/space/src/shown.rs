@@ -16,7 +16,7 @@ use spf_core::time::{Duration, Time};
 use spf_motion::odometry::Odometry;
 
 /// Replies are remembered for this long.
-const REMEMBERED: Duration = Duration::from_secs(90);
+const SHOWN_COUNTS: Duration = Duration::from_secs(90);
 /// Standard deviation of the drift of the position up to which a place is still the same, metres.
 const SAME_PLACE: f64 = 0.3;
 /// Maximum range at which a reply shows free space, metres.
@@ -129,7 +129,7 @@ impl Shown {
 
     /// Forgets what was shown too long before `now`.
     pub(crate) fn expire(&mut self, now: Time) {
-        while self.0.front().is_some_and(|first| now.since(first.from.captured) > REMEMBERED) {
+        while self.0.front().is_some_and(|first| now.since(first.from.captured) > SHOWN_COUNTS) {
             self.0.pop_front();
         }
     }

@@ -16,7 +16,7 @@ use crate::viewpoint::Viewpoint;
 /// How long obstacles count for climbs and descents after the frame in which they were listed: a person, who walks on, and
 /// whatever else there is, which may leave the view long before the craft climbs beside it.
 const PERSON_REMEMBERED: Duration = Duration::from_secs(3);
-const REMEMBERED: Duration = Duration::from_secs(10);
+const LISTED_COUNTS: Duration = Duration::from_secs(10);
 /// What reaches beyond the upper edge of an image may hang over where the image was taken, or ahead of it. However old it is, it
 /// counts until the craft is this much farther from there, horizontally, than its label says, metres.
 const OVERHEAD: f64 = 2.5;
@@ -87,7 +87,7 @@ impl Views {
             if listed.from.captured + PERSON_REMEMBERED < now {
                 listed.boxes.retain(|obstacle| !is_person(&obstacle.name));
             }
-            if listed.from.captured + REMEMBERED < now {
+            if listed.from.captured + LISTED_COUNTS < now {
                 let away = listed.from.pose.position.horizontal_distance(at.pose.position);
                 listed.boxes.retain(|obstacle| hangs_over(obstacle, away));
                 return !listed.boxes.is_empty();
@@ -96,7 +96,7 @@ impl Views {
         });
         // The last of the old ones tells the least: those before it were taken from about the same place.
         while self.listed.len() >= MOST_VIEWS {
-            let is_old = |listed: &Listed| listed.from.captured + REMEMBERED < now || listed.boxes.is_empty();
+            let is_old = |listed: &Listed| listed.from.captured + LISTED_COUNTS < now || listed.boxes.is_empty();
             self.listed.remove(self.listed.iter().rposition(is_old).unwrap_or(0));
         }
         self.listed.push(Listed { from: *at, boxes: boxes.to_vec() });

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// An order given on a beat that was sent longer ago than this is dropped.
 const OLD: Duration = Duration::from_secs(1);
 /// Maximum number of beats remembered, a minute of them: what is older is too old whatever its age.
-const REMEMBERED: usize = 240;
+const TICKS_KEPT: usize = 240;
 
 /// Why an order is dropped.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -32,7 +32,7 @@ pub(super) struct Ticks {
 impl Ticks {
     /// The number of a beat that is sent now.
     pub(super) fn beat(&mut self, now: Instant) -> u64 {
-        if self.sent.len() >= REMEMBERED {
+        if self.sent.len() >= TICKS_KEPT {
             self.sent.pop_front();
         }
         self.sent.push_back(now);
@@ -109,7 +109,7 @@ mod tests {
                     last = Some((id, tick));
                 }
             }
-            prop_assert!(ticks.sent.len() <= REMEMBERED);
+            prop_assert!(ticks.sent.len() <= TICKS_KEPT);
         }
     }
 }

@@ -35,7 +35,7 @@ const POSE_EVERY: Duration = Duration::from_millis(50);
 /// Interval of the messages about the obstacle map, flight time.
 const MAP_EVERY: Duration = Duration::from_secs(1);
 /// Number of queries whose times are remembered; a pilot has at most eight open.
-const REMEMBERED: usize = 64;
+const QUERIES_KEPT: usize = 64;
 
 /// A flight log being written.
 pub(crate) struct FlightLog {
@@ -219,7 +219,7 @@ impl FlightLog {
     }
 
     fn ask(&mut self, now: Time, query: &Query) {
-        if self.query_times.len() >= REMEMBERED {
+        if self.query_times.len() >= QUERIES_KEPT {
             self.query_times.pop_first();
         }
         self.query_times.insert(query.id, now);

@@ -37,7 +37,7 @@ const WALKED_ON: Duration = Duration::from_secs(2);
 /// Without a reply that confirms it, about a frame newer than this, the target is lost whatever its track says.
 const CONFIRMED: Duration = Duration::from_secs(15);
 /// Ranges are remembered for this long: replies are about older frames.
-const REMEMBERED: Duration = Duration::from_secs(10);
+const RANGES_KEPT: Duration = Duration::from_secs(10);
 /// Variance of the logarithm of a label's range: its rounding, and the VLM's error.
 const LABEL_VARIANCE: f64 = 0.148 * 0.148 + 0.2 * 0.2;
 /// A reply that sees the target farther than this from where the track had it sees another one, radians: 12°.
@@ -193,7 +193,7 @@ impl Follower {
         let Some(filter) = &self.filter else { return };
         let (log_range, _) = filter.log_range(pose.position);
         self.history.push_back(Remembered { at, log_range, direction: filter.direction(pose.position) });
-        while self.history.front().is_some_and(|first| at.since(first.at) > REMEMBERED) {
+        while self.history.front().is_some_and(|first| at.since(first.at) > RANGES_KEPT) {
             self.history.pop_front();
         }
     }

@@ -11,7 +11,7 @@ use spf_core::time::{Duration, Time};
 /// Replies in a row in which a box counts although they leave it out: a model misses one in twenty, and two in a row hardly ever.
 const MISSED: u32 = 1;
 /// An obstacle of an older frame no longer counts: the pose drifts, and whatever moves has moved on.
-const REMEMBERED: Duration = Duration::from_secs(8);
+const BOX_COUNTS: Duration = Duration::from_secs(8);
 /// A box of the same name whose middle is this near, as a fraction of the image, or that overlaps, is the same obstacle.
 const SAME: f64 = 0.15;
 
@@ -43,7 +43,7 @@ impl ObstacleMemory {
         let is_target = |name: &str| target.is_some_and(|target| same_name(target, name));
         let mut missing = Vec::new();
         self.0.retain_mut(|seen| {
-            if seen.captured + REMEMBERED < captured || is_target(&seen.name) {
+            if seen.captured + BOX_COUNTS < captured || is_target(&seen.name) {
                 return false;
             }
             // What lies outside the frame is not missed.

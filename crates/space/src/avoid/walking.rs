@@ -13,7 +13,7 @@ use spf_core::time::{Duration, Time};
 
 /// Sightings this old no longer tell how somebody walks; where nobody has been seen for as long as the second, nobody is
 /// expected.
-const REMEMBERED: Duration = Duration::from_secs(8);
+const PERSON_COUNTS: Duration = Duration::from_secs(8);
 const EXPECTED: Duration = Duration::from_secs(4);
 /// A walk is compared over this time as well, which is longer than that between two fast answers.
 const LONGER: Duration = Duration::from_secs(4);
@@ -97,7 +97,7 @@ impl Walkers {
     /// Takes the boxes of a reply about the frame of `camera` taken at `pose`.
     pub fn observe(&mut self, camera: &Camera, pose: Pose, captured: Time, boxes: &[ObstacleBox]) {
         for person in &mut self.0 {
-            person.seen.retain(|seen| seen.captured + REMEMBERED >= captured);
+            person.seen.retain(|seen| seen.captured + PERSON_COUNTS >= captured);
         }
         self.0.retain(|person| !person.seen.is_empty());
         let mut taken = vec![false; self.0.len()];

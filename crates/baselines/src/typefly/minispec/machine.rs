@@ -9,7 +9,7 @@ const MAX_STEPS: u32 = 10_000;
 /// Maximum depth of nested high-level skills.
 const MAX_CALLS: usize = 8;
 /// Number of calls kept in the trace.
-const REMEMBERED: usize = 32;
+const CALLS_KEPT: usize = 32;
 
 /// The available skills.
 pub trait Skills {
@@ -277,7 +277,7 @@ impl Machine {
         if self.scopes.len() == 1
             && let Some(called) = self.called.take()
         {
-            if self.trace.len() == REMEMBERED {
+            if self.trace.len() == CALLS_KEPT {
                 self.trace.remove(0);
             }
             self.trace.push(format!("{called} = {value}"));
