@@ -178,7 +178,7 @@ def game(programs, folder, env, drawn):
 def fly(spf, number, out, instruction, extra):
     drawn = course(number)
     with tempfile.TemporaryDirectory() as folder, Programs() as programs:
-        env = {**os.environ, "HOME": folder, "XDG_CONFIG_HOME": folder}
+        env = {**os.environ, "HOME": folder, "XDG_CONFIG_HOME": folder, "SPF_NEAR_M": "3"}
         env["DISPLAY"] = display(programs, env)
         log = game(programs, folder, env, drawn)
         target = os.path.join(out, f"{number:02}")
@@ -186,7 +186,7 @@ def fly(spf, number, out, instruction, extra):
         begun = time.monotonic()
         flight = subprocess.run(
             [os.path.abspath(spf), "fly", instruction, "--drone", "screen:luanti", "--vlm", vlm, "--no-vlm-check", "--unattended",
-             "--at-end", "land", "--near", "3", "--max-decisions", "200", "--out", target, "--json", *extra],
+             "--at-end", "land", "--max-decisions", "200", "--out", target, "--json", *extra],
             env=env, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
         took = time.monotonic() - begun
         time.sleep(0.5)

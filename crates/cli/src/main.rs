@@ -94,6 +94,8 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
         Command::Vlm(Vlm::Trial(args)) => commands::vlm::trial(args, &mut printer),
         Command::Bench(command) => commands::bench::bench(command, &mut printer),
         Command::Config(Config::Show { config }) => commands::config::show(config.as_deref(), &printer),
+        Command::Completions(args) => commands::shell::completions(args, &printer),
+        Command::Man(args) => commands::shell::man(args, &printer),
     }
 }
 

@@ -116,7 +116,7 @@ pub fn depth_network(network: &DepthNetwork, loaded: &LoadedScene) -> (Check, Op
         }
         Ok(estimate) => {
             let finding = if took > SLOW_DEPTH { Finding::Warning } else { Finding::Good };
-            let advice = "below 1 Hz the map is late: use a smaller model, or --depth-model-size";
+            let advice = "below 1 Hz the map is late: use a smaller model, or a smaller input (fly.depth_model_size in spf.toml)";
             let hz = 1.0 / took.as_secs_f64().max(1e-6);
             let found = format!("{about}, {:.2} s per image, {hz:.1} Hz", took.as_secs_f64());
             (Check::new("depth network", finding, found, Some(advice)), Some(picture(&image, &estimate)))

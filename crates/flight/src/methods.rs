@@ -4,7 +4,6 @@
 use std::sync::LazyLock;
 
 use serde::Deserialize;
-use spf_core::lift::Lifting;
 use spf_core::query::ActForm;
 use spf_core::step::StepRule;
 use spf_motion::executor::{Ending, Motion};
@@ -103,8 +102,6 @@ pub struct BenchSettings {
     pub preset: Option<Preset>,
     /// Step length.
     pub step: Option<Step>,
-    /// Whether lifting includes mount tilt and attitude.
-    pub lifting: Option<Lifting>,
     /// Sequential or blended motion.
     pub motion: Option<Motion>,
     /// Whether time or the measured distance ends a primitive.
@@ -161,7 +158,6 @@ impl BenchSettings {
                 Some(Step::Median) => StepRule::Fixed(median_m),
                 Some(Step::FixedM(metres)) => StepRule::Fixed(metres),
             },
-            lifting: self.lifting.unwrap_or(preset.lifting),
             motion: self.motion.unwrap_or(preset.motion),
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),

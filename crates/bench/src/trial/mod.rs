@@ -12,6 +12,7 @@ mod watch;
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, OnceLock};
 
+use serde::Serialize;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::prompt::PromptText;
 use spf_envelope::{BrakeLimits, Limits};
@@ -22,7 +23,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, SimWorld, Simulated, VlmFactory, oracle_factory};
 use spf_flight::summary::{Summary, VerifiedBy};
 use spf_oracle::ErrorFile;
-use spf_pilot::Outcome;
+use spf_pilot::{Outcome, PilotSettings};
 use spf_scene::geometry::ObjectId;
 use spf_sim::depth_sensor::DepthSensor;
 use spf_sim::model::Model;
@@ -266,18 +267,30 @@ impl Trial {
         self.method.has_detector().then_some(DetectorPlan { name, factory })
     }
 
-    /// A digest of everything that determines the flight besides scene, start and VLM: policy, settings, limits,
-    /// prompt.
+    /// A digest of what determines the flight besides scene, start and VLM.
     fn params_hash(&self) -> String {
-        let policy = self.method.policy();
-        let prompt = PromptText::shipped(policy.prompt());
-        let limits = Limits::for_craft(&Model::of(self.task.craft).craft);
-        let fence = if self.method.is_fenced() { " fence" } else { "" };
-        let settings = serde_json::to_string(&self.method.settings(&self.task)).unwrap_or_default();
-        let extra = self.brake().map_or_else(String::new, |brake| format!(" {brake:?} {}", self.method.brake_and_depth().1));
-        let detector = if self.method.has_detector() { " detector" } else { "" };
-        let all = format!("{} {settings} {limits:?} {}{fence}{extra}{detector}", policy.name(), prompt.source());
-        format!("{:016x}", fnv(all.as_bytes()))
+        format!("{:016x}", fnv(self.params().to_string().as_bytes()))
+    }
+
+    /// Policy, preset and craft by their names, what the method changes of the settings and limits that these have, its parts, and
+    /// the prompt. Keys are sorted, so that the order of fields in the code is no part of it.
+    fn params(&self) -> serde_json::Value {
+        let (policy, preset) = (self.method.policy(), self.method.preset());
+        let usual = Limits::for_craft(&Model::of(self.task.craft).craft);
+        let limits = Limits { brake: self.brake(), ..usual.clone() };
+        let mut params = serde_json::json!({
+            "craft": self.task.craft,
+            "depth_sensor": self.method.brake_and_depth().1,
+            "detector": self.method.has_detector(),
+            "fence": self.method.is_fenced(),
+            "limits": changed(&limits, &usual),
+            "policy": policy.name(),
+            "preset": preset,
+            "prompt": PromptText::shipped(policy.prompt()).source(),
+            "settings": changed(&self.method.settings(&self.task), &PilotSettings::preset(preset)),
+        });
+        params.sort_all_objects();
+        params
     }
 
     /// Description of the reply latency.
@@ -435,4 +448,64 @@ fn provider(vlm: &str) -> String {
 fn milliseconds(seconds: &[f64]) -> Option<Milliseconds> {
     let at = |fraction| percentile(seconds, fraction).map(|value| 1e3 * value);
     Some(Milliseconds { p50: at(0.5)?, p95: at(0.95)?, p99: at(0.99)?, max: at(1.0)? })
+}
+
+/// The fields of a value that differ from those of the usual one, serialised; `null` for one that only the usual one has.
+fn changed<T: Serialize>(value: &T, usual: &T) -> serde_json::Value {
+    let fields = |value: &T| match serde_json::to_value(value) {
+        Ok(serde_json::Value::Object(fields)) => fields,
+        _ => serde_json::Map::new(),
+    };
+    let (value, usual) = (fields(value), fields(usual));
+    let names = value.keys().chain(usual.keys());
+    let differs = |name: &&String| value.get(*name) != usual.get(*name);
+    names.filter(differs).map(|name| (name.clone(), value.get(name).cloned().unwrap_or_default())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::task::shipped;
+
+    fn trial(method: &str, task: &str) -> Trial {
+        let task = Arc::new(shipped(task).unwrap().unwrap());
+        Trial { task, method: Method::of_name(method).unwrap(), pointer: None, seed: 0, max_cost_usd: None }
+    }
+
+    #[test]
+    fn the_digest_is_made_from_what_differs_from_the_preset() {
+        let settings = |method| trial(method, "real-long-cones").params()["settings"].clone();
+        let same = settings("spf");
+        // The task's own limits.
+        assert!(same.as_object().unwrap().keys().all(|key| ["max_time", "max_decisions"].contains(&key.as_str())), "{same}");
+        let paper = settings("spf-paper");
+        assert_eq!(paper, same, "the preset is named beside it");
+        let mut step = settings("spf-step-1m");
+        let fixed = step.as_object_mut().unwrap().shift_remove("step");
+        assert_eq!((fixed, step), (Some(json!({ "fixed": 1.0 })), same));
+        let brake = |method| trial(method, "real-long-cones").params()["limits"].clone();
+        assert_eq!(brake("spf"), json!({}));
+        assert!(matches!(&brake("spf-depth")["brake"], Value::Object(_)));
+    }
+
+    #[test]
+    fn a_digest_tells_methods_and_craft_apart_and_neither_seed_nor_place() {
+        let hash = |method, task| trial(method, task).params_hash();
+        let cones = "real-long-cones";
+        let mut all: Vec<String> =
+            Method::all().filter(|method| method.uses_vlm()).map(|method| hash(method.name(), cones)).collect();
+        let methods = all.len();
+        all.sort_unstable();
+        all.dedup();
+        assert_eq!(all.len(), methods);
+        assert_eq!(Trial { seed: 7, ..trial("spf", cones) }.params_hash(), hash("spf", cones));
+        let text = trial("spf", cones).params().to_string();
+        let place = |key: &str| text.find(&format!("\"{key}\":")).unwrap();
+        assert!(
+            ["craft", "fence", "limits", "policy", "preset", "prompt", "settings"].is_sorted_by_key(|key| place(key)),
+            "{text}"
+        );
+    }
 }

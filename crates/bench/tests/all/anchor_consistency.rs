@@ -161,7 +161,7 @@ fn flown(task: &Task, vlm: &'static str, seed: u64) -> Option<Row> {
         return None;
     }
     let loaded = drawn.loaded.clone();
-    // The bench's method `spf-anchor`.
+    // The anchor alone, as in the study.
     let settings = PilotSettings {
         avoid: task.avoid,
         max_time: duration_from_secs(task.max_time),

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::methods;
+use super::taken::{OfBenchRun, OfBenchShow};
+use crate::settings::Flags;
 
 /// Default folder of results.
 const RESULTS: &str = "bench-results";
@@ -55,19 +57,8 @@ pub(crate) struct BenchRun {
     /// or the suite's]
     #[arg(long, value_name = "LIST")]
     pub(crate) vlm: Option<String>,
-    /// Simulated latency of every reply, seconds, regardless of the real latency [default: 1.5 for exec:; the measured latency
-    /// for models; a random sample for the oracle]
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub(crate) vlm_latency: Option<String>,
-    /// Price in US dollars per million tokens, input and output, for models whose price is unknown
-    #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
-    pub(crate) vlm_price: Option<String>,
-    /// TOML file with additional model definitions (see docs/guide/vlm.md)
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfBenchRun>,
     /// Trials per task
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(crate) trials: u64,
@@ -83,9 +74,6 @@ pub(crate) struct BenchRun {
     /// Record each trial to videos/RUN_ID.mp4; takes several times as long
     #[arg(long)]
     pub(crate) videos: bool,
-    /// VLM cost limit of the whole run, including what was flown in the folder before, US dollars [default: no limit]
-    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
-    pub(crate) max_cost: Option<String>,
     /// VLM cost limit of each trial, US dollars: a trial that reaches it ends as a failure [default: no limit]
     #[arg(long, value_name = "USD", allow_negative_numbers = true)]
     pub(crate) max_cost_per_trial: Option<f64>,
@@ -98,9 +86,6 @@ pub(crate) struct BenchRun {
     /// Print only the table, as one JSON array, on standard output
     #[arg(long)]
     pub(crate) json: bool,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
 }
 
 /// Checks a task.
@@ -183,16 +168,12 @@ pub(crate) struct BenchShow {
     /// VLM, if it is not a built-in oracle
     #[arg(long, value_name = "VLM")]
     pub(crate) vlm: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfBenchShow>,
     /// Output folder for the flight's files; must be new or empty
     #[arg(short, long, value_name = "DIR")]
     pub(crate) output: Option<PathBuf>,
     /// Do not record video
     #[arg(long)]
     pub(crate) no_video: bool,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
 }

@@ -46,21 +46,27 @@ pub(crate) struct CameraArgs {
     #[arg(long = "camera", value_name = "URL")]
     pub(crate) url: Option<String>,
     /// Calibration of that camera: a YAML file of OpenCV, ROS or Kalibr
-    #[arg(long = "camera-calibration", value_name = "FILE", requires = "url", conflicts_with = "fov")]
+    #[arg(long = "camera-calibration", value_name = "FILE", requires = "url", conflicts_with = "fov", hide_short_help = true)]
     pub(crate) calibration: Option<PathBuf>,
     /// Horizontal field of view of that camera, degrees, if it is not calibrated
-    #[arg(long = "camera-fov", value_name = "DEG", requires = "url", allow_negative_numbers = true)]
+    #[arg(long = "camera-fov", value_name = "DEG", requires = "url", allow_negative_numbers = true, hide_short_help = true)]
     pub(crate) fov: Option<f64>,
     /// Angle by which that camera looks below the drone's forward axis, degrees [default: 0]
-    #[arg(long = "camera-tilt", value_name = "DEG", requires = "url", allow_negative_numbers = true)]
+    #[arg(long = "camera-tilt", value_name = "DEG", requires = "url", allow_negative_numbers = true, hide_short_help = true)]
     pub(crate) tilt: Option<f64>,
     /// Time from the capture of a frame to its arrival, instead of what the camera's clock says: seconds, or the file that `spf
     /// camera calibrate` has written [default: 0.2, without a clock]
-    #[arg(long = "camera-latency", value_name = "S|FILE", requires = "url", allow_negative_numbers = true)]
+    #[arg(
+        long = "camera-latency",
+        value_name = "S|FILE",
+        requires = "url",
+        allow_negative_numbers = true,
+        hide_short_help = true
+    )]
     pub(crate) latency: Option<String>,
     /// Which times of that camera are believed: clock (where it has one), timestamps, or arrival (none, for timestamps that do not
     /// keep time) [default: clock, or timestamps with --camera-latency]
-    #[arg(long = "camera-times", value_name = "WHICH", hide_possible_values = true, requires = "url")]
+    #[arg(long = "camera-times", value_name = "WHICH", hide_possible_values = true, requires = "url", hide_short_help = true)]
     pub(crate) times: Option<Times>,
 }
 

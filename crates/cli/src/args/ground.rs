@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::taken::OfGround;
+use crate::settings::Flags;
+
 /// Queries VLMs about images and measures pointing accuracy.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -29,18 +32,11 @@ pub(crate) struct Ground {
     /// benchmark layout, or `signs`: rendered images with a misleading sign, each paired with one in which the sign is harmless
     #[arg(long, value_name = "DIR|FILE")]
     pub(crate) dataset: Option<PathBuf>,
-    /// VLMs, comma-separated: NAME[#MODEL][@URL] (see `spf vlm list`), auto, exec:COMMAND, oracle[:NAME|FILE]
-    #[arg(long, value_name = "VLM,…")]
-    pub(crate) vlm: Option<String>,
     /// Prompt files, comma-separated, compared on the same images [default: built-in]
     #[arg(long, value_name = "FILE,…")]
     pub(crate) prompt: Option<String>,
-    /// TOML file with additional model definitions (see docs/guide/vlm.md)
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfGround>,
     /// Also request obstacle boxes
     #[arg(long)]
     pub(crate) avoid: bool,
@@ -68,9 +64,6 @@ pub(crate) struct Ground {
     /// Maximum number of queries per minute to each model [default: unlimited]
     #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "dataset")]
     pub(crate) rate: Option<f64>,
-    /// Cost limit, US dollars [default: no limit]
-    #[arg(long, value_name = "USD", allow_negative_numbers = true, requires = "dataset")]
-    pub(crate) max_cost: Option<String>,
     /// Random seed of the oracle's errors
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) seed: u64,
@@ -80,7 +73,4 @@ pub(crate) struct Ground {
     /// Overwrite the contents of the folder
     #[arg(long, requires = "dataset")]
     pub(crate) overwrite: bool,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
 }

@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 
+use super::taken::OfReplay;
+use crate::settings::Flags;
+
 #[derive(Debug, Subcommand)]
 pub(crate) enum Log {
     /// Summarize a flight log
@@ -81,20 +84,10 @@ replies are shown; the decisions that follow from them are not compared.")]
 pub(crate) struct Replay {
     /// The flight log
     pub(crate) file: PathBuf,
-    /// Query this VLM about the same frames, as for `spf fly --vlm`: oracle:NAME, gemini, ollama#qwen2.5vl:7b, a URL…
-    #[arg(long, value_name = "VLM")]
-    pub(crate) vlm: Option<String>,
-    /// TOML file with additional model definitions (with --vlm)
-    #[arg(long, value_name = "FILE", requires = "vlm")]
-    pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST", requires = "vlm")]
-    pub(crate) send_key_to: Option<String>,
-    /// Read this configuration file instead of ./spf.toml (with --vlm)
-    #[arg(long, value_name = "FILE", requires = "vlm")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfReplay>,
     /// Output folder for images of both replies, side by side (with --vlm)
-    #[arg(long, value_name = "DIR", requires = "vlm")]
+    #[arg(long, value_name = "DIR", requires = "fly.vlm")]
     pub(crate) out: Option<PathBuf>,
     /// Print only one JSON object on standard output
     #[arg(long)]

@@ -6,7 +6,6 @@
 mod bench;
 mod camera;
 mod cockpit;
-mod drones;
 mod ground;
 mod log;
 mod methods;
@@ -14,12 +13,14 @@ pub(crate) mod refused;
 mod screen;
 mod serve;
 mod sim;
+mod taken;
 mod tello;
 mod track;
 
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use clap_complete::Shell;
 
 pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
 pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
@@ -29,8 +30,13 @@ pub(crate) use log::{Cat, Export, Info, Log, Open, Repair, Replay, Share, Video}
 pub(crate) use screen::{Screen, ScreenCalibrate, ScreenPreview};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
+#[cfg(test)]
+pub(crate) use taken::taken;
 pub(crate) use tello::{Calibrate, Tello, TelloAddress};
 pub(crate) use track::Track;
+
+use self::taken::{OfDoctor, OfFlight, OfVlmCheck, OfVlmList, OfVlmTrial};
+use crate::settings::Flags;
 
 /// See, Point, Fly: fly a drone by natural-language instructions.
 /// A vision-language model picks a waypoint in the camera image, geometry lifts it to a 3D displacement, a controller flies
@@ -95,14 +101,18 @@ pub(crate) enum Command {
     /// Show the effective configuration and the source of each value
     #[command(subcommand)]
     Config(Config),
+    /// Print a script that lets a shell complete commands and flags
+    Completions(Completions),
+    /// Write the manual: a page for each command
+    Man(Man),
 }
 
 impl Command {
     /// Whether standard output carries JSON only.
     pub(crate) fn is_json(&self) -> bool {
         match self {
-            Self::Fly(fly) => fly.flight.output.json,
-            Self::Cockpit(cockpit) => cockpit.flight.output.json,
+            Self::Fly(fly) => fly.flight.json,
+            Self::Cockpit(cockpit) => cockpit.flight.json,
             Self::Doctor(doctor) => doctor.json,
             Self::Sim(Sim::Scenes(scenes)) => scenes.json,
             Self::Log(Log::Info(info)) => info.json,
@@ -119,14 +129,24 @@ impl Command {
             | Self::Log(_)
             | Self::Vlm(_)
             | Self::Track(_)
-            | Self::Config(_) => false,
+            | Self::Config(_)
+            | Self::Completions(_)
+            | Self::Man(_) => false,
         }
     }
 }
 
 /// Flies an instruction and writes the flight's files to a folder.
 #[derive(Debug, Args)]
-#[command(after_help = "\
+#[command(
+    after_help = "\
+Examples:
+  spf fly \"Take off and fly to the red crane\"
+  spf fly \"Fly to the black car\" --vlm gemini
+  spf fly \"Fly to the person with the green shirt\" --drone tello --vlm gemini
+
+These are the flags that most flights need; --help explains all of them.",
+    after_long_help = "\
 Examples:
   spf fly \"Take off and fly to the red crane\"
   spf fly \"Go to the black car\" --seed 7 --preset paper
@@ -141,7 +161,9 @@ Examples:
 The oracle stands in for a VLM: it reads the simulator's own ID and depth images and adds errors (perfect, default, poor, or \
 a file). Oracle results are not VLM results.
 
-Every flag except --events, --camera and its kind, --json and --config can also be set in spf.toml or the environment: see `spf config show`.")]
+Every flag except --events, --camera and its kind, --json and --config can also be set in spf.toml or the environment, and some \
+settings only there: see `spf config show` and docs/reference/configuration.md."
+)]
 pub(crate) struct Fly {
     /// Instruction for the drone, in natural language
     pub(crate) instruction: String,
@@ -153,65 +175,15 @@ pub(crate) struct Fly {
 #[derive(Clone, Debug, Args)]
 pub(crate) struct FlightArgs {
     #[command(flatten)]
-    pub(crate) world: WorldArgs,
-    #[command(flatten)]
-    pub(crate) method: MethodArgs,
+    pub(crate) settings: Flags<OfFlight>,
     #[command(flatten)]
     pub(crate) camera: CameraArgs,
-    #[command(flatten)]
-    pub(crate) limits: LimitArgs,
-    #[command(flatten)]
-    pub(crate) output: OutputArgs,
-}
-
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "World")]
-pub(crate) struct WorldArgs {
-    /// Scene to fly in: a built-in name, scene file or .glb; city@17 is a variant [default: city]
-    #[arg(long, value_name = "SCENE")]
-    pub(crate) scene: Option<String>,
-    #[command(flatten)]
-    pub(crate) conditions: ConditionArgs,
-    /// Start pose: east,north,up,heading_deg; the craft is placed on the surface below [default: the scene's]
-    #[arg(long, value_name = "POSE", allow_hyphen_values = true)]
-    pub(crate) start: Option<String>,
-    #[arg(long, value_name = "DRONE", help = drones::drones())]
-    pub(crate) drone: Option<String>,
-    /// Tello control mode: rc (velocity commands; if the link is lost, the last one stays in force) or go (position
-    /// moves that the Tello ends by itself; replaces --motion, and sets --think stop) [default: rc]
-    #[arg(long, value_name = "MODE")]
-    pub(crate) tello_motion: Option<String>,
-    /// Replace the fence of a PX4 or ArduPilot by --geofence (one polygon), or by a circle of --max-distance around home
-    #[arg(long)]
-    pub(crate) upload_fence: bool,
-    /// Pitch of the gimbal of a PX4 or ArduPilot at the start, degrees, negative downwards; off if --camera is not on it
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
-    pub(crate) gimbal: Option<String>,
-    /// Craft to simulate: quad or tello [default: the scene's]
-    #[arg(long, value_name = "MODEL")]
-    pub(crate) drone_model: Option<String>,
-    /// Random seed: the same seed gives the same flight, byte for byte [default: 0]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(crate) seed: Option<String>,
-    /// Wind: M_S[,from=DEG][,gust=M_S][,gust_time=S], from the north by default [default: still air]
-    #[arg(long, value_name = "WIND", allow_hyphen_values = true)]
-    pub(crate) wind: Option<String>,
-    /// Depth sensor of the simulated craft: on, off, or failing after 10 s: frozen, half (left half black) or scale (10 %
-    /// too far) [default: off]
-    #[arg(long, value_name = "SENSOR")]
-    pub(crate) depth_sensor: Option<String>,
-    /// Battery charge at the start, 0 to 1 [default: 1]
-    #[arg(long, value_name = "CHARGE", allow_negative_numbers = true)]
-    pub(crate) battery: Option<String>,
-    /// Camera effects: blur, noise, exposure, lens, compression, each with =STRENGTH, or all [default: none]
-    #[arg(long, value_name = "EFFECTS")]
-    pub(crate) camera_effects: Option<String>,
     /// Operator events at given times (TOML; see docs/reference/flight-files.md)
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = "Simulation", hide_short_help = true)]
     pub(crate) events: Option<PathBuf>,
-    /// Fly in real time instead of as fast as possible
-    #[arg(long)]
-    pub(crate) realtime: bool,
+    /// Print only the summary, as one JSON object, on standard output
+    #[arg(long, help_heading = "Output")]
+    pub(crate) json: bool,
 }
 
 #[derive(Clone, Debug, Args)]
@@ -224,213 +196,18 @@ pub(crate) struct ConditionArgs {
     pub(crate) weather: Option<String>,
 }
 
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Method")]
-pub(crate) struct MethodArgs {
-    /// VLM: NAME[#MODEL][@URL] (see `spf vlm list`), auto (the first with an API key set), exec:COMMAND (a program of your own),
-    /// human (you, typing), replay:FILE, oracle, oracle:NAME (perfect, default, poor, size, linear, intended; see
-    /// docs/explanation/oracle.md) or oracle:FILE
-    /// [default: oracle; auto with a real drone]
-    #[arg(long, value_name = "VLM")]
-    pub(crate) vlm: Option<String>,
-    /// Prompt for the VLM: a file (see docs/guide/vlm.md), or paper (the VLM's depth label states how far to fly) [default:
-    /// built-in]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) prompt: Option<String>,
-    /// Record the VLM's replies to a new file; `--vlm replay:FILE` repeats the flight
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_record: Option<String>,
-    /// Fallback VLM, used when the first one fails
-    #[arg(long, value_name = "VLM")]
-    pub(crate) vlm_fallback: Option<String>,
-    /// Send a second request after this many seconds without a reply, and use the first valid reply; auto: beyond what replies usually take
-    #[arg(long, value_name = "S|auto", allow_negative_numbers = true)]
-    pub(crate) vlm_hedge: Option<String>,
-    /// Simulated latency of every reply, seconds, regardless of the real latency [default: 1.5 for human and exec:]
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub(crate) vlm_latency: Option<String>,
-    /// Price in US dollars per million tokens, input and output, for --max-cost [default: the price shown by `spf vlm list`]
-    #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
-    pub(crate) vlm_price: Option<String>,
-    /// TOML file with additional model definitions (see docs/guide/vlm.md)
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
-    /// With a real drone: skip the VLM pointing check before take-off
-    #[arg(long)]
-    pub(crate) no_vlm_check: bool,
-    #[arg(long, value_name = "POLICY", help = methods::policies())]
-    pub(crate) policy: Option<String>,
-    /// Preset: default (recommended settings) or paper (constants and behaviour of the SPF paper) [default: default]
-    #[arg(long, value_name = "PRESET")]
-    pub(crate) preset: Option<String>,
-    /// Step length: adaptive (paper §3.2), adaptive:s=METRES,L=LABELS,p=EXPONENT,min=METRES with other constants, or fixed:METRES
-    /// [default: the preset's]
-    #[arg(long, value_name = "STEP", allow_negative_numbers = true)]
-    pub(crate) step: Option<String>,
-    /// How the VLM states distances: labels (1 to 10) or metres (for ablation studies) [default: labels]
-    #[arg(long, value_name = "FORM")]
-    pub(crate) depth_as: Option<String>,
-    /// Send an enlarged crop of a small target (its last box was under 24 pixels) as a second image
-    #[arg(long)]
-    pub(crate) close_up: bool,
-    /// Distance from the target that counts as reached, metres, as told to the VLM [default: the scene's; 0.8 with a Tello;
-    /// else 3]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub(crate) near: Option<String>,
-    /// Execute motion primitives one at a time (sequential) or simultaneously (blended) [default: the preset's]
-    #[arg(long, value_name = "MOTION")]
-    pub(crate) motion: Option<String>,
-    /// While waiting for the VLM, hold position (stop) or keep flying the last plan (continuous) [default: the preset's]
-    #[arg(long, value_name = "THINK")]
-    pub(crate) think: Option<String>,
-    /// Setpoint rate, 5 to 100 Hz [default: 10]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
-    pub(crate) rate: Option<String>,
-    /// Obstacle mode: request obstacle boxes and keep clear of them: on (also --avoid alone), off, or auto (on with the
-    /// policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:) [default: auto]
-    #[arg(long, value_name = "SWITCH", num_args = 0..=1, require_equals = true, default_missing_value = "on")]
-    pub(crate) avoid: Option<String>,
-    /// Keep an estimate of the target's position between replies, fused from all of them: on, off, or auto (on
-    /// with a depth sensor, and in obstacle mode) [default: auto]
-    #[arg(long, value_name = "SWITCH")]
-    pub(crate) anchor: Option<String>,
-    /// Keep a map of obstacles, from depth sensor, depth network and rangefinders, and plan around them: on, off, or auto
-    /// (on with any of them) [default: auto]
-    #[arg(long, value_name = "SWITCH")]
-    pub(crate) map: Option<String>,
-    /// Brake for obstacles that the depth sensor sees or the map contains, whatever the VLM says, and for the boxes
-    /// of replies while somebody is followed: on, off, or auto (on with a depth sensor, a depth network or a tracker) [default: auto]
-    #[arg(long, value_name = "SWITCH")]
-    pub(crate) brake: Option<String>,
-    /// Keep the target's box between replies: pixels (a tracker follows it in the camera's frames) or off [default: off]
-    #[arg(long, value_name = "TRACKER")]
-    pub(crate) track: Option<String>,
-    /// With --track pixels, the distance to keep from somebody who is followed, 2 to 10 m [default: 2.5]
-    #[arg(long, value_name = "METRES")]
-    pub(crate) keep: Option<String>,
-    /// With --track pixels, end the flight as reached after following for this long, with the target in view
-    #[arg(long, value_name = "SECONDS")]
-    pub(crate) follow_time: Option<String>,
-    /// Obstacle mode with boxes from a detector instead of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or,
-    /// in the simulator, oracle or oracle:NAME (simulates a detector of the COCO classes)
-    #[arg(long, value_name = "DETECTOR")]
-    pub(crate) detector: Option<String>,
-    /// Network of your own that estimates the depth of frames, for the obstacle map: FILE.onnx:KIND, where KIND is what its
-    /// output is: disparity, relative, metric, or canonical[=FOCAL] (see docs/guide/obstacles.md)
-    #[arg(long, value_name = "MODEL")]
-    pub(crate) depth_model: Option<String>,
-    /// Size of the depth network's input, if the file leaves it open: WIDTHxHEIGHT [default: 252x196]
-    #[arg(long, value_name = "SIZE")]
-    pub(crate) depth_model_size: Option<String>,
-    /// How often the depth network is asked at most, times per second [default: 2]
-    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
-    pub(crate) depth_model_hz: Option<String>,
-}
-
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Limits")]
-pub(crate) struct LimitArgs {
-    /// When the instruction has ended: land; hover for up to 60 s and accept a new instruction; or rtl, return home by the
-    /// drone's own navigation and land there [default: land; hover with a real drone and a terminal]
-    #[arg(long, value_name = "ACTION")]
-    pub(crate) at_end: Option<String>,
-    /// Fly a real drone without a terminal, and so without keyboard control: Ctrl-C and SIGTERM land it
-    #[arg(long)]
-    pub(crate) unattended: bool,
-    /// Maximum flight time, seconds, not counting manual flight [default: 180]
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub(crate) max_time: Option<String>,
-    /// Maximum number of decisions [default: 60]
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(crate) max_decisions: Option<String>,
-    /// Maximum age of a frame when its VLM reply arrives, seconds; if the frame is older, the reply is ignored unless the craft
-    /// has hovered in place
-    /// since [default: 8]
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub(crate) max_reply_age: Option<String>,
-    /// VLM cost limit of the flight, US dollars [default: no limit]
-    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
-    pub(crate) max_cost: Option<String>,
-    /// Geofence: GeoJSON polygons in local east/north metres
-    #[arg(long, value_name = "FILE")]
-    pub(crate) geofence: Option<String>,
-    /// Maximum height above the take-off point, metres [default: the scene's; 5 with a Tello; else 120]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub(crate) max_altitude: Option<String>,
-    /// Maximum distance from the take-off point, metres [default: 300; 20 with a Tello]
-    #[arg(long, value_name = "M", allow_negative_numbers = true)]
-    pub(crate) max_distance: Option<String>,
-    /// Horizontal speed limit, m/s [default: 1.5 times the craft's speed; 0.6 with a Tello]
-    #[arg(long, value_name = "M_S", allow_negative_numbers = true)]
-    pub(crate) max_speed: Option<String>,
-}
-
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Output")]
-pub(crate) struct OutputArgs {
-    /// Output folder for the flight's files; must be new or empty [default: flights/NNN-instruction]
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<String>,
-    /// Do not record video (much faster: no rendering needed)
-    #[arg(long)]
-    pub(crate) no_video: bool,
-    /// Stream the flight live to Foxglove, at ws://127.0.0.1:8765 or the given address; flies in real time
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = "127.0.0.1:8765")]
-    pub(crate) live: Option<String>,
-    /// Allow pages from this origin to connect to the live view, besides Foxglove's
-    #[arg(long, value_name = "URL")]
-    pub(crate) live_origin: Option<String>,
-    /// Open the cockpit, a page to watch, point, stop and instruct, at http://127.0.0.1:8700 or the given address; flies in real
-    /// time (see docs/guide/cockpit.md)
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, require_equals = true, default_missing_value = COCKPIT)]
-    pub(crate) cockpit: Option<String>,
-    /// Print only the summary, as one JSON object, on standard output
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
-}
-
-/// Where the cockpit is served if nothing else is said.
-pub(crate) const COCKPIT: &str = "127.0.0.1:8700";
-
 #[derive(Debug, Args)]
 #[command(after_help = "\
 The drone does not take off. The VLM is queried with three small images, which costs less than a cent. Exit code 0: ready to \
 fly; 6: not ready, and the report says what to fix.")]
 pub(crate) struct Doctor {
-    #[arg(long, value_name = "DRONE", help = drones::forms_of_drones())]
-    pub(crate) drone: Option<String>,
-    /// VLM, as for `spf fly --vlm` [default: oracle; auto with a real drone]
-    #[arg(long, value_name = "VLM")]
-    pub(crate) vlm: Option<String>,
-    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
-    /// Scene of the simulated drone [default: city]
-    #[arg(long, value_name = "SCENE")]
-    pub(crate) scene: Option<String>,
     #[command(flatten)]
-    pub(crate) camera: CameraArgs,
-    /// Detector model FILE.onnx, as for `spf fly --detector`
-    #[arg(long, value_name = "FILE")]
-    pub(crate) detector: Option<String>,
-    /// Depth network FILE.onnx:KIND, as for `spf fly --depth-model`; writes what it sees to a new file depth-model.png
-    #[arg(long, value_name = "MODEL")]
-    pub(crate) depth_model: Option<String>,
-    /// Size of its input, as for `spf fly --depth-model-size`
-    #[arg(long, value_name = "SIZE")]
-    pub(crate) depth_model_size: Option<String>,
+    pub(crate) settings: Flags<OfDoctor>,
     /// Print the checks as one JSON array on standard output
     #[arg(long)]
     pub(crate) json: bool,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) camera: CameraArgs,
 }
 
 /// Vision-language models.
@@ -449,12 +226,8 @@ pub(crate) struct VlmList {
     /// Print the list as one JSON array on standard output
     #[arg(long)]
     pub(crate) json: bool,
-    /// TOML file with additional model definitions (see docs/guide/vlm.md)
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_models: Option<String>,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfVlmList>,
 }
 
 #[derive(Debug, Args)]
@@ -468,15 +241,8 @@ pub(crate) struct VlmCheck {
     /// a Tello]
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<String>,
-    /// TOML file with additional model definitions (see docs/guide/vlm.md)
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key in addition to the key's own vendor: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfVlmCheck>,
 }
 
 #[derive(Debug, Args)]
@@ -494,9 +260,6 @@ pub(crate) struct VlmTrial {
     /// Output folder
     #[arg(short, long, value_name = "DIR", default_value = "vlm-trial")]
     pub(crate) output: PathBuf,
-    /// Cost limit of the whole trial, US dollars [default: no limit]
-    #[arg(long, value_name = "USD", allow_negative_numbers = true)]
-    pub(crate) max_cost: Option<String>,
     /// Number of pointing questions to each model
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub(crate) questions: u64,
@@ -509,24 +272,11 @@ pub(crate) struct VlmTrial {
     /// Number of parallel queries and flights
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=64))]
     pub(crate) parallel: u16,
-    /// Latency of every reply in the flights, seconds, however long it took [default: 1.5 for exec:]
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
-    pub(crate) vlm_latency: Option<String>,
-    /// Price in US dollars per million tokens, input and output, for models whose price is unknown
-    #[arg(long, value_name = "IN,OUT", allow_negative_numbers = true)]
-    pub(crate) vlm_price: Option<String>,
-    /// TOML file with additional model definitions (see docs/guide/vlm.md)
-    #[arg(long, value_name = "FILE")]
-    pub(crate) vlm_models: Option<String>,
-    /// Servers that may receive an API key besides its vendor's: HOST or HOST:PORT, comma-separated
-    #[arg(long, value_name = "HOST")]
-    pub(crate) send_key_to: Option<String>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfVlmTrial>,
     /// Start without asking for confirmation; without a terminal a trial that may cost money needs this or --max-cost
     #[arg(long)]
     pub(crate) yes: bool,
-    /// Read this configuration file instead of ./spf.toml
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
@@ -537,4 +287,31 @@ pub(crate) enum Config {
         #[arg(long, value_name = "FILE")]
         config: Option<PathBuf>,
     },
+}
+
+/// Prints a script that lets a shell complete commands and flags.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf completions bash > ~/.local/share/bash-completion/completions/spf
+  spf completions zsh > ~/.zfunc/_spf              # a folder of $fpath
+  spf completions fish > ~/.config/fish/completions/spf.fish
+  spf completions powershell >> $PROFILE
+
+A new shell reads it.")]
+pub(crate) struct Completions {
+    /// The shell
+    pub(crate) shell: Shell,
+}
+
+/// Writes the manual: a page for each command.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf man ~/.local/share/man/man1
+  man spf-fly")]
+pub(crate) struct Man {
+    /// Folder of the pages, which is made if there is none; pages of the same names are replaced
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
 }

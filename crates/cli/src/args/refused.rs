@@ -96,6 +96,6 @@ mod tests {
     #[test]
     fn a_flag_without_its_value_says_what_it_takes() {
         let message = message("spf fly x --track");
-        assert!(message.contains("--track <TRACKER>: Keep the target's box between replies: pixels"), "{message}");
+        assert!(message.contains("--track <TRACKER>: What keeps the target's box between replies: pixels"), "{message}");
     }
 }

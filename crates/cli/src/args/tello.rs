@@ -1,8 +1,9 @@
 //! Arguments of `spf tello`.
 
-use std::path::PathBuf;
-
 use clap::{Args, Subcommand};
+
+use super::taken::OfTello;
+use crate::settings::Flags;
 
 /// A DJI Tello.
 #[derive(Debug, Subcommand)]
@@ -30,12 +31,8 @@ Examples:
 still running. All three commands (status, land and stop) work even while the program that flew the drone is running or \
 hangs; its commands compete with them.")]
 pub(crate) struct TelloAddress {
-    /// Drone: tello, or tello@ADDRESS [default: tello]
-    #[arg(long, value_name = "DRONE")]
-    pub(crate) drone: Option<String>,
-    /// Configuration file [default: ./spf.toml]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfTello>,
 }
 
 /// Flies a Tello for about 45 s and calibrates its stick response.
@@ -50,10 +47,6 @@ each at half stick: leave 3 m of free space ahead and 2 m above. The speeds prin
 motion that the drone reports. Their accuracy is limited by the telemetry's resolution (10 cm in height, 10 cm/s in speed); \
 docs/guide/tello.md gives figures. Ctrl-C lands.")]
 pub(crate) struct Calibrate {
-    /// Drone: tello, or tello@ADDRESS [default: tello]
-    #[arg(long, value_name = "DRONE")]
-    pub(crate) drone: Option<String>,
-    /// Configuration file [default: ./spf.toml]
-    #[arg(long, value_name = "FILE")]
-    pub(crate) config: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfTello>,
 }

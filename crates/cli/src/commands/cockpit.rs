@@ -7,11 +7,11 @@ use std::time::Duration;
 use super::fly::real::eyes;
 use super::fly::signals::interrupts;
 use super::fly::{flight, instruction_reader, page};
-use crate::args::{COCKPIT, Cockpit};
+use crate::args::Cockpit;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
-use crate::settings::{DroneName, Settings};
+use crate::settings::{COCKPIT, DroneName, Settings};
 
 /// How often a wait looks at Ctrl-C.
 const LOOK_UP: Duration = Duration::from_millis(50);
@@ -34,7 +34,7 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
         printer.log("Waiting for an instruction from the page. Ctrl-C ends.");
         let stopped = || interrupts.load(Ordering::Relaxed) > 0;
         let Some(instruction) = cockpit.wait_for_instruction(&about, read, stopped) else { return Ok(exit) };
-        let flown = flight(&args.flight(instruction), settings, Some(&cockpit), Printer::new(args.flight.output.json));
+        let flown = flight(&args.flight(instruction), settings, Some(&cockpit), Printer::new(args.flight.json));
         match flown {
             Ok(code) => exit = code,
             Err(error) => {
@@ -48,7 +48,7 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
 
 /// The settings, with an address for the page.
 fn with_cockpit(args: &Cockpit, printer: &Printer) -> Result<Settings, CliError> {
-    let mut settings = Settings::of(&args.flight, printer)?;
+    let mut settings = Settings::of(&args.flight.settings, printer)?;
     settings.fly.cockpit.default_to(COCKPIT);
     Ok(settings)
 }

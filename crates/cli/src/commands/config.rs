@@ -25,7 +25,7 @@ pub(crate) fn show(file: Option<&Path>, printer: &Printer) -> Result<Exit, CliEr
             _ if is_toml_number(value) => value.to_owned(),
             _ => quoted(value),
         };
-        printer.data(&format!("{:<34} # {origin}; {}: {}", format!("{} = {written}", key.field), key.env, key.doc));
+        printer.data(&format!("{:<34} # {origin}; {}: {}", format!("{} = {written}", key.field), key.env, row.meaning()));
     }
     Ok(Exit::Success)
 }

@@ -4,25 +4,11 @@ use std::path::Path;
 
 use spf_detect::{Bounds, Detector, NetworkError, Place};
 use spf_flight::detector::{DetectorPlan, model_detects};
-use spf_flight::policy::PolicyKind;
 use spf_flight::sim::{VlmFactory, oracle_factory};
-use spf_pilot::PilotSettings;
 
 use crate::commands::vlm::{Pointing, oracle_named};
 use crate::error::CliError;
 use crate::settings::Settings;
-
-/// The settings of a flight with the configured detector: with obstacle mode; unchanged if there is none.
-pub(crate) fn with_detector(settings: &Settings, policy: PolicyKind, method: PilotSettings) -> Result<PilotSettings, CliError> {
-    if settings.fly.detector.text().is_none() {
-        return Ok(method);
-    }
-    if policy != PolicyKind::spf() {
-        return Err(CliError::usage(format!("the policy {} does not support --detector", policy.name()))
-            .hint("--detector requires --policy spf; typefly has its own detector"));
-    }
-    Ok(PilotSettings { avoid: true, ..method })
-}
 
 /// The configured detector of a flight with this VLM, and the VLM with a sentence about both; `None` if there is none.
 pub(crate) fn combine(settings: &Settings, pointing: Pointing) -> Result<(Pointing, Option<DetectorPlan>), CliError> {

@@ -19,7 +19,7 @@ use crate::settings::{DroneName, Settings};
 
 /// Runs all checks and prints their results with advice.
 pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::of(args, printer)?;
+    let mut settings = Settings::of(&args.settings, printer)?;
     let mut simulated = None;
     let mut checks = match settings.fly.drone.or_default()? {
         DroneName::Real(_, target) => {

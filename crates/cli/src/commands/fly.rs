@@ -1,14 +1,16 @@
 //! `spf fly`: creates a flight from settings, and reports its result and exit code.
 
+mod aboard;
 #[cfg(all(debug_assertions, unix))]
 mod drill;
 mod manual;
-mod other_eyes;
+mod opening;
 pub(crate) mod page;
 mod reading;
 pub(crate) mod real;
 pub(crate) mod settings;
 pub(crate) mod signals;
+mod simulated;
 
 use std::net::SocketAddr;
 use std::path::Path;
@@ -21,31 +23,27 @@ use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_drone::frames::Frames;
 use spf_envelope::Cause;
-use spf_flight::flight::{FlightError, FlightPlan, Site};
+use spf_flight::flight::{FlightError, FlightPlan};
 use spf_flight::frame_age::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::recorder::RecordPlan;
 use spf_flight::run::Observer;
-use spf_flight::sim::Simulated;
 use spf_flight::summary::{Summary, Touch};
 use spf_flight::words;
-use spf_pilot::{AtEnd, Outcome};
+use spf_pilot::Outcome;
 use spf_record::live::Live;
 use spf_record::out_dir::OutDir;
 use spf_scene::SceneLook;
-use spf_sim::model::Model;
 
 use self::manual::Manual;
-use self::reading::{Given, Reader};
-use self::settings::{check_map, flight_conditions, limits, method, method_words, preset_and_policy, prompt, script};
-use self::signals::flight_interrupts;
+use self::reading::Reader;
 use crate::args::Fly;
 use crate::background::PrintThread;
-use crate::commands::vlm::{Pace, console, is_human};
-use crate::commands::{depth_model, detector, load_scene};
+use crate::commands::load_scene;
+use crate::commands::vlm::{console, is_human};
 use crate::error::CliError;
 use crate::exit::Exit;
-use crate::printer::{Printer, one_line, quoted};
+use crate::printer::{Printer, quoted};
 use crate::progress::{Control, Progress};
 use crate::settings::{DroneName, Settings};
 
@@ -54,7 +52,7 @@ const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(&args.flight, &printer)?;
+    let settings = Settings::of(&args.flight.settings, &printer)?;
     let address = settings.fly.cockpit.get()?;
     let cockpit = address.map(|address| page::open(address, Path::new(page::FLIGHTS), "", &printer)).transpose()?;
     flight(args, settings, cockpit.as_ref(), printer)
@@ -67,19 +65,7 @@ pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpi
         return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
             .hint("spf fly \"Take off and fly to the red crane\""));
     }
-    let ready = match settings.fly.drone.or_default()? {
-        DroneName::Real(_, target) => {
-            settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
-            real::ready(args, &settings, instruction, target.as_ref(), cockpit, &printer)?
-        }
-        DroneName::Sim => match &args.flight.camera.url {
-            Some(url) => {
-                settings.fly.vlm.default_to(spf_vlm::setup::AUTO);
-                other_eyes::ready(args, &settings, instruction, url, cockpit, &printer)?
-            }
-            None => simulated(args, &settings, instruction, cockpit)?,
-        },
-    };
+    let ready = opening::ready(args, &mut settings, instruction, cockpit, &printer)?;
     take_off(ready, &settings, instruction, cockpit, printer)
 }
 
@@ -248,86 +234,6 @@ fn give_back(out: &OutDir) {
     // Files that cannot be removed stay; the error to come matters more.
     drop(std::fs::remove_file(out.file("decisions.jsonl")));
     drop(std::fs::remove_dir(out.path()));
-}
-
-/// The VLM, and the craft's time from a zero setpoint to standstill at cruise speed.
-fn sentence(points: &str, craft: &Craft) -> String {
-    format!("{points} Stopping time from cruise speed: {:.2} s.", craft.standstill_time(craft.cruise_speed))
-}
-
-/// A flight in the simulator.
-fn simulated(args: &Fly, settings: &Settings, instruction: &str, cockpit: Option<&Cockpit>) -> Result<Ready, CliError> {
-    if args.flight.world.tello_motion.is_some() {
-        return Err(CliError::usage("--tello-motion requires --drone tello").hint("use --motion for the simulated craft"));
-    }
-    if settings.mavlink.upload_fence.is_on()? {
-        return Err(
-            CliError::usage("--upload-fence requires --drone mavlink").hint("the simulated craft keeps to --geofence itself")
-        );
-    }
-    let (preset, policy) = preset_and_policy(settings)?;
-    // A flight in virtual time is over before anyone could watch it.
-    let realtime = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();
-    let pace = if realtime { Pace::Wall } else { Pace::Virtual };
-    let mut method = detector::with_detector(settings, policy, method(settings, preset, pace)?)?;
-    check_map(settings, &method)?;
-    if cockpit.is_some() && settings.fly.at_end.get()?.is_none() {
-        // Whoever watches may give the next instruction.
-        method.at_end = AtEnd::Hover;
-    }
-    if method.at_end == AtEnd::Return {
-        return Err(CliError::usage("the simulated craft cannot return by itself")
-            .hint("--at-end rtl is for PX4 and ArduPilot (--drone mavlink), simulated ones too; use land or hover"));
-    }
-    let prompt = prompt(settings, policy)?;
-    let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let (pointing, detector) = detector::combine(settings, page::pointing(cockpit, settings, prompt.clone(), pace)?)?;
-    let seed = settings.fly.seed.or_default()?;
-    let start = settings.fly.start.get()?;
-    let kind = settings.fly.drone_model.get()?;
-    let script = args.flight.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    let conditions = SceneLook { lighting: settings.fly.light.get()?, weather: settings.fly.weather.get()? };
-    let flight_conditions = flight_conditions(settings)?;
-    // All input files are checked before the scene is loaded, so that errors come at once.
-    let scene = settings.fly.scene.text_or_default();
-    let loaded = Arc::new(load_scene(scene, &conditions)?);
-    let kind = kind.unwrap_or(loaded.scene.default_craft);
-    let craft = Model::of(kind).craft;
-    let flying = format!(
-        "Flying \"{}\" in {}, craft {}, {}, seed {seed}.",
-        one_line(instruction),
-        loaded.scene.name,
-        kind.name(),
-        method_words(settings, policy, &method),
-    );
-    let limits = limits(settings, loaded.limits(kind))?;
-    let mut announcements = vec![flying, sentence(&pointing.sentence, &limits.capped(&craft))];
-    let reader = pointing.is_oracle.then(|| Reader::new(&loaded, start));
-    if let Some(reader) = &reader {
-        announcements.extend(reading::lines(instruction, &loaded, start, Given::for_flight(cockpit.is_some(), realtime))?);
-        for (at, text) in script.instructions() {
-            announcements.extend(reader.scripted(at, text)?);
-        }
-    }
-    let site = Simulated { loaded, scene: scene.to_owned(), start, kind, flight_conditions, seed, realtime };
-    let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
-        announcements.push(sentence);
-        plan
-    });
-    let plan = FlightPlan {
-        policy: Arc::new(policy),
-        preset,
-        settings: method,
-        limits,
-        detector,
-        depth_network,
-        prompt,
-        max_cost_usd,
-        script,
-        interrupts: flight_interrupts(false)?,
-        ..FlightPlan::new(Site::Simulated(site), instruction, &pointing.name, pointing.vlm_factory)
-    };
-    Ok(Ready { plan, announcements, by_hand: realtime.then_some(craft), reader, attended: false, camera: None })
 }
 
 /// The output of `--json`: the summary and the paths of the files.

@@ -14,6 +14,7 @@ pub(crate) mod log;
 mod reask;
 pub(crate) mod replay;
 pub(crate) mod screen;
+pub(crate) mod shell;
 pub(crate) mod sim;
 mod tello;
 mod track;

@@ -34,7 +34,7 @@ struct Printed<'a> {
 pub(super) fn reask(args: &Replay, vlm: &str, printer: &Printer) -> Result<Exit, CliError> {
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;
     let (head, questions) = questions(reader).map_err(|error| unreplayable(&args.file, &error))?;
-    let settings = Settings::of(args, printer)?;
+    let settings = Settings::of(&args.settings, printer)?;
     let (name, responder) = responder(&settings, vlm)?;
     let mut asker = stage_of(&head).and_then(|loaded| {
         Asker::new(&head, Arc::new(loaded), &name, responder)

@@ -13,7 +13,7 @@ use crate::printer::Printer;
 
 /// Replays a log and prints every difference.
 pub(crate) fn replay(args: &Replay, printer: &Printer) -> Result<Exit, CliError> {
-    if let Some(vlm) = &args.vlm {
+    if let Some(vlm) = args.settings.text("--vlm") {
         return reask(args, vlm, printer);
     }
     let reader = LogReader::open(&args.file).map_err(|error| unreadable(&args.file, &error))?;

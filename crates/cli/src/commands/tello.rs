@@ -30,7 +30,7 @@ pub(crate) fn tello(command: &Tello, printer: &Printer) -> Result<Exit, CliError
 }
 
 fn measure(args: &Calibrate, printer: &Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(args, printer)?;
+    let settings = Settings::of(&args.settings, printer)?;
     let target = match settings.fly.drone.or_default()? {
         DroneName::Sim => (DRIVER.target)(""),
         DroneName::Real(driver, target) => Some(target).filter(|_| driver.scheme == DRIVER.scheme),

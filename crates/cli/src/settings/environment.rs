@@ -35,9 +35,9 @@ impl Settings {
         for row in self.rows_mut() {
             let key = row.key();
             if let Some(value) = environment(key.env) {
-                let value = value.into_string().map_err(|_| {
-                    CliError::usage(format!("environment {}: the value is not UTF-8", key.env)).hint(key.meaning())
-                })?;
+                let value = value
+                    .into_string()
+                    .map_err(|_| CliError::usage(format!("environment {}: the value is not UTF-8", key.env)).hint(row.hint()))?;
                 row.set(value, Origin::Env(key.env));
             } else if let Some(value) = dotenv.get(key.env) {
                 key.refuse_file(&format!(".env {}", key.env), value)?;

@@ -50,7 +50,7 @@ impl Settings {
                         return Err(CliError::usage(format!(
                             "{shown}:{line}: `{full}` must be a string, a number, true or false"
                         ))
-                        .hint(row.key().meaning()));
+                        .hint(row.hint()));
                     }
                 };
                 row.key().refuse_file(&format!("{shown}:{line}"), &value)?;

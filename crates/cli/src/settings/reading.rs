@@ -30,6 +30,16 @@ pub(crate) trait Reading<T>: Sync {
     /// [`Refusal`] for an invalid text.
     fn read(&self, text: &str) -> Result<T, Refusal>;
 
+    /// The accepted words; empty if others are accepted too.
+    fn words(&self) -> Vec<&'static str> {
+        Vec::new()
+    }
+
+    /// The accepted values, in words.
+    fn values(&self) -> String {
+        alternatives(&self.words())
+    }
+
     /// The accepted numbers, in words; `None` if it is not a number, or if any is accepted.
     #[cfg(test)]
     fn range(&self) -> Option<String> {
@@ -137,6 +147,10 @@ impl<T: Words> Reading<T> for Word {
             Refusal { near, ..Refusal::of(alternatives(&known)) }
         })
     }
+
+    fn words(&self) -> Vec<&'static str> {
+        T::words().into_iter().map(|(word, _)| word).collect()
+    }
 }
 
 /// A type whose values all have a name.
@@ -169,14 +183,7 @@ impl Switch {
 
 impl Words for Switch {
     fn words() -> Vec<(&'static str, Self)> {
-        vec![
-            ("auto", Self(None)),
-            ("on", Self(Some(true))),
-            ("off", Self(Some(false))),
-            // As `fly.avoid` was written while it was either on or off.
-            ("true", Self(Some(true))),
-            ("false", Self(Some(false))),
-        ]
+        vec![("auto", Self(None)), ("on", Self(Some(true))), ("off", Self(Some(false)))]
     }
 }
 
@@ -213,12 +220,6 @@ impl Words for Weather {
 impl Words for CraftKind {
     fn words() -> Vec<(&'static str, Self)> {
         vec![("quad", Self::Quad), ("tello", Self::Tello)]
-    }
-}
-
-impl Words for PolicyKind {
-    fn words() -> Vec<(&'static str, Self)> {
-        Self::all().into_iter().map(|kind| (kind.name(), kind)).collect()
     }
 }
 
@@ -289,6 +290,35 @@ impl Words for TelloMotion {
     }
 }
 
+/// The policy: a row of the table of methods.
+pub(super) struct Policy;
+
+impl Words for PolicyKind {
+    fn words() -> Vec<(&'static str, Self)> {
+        Self::all().into_iter().map(|kind| (kind.name(), kind)).collect()
+    }
+}
+
+impl Reading<PolicyKind> for Policy {
+    fn read(&self, text: &str) -> Result<PolicyKind, Refusal> {
+        Word.read(text)
+    }
+
+    fn words(&self) -> Vec<&'static str> {
+        Reading::<PolicyKind>::words(&Word)
+    }
+
+    /// The names, grouped by kind.
+    fn values(&self) -> String {
+        let all = PolicyKind::all();
+        let kinds = all.chunk_by(|one, next| one.words() == next.words()).map(|kind| {
+            let names: Vec<&str> = kind.iter().map(|policy| policy.name()).collect();
+            format!("{} ({})", names.join(", "), kind[0].words())
+        });
+        kinds.collect::<Vec<_>>().join("; ")
+    }
+}
+
 /// The drone to fly.
 pub(crate) enum DroneName {
     /// The simulator's.
@@ -309,6 +339,12 @@ impl Reading<DroneName> for Drone {
             near: nearest(text, ["sim"].into_iter().chain(DRIVERS.iter().map(|driver| driver.scheme))),
             ..Refusal::of(alternatives(&[&["sim"], forms().as_slice()].concat()))
         })
+    }
+
+    /// The forms of names, from the registry of the drivers, with what they are.
+    fn values(&self) -> String {
+        let real: String = DRIVERS.iter().map(|driver| format!("; {} ({})", driver.form, driver.about)).collect();
+        format!("sim (simulated){real}")
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Settings;
+use super::flag::Form;
 use super::setting::Row;
 
 /// The text above the tables.
@@ -24,7 +25,8 @@ configuration file. Neither the configuration file nor `.env` can set `live_orig
 The configuration file is TOML: each table below is a `[table]`, and a value is a string, a number,
 `true` or `false`. An unknown key is an error; the message names its line. An unknown variable that
 begins with `SPF_` causes only a warning, because other programs use that prefix too. `SPF_SHARDS`
-is not a setting but a variable of `spf bench` ([cluster](../guide/cluster.md)).
+is not a setting but a variable of `spf bench` ([cluster](../guide/cluster.md)). What is rarely
+changed has no flag: give its key or its variable.
 
 In the column *meaning*, the text after \"empty:\" says what an empty value (`\"\"`) of the key means.
 Where there is no such text, an empty value selects the default, or `false` if the values are `true`
@@ -57,11 +59,12 @@ fn document(settings: &Settings) -> String {
 fn line(row: &dyn Row) -> String {
     let key = row.key();
     let code = |text: &str| if text.is_empty() { String::new() } else { format!("`{text}`") };
-    let flag = key.flag.as_ref().map_or(String::new(), |flag| match flag.sets {
-        Some(sets) => format!("`{}`: {sets}", flag.name),
-        None => code(flag.name),
+    let flag = key.flag.as_ref().map_or(String::new(), |flag| match flag.form {
+        Form::Switch(sets) => format!("`{}`: {sets}", flag.name),
+        Form::Value(_) | Form::Optional(..) => code(flag.name),
     });
-    let cells = [code(key.field), code(key.default), row.range().unwrap_or_default(), code(key.env), flag, escaped(key.doc)];
+    let meaning = escaped(&row.meaning());
+    let cells = [code(key.field), code(key.default), row.range().unwrap_or_default(), code(key.env), flag, meaning];
     let cells = cells.map(|cell| if cell.is_empty() { " ".to_owned() } else { format!(" {cell} ") });
     format!("|{}|", cells.join("|"))
 }

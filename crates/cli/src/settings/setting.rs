@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::flag::Flag;
 use super::reading::{Reading, Refusal};
 use crate::error::CliError;
 
@@ -23,16 +24,8 @@ pub(crate) struct Key {
     pub(crate) flag: Option<Flag>,
     /// The default; empty if determined otherwise, see `doc`.
     pub(crate) default: &'static str,
-    /// Meaning and unit.
-    pub(crate) doc: &'static str,
-}
-
-/// A flag that sets a key.
-pub(crate) struct Flag {
-    /// With its dashes.
-    pub(crate) name: &'static str,
-    /// The value of a flag without an argument.
-    pub(crate) sets: Option<&'static str>,
+    /// Meaning and unit, with `{}` for the accepted values.
+    pub(super) doc: &'static str,
 }
 
 /// Where a value came from.
@@ -122,7 +115,7 @@ impl<T> Setting<T> {
 
     /// The error for an invalid value, with its origin; `near` is a likely intended value.
     pub(crate) fn wrong(&self, expected: &str, near: Option<&str>) -> CliError {
-        let hint = near.map_or_else(|| self.meaning(), |near| format!("did you mean `{near}`?"));
+        let hint = near.map_or_else(|| self.hint(), |near| format!("did you mean `{near}`?"));
         CliError::usage(format!("{}: expected {expected}, found `{}`", self.origin, self.text)).hint(hint)
     }
 
@@ -131,27 +124,13 @@ impl<T> Setting<T> {
         matches!(self.origin, Origin::File(..) | Origin::DotEnv(_))
     }
 
-    /// The key and its meaning, as a hint.
-    pub(crate) fn meaning(&self) -> String {
-        self.key.meaning()
+    /// Whether the value was given for this command: by a flag or in the environment, not in a file.
+    pub(crate) fn is_by_hand(&self) -> bool {
+        self.is_given() && !self.is_from_file()
     }
 
-    /// Applies the key's flag; `None` leaves the value unchanged.
-    pub(crate) fn flag(&mut self, text: Option<&str>) {
-        if let Some(text) = text {
-            self.set(text.to_owned(), Origin::Flag(self.key.flag_name()));
-        }
-    }
-
-    /// Applies the key's flag without an argument, if given.
-    pub(super) fn switch(&mut self, given: bool) {
-        if let (true, Some(Flag { name, sets: Some(sets) })) = (given, &self.key.flag) {
-            self.set((*sets).to_owned(), Origin::Flag(name));
-        }
-    }
-
-    /// Replaces the value by a command's positional argument, called `name`.
-    pub(super) fn argument(&mut self, name: &'static str, text: &str) {
+    /// Replaces the value by one that the command has found in its arguments, under this name.
+    pub(crate) fn argument(&mut self, name: &'static str, text: &str) {
         self.set(text.to_owned(), Origin::Flag(name));
     }
 
@@ -192,11 +171,6 @@ impl Key {
         .hint(format!("use {}, or export {} in the environment", self.flag_name(), self.env)))
     }
 
-    /// The key and its meaning, as a hint.
-    pub(super) fn meaning(&self) -> String {
-        format!("{}: {}", self.name, self.doc)
-    }
-
     /// The name of its flag.
     fn flag_name(&self) -> &'static str {
         self.flag.as_ref().map_or(self.name, |flag| flag.name)
@@ -213,12 +187,28 @@ pub(crate) trait Row {
     fn origin(&self) -> &Origin;
     /// Replaces the value and its origin.
     fn set(&mut self, text: String, origin: Origin);
-    /// The valid range, in words.
+    /// The accepted words; empty if others are accepted too.
+    fn words(&self) -> Vec<&'static str>;
+    /// The accepted values, in words.
+    fn values(&self) -> String;
+    /// The range of a number, in words.
     #[cfg(test)]
     fn range(&self) -> Option<String>;
     /// Reads the text.
-    #[cfg(test)]
+    ///
+    /// # Errors
+    /// An invalid text.
     fn check(&self) -> Result<(), CliError>;
+
+    /// Meaning, unit, and what an empty text means.
+    fn meaning(&self) -> String {
+        self.key().doc.replace("{}", &self.values())
+    }
+
+    /// The key and its meaning, as a hint.
+    fn hint(&self) -> String {
+        format!("{}: {}", self.key().name, self.meaning())
+    }
 }
 
 impl<T> Row for Setting<T> {
@@ -238,12 +228,19 @@ impl<T> Row for Setting<T> {
         (self.text, self.origin) = (text, origin);
     }
 
+    fn words(&self) -> Vec<&'static str> {
+        self.reading.words()
+    }
+
+    fn values(&self) -> String {
+        self.reading.values()
+    }
+
     #[cfg(test)]
     fn range(&self) -> Option<String> {
         self.reading.range()
     }
 
-    #[cfg(test)]
     fn check(&self) -> Result<(), CliError> {
         self.get().map(drop)
     }

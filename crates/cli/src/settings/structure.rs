@@ -1,21 +1,21 @@
-//! Generates a structure from the table of keys: one field per key.
+//! Generates a structure from the table of settings: one field per row.
 
 /// Declares [`Settings`](super::Settings) and its tables from rows of
 ///
 /// ```text
-/// /// meaning and unit
-/// name: Type = "default", Reading, "VARIABLE", "--flag" sets "its value without an argument";
+/// /// meaning and unit; empty: what an empty text means
+/// name: Type = "default", Reading, "VARIABLE", GROUP.value("--flag", "VALUE");
 /// ```
 ///
-/// The last two may be omitted. The doc comment is also the key's meaning in hints, `spf config show` and
-/// `docs/reference/configuration.md`, so it is one line.
+/// The last may be omitted: such a key has no flag. The doc comment is the key's meaning in hints, `spf config show`, the help of
+/// the flag, and `docs/reference/configuration.md`; `{}` in it stands for the values that the reading accepts.
 macro_rules! settings {
     ($(
         $(#[$about:meta])*
         $table:ident: $Table:ident {
             $(
-                #[doc = $doc:literal]
-                $field:ident: $Type:ty = $default:literal, $reading:expr, $env:literal $(, $flag:literal $(sets $sets:literal)?)?;
+                $(#[doc = $doc:literal])+
+                $field:ident: $Type:ty = $default:literal, $reading:expr, $env:literal $(, $flag:expr)?;
             )*
         }
     )*) => {
@@ -24,7 +24,7 @@ macro_rules! settings {
             #[derive(Clone)]
             pub(crate) struct $Table {
                 $(
-                    #[doc = $doc]
+                    $(#[doc = $doc])+
                     pub(crate) $field: Setting<$Type>,
                 )*
             }
@@ -39,10 +39,10 @@ macro_rules! settings {
                                     field: stringify!($field),
                                     name: concat!(stringify!($table), ".", stringify!($field)),
                                     env: $env,
-                                    flag: settings!(@flag $($flag $(sets $sets)?)?),
+                                    flag: settings!(@flag $($flag)?),
                                     default: $default,
-                                    // A doc comment begins with the space after its slashes.
-                                    doc: $doc.trim_ascii_start(),
+                                    // Each line of a doc comment begins with the space after its slashes.
+                                    doc: concat!($($doc),+).trim_ascii_start(),
                                 }
                             },
                             const { &$reading },
@@ -67,15 +67,14 @@ macro_rules! settings {
                 vec![$($(&self.$table.$field,)*)*]
             }
 
-            /// The same, for display.
+            /// The same, to be set.
             pub(super) fn rows_mut(&mut self) -> Vec<&mut dyn Row> {
                 vec![$($(&mut self.$table.$field,)*)*]
             }
         }
     };
     (@flag) => { None };
-    (@flag $flag:literal) => { Some(Flag { name: $flag, sets: None }) };
-    (@flag $flag:literal sets $sets:literal) => { Some(Flag { name: $flag, sets: Some($sets) }) };
+    (@flag $flag:expr) => { Some($flag) };
 }
 
 pub(super) use settings;

@@ -2,14 +2,13 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use clap::{CommandFactory, Parser};
+use clap::{Arg, CommandFactory, Parser};
 use proptest::prelude::*;
-use spf_flight::policy::PolicyKind;
 
 use super::Settings;
-use super::flags::Flags;
+use super::flag::Form;
 use super::setting::{Origin, Row};
-use crate::args::{Cli, Command};
+use crate::args::{self, Cli, Command};
 use crate::error::CliError;
 
 /// The settings of a file.
@@ -28,7 +27,7 @@ fn check_all(settings: &Settings) -> Vec<CliError> {
 fn fly(settings: &mut Settings, flags: &[&str]) {
     let cli = Cli::try_parse_from(["spf", "fly", "x"].iter().chain(flags)).unwrap();
     let Command::Fly(args) = cli.command else { panic!("{flags:?}") };
-    args.flight.apply(settings);
+    args.flight.settings.apply(settings);
 }
 
 fn row<'a>(settings: &'a Settings, name: &str) -> &'a dyn Row {
@@ -56,18 +55,53 @@ fn every_default_can_be_read() {
     assert_eq!(message, Vec::<String>::new());
 }
 
-/// Names with a common beginning are listed together, as `pivot[-parallel]`.
 #[test]
-fn the_description_of_the_policy_lists_every_name() {
-    let all = PolicyKind::all();
-    let stem = |kind: &PolicyKind| kind.name().split('-').next().unwrap_or_default();
-    let kinds = all.chunk_by(|one, next| stem(one) == stem(next)).map(|kind| {
-        let rest: Vec<&str> =
-            kind.iter().map(|policy| &policy.name()[stem(policy).len()..]).filter(|rest| !rest.is_empty()).collect();
-        if rest.is_empty() { stem(&kind[0]).to_owned() } else { format!("{}[{}]", stem(&kind[0]), rest.join("|")) }
-    });
-    let documented = format!("decision policy: {}", kinds.collect::<Vec<_>>().join(", "));
-    assert_eq!(row(&Settings::default(), "fly.policy").key().doc, documented);
+fn the_meaning_of_a_word_names_every_word() {
+    for row in Settings::default().rows() {
+        let meaning = row.meaning();
+        assert!(!meaning.contains("{}") && row.words().iter().all(|word| meaning.contains(word)), "{meaning}: {:?}", row.words());
+    }
+}
+
+/// The flags of `spf fly`, with those that every command has.
+fn flags_of_fly() -> Vec<Arg> {
+    let mut command = Cli::command();
+    command.build();
+    let flags = command.find_subcommand("fly").unwrap().get_arguments().filter(|arg| arg.get_long().is_some());
+    flags.cloned().collect()
+}
+
+#[test]
+fn spf_fly_has_at_most_60_flags_and_its_short_help_15_of_its_own() {
+    let flags = flags_of_fly();
+    assert!((40..=60).contains(&flags.len()), "{} flags", flags.len());
+    let everywhere = ["help", "verbose"];
+    let own = || flags.iter().filter(|flag| !everywhere.contains(&flag.get_long().unwrap()));
+    let short = own().filter(|flag| !flag.is_hide_short_help_set()).count();
+    assert_eq!(short, 15);
+    for flag in own() {
+        assert!(flag.get_help_heading().is_some(), "{flag} stands under no heading");
+    }
+}
+
+#[test]
+fn the_help_is_made_from_the_meaning() {
+    let help =
+        |name: &str| flags_of_fly().iter().find(|flag| flag.get_long() == Some(name)).unwrap().get_help().unwrap().to_string();
+    assert_eq!(help("light"), "Light of the scene: day, overcast, dusk or night [default: the scene's]");
+    assert_eq!(help("keep"), "With --track pixels, the distance to keep from somebody who is followed, metres [default: 2.5]");
+    assert_eq!(help("realtime"), "Fly in real time instead of as fast as possible");
+    assert_eq!(help("no-vlm-check"), "Do not check the VLM's pointing before a real drone takes off");
+}
+
+/// Every command that takes flags of the table.
+#[test]
+fn a_command_names_only_flags_that_exist() {
+    let settings = Settings::default();
+    let known: Vec<&str> = settings.rows().iter().filter_map(|row| Some(row.key().flag.as_ref()?.name)).collect();
+    for flag in args::taken() {
+        assert!(known.contains(&flag), "{flag}");
+    }
 }
 
 #[test]
@@ -76,14 +110,14 @@ fn each_flag_sets_its_own_key_and_no_other() {
     for row in default.rows() {
         let Some(flag) = &row.key().flag else { continue };
         let mut settings = Settings::default();
-        let given = match flag.sets {
-            Some(_) => flag.name.to_owned(),
-            None => format!("{}=mine", flag.name),
+        let (given, text) = match flag.form {
+            Form::Switch(sets) => (flag.name.to_owned(), sets),
+            Form::Value(_) | Form::Optional(..) => (format!("{}=mine", flag.name), "mine"),
         };
         fly(&mut settings, &[&given]);
         for message in settings.rows() {
             let expected = if message.key().name == row.key().name {
-                (flag.sets.unwrap_or("mine"), Origin::Flag(flag.name))
+                (text, Origin::Flag(flag.name))
             } else {
                 (message.key().default, Origin::Default)
             };
@@ -93,15 +127,15 @@ fn each_flag_sets_its_own_key_and_no_other() {
 }
 
 #[test]
-fn every_flag_of_a_flight_is_a_keys_but_for_the_camera_s_and_three() {
+fn every_flag_of_a_flight_is_a_key_s_but_for_the_camera_s_and_three() {
     let settings = Settings::default();
     let known: Vec<&str> = settings.rows().iter().filter_map(|row| Some(row.key().flag.as_ref()?.name)).collect();
-    let command = Cli::command();
-    let flags = command.find_subcommand("fly").unwrap().get_arguments().filter_map(|flag| flag.get_long());
-    let others: Vec<&str> = flags.filter(|flag| !known.contains(&format!("--{flag}").as_str())).collect();
+    let flags = flags_of_fly();
+    let others = flags.iter().filter_map(Arg::get_long).filter(|flag| !known.contains(&format!("--{flag}").as_str()));
+    let others: Vec<&str> = others.collect();
     // A camera's address may contain a password, which `spf config show` would print.
     let camera = ["camera", "camera-calibration", "camera-fov", "camera-tilt", "camera-latency", "camera-times"];
-    assert_eq!(others, [&["events"], &camera[..], &["json", "config"]].concat());
+    assert_eq!(others, [&["config"], &camera[..], &["events", "json", "verbose", "help"]].concat());
 }
 
 #[test]

@@ -166,6 +166,7 @@ fn flags_reach_the_pilot() {
         let mut all = vec!["fly to the red crane", "--max-time", "12"];
         all.extend(args);
         let lab = Lab::new();
+        lab.write("spf.toml", "[fly]\nrate_hz = 20\n");
         let (code, summary) = lab.fly("mine", &all);
         assert_eq!(code, 3, "{summary}");
         (summary, lab.decisions("mine"))
@@ -175,8 +176,7 @@ fn flags_reach_the_pilot() {
     assert_eq!((&summary["preset"], &summary["vlm"]), (&Value::from("paper"), &Value::from("oracle:poor")));
     assert_eq!([&settings["motion"], &settings["think"], &settings["lifting"]], ["sequential", "stop", "paper"]);
 
-    let flags =
-        ["--motion", "sequential", "--think", "stop", "--step", "fixed:2.5", "--rate", "20", "--avoid", "--max-decisions", "7"];
+    let flags = ["--motion", "sequential", "--think", "stop", "--step", "fixed:2.5", "--avoid", "--max-decisions", "7"];
     let (summary, decisions) = fly(&flags);
     let settings = &summary["settings"];
     assert_eq!([&settings["motion"], &settings["think"]], ["sequential", "stop"]);
@@ -264,13 +264,16 @@ fn boxes_and_an_anchor_are_on_by_default() {
     };
     assert_eq!(parts(&[]), (true, "low".to_owned()));
     assert_eq!(parts(&["--avoid"]), (true, "low".to_owned()));
-    assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, "always".to_owned()));
-    let unmeasured = lab.spf(&["fly", "fly to the red crane", "--avoid", "--map", "on"]);
-    assert_eq!(unmeasured.code, Some(2), "{}", unmeasured.stderr);
-    assert!(unmeasured.stderr.contains("--map: nothing measures the depth"), "{}", unmeasured.stderr);
-    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, "off".to_owned()));
-    assert_eq!(parts(&["--depth-sensor", "on", "--map", "off"]), (false, "low".to_owned()));
     for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {
         assert_eq!(parts(off), (false, "off".to_owned()), "{off:?}");
     }
+    assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, "always".to_owned()));
+    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, "off".to_owned()));
+    // What has no flag is a key of the configuration.
+    lab.write("spf.toml", "[fly]\nmap = \"off\"\n");
+    assert_eq!(parts(&["--depth-sensor", "on"]), (false, "low".to_owned()));
+    lab.write("spf.toml", "[fly]\nmap = \"on\"\n");
+    let unmeasured = lab.spf(&["fly", "fly to the red crane"]);
+    assert_eq!(unmeasured.code, Some(2), "{}", unmeasured.stderr);
+    assert!(unmeasured.stderr.contains("fly.map: nothing measures the depth"), "{}", unmeasured.stderr);
 }

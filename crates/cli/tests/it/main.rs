@@ -29,6 +29,7 @@ mod scenes;
 #[cfg(target_os = "linux")]
 mod screen;
 mod serve;
+mod shell;
 mod tables;
 #[cfg(target_os = "linux")]
 mod tello;

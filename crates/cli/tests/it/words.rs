@@ -20,6 +20,11 @@ fn help_of_fly() {
 }
 
 #[test]
+fn short_help_of_fly() {
+    insta::assert_snapshot!(help(&["fly", "-h"]));
+}
+
+#[test]
 fn help_of_camera_test() {
     insta::assert_snapshot!(help(&["camera", "test", "--help"]));
 }
@@ -142,8 +147,8 @@ fn tables_of_every_spelling_name_their_line() {
     lab.write("b.toml", "fly.seed = 7\n\"fly\".\"scene\" = 'city'\nenvelope = { max_altitude_m = 40 }\n");
     let run = lab.spf(&["config", "show", "--config", "b.toml"]);
     insta::assert_snapshot!(message(&run.stdout), @r#"
-    scene = "city"                     # b.toml:2; SPF_SCENE: scene: a built-in name, scene file or .glb
-    seed = 7                           # b.toml:1; SPF_SEED: random seed, a whole number
+    scene = "city"                     # b.toml:2; SPF_SCENE: scene to fly in: a built-in name, scene file or .glb; city@17 is a variant
+    seed = 7                           # b.toml:1; SPF_SEED: random seed; the same seed gives the same flight, byte for byte
     max_altitude_m = 40                # b.toml:3; SPF_MAX_ALTITUDE_M: maximum height above take-off, metres; empty: the limit of the scene or of the drone's driver if there is one, else 120
     "#);
 }

@@ -137,7 +137,7 @@ impl ConnectError {
             Self::Signed { .. } => {
                 "turn signing off for this link with the ground station that has the key; by USB an ArduPilot takes unsigned packets".to_owned()
             }
-            Self::Fence(_) => "`spf doctor` shows the autopilot's fence; without --upload-fence it is left as it is".to_owned(),
+            Self::Fence(_) => "`spf doctor` shows the autopilot's fence; without `mavlink.upload_fence` it is left as it is".to_owned(),
             _ => return None,
         })
     }

@@ -79,7 +79,6 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
     for (words, wanted) in [
         ("step = \"median\"", PilotSettings { step: StepRule::Fixed(6.7), ..preset }),
         ("step = { fixed_m = 1 }", PilotSettings { step: StepRule::FIXED, ..preset }),
-        ("lifting = \"paper\"", PilotSettings { lifting: Lifting::Paper, ..preset }),
         ("motion = \"sequential\"", PilotSettings { motion: Motion::Sequential, ..preset }),
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
         ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
@@ -158,15 +157,13 @@ fn documents_name_every_policy() {
 fn bench_settings() -> impl Strategy<Value = BenchSettings> {
     let step = prop_oneof![Just(Step::Median), FIXED_M.prop_map(Step::FixedM)];
     let preset = prop_oneof![Just(Preset::Default), Just(Preset::Paper)];
-    let lifting = prop_oneof![Just(Lifting::Paper), Just(Lifting::Levelled)];
     let motion = prop_oneof![Just(Motion::Sequential), Just(Motion::Blended)];
     let ending = prop_oneof![Just(Ending::Timed), Just(Ending::Measured)];
     let think = prop_oneof![Just(QueryTiming::Stop), Just(QueryTiming::Continuous)];
-    (of(preset), of(step), of(lifting), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 8]>()).prop_map(
+    (of(preset), of(step), of(motion), of(ending), of(think), of(any::<bool>()), any::<[bool; 8]>()).prop_map(
         |(
             preset,
             step,
-            lifting,
             motion,
             ending,
             think,
@@ -176,7 +173,6 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             BenchSettings {
                 preset,
                 step,
-                lifting,
                 motion,
                 ending,
                 think,

@@ -49,7 +49,7 @@ fn task_of(name: &str) -> Result<Task, CliError> {
 /// The VLM for a name as in `spf fly --vlm`; an oracle's latency may be fixed.
 pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<VlmUnderTest, CliError> {
     let (vlm, latency) = split_latency(name);
-    settings.fly.vlm.flag(Some(vlm));
+    settings.fly.vlm.argument("--vlm", vlm);
     if is_human(vlm) {
         return Err(CliError::usage("`spf bench` does not support --vlm human").hint("spf fly \"…\" --vlm human"));
     }

@@ -27,13 +27,8 @@ const MOST_USD: f64 = 1e6;
 
 /// Flies tasks and prints success rates.
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref(), printer)?;
+    let mut settings = Settings::of(&args.settings, printer)?;
     let (tasks, files) = tasks(args)?;
-    settings.vlm.latency_s.flag(args.vlm_latency.as_deref());
-    settings.vlm.send_key_to.flag(args.send_key_to.as_deref());
-    settings.vlm.price.flag(args.vlm_price.as_deref());
-    settings.vlm.models.flag(args.vlm_models.as_deref());
-    settings.fly.max_cost_usd.flag(args.max_cost.as_deref());
     let max_cost = settings.fly.max_cost_usd.get()?;
     let per_trial = args.max_cost_per_trial;
     if per_trial.is_some_and(|cost| !(0.0..=MOST_USD).contains(&cost)) {
@@ -42,7 +37,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     }
     // A limit of either kind needs a price.
     if let (None, Some(cost)) = (max_cost, per_trial) {
-        settings.fly.max_cost_usd.flag(Some(&cost.to_string()));
+        settings.fly.max_cost_usd.argument("--max-cost-per-trial", &cost.to_string());
     }
     let own = args.suite.as_deref().and_then(suite).map_or(("spf", "oracle:default"), |suite| (suite.methods, suite.vlms));
     let vlms = args.vlm.as_deref().unwrap_or(own.1);
@@ -175,14 +170,15 @@ fn command(args: &BenchRun, vlms: &str) -> String {
     args.task.iter().for_each(|task| give("--task", Some(task.clone())));
     give("--method", args.method.clone());
     give("--vlm", Some(vlms.to_owned()));
-    give("--vlm-latency", args.vlm_latency.clone());
-    give("--send-key-to", args.send_key_to.clone());
+    let given = |flag: &str| args.settings.text(flag).map(str::to_owned);
+    give("--vlm-latency", given("--vlm-latency"));
+    give("--send-key-to", given("--send-key-to"));
     give("--trials", Some(args.trials.to_string()));
     give("--seed", Some(args.seed.to_string()));
-    give("--vlm-price", args.vlm_price.clone());
-    give("--vlm-models", args.vlm_models.clone());
+    give("--vlm-price", given("--vlm-price"));
+    give("--vlm-models", given("--vlm-models"));
     give("--max-cost-per-trial", args.max_cost_per_trial.map(|cost| cost.to_string()));
-    give("--config", args.config.as_ref().map(|path| path.display().to_string()));
+    give("--config", args.settings.file().map(|path| path.display().to_string()));
     words.join(" ")
 }
 

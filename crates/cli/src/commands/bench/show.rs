@@ -17,8 +17,7 @@ use crate::settings::Settings;
 
 /// Flies a trial again.
 pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError> {
-    let mut settings = Settings::load(args.config.as_deref(), printer)?;
-    settings.vlm.send_key_to.flag(args.send_key_to.as_deref());
+    let mut settings = Settings::of(&args.settings, printer)?;
     let trial = trial(args, &mut settings)?;
     let drawn = draw(&trial.task, trial.seed).map_err(|error| CliError::usage("cannot set up the trial").because(&error))?;
     let out = OutDir::create(args.output.as_deref(), &args.run_id).map_err(|error| {

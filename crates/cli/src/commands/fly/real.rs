@@ -1,33 +1,29 @@
 //! `spf fly --drone` with any drone but the embedded simulator.
 
-use std::sync::Arc;
 use std::time::Instant;
 
 use spf_camera::WithCamera;
-use spf_cockpit::Cockpit;
+use spf_core::craft::Craft;
 use spf_core::time::Duration;
 use spf_drone::Drone;
 use spf_drone::driver::{ConnectError, Connected, Target};
 use spf_drone::mavlink::settings::GimbalUse;
 use spf_drone::options::Options;
-use spf_envelope::{BrakeLimits, Limits};
-use spf_flight::flight::{FlightPlan, Site};
+use spf_envelope::Limits;
+use spf_flight::flight::Site;
 use spf_flight::real::Real;
 use spf_flight::site::Clock;
 use spf_motion::executor::Motion;
-use spf_pilot::{AtEnd, PilotSettings, QueryTiming};
 use spf_vlm::Vlm;
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check};
 
-use super::manual::Manual;
-use super::settings::{check_map, fence, limits, method, method_words, options, preset_and_policy, prompt, script};
-use super::signals::flight_interrupts;
-use super::{Ready, no_keys, page, sentence};
-use crate::args::{CameraArgs, Fly};
+use super::aboard::Aboard;
+use super::settings::{fence, limits, options};
+use crate::args::CameraArgs;
+use crate::commands::camera;
 use crate::commands::vlm::{self, Pace, Pointing, advice, is_human};
-use crate::commands::{camera, depth_model, detector};
 use crate::error::CliError;
-use crate::printer::{Printer, one_line};
+use crate::printer::Printer;
 use crate::settings::Settings;
 
 /// How long a program that answers must have run before take-off: one that lacks a part that it needs has ended by then.
@@ -48,147 +44,78 @@ pub(crate) fn eyes<'a>(args: &'a CameraArgs, settings: &Settings, target: &dyn T
 pub(crate) const CAMERA_EXAMPLE: &str =
     "for example --camera rtsp://192.168.1.64/stream1 --camera-fov 78 (docs/guide/cameras.md lists the addresses of cameras)";
 
-/// Connects, and prepares the flight.
-pub(super) fn ready(
-    args: &Fly,
+/// Connects, and prepares the craft.
+pub(super) fn board(
+    camera: &CameraArgs,
     settings: &Settings,
-    instruction: &str,
     target: &dyn Target,
-    cockpit: Option<&Cockpit>,
+    other_camera: Option<&str>,
+    pointing: &Pointing,
     printer: &Printer,
-) -> Result<Ready, CliError> {
-    let (preset, policy) = preset_and_policy(settings)?;
-    let mut method = detector::with_detector(settings, policy, method(settings, preset, Pace::Wall)?)?;
-    let prompt = prompt(settings, policy)?;
+) -> Result<Aboard, CliError> {
     let mut options = options(settings)?;
-    let mut announcements = Vec::new();
-    let other_camera = eyes(&args.flight.camera, settings, target)?;
-    if let Some(url) = other_camera
-        && !target.is_simulated()
-    {
-        camera::refuse_endless(url)?;
-    }
     // A video that nobody looks at would take from the radio link what the commands need.
     options.tello.own_video = other_camera.is_none();
-    let own = target.motion(&options) == Some(Motion::Manoeuvres);
-    if own {
-        // Whatever the settings: a later answer could not change the end of a move that the drone flies by itself.
-        (method.motion, method.think) = (Motion::Manoeuvres, QueryTiming::Stop);
-    }
-    if settings.fly.depth_sensor.or_default()?.0.is_some() {
-        return Err(CliError::usage("--depth-sensor is for the simulated craft").hint("no driver reads a depth sensor yet"));
-    }
-    let mut limits = limits(settings, target.limits())?;
+    let flies_moves = target.motion(&options) == Some(Motion::Manoeuvres);
+    let limits = limits(settings, target.limits())?;
     options.mavlink.fence = fence(settings, &limits)?;
     if options.mavlink.fence.is_some() && !target.takes_fence() {
         return Err(
-            CliError::usage("this drone takes no fence").hint("--upload-fence is for PX4 and ArduPilot (--drone mavlink)")
+            CliError::usage("this drone takes no fence").hint("mavlink.upload_fence is for PX4 and ArduPilot (--drone mavlink)")
         );
     }
-    let script = args.flight.world.events.as_deref().map(script).transpose()?.unwrap_or_default();
-    let max_cost_usd = settings.fly.max_cost_usd.get()?;
-    let pointing = page::pointing(cockpit, settings, prompt.clone(), Pace::Wall)?;
-    if pointing.is_oracle {
-        return Err(
-            CliError::usage(NO_ORACLE).hint("`spf vlm list` lists the models, and docs/guide/vlm.md describes how to choose one")
-        );
-    }
-    let attended = !settings.fly.unattended.is_on()?;
-    if attended && !Manual::is_possible() && cockpit.is_none() {
-        return Err(no_keys());
-    }
-    if attended && settings.fly.at_end.get()?.is_none() {
-        method.at_end = AtEnd::Hover;
-    }
-    check_program(&pointing, printer)?;
-    let (pointing, detector) = detector::combine(settings, pointing)?;
-    let interrupts = flight_interrupts(true)?;
+    check_program(pointing, printer)?;
     let start = Instant::now();
-    let seen = other_camera.map(|url| camera::open(url, &args.flight.camera, options.tello, start, printer)).transpose()?;
+    let seen = other_camera.map(|url| camera::open(url, camera, options.tello, start, printer)).transpose()?;
     let camera_px = seen.as_ref().map_or(USUAL_CAMERA, |(_, optics)| (optics.width, optics.height));
-    check_vlm(settings, &pointing, camera_px, printer)?;
+    check_vlm(settings, pointing, camera_px, printer)?;
     let recorded = seen.as_ref().map_or(Ok(None), |(camera, _)| camera::recording(camera, target.is_simulated()))?;
     let Connected { drone, warning, .. } = connect(target, &options, start, printer)?;
     let drone: Box<dyn Drone> = match seen {
         Some((camera, optics)) => Box::new(WithCamera::new(drone, camera, optics)),
         None => drone,
     };
-    if own && !drone.capabilities().manoeuvres {
+    let capabilities = drone.capabilities();
+    if flies_moves && !capabilities.manoeuvres {
         return Err(CliError::usage("this Tello does not support --tello-motion go")
             .hint("its firmware has SDK 1.3, which cannot abort a move; update it in the Tello app, or use --tello-motion rc"));
     }
-    if drone.capabilities().ranges {
-        feel_around(settings, &mut method, &mut limits)?;
-        announcements.push("Sensors around the drone measure ranges: they feed brake and map (--brake, --map).".to_owned());
-    } else {
-        check_map(settings, &method)?;
-    }
-    if drone.capabilities().gimbal.is_some() {
-        announcements
-            .push("The drone reports the tilt of its gimbal, which is used instead of --camera-tilt (--gimbal off).".to_owned());
-    } else if settings.mavlink.gimbal.get()?.is_some_and(|pitch| pitch.0 != GimbalUse::Off) {
-        return Err(
-            CliError::usage("--gimbal: the drone reports no gimbal").hint("`spf doctor` shows the tilt of a gimbal that reports")
-        );
-    }
-    if method.at_end == AtEnd::Return {
-        let height = limits.check_return(&drone.capabilities().craft).map_err(|refusal| {
-            CliError::usage(refusal.to_string())
-                .hint("`spf doctor` shows what a drone does to return; --at-end land lands where it is")
-        })?;
-        announcements
-            .push(format!("After the instruction the drone returns by itself, at up to {height:.0} m, and lands (--at-end)."));
-    }
-    let flying = format!("Flying \"{}\", {}.", one_line(instruction), method_words(settings, policy, &method),);
     let bounds = format!(
         "Limits: {} m above and {} m from the take-off point, {} m/s (--max-altitude, --max-distance, --max-speed).",
         limits.max_altitude,
         limits.max_distance,
         (limits.max_speed * 1e3).round() / 1e3
     );
-    let (craft, camera) = (limits.capped(&drone.capabilities().craft), Some(drone.frames()));
+    let mut announcements = vec![bounds, warning];
+    if capabilities.ranges {
+        announcements
+            .push("Sensors around the drone measure ranges: they feed brake and map (docs/guide/obstacles.md).".to_owned());
+    }
+    if capabilities.gimbal.is_some() {
+        announcements.push(
+            "The drone reports the tilt of its gimbal, which is used instead of --camera-tilt (mavlink.gimbal = \"off\")."
+                .to_owned(),
+        );
+    } else if settings.mavlink.gimbal.get()?.is_some_and(|pitch| pitch.0 != GimbalUse::Off) {
+        return Err(CliError::usage("mavlink.gimbal: the drone reports no gimbal")
+            .hint("`spf doctor` shows the tilt of a gimbal that reports"));
+    }
+    announcements.extend(recorded.map(str::to_owned));
+    let (craft, has_ranges, frames) = (capabilities.craft, capabilities.ranges, Some(drone.frames()));
     #[cfg(all(debug_assertions, unix))]
     let drone = super::drill::around(drone);
     let site = Site::Real(Real { drone, clock: Clock::WallSince(start) });
-    announcements.splice(0..0, [flying, sentence(&pointing.sentence, &craft), bounds, warning]);
-    announcements.extend(recorded.map(str::to_owned));
-    if !attended {
-        announcements
-            .push("Unattended: no keyboard control. Only Ctrl-C, SIGTERM and the safety envelope land the drone.".to_owned());
-    }
-    if method.at_end == AtEnd::Hover {
-        // Who answers by typing lines can type no instruction.
-        let also = if is_human(&pointing.name) && cockpit.is_none() { "" } else { " and accepts a new instruction" };
-        announcements.push(format!("After the instruction the drone hovers for up to 60 s{also} (--at-end)."));
-    }
-    let depth_network = depth_model::plan(settings)?.map(|(plan, sentence)| {
-        announcements.push(sentence);
-        plan
-    });
-    let plan = FlightPlan {
-        policy: Arc::new(policy),
-        preset,
-        settings: method,
-        limits,
-        detector,
-        depth_network,
-        prompt,
-        max_cost_usd,
-        script,
-        interrupts,
-        ..FlightPlan::new(site, instruction, &pointing.name, pointing.vlm_factory)
-    };
-    Ok(Ready { plan, announcements, by_hand: Some(craft), reader: None, attended, camera })
+    let (place, drawn) = (String::new(), String::new());
+    Ok(Aboard { site, craft, limits, has_ranges, flies_moves, place, drawn, announcements, reader: None, frames })
 }
 
-/// Brake and map for a drone whose sensors measure ranges around it, unless the settings say otherwise.
-fn feel_around(settings: &Settings, method: &mut PilotSettings, limits: &mut Limits) -> Result<(), CliError> {
-    if limits.brake.is_none() && settings.fly.brake.or_default()?.or(true) {
-        limits.brake = Some(BrakeLimits::without_sensor());
-    }
-    let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    method.guidance.map = settings.fly.map.or_default()?.or(can_guide);
-    Ok(())
+/// How a drone returns by itself after its instruction, if the envelope clears it.
+pub(super) fn returning(limits: &Limits, craft: &Craft) -> Result<String, CliError> {
+    let height = limits.check_return(craft).map_err(|refusal| {
+        CliError::usage(refusal.to_string())
+            .hint("`spf doctor` shows what a drone does to return; --at-end land lands where it is")
+    })?;
+    Ok(format!("After the instruction the drone returns by itself, at up to {height:.0} m, and lands (--at-end)."))
 }
 
 /// Connects, and describes the craft.

@@ -18,7 +18,7 @@ use spf_flight::tracking::TrackBy;
 use spf_flight::world::Script;
 use spf_motion::executor::{Ending, Motion};
 use spf_pilot::guidance::{AnchorUse, Guidance};
-use spf_pilot::{PilotSettings, Preset, QueryTiming};
+use spf_pilot::{AtEnd, PilotSettings, Preset, QueryTiming};
 
 use crate::commands::read;
 use crate::commands::vlm::{Pace, is_human};
@@ -36,11 +36,6 @@ pub(super) fn method_words(settings: &Settings, policy: PolicyKind, method: &Pil
     let mut words = format!("policy {}, preset {preset}", policy.name());
     words.push_str(if method.guidance.track { ", track pixels" } else { "" });
     words
-}
-
-/// The preset and the policy.
-pub(super) fn preset_and_policy(settings: &Settings) -> Result<(Preset, PolicyKind), CliError> {
-    Ok((settings.fly.preset.or_default()?, settings.fly.policy.or_default()?))
 }
 
 /// The prompt in the settings, if any.
@@ -67,7 +62,7 @@ fn built_in(settings: &Settings, policy: PolicyKind, prompt: Arc<PromptText>) ->
         return Err(CliError::usage(format!("the prompt `paper` is for the policy spf, not for {}", policy.name())));
     }
     if settings.fly.depth_as.get()?.is_some_and(|depth| depth == DepthAs::Metres) {
-        return Err(CliError::usage("the prompt `paper` asks for a label, and cannot be used with --depth-as metres"));
+        return Err(CliError::usage("the prompt `paper` asks for a label, and cannot be used with fly.depth_as = \"metres\""));
     }
     Ok(prompt)
 }
@@ -94,9 +89,46 @@ fn answers_with_boxes(vlm: &str) -> bool {
     !(is_human(vlm) || vlm.starts_with("exec:"))
 }
 
-/// The pilot's settings: the preset, with the changes from the settings.
-pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<PilotSettings, CliError> {
+/// What the method depends on besides the settings; known once the craft is.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Facts {
+    /// Whether sensors around the craft measure ranges.
+    pub(super) has_ranges: bool,
+    /// Whether the craft flies each move by itself to its end, so that a later answer could not change it.
+    pub(super) flies_moves: bool,
+    /// Whether somebody is there who may give the next instruction.
+    pub(super) is_attended: bool,
+    /// The clock of the flight.
+    pub(super) pace: Pace,
+}
+
+/// What measures the depth of what is around the craft.
+struct Measured {
+    /// A depth sensor.
+    sensor: bool,
+    /// A depth network, which may be without its scale, or slow.
+    network: bool,
+    /// Range sensors.
+    ranges: bool,
+}
+
+impl Measured {
+    fn of(settings: &Settings, facts: &Facts) -> Result<Self, CliError> {
+        let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
+        Ok(Self { sensor, network: settings.fly.depth_model.text().is_some(), ranges: facts.has_ranges })
+    }
+
+    fn any(&self) -> bool {
+        self.sensor || self.network || self.ranges
+    }
+}
+
+/// The pilot's settings: those of the preset, with the changes from the settings. A function of these and the facts alone; nothing
+/// changes them afterwards.
+pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> Result<PilotSettings, CliError> {
     let fly = &settings.fly;
+    let preset = fly.preset.or_default()?;
+    let is_person = facts.pace == Pace::Wall && is_human(fly.vlm.text_or_default());
     let mut method = PilotSettings::preset(preset);
     if let Some(step) = fly.step.get()? {
         method.step = step;
@@ -108,32 +140,20 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
             method.ending = Ending::Measured;
         }
     }
-    if let Some(think) = fly.think.get()? {
+    let track = fly.track.or_default()? != TrackBy::Off;
+    // The drone holds while a person thinks, unless it follows somebody meanwhile.
+    let holds = is_person && !track;
+    if let Some(think) = fly.think.get()?.or(holds.then_some(QueryTiming::Stop)) {
         method.think = think;
     }
-    let sensor = fly.depth_sensor.or_default()?.0.is_some();
-    let network = fly.depth_model.text().is_some();
-    let lists_boxes =
-        preset == Preset::Default && !sensor && fly.policy.or_default()?.name() == "spf" && fly.prompt.text().is_none();
-    method.avoid = fly.avoid.or_default()?.or(lists_boxes && answers_with_boxes(fly.vlm.text_or_default()));
-    // What guides between two answers is on by itself where it can work.
-    let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    // A depth network may be without its scale, or slow: boxes are asked for as well, and each step is checked against them.
-    let measures = sensor || network;
-    let map = fly.map.or_default()?.or(can_guide && measures);
-    let anchor = fly.anchor.or_default()?;
-    let by_itself = can_guide && (measures || method.avoid);
-    method.guidance = Guidance {
-        anchor: match (anchor.or(by_itself), anchor.is_auto() && !map) {
-            (false, _) => AnchorUse::Off,
-            (true, true) => AnchorUse::Low,
-            // The planner needs a place to go to, also where that is tall.
-            (true, false) => AnchorUse::Always,
-        },
-        map,
-        sensor,
-        track: fly.track.or_default()? != TrackBy::Off,
-    };
+    if facts.flies_moves {
+        (method.motion, method.think) = (Motion::Manoeuvres, QueryTiming::Stop);
+    }
+    let measured = Measured::of(settings, facts)?;
+    let lists_boxes = preset == Preset::Default && !measured.sensor && policy == PolicyKind::spf() && fly.prompt.text().is_none();
+    let lists_boxes = lists_boxes && answers_with_boxes(fly.vlm.text_or_default());
+    method.avoid = fly.avoid.or_default()?.or(lists_boxes) || fly.detector.text().is_some();
+    method.guidance = guidance(settings, &method, &measured, track)?;
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
@@ -142,64 +162,91 @@ pub(super) fn method(settings: &Settings, preset: Preset, pace: Pace) -> Result<
     if let Some(keep) = fly.keep_m.get()? {
         method.keep_m = keep;
     }
-    if fly.keep_m.is_given() && !fly.keep_m.is_from_file() && !method.guidance.track {
-        return Err(CliError::usage("--keep needs a tracker").hint("add --track pixels"));
-    }
     method.follow_time = fly.follow_time_s.get()?.map(duration_from_secs);
-    if method.follow_time.is_some() && !method.guidance.track {
-        return Err(CliError::usage("--follow-time needs a tracker").hint("add --track pixels"));
-    }
     if let Some(rate) = fly.rate_hz.get()? {
         method.rate_hz = rate;
     }
-    if let Some(seconds) = fly.max_time_s.get()? {
-        method.max_time = duration_from_secs(seconds);
-    }
-    if let Some(seconds) = fly.reply_timeout_s.get()? {
-        method.reply_timeout = duration_from_secs(seconds);
-    }
-    if let Some(at_end) = fly.at_end.get()? {
-        method.at_end = at_end;
-    }
+    let time = |setting: &Setting<f64>, most: Duration| {
+        // For as long as the battery allows.
+        if is_person && !setting.is_given() { Ok(LEISURE) } else { Ok(setting.get()?.map_or(most, duration_from_secs)) }
+    };
+    method.max_time = time(&fly.max_time_s, method.max_time)?;
+    method.reply_timeout = time(&fly.reply_timeout_s, method.reply_timeout)?;
+    let at_end = fly.at_end.get()?.or(facts.is_attended.then_some(AtEnd::Hover));
+    method.at_end = at_end.unwrap_or(method.at_end);
     if let Some(seconds) = fly.max_reply_age_s.get()? {
         method.max_reply_age = duration_from_secs(seconds);
     }
     if let Some(decisions) = fly.max_decisions.get()? {
         method.max_decisions = decisions;
     }
-    if network && !method.guidance.map {
-        return Err(CliError::usage("--depth-model is for the map, which is off").hint("add --map on, or leave --map out"));
-    }
-    if !method.guidance.is_off() && (method.think != QueryTiming::Continuous || method.motion != Motion::Blended) {
-        return Err(CliError::usage("--anchor, --map and --track need --think continuous and --motion blended")
-            .hint("leave them off with the preset paper"));
-    }
-    if pace == Pace::Wall && is_human(fly.vlm.text_or_default()) {
-        // The drone holds while a person thinks, for as long as the battery allows.
-        if !fly.think.is_given() {
-            method.think = QueryTiming::Stop;
-        }
-        if !fly.reply_timeout_s.is_given() {
-            method.reply_timeout = LEISURE;
-        }
-        if !fly.max_time_s.is_given() {
-            method.max_time = LEISURE;
-        }
-    }
     Ok(method)
 }
 
-/// Refuses a map that nothing measures: boxes of replies tell where something begins in the image, and little of its shape.
-pub(super) fn check_map(settings: &Settings, method: &PilotSettings) -> Result<(), CliError> {
-    let is_measured = method.guidance.sensor || settings.fly.depth_model.text().is_some();
-    if method.guidance.map && !is_measured {
-        return Err(CliError::usage("--map: nothing measures the depth of what is around the drone")
-            .hint("add --depth-sensor on (the simulated craft) or --depth-model FILE, or fly a craft with range sensors; or leave --map out"));
+/// What guides between two answers; it is on by itself where it can work.
+fn guidance(settings: &Settings, method: &PilotSettings, measured: &Measured, track: bool) -> Result<Guidance, CliError> {
+    let fly = &settings.fly;
+    let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
+    let map = fly.map.or_default()?.or(can_guide && measured.any());
+    if map && !measured.any() {
+        return Err(CliError::usage("fly.map: nothing measures the depth of what is around the drone").hint(
+            "add --depth-sensor on (the simulated craft) or --depth-model FILE, or fly a craft with range sensors; or leave the map out",
+        ));
+    }
+    if measured.network && !map {
+        return Err(CliError::usage("--depth-model is for the map, which is off")
+            .hint("the map needs fly.map = \"auto\", --think continuous and --motion blended"));
+    }
+    let anchor = fly.anchor.or_default()?;
+    // The planner needs a place to go to, also where that is tall.
+    let anchor = match (anchor.or(can_guide && (measured.any() || method.avoid)), anchor.is_auto() && !map) {
+        (false, _) => AnchorUse::Off,
+        (true, true) => AnchorUse::Low,
+        (true, false) => AnchorUse::Always,
+    };
+    // Without measurements of every point of the view, boxes are asked for as well, and each step is checked against them.
+    let guidance = Guidance { anchor, map, sensor: measured.sensor, track };
+    if !guidance.is_off() && !can_guide {
+        return Err(CliError::usage("--track, --anchor and fly.map need --think continuous and --motion blended")
+            .hint("leave them off with the preset paper, and with --tello-motion go"));
+    }
+    Ok(guidance)
+}
+
+/// The brake of the envelope, if there is one.
+pub(super) fn brake(settings: &Settings, method: &PilotSettings, facts: &Facts) -> Result<Option<BrakeLimits>, CliError> {
+    let measured = Measured::of(settings, facts)?;
+    if !settings.fly.brake.or_default()?.or(measured.any() || method.guidance.track) {
+        return Ok(None);
+    }
+    Ok(Some(match measured {
+        Measured { sensor: true, .. } => BrakeLimits::with_sensor(),
+        // A network's depth comes seldom and late, and a craft whose network has no scale flies on as one without.
+        Measured { network: true, .. } => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
+        Measured { .. } => BrakeLimits::without_sensor(),
+    }))
+}
+
+/// Refuses settings that contradict one another, whatever craft flies.
+pub(super) fn refuse_contradictions(settings: &Settings, policy: PolicyKind) -> Result<(), CliError> {
+    let fly = &settings.fly;
+    if fly.track.or_default()? == TrackBy::Off {
+        let needs = |flag: &str| CliError::usage(format!("{flag} needs a tracker")).hint("add --track pixels");
+        if fly.keep_m.is_by_hand() {
+            return Err(needs("--keep"));
+        }
+        if fly.follow_time_s.get()?.is_some() {
+            return Err(needs("--follow-time"));
+        }
+    }
+    if fly.detector.text().is_some() && policy != PolicyKind::spf() {
+        return Err(CliError::usage(format!("the policy {} does not support --detector", policy.name()))
+            .hint("--detector requires --policy spf; typefly has its own detector"));
     }
     Ok(())
 }
 
-/// The configured limits, else those of `limits`.
+/// The configured limits, else those of `limits`; the brake is apart ([`brake`]).
 pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, CliError> {
     let envelope = &settings.envelope;
     let set = |limit: &mut f64, setting: &Setting<f64>| setting.get().map(|value| *limit = value.unwrap_or(*limit));
@@ -214,17 +261,6 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
     set(&mut limits.low_battery, &envelope.low_battery)?;
     if let Some(replies) = envelope.max_failed_replies.get()? {
         limits.max_failed_replies = replies;
-    }
-    let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
-    let network = settings.fly.depth_model.text().is_some();
-    let track = settings.fly.track.or_default()? != TrackBy::Off;
-    if settings.fly.brake.or_default()?.or(sensor || network || track) {
-        limits.brake = Some(match (sensor, network) {
-            (true, _) => BrakeLimits::with_sensor(),
-            // A network's depth comes seldom and late, and a craft whose network has no scale flies on as one without.
-            (false, true) => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
-            (false, false) => BrakeLimits::without_sensor(),
-        });
     }
     if let Some(path) = settings.fly.geofence.text() {
         let text = read(Path::new(path), "geofence")?;
@@ -260,7 +296,7 @@ pub(super) fn fence(settings: &Settings, limits: &Limits) -> Result<Option<Fence
     let Some(geofence) = &limits.geofence else { return Ok(Some(FencePlan::Circle { radius: limits.max_distance })) };
     // Of several, PX4 flies in any, and ArduPilot only where all overlap.
     let mut rings = geofence.only_polygon().ok_or_else(|| {
-        CliError::usage("--upload-fence takes a geofence of one polygon")
+        CliError::usage("mavlink.upload_fence takes a geofence of one polygon")
             .hint("autopilots disagree on what several polygons mean; join them into one, which may have holes")
     })?;
     let outer = rings.next().unwrap_or_default().to_vec();
@@ -292,4 +328,71 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
     };
     let gimbal = settings.mavlink.gimbal.get()?.map_or(GimbalUse::Reported, |pitch| pitch.0);
     Ok(Options { tello, mavlink: MavlinkSettings { gimbal, ..MavlinkSettings::default() }, ..Options::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLAIN: Facts = Facts { has_ranges: false, flies_moves: false, is_attended: false, pace: Pace::Wall };
+
+    /// The settings with these texts in the place of their defaults.
+    fn with(change: impl Fn(&mut Settings)) -> Settings {
+        let mut settings = Settings::default();
+        settings.fly.vlm.argument("--vlm", "gemini");
+        change(&mut settings);
+        settings
+    }
+
+    fn flown(settings: &Settings, facts: &Facts) -> PilotSettings {
+        method(settings, settings.fly.policy.or_default().unwrap(), facts).unwrap()
+    }
+
+    #[test]
+    fn a_craft_with_range_sensors_has_planner_anchor_and_brake() {
+        let (settings, ranges) = (with(|_| {}), Facts { has_ranges: true, ..PLAIN });
+        let measured = flown(&settings, &ranges);
+        let guidance = Guidance { anchor: AnchorUse::Always, map: true, ..Guidance::default() };
+        assert_eq!((measured.guidance, measured.avoid), (guidance, true));
+        assert_eq!(brake(&settings, &measured, &ranges).unwrap(), Some(BrakeLimits::without_sensor()));
+        // Without them there is nothing to plan with.
+        let unmeasured = flown(&settings, &PLAIN);
+        let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
+        assert_eq!((unmeasured.guidance, brake(&settings, &unmeasured, &PLAIN).unwrap()), (guidance, None));
+    }
+
+    #[test]
+    fn a_craft_that_flies_its_moves_by_itself_holds_meanwhile_and_is_not_guided() {
+        let moves = Facts { flies_moves: true, ..PLAIN };
+        let method_of = |settings: &Settings| method(settings, PolicyKind::spf(), &moves);
+        let flown = method_of(&with(|_| {})).unwrap();
+        assert_eq!((flown.motion, flown.think, flown.guidance), (Motion::Manoeuvres, QueryTiming::Stop, Guidance::default()));
+        let tracked = with(|settings| settings.fly.track.argument("--track", "pixels"));
+        assert!(method_of(&tracked).unwrap_err().to_string().contains("need --think continuous"));
+    }
+
+    #[test]
+    fn a_person_has_all_the_time_that_nobody_limits() {
+        let person = |change: fn(&mut Settings)| {
+            let settings = with(|settings| {
+                settings.fly.vlm.argument("--vlm", "human");
+                change(settings);
+            });
+            let PilotSettings { think, max_time, reply_timeout, .. } = flown(&settings, &PLAIN);
+            (think, max_time, reply_timeout)
+        };
+        assert_eq!(person(|_| {}), (QueryTiming::Stop, LEISURE, LEISURE));
+        let limited = person(|settings| settings.fly.max_time_s.argument("--max-time", "60"));
+        assert_eq!(limited, (QueryTiming::Stop, Duration::from_secs(60), LEISURE));
+        let tracked = person(|settings| settings.fly.track.argument("--track", "pixels"));
+        assert_eq!(tracked.0, QueryTiming::Continuous, "somebody walks on while the person thinks");
+    }
+
+    #[test]
+    fn the_craft_hovers_at_the_end_for_somebody_who_is_there() {
+        let end =
+            |facts: &Facts, at_end: &str| flown(&with(|settings| settings.fly.at_end.argument("--at-end", at_end)), facts).at_end;
+        let attended = Facts { is_attended: true, ..PLAIN };
+        assert_eq!([end(&PLAIN, ""), end(&attended, ""), end(&attended, "land")], [AtEnd::Land, AtEnd::Hover, AtEnd::Land]);
+    }
 }

@@ -125,7 +125,7 @@ fn all_answerers(args: &Ground, settings: &Settings, source: &Source) -> Result<
     let (named, sentences) = answerers(args, settings)?;
     let simulated = source.items.iter().any(|item| item.sim.is_some());
     if !simulated && named.iter().any(is_oracle) {
-        let only_default = args.vlm.is_none();
+        let only_default = args.settings.text("--vlm").is_none();
         let error = CliError::usage("the oracle cannot read these images: it needs a dataset from `spf sim dataset`");
         return Err(if only_default {
             error.hint("set a model with --vlm (see `spf vlm list`)")

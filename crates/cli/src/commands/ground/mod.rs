@@ -24,7 +24,7 @@ use crate::settings::Settings;
 
 /// Queries about photographs, or grades on a dataset.
 pub(crate) fn ground(args: &Ground, printer: &mut Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(args, printer)?;
+    let settings = Settings::of(&args.settings, printer)?;
     if args.rate.is_some_and(|rate| !(rate > 0.0 && rate <= 1e6)) {
         return Err(CliError::usage("--rate must be a number of queries per minute above 0").hint("--rate 60"));
     }

@@ -13,7 +13,7 @@ use crate::printer::Printer;
 use crate::settings::Settings;
 
 fn connect(args: &TelloAddress, printer: &Printer) -> Result<Rescue, CliError> {
-    let settings = Settings::of(args, printer)?;
+    let settings = Settings::of(&args.settings, printer)?;
     // The simulator, the default for flights, has no state outside a flight.
     let name = settings.fly.drone.text().filter(|name| *name != "sim").unwrap_or(DRIVER.scheme);
     let drone = command_port(name).ok_or_else(|| settings.fly.drone.wrong(DRIVER.form, None))?;

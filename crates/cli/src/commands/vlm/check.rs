@@ -15,7 +15,8 @@ use crate::settings::{Settings, environment, variables};
 
 /// Queries a model about the calibration images.
 pub(crate) fn check(args: &VlmCheck, printer: &Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(args, printer)?;
+    let mut settings = Settings::of(&args.settings, printer)?;
+    settings.fly.vlm.argument("NAME", &args.name);
     let mut vlm: Box<dyn Vlm> = if args.name.starts_with(EXEC) {
         Box::new(Paced::new(Box::new(exec(&settings, &args.name)?), None, true))
     } else {

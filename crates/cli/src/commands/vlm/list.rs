@@ -35,7 +35,7 @@ struct Row<'a> {
 
 /// Prints the table of models.
 pub(crate) fn list(args: &VlmList, printer: &Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(args, printer)?;
+    let settings = Settings::of(&args.settings, printer)?;
     let (table, variables, today) = (table(&settings)?, variables()?, today());
     let models: Vec<(&ModelRow, Model)> = table.models().iter().filter_map(|row| Some((row, table.row_model(row)?))).collect();
     let key_set = |model: &Model| setup::has_key(model, &variables);

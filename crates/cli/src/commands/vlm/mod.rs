@@ -343,6 +343,6 @@ pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> Cl
         SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
             failure.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
         }
-        _ => failure.hint(settings.fly.vlm.meaning()),
+        _ => failure.hint(settings.fly.vlm.hint()),
     }
 }

@@ -64,7 +64,8 @@ struct Trial<'a> {
 
 /// Tries the models.
 pub(crate) fn trial(args: &VlmTrial, printer: &mut Printer) -> Result<Exit, CliError> {
-    let settings = Settings::of(args, printer)?;
+    let mut settings = Settings::of(&args.settings, printer)?;
+    settings.fly.vlm.argument("NAME", &args.names);
     let max_cost = settings.fly.max_cost_usd.get()?;
     let names = listed(&args.names);
     let (candidates, sentences) = candidates(&settings, &names)?;
@@ -326,7 +327,7 @@ impl Trial<'_> {
         let args = self.args;
         let mut words = vec!["spf vlm trial".to_owned(), shell_word(&args.names)];
         words.push(format!("--questions {} --flights {} --seed {}", args.questions, args.flights, args.seed));
-        words.extend(args.max_cost.as_ref().map(|cost| format!("--max-cost {cost}")));
+        words.extend(args.settings.text("--max-cost").map(|cost| format!("--max-cost {cost}")));
         words.join(" ")
     }
 

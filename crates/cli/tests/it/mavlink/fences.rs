@@ -1,4 +1,4 @@
-//! `--upload-fence` beside a fence that pymavlink has uploaded and reads.
+//! `mavlink.upload_fence` beside a fence that pymavlink has uploaded and reads.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
@@ -43,8 +43,9 @@ fn the_fence_that_pymavlink_has_uploaded_is_put_back_if_it_cannot_be_replaced() 
         let former = fence("read");
         assert_eq!(former["items"].as_array().unwrap().len(), 8, "{autopilot}: {former}");
         let drone = format!("mavlink@udpout:{}", relay.1);
-        let fly = ["fly", "fly to the fountain", "--drone", &drone, "--camera", camera, "--camera-fov", "90", "--upload-fence"];
+        let fly = ["fly", "fly to the fountain", "--drone", &drone, "--camera", camera, "--camera-fov", "90"];
         let more = ["--vlm", "exec:cat", "--no-vlm-check", "--unattended", "--out", autopilot];
+        lab.write("spf.toml", "[mavlink]\nupload_fence = true\n");
         let run: Run = lab.spf(&[&fly[..], &more].concat());
         assert_eq!(run.code, Some(6), "{autopilot}: {}", run.stderr);
         for words in ["the flight is refused", "has its former fence again", "read back is not the one that was sent"] {
