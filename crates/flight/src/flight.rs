@@ -198,7 +198,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let camera = capabilities.camera;
     let live = clock != Clock::Virtual;
-    let track_by = if plan.settings.guidance.track { TrackBy::Pixels } else { TrackBy::Off };
+    let track_by = if plan.settings.track { TrackBy::Pixels } else { TrackBy::Off };
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));

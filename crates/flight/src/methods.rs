@@ -7,7 +7,7 @@ use serde::Deserialize;
 use spf_core::query::ActForm;
 use spf_core::step::StepRule;
 use spf_motion::executor::{Ending, Motion};
-use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::method::{Measured, Method};
 use spf_pilot::{PilotSettings, Preset, QueryTiming};
 use thiserror::Error;
 
@@ -114,10 +114,8 @@ pub struct BenchSettings {
     pub avoid: bool,
     /// Whether the boxes of replies in obstacle mode are those of a detector of COCO's classes.
     pub detector: bool,
-    /// When the target's place is kept between two answers.
-    pub anchor: AnchorUse,
-    /// Whether obstacles are kept in a map, around which the planner leads.
-    pub map: bool,
+    /// What leads the craft between two answers, if not each reply's own step.
+    pub method: Option<Leads>,
     /// Whether the envelope brakes before known obstacles.
     pub brake: bool,
     /// What keeps the target's box between two answers.
@@ -128,6 +126,26 @@ pub struct BenchSettings {
     pub fence: bool,
     /// Whether it flies straight on without frames or queries.
     pub blind: bool,
+}
+
+/// What leads a craft of the bench between two answers.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[cfg_attr(test, derive(serde::Serialize))]
+#[serde(rename_all = "snake_case")]
+pub enum Leads {
+    /// [`Method::Boxes`].
+    Boxes,
+    /// [`Method::Depth`], by a depth sensor.
+    Depth,
+}
+
+impl Leads {
+    fn method(self) -> Method {
+        match self {
+            Self::Boxes => Method::Boxes,
+            Self::Depth => Method::Depth(Measured::View),
+        }
+    }
 }
 
 /// A step that does not depend on depth.
@@ -162,7 +180,8 @@ impl BenchSettings {
             ending: self.ending.unwrap_or(preset.ending),
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
-            guidance: Guidance { anchor: self.anchor, map: self.map, sensor: self.depth_sensor, track: !self.track.is_off() },
+            method: self.method.map_or(Method::Paper, Leads::method),
+            track: !self.track.is_off(),
             ..preset
         }
     }

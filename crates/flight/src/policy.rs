@@ -113,7 +113,6 @@ impl PolicyMaker for PolicyKind {
         let image_size = image_spec.image_size;
         match self.0.policy {
             Family::Spf {} => {
-                let guidance = settings.guidance;
                 let settings = SpfSettings {
                     step: settings.step,
                     lifting: settings.lifting,
@@ -123,7 +122,8 @@ impl PolicyMaker for PolicyKind {
                     image_size,
                     craft,
                     depth: settings.depth,
-                    keep_m: settings.keep_m,
+                    method: settings.method,
+                    keep_m: settings.track.then_some(settings.keep_m),
                     close_up: settings.close_up,
                     near_m: settings.near_m,
                     shape: match settings.motion {
@@ -131,7 +131,7 @@ impl PolicyMaker for PolicyKind {
                         Motion::Blended | Motion::Manoeuvres => PathShape::Straight,
                     },
                 };
-                Box::new(Spf::new(settings).with_prompt(prompt).with_guidance(guidance))
+                Box::new(Spf::new(settings).with_prompt(prompt))
             }
             Family::Plain { form } => {
                 let settings = PlainSettings { confirm_done: settings.confirm_done, image_size, form, near_m: settings.near_m };

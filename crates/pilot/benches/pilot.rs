@@ -83,7 +83,8 @@ fn flying(preset: Preset) -> (Pilot, Time) {
         craft,
         depth: settings.depth,
         near_m: settings.near_m,
-        keep_m: spf_pilot::steering::DEFAULT_KEEP,
+        method: settings.method,
+        keep_m: None,
         close_up: false,
     });
     let mut pilot = Pilot::new(PilotParts {

@@ -10,6 +10,7 @@ use crate::leg::{State, TURN_ONLY, rest_of_plan};
 use crate::policy::{Expected, FailReason, Goto, Move, Output, PolicyEvent, Step, View};
 use crate::queries::{Asked, decides};
 use crate::settings::QueryTiming;
+use crate::steering::TargetEstimate;
 use crate::target::{Here, Lead, may_overhang};
 use crate::view_height::{Correction, correction};
 use spf_core::command::{Command, Manoeuvre, Setpoint};
@@ -97,6 +98,13 @@ impl Pilot {
         self.leg.rest.is_needed = false;
         let output = self.policy.handle(PolicyEvent::Frame(&view));
         self.carry_out(now, output, &view)
+    }
+
+    /// The target that is followed, if there is one. For recording.
+    #[must_use]
+    pub fn followed(&self, now: Time) -> Option<TargetEstimate> {
+        let following = self.target.following.as_ref().filter(|_| self.leg.is_following())?;
+        following.target(now, self.senses.known(now).position)
     }
 
     /// Whether the craft moves along with a target that walks: it cannot wait for it at rest.
@@ -274,7 +282,7 @@ impl Pilot {
             let at = self.senses.known(now).position;
             let is_point = matches!(asked.query.kind, QueryKind::Point { .. });
             if let Some(mapped) = self.space.mapped.as_mut().filter(|_| is_point) {
-                mapped.reply(now, at, &from, reply, self.settings.guidance.sensor);
+                mapped.reply(now, at, &from, reply, self.settings.method.measures_view());
             }
         }
         let Some(following) = &mut self.target.following else { return };
@@ -400,7 +408,7 @@ impl Pilot {
     /// The consequence of a sighting that has been taken.
     fn lead(&self, now: Time, goto: &Goto) -> Lead {
         // No farther than the reply's boxes leave the straight path clear.
-        let most = if self.settings.avoid && !self.settings.guidance.sensor { goto.clear } else { f64::INFINITY };
+        let most = if self.settings.avoid && !self.settings.method.measures_view() { goto.clear } else { f64::INFINITY };
         self.not_back(now, self.target.lead(goto, self.here(now), most))
     }
 
@@ -624,7 +632,7 @@ impl Pilot {
         let (down, up) = self.envelope.vertical_room();
         let room = climb.clamp(-down.max(0.0), up.max(0.0));
         // Boxes do not show what reaches over or under them.
-        let is_safe = self.settings.guidance.sensor || !may_overhang(target, pose.position, room);
+        let is_safe = self.settings.method.measures_view() || !may_overhang(target, pose.position, room);
         let primitives = if room.abs() > WORTH_FLYING && is_safe && self.barred(pose.position, room).is_none() {
             Primitives { climb: room, ..Primitives::default() }
         } else {

@@ -18,8 +18,8 @@ mod event;
 mod flight;
 mod flying;
 mod following;
-pub mod guidance;
 mod leg;
+pub mod method;
 mod outbox;
 pub mod policy;
 mod queries;
@@ -43,7 +43,7 @@ use crate::outbox::Outbox;
 use crate::policy::{Policy, PolicyEvent};
 use crate::queries::Queries;
 use crate::senses::Senses;
-use crate::steering::{Steering, TargetEstimate};
+use crate::steering::Steering;
 use crate::target::{Here, Target};
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
@@ -123,7 +123,7 @@ impl Pilot {
             senses: Senses::new(camera, &craft, senses),
             queries: Queries::default(),
             target: Target::new(&settings, &craft, steering),
-            space: Space::new(craft.radius, settings.guidance.map),
+            space: Space::new(craft.radius, settings.method.is_mapped()),
             leg: Leg::new(executor),
             envelope: Envelope::new(limits, craft),
             outbox: Outbox::default(),
@@ -300,13 +300,6 @@ impl Pilot {
     #[must_use]
     pub fn track(&self) -> Option<&TrackReport> {
         self.target.following.as_ref()?.track()
-    }
-
-    /// The target that is followed, if there is one. For recording.
-    #[must_use]
-    pub fn followed(&self, now: Time) -> Option<TargetEstimate> {
-        let following = self.target.following.as_ref().filter(|_| self.leg.is_following())?;
-        following.target(now, self.known_pose(now).position)
     }
 
     fn advance(&mut self, now: Time) {

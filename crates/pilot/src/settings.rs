@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::guidance::Guidance;
+use crate::method::Method;
 use crate::steering::DEFAULT_KEEP;
 use spf_core::lift::Lifting;
 use spf_core::query::DepthAs;
@@ -61,9 +61,11 @@ pub struct PilotSettings {
     pub confirm_done: bool,
     /// Whether obstacle mode is on.
     pub avoid: bool,
-    /// What guides the craft between two answers.
-    #[serde(default, skip_serializing_if = "Guidance::is_off")]
-    pub guidance: Guidance,
+    /// What leads the craft between two answers.
+    pub method: Method,
+    /// Whether the box of the target is tracked from one answer to the next ([`spf_core::track`]), so that the craft can stay with
+    /// somebody who moves.
+    pub track: bool,
     /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
     /// Action after a fulfilled or failed instruction.
@@ -84,10 +86,10 @@ pub struct PilotSettings {
     /// Distance from its target at which an instruction counts as fulfilled, metres, as stated in the prompt; `None` leaves it
     /// to the site: the scene's, or the craft's.
     pub near_m: Option<f64>,
-    /// Distance that is kept from a target that is followed with [`Guidance::track`], metres.
+    /// Distance that is kept from a target that is followed with [`PilotSettings::track`], metres.
     #[serde(default = "default_keep", skip_serializing_if = "is_default_keep")]
     pub keep_m: f64,
-    /// With [`Guidance::track`], a target counts as followed for long enough after this time; `None` follows until a limit.
+    /// With [`PilotSettings::track`], a target counts as followed for long enough after this time; `None` follows until a limit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub follow_time: Option<Duration>,
     /// Whether a small target's region goes along as a second, enlarged image.
@@ -122,7 +124,8 @@ impl PilotSettings {
             think: if paper { QueryTiming::Stop } else { QueryTiming::Continuous },
             confirm_done: !paper,
             avoid: false,
-            guidance: Guidance::default(),
+            method: Method::Paper,
+            track: false,
             at_end: AtEnd::Land,
             rate_hz: 10.0,
             max_time: Duration::from_secs(180),

@@ -6,7 +6,7 @@ use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
 use crate::course::FLOWN;
 use crate::event::AnchorReport;
 use crate::following::Following;
-use crate::guidance::{AnchorUse, SLOW_ANSWERS};
+use crate::method::Method;
 use crate::policy::{Goto, Move};
 use crate::settings::PilotSettings;
 use crate::steering::Steering;
@@ -24,12 +24,14 @@ const BESIDE_TARGET: f64 = 1.5;
 const UNDER_TARGET: f64 = 3.0;
 /// A target at most this far below the craft counts as at its height, metres.
 const LEVEL_WITH: f64 = 0.5;
+/// Answers are slow if most of the last five took longer than this from the capture of their frame.
+const SLOW_ANSWERS: Duration = Duration::from_secs(3);
 /// Height above which a target is tall, metres.
 const TALL: f64 = 6.0;
 
 /// Where the target is.
 pub(crate) struct Target {
-    rule: AnchorUse,
+    method: Method,
     anchors: Anchors,
     trust: Trust,
     /// Outcome of the last sighting.
@@ -70,7 +72,7 @@ impl Target {
         let clear = craft.radius + 0.3;
         let stop = settings.near_m.map_or(clear, |near| clear.max(0.5 * near));
         Self {
-            rule: if settings.is_guided() { settings.guidance.anchor } else { AnchorUse::Off },
+            method: if settings.is_guided() { settings.method } else { Method::Paper },
             anchors: Anchors::default(),
             trust: Trust::default(),
             gate: None,
@@ -98,11 +100,12 @@ impl Target {
     }
 
     fn is_anchored(&self) -> bool {
-        match self.rule {
-            AnchorUse::Off => false,
+        match self.method {
+            Method::Paper => false,
             // An old answer about a tall target is a worse guide than the average of all.
-            AnchorUse::Low => self.ages.are_slow() || !self.height.is_tall(),
-            AnchorUse::Always => true,
+            Method::Boxes => self.ages.are_slow() || !self.height.is_tall(),
+            // The planner needs a place to go to.
+            Method::Depth(_) => true,
         }
     }
 

@@ -19,7 +19,7 @@ use spf_flight::flight::fly;
 use spf_flight::run::Observer;
 use spf_flight::sim::{SimWorld, WorldSnapshot};
 use spf_pilot::anchor::Gate;
-use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::method::Method;
 use spf_pilot::{Action, Decision, Note, Phase, Pilot, PilotSettings, Preset};
 use spf_scene::geometry::ObjectId;
 
@@ -161,12 +161,11 @@ fn flown(task: &Task, vlm: &'static str, seed: u64) -> Option<Row> {
         return None;
     }
     let loaded = drawn.loaded.clone();
-    // The anchor alone, as in the study.
     let settings = PilotSettings {
         avoid: task.avoid,
         max_time: duration_from_secs(task.max_time),
         max_decisions: task.max_decisions,
-        guidance: Guidance { anchor: AnchorUse::Always, ..Guidance::default() },
+        method: Method::Boxes,
         ..PilotSettings::preset(Preset::Default)
     };
     let (plan, world) = flight(task, &drawn, vlm, seed, settings);

@@ -16,7 +16,7 @@ use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::flight::{FlightPlan, fly};
 use spf_flight::run::Observer;
 use spf_flight::sim::SimWorld;
-use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::method::Method;
 use spf_pilot::{Action, Note, Outcome, Pilot, PilotSettings, Preset};
 use spf_scene::geometry::ObjectId;
 
@@ -148,7 +148,8 @@ fn flown(id: &str, vlm: &'static str, seed: u64) -> (Vec<Sample>, Verdict) {
         avoid: true,
         max_time: duration_from_secs(task.max_time),
         max_decisions: task.max_decisions,
-        guidance: Guidance { anchor: AnchorUse::Low, track: true, ..Guidance::default() },
+        method: Method::Boxes,
+        track: true,
         ..PilotSettings::preset(Preset::Default)
     };
     let (plan, world) = crate::seen::flight(&task, &drawn, vlm, seed, settings);

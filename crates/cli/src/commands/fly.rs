@@ -263,7 +263,7 @@ fn hints(summary: &Summary) -> Vec<String> {
     let settings = &summary.settings;
     // A real flight has neither scene nor ground truth.
     let is_simulated = !summary.scene.is_empty();
-    if summary.collisions > Some(0) && is_simulated && !settings.guidance.sensor {
+    if summary.collisions > Some(0) && is_simulated && !settings.method.measures_view() {
         let sensor =
             "hint: `--depth-sensor on` lets the simulated craft see obstacles and fly around them (docs/guide/obstacles.md)";
         hints.push(sensor.to_owned());
@@ -275,7 +275,7 @@ fn hints(summary: &Summary) -> Vec<String> {
     let follows = summary.followed.is_some() && settings.follow_time.is_none();
     match summary.outcome {
         Outcome::Timeout if follows => {
-            let track = if settings.guidance.track { "" } else { "--track pixels " };
+            let track = if settings.track { "" } else { "--track pixels " };
             hints.push(format!(
                 "hint: following ends by a limit alone; `{track}--follow-time 30` ends it as reached (docs/guide/track.md)"
             ));

@@ -98,12 +98,6 @@ settings! {
         /// obstacle mode, in which the VLM lists obstacles and the craft keeps clear of them: on (also --avoid alone), off, or auto
         /// (on with the policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:)
         avoid: Switch = "auto", Word, "SPF_AVOID", OBSTACLES.optional("--avoid", "SWITCH", "on");
-        /// keep an estimate of the target's position between replies, fused from all of them: on, off, or auto (on with measured
-        /// depth, and in obstacle mode)
-        anchor: Switch = "auto", Word, "SPF_ANCHOR", OBSTACLES.value("--anchor", "SWITCH");
-        /// keep a map of obstacles from measured depth, and plan around them: on, off, or auto (on with a depth sensor, a depth network,
-        /// or range sensors of the craft)
-        map: Switch = "auto", Word, "SPF_MAP";
         /// brake for obstacles that are measured or mapped, whatever the VLM says, and for the boxes of replies while somebody is
         /// followed: on, off, or auto (on with measured depth or a tracker)
         brake: Switch = "auto", Word, "SPF_BRAKE";

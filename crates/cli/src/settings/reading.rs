@@ -174,11 +174,6 @@ impl Switch {
     pub(crate) fn or(self, auto: bool) -> bool {
         self.0.unwrap_or(auto)
     }
-
-    /// Whether nobody says.
-    pub(crate) fn is_auto(self) -> bool {
-        self.0.is_none()
-    }
 }
 
 impl Words for Switch {

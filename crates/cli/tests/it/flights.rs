@@ -243,11 +243,9 @@ fn a_depth_sensor_turns_on_what_it_is_for() {
         let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
         Lab::new().fly("mine", &args).1["settings"].clone()
     };
-    let guidance = |flags: &[&str]| settings(flags)["guidance"].clone();
-    let all = serde_json::json!({ "anchor": "always", "map": true, "sensor": true, "track": false });
     let sensed = settings(&["--depth-sensor", "on"]);
-    assert_eq!((&sensed["guidance"], &sensed["avoid"]), (&all, &false.into()));
-    assert!(guidance(&["--depth-sensor", "on", "--preset", "paper"]).is_null());
+    assert_eq!((&sensed["method"], &sensed["avoid"]), (&serde_json::json!({ "depth": "view" }), &false.into()));
+    assert_eq!(settings(&["--depth-sensor", "on", "--preset", "paper"])["method"], "paper");
 }
 
 /// Without a depth sensor the VLM is asked for boxes; not of a person or a program, which may know nothing of them.
@@ -260,20 +258,11 @@ fn boxes_and_an_anchor_are_on_by_default() {
         let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
         let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));
         let settings = lab.fly(&folder, &args).1["settings"].clone();
-        (settings["avoid"] == true, settings["guidance"]["anchor"].as_str().unwrap_or("off").to_owned())
+        (settings["avoid"] == true, settings["method"].as_str().unwrap_or_default().to_owned())
     };
-    assert_eq!(parts(&[]), (true, "low".to_owned()));
-    assert_eq!(parts(&["--avoid"]), (true, "low".to_owned()));
+    assert_eq!(parts(&[]), (true, "boxes".to_owned()));
+    assert_eq!(parts(&["--avoid"]), (true, "boxes".to_owned()));
     for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {
-        assert_eq!(parts(off), (false, "off".to_owned()), "{off:?}");
+        assert_eq!(parts(off), (false, "paper".to_owned()), "{off:?}");
     }
-    assert_eq!(parts(&["--avoid", "--anchor", "on"]), (true, "always".to_owned()));
-    assert_eq!(parts(&["--avoid", "--anchor", "off"]), (true, "off".to_owned()));
-    // What has no flag is a key of the configuration.
-    lab.write("spf.toml", "[fly]\nmap = \"off\"\n");
-    assert_eq!(parts(&["--depth-sensor", "on"]), (false, "low".to_owned()));
-    lab.write("spf.toml", "[fly]\nmap = \"on\"\n");
-    let unmeasured = lab.spf(&["fly", "fly to the red crane"]);
-    assert_eq!(unmeasured.code, Some(2), "{}", unmeasured.stderr);
-    assert!(unmeasured.stderr.contains("fly.map: nothing measures the depth"), "{}", unmeasured.stderr);
 }

@@ -82,7 +82,7 @@ impl Course {
 /// How long a target at these distances was followed by a craft with these settings, in a scene with this success radius.
 pub(super) fn followed(distances: &[(f64, f64)], success_radius: f64, settings: &PilotSettings) -> Followed {
     // Whoever keeps a distance is near at that distance.
-    let kept = if settings.guidance.track { settings.keep_m + BEYOND_KEPT } else { 0.0 };
+    let kept = if settings.track { settings.keep_m + BEYOND_KEPT } else { 0.0 };
     let within_m = (WITHIN * success_radius).max(kept);
     let window_s = settings.follow_time.map_or(WINDOW_S, |time| time.as_secs_f64().min(WINDOW_S));
     let samples: Vec<(f64, bool)> = distances.iter().map(|(at, metres)| (*at, *metres <= within_m)).collect();
@@ -120,7 +120,7 @@ mod tests {
         let distances: Vec<(f64, f64)> = (0..60).map(|step| (f64::from(step) * STEP_S, 2.6)).collect();
         let mut settings = PilotSettings::preset(Preset::Default);
         assert!(!followed(&distances, 1.0, &settings).fulfilled);
-        settings.guidance.track = true;
+        settings.track = true;
         let judged = followed(&distances, 1.0, &settings);
         assert_eq!((judged.fulfilled, judged.within_m, judged.window_s), (true, 3.0, 20.0));
         assert_eq!(followed(&distances, 5.0, &settings).within_m, 10.0);

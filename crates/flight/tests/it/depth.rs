@@ -14,7 +14,7 @@ use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::{Changes, replay, row};
 use spf_flight::sim::{FlightConditions, LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
-use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::method::{Measured, Method};
 use spf_pilot::{Decision, PilotSettings, Preset};
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
@@ -29,12 +29,7 @@ fn flown(folder: &Path, fault: Option<DepthFault>, guided: bool) -> Vec<Entry> {
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(14),
-            guidance: Guidance {
-                anchor: if guided { AnchorUse::Always } else { AnchorUse::Off },
-                map: guided,
-                sensor: guided,
-                ..Guidance::default()
-            },
+            method: if guided { Method::Depth(Measured::View) } else { Method::Paper },
             ..PilotSettings::preset(Preset::Default)
         },
         limits: Limits { brake: Some(BrakeLimits::with_sensor()), ..Limits::for_craft(&Craft::quad()) },

@@ -14,7 +14,7 @@ use spf_flight::replay::{Changes, replay, row};
 use spf_flight::run::Observer;
 use spf_flight::sim::{LoadedScene, Simulated, oracle_factory};
 use spf_oracle::ErrorFile;
-use spf_pilot::guidance::Guidance;
+use spf_pilot::method::{Measured, Method};
 use spf_pilot::{Action, Pilot, PilotSettings, Preset};
 use spf_record::log::{Entry, LogReader};
 use spf_record::out_dir::OutDir;
@@ -56,7 +56,7 @@ fn flown(folder: &Path) -> (Vec<f64>, Vec<Entry>) {
         settings: PilotSettings {
             max_time: Duration::from_secs(9),
             avoid: false,
-            guidance: Guidance { map: true, ..Guidance::default() },
+            method: Method::Depth(Measured::Part),
             ..PilotSettings::preset(Preset::Default)
         },
         depth_network: Some(DepthPlan { network, period: Duration::from_millis(500), latency: Duration::from_millis(400) }),

@@ -25,7 +25,6 @@ use spf_flight::world::{Live, Script};
 use spf_media::Rgb;
 use spf_motion::estimator::TelemetryAccuracy;
 use spf_oracle::ErrorFile;
-use spf_pilot::guidance::Guidance;
 use spf_pilot::{Action, Event, Pilot, PilotSettings, Preset};
 use spf_record::log::LogReader;
 use spf_record::out_dir::OutDir;
@@ -129,7 +128,7 @@ fn flown(tracks: &mut Tracks, track_by: TrackBy, seconds: u64, folder: Option<&P
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(seconds),
-            guidance: Guidance { track: !track_by.is_off(), ..Guidance::default() },
+            track: !track_by.is_off(),
             ..PilotSettings::preset(Preset::Default)
         },
         record: folder.map(|folder| RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use crate::guidance::Guidance;
+use crate::method::Method;
 use crate::policy::{Output, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::craft::Craft;
 use spf_core::grounding::GroundingProfile;
@@ -69,8 +69,11 @@ pub struct SpfSettings {
     pub depth: DepthAs,
     /// Distance from the target that counts as reached, metres, as stated in the prompt.
     pub near_m: Option<f64>,
-    /// Distance that the pilot keeps from a target that is followed, metres; used with [`Guidance::track`].
-    pub keep_m: f64,
+    /// What leads the craft between two replies: where the target's place is kept, it is reported to the pilot ([`Step::Goto`]);
+    /// where all that is in view is measured, the planner alone keeps clear of it.
+    pub method: Method,
+    /// Standoff distance that the pilot keeps from somebody whom it tracks, metres; `None` if it tracks nobody.
+    pub keep_m: Option<f64>,
     /// Whether a small target's region goes along as a second, enlarged image.
     pub close_up: bool,
 }
@@ -78,7 +81,7 @@ pub struct SpfSettings {
 /// The SPF policy.
 #[derive(Clone, Debug)]
 pub struct Spf {
-    /// The method: settings and guidance.
+    /// What the settings come to.
     rules: Rules,
     /// The queries.
     asking: Asking,
@@ -95,14 +98,6 @@ pub struct Spf {
 }
 
 impl Spf {
-    /// Sets what guides the craft between two replies: with an anchor, targets are reported to the pilot
-    /// ([`Step::Goto`]); with a map that a depth sensor fills, the planner alone keeps clear of obstacles.
-    #[must_use]
-    pub fn with_guidance(self, guidance: Guidance) -> Self {
-        let rules = Rules::new(self.rules.settings, guidance);
-        Self { rules, passage: Passage::new(&rules), ..self }
-    }
-
     /// Replaces the shipped prompt.
     #[must_use]
     pub fn with_prompt(self, prompt: Arc<PromptText>) -> Self {
@@ -112,7 +107,7 @@ impl Spf {
     /// A policy without an instruction; it waits for one.
     #[must_use]
     pub fn new(settings: SpfSettings) -> Self {
-        let rules = Rules::new(settings, Guidance::default());
+        let rules = Rules::new(settings);
         Self {
             rules,
             asking: Asking::new(PromptText::shipped(PromptKind::Point)),

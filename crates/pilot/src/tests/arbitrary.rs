@@ -236,8 +236,7 @@ struct Chaos {
 impl Chaos {
     fn new(preset: Preset, legs: bool, own: bool, track: bool, max_time: f64) -> Self {
         let mut setup = Setup::preset(preset);
-        let guidance = &mut setup.settings.guidance;
-        guidance.track = track;
+        setup.settings.track = track;
         if own {
             (setup.settings.motion, setup.settings.think) = (Motion::Manoeuvres, QueryTiming::Stop);
         }

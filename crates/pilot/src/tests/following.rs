@@ -1,7 +1,6 @@
 //! A walking person, tracked by a tracker that sees the true box in each frame.
 
 use super::*;
-use crate::guidance::Guidance;
 use spf_core::direction::Direction;
 use spf_core::query::{QueryId, QueryKind};
 use spf_core::reply::ObstacleBox;
@@ -102,7 +101,7 @@ impl Tracker {
 
 fn follows() -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { track: true, ..Guidance::default() };
+    setup.settings.track = true;
     setup.settings.max_time = secs(180.0);
     setup
 }

@@ -1,7 +1,7 @@
 //! Flights guided between two answers by anchor, map and planner.
 
 use super::*;
-use crate::guidance::{AnchorUse, Guidance};
+use crate::method::{Measured, Method};
 use crate::target::may_overhang;
 use spf_core::depth::{DepthGrid, DepthSource};
 use spf_core::lift::label_of_range;
@@ -10,8 +10,11 @@ use spf_space::obstacle_map::{CELL, Cell};
 
 fn guided(anchor: bool, map: bool) -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    let anchor = if anchor { AnchorUse::Always } else { AnchorUse::Off };
-    setup.settings.guidance = Guidance { anchor, map, sensor: map, ..Guidance::default() };
+    setup.settings.method = match (anchor, map) {
+        (_, true) => Method::Depth(Measured::View),
+        (true, false) => Method::Boxes,
+        (false, false) => Method::Paper,
+    };
     setup.settings.avoid = map;
     setup
 }
@@ -213,26 +216,26 @@ fn pointed(goal: EnuPosition, seen: &Seen, half: f64, latency: f64) -> Answer {
 /// Each answer may mean another part of a tall target: only old answers are averaged there, and what is not tall always is.
 #[test]
 fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
-    let anchored = |half: f64, latency: f64, anchor: AnchorUse| {
+    let anchored = |half: f64, latency: f64, method: Method| {
         let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = Guidance { anchor, ..Guidance::default() };
+        setup.settings.method = method;
         let goal = target(0.0, 60.0, 3.0);
         let mut flight = setup.fly(move |_: &Query, seen: &Seen| pointed(goal, seen, half, latency));
         flight.until_asked(8);
         flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
     };
-    assert!(anchored(0.02, 1.0, AnchorUse::Low).iter().all(|&anchored| anchored));
+    assert!(anchored(0.02, 1.0, Method::Boxes).iter().all(|&anchored| anchored));
     // Some 11 m.
-    assert!(anchored(0.1, 1.0, AnchorUse::Low).iter().all(|&anchored| !anchored));
-    assert!(anchored(0.1, 1.0, AnchorUse::Always).iter().all(|&anchored| anchored));
-    assert_eq!(anchored(0.1, 4.0, AnchorUse::Low), [false, false, true, true, true, true, true]);
+    assert!(anchored(0.1, 1.0, Method::Boxes).iter().all(|&anchored| !anchored));
+    assert!(anchored(0.1, 1.0, Method::Depth(Measured::View)).iter().all(|&anchored| anchored));
+    assert_eq!(anchored(0.1, 4.0, Method::Boxes), [false, false, true, true, true, true, true]);
 }
 
 /// A target that is searched for is as tall as it was; that of the next instruction need not be.
 #[test]
 fn a_target_stays_tall_while_it_is_searched_for() {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
+    setup.settings.method = Method::Boxes;
     let goal = target(0.0, 60.0, 3.0);
     let mut queries = 0;
     let mut flight = setup.fly(move |_: &Query, seen: &Seen| {

@@ -38,7 +38,6 @@ use super::*;
 use crate::policy::Move;
 use crate::policy::Step;
 use crate::policy::spf::{Spf, SpfSettings};
-use crate::steering::DEFAULT_KEEP;
 use spf_core::command::Command;
 use spf_core::frame::FrameId;
 use spf_core::frame::FrameMeta;
@@ -131,23 +130,21 @@ impl Setup {
         let camera = Camera::quad();
         let settings = self.settings;
         let policy = self.policy.unwrap_or_else(|| {
-            Box::new(
-                Spf::new(SpfSettings {
-                    step: settings.step,
-                    lifting: settings.lifting,
-                    shape: if settings.motion == Motion::Sequential { PathShape::LevelThenClimb } else { PathShape::Straight },
-                    avoid: settings.avoid,
-                    confirm_done: settings.confirm_done,
-                    grounding: GroundingProfile::default(),
-                    image_size: None,
-                    craft: self.craft,
-                    depth: settings.depth,
-                    near_m: settings.near_m,
-                    keep_m: DEFAULT_KEEP,
-                    close_up: false,
-                })
-                .with_guidance(settings.guidance),
-            )
+            Box::new(Spf::new(SpfSettings {
+                step: settings.step,
+                lifting: settings.lifting,
+                shape: if settings.motion == Motion::Sequential { PathShape::LevelThenClimb } else { PathShape::Straight },
+                avoid: settings.avoid,
+                confirm_done: settings.confirm_done,
+                grounding: GroundingProfile::default(),
+                image_size: None,
+                craft: self.craft,
+                depth: settings.depth,
+                near_m: settings.near_m,
+                method: settings.method,
+                keep_m: settings.track.then_some(settings.keep_m),
+                close_up: false,
+            }))
         });
         let pilot = Pilot::new(PilotParts {
             settings,
@@ -156,7 +153,7 @@ impl Setup {
             camera,
             limits: self.limits,
             policy,
-            steering: settings.guidance.track.then(|| Box::<follower::StayWith>::default() as Box<dyn Steering>),
+            steering: settings.track.then(|| Box::<follower::StayWith>::default() as Box<dyn Steering>),
             instruction: "fly to the red crane".to_owned(),
         });
         let mut model = CraftModel::new(self.craft);

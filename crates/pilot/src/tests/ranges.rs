@@ -1,6 +1,7 @@
 //! Ranges of sensors around the craft reach brake and map.
 
 use super::*;
+use crate::method::{Measured, Method};
 use spf_core::ranges::{RangeRay, RangeScan};
 use spf_envelope::{BrakeLimits, Cause};
 use spf_space::obstacle_map::Cell;
@@ -10,7 +11,7 @@ fn towards_a_wall(sensor: bool) -> (f64, bool, bool) {
     let wall = 8.0;
     let mut setup = Setup::preset(Preset::Default);
     setup.limits.brake = Some(BrakeLimits::without_sensor());
-    setup.settings.guidance.map = true;
+    setup.settings.method = Method::Depth(Measured::Part);
     setup.settings.avoid = false;
     setup.settings.max_time = secs(30.0);
     let mut flight = setup.fly(always(navigate(0.5, 0.5, 8), 1.0));

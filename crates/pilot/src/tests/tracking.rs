@@ -1,13 +1,12 @@
 //! Tracks that are asked for, and reports on them.
 
 use super::*;
-use crate::guidance::Guidance;
 use spf_core::query::QueryId;
 use spf_core::track::{TrackQuality, TrackReport, TrackStart};
 
 fn tracked() -> Setup {
     let mut setup = Setup::preset(Preset::Default);
-    setup.settings.guidance = Guidance { track: true, ..Guidance::default() };
+    setup.settings.track = true;
     setup
 }
 

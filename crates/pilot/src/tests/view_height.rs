@@ -2,7 +2,7 @@
 
 use super::super::view_height::{Correction, correction};
 use super::*;
-use crate::guidance::{AnchorUse, Guidance};
+use crate::method::{Measured, Method};
 use spf_core::depth::{DepthGrid, DepthSource};
 use spf_core::geometry::Attitude;
 
@@ -34,7 +34,7 @@ fn a_target_beyond_the_upper_or_lower_edge_is_brought_five_degrees_inside() {
 fn a_craft_that_is_too_low_for_its_target_climbs_unless_something_is_above() {
     let flown = |ceiling: bool| {
         let mut setup = Setup::preset(Preset::Default);
-        setup.settings.guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor: true, ..Guidance::default() };
+        setup.settings.method = Method::Depth(Measured::View);
         let mut flight = setup.fly(|_, _| Answer::Never);
         flight.until_phase(Phase::Flying);
         flight.pass(2.0);

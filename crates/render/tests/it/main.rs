@@ -5,5 +5,4 @@ mod light;
 #[path = "../../../scene/tests/it/model/mod.rs"]
 mod model;
 mod render;
-mod streets;
 mod yard;

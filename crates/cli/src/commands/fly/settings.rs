@@ -17,7 +17,7 @@ use spf_flight::sim::FlightConditions;
 use spf_flight::tracking::TrackBy;
 use spf_flight::world::Script;
 use spf_motion::executor::{Ending, Motion};
-use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::method::{Method, Sensed};
 use spf_pilot::{AtEnd, PilotSettings, Preset, QueryTiming};
 
 use crate::commands::read;
@@ -34,7 +34,7 @@ const LEISURE: Duration = Duration::from_secs(86_400);
 pub(super) fn method_words(settings: &Settings, policy: PolicyKind, method: &PilotSettings) -> String {
     let preset = settings.fly.preset.text().unwrap_or_default();
     let mut words = format!("policy {}, preset {preset}", policy.name());
-    words.push_str(if method.guidance.track { ", track pixels" } else { "" });
+    words.push_str(if method.track { ", track pixels" } else { "" });
     words
 }
 
@@ -103,24 +103,12 @@ pub(super) struct Facts {
 }
 
 /// What measures the depth of what is around the craft.
-struct Measured {
-    /// A depth sensor.
-    sensor: bool,
-    /// A depth network, which may be without its scale, or slow.
-    network: bool,
-    /// Range sensors.
-    ranges: bool,
-}
-
-impl Measured {
-    fn of(settings: &Settings, facts: &Facts) -> Result<Self, CliError> {
-        let sensor = settings.fly.depth_sensor.or_default()?.0.is_some();
-        Ok(Self { sensor, network: settings.fly.depth_model.text().is_some(), ranges: facts.has_ranges })
-    }
-
-    fn any(&self) -> bool {
-        self.sensor || self.network || self.ranges
-    }
+fn sensed(settings: &Settings, facts: &Facts) -> Result<Sensed, CliError> {
+    Ok(Sensed {
+        depth_sensor: settings.fly.depth_sensor.or_default()?.0.is_some(),
+        depth_network: settings.fly.depth_model.text().is_some(),
+        ranges: facts.has_ranges,
+    })
 }
 
 /// The pilot's settings: those of the preset, with the changes from the settings. A function of these and the facts alone; nothing
@@ -149,11 +137,22 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
     if facts.flies_moves {
         (method.motion, method.think) = (Motion::Manoeuvres, QueryTiming::Stop);
     }
-    let measured = Measured::of(settings, facts)?;
-    let lists_boxes = preset == Preset::Default && !measured.sensor && policy == PolicyKind::spf() && fly.prompt.text().is_none();
+    let sensed = sensed(settings, facts)?;
+    let lists_boxes =
+        preset == Preset::Default && !sensed.depth_sensor && policy == PolicyKind::spf() && fly.prompt.text().is_none();
     let lists_boxes = lists_boxes && answers_with_boxes(fly.vlm.text_or_default());
     method.avoid = fly.avoid.or_default()?.or(lists_boxes) || fly.detector.text().is_some();
-    method.guidance = guidance(settings, &method, &measured, track)?;
+    let is_guided = method.is_guided();
+    if track && !is_guided {
+        return Err(CliError::usage("--track needs --think continuous and --motion blended")
+            .hint("leave it off with the preset paper, and with --tello-motion go"));
+    }
+    if sensed.depth_network && !is_guided {
+        return Err(CliError::usage("--depth-model is for the map, through which a craft is led between two answers")
+            .hint("it needs --think continuous and --motion blended"));
+    }
+    method.track = track;
+    method.method = Method::for_craft(is_guided, method.avoid, sensed);
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
     }
@@ -183,47 +182,17 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
     Ok(method)
 }
 
-/// What guides between two answers; it is on by itself where it can work.
-fn guidance(settings: &Settings, method: &PilotSettings, measured: &Measured, track: bool) -> Result<Guidance, CliError> {
-    let fly = &settings.fly;
-    let can_guide = method.think == QueryTiming::Continuous && method.motion == Motion::Blended;
-    let map = fly.map.or_default()?.or(can_guide && measured.any());
-    if map && !measured.any() {
-        return Err(CliError::usage("fly.map: nothing measures the depth of what is around the drone").hint(
-            "add --depth-sensor on (the simulated craft) or --depth-model FILE, or fly a craft with range sensors; or leave the map out",
-        ));
-    }
-    if measured.network && !map {
-        return Err(CliError::usage("--depth-model is for the map, which is off")
-            .hint("the map needs fly.map = \"auto\", --think continuous and --motion blended"));
-    }
-    let anchor = fly.anchor.or_default()?;
-    // The planner needs a place to go to, also where that is tall.
-    let anchor = match (anchor.or(can_guide && (measured.any() || method.avoid)), anchor.is_auto() && !map) {
-        (false, _) => AnchorUse::Off,
-        (true, true) => AnchorUse::Low,
-        (true, false) => AnchorUse::Always,
-    };
-    // Without measurements of every point of the view, boxes are asked for as well, and each step is checked against them.
-    let guidance = Guidance { anchor, map, sensor: measured.sensor, track };
-    if !guidance.is_off() && !can_guide {
-        return Err(CliError::usage("--track, --anchor and fly.map need --think continuous and --motion blended")
-            .hint("leave them off with the preset paper, and with --tello-motion go"));
-    }
-    Ok(guidance)
-}
-
 /// The brake of the envelope, if there is one.
 pub(super) fn brake(settings: &Settings, method: &PilotSettings, facts: &Facts) -> Result<Option<BrakeLimits>, CliError> {
-    let measured = Measured::of(settings, facts)?;
-    if !settings.fly.brake.or_default()?.or(measured.any() || method.guidance.track) {
+    let sensed = sensed(settings, facts)?;
+    if !settings.fly.brake.or_default()?.or(sensed != Sensed::default() || method.track) {
         return Ok(None);
     }
-    Ok(Some(match measured {
-        Measured { sensor: true, .. } => BrakeLimits::with_sensor(),
+    Ok(Some(match sensed {
+        Sensed { depth_sensor: true, .. } => BrakeLimits::with_sensor(),
         // A network's depth comes seldom and late, and a craft whose network has no scale flies on as one without.
-        Measured { network: true, .. } => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
-        Measured { .. } => BrakeLimits::without_sensor(),
+        Sensed { depth_network: true, .. } => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
+        Sensed { .. } => BrakeLimits::without_sensor(),
     }))
 }
 
@@ -333,6 +302,7 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use spf_pilot::method::Measured;
 
     const PLAIN: Facts = Facts { has_ranges: false, flies_moves: false, is_attended: false, pace: Pace::Wall };
 
@@ -352,13 +322,11 @@ mod tests {
     fn a_craft_with_range_sensors_has_planner_anchor_and_brake() {
         let (settings, ranges) = (with(|_| {}), Facts { has_ranges: true, ..PLAIN });
         let measured = flown(&settings, &ranges);
-        let guidance = Guidance { anchor: AnchorUse::Always, map: true, ..Guidance::default() };
-        assert_eq!((measured.guidance, measured.avoid), (guidance, true));
+        assert_eq!((measured.method, measured.avoid), (Method::Depth(Measured::Part), true));
         assert_eq!(brake(&settings, &measured, &ranges).unwrap(), Some(BrakeLimits::without_sensor()));
         // Without them there is nothing to plan with.
         let unmeasured = flown(&settings, &PLAIN);
-        let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
-        assert_eq!((unmeasured.guidance, brake(&settings, &unmeasured, &PLAIN).unwrap()), (guidance, None));
+        assert_eq!((unmeasured.method, brake(&settings, &unmeasured, &PLAIN).unwrap()), (Method::Boxes, None));
     }
 
     #[test]
@@ -366,7 +334,7 @@ mod tests {
         let moves = Facts { flies_moves: true, ..PLAIN };
         let method_of = |settings: &Settings| method(settings, PolicyKind::spf(), &moves);
         let flown = method_of(&with(|_| {})).unwrap();
-        assert_eq!((flown.motion, flown.think, flown.guidance), (Motion::Manoeuvres, QueryTiming::Stop, Guidance::default()));
+        assert_eq!((flown.motion, flown.think, flown.method), (Motion::Manoeuvres, QueryTiming::Stop, Method::Paper));
         let tracked = with(|settings| settings.fly.track.argument("--track", "pixels"));
         assert!(method_of(&tracked).unwrap_err().to_string().contains("need --think continuous"));
     }

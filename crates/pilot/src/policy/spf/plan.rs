@@ -295,7 +295,6 @@ mod tests {
     use super::super::rules::Rules;
     use super::super::tests::{settings, view};
     use super::*;
-    use crate::guidance::Guidance;
     use spf_core::query::{ImageBox, QueryId};
     use spf_core::reply::Reply;
 
@@ -315,7 +314,7 @@ mod tests {
             ..Reply::new(Status::Navigating)
         };
         let query = OpenQuery { id: QueryId(1), view: view(1), purpose: Purpose::Decide };
-        let answer = Answered { rules: Rules::new(settings(true), Guidance::default()), query, reply: &reply };
+        let answer = Answered { rules: Rules::new(settings(true)), query, reply: &reply };
         let mut plan = Plan::new(answer, (point, 6.0), Before::default(), &Views::default());
         let refusal = plan.check(&Views::default()).err();
         of(&plan, refusal)

@@ -1,7 +1,6 @@
-//! The method of a flight, as settings and guidance make it. Nothing else of SPF reads [`Guidance`].
+//! What the settings of SPF come to.
 
 use super::SpfSettings;
-use crate::guidance::Guidance;
 use crate::policy::View;
 use spf_core::query::{ImagePoint, QueryKind};
 use spf_core::reply::{Reply, Status};
@@ -36,18 +35,18 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    pub(super) fn new(settings: SpfSettings, guidance: Guidance) -> Self {
+    pub(super) fn new(settings: SpfSettings) -> Self {
         let kept_clear = match settings.avoid {
             false => KeptClear::Unchecked,
-            true if guidance.map && guidance.sensor => KeptClear::ByPlanner,
+            true if settings.method.measures_view() => KeptClear::ByPlanner,
             true => KeptClear::ByBoxes,
         };
         Self {
             settings,
             kept_clear,
-            is_guided: !guidance.is_off(),
-            keeps_place: guidance.keeps_anchor(),
-            kept_m: guidance.track.then_some(settings.keep_m),
+            is_guided: settings.method.keeps_place() || settings.keep_m.is_some(),
+            keeps_place: settings.method.keeps_place(),
+            kept_m: settings.keep_m,
         }
     }
 
@@ -98,23 +97,20 @@ pub(super) fn is_at_edge(point: ImagePoint) -> bool {
 mod tests {
     use super::super::tests::settings;
     use super::*;
-    use crate::guidance::AnchorUse;
+    use crate::method::{Measured, Method};
+    use crate::steering::DEFAULT_KEEP;
 
     #[test]
     fn only_a_map_that_a_sensor_fills_takes_the_place_of_the_boxes() {
-        let kept_clear = |avoid: bool, map: bool, sensor: bool| {
-            let guidance = Guidance { anchor: AnchorUse::Always, map, sensor, ..Guidance::default() };
-            Rules::new(settings(avoid), guidance).kept_clear
-        };
-        assert_eq!(kept_clear(true, true, true), KeptClear::ByPlanner);
-        assert_eq!(kept_clear(true, true, false), KeptClear::ByBoxes);
-        assert_eq!(kept_clear(true, false, true), KeptClear::ByBoxes);
-        assert_eq!(kept_clear(false, true, true), KeptClear::Unchecked);
+        let kept_clear = |avoid: bool, method: Method| Rules::new(SpfSettings { method, ..settings(avoid) }).kept_clear;
+        assert_eq!(kept_clear(true, Method::Depth(Measured::View)), KeptClear::ByPlanner);
+        assert_eq!(kept_clear(true, Method::Depth(Measured::Part)), KeptClear::ByBoxes);
+        assert_eq!(kept_clear(true, Method::Boxes), KeptClear::ByBoxes);
+        assert_eq!(kept_clear(false, Method::Depth(Measured::View)), KeptClear::Unchecked);
     }
 
     #[test]
     fn a_tracker_follows_whom_the_reply_follows_and_a_person_it_points_at() {
-        let guidance = |track| Guidance { track, ..Guidance::default() };
         let follows = |track: bool, status, target: &str, u: f64| {
             let area = spf_core::query::ImageBox { left: 0.0, top: 0.4, right: 0.6, bottom: 0.6 };
             let reply = Reply {
@@ -123,7 +119,7 @@ mod tests {
                 point: Some(ImagePoint { u, v: 0.5 }),
                 ..Reply::new(status)
             };
-            Rules::new(settings(false), guidance(track)).follows(&reply)
+            Rules::new(SpfSettings { keep_m: track.then_some(DEFAULT_KEEP), ..settings(false) }).follows(&reply)
         };
         assert!(follows(true, Status::Following, "cart", 0.5) && !follows(false, Status::Following, "cart", 0.5));
         assert!(follows(true, Status::Navigating, "woman", 0.5) && !follows(true, Status::Navigating, "cart", 0.5));

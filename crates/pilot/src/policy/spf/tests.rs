@@ -1,8 +1,9 @@
 //! The policy, decision by decision; whole flights are in the pilot's tests.
 
 use super::*;
-use crate::guidance::AnchorUse;
+use crate::method::Measured;
 use crate::policy::{Expected, Move};
+use crate::steering::DEFAULT_KEEP;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
@@ -22,8 +23,14 @@ impl Rig {
         Self { spf: Spf::new(settings), reading: Reading::default() }
     }
 
-    pub(super) fn with_guidance(self, guidance: Guidance) -> Self {
-        Self { spf: self.spf.with_guidance(guidance), ..self }
+    /// Started, in obstacle mode or not.
+    pub(super) fn with(avoid: bool, method: Method) -> Self {
+        started(SpfSettings { method, ..settings(avoid) })
+    }
+
+    /// The same with a tracker.
+    fn tracking(avoid: bool) -> Self {
+        started(SpfSettings { keep_m: Some(DEFAULT_KEEP), ..settings(avoid) })
     }
 
     pub(super) fn step(&mut self, event: PolicyEvent<'_>) -> Step {
@@ -34,7 +41,11 @@ impl Rig {
 }
 
 pub(super) fn policy(avoid: bool) -> Rig {
-    let mut spf = Rig::new(settings(avoid));
+    started(settings(avoid))
+}
+
+fn started(settings: SpfSettings) -> Rig {
+    let mut spf = Rig::new(settings);
     assert_eq!(spf.step(PolicyEvent::Instruction("fly to the red crane")), Step::Look);
     spf
 }
@@ -51,7 +62,8 @@ pub(super) fn settings(avoid: bool) -> SpfSettings {
         craft: Craft::quad(),
         depth: DepthAs::Labels,
         near_m: Some(3.0),
-        keep_m: crate::steering::DEFAULT_KEEP,
+        method: Method::Paper,
+        keep_m: None,
         close_up: false,
     }
 }
@@ -311,8 +323,7 @@ fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes(
     let wall = r#"{"status":"navigating","point":[500,500],"depth":10,"target":"crane",
         "boxes":[{"box":[0,0,1000,1000],"depth":2,"name":"wall"}]}"#;
     let checked = |sensor: bool| {
-        let guidance = Guidance { anchor: AnchorUse::Always, map: true, sensor, ..Guidance::default() };
-        let mut spf = policy(true).with_guidance(guidance);
+        let mut spf = Rig::with(true, Method::Depth(if sensor { Measured::View } else { Measured::Part }));
         told(&mut spf, 0, wall);
         spf.reading.avoidance
     };
@@ -322,10 +333,7 @@ fn with_a_map_that_no_depth_sensor_fills_each_step_is_checked_against_its_boxes(
 
 /// An anchored policy.
 fn anchored(avoid: bool) -> Rig {
-    let guidance = Guidance { anchor: AnchorUse::Always, ..Guidance::default() };
-    let mut spf = Rig::new(settings(avoid)).with_guidance(guidance);
-    assert_eq!(spf.step(PolicyEvent::Instruction("fly to the crane")), Step::Look);
-    spf
+    Rig::with(avoid, Method::Boxes)
 }
 
 /// The policy's response to a reply on a frame that is expected to show the target.
@@ -459,17 +467,16 @@ fn a_reply_that_points_elsewhere_counts_as_one_without_the_target() {
 #[test]
 fn a_small_target_that_is_missed_is_looked_for_again_before_the_search_turns_away() {
     let missed = r#"{"status":"not_visible","look":"right"}"#;
-    let steps = |guidance: Guidance, box_: &str| {
-        let mut spf = policy(false).with_guidance(guidance);
+    let steps = |method: Method, box_: &str| {
+        let mut spf = Rig::with(false, method);
         let seen = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"kite","target_box":{box_}}}"#);
         told(&mut spf, 0, &seen);
         [1, 2, 3].map(|frame| matches!(told(&mut spf, frame, missed).1, Step::Keep))
     };
-    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
-    assert_eq!(steps(guidance, "[490,490,510,510]"), [true, true, false]);
-    assert_eq!(steps(guidance, "[460,460,540,540]"), [false; 3]);
+    assert_eq!(steps(Method::Boxes, "[490,490,510,510]"), [true, true, false]);
+    assert_eq!(steps(Method::Boxes, "[460,460,540,540]"), [false; 3]);
     // A craft that holds while it asks has nothing to fly on with.
-    assert_eq!(steps(Guidance::default(), "[490,490,510,510]"), [false; 3]);
+    assert_eq!(steps(Method::Paper, "[490,490,510,510]"), [false; 3]);
 }
 
 #[test]
@@ -510,7 +517,7 @@ fn something_in_the_way_of_somebody_tracked_ends_no_following() {
     );
     let at = ImagePoint { u: 0.5, v: 0.5 };
     let step = |is_tracked: bool| {
-        let mut spf = policy(true).with_guidance(Guidance { track: true, ..Guidance::default() });
+        let mut spf = Rig::tracking(true);
         told_expecting(&mut spf, 0, Expected::Followed { at, range: 3.2, is_tracked }, &answer)
     };
     let Step::Follow(goto) = step(true) else { panic!("{:?}", step(true)) };
@@ -522,7 +529,7 @@ fn something_in_the_way_of_somebody_tracked_ends_no_following() {
 fn somebody_who_has_left_the_image_is_looked_for_where_they_went() {
     let lost = r#"{"target":"man","status":"not_visible","look":"right"}"#;
     let yaw = |expected: Expected| {
-        let mut spf = policy(false).with_guidance(Guidance { track: true, ..Guidance::default() });
+        let mut spf = Rig::tracking(false);
         let Step::Move(motion) = told_expecting(&mut spf, 0, expected, lost) else { panic!() };
         motion.primitives.yaw
     };

@@ -242,13 +242,14 @@ fn is_covered(at: ImagePoint, aside: f64, range: f64, boxes: &[ObstacleBox], sur
 mod tests {
     use super::super::tests::{settings, view};
     use super::*;
-    use crate::guidance::Guidance;
+    use crate::policy::spf::SpfSettings;
+    use crate::steering::DEFAULT_KEEP;
 
     const AT: ImagePoint = ImagePoint { u: 0.5, v: 0.5 };
 
     /// What follows from replies a second apart that list a box in front of the target, or none.
     fn unseen(expected: Expected, covered: bool, replies: u64) -> Vec<Unseen> {
-        let rules = Rules::new(settings(true), Guidance { track: true, ..Guidance::default() });
+        let rules = Rules::new(SpfSettings { keep_m: Some(DEFAULT_KEEP), ..settings(true) });
         let area = ImageBox { left: 0.4, top: 0.4, right: 0.6, bottom: 0.6 };
         let boxes = if covered { vec![ObstacleBox { area, depth: 3, name: "van".to_owned() }] } else { Vec::new() };
         let reply = Reply { boxes, ..Reply::new(Status::NotVisible) };

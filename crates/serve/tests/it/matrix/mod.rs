@@ -22,7 +22,7 @@ use spf_flight::sim::{LoadedScene, OracleVlm, SimDrone, SimWorld, VlmFactory};
 use spf_flight::site::Clock;
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
-use spf_pilot::guidance::{AnchorUse, Guidance};
+use spf_pilot::method::{Measured, Method};
 use spf_pilot::{OperatorEvent, Phase, PilotSettings, Preset};
 use spf_serve::fault::{CraftFault, FaultMachine, FaultPlan, Stream};
 use spf_serve::tello::ProtocolParameters;
@@ -249,12 +249,7 @@ impl Cell {
         let settings = PilotSettings {
             max_time,
             avoid: guided,
-            guidance: Guidance {
-                anchor: if guided { AnchorUse::Always } else { AnchorUse::Off },
-                map: guided,
-                sensor: guided,
-                ..Guidance::default()
-            },
+            method: if guided { Method::Depth(Measured::View) } else { Method::Paper },
             ..PilotSettings::preset(Preset::Default)
         };
         let instruction = if guided { AROUND } else { "fly to the door" };

@@ -40,7 +40,8 @@ fn flown(
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(Says(says))));
     let site = Site::Real(Real { drone: Box::new(drone), clock: Clock::Virtual });
     let mut settings = PilotSettings { max_time: Duration::from_secs(seconds), ..PilotSettings::preset(Preset::Default) };
-    (settings.guidance.map, settings.avoid) = (feels, feels);
+    settings.avoid = feels;
+    settings.method = Method::for_craft(settings.is_guided(), feels, Sensed { ranges: feels, ..Sensed::default() });
     let brake = feels.then(BrakeLimits::without_sensor);
     let limits = Limits { brake, ..Limits::for_craft(&Craft::quad()) };
     let plan = FlightPlan { settings, limits, ..FlightPlan::new(site, "fly to the door", "says", vlm_factory) };

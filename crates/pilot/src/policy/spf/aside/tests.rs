@@ -1,6 +1,6 @@
-use crate::guidance::{AnchorUse, Guidance};
+use crate::method::Method;
 use crate::policy::spf::Primitives;
-use crate::policy::spf::tests::{Rig, settings, told_from, view};
+use crate::policy::spf::tests::{Rig, told_from, view};
 use crate::policy::{Move, PolicyEvent, Step};
 use spf_core::geometry::{Attitude, EnuPosition, Pose};
 
@@ -17,10 +17,8 @@ struct Flight {
 }
 
 impl Flight {
-    fn begin(guidance: Guidance) -> Self {
-        let mut spf = Rig::new(settings(true)).with_guidance(guidance);
-        spf.step(PolicyEvent::Instruction("fly to the crane"));
-        Self { spf, pose: Pose::default(), frames: 0 }
+    fn begin(method: Method) -> Self {
+        Self { spf: Rig::with(true, method), pose: Pose::default(), frames: 0 }
     }
 
     /// What the craft does on this answer; it is then where the motion leads.
@@ -47,17 +45,13 @@ impl Flight {
     }
 }
 
-fn guided() -> Guidance {
-    Guidance { anchor: AnchorUse::Low, ..Guidance::default() }
-}
-
 fn degrees(primitives: Option<Primitives>) -> f64 {
     primitives.map_or(f64::NAN, |primitives| primitives.yaw.to_degrees())
 }
 
 #[test]
 fn a_blocked_craft_goes_around_the_side_that_has_room_and_turns_back() {
-    let mut flight = Flight::begin(guided());
+    let mut flight = Flight::begin(Method::Boxes);
     assert_eq!([flight.told(WALL), flight.told(WALL)], [None, None], "it holds first");
     let turn = flight.told(WALL);
     assert!((degrees(turn) + 60.0).abs() < 0.1, "to the left: {turn:?}");
@@ -77,7 +71,7 @@ fn a_blocked_craft_goes_around_the_side_that_has_room_and_turns_back() {
 
 #[test]
 fn it_looks_on_the_other_side_and_then_backs_off_before_it_turns_away() {
-    let mut flight = Flight::begin(guided());
+    let mut flight = Flight::begin(Method::Boxes);
     let mut until_moved = |answer: &str| (0..5).find_map(|_| flight.told(answer));
     assert!((degrees(until_moved(WALL)) + 60.0).abs() < 0.1);
     assert!((degrees(until_moved(CLOSED)) - 120.0).abs() < 0.1, "at once, without turning back");
@@ -91,7 +85,7 @@ fn it_looks_on_the_other_side_and_then_backs_off_before_it_turns_away() {
 
 #[test]
 fn from_the_side_it_flies_to_a_target_that_is_free() {
-    let mut flight = Flight::begin(guided());
+    let mut flight = Flight::begin(Method::Boxes);
     for _ in 0..3 {
         flight.told(WALL);
     }
@@ -106,7 +100,7 @@ fn from_the_side_it_flies_to_a_target_that_is_free() {
 
 #[test]
 fn without_guidance_it_only_climbs_and_turns_as_before() {
-    let mut flight = Flight::begin(Guidance::default());
+    let mut flight = Flight::begin(Method::Paper);
     let moves: Vec<_> = (0..6).filter_map(|_| flight.told(WALL)).collect();
     assert!(moves.len() == 2 && moves.iter().all(|turn| (turn.yaw.to_degrees() - 45.0).abs() < 1.0), "{moves:?}");
 }
@@ -116,9 +110,9 @@ fn no_climb_over_what_stands_before_a_target_below() {
     // The chair ends below the upper edge, so a climb would be clear of it; the bottle stands on a table behind it.
     let chair = r#"{"status":"navigating","point":[700,500],"depth":3,"target":"bottle",
         "boxes":[{"box":[300,0,1000,1000],"depth":1,"name":"chair"}]}"#;
-    for (guidance, climbs) in [(guided(), false), (Guidance::default(), true)] {
-        let mut flight = Flight::begin(guidance);
+    for (method, climbs) in [(Method::Boxes, false), (Method::Paper, true)] {
+        let mut flight = Flight::begin(method);
         let first = (0..5).find_map(|_| flight.told(chair)).unwrap();
-        assert_eq!(first.climb > 0.0, climbs, "{guidance:?} {first:?}");
+        assert_eq!(first.climb > 0.0, climbs, "{method:?} {first:?}");
     }
 }

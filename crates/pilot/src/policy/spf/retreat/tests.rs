@@ -1,7 +1,7 @@
 //! Backing off from persons, and waiting for those who come.
 
-use crate::guidance::{AnchorUse, Guidance};
-use crate::policy::spf::tests::{policy, sent_query, told_from, view};
+use crate::method::Method;
+use crate::policy::spf::tests::{Rig, sent_query, told_from, view};
 use crate::policy::{Move, PolicyEvent, Step};
 use spf_core::lift::label_of_range;
 use spf_core::time::{Duration, Time};
@@ -14,12 +14,12 @@ fn persons(labels: &[u8], left: u32, target: &str) -> Vec<bool> {
 }
 
 fn persons_while(status: &str, labels: &[u8], left: u32) -> Vec<bool> {
-    guided_persons_while(Guidance::default(), status, labels, left, [0; 2])
+    guided_persons_while(Method::Paper, status, labels, left, [0; 2])
 }
 
 /// The same with guidance, and with a box that grows and goes to the right from answer to answer, in thousandths of the image.
-fn guided_persons_while(guidance: Guidance, status: &str, labels: &[u8], left: u32, [grows, crosses]: [u32; 2]) -> Vec<bool> {
-    let mut spf = policy(true).with_guidance(guidance);
+fn guided_persons_while(method: Method, status: &str, labels: &[u8], left: u32, [grows, crosses]: [u32; 2]) -> Vec<bool> {
+    let mut spf = Rig::with(true, method);
     let mut backs_off = |(frame, depth): (usize, &u8)| {
         let (more, left) = (grows * frame as u32, left + crosses * frame as u32);
         let (top, bottom, left, right) = (400 - 2 * more, 900 + more / 2, left - more, left + 200 + more);
@@ -43,11 +43,10 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
     assert_eq!(persons(&[1; 6], 400, "crane"), [true, true, true, true, false, false]);
     // One who stands there is known after two answers, if the pilot keeps more than this answer; not one who comes nearer, or
     // crosses before the craft.
-    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     let navigating = r#""status":"navigating","point":[500,500],"depth":7,"target":"crane""#;
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 4], 400, [0; 2]), [true, false, false, false]);
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 400, [100, 0]), [true; 3]);
-    assert_eq!(guided_persons_while(guidance, navigating, &[1; 3], 200, [0, 250]), [true; 3]);
+    assert_eq!(guided_persons_while(Method::Boxes, navigating, &[1; 4], 400, [0; 2]), [true, false, false, false]);
+    assert_eq!(guided_persons_while(Method::Boxes, navigating, &[1; 3], 400, [100, 0]), [true; 3]);
+    assert_eq!(guided_persons_while(Method::Boxes, navigating, &[1; 3], 200, [0, 250]), [true; 3]);
     // Who walks past, and who is flown to.
     assert_eq!(persons(&[4, 3, 2], 0, "crane"), [false; 3]);
     assert_eq!(persons(&[4, 3, 2], 400, "man"), [false; 3]);
@@ -60,7 +59,7 @@ fn the_craft_backs_off_from_a_person_who_walks_towards_it_and_from_no_other() {
 /// answers, which are `seconds` apart. He is half a metre wide and 1.7 m tall, his middle half a metre to the left of the way: from
 /// 1.1 m on the image holds neither his height nor his width.
 fn before_a_man(ranges: &[f64], stride: f64, seconds: u64) -> Vec<bool> {
-    let mut spf = policy(true).with_guidance(Guidance { anchor: AnchorUse::Low, ..Guidance::default() });
+    let mut spf = Rig::with(true, Method::Boxes);
     let mut backs_off = |(nth, range): (usize, &f64)| {
         let mut view = view(nth as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(seconds * nth as u64);
@@ -88,8 +87,8 @@ fn the_craft_does_not_back_off_from_who_stands_beside_its_way_because_it_has_com
 
 #[test]
 fn the_craft_does_not_go_to_meet_a_person_who_walks_towards_it() {
-    let forward = |guidance: Guidance, ranges: &[f64]| -> Vec<f64> {
-        let mut spf = policy(true).with_guidance(guidance);
+    let forward = |method: Method, ranges: &[f64]| -> Vec<f64> {
+        let mut spf = Rig::with(true, method);
         let mut steps = |(nth, range): (usize, &f64)| {
             let mut view = view(nth as u64);
             view.frame.captured = Time::ZERO + Duration::from_secs(2 * nth as u64);
@@ -108,13 +107,12 @@ fn the_craft_does_not_go_to_meet_a_person_who_walks_towards_it() {
         };
         ranges.iter().enumerate().map(&mut steps).collect()
     };
-    let guidance = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
-    let stands = forward(guidance, &[7.0, 7.0, 7.0]);
+    let stands = forward(Method::Boxes, &[7.0, 7.0, 7.0]);
     assert!(stands.iter().all(|&step| step > 2.5), "{stands:?}");
     // At 1 m/s he will be 1 m away when the next answer comes.
-    let walks = forward(guidance, &[9.0, 7.0, 5.0]);
+    let walks = forward(Method::Boxes, &[9.0, 7.0, 5.0]);
     assert!(walks[0] > 2.5 && walks[1] < 2.0 && walks[2] == 0.0, "{walks:?}");
-    assert!(forward(Guidance::default(), &[9.0, 7.0, 5.0])[2] > 1.5);
+    assert!(forward(Method::Paper, &[9.0, 7.0, 5.0])[2] > 1.5);
 }
 
 #[test]
@@ -128,8 +126,8 @@ fn who_begins_to_walk_towards_the_craft_or_comes_between_slow_answers_is_backed_
 
 #[test]
 fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
-    let outcome = |guidance: Guidance, left: [u32; 2]| {
-        let mut spf = policy(true).with_guidance(guidance);
+    let outcome = |method: Method, left: [u32; 2]| {
+        let mut spf = Rig::with(true, method);
         for (nth, left) in left.into_iter().enumerate() {
             let mut view = view(nth as u64);
             view.frame.captured = Time::ZERO + Duration::from_secs(2 * nth as u64);
@@ -142,13 +140,12 @@ fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
         }
         spf.reading
     };
-    let guided = Guidance { anchor: AnchorUse::Low, ..Guidance::default() };
     // From the right towards the path, 4.6 m ahead, at 0.7 m/s: she is not on it yet.
-    let walks = outcome(guided, [950, 800]);
+    let walks = outcome(Method::Boxes, [950, 800]);
     assert!(!matches!(walks.avoidance, Some(Avoidance::Clear)), "{walks:?}");
     assert_eq!(walks.actions, ["keeps clear of where somebody walks: woman"]);
-    for (guidance, left) in [(guided, [800, 800]), (Guidance::default(), [950, 800])] {
-        let reading = outcome(guidance, left);
+    for (method, left) in [(Method::Boxes, [800, 800]), (Method::Paper, [950, 800])] {
+        let reading = outcome(method, left);
         assert_eq!((reading.avoidance, reading.actions.len()), (Some(Avoidance::Clear), 0), "{reading:?}");
     }
 }
@@ -157,11 +154,11 @@ fn the_step_keeps_clear_of_where_somebody_is_about_to_walk() {
 fn only_without_guidance_a_step_leads_under_a_wall() {
     let wall = r#"{"status":"navigating","point":[450,500],"depth":8,"target":"crane",
         "boxes":[{"box":[0,0,550,1000],"depth":4,"name":"white wall"}]}"#;
-    let avoided = |guidance: Guidance| {
-        let mut spf = policy(true).with_guidance(guidance);
+    let avoided = |method: Method| {
+        let mut spf = Rig::with(true, method);
         told_from(&mut spf, &view(0), wall);
         spf.reading.avoidance
     };
-    assert!(matches!(avoided(Guidance { anchor: AnchorUse::Low, ..Guidance::default() }), Some(Avoidance::Shortened { .. })));
-    assert!(matches!(avoided(Guidance::default()), Some(Avoidance::Shifted { point, .. }) if point.v > 0.5));
+    assert!(matches!(avoided(Method::Boxes), Some(Avoidance::Shortened { .. })));
+    assert!(matches!(avoided(Method::Paper), Some(Avoidance::Shifted { point, .. }) if point.v > 0.5));
 }
