@@ -149,7 +149,7 @@ impl Pilot {
 
     /// Takes the complete reply to a query.
     pub(crate) fn replied(&mut self, now: Time, id: QueryId, text: &str) -> Ended {
-        let Some(asked) = self.close(id) else { return None };
+        let asked = self.close(id)?;
         // Motion that began as it arrived does not outdate it.
         if let Some(reason) = self.outdated(now, &asked.view).filter(|_| !asked.has_decided) {
             return self.set_aside(now, id, &asked.view, reason);
@@ -781,7 +781,7 @@ impl Pilot {
     fn follow_course(&mut self, now: Time, known: &MotionEstimate) -> Ended {
         let at = known.position;
         self.tell_brake(now, at);
-        let Some(course) = self.leg.course().filter(|course| course.is_due(now)) else { return None };
+        let course = self.leg.course().filter(|course| course.is_due(now))?;
         if course.is_flown(at) {
             return self.end_course(now);
         }
