@@ -255,7 +255,7 @@ impl Spf {
         let refusal = plan.check(&self.views).err();
         reading.avoidance = plan.avoidance;
         self.passage.checked(&plan, refusal);
-        if plan.room().is_some() || refusal == Some(Refusal::Met) {
+        if plan.yields_to().is_some() || refusal == Some(Refusal::Met) {
             reading.actions.push("does not go to meet a person who walks towards it".to_owned());
         }
         match refusal {

@@ -68,7 +68,7 @@ pub(super) struct Plan<'a> {
     /// Distance along the optical axis that the obstacles leave, metres.
     step: f64,
     /// The most that a person leaves who walks towards the craft, metres, where it is less.
-    room: Option<f64>,
+    yields_to: Option<f64>,
 }
 
 /// What a check makes of a plan.
@@ -150,7 +150,7 @@ impl<'a> Plan<'a> {
     /// The step towards a point, led around what the obstacles of the reply leave no room for.
     pub(super) fn new(answer: Answered<'a>, (point, label): (ImagePoint, f64), before: Before, views: &Views) -> Self {
         let step = answer.rules.settings.step.length_of(label);
-        let plan = Self { answer, point, label, before, avoidance: None, waypoint: point, step, room: None };
+        let plan = Self { answer, point, label, before, avoidance: None, waypoint: point, step, yields_to: None };
         if answer.rules.kept_clear != KeptClear::ByBoxes && !views.has_keep_out() {
             return plan;
         }
@@ -175,16 +175,16 @@ impl<'a> Plan<'a> {
         for check in CHECKS {
             match check(self, views) {
                 Verdict::Fly => {}
-                Verdict::Within(room) => self.room = Some(room),
+                Verdict::Within(room) => self.yields_to = Some(room),
                 Verdict::Refused(refusal) => return Err(refusal),
             }
         }
         Ok(())
     }
 
-    /// What a person who walks towards the craft leaves, metres.
-    pub(super) fn room(&self) -> Option<f64> {
-        self.room
+    /// How far it goes before it yields to a person who walks towards the craft, metres.
+    pub(super) fn yields_to(&self) -> Option<f64> {
+        self.yields_to
     }
 
     pub(super) fn view(&self) -> &View {
@@ -193,7 +193,7 @@ impl<'a> Plan<'a> {
 
     /// Distance flown along the optical axis, metres.
     pub(super) fn length(&self) -> f64 {
-        self.room.unwrap_or(self.step)
+        self.yields_to.unwrap_or(self.step)
     }
 
     /// The planned step without obstacles.
@@ -238,7 +238,7 @@ impl<'a> Plan<'a> {
     /// How far the obstacles leave the straight path clear, metres along the optical axis: the longest step towards the point, up
     /// to half of the range that the label states; at least the planned one, which is.
     fn clear(&self) -> f64 {
-        if self.room.is_some() || self.avoidance != Some(Avoidance::Clear) {
+        if self.yields_to.is_some() || self.avoidance != Some(Avoidance::Clear) {
             return self.length();
         }
         let (boxes, clearance) = (self.counted(), self.answer.rules.clearance());
