@@ -13,13 +13,12 @@ use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
 use spf_core::command::Setpoint;
 use spf_pilot::OperatorEvent;
 use tokio::sync::mpsc;
 
 use crate::flight_controls::{FlightControls, ReadInstruction};
-use crate::hub::{Hub, Kept};
+use crate::hub::Hub;
 use crate::message::{Hello, Order};
 use crate::pointing::{Given, Pointing};
 pub(crate) use keys::{Keys, May, Refused};
@@ -160,9 +159,9 @@ impl Controls {
         let same = inner.pilot.is_some_and(|pilot| inner.pages.get(&pilot).and_then(|page| page.session) == id);
         let back = inner.pilot.is_none() && inner.last_session.is_none_or(|last| Some(last) == id);
         if id.is_some() && (back || same) {
-            self.give(&mut inner, number);
+            inner.give(number);
         }
-        self.tell_roles(&mut inner);
+        inner.tell_roles();
         Ok((number, session.map(|(_, secret)| secret)))
     }
 
@@ -175,7 +174,7 @@ impl Controls {
             inner.pilot = None;
             inner.lost.get_or_insert((now, Lost::Noticed));
         }
-        self.tell_roles(&mut inner);
+        inner.tell_roles();
     }
 
     /// A page has answered a beat.
@@ -186,12 +185,8 @@ impl Controls {
         }
         if inner.pilot == Some(number) && inner.lost.is_some() {
             inner.found(number, now);
-            self.tell_roles(&mut inner);
+            inner.tell_roles();
         }
-    }
-
-    fn say(&self, text: &str, level: &str) {
-        self.hub.tell(Kept::Row, &json!({"type": "line", "level": level, "text": text}));
     }
 
     /// The number of a beat that is sent to a page now.
@@ -212,7 +207,7 @@ impl Controls {
                 let told = format!("{} dropped: {why}", order.words());
                 // A held key repeats it ten times a second.
                 if flies && !matches!(order, Order::Fly { .. }) {
-                    self.say(&told, "warning");
+                    self.hub.say(&told, "warning");
                 }
                 Err(told)
             }
@@ -224,9 +219,9 @@ impl Controls {
     pub(crate) fn order(&self, number: u64, order: &Order, now: Instant) -> Result<String, String> {
         let mut inner = self.inner();
         match order {
-            Order::Ask => return self.ask(&mut inner, number, now),
+            Order::Ask => return inner.ask(number, now),
             _ if inner.pilot != Some(number) => return Err("this page only watches: ask for the controls first".to_owned()),
-            Order::Give { page, yes } => return self.answer(&mut inner, *page, *yes, now),
+            Order::Give { page, yes } => return inner.answer(&self.hub, *page, *yes, now),
             Order::Instruction(text) => return inner.instruct(text.trim()),
             _ => {}
         }

@@ -152,6 +152,11 @@ impl Hub {
         drop(self.news.send(news));
     }
 
+    /// Tells all pages a line of text; `level` is `info`, `warning` or `error`.
+    pub(crate) fn say(&self, text: &str, level: &str) {
+        self.tell(Kept::Row, &serde_json::json!({"type": "line", "level": level, "text": text}));
+    }
+
     /// Adds a point to the flown path, metres east and north.
     pub(crate) fn flown(&self, at: [f64; 2]) {
         let mut past = self.past();

@@ -10,6 +10,7 @@
 //! it.
 #![forbid(unsafe_code)]
 
+mod ahead;
 mod brake;
 mod brake_limits;
 mod cause;
@@ -28,14 +29,14 @@ pub use brake_limits::BrakeLimits;
 pub use cause::{Cause, Reaction, Refusal};
 pub use limits::{Limits, LimitsError};
 
-use self::brake::{Brake, Motion};
+use self::ahead::Ahead;
+use self::brake::Brake;
 use self::estimate::Estimate;
 use self::height::HeightCheck;
 use self::marked::Marked;
 use self::person::Person;
-use self::reach::{Braking, Situation};
 use self::watch::{Control, Found, Watch};
-use spf_core::command::{Command, Setpoint};
+use spf_core::command::{Command, Manoeuvre, Setpoint};
 use spf_core::craft::Craft;
 use spf_core::depth::DepthGrid;
 use spf_core::frame::FrameMeta;
@@ -333,6 +334,30 @@ impl Envelope {
         self.clear_under(now, setpoint, Control::Operator)
     }
 
+    /// Clears a manoeuvre of the pilot, shortened so that its path and end stay within all limits; a hold if nothing of
+    /// it is left, or if a setpoint would not be allowed to move the craft now. No manoeuvre starts from outside a limit. The
+    /// clearance is valid until the manoeuvre must have ended.
+    pub fn clear_manoeuvre(&mut self, now: Time, requested: Manoeuvre) -> ClearedCommand {
+        let now = self.advance(now);
+        let velocity = requested.velocity(self.craft.yaw_rate);
+        // A manoeuvre must not be used to fly back inside a limit, as a setpoint may: it would not be supervised.
+        let reaction = match self.reaction(now) {
+            Reaction::Continue => None,
+            Reaction::Hold(cause) | Reaction::Land(cause) => Some(cause),
+        };
+        let stopped = self.stopped_by(now, velocity, Control::Pilot).max(reaction);
+        let (allowed, changed) = match stopped {
+            _ if !requested.is_finite() => (None, Some(Cause::NotFinite)),
+            Some(cause) => (None, Some(cause)),
+            None => manoeuvre::confined(&self.ahead(now), &self.brake, &self.marked, requested),
+        };
+        let Some(manoeuvre) = allowed else { return ClearedCommand { changed, ..self.hold(now) } };
+        let valid_until = now + manoeuvre::patience(manoeuvre, &self.craft);
+        let heading = self.estimate.heading.unwrap_or(0.0);
+        self.commanded = Some((reach::world_velocity(manoeuvre.velocity(0.0), heading), valid_until));
+        ClearedCommand { cleared: Cleared { what: Command::Manoeuvre(manoeuvre), valid_until }, changed }
+    }
+
     /// Clears a hold: zero velocity, valid as long as any setpoint.
     pub fn hold(&mut self, now: Time) -> ClearedCommand {
         self.clear_under(now, Setpoint::HOLD, Control::Pilot)
@@ -452,6 +477,13 @@ impl Envelope {
         Ok(passed(Command::TakeOff))
     }
 
+    fn clear_return(&mut self, now: Time) -> Result<ClearedCommand, Refusal> {
+        let now = self.advance(now);
+        returning::check(now, &self.limits, &self.craft, &self.watch, &self.estimate)?;
+        self.commanded = None;
+        Ok(passed(Command::Return))
+    }
+
     fn clear_under(&mut self, now: Time, setpoint: Setpoint, control: Control) -> ClearedCommand {
         let now = self.advance(now);
         let (allowed, changed) = match self.stopped_by(now, setpoint, control) {
@@ -499,75 +531,35 @@ impl Envelope {
             setpoint.yaw_rate = requested.yaw_rate.clamp(-limits.max_yaw_rate, limits.max_yaw_rate);
             cause = cause.or(Some(Cause::YawRateLimit));
         }
-        let (Some(home), Some(heading)) = (self.estimate.home, self.estimate.heading) else {
-            return (Setpoint::HOLD, Some(Cause::NoTelemetry));
-        };
-        let situation = Situation { at: self.ahead(now), home, heading, spread: self.spread };
+        let ahead = self.ahead(now);
+        let Some(situation) = ahead.situation() else { return (Setpoint::HOLD, Some(Cause::NoTelemetry)) };
         let (setpoint, confined) = reach::confine(limits, &self.craft, &situation, setpoint);
         let (setpoint, unknown) = self.without_climb_at_unknown_height(setpoint);
         let (setpoint, low) = self.above_ground(setpoint);
         // The operator flies by sight.
-        let (setpoint, person) = if control == Control::Pilot { self.away_from_person(now, setpoint) } else { (setpoint, None) };
-        let braked = if control == Control::Pilot { self.braked(now, setpoint) } else { 1.0 };
+        let (setpoint, person) =
+            if control == Control::Pilot { self.away_from_person(&ahead, setpoint) } else { (setpoint, None) };
+        let braked = if control == Control::Pilot { self.braked(&ahead, setpoint) } else { 1.0 };
         let Setpoint { right, forward, up, yaw_rate } = setpoint;
         let setpoint = Setpoint { right: right * braked, forward: forward * braked, up: up * braked, yaw_rate };
         (setpoint, confined.or(unknown).or(low).or(person).or((braked < 1.0).then_some(Cause::Obstacle)).or(cause))
     }
 
     /// A setpoint that comes no nearer to a followed person than allowed.
-    fn away_from_person(&self, now: Time, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
-        let Some(motion) = self.motion_of(now, setpoint, self.turns(setpoint)) else { return (setpoint, None) };
-        let kept = self.person.keep_away(now, &motion, setpoint);
+    fn away_from_person(&self, ahead: &Ahead<'_>, setpoint: Setpoint) -> (Setpoint, Option<Cause>) {
+        let Some(motion) = ahead.motion(&self.brake, setpoint, ahead.turns(setpoint)) else { return (setpoint, None) };
+        let kept = self.person.keep_away(ahead.now, &motion, setpoint);
         (kept, (kept != setpoint).then_some(Cause::Person))
     }
 
     /// The fraction of a setpoint that the brake allows.
-    fn braked(&self, now: Time, setpoint: Setpoint) -> f64 {
+    fn braked(&self, ahead: &Ahead<'_>, setpoint: Setpoint) -> f64 {
         if self.limits.brake.is_none() && self.marked.is_empty() {
             return 1.0;
         }
-        let Some(motion) = self.motion_of(now, setpoint, self.turns(setpoint)) else { return 0.0 };
-        let known = self.limits.brake.as_ref().map_or(1.0, |limits| self.brake.allowed(now, limits, &motion));
+        let Some(motion) = ahead.motion(&self.brake, setpoint, ahead.turns(setpoint)) else { return 0.0 };
+        let known = self.limits.brake.as_ref().map_or(1.0, |limits| self.brake.allowed(ahead.now, limits, &motion));
         known.min(self.marked.allowed(&motion, self.spread))
-    }
-
-    /// Turns between now and the end of a setpoint's validity, radians.
-    fn turns(&self, setpoint: Setpoint) -> [f64; 3] {
-        let lasts = self.limits.setpoint_validity + self.craft.dead_time;
-        let turned = setpoint.yaw_rate * lasts;
-        [0.0, 0.5 * turned, turned]
-    }
-
-    /// A velocity as used by the brake, from where it takes effect; `None` without a heading.
-    fn motion_of(&self, now: Time, setpoint: Setpoint, turns: [f64; 3]) -> Option<Motion> {
-        let e = &self.estimate;
-        let velocity = e.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();
-        let age = e.measured.map_or(0.0, |measured| now.since(measured).as_secs_f64());
-        let own = |ahead: f64| {
-            let t = age + ahead;
-            let at = e.position;
-            let from = EnuPosition {
-                east: at.east + velocity.east * t,
-                north: at.north + velocity.north * t,
-                up: at.up + velocity.up * t,
-            };
-            e.heading.map(|heading| (from, heading))
-        };
-        let in_time = |ahead: f64| self.brake.place(now, velocity, ahead).or_else(|| own(ahead));
-        let ((at, _), (from, heading)) = (in_time(0.0)?, in_time(self.craft.dead_time)?);
-        let deceleration = self.craft.acceleration.min(self.craft.climb_acceleration);
-        let braking = Braking::new(&self.limits, &self.craft, deceleration);
-        Some(Motion {
-            at,
-            own: velocity,
-            from,
-            heading,
-            velocity: reach::world_velocity(setpoint, heading),
-            turns,
-            radius: self.craft.radius,
-            braking,
-            stopping: Braking::stopping(&self.craft, deceleration),
-        })
     }
 
     /// A setpoint that stops descending at the minimum altitude above the surface measured below the craft, such as a
@@ -592,13 +584,10 @@ impl Envelope {
         }
     }
 
-    /// Predicted position at the time a setpoint cleared now takes effect; `up` is the height above the take-off point.
-    fn ahead(&self, now: Time) -> EnuPosition {
-        let e = &self.estimate;
-        let age = e.measured.map_or(0.0, |measured| now.since(measured).as_secs_f64());
-        let v = e.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();
-        let t = age + self.craft.dead_time;
-        EnuPosition { east: e.position.east + v.east * t, north: e.position.north + v.north * t, up: e.height + v.up * t }
+    fn ahead(&self, now: Time) -> Ahead<'_> {
+        let Self { limits, craft, estimate, spread, .. } = self;
+        let velocity = estimate.velocity.or(self.commanded.map(|(v, _)| v)).unwrap_or_default();
+        Ahead { now, limits, craft, estimate, velocity, spread: *spread }
     }
 }
 

@@ -1,7 +1,8 @@
 //! The return by the craft's own navigation, whose path the envelope knows only in outline: up, straight home, down.
 
-use super::{ClearedCommand, Envelope, Limits, Refusal, passed};
-use spf_core::command::Command;
+use super::estimate::Estimate;
+use super::watch::Watch;
+use super::{Limits, Refusal};
 use spf_core::craft::Craft;
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Time, duration_from_secs};
@@ -23,50 +24,46 @@ impl Limits {
     }
 }
 
-impl Envelope {
-    /// Clears a return. Nothing of it can be corrected on the way, so all of it must lie within the limits. The distance limit is
-    /// kept by coming nearer.
-    pub(super) fn clear_return(&mut self, now: Time) -> Result<ClearedCommand, Refusal> {
-        let now = self.advance(now);
-        let height = self.limits.check_return(&self.craft)?;
-        // The craft may be higher than that, and climbs from there.
-        let height = height.max(self.estimate.height + self.craft.return_climb.max(0.0));
-        let limit = self.limits.max_altitude;
-        if height > limit && self.craft.return_climb > 0.0 {
-            return Err(Refusal::ReturnTooHigh { height, limit });
-        }
-        if self.watch.is_link_lost() {
-            return Err(Refusal::LinkLost);
-        }
-        let fresh = duration_from_secs(self.limits.max_telemetry_age);
-        let Some(start) =
-            self.estimate.home.filter(|_| self.estimate.measured.is_some_and(|measured| now.since(measured) <= fresh))
-        else {
-            return Err(Refusal::NoTelemetry);
-        };
-        // It flies to its own home, which is another place if somebody set it, or if it was taken over in the air.
-        let home = self.estimate.returns_to.ok_or(Refusal::UnknownHome)?;
-        let away = home.horizontal_distance(start);
-        if away > SAME_PLACE {
-            return Err(Refusal::ReturnElsewhere { away });
-        }
-        if let Some(fence) = &self.limits.geofence {
-            let from = self.estimate.position;
-            let steps = (from.horizontal_distance(home) / SPACING).ceil().clamp(1.0, 1e5) as u32;
-            let place = |step: u32| EnuPosition { up: height, ..from.towards(home, f64::from(step) / f64::from(steps)) };
-            if !(0..=steps).map(place).all(|place| fence.contains_below_ceiling(place)) {
-                return Err(Refusal::ReturnOutsideGeofence);
-            }
-        }
-        self.commanded = None;
-        Ok(passed(Command::Return))
+/// Whether a craft may return now. Nothing of a return can be corrected on the way, so all of it must lie within the limits. The
+/// distance limit is kept by coming nearer.
+pub(super) fn check(now: Time, limits: &Limits, craft: &Craft, watch: &Watch, estimate: &Estimate) -> Result<(), Refusal> {
+    let height = limits.check_return(craft)?;
+    // The craft may be higher than that, and climbs from there.
+    let height = height.max(estimate.height + craft.return_climb.max(0.0));
+    let limit = limits.max_altitude;
+    if height > limit && craft.return_climb > 0.0 {
+        return Err(Refusal::ReturnTooHigh { height, limit });
     }
+    if watch.is_link_lost() {
+        return Err(Refusal::LinkLost);
+    }
+    let fresh = duration_from_secs(limits.max_telemetry_age);
+    let Some(start) = estimate.home.filter(|_| estimate.measured.is_some_and(|measured| now.since(measured) <= fresh)) else {
+        return Err(Refusal::NoTelemetry);
+    };
+    // It flies to its own home, which is another place if somebody set it, or if it was taken over in the air.
+    let home = estimate.returns_to.ok_or(Refusal::UnknownHome)?;
+    let away = home.horizontal_distance(start);
+    if away > SAME_PLACE {
+        return Err(Refusal::ReturnElsewhere { away });
+    }
+    if let Some(fence) = &limits.geofence {
+        let from = estimate.position;
+        let steps = (from.horizontal_distance(home) / SPACING).ceil().clamp(1.0, 1e5) as u32;
+        let place = |step: u32| EnuPosition { up: height, ..from.towards(home, f64::from(step) / f64::from(steps)) };
+        if !(0..=steps).map(place).all(|place| fence.contains_below_ceiling(place)) {
+            return Err(Refusal::ReturnOutsideGeofence);
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Envelope;
     use crate::geofence::Geofence;
+    use spf_core::command::Command;
     use spf_core::telemetry::{FlightPhase, Telemetry};
 
     fn at(east: f64, north: f64, up: f64, fence: Option<&str>, height: Option<f64>) -> Envelope {

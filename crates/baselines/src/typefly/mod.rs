@@ -11,16 +11,18 @@ mod skills;
 use std::sync::Arc;
 
 use minispec::{Machine, Precedence, ProgramStream, Progress, SkillCall, Value};
+use perform::{Action, looks, perform};
 use scene::Scene;
 use skills::Library;
 
 use spf_core::craft::Craft;
 use spf_core::grounding::GroundingProfile;
+use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptInput, PromptKind, PromptText};
 use spf_core::query::{Memory, Query, QueryId, QueryKind};
 use spf_core::reply::{one_line, one_line_within, parse_completion};
 use spf_core::time::{Duration, Time};
-use spf_pilot::policy::{FailReason, Output, Policy, PolicyEvent, Reading, Step, View};
+use spf_pilot::policy::{FailReason, Move, Output, Policy, PolicyEvent, Reading, Step, View};
 
 /// Number of call results included in the next planner prompt.
 const REMEMBERED_CALLS: usize = 20;
@@ -329,16 +331,54 @@ impl TypeFly {
                     Progress::Stopped(error) => return self.failed(&error.to_string(), FailReason::NoProgram),
                 },
             };
-            match self.perform(call) {
-                perform::Outcome::Value(value) => {
-                    if let Some(machine) = &mut self.machine {
-                        machine.resume(value);
-                    }
+            let (skill, argument) = match self.library.low(&call) {
+                Ok(found) => found,
+                Err(why) => return self.failed(&why, FailReason::NoProgram),
+            };
+            if looks(skill) && !self.fresh {
+                return self.wait_for_frame(Waits::List(call));
+            }
+            let value = match perform(skill, &argument, &self.scene, &self.settings) {
+                Action::Value(value) => value,
+                Action::Say(words) => {
+                    self.reading.actions.push(words);
+                    Value::Bool(true)
                 }
-                perform::Outcome::Step(step) => return step,
-                perform::Outcome::Error(why) => return self.failed(&why, FailReason::NoProgram),
+                Action::Fly { primitives, outdates } => return self.fly(primitives, outdates),
+                Action::Delay(long) => {
+                    self.fresh = false;
+                    return self.wait_for_frame(Waits::Time { long, until: None });
+                }
+                Action::Ask(text) => return self.ask_question(text),
+                Action::RePlan => return self.replan("it requested a new plan"),
+                Action::Error(why) => return self.failed(&why, FailReason::NoProgram),
+            };
+            if let Some(machine) = &mut self.machine {
+                machine.resume(value);
             }
         }
+    }
+
+    /// No frame is available while the program is arriving; its end is the next chance.
+    fn wait_for_frame(&mut self, waits: Waits) -> Step {
+        self.waits = waits;
+        if self.planning.is_some() { Step::Wait } else { Step::Look }
+    }
+
+    fn fly(&mut self, primitives: Primitives, outdates: bool) -> Step {
+        self.fresh = false;
+        self.memory.turned += primitives.yaw;
+        self.moved |= Primitives { yaw: 0.0, ..primitives } != Primitives::default();
+        self.waits = Waits::Move { outdates: outdates && self.settings.replanning };
+        self.reading.primitives = Some(primitives);
+        Step::Move(Move { primitives, anchor: None, then_rest: true, looks: false })
+    }
+
+    fn ask_question(&mut self, text: String) -> Step {
+        let prompt = self.write(&PromptText::shipped(PromptKind::Question), |place| (place == "question").then(|| text.clone()));
+        let query = self.query(QueryKind::Question { text }, prompt);
+        self.waits = Waits::Answer(query.id);
+        Step::Ask(Box::new(query))
     }
 
     fn finished(&mut self, value: &Value) -> Step {
@@ -362,6 +402,12 @@ impl TypeFly {
     /// Whether the failure limit is reached.
     fn is_lost(&self) -> bool {
         !self.settings.replanning || self.failures > self.settings.failures
+    }
+
+    /// Plans again, unless there were too many failures.
+    fn replan(&mut self, why: &str) -> Step {
+        self.plan_again(why);
+        if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { Step::Look }
     }
 
     /// Ends the program; the next frame's list is used for planning. A program that has moved the craft counts as
@@ -441,8 +487,7 @@ impl TypeFly {
             if let Some(machine) = &mut self.machine {
                 machine.resume(Value::Bool(true));
             }
-            self.plan_again("it moved so far that its list was outdated");
-            return if self.is_lost() { Step::Fail(FailReason::NoProgram) } else { Step::Look };
+            return self.replan("it moved so far that its list was outdated");
         }
         self.resume(Value::Bool(true))
     }

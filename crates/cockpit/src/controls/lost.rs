@@ -31,7 +31,7 @@ impl Controls {
             && inner.pages.get(&pilot).is_none_or(|page| now.duration_since(page.heard) >= LOST_AFTER + page.forgiven)
         {
             inner.lost = Some((now, Lost::Noticed));
-            self.tell_roles(&mut inner);
+            inner.tell_roles();
         }
         let (since, done) = inner.lost?;
         let away = now.duration_since(since);
@@ -53,7 +53,7 @@ impl Controls {
                 Lost::Abandoned => " for 20 s",
                 _ => "",
             };
-            self.say(&format!("connection to the pilot's page lost{what}"), "warning");
+            self.hub.say(&format!("connection to the pilot's page lost{what}"), "warning");
             inner.send(event);
         }
         if inner.pilot.is_none() { inner.keys.renew(away) } else { None }

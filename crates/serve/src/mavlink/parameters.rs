@@ -1,5 +1,6 @@
 //! Parameters of the virtual vehicle: a part of those of PX4 and ArduCopter, with their defaults.
 
+use spf_core::time::{Duration, duration_from_secs};
 use spf_mavlink::modes::Autopilot;
 use spf_mavlink::parameter::{INT32, ParameterEncoding, ParameterValue};
 
@@ -131,6 +132,11 @@ impl Parameters {
     /// The value as a number; `default` if the vehicle has no such parameter.
     pub(super) fn number(&self, name: &str, default: f64) -> f64 {
         self.index(name).and_then(|index| self.at(index)).map_or(default, |(_, value)| value.number())
+    }
+
+    /// A duration in seconds, of an hour at most.
+    pub(super) fn seconds(&self, name: &str, default: f64) -> Duration {
+        duration_from_secs(self.number(name, default).clamp(0.0, 3600.0))
     }
 
     /// Sets a value that was received; it keeps its type. Returns its index, also if the value was refused.

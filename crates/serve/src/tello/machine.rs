@@ -16,7 +16,7 @@ use super::link::Link;
 use super::manoeuvre::CONTROL;
 use super::state::State;
 use crate::fault::{CraftFault, FaultMachine, Stream};
-use tasks::{Running, Task};
+use tasks::{Conditions, Ended, Tasks};
 
 /// Default ports of clients for state and video.
 const STATE_PORT: u16 = 8890;
@@ -85,9 +85,7 @@ pub struct VirtualTello {
     streams: u32,
     pads: bool,
     speed: i32,
-    running: Option<Running>,
-    /// No other command starts before this: the last manoeuvre is still settling.
-    busy_until: Time,
+    tasks: Tasks,
     last_command: Time,
     datum: f64,
     temperature: f64,
@@ -116,8 +114,7 @@ impl VirtualTello {
             streams: 0,
             pads: false,
             speed: DEFAULT_SPEED,
-            running: None,
-            busy_until: now,
+            tasks: Tasks::new(now),
             last_command: now,
             datum: craft.dynamics().pose().attitude.heading,
             temperature: COLD,
@@ -235,7 +232,7 @@ impl VirtualTello {
         match request {
             Request::Rc(sticks) => return self.rc(now, sticks, craft),
             Request::Emergency => {
-                self.running = None;
+                self.tasks.drop_running();
                 craft.apply(now, Command::EmergencyStop, Time::MAX);
                 return;
             }
@@ -283,6 +280,15 @@ impl VirtualTello {
         self.answer_quickly(now, from, "ok");
     }
 
+    /// Handles a motion command: it is refused, or starts.
+    fn begin(&mut self, now: Time, from: SocketAddr, request: Request, craft: &mut SimCraft) {
+        let (faults, rng) = (self.link.faults(), &mut self.rng);
+        let mut given = Conditions { figures: &self.figures, faults, speed: self.speed, rng };
+        if let Err(why) = self.tasks.begin(now, from, request, craft, &mut given) {
+            self.refuse(now, from, why);
+        }
+    }
+
     fn change_video(&mut self, change: impl FnOnce(&mut VideoRequest)) {
         if let Some(request) = &mut self.stream {
             change(request);
@@ -291,7 +297,7 @@ impl VirtualTello {
 
     /// Stick positions hold until replaced. A position command in progress is not affected.
     fn rc(&mut self, now: Time, [right, forward, up, clockwise]: [i32; 4], craft: &mut SimCraft) {
-        if self.running.is_some() || craft.dynamics().phase() == FlightPhase::Landing {
+        if self.tasks.is_running() || craft.dynamics().phase() == FlightPhase::Landing {
             return;
         }
         let ProtocolParameters { stick_speed, stick_climb, stick_sink, stick_yaw, .. } = self.figures;
@@ -309,7 +315,7 @@ impl VirtualTello {
     fn stop(&mut self, now: Time, from: SocketAddr, craft: &mut SimCraft) {
         if matches!(craft.dynamics().phase(), FlightPhase::Flying | FlightPhase::Landing) {
             craft.apply(now, Command::Setpoint(Setpoint::HOLD), Time::MAX);
-            if let Some(Running { to, task: Task::Fly(_) | Task::Land, .. }) = self.running.take() {
+            if let Some(to) = self.tasks.stop() {
                 self.answer(now + duration_from_secs(FORCED_STOP), to, "forced stop");
             }
         }
@@ -319,7 +325,8 @@ impl VirtualTello {
     fn restart(&mut self, now: Time, craft: &mut SimCraft) {
         craft.apply(now, Command::EmergencyStop, Time::MAX);
         self.booted = now + duration_from_secs(BOOT);
-        (self.client, self.stream, self.running) = (None, None, None);
+        self.tasks.drop_running();
+        (self.client, self.stream) = (None, None);
         (self.ports, self.pads, self.speed) = ((STATE_PORT, VIDEO_PORT), false, DEFAULT_SPEED);
         self.datum = craft.dynamics().pose().attitude.heading;
     }
@@ -341,14 +348,16 @@ impl VirtualTello {
         if self.faults().has_fault(now, CraftFault::Reboot) && now >= self.booted {
             self.restart(now, craft);
         }
-        self.go_on(now, craft);
-        if self.running.is_some() {
+        if let Some(Ended { at, to, text }) = self.tasks.go_on(now, craft, &self.figures) {
+            self.answer(at, to, text);
+        }
+        if self.tasks.is_running() {
             self.last_command = now;
         }
         let idle = now.since(self.last_command) >= duration_from_secs(self.figures.idle_landing);
         let empty = self.faults().has_fault(now, CraftFault::BatteryEmpty);
-        if craft.dynamics().phase() == FlightPhase::Flying && (empty || (idle && self.running.is_none())) {
-            if let Some(Running { to, .. }) = self.running.take() {
+        if craft.dynamics().phase() == FlightPhase::Flying && (empty || (idle && !self.tasks.is_running())) {
+            if let Some(to) = self.tasks.drop_running() {
                 self.refuse(now, to, "error Auto land");
             }
             craft.apply(now, Command::Land, Time::MAX);

@@ -18,8 +18,9 @@ use std::collections::VecDeque;
 
 pub use self::boxes::Mobility;
 pub(crate) use self::line::Line;
-use self::views::{FreeView, SeenView};
-use spf_core::geometry::EnuPosition;
+use self::views::Views;
+use spf_core::camera::Camera;
+use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::{Duration, Time};
 
 /// Edge of a cell, metres.
@@ -100,8 +101,7 @@ pub struct ObstacleMap {
     touched: Vec<u32>,
     faded_occupied: Time,
     faded_free: Time,
-    seen: VecDeque<SeenView>,
-    free: VecDeque<FreeView>,
+    views: Views,
     named: VecDeque<boxes::Named>,
     changed: u64,
 }
@@ -125,8 +125,7 @@ impl ObstacleMap {
             touched: Vec::new(),
             faded_occupied: Time::ZERO,
             faded_free: Time::ZERO,
-            seen: VecDeque::new(),
-            free: VecDeque::new(),
+            views: Views::default(),
             named: VecDeque::new(),
             changed: 0,
         }
@@ -156,7 +155,8 @@ impl ObstacleMap {
             }
             self.odds.iter_mut().for_each(|odds| *odds += i8::from(*odds < 0));
         }
-        self.forget(now);
+        self.views.forget(now);
+        self.named.retain(|named| named.until >= now);
     }
 
     /// Counts these cells as occupied until the next call, whatever is measured there: places that the operator has marked. No
@@ -266,6 +266,68 @@ impl ObstacleMap {
             }
         }
         self.changed += 1;
+    }
+
+    /// Adds a usable frame.
+    pub fn frame(&mut self, captured: Time, camera: &Camera, pose: Pose) {
+        self.views.frame(captured, camera, pose);
+    }
+
+    /// Adds what a reply that arrived at `now` implies: its frame's view is free up to `range` metres, until 5 s from
+    /// now.
+    pub fn implied_free(&mut self, now: Time, camera: &Camera, pose: Pose, range: f64) {
+        if range.is_finite() && range > 0.0 {
+            self.views.implied_free(now, camera, pose, range);
+            self.changed += 1;
+        }
+    }
+
+    /// Whether a usable frame of the last 3 s has shown a place, with no known obstacle in between, or the craft has
+    /// been there.
+    #[must_use]
+    pub fn is_seen(&self, now: Time, at: EnuPosition) -> bool {
+        self.views.has_seen(now, at, |from| self.is_line_free(from, at))
+    }
+
+    /// Whether a place is free: a ray has passed through; or a reply has implied it and no obstacle is known; or the
+    /// craft has been there within 3 s.
+    #[must_use]
+    pub fn is_free(&self, now: Time, at: EnuPosition) -> bool {
+        match self.known(Cell::of(at)) {
+            CellState::Occupied => false,
+            CellState::Free => true,
+            CellState::Unknown => self.views.is_free(now, at),
+        }
+    }
+
+    /// Whether no obstacle is known on the line between two places.
+    #[must_use]
+    pub fn is_clear(&self, from: EnuPosition, to: EnuPosition) -> bool {
+        self.first_obstacle(from, to).is_none()
+    }
+
+    /// Whether no obstacle is known within `radius` metres horizontally of the column from `at` over `climb` metres (negative:
+    /// downwards). A forward camera does not see straight up or down; what it has seen beside the column may reach into it.
+    #[must_use]
+    pub fn is_column_clear(&self, at: EnuPosition, climb: f64, radius: f64) -> bool {
+        let (low, high) = (at.up + climb.min(0.0), at.up + climb.max(0.0));
+        let near = |cell: &Cell| {
+            let middle = cell.middle();
+            (low..=high).contains(&middle.up) && middle.horizontal_distance(at) <= radius
+        };
+        !self.occupied().any(|cell| near(&cell))
+    }
+
+    /// The first occupied cell on the line from one place to another.
+    #[must_use]
+    pub fn first_obstacle(&self, from: EnuPosition, to: EnuPosition) -> Option<Cell> {
+        Line::new(Cell::of(from), Cell::of(to)).find(|cell| self.is_occupied(*cell))
+    }
+
+    /// Whether no obstacle is known on the line between two places, except in the last cell.
+    fn is_line_free(&self, from: EnuPosition, to: EnuPosition) -> bool {
+        let end = Cell::of(to);
+        Line::new(Cell::of(from), end).all(|cell| cell == end || !self.is_occupied(cell))
     }
 
     /// Moves the grid so that `middle` is near its middle.

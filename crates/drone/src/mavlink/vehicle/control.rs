@@ -4,7 +4,6 @@
 //! not command means that somebody else has taken over: then nothing is sent any more, and only the operator takes back.
 
 use spf_core::command::Setpoint;
-use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::command::{CommandResult, FORCE, VehicleCommand, ids};
 use spf_mavlink::modes::{Autopilot, Mode};
@@ -12,8 +11,6 @@ use spf_mavlink::modes::{Autopilot, Mode};
 use super::holder::Holder;
 use super::{Notice, Vehicle};
 
-/// PX4 wants setpoints for about a second before it accepts the mode in which it follows them.
-const STREAM_FIRST: Duration = Duration::from_millis(1200);
 /// A mode that was refused is requested again after this long, at most this often.
 const AGAIN: Duration = Duration::from_millis(700);
 const TRIES: u8 = 4;
@@ -22,8 +19,6 @@ const ARM_AGAIN: Duration = Duration::from_secs(2);
 const REJECTED: u8 = 4;
 /// Maximum time for a step to show in the vehicle's state after its command was accepted.
 const SHOWN_WITHIN: Duration = Duration::from_secs(4);
-/// How long a mode that we commanded may take to appear in a heartbeat, of which there is one a second.
-const UNDER_WAY: Duration = Duration::from_millis(2500);
 /// What the vehicle says about a refusal may arrive after it.
 const WORDS_WITHIN: Duration = Duration::from_millis(700);
 /// After this long in a take-off the user reads what it waits for.
@@ -71,24 +66,6 @@ pub(super) enum Control {
 }
 
 impl Vehicle {
-    /// Flight phase, as the pilot sees it.
-    pub(super) fn phase(&self) -> FlightPhase {
-        match self.control {
-            Control::Stopping { .. } => FlightPhase::Stopped,
-            Control::Refused { .. } | Control::Preparing { .. } | Control::Arming { .. } | Control::Climbing { .. } => {
-                FlightPhase::TakingOff
-            }
-            _ if !self.armed => FlightPhase::OnGround,
-            Control::Entering { takes_off: true, .. } => FlightPhase::TakingOff,
-            Control::Entering { .. } | Control::Flying | Control::Returning { shown: false, .. } => FlightPhase::Flying,
-            Control::Landing { .. } if self.down.is_some() => FlightPhase::OnGround,
-            Control::Landing { .. } | Control::Returning { .. } => FlightPhase::Landing,
-            _ if !self.is_flying() => FlightPhase::OnGround,
-            _ if self.mode.is_landing() => FlightPhase::Landing,
-            Control::Watching | Control::Idle | Control::Released(_) => FlightPhase::Flying,
-        }
-    }
-
     /// Whether setpoints are sent.
     pub(super) fn streams(&self) -> bool {
         match self.control {
@@ -100,26 +77,6 @@ impl Vehicle {
             Control::Returning { .. } => self.mode == self.autopilot.external() && self.armed,
             _ => false,
         }
-    }
-
-    pub(super) fn entering(&mut self, now: Time, takes_off: bool) -> Control {
-        (self.setpoint, self.next_setpoint) = (None, now);
-        let wait = if self.mode == self.autopilot.external() || self.autopilot == Autopilot::ArduPilot {
-            Duration::ZERO
-        } else {
-            STREAM_FIRST
-        };
-        Control::Entering { from: self.mode, ask_at: now + wait, tries: 0, takes_off }
-    }
-
-    /// Remembers a mode that the vehicle may show because of us.
-    pub(super) fn expect(&mut self, now: Time, mode: Mode) {
-        self.commanded = [Some((now, mode)), self.commanded[0].filter(|(_, before)| *before != mode).or(self.commanded[1])];
-    }
-
-    /// Whether a mode was commanded here so recently that the vehicle may show it now.
-    pub(super) fn is_under_way(&self, now: Time, mode: Mode) -> bool {
-        self.commanded.iter().flatten().any(|(at, commanded)| *commanded == mode && now.since(*at) <= UNDER_WAY)
     }
 
     fn set_mode(&mut self, now: Time, mode: Mode) {
@@ -209,12 +166,8 @@ impl Vehicle {
                 ids::LAND => "landing",
                 ids::RETURN => "the return",
                 ids::SET_MODE => "the flight mode",
-                ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW if result == CommandResult::Unsupported => {
-                    self.gimbal_is_old(now);
-                    continue;
-                }
                 ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW | ids::MOUNT_CONTROL => {
-                    self.gimbal_is_refused(now, result);
+                    self.settle_gimbal(now, command.id, result);
                     continue;
                 }
                 ids::INTERVAL if command.parameters[0] == super::rates::ATTITUDE => {
@@ -261,11 +214,6 @@ impl Vehicle {
     fn give_up(&mut self, now: Time, what: &'static str, result: CommandResult) {
         self.commands.clear();
         self.control = Control::Refused { what, result, at: now };
-    }
-
-    pub(super) fn refuse(&mut self, now: Time, what: &'static str, result: CommandResult) {
-        let texts = self.facts.recent_words(now);
-        self.notices.push_back(Notice::Refused { what, result, texts });
     }
 
     /// Follows the state that the vehicle reports.

@@ -4,7 +4,7 @@
 use spf_core::geometry::wrap_angle;
 use spf_core::gimbal::GimbalReport;
 use spf_core::time::{Duration, Time};
-use spf_mavlink::command::CommandResult;
+use spf_mavlink::command::{CommandResult, Commands, ids};
 use spf_mavlink::gimbal::{GimbalNews, Look, mount, point, take_control};
 
 use super::Vehicle;
@@ -72,6 +72,111 @@ impl Default for GimbalState {
     }
 }
 
+impl GimbalState {
+    /// Tilt of the camera below the horizon, radians, if it was reported lately.
+    fn tilt(&self, now: Time) -> Option<f64> {
+        let (at, tilt) = self.tilt.filter(|_| self.used)?;
+        (now.since(at) <= HEARD).then_some(tilt)
+    }
+
+    /// Whether another station than our `own` has control of it, and may keep it.
+    fn is_theirs(&self, own: [u8; 2]) -> bool {
+        !self.wanted_by_user && self.control.is_some_and(|whose| whose != [0, 0] && whose != own)
+    }
+
+    /// A report of where the camera looks, of a craft with this heading, radians.
+    fn look(&mut self, now: Time, look: &Look, own: [u8; 2], heading: Option<f64>) -> Option<GimbalReport> {
+        // Of several gimbals the first counts: the others carry other cameras.
+        if *self.device.get_or_insert(look.device) != look.device {
+            return None;
+        }
+        let measured = self.clock.measured(now, look.boot_ms)?;
+        let ahead = if look.from_north { heading } else { Some(0.0) };
+        let aside = look.yaw.zip(ahead).is_none_or(|(yaw, ahead)| wrap_angle(yaw - ahead).abs() > ASIDE);
+        let tilt = look.tilt;
+        self.tilt = Some((measured, tilt));
+        if self.wanted.is_some_and(|(wanted, ..)| (wanted - tilt).abs() < ARRIVED) {
+            self.wanted = None;
+        }
+        // One that may not be tilted has no range: the craft climbs instead.
+        let range = if self.refused || self.is_theirs(own) { [tilt; 2] } else { self.range };
+        Some(GimbalReport { measured, tilt, range, aside })
+    }
+
+    fn handle(&mut self, now: Time, news: GimbalNews, own: [u8; 2], heading: Option<f64>) -> Option<GimbalReport> {
+        if !self.used {
+            return None;
+        }
+        match news {
+            GimbalNews::Range(range) => self.range = range,
+            GimbalNews::Look(look) => return self.look(now, &look, own, heading),
+            GimbalNews::Control(whose) => {
+                self.control = Some(whose);
+                if self.is_theirs(own) {
+                    (self.wanted, self.in_control) = (None, false);
+                }
+            }
+        }
+        None
+    }
+
+    /// Wants the camera tilted, radians below the horizon. Returns a refusal that the user has not read yet.
+    fn want(&mut self, now: Time, tilt: f64, own: [u8; 2]) -> Option<CommandResult> {
+        if !self.used {
+            return None;
+        }
+        if self.refused || self.is_theirs(own) {
+            return (!core::mem::replace(&mut self.told, true)).then_some(NOT_IN_CONTROL);
+        }
+        self.wanted = Some((tilt.max(self.range[0]).min(self.range[1]), now, 0));
+        None
+    }
+
+    /// Commands what is wanted, until it is shown, unless somebody else has the craft (`is_released`). Returns a refusal that the
+    /// user has not read yet.
+    fn advance(&mut self, now: Time, own: [u8; 2], is_released: bool, commands: &mut Commands) -> Option<CommandResult> {
+        let (tilt, _, tries) = self.wanted.filter(|(_, again, _)| now >= *again)?;
+        if is_released {
+            self.wanted = None;
+            return None;
+        }
+        if tries >= TRIES {
+            return self.refuse(CommandResult::Unanswered);
+        }
+        self.wanted = Some((tilt, now + AGAIN, tries + 1));
+        if self.old {
+            commands.submit(mount(tilt));
+            return None;
+        }
+        if !core::mem::replace(&mut self.in_control, true) {
+            commands.submit(take_control(own));
+        }
+        commands.submit(point(tilt));
+        None
+    }
+
+    /// It does not follow: it is not tilted any more. Returns the refusal if the user has not read it yet.
+    fn refuse(&mut self, result: CommandResult) -> Option<CommandResult> {
+        self.wanted = None;
+        if core::mem::replace(&mut self.refused, true) {
+            return None;
+        }
+        self.told = true;
+        Some(result)
+    }
+
+    /// The result of a command to it, which was not accepted. Where its manager does not know the command, the older one is used
+    /// from now on. Returns a refusal that the user has not read yet.
+    fn settle(&mut self, now: Time, command: u16, result: CommandResult) -> Option<CommandResult> {
+        if command == ids::MOUNT_CONTROL || result != CommandResult::Unsupported {
+            return self.refuse(result);
+        }
+        self.old = true;
+        self.wanted = self.wanted.map(|(tilt, ..)| (tilt, now, 0));
+        None
+    }
+}
+
 impl Vehicle {
     /// Its reports are not used: the camera is not on it.
     pub fn ignore_gimbal(&mut self) {
@@ -81,14 +186,13 @@ impl Vehicle {
     /// Tilt of the camera below the horizon, radians, as the gimbal reports it.
     #[must_use]
     pub fn camera_tilt(&self, now: Time) -> Option<f64> {
-        let (at, tilt) = self.gimbal.tilt.filter(|_| self.gimbal.used)?;
-        (now.since(at) <= HEARD).then_some(tilt)
+        self.gimbal.tilt(now)
     }
 
     /// The gimbal's range, if there is a gimbal.
     #[must_use]
     pub fn gimbal_range(&self, now: Time) -> Option<[f64; 2]> {
-        self.camera_tilt(now).map(|_| self.gimbal.range)
+        self.gimbal.tilt(now).map(|_| self.gimbal.range)
     }
 
     /// The user wants the camera tilted: control is taken, whoever has it.
@@ -96,96 +200,35 @@ impl Vehicle {
         self.gimbal.wanted_by_user = true;
     }
 
-    /// Whether another station has control of the gimbal, and may keep it.
-    fn is_gimbal_theirs(&self) -> bool {
-        !self.gimbal.wanted_by_user && self.gimbal.control.is_some_and(|whose| whose != [0, 0] && whose != self.own)
-    }
-
-    /// A report of where the camera looks.
-    fn look(&mut self, now: Time, look: &Look) {
-        // Of several gimbals the first counts: the others carry other cameras.
-        if *self.gimbal.device.get_or_insert(look.device) != look.device {
-            return;
-        }
-        let Some(measured) = self.gimbal.clock.measured(now, look.boot_ms) else { return };
-        let ahead = if look.from_north { self.sensed.heading(now) } else { Some(0.0) };
-        let aside = look.yaw.zip(ahead).is_none_or(|(yaw, ahead)| wrap_angle(yaw - ahead).abs() > ASIDE);
-        let tilt = look.tilt;
-        self.gimbal.tilt = Some((measured, tilt));
-        if self.gimbal.wanted.is_some_and(|(wanted, ..)| (wanted - tilt).abs() < ARRIVED) {
-            self.gimbal.wanted = None;
-        }
-        // One that may not be tilted has no range: the craft climbs instead.
-        let range = if self.gimbal.refused || self.is_gimbal_theirs() { [tilt; 2] } else { self.gimbal.range };
-        self.push_measured(now, DroneEvent::Gimbal(GimbalReport { measured, tilt, range, aside }));
-    }
-
     /// A report of the gimbal.
     pub fn handle_gimbal(&mut self, now: Time, news: GimbalNews) {
-        if !self.gimbal.used {
-            return;
-        }
-        match news {
-            GimbalNews::Range(range) => self.gimbal.range = range,
-            GimbalNews::Look(look) => self.look(now, &look),
-            GimbalNews::Control(whose) => {
-                self.gimbal.control = Some(whose);
-                if self.is_gimbal_theirs() {
-                    (self.gimbal.wanted, self.gimbal.in_control) = (None, false);
-                }
-            }
+        if let Some(report) = self.gimbal.handle(now, news, self.own, self.sensed.heading(now)) {
+            self.push_measured(now, DroneEvent::Gimbal(report));
         }
     }
 
     /// Tilts the camera, radians below the horizon. Not while somebody else flies.
     pub fn tilt(&mut self, now: Time, tilt: f64) {
-        if matches!(self.control, Control::Released(_) | Control::Watching) || !self.gimbal.used {
+        if matches!(self.control, Control::Released(_) | Control::Watching) {
             return;
         }
-        if self.gimbal.refused || self.is_gimbal_theirs() {
-            if !core::mem::replace(&mut self.gimbal.told, true) {
-                self.refuse(now, TILT, NOT_IN_CONTROL);
-            }
-            return;
-        }
-        self.gimbal.wanted = Some((tilt.max(self.gimbal.range[0]).min(self.gimbal.range[1]), now, 0));
-    }
-
-    /// Commands what is wanted, until it is shown.
-    pub(super) fn advance_gimbal(&mut self, now: Time) {
-        let Some((tilt, _, tries)) = self.gimbal.wanted.filter(|(_, again, _)| now >= *again) else { return };
-        if matches!(self.control, Control::Released(_)) {
-            self.gimbal.wanted = None;
-            return;
-        }
-        if tries >= TRIES {
-            return self.gimbal_is_refused(now, CommandResult::Unanswered);
-        }
-        self.gimbal.wanted = Some((tilt, now + AGAIN, tries + 1));
-        if self.gimbal.old {
-            self.commands.submit(mount(tilt));
-            return;
-        }
-        if !core::mem::replace(&mut self.gimbal.in_control, true) {
-            self.commands.submit(take_control(self.own));
-        }
-        self.commands.submit(point(tilt));
-    }
-
-    /// It does not follow: it is not tilted any more.
-    pub(super) fn gimbal_is_refused(&mut self, now: Time, result: CommandResult) {
-        self.gimbal.wanted = None;
-        if !core::mem::replace(&mut self.gimbal.refused, true) {
-            self.gimbal.told = true;
+        if let Some(result) = self.gimbal.want(now, tilt, self.own) {
             self.refuse(now, TILT, result);
         }
     }
 
-    /// The manager does not know a command: from now on the older one is used.
-    pub(super) fn gimbal_is_old(&mut self, now: Time) {
-        self.gimbal.old = true;
-        if let Some((tilt, ..)) = self.gimbal.wanted {
-            self.gimbal.wanted = Some((tilt, now, 0));
+    /// Follows the result of a command to the gimbal, which was not accepted.
+    pub(super) fn settle_gimbal(&mut self, now: Time, command: u16, result: CommandResult) {
+        if let Some(result) = self.gimbal.settle(now, command, result) {
+            self.refuse(now, TILT, result);
+        }
+    }
+
+    /// Commands what is wanted of the gimbal, until it is shown.
+    pub(super) fn advance_gimbal(&mut self, now: Time) {
+        let is_released = matches!(self.control, Control::Released(_));
+        if let Some(result) = self.gimbal.advance(now, self.own, is_released, &mut self.commands) {
+            self.refuse(now, TILT, result);
         }
     }
 }

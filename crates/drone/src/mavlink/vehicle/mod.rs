@@ -8,9 +8,11 @@ mod gimbal;
 mod holder;
 mod leaving;
 mod outgoing;
+mod rally;
 mod ranging;
 mod rates;
 mod returning;
+mod state;
 mod taking_over;
 mod telemetry;
 #[cfg(test)]
@@ -21,7 +23,6 @@ use std::collections::{BTreeMap, VecDeque};
 
 use spf_core::command::{Command, Setpoint};
 use spf_core::ranges::RangeScan;
-use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
 use spf_envelope::Cleared;
 use spf_mavlink::command::Commands;
@@ -35,6 +36,7 @@ pub use self::facts::Facts;
 use self::gimbal::GimbalState;
 use self::holder::Evidence;
 pub use self::outgoing::{Notice, Outgoing};
+use self::rally::Rally;
 use self::telemetry::Sensed;
 use crate::DroneEvent;
 
@@ -44,8 +46,6 @@ const LOST: Duration = Duration::from_secs(2);
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// Interval of setpoints: both autopilots want more than 2 a second, and turn a velocity by the heading once, on receipt.
 pub const SETPOINTS: Duration = Duration::from_millis(50);
-/// Maximum number of events that wait for the pilot; the oldest telemetry makes room.
-const EVENTS: usize = 64;
 
 /// One vehicle. Sans-IO.
 #[derive(Debug)]
@@ -96,8 +96,7 @@ pub struct Vehicle {
     tells_surroundings: Option<bool>,
     /// Clocks of its sensors, by their numbers.
     range_clocks: BTreeMap<u32, BootClock>,
-    /// Number of requests for the number of rally points, and when the next is due; whether the answer is to be acknowledged.
-    rally: (u8, Time, bool),
+    rally: Rally,
     /// The transfer of a fence, and the result of the last one that was sent.
     fence: Transfer,
     sent_fence: Option<Result<(), FenceError>>,
@@ -154,7 +153,7 @@ impl Vehicle {
             surroundings: None,
             tells_surroundings: None,
             range_clocks: BTreeMap::new(),
-            rally: (0, now, false),
+            rally: Rally::new(now),
             fence: Transfer::default(),
             sent_fence: None,
             says_landed: false,
@@ -191,40 +190,10 @@ impl Vehicle {
         self.mode
     }
 
-    /// Whether it is armed, and whether it is in the air as far as it says.
-    #[must_use]
-    pub fn is_flying(&self) -> bool {
-        self.armed && matches!(self.landed, 2..=4)
-    }
-
-    /// Whether its attitude and position arrive.
-    #[must_use]
-    pub fn is_oriented(&self, now: Time) -> bool {
-        self.sensed.telemetry(now, FlightPhase::OnGround, &self.facts).is_some()
-    }
-
-    /// Whether its state on the ground or in the air is known.
-    #[must_use]
-    pub fn is_placed(&self) -> bool {
-        self.landed != 0
-    }
-
-    /// The messages without which it cannot be flown, of those that do not arrive.
-    #[must_use]
-    pub fn missing(&self, now: Time) -> Vec<&'static str> {
-        let needed = [
-            ("ATTITUDE", self.sensed.heading(now).is_some()),
-            ("LOCAL_POSITION_NED", self.sensed.position(now).is_some()),
-            ("GLOBAL_POSITION_INT", self.sensed.height(now).is_some()),
-            ("EXTENDED_SYS_STATE", self.is_placed()),
-        ];
-        needed.into_iter().filter(|(_, arrives)| !arrives).map(|(name, _)| name).collect()
-    }
-
     /// Whether all parameters that matter have arrived or were given up.
     #[must_use]
     pub fn is_read(&self) -> bool {
-        self.facts.is_read() && !self.fence.is_busy() && self.knows_rally_points()
+        self.facts.is_read() && !self.fence.is_busy() && (self.facts.rally_points.is_some() || self.rally.has_given_up())
     }
 
     /// Number of setpoints sent.
@@ -323,7 +292,8 @@ impl Vehicle {
             Report::RallyPoints(count, target) => {
                 if self.is_for_us(*target) {
                     self.facts.answers = true;
-                    (self.facts.rally_points, self.rally.2) = (Some(*count), true);
+                    self.facts.rally_points = Some(*count);
+                    self.rally.answered();
                 }
             }
             Report::LocalPosition { .. } => {
@@ -362,30 +332,6 @@ impl Vehicle {
         self.grounded = if landed == 1 { self.grounded.or(Some(now)) } else { None };
     }
 
-    /// Sends the state to the pilot.
-    fn report(&mut self, now: Time) {
-        let Some(telemetry) = self.sensed.telemetry(now, self.phase(), &self.facts) else { return };
-        self.push_measured(now, DroneEvent::Telemetry(telemetry));
-    }
-
-    /// The same of a craft that has just come to rest on the ground, also if its sensors tell nothing any more: a landing ends.
-    pub(super) fn report_rest(&mut self, now: Time) {
-        if let Some(telemetry) = self.sensed.at_rest(now, &self.facts) {
-            self.push_measured(now, DroneEvent::Telemetry(telemetry));
-        }
-    }
-
-    /// Appends a measurement. Somebody who floods the link must not fill the memory, nor put old telemetry before the pilot.
-    pub(super) fn push_measured(&mut self, now: Time, event: DroneEvent) {
-        if self.events.len() >= EVENTS {
-            let measured =
-                |event: &DroneEvent| matches!(event, DroneEvent::Telemetry(_) | DroneEvent::Ranges(_) | DroneEvent::Gimbal(_));
-            let oldest = self.events.iter().position(|(_, event)| measured(event));
-            oldest.and_then(|index| self.events.remove(index));
-        }
-        self.events.push_back((now, event));
-    }
-
     /// The next transmission.
     pub fn poll(&mut self, now: Time) -> Option<Outgoing> {
         self.evidence.runs(now);
@@ -420,7 +366,7 @@ impl Vehicle {
             return Some(Outgoing::Fence(message));
         }
         self.follow_fence(now);
-        if let Some(outgoing) = self.count_rally_points(now) {
+        if let Some(outgoing) = self.rally.poll(now, self.facts.rally_points.is_some(), self.fence.is_busy()) {
             return Some(outgoing);
         }
         if let Some(scan) = self.surroundings.take() {

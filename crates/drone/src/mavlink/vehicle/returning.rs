@@ -5,14 +5,11 @@ use spf_core::time::{Duration, Time};
 use spf_mavlink::command::{VehicleCommand, ids};
 
 use super::control::Control;
-use super::{Notice, Outgoing, Vehicle};
+use super::{Notice, Vehicle};
 
 /// A return that the vehicle does not show is commanded again after this long, at most this often.
 const AGAIN: Duration = Duration::from_secs(1);
 const TRIES: u8 = 4;
-/// The number of rally points is asked for again after this long, at most this often.
-const COUNT_AGAIN: Duration = Duration::from_millis(700);
-const COUNTS: u8 = 5;
 /// A craft that has been on the ground for this long, and did not disarm by itself, is disarmed.
 const DISARMED_AFTER: Duration = Duration::from_secs(5);
 
@@ -55,25 +52,6 @@ impl Vehicle {
             return;
         }
         self.control = Control::Returning { from, since, shown, again, tries: tries.saturating_add(1) };
-    }
-
-    /// Whether the number of its rally points is known, or was asked for in vain.
-    pub(super) fn knows_rally_points(&self) -> bool {
-        self.facts.rally_points.is_some() || self.rally.0 > COUNTS
-    }
-
-    /// Asks for the number of its rally points, and ends that conversation.
-    pub(super) fn count_rally_points(&mut self, now: Time) -> Option<Outgoing> {
-        let (tries, due, answered) = self.rally;
-        if answered {
-            self.rally.2 = false;
-            return Some(Outgoing::EndRallyPoints);
-        }
-        if self.knows_rally_points() || now < due || self.fence.is_busy() {
-            return None;
-        }
-        self.rally = (tries + 1, now + COUNT_AGAIN, false);
-        (tries < COUNTS).then_some(Outgoing::CountRallyPoints)
     }
 
     /// It has landed and disarmed after a return.

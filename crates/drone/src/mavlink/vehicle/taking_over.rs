@@ -1,4 +1,5 @@
-//! Somebody else flies: a radio, another station, a failsafe. Then nothing is sent, until the operator takes control back.
+//! Who has control, by the mode that the vehicle shows: taking it, and letting go of it. While somebody else flies, a radio,
+//! another station, a failsafe, nothing is sent, until the operator takes control back.
 
 use spf_core::time::{Duration, Time};
 use spf_mavlink::command::{VehicleCommand, ids};
@@ -9,6 +10,10 @@ use super::holder::Holder;
 use super::{Notice, Vehicle};
 use crate::DroneEvent;
 
+/// PX4 wants setpoints for about a second before it accepts the mode in which it follows them.
+const STREAM_FIRST: Duration = Duration::from_millis(1200);
+/// How long a mode that we commanded may take to appear in a heartbeat, of which there is one a second.
+const UNDER_WAY: Duration = Duration::from_millis(2500);
 /// The radio's channels, or that there is no receiver, must have arrived this long after the change of mode.
 const CLEAR_WITHIN: Duration = Duration::from_secs(5);
 /// A craft that moves slower than this hovers, m/s.
@@ -53,6 +58,27 @@ impl Vehicle {
             (Autopilot::ArduPilot, _) => true,
         };
         hovers && ours
+    }
+
+    /// Begins to take control: setpoints first, then the mode in which they count.
+    pub(super) fn entering(&mut self, now: Time, takes_off: bool) -> Control {
+        (self.setpoint, self.next_setpoint) = (None, now);
+        let wait = if self.mode == self.autopilot.external() || self.autopilot == Autopilot::ArduPilot {
+            Duration::ZERO
+        } else {
+            STREAM_FIRST
+        };
+        Control::Entering { from: self.mode, ask_at: now + wait, tries: 0, takes_off }
+    }
+
+    /// Remembers a mode that the vehicle may show because of us.
+    pub(super) fn expect(&mut self, now: Time, mode: Mode) {
+        self.commanded = [Some((now, mode)), self.commanded[0].filter(|(_, before)| *before != mode).or(self.commanded[1])];
+    }
+
+    /// Whether a mode was commanded here so recently that the vehicle may show it now.
+    fn is_under_way(&self, now: Time, mode: Mode) -> bool {
+        self.commanded.iter().flatten().any(|(at, commanded)| *commanded == mode && now.since(*at) <= UNDER_WAY)
     }
 
     /// Whether a mode does not mean that somebody else flies.

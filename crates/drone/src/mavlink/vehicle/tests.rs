@@ -4,6 +4,7 @@ mod safety;
 mod sensors;
 
 use spf_core::geometry::{EnuPosition, EnuVelocity};
+use spf_core::telemetry::FlightPhase;
 use spf_mavlink::command::{CommandResult, VehicleCommand, ids};
 use spf_mavlink::report::Heartbeat;
 

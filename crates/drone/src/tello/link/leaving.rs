@@ -7,7 +7,7 @@ use spf_core::time::{Duration, Time};
 
 use super::super::conversation::Order;
 use super::super::manoeuvre::{self, Stage};
-use super::{Link, Notice, ZEROS_FIRST};
+use super::{Link, ZEROS_FIRST};
 
 /// Without a call of the pilot for this long the craft holds, and later lands.
 const SILENT_HOLD: Duration = Duration::from_secs(2);
@@ -34,14 +34,63 @@ impl TakeOff {
     pub(super) fn new(now: Time) -> Self {
         Self { asked: now, sent: None }
     }
+
+    /// Whether it could not be sent in time.
+    pub(super) fn is_late(&self, now: Time) -> bool {
+        self.sent.is_none() && now.since(self.asked) >= TAKE_OFF_UNSENT
+    }
+
+    /// Whether it should show by now.
+    pub(super) fn should_show(&self, now: Time) -> bool {
+        self.sent.is_some_and(|sent| now.since(sent) >= TAKE_OFF_UNSEEN)
+    }
+
+    /// Whether it may still start the motors, being in transit.
+    pub(super) fn may_start(&self, now: Time) -> bool {
+        self.sent.is_some_and(|sent| now.since(sent) < SPIN_UP)
+    }
+}
+
+/// What the silence of the pilot calls for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Silence {
+    Hold,
+    Land,
+}
+
+/// The calls of the pilot.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Heartbeat {
+    /// The last call.
+    beat: Option<Time>,
+    /// Whether the craft holds because of the silence since.
+    held: bool,
+}
+
+impl Heartbeat {
+    /// The pilot calls.
+    pub(super) fn beat(&mut self, now: Time) {
+        *self = Self { beat: Some(now), held: false };
+    }
+
+    /// What its silence calls for now: once a hold, then a landing.
+    pub(super) fn silence(&mut self, now: Time) -> Option<Silence> {
+        let silent = now.since(self.beat?);
+        if silent >= SILENT_LAND {
+            Some(Silence::Land)
+        } else if silent >= SILENT_HOLD && !std::mem::replace(&mut self.held, true) {
+            Some(Silence::Hold)
+        } else {
+            None
+        }
+    }
 }
 
 impl Link {
     /// Records that the pilot is alive. Without this the craft holds after 2 s and lands after 5 s; a link that was never
     /// called by a pilot waits for the first call.
     pub fn heartbeat(&mut self, now: Time) {
-        self.beat = Some(now);
-        self.held_silent = false;
+        self.heartbeat.beat(now);
     }
 
     /// Ends any motion of the craft: zero, then `land`, repeated until it stands on the ground. Used when the program
@@ -87,48 +136,5 @@ impl Link {
         // Earlier evidence does not apply to this landing.
         self.ground.forget();
         (self.land_again, self.land_sent) = (Some(now + ZEROS_FIRST), false);
-    }
-
-    /// Reacts to a pilot that does not call any more.
-    pub(super) fn check_heartbeat(&mut self, now: Time) {
-        let flying = matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring);
-        let Some(silent) = self.beat.map(|beat| now.since(beat)).filter(|_| flying) else { return };
-        if silent >= SILENT_LAND {
-            self.notices.push_back(Notice::Unattended { landing: true });
-            self.begin_landing(now);
-        } else if silent >= SILENT_HOLD && !std::mem::replace(&mut self.held_silent, true) {
-            self.notices.push_back(Notice::Unattended { landing: false });
-            match self.phase {
-                FlightPhase::Manoeuvring => self.end_manoeuvre(now),
-                FlightPhase::Flying => {
-                    self.sticks.zero(now);
-                    self.tell(now, Setpoint::HOLD, now);
-                }
-                _ => {}
-            }
-        }
-    }
-
-    /// Abandons a take-off that was not sent, or that did not happen.
-    pub(super) fn check_take_off(&mut self, now: Time) {
-        let Some(take_off) = self.take_off.filter(|_| self.phase == FlightPhase::TakingOff) else { return };
-        match take_off.sent {
-            None if now.since(take_off.asked) >= TAKE_OFF_UNSENT && self.conversation.withdraw(TakeOff::COMMAND) => {
-                self.notices.push_back(Notice::Unsaid { command: TakeOff::COMMAND.to_owned() });
-                self.on_ground();
-                self.report_phase(now);
-            }
-            Some(sent) if now.since(sent) >= TAKE_OFF_UNSEEN && !self.ground.motors_turned() && self.high_since.is_none() => {
-                self.notices.push_back(Notice::NoTakeOff);
-                // It may have been carried out after all, without any evidence of it.
-                self.begin_landing(now);
-            }
-            _ => {}
-        }
-    }
-
-    /// Whether the evidence of the ground is reliable yet: a `takeoff` in transit may still start the motors.
-    pub(super) fn may_still_rise(&self, now: Time) -> bool {
-        self.take_off.and_then(|take_off| take_off.sent).is_some_and(|sent| now.since(sent) < SPIN_UP)
     }
 }

@@ -11,7 +11,7 @@ mod leaving;
 mod reach;
 mod report;
 
-use self::leaving::TakeOff;
+use self::leaving::{Heartbeat, Silence, TakeOff};
 use self::reach::Reach;
 use self::report::Told;
 use super::answer::{Answer, explain};
@@ -109,10 +109,7 @@ pub struct Link {
     repeats: Repeats,
     imu: Imu,
     take_off: Option<TakeOff>,
-    /// Last call of the pilot.
-    beat: Option<Time>,
-    /// Whether the craft holds because the pilot does not call.
-    held_silent: bool,
+    heartbeat: Heartbeat,
     /// Since when the drone is at take-off height.
     high_since: Option<Time>,
     /// Velocities commanded, oldest first, for the direction of speeds.
@@ -152,8 +149,7 @@ impl Link {
             repeats: Repeats::default(),
             imu: Imu::default(),
             take_off: None,
-            beat: None,
-            held_silent: false,
+            heartbeat: Heartbeat::default(),
             high_since: None,
             told: VecDeque::new(),
             modelled: [0.0; 3],
@@ -443,6 +439,43 @@ impl Link {
     /// In flight by setpoints, with no landing begun.
     fn flies_by_sticks(&self) -> bool {
         self.phase == FlightPhase::Flying && self.land_again.is_none()
+    }
+
+    /// Whether the evidence of the ground is unreliable yet: a `takeoff` in transit may still start the motors.
+    fn may_still_rise(&self, now: Time) -> bool {
+        self.take_off.is_some_and(|take_off| take_off.may_start(now))
+    }
+
+    /// Reacts to a pilot that does not call any more.
+    fn check_heartbeat(&mut self, now: Time) {
+        if !matches!(self.phase, FlightPhase::TakingOff | FlightPhase::Flying | FlightPhase::Manoeuvring) {
+            return;
+        }
+        let Some(silence) = self.heartbeat.silence(now) else { return };
+        self.notices.push_back(Notice::Unattended { landing: silence == Silence::Land });
+        match (silence, self.phase) {
+            (Silence::Land, _) => self.begin_landing(now),
+            (Silence::Hold, FlightPhase::Manoeuvring) => self.end_manoeuvre(now),
+            (Silence::Hold, FlightPhase::Flying) => {
+                self.sticks.zero(now);
+                self.tell(now, Setpoint::HOLD, now);
+            }
+            _ => {}
+        }
+    }
+
+    /// Abandons a take-off that was not sent, or that did not happen.
+    fn check_take_off(&mut self, now: Time) {
+        let Some(take_off) = self.take_off.filter(|_| self.phase == FlightPhase::TakingOff) else { return };
+        if take_off.is_late(now) && self.conversation.withdraw(TakeOff::COMMAND) {
+            self.notices.push_back(Notice::Unsaid { command: TakeOff::COMMAND.to_owned() });
+            self.on_ground();
+            self.report_phase(now);
+        } else if take_off.should_show(now) && !self.ground.motors_turned() && self.high_since.is_none() {
+            self.notices.push_back(Notice::NoTakeOff);
+            // It may have been carried out after all, without any evidence of it.
+            self.begin_landing(now);
+        }
     }
 
     /// Determines the flight phase from the state and the commands sent.

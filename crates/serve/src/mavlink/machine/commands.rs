@@ -9,8 +9,10 @@ use spf_mavlink::dialect::MavSeverity;
 use spf_mavlink::frames::GlobalPosition;
 use spf_mavlink::message::ReceivedCommand;
 use spf_mavlink::modes::{Autopilot, Mode};
+use spf_mavlink::parameter::REAL32;
 use spf_sim::craft::SimCraft;
 
+use super::loops::{Target, Yaw};
 use super::{ORIGIN, Peer, VirtualVehicle, relative, result};
 
 /// Further commands (`MAV_CMD`): a mode that names a take-off, home, preflight storage.
@@ -39,14 +41,17 @@ impl VirtualVehicle {
                 result::ACCEPTED
             }
             ids::FENCE_ENABLE if self.autopilot == Autopilot::ArduPilot && (p1 == 0.0 || p1 == 1.0) => {
-                self.set_parameter("FENCE_ENABLE", p1.into());
+                self.parameters.set("FENCE_ENABLE", p1, REAL32);
                 result::ACCEPTED
             }
             ids::GIMBAL_CONFIGURE | ids::GIMBAL_PITCHYAW | ids::MOUNT_CONTROL => self.point(from, command),
-            ids::INTERVAL => self.set_interval(now, from, p1, p2),
+            ids::INTERVAL => match self.clients.set_interval(now, from, p1, p2) {
+                true => result::ACCEPTED,
+                false => result::UNSUPPORTED,
+            },
             ids::REQUEST => match self.message(p1 as u32, now, craft) {
                 Some(body) => {
-                    self.send(from, body);
+                    self.clients.send(from, body);
                     result::ACCEPTED
                 }
                 None => result::UNSUPPORTED,
@@ -64,7 +69,7 @@ impl VirtualVehicle {
             }
             GET_HOME => {
                 if let Some(body) = self.message(242, now, craft) {
-                    self.send(from, body);
+                    self.clients.send(from, body);
                 }
                 result::ACCEPTED
             }
@@ -78,18 +83,18 @@ impl VirtualVehicle {
             return result::ACCEPTED;
         }
         if let Some(why) = self.arming_refusal(now, craft) {
-            self.say(MavSeverity::MAV_SEVERITY_CRITICAL, why);
+            self.clients.say(MavSeverity::MAV_SEVERITY_CRITICAL, why);
             return if self.autopilot == Autopilot::Px4 { result::REJECTED } else { result::FAILED };
         }
         // Modes in which a copter may be armed: STABILIZE, ACRO, ALT_HOLD, GUIDED, LOITER, POSHOLD.
         if self.autopilot == Autopilot::ArduPilot && !matches!(self.mode.1, 0 | 1 | 2 | 4 | 5 | 16) {
-            self.say(MavSeverity::MAV_SEVERITY_CRITICAL, &format!("Arm: {} mode not armable", self.mode));
+            self.clients.say(MavSeverity::MAV_SEVERITY_CRITICAL, &format!("Arm: {} mode not armable", self.mode));
             return result::FAILED;
         }
         (self.armed, self.since, self.take_off_height) = (true, now, 0.0);
         self.home = craft.telemetry().position.unwrap_or(self.home);
         let text = if self.autopilot == Autopilot::Px4 { "Armed by external command" } else { "Arming motors" };
-        self.say(MavSeverity::MAV_SEVERITY_INFO, text);
+        self.clients.say(MavSeverity::MAV_SEVERITY_INFO, text);
         result::ACCEPTED
     }
 
@@ -99,7 +104,7 @@ impl VirtualVehicle {
             return result::ACCEPTED;
         }
         if !forced {
-            self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "Disarming denied: not landed");
+            self.clients.say(MavSeverity::MAV_SEVERITY_CRITICAL, "Disarming denied: not landed");
             return if self.autopilot == Autopilot::Px4 { result::DENIED } else { result::FAILED };
         }
         craft.apply(now, Command::EmergencyStop, Time::MAX);
@@ -173,8 +178,8 @@ impl VirtualVehicle {
             Autopilot::ArduPilot => {
                 let Some(place) = place else { return result::DENIED };
                 self.enter(now, self.autopilot.external(), craft);
-                let yaw = yaw.map_or(super::fly::Yaw::Keep, |yaw| super::fly::Yaw::Heading(yaw as f32));
-                self.target = Some((now, super::fly::Target::Position(place, yaw)));
+                let yaw = yaw.map_or(Yaw::Keep, |yaw| Yaw::Heading(yaw as f32));
+                self.target = Some((now, Target::Position(place, yaw)));
             }
         }
         result::ACCEPTED
@@ -195,17 +200,6 @@ impl VirtualVehicle {
         let near = |value: f64, present: f64| (value - present).abs() < 1.0;
         (near(latitude, here.latitude) && near(longitude, here.longitude))
             .then(|| ORIGIN.offset_to(GlobalPosition { latitude, longitude, altitude }))
-    }
-
-    fn set_interval(&mut self, now: Time, from: Peer, id: f32, interval: f32) -> u8 {
-        let known = id.is_finite() && super::rates::DEFAULTS.iter().any(|(known, _)| *known == id as u32);
-        match self.peers.get_mut(&from) {
-            Some(streams) if known && interval.is_finite() && !self.old => {
-                streams.set(id as u32, interval, self.autopilot, now);
-                result::ACCEPTED
-            }
-            _ => result::UNSUPPORTED,
-        }
     }
 }
 

@@ -13,7 +13,7 @@ use spf_mavlink::parameter::{name_bytes, name_of};
 use spf_mavlink::wire::Body;
 use spf_sim::craft::SimCraft;
 
-use super::fly::{Target, Yaw};
+use super::loops::{Target, Yaw};
 use super::{Peer, VirtualVehicle};
 
 /// A velocity above this is an error of the sender, m/s.
@@ -22,8 +22,10 @@ const FASTEST: f32 = 1000.0;
 impl VirtualVehicle {
     pub(super) fn receive(&mut self, now: Time, from: Peer, sender: [u8; 2], message: &MavMessage, craft: &mut SimCraft) {
         if let Some((message, target)) = FenceMessage::read(message) {
-            if matches!(target[0], 0 | 1) {
-                self.receive_fence(now, from, sender, message);
+            if matches!(target[0], 0 | 1)
+                && let Some(answer) = self.fence.receive(now, from, sender, message, self.autopilot)
+            {
+                self.clients.send(from, answer.body(sender));
             }
             return;
         }
@@ -75,7 +77,7 @@ impl VirtualVehicle {
                 self.reply(from, &MavMessage::MISSION_COUNT(data));
             }
             MavMessage::MISSION_COUNT(it) => {
-                self.say(MavSeverity::MAV_SEVERITY_WARNING, "Missions are not simulated");
+                self.clients.say(MavSeverity::MAV_SEVERITY_WARNING, "Missions are not simulated");
                 self.mission(from, sender, MavMissionResult::MAV_MISSION_UNSUPPORTED, it.mission_type);
             }
             MavMessage::MISSION_CLEAR_ALL(it) => {
@@ -88,11 +90,8 @@ impl VirtualVehicle {
                 self.mission(from, sender, MavMissionResult::MAV_MISSION_INVALID_SEQUENCE, it.mission_type);
             }
             MavMessage::REQUEST_DATA_STREAM(it) => {
-                // PX4 does not know it.
-                let (autopilot, rate) = (self.autopilot, if it.start_stop == 0 { 0 } else { it.req_message_rate.min(50) });
-                if let Some(streams) = self.peers.get_mut(&from).filter(|_| autopilot == Autopilot::ArduPilot) {
-                    streams.set_group(it.req_stream_id as u8, rate, autopilot, now);
-                }
+                let rate = if it.start_stop == 0 { 0 } else { it.req_message_rate.min(50) };
+                self.clients.set_group(now, from, it.req_stream_id as u8, rate);
             }
             MavMessage::OBSTACLE_DISTANCE(it) => self.told = Some(Box::new(it.clone())),
             MavMessage::FILE_TRANSFER_PROTOCOL(it) => self.refuse_files(from, sender, it),
@@ -101,7 +100,7 @@ impl VirtualVehicle {
     }
 
     fn reply(&mut self, to: Peer, message: &MavMessage) {
-        self.send(to, Body::from(message));
+        self.clients.send(to, Body::from(message));
     }
 
     fn mission(
@@ -158,7 +157,7 @@ impl VirtualVehicle {
         let refused = if px4 { !matches!(frame, 1 | 8) } else { !matches!(frame, 1 | 7 | 8 | 9) };
         if refused {
             if px4 {
-                self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid");
+                self.clients.say(MavSeverity::MAV_SEVERITY_CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid");
             } else {
                 // Guided starts over, and stops.
                 self.target = None;
@@ -202,7 +201,7 @@ impl VirtualVehicle {
             Target::Velocity(ned, yaw)
         } else {
             if px4 {
-                self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid");
+                self.clients.say(MavSeverity::MAV_SEVERITY_CRITICAL, "SET_POSITION_TARGET_LOCAL_NED invalid");
             }
             return;
         };

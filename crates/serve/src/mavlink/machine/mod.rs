@@ -1,45 +1,41 @@
 //! The virtual autopilot: modes, arming, setpoints, failsafes and what it sends.
 
+mod clients;
 mod commands;
 mod fence;
 mod fly;
 mod gimbal;
+mod loops;
 mod messages;
+mod modes;
 mod rates;
 mod returning;
 mod sensors;
+mod state;
 mod streams;
 
-use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
 
-use spf_core::command::Command;
 use spf_core::geometry::EnuPosition;
 use spf_core::telemetry::FlightPhase;
-use spf_core::time::{Duration, Time, duration_from_secs};
-use spf_mavlink::dialect::{MavMessage, MavSeverity, OBSTACLE_DISTANCE_DATA, STATUSTEXT_DATA};
+use spf_core::time::{Duration, Time};
+use spf_mavlink::dialect::OBSTACLE_DISTANCE_DATA;
 use spf_mavlink::frames::GlobalPosition;
 use spf_mavlink::modes::{Autopilot, Mode};
 use spf_mavlink::wire::{Body, Packet};
 use spf_sim::craft::SimCraft;
 
+use self::clients::Clients;
 use self::fence::Fence;
-use self::fly::Target;
 use self::gimbal::Gimbal;
-use self::rates::Streams;
+use self::loops::Target;
+use self::returning::Return;
 use super::parameters::Parameters;
 
 /// Interval at which the autopilot decides.
 const CONTROL: Duration = Duration::from_millis(20);
-/// Maximum number of clients, and of messages that wait to be sent.
-const PEERS: usize = 16;
-const WAITING: usize = 4096;
 /// Place of the origin: the usual one of PX4's simulators, in Zurich.
 const ORIGIN: GlobalPosition = GlobalPosition { latitude: 47.397_742, longitude: 8.545_594, altitude: 488.0 };
-/// After power-on the estimator needs this long.
-const ALIGNED: Duration = Duration::from_secs(2);
-/// A setpoint this recent counts as a stream.
-const STREAM: Duration = Duration::from_millis(500);
 
 /// Results of commands (`MAV_RESULT`).
 pub(super) mod result {
@@ -64,10 +60,7 @@ pub struct Peer {
 pub struct VirtualVehicle {
     autopilot: Autopilot,
     parameters: Parameters,
-    peers: BTreeMap<Peer, Streams>,
-    out: VecDeque<(Peer, Body)>,
-    /// Heartbeats of clients on their way to the others, with system and component.
-    forwarded: VecDeque<(Peer, [u8; 2], Body)>,
+    clients: Clients,
     mode: Mode,
     armed: bool,
     /// Since when it has been armed, or on the ground again.
@@ -82,11 +75,7 @@ pub struct VirtualVehicle {
     /// A stop because the other program is silent (ArduPilot).
     stopped_silent: bool,
     goto: Option<(EnuPosition, Option<f64>)>,
-    /// Height of a return above the estimator's origin, metres, once it has begun; whether it has climbed; and since when it has
-    /// been over home.
-    return_up: Option<f64>,
-    climbed: bool,
-    arrived: Option<Time>,
+    returning: Return,
     /// Height of the take-off, metres above home.
     take_off_height: f64,
     phase: FlightPhase,
@@ -96,8 +85,6 @@ pub struct VirtualVehicle {
     noticed: [bool; 2],
     next_control: Time,
     strict_beat: bool,
-    /// Firmware without `SET_MESSAGE_INTERVAL`.
-    old: bool,
     /// Whether it has sensors around it.
     ranges: bool,
     /// Channels of its radio, microseconds; `None` without a receiver.
@@ -118,9 +105,7 @@ impl VirtualVehicle {
         Self {
             autopilot,
             parameters: Parameters::of(autopilot),
-            peers: BTreeMap::new(),
-            out: VecDeque::new(),
-            forwarded: VecDeque::new(),
+            clients: Clients::new(autopilot),
             mode: match autopilot {
                 Autopilot::Px4 => autopilot.hold(),
                 Autopilot::ArduPilot => Mode(autopilot, 0),
@@ -133,9 +118,7 @@ impl VirtualVehicle {
             external_since: now,
             stopped_silent: false,
             goto: None,
-            return_up: None,
-            climbed: false,
-            arrived: None,
+            returning: Return::default(),
             take_off_height: 0.0,
             phase: craft.dynamics().phase(),
             fence: Fence::default(),
@@ -143,7 +126,6 @@ impl VirtualVehicle {
             noticed: [false; 2],
             next_control: now,
             strict_beat: false,
-            old: false,
             ranges: false,
             radio: None,
             blurred: None,
@@ -154,27 +136,12 @@ impl VirtualVehicle {
 
     /// Adds a client, to which it sends from now on. More than 16 are ignored.
     pub fn join(&mut self, now: Time, peer: Peer) {
-        if self.peers.len() < PEERS {
-            let old = self.old;
-            self.peers.entry(peer).or_insert_with(|| {
-                let mut streams = Streams::new(self.autopilot, now);
-                if old {
-                    streams.quiet();
-                }
-                streams
-            });
-        }
+        self.clients.join(now, peer);
     }
 
     /// Removes a client.
     pub fn leave(&mut self, peer: Peer) {
-        self.peers.remove(&peer);
-    }
-
-    /// Its flight mode.
-    #[must_use]
-    pub fn mode(&self) -> Mode {
-        self.mode
+        self.clients.leave(peer);
     }
 
     /// Whether it is armed.
@@ -223,24 +190,24 @@ impl VirtualVehicle {
     /// Handles a packet of a client; the craft must have been advanced to `now`.
     pub fn handle(&mut self, now: Time, peer: Peer, packet: &Packet, craft: &mut SimCraft) {
         self.join(now, peer);
-        if !self.peers.contains_key(&peer) {
+        if !self.clients.has(peer) {
             return;
         }
         if let Some(command) = packet.command() {
             let [system, component] = command.target;
             // Another component of the vehicle answers for itself, or is not there.
             if matches!(system, 0 | 1) && matches!(component, 0 | 1) {
-                let before = self.out.len();
+                let before = self.clients.waiting();
                 let result = self.execute(now, peer, &command, craft);
                 let to = [packet.system, packet.component];
                 // Before whatever it led to: clients wait for one after the other.
-                self.out.insert(before, (peer, spf_mavlink::message::acknowledgement(to, command.id, result)));
+                self.clients.send_before(before, peer, spf_mavlink::message::acknowledgement(to, command.id, result));
                 if result == result::ACCEPTED && command.id == spf_mavlink::command::ids::ARM {
                     self.tell_state(now, craft);
                 }
             }
         } else if packet.id == 0 {
-            self.forward(peer, packet);
+            self.clients.forward(peer, packet);
         } else if let Some(message) = packet.message() {
             self.receive(now, peer, [packet.system, packet.component], &message, craft);
         }
@@ -252,51 +219,23 @@ impl VirtualVehicle {
             let at = self.next_control;
             craft.advance_to(at);
             self.control(at, craft);
-            self.ask_for_fence(at);
+            if let Some((to, ask)) = self.fence.ask(at) {
+                self.clients.send(to, ask);
+            }
             self.stream(at, craft);
             self.next_control = at + CONTROL;
         }
         craft.advance_to(now);
     }
 
-    /// ArduPilot passes what is for everybody on to its other links; of that, heartbeats.
-    fn forward(&mut self, from: Peer, packet: &Packet) {
-        if self.autopilot != Autopilot::ArduPilot {
-            return;
-        }
-        let others: Vec<Peer> = self.peers.keys().filter(|peer| **peer != from).copied().collect();
-        for peer in others.into_iter().take(PEERS - self.forwarded.len().min(PEERS)) {
-            let body = Body { id: packet.id, payload: packet.payload.clone() };
-            self.forwarded.push_back((peer, [packet.system, packet.component], body));
-        }
-    }
-
     /// The next message of a client to pass on, with the client that it is for, and the system and component that it is of.
     pub fn poll_forwarded(&mut self) -> Option<(Peer, [u8; 2], Body)> {
-        self.forwarded.pop_front()
+        self.clients.poll_forwarded()
     }
 
     /// The next message to send, with its client.
     pub fn poll(&mut self) -> Option<(Peer, Body)> {
-        self.out.pop_front()
-    }
-
-    fn send(&mut self, peer: Peer, body: Body) {
-        if self.out.len() < WAITING {
-            self.out.push_back((peer, body));
-        }
-    }
-
-    fn broadcast(&mut self, body: &Body) {
-        let peers: Vec<Peer> = self.peers.keys().copied().collect();
-        for peer in peers {
-            self.send(peer, body.clone());
-        }
-    }
-
-    fn say(&mut self, severity: MavSeverity, text: &str) {
-        let data = STATUSTEXT_DATA { severity, text: text.into(), ..STATUSTEXT_DATA::default() };
-        self.broadcast(&Body::from(&MavMessage::STATUSTEXT(data)));
+        self.clients.poll()
     }
 
     /// From now on its heartbeat comes once a second only, as that of a real autopilot, and not also at a change of its state.
@@ -306,8 +245,7 @@ impl VirtualVehicle {
 
     /// From now on it is an old ArduPilot: new clients get nothing but heartbeats, and rates of single messages are unknown to it.
     pub fn grow_old(&mut self) {
-        self.old = true;
-        self.peers.values_mut().for_each(Streams::quiet);
+        self.clients.grow_old();
     }
 
     /// Gives it rangefinders ahead, left and right, and a proximity sensor all round.
@@ -319,84 +257,6 @@ impl VirtualVehicle {
     #[must_use]
     pub fn told_obstacles(&self) -> Option<&OBSTACLE_DISTANCE_DATA> {
         self.told.as_deref()
-    }
-
-    /// Heartbeat and landed state at once, since they have just changed.
-    fn tell_state(&mut self, now: Time, craft: &SimCraft) {
-        for id in [0, 245].into_iter().skip(usize::from(self.strict_beat)) {
-            if let Some(body) = self.message(id, now, craft) {
-                self.broadcast(&body);
-            }
-        }
-    }
-
-    /// Position relative to the estimator's origin, metres.
-    fn position(&self, craft: &SimCraft) -> EnuPosition {
-        relative(craft.telemetry().position.unwrap_or_default(), self.origin)
-    }
-
-    /// Height above home, metres.
-    fn height(&self, craft: &SimCraft) -> f64 {
-        craft.telemetry().position.unwrap_or_default().up - self.home.up
-    }
-
-    fn seconds(&self, name: &str, default: f64) -> Duration {
-        duration_from_secs(self.parameters.number(name, default).clamp(0.0, 3600.0))
-    }
-
-    fn is_ready(&self, now: Time) -> bool {
-        now.since(self.started) >= ALIGNED
-    }
-
-    /// Why it may not be armed; `None` if it may.
-    fn arming_refusal(&self, now: Time, craft: &SimCraft) -> Option<&'static str> {
-        let px4 = self.autopilot == Autopilot::Px4;
-        let battery = craft.telemetry().battery.unwrap_or(0.0);
-        if craft.dynamics().phase() == FlightPhase::Stopped {
-            Some(if px4 { "Preflight Fail: Attitude failure (roll)" } else { "Arm: Crash detected" })
-        } else if !self.is_ready(now) {
-            Some(if px4 { "Preflight Fail: ekf2 missing data" } else { "PreArm: Need Position Estimate" })
-        } else if battery < self.parameters.number("BAT_LOW_THR", 0.15) {
-            Some(if px4 { "Preflight Fail: low battery" } else { "PreArm: Battery 1 low voltage failsafe" })
-        } else {
-            None
-        }
-    }
-
-    /// Changes the mode, if it can be flown; the text says why not.
-    fn enter(&mut self, now: Time, mode: Mode, craft: &mut SimCraft) -> u8 {
-        if mode == self.mode && mode != self.autopilot.land() {
-            return result::ACCEPTED;
-        }
-        let flying = matches!(self.phase, FlightPhase::Flying | FlightPhase::Landing);
-        match (self.autopilot, mode.1) {
-            // Nothing was uploaded.
-            (Autopilot::Px4, 0x0404_0000) | (Autopilot::ArduPilot, 3) => {
-                self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "No valid mission available");
-                return result::DENIED;
-            }
-            (Autopilot::Px4, 0x0006_0000) if self.target.is_none_or(|(at, _)| now.since(at) >= STREAM) => {
-                self.say(MavSeverity::MAV_SEVERITY_CRITICAL, "Switching to Offboard is currently not available");
-                return result::REJECTED;
-            }
-            _ => {}
-        }
-        (self.mode, self.goto, self.stopped_silent) = (mode, None, false);
-        (self.return_up, self.climbed, self.arrived) = (None, false, None);
-        if mode == self.autopilot.external() {
-            self.external_since = now;
-        } else {
-            self.target = None;
-        }
-        if flying {
-            if mode == self.autopilot.land() {
-                craft.apply(now, Command::Land, Time::MAX);
-            } else if self.phase == FlightPhase::Landing {
-                self.hold(now, craft);
-            }
-        }
-        self.tell_state(now, craft);
-        result::ACCEPTED
     }
 }
 

@@ -4,16 +4,17 @@ use spf_core::command::Setpoint;
 use spf_core::geometry::EnuPosition;
 use spf_core::time::{Duration, Time};
 use spf_mavlink::modes::Autopilot;
-use spf_sim::craft::SimCraft;
 
-use super::fly::{HEIGHT, NEAR, Yaw};
-use super::{VirtualVehicle, relative};
+use super::fence::{HEIGHT, is_kind_in_force};
+use super::loops::{Loops, Yaw};
 use crate::mavlink::parameters::Parameters;
 
 /// Of ArduPilot: the least height of a return, the climb that its cone does not shorten, and slopes below this are no cone, metres.
 const LEAST_HEIGHT: f64 = 0.3;
 const LEAST_CLIMB: f64 = 2.5;
 const LEAST_SLOPE: f64 = 0.5;
+/// Distance at which a place is reached, metres.
+const NEAR: f64 = 0.6;
 
 /// Height above home at which a vehicle returns that is this high and this far from home, metres: never below where it is. `ceiling` is the
 /// greatest height of a fence that is in force.
@@ -49,55 +50,62 @@ fn return_height(autopilot: Autopilot, parameters: &Parameters, ceiling: Option<
     }
 }
 
-impl VirtualVehicle {
-    /// On the way home: up, over, then `None` for the landing.
-    pub(super) fn home_setpoint(&mut self, craft: &SimCraft) -> Option<Setpoint> {
-        let (here, home) = (self.position(craft), relative(self.home, self.origin));
+/// A return under way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Return {
+    /// Its height above the estimator's origin, metres, once it has begun.
+    up: Option<f64>,
+    /// Whether it has climbed.
+    climbed: bool,
+    /// Since when it has been over home.
+    arrived: Option<Time>,
+}
+
+impl Return {
+    /// On the way home, which is relative to the estimator's origin: up, over, then `None` for the landing.
+    pub(super) fn setpoint(&mut self, loops: &Loops<'_>, home: EnuPosition) -> Option<Setpoint> {
+        let here = loops.here;
         let away = here.horizontal_distance(home);
         // Decided where it begins: on the way it comes nearer.
-        let up = match self.return_up {
-            Some(up) => up,
-            None => {
-                let number = |name, default| self.parameters.number(name, default);
-                let ceiling = self.has_fence_of(HEIGHT).then(|| number("FENCE_ALT_MAX", 100.0) - number("FENCE_MARGIN", 2.0));
-                let height = return_height(self.autopilot, &self.parameters, ceiling, here.up - home.up, away);
-                *self.return_up.insert(home.up + height)
-            }
-        };
+        let up = *self.up.get_or_insert_with(|| {
+            let number = |name, default| loops.parameters.number(name, default);
+            let ceiling =
+                is_kind_in_force(loops.parameters, HEIGHT).then(|| number("FENCE_ALT_MAX", 100.0) - number("FENCE_MARGIN", 2.0));
+            home.up + return_height(loops.autopilot, loops.parameters, ceiling, here.up - home.up, away)
+        });
         if self.arrived.is_some() || (away < NEAR && here.up > up - NEAR) {
             return None;
         }
         // Once it flies home it does not stop to climb.
         self.climbed |= up - here.up <= NEAR;
         let place = if self.climbed { EnuPosition { up, ..home } } else { EnuPosition { up, ..here } };
-        Some(self.to(place, Yaw::Keep, craft))
+        Some(loops.to(place, Yaw::Keep))
     }
 
-    /// Whether a return has waited over home, and ends in a landing.
-    pub(super) fn lands_at_home(&mut self, now: Time) -> bool {
+    /// Whether it has waited over home, and ends in a landing.
+    pub(super) fn lands(&mut self, now: Time, autopilot: Autopilot, parameters: &Parameters) -> bool {
         let waited = now.since(*self.arrived.get_or_insert(now));
-        let (waits, lands) = match self.autopilot {
-            Autopilot::Px4 => (self.seconds("RTL_LAND_DELAY", 0.0), self.parameters.number("RTL_LAND_DELAY", 0.0) >= 0.0),
+        let (waits, lands) = match autopilot {
+            Autopilot::Px4 => (parameters.seconds("RTL_LAND_DELAY", 0.0), parameters.number("RTL_LAND_DELAY", 0.0) >= 0.0),
             Autopilot::ArduPilot => {
-                let waits = Duration::from_millis(self.parameters.number("RTL_LOIT_TIME", 5000.0).clamp(0.0, 60_000.0) as u64);
-                (waits, self.parameters.number("RTL_ALT_FINAL", 0.0) == 0.0)
+                let waits = Duration::from_millis(parameters.number("RTL_LOIT_TIME", 5000.0).clamp(0.0, 60_000.0) as u64);
+                (waits, parameters.number("RTL_ALT_FINAL", 0.0) == 0.0)
             }
         };
         lands && waited >= waits
     }
-
-    /// Over home, where a return waits, or ends without a landing.
-    pub(super) fn over_home(&self, craft: &SimCraft) -> Setpoint {
-        let (here, home) = (self.position(craft), relative(self.home, self.origin));
-        let last = match self.autopilot {
-            Autopilot::Px4 => self.parameters.number("RTL_DESCEND_ALT", 30.0),
-            Autopilot::ArduPilot => 0.01 * self.parameters.number("RTL_ALT_FINAL", 0.0),
-        };
-        let up = if last > 0.0 { here.up.min(home.up + last) } else { here.up };
-        self.to(EnuPosition { up, ..home }, Yaw::Keep, craft)
-    }
 }
 
+/// Over home, where a return waits, or ends without a landing.
+pub(super) fn over_home(loops: &Loops<'_>, home: EnuPosition) -> Setpoint {
+    let here = loops.here;
+    let last = match loops.autopilot {
+        Autopilot::Px4 => loops.parameters.number("RTL_DESCEND_ALT", 30.0),
+        Autopilot::ArduPilot => 0.01 * loops.parameters.number("RTL_ALT_FINAL", 0.0),
+    };
+    let up = if last > 0.0 { here.up.min(home.up + last) } else { here.up };
+    loops.to(EnuPosition { up, ..home }, Yaw::Keep)
+}
 #[cfg(test)]
 mod tests {
     use spf_mavlink::parameter::REAL32;

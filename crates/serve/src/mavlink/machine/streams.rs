@@ -11,10 +11,10 @@ use spf_mavlink::modes::Autopilot;
 use spf_mavlink::wire::{Body, EKF_STATUS_REPORT, MOUNT_STATUS};
 use spf_sim::craft::SimCraft;
 
-use super::fly::Target;
+use super::loops::Target;
 use super::rates::has;
 use super::sensors;
-use super::{ORIGIN, Peer, VirtualVehicle, relative};
+use super::{ORIGIN, VirtualVehicle, relative};
 
 /// Cells of the battery, and their voltages when empty and full, mV.
 const CELLS: usize = 4;
@@ -24,24 +24,20 @@ const RANGE: (u16, u16) = (10, 4000);
 
 impl VirtualVehicle {
     pub(super) fn stream(&mut self, now: Time, craft: &SimCraft) {
-        let mut due: Vec<(Peer, Vec<u32>)> = Vec::new();
-        for (peer, streams) in &mut self.peers {
-            due.push((*peer, streams.due(now)));
-        }
         let mut made: BTreeMap<u32, Option<Body>> = BTreeMap::new();
-        for (peer, ids) in due {
+        for (peer, ids) in self.clients.due(now) {
             for id in ids {
                 if let Some(body) = made.entry(id).or_insert_with(|| self.message(id, now, craft)).clone() {
-                    self.send(peer, body);
+                    self.clients.send(peer, body);
                 }
                 if id == 132 && self.autopilot == Autopilot::ArduPilot {
                     let boot = (now.since(self.started).as_nanos() / 1_000_000) as u32;
                     let told: Vec<Body> = self.told.iter().flat_map(|told| sensors::echo(boot, told)).collect();
-                    told.into_iter().for_each(|body| self.send(peer, body));
+                    told.into_iter().for_each(|body| self.clients.send(peer, body));
                 }
                 if id == 132 && self.ranges {
                     for body in sensors::rangefinders((now.since(self.started).as_nanos() / 1_000_000) as u32, craft) {
-                        self.send(peer, body);
+                        self.clients.send(peer, body);
                     }
                 }
             }
@@ -93,7 +89,8 @@ impl VirtualVehicle {
                     if self.radio.is_some() { MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_RC_RECEIVER.bits() } else { 0 };
                 let all =
                     receiver | 1 | 2 | 4 | 8 | 32 | fence | battery | MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits();
-                let fenced = self.is_fenced() || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0;
+                let fenced = self.fence.is_in_force(self.autopilot, &self.parameters)
+                    || self.parameters.number("FENCE_ENABLE", 0.0) != 0.0;
                 let healthy = if ready { all } else { all & !32 };
                 let refused = !self.armed && self.arming_refusal(now, craft).is_some();
                 let healthy = if refused { healthy & !MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK.bits() } else { healthy };
