@@ -26,7 +26,7 @@ use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, OracleVlm, SimDrone, SimWorld, VlmFactory, oracle_factory};
 use spf_flight::site::Clock;
 use spf_oracle::ErrorFile;
-use spf_pilot::method::{Measured, Method};
+use spf_pilot::method::{self, Measured};
 use spf_pilot::{Pilot, PilotSettings, Preset};
 use spf_record::log::LogReader;
 use spf_record::out_dir::OutDir;
@@ -187,7 +187,7 @@ fn sealed(task: &Arc<Task>, drawn: &Sampled, errors: &str, seed: u64, folder: &P
             max_time: duration_from_secs(task.max_time),
             max_decisions: task.max_decisions,
             near_m: Some(loaded.scene.near),
-            method: Method::Depth(Measured::View),
+            method: method::Method::Depth(Measured::View),
             ..PilotSettings::preset(Preset::Default)
         },
         record: Some(record(folder)),

@@ -336,7 +336,7 @@ mod tests {
         let flown = method_of(&with(|_| {})).unwrap();
         assert_eq!((flown.motion, flown.think, flown.method), (Motion::Manoeuvres, QueryTiming::Stop, Method::Paper));
         let tracked = with(|settings| settings.fly.track.argument("--track", "pixels"));
-        assert!(method_of(&tracked).unwrap_err().to_string().contains("need --think continuous"));
+        assert!(method_of(&tracked).unwrap_err().to_string().contains("needs --think continuous"));
     }
 
     #[test]

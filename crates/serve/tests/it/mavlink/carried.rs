@@ -2,6 +2,7 @@
 
 use spf_core::geometry::Pose;
 use spf_envelope::BrakeLimits;
+use spf_pilot::method::{Method, Sensed};
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage};
 
 use super::ranges::beside_something;
