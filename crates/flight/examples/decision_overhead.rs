@@ -153,9 +153,9 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
         room: VerticalRoom::default(),
         expected: Expected::Unknown,
     };
-    let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)) else { return Err("the policy did not ask".into()) };
+    let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)).step else { return Err("the policy did not ask".into()) };
     let text = vlm.answer(&QueryRequest::new(&query, Duration::from_secs(10)), &mut frame).text?;
-    let Step::Move(motion) = spf.handle(PolicyEvent::Reply { id: query.id, text: &text }) else {
+    let Step::Move(motion) = spf.handle(PolicyEvent::Reply { id: query.id, text: &text }).step else {
         return Err(format!("no motion came of {text}").into());
     };
     let mut executor = Executor::new(Craft::tello(), Motion::Blended, Ending::Measured);
@@ -195,7 +195,8 @@ fn measure(name: &str, frames: &[Rgb], camera: &Camera) -> Result<(), Failure> {
         craft: Craft::tello(),
         depth: preset.depth,
         near_m: preset.near_m,
-        keep_m: spf_pilot::steering::DEFAULT_KEEP,
+        method: preset.method,
+        keep_m: None,
         close_up: false,
     });
     spf.handle(PolicyEvent::Instruction("Take off and fly to the red crane"));

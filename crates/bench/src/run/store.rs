@@ -17,7 +17,7 @@ use super::shard::Shard;
 use crate::trial::{Flown, FlownPath, Record};
 
 /// Version of the file format.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// One row per trial.
 const RESULTS: &str = "results.jsonl";
 /// The path of each trial.

@@ -67,7 +67,7 @@ fn a_log_is_summarised_printed_replayed_and_repaired() {
 
     let told = lab.spf(&["log", "info", log]);
     assert_eq!(told.code, Some(0), "{}", told.stderr);
-    assert!(told.stdout.starts_with("\"fly to the red crane\", VLM oracle: timeout\nformat 2, "), "{}", told.stdout);
+    assert!(told.stdout.starts_with("\"fly to the red crane\", VLM oracle: timeout\nformat 3, "), "{}", told.stdout);
     assert!(told.stdout.contains("/decision") && told.stdout.contains("foxglove.SceneUpdate"), "{}", told.stdout);
     let told: Value = serde_json::from_str(&lab.spf(&["log", "info", log, "--json"]).stdout).unwrap();
     assert_eq!((&told["whole"], &told["seed"], &told["outcome"]), (&true.into(), &9.into(), &flown["outcome"]), "{told}");
@@ -457,6 +457,6 @@ fn a_log_of_another_format_is_refused_by_name() {
     for command in [&["log", "info"][..], &["replay"]] {
         let run = lab.spf(&[command, &["other.mcap"]].concat());
         assert!(matches!(run.code, Some(1 | 2)), "{:?} {}", run.code, run.stdout);
-        assert!(run.stderr.contains("unsupported log format 1; this version reads format 2"), "{}", run.stderr);
+        assert!(run.stderr.contains("unsupported log format 1; this version reads format 3"), "{}", run.stderr);
     }
 }

@@ -31,7 +31,7 @@ use schemars::JsonSchema;
 use spf_core::time::Time;
 
 /// Version of the log's topics and messages. Readers reject later versions.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 
 /// Name of the metadata record that marks a file as a flight log, with `format` and `started_at_ns` (wall clock, Unix
 /// nanoseconds; absent from a log made to be shared).

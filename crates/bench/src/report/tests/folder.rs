@@ -77,7 +77,7 @@ impl Folder {
         folder.put("results.jsonl", &lines(rows.iter().map(Row::json)));
         folder.put("paths.jsonl", &lines(rows.iter().map(Row::path)));
         let trials: Vec<String> = rows.iter().map(Row::id).collect();
-        let head = json!({ "format": 2, "program": "0.1.0", "trials": trials, "shard": { "index": 0, "count": 1 }, "plan": "7" });
+        let head = json!({ "format": 3, "program": "0.1.0", "trials": trials, "shard": { "index": 0, "count": 1 }, "plan": "7" });
         folder.put("bench.json", &head.to_string());
         folder.made_by("spf bench run --task ./drink.toml --trials 4")
     }

@@ -230,7 +230,7 @@ fn what_is_no_folder_of_results_is_reported() {
     let kept = folder.text("bench.json");
     folder.put("bench.json", &kept.replacen("\"format\":2", "\"format\":1", 1).replacen("\"format\": 2", "\"format\": 1", 1));
     let error = Source::read(&[folder.path()]).unwrap_err().to_string();
-    assert!(error.contains("its format is 1; this version reads format 2"), "{error}");
+    assert!(error.contains("its format is 1; this version reads format 3"), "{error}");
     folder.put("bench.json", &kept);
     folder.put("paths.jsonl", "{\"run_id\":\"x\",\"targets\":[],\"from_s\":0,\"places\":[[1e300,0,0]]}\n");
     assert!(Source::read(&[folder.path()]).unwrap_err().to_string().contains("paths.jsonl"));
