@@ -6,7 +6,7 @@ use spf_core::time::Time;
 use spf_media::h264::{Encoder, EncoderSettings};
 use spf_media::marks::{Colour, Hud, draw_hud, draw_waypoint};
 use spf_media::track::TrackImage;
-use spf_media::{Jpeg, Rgb, resize};
+use spf_media::{Jpeg, resize};
 
 mod scene;
 

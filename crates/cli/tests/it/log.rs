@@ -451,7 +451,7 @@ fn a_log_of_another_format_is_refused_by_name() {
     let mut log = lab.read("mine/flight.mcap");
     let key = b"\x06\0\0\0format\x01\0\0\0";
     let at = log.windows(key.len()).position(|bytes| bytes == key).unwrap() + key.len();
-    assert_eq!(log[at], b'2');
+    assert_eq!(log[at], b'3');
     log[at] = b'1';
     lab.write("other.mcap", &log);
     for command in [&["log", "info"][..], &["replay"]] {
