@@ -150,6 +150,12 @@ fn light_and_weather_are_flown_in_and_recorded() {
 }
 
 #[test]
+fn twice_verbose_it_says_until_when_it_waits_and_why() {
+    let run = Lab::new().spf(&["fly", "fly to the red crane", "--max-decisions", "1", "--no-video", "--out", "mine", "-vv"]);
+    assert!(run.stderr.contains("waits at most until the next setpoint"), "{}", run.stderr);
+}
+
+#[test]
 fn a_tello_flies_in_the_city() {
     let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--drone-model", "tello", "--max-time", "30"]);
     assert_eq!(
