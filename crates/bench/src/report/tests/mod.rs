@@ -228,7 +228,7 @@ fn what_is_no_folder_of_results_is_reported() {
         folder.put(name, &kept);
     }
     let kept = folder.text("bench.json");
-    folder.put("bench.json", &kept.replacen("\"format\":2", "\"format\":1", 1).replacen("\"format\": 2", "\"format\": 1", 1));
+    folder.put("bench.json", &kept.replacen("\"format\":3", "\"format\":1", 1).replacen("\"format\": 3", "\"format\": 1", 1));
     let error = Source::read(&[folder.path()]).unwrap_err().to_string();
     assert!(error.contains("its format is 1; this version reads format 3"), "{error}");
     folder.put("bench.json", &kept);
