@@ -100,7 +100,7 @@ impl Manoeuvre {
     }
 }
 
-/// A command to a craft. Drivers accept it only as [`Cleared`](spf_envelope::Cleared), which only the envelope can
+/// A command to a craft. Drivers accept it only as `Cleared`, which only the envelope can
 /// create.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]

@@ -209,7 +209,7 @@ pub fn prompt_list(detections: &[Detection], profile: &GroundingProfile) -> Stri
 
 /// The obstacles corresponding to the detections, for a path towards an object named `target`. One whose range cannot be
 /// estimated counts as near (label 1). Detections that match the target get its name, so that
-/// [`avoid`](spf_space::avoid::avoid) recognises it.
+/// `avoid` recognises it.
 #[must_use]
 pub fn obstacles(detections: &[Detection], camera: &Camera, target: Option<&str>) -> Vec<ObstacleBox> {
     let obstacle = |detection: &Detection| ObstacleBox {

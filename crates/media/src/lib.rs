@@ -1,9 +1,9 @@
-//! Images and video in memory: resizing, JPEG and PNG, marks, H.264, and following a box or many points.
+//! Images and video in memory: resizing, JPEG and PNG, marks, H.264, and following many points from image to image.
 //!
 //! This crate does no I/O. Equal inputs give equal bytes on every x86-64 machine, whatever its vector units, because
 //! recorded frames are compared byte for byte between runs.
 //!
-//! The main types are [`Rgb`], an image, [`marks::Canvas`], which draws on one, and [`track::Tracker`].
+//! The main types are [`Rgb`], an image, and [`marks::Canvas`], which draws on one.
 //!
 //! ```
 //! use spf_core::query::{ImagePoint, Mark};
