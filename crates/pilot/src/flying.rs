@@ -811,7 +811,7 @@ impl Pilot {
 
     /// The target as the destination of a course; `None` if it is not known, or was passed: never back.
     fn target_destination(&self, now: Time, at: EnuPosition) -> Option<Destination> {
-        let anchor = self.target.any_anchor()?;
+        let anchor = self.target.anchor()?;
         let odometry = self.senses.odometry_at(now);
         if anchor.is_passed(at, odometry) {
             return None;
@@ -842,7 +842,7 @@ impl Pilot {
             mapped.progress.reset();
         }
         let known = self.senses.known(now);
-        let target = self.target.any_anchor().filter(|_| course.aim == Aim::Target).map(crate::anchor::Anchor::position);
+        let target = self.target.anchor().filter(|_| course.aim == Aim::Target).map(crate::anchor::Anchor::position);
         if let Some(target) = target.filter(|target| target.horizontal_distance(known.position) > AT_PLACE) {
             let heading = known.position.bearing_to(target);
             if wrap_angle(heading - known.attitude.heading).abs() > LOOK_BACK {

@@ -541,7 +541,7 @@ impl Pilot {
 
     /// Forgets what belongs to the instruction until now: the target's place, height and track, and whom the craft follows.
     fn forget_instruction(&mut self) {
-        self.target.forget_instruction();
+        self.target.give_up();
         if let Some(following) = &mut self.target.following {
             if following.untrack() {
                 self.outbox.push(Action::Untrack);

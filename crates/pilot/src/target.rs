@@ -1,19 +1,16 @@
 //! The one belief about where the target is: its anchor, or somebody who is followed.
 
-use std::collections::VecDeque;
-
 use crate::anchor::{Anchor, AnchorView, Anchors, Gate, Sighting, Trust};
 use crate::course::FLOWN;
 use crate::event::AnchorReport;
 use crate::following::Following;
-use crate::method::Method;
 use crate::policy::{Goto, Move};
 use crate::settings::PilotSettings;
 use crate::steering::Steering;
 use spf_core::craft::Craft;
 use spf_core::geometry::{EnuPosition, Pose};
-use spf_core::lift::{Lifting, range_of_label};
-use spf_core::time::{Duration, Time};
+use spf_core::lift::Lifting;
+use spf_core::time::Time;
 use spf_motion::executor::Goal;
 use spf_motion::odometry::Odometry;
 use spf_space::Viewpoint;
@@ -24,23 +21,16 @@ const BESIDE_TARGET: f64 = 1.5;
 const UNDER_TARGET: f64 = 3.0;
 /// A target at most this far below the craft counts as at its height, metres.
 const LEVEL_WITH: f64 = 0.5;
-/// Answers are slow if most of the last five took longer than this from the capture of their frame.
-const SLOW_ANSWERS: Duration = Duration::from_secs(3);
-/// Height above which a target is tall, metres.
-const TALL: f64 = 6.0;
 
 /// Where the target is.
 pub(crate) struct Target {
-    method: Method,
-    anchors: Anchors,
+    /// Its place in the world; `None` if none is kept.
+    anchors: Option<Anchors>,
     trust: Trust,
     /// Outcome of the last sighting.
     gate: Option<Gate>,
     /// Position of the last target that was given up.
     given_up: Option<EnuPosition>,
-    height: TargetHeight,
-    /// Ages of the last answers.
-    ages: AnswerAges,
     /// Distance from a target's surface at which the craft stops, metres: well within what counts as reached, and clear of it.
     stop: f64,
     /// Somebody who is followed; `None` if nothing tracks.
@@ -72,13 +62,10 @@ impl Target {
         let clear = craft.radius + 0.3;
         let stop = settings.near_m.map_or(clear, |near| clear.max(0.5 * near));
         Self {
-            method: if settings.is_guided() { settings.method } else { Method::Paper },
-            anchors: Anchors::default(),
+            anchors: (settings.is_guided() && settings.method.keeps_place()).then(Anchors::default),
             trust: Trust::default(),
             gate: None,
             given_up: None,
-            height: TargetHeight::default(),
-            ages: AnswerAges::default(),
             stop,
             following: steering.map(|steering| Following::new(settings, stop, steering)),
         }
@@ -89,24 +76,9 @@ impl Target {
         self.stop
     }
 
-    /// The anchor, if the target's place guides the craft.
+    /// The anchor, which guides the craft; `None` without one.
     pub(crate) fn anchor(&self) -> Option<&Anchor> {
-        self.anchors.anchor().filter(|_| self.is_anchored())
-    }
-
-    /// The anchor, also where it does not guide at the moment.
-    pub(crate) fn any_anchor(&self) -> Option<&Anchor> {
-        self.anchors.anchor()
-    }
-
-    fn is_anchored(&self) -> bool {
-        match self.method {
-            Method::Paper => false,
-            // An old answer about a tall target is a worse guide than the average of all.
-            Method::Boxes => self.ages.are_slow() || !self.height.is_tall(),
-            // The planner needs a place to go to.
-            Method::Depth(_) => true,
-        }
+        self.anchors.as_ref()?.anchor()
     }
 
     /// Takes what a reply that arrives at `now` says about the target, at its frame's time and pose; `open`: capture time of the
@@ -120,13 +92,12 @@ impl Target {
         lifting: Lifting,
         open: Option<Time>,
     ) {
-        self.ages.add(now.since(from.captured));
         self.gate = None;
         let Some(goto) = goto else { return };
-        self.height.note(goto.stage, height_of(from, goto));
-        if self.is_anchored() {
-            self.gate = self.sighting(from, odometry, goto, lifting).map(|sighting| self.anchors.observe(sighting));
-            self.anchors.settle(now, open);
+        let sighting = self.sighting(from, odometry, goto, lifting);
+        if let Some(anchors) = &mut self.anchors {
+            self.gate = sighting.map(|sighting| anchors.observe(sighting));
+            anchors.settle(now, open);
         }
     }
 
@@ -144,12 +115,13 @@ impl Target {
 
     /// The anchor as it is recorded with a decision on a frame taken at `pose`.
     pub(crate) fn report(&self, pose: Pose, odometry: Odometry) -> Option<AnchorReport> {
-        let anchor = self.anchor()?;
+        let anchors = self.anchors.as_ref()?;
+        let anchor = anchors.anchor()?;
         Some(AnchorReport {
             sight: anchor.seen_from(pose.position, odometry),
             gate: self.gate,
             hits: anchor.hits,
-            hypotheses: self.anchors.hypotheses().len() as u32,
+            hypotheses: anchors.hypotheses().len() as u32,
         })
     }
 
@@ -196,22 +168,18 @@ impl Target {
 
     /// The target is given up, or it is another.
     pub(crate) fn give_up(&mut self) {
-        if let Some(anchor) = self.anchors.anchor() {
-            self.given_up = Some(anchor.position());
+        if let Some(anchors) = &mut self.anchors {
+            self.given_up = anchors.anchor().map(Anchor::position).or(self.given_up);
+            anchors.reset();
         }
-        self.anchors.reset();
         self.gate = None;
-    }
-
-    /// It is another instruction's.
-    pub(crate) fn forget_instruction(&mut self) {
-        self.give_up();
-        self.height = TargetHeight::default();
     }
 
     /// Forgets all places of before `lost`.
     pub(crate) fn forget_places(&mut self, lost: Time) {
-        self.anchors.lose_track(lost);
+        if let Some(anchors) = &mut self.anchors {
+            anchors.lose_track(lost);
+        }
         self.given_up = None;
     }
 
@@ -225,75 +193,4 @@ impl Target {
 pub(crate) fn may_overhang(target: EnuPosition, at: EnuPosition, climb: f64) -> bool {
     let above = climb > 0.0 && target.up > at.up - LEVEL_WITH;
     target.horizontal_distance(at) < if above { UNDER_TARGET } else { BESIDE_TARGET }
-}
-
-/// The height of a reply's target, metres: the angle of its box times the range of its label.
-fn height_of(from: &Viewpoint, goto: &Goto) -> f64 {
-    let per_metre = 2.0 * libm::tan(from.camera.half_fov().1);
-    let high = goto.area.map_or(0.0, |area| area.bottom - area.top);
-    range_of_label(goto.label) * per_metre * high
-}
-
-/// Time from the capture of its frame to each of the last answers.
-#[derive(Debug, Default)]
-struct AnswerAges(VecDeque<Duration>);
-
-impl AnswerAges {
-    const KEPT: usize = 5;
-
-    fn add(&mut self, age: Duration) {
-        self.0.push_back(age);
-        if self.0.len() > Self::KEPT {
-            self.0.pop_front();
-        }
-    }
-
-    /// Whether most of the last answers were slow.
-    fn are_slow(&self) -> bool {
-        self.0.iter().filter(|&&age| age > SLOW_ANSWERS).count() > Self::KEPT / 2
-    }
-}
-
-/// What the answers about one stage have told.
-#[derive(Clone, Copy, Debug, Default)]
-struct TargetHeight {
-    stage: u32,
-    is_tall: bool,
-}
-
-impl TargetHeight {
-    /// Takes the height of the target's box in an answer about a stage, metres. A target stays tall until the next stage begins,
-    /// also while it is searched for: near it, the image shows only a part. A late answer about an earlier stage says nothing.
-    fn note(&mut self, stage: u32, height: f64) {
-        if stage > self.stage {
-            *self = Self { stage, is_tall: false };
-        }
-        self.is_tall |= stage == self.stage && height > TALL;
-    }
-
-    fn is_tall(self) -> bool {
-        self.is_tall
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::TargetHeight;
-
-    #[test]
-    fn a_target_stays_tall_until_the_next_stage() {
-        let mut height = TargetHeight::default();
-        let mut after = |stage, metres| {
-            height.note(stage, metres);
-            height.is_tall()
-        };
-        assert!(!after(1, 5.9));
-        assert!(after(1, 6.1));
-        assert!(after(1, 0.5));
-        assert!(!after(2, 0.5));
-        // Late.
-        assert!(!after(1, 40.0));
-        assert!(after(2, 40.0));
-        assert!(after(1, 0.5));
-    }
 }

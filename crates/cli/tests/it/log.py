@@ -34,7 +34,7 @@ def read(folder, pictures):
         assert summary.statistics.chunk_count > 0 and len(summary.chunk_indexes) == summary.statistics.chunk_count
         assert all(index.compression == "lz4" for index in summary.chunk_indexes)
         (head,) = [record.metadata for record in reader.iter_metadata() if record.name == "spf"]
-        assert head["format"] == "2" and int(head["started_at_ns"]) > 1_700_000_000_000_000_000
+        assert head["format"] == "3" and int(head["started_at_ns"]) > 1_700_000_000_000_000_000
         checkers = {}
         for schema, channel, message in reader.iter_messages():
             assert message.log_time == message.publish_time

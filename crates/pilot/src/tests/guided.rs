@@ -213,9 +213,9 @@ fn pointed(goal: EnuPosition, seen: &Seen, half: f64, latency: f64) -> Answer {
     Answer::After(secs(latency), reply.to_json(&profile, false))
 }
 
-/// Each answer may mean another part of a tall target: only old answers are averaged there, and what is not tall always is.
+/// Each answer may mean another part of a tall target: its box widens the sighting, and its place is kept all the same.
 #[test]
-fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
+fn a_tall_target_has_an_anchor_too() {
     let anchored = |half: f64, latency: f64, method: Method| {
         let mut setup = Setup::preset(Preset::Default);
         setup.settings.method = method;
@@ -224,35 +224,11 @@ fn a_tall_target_has_an_anchor_only_while_answers_are_slow() {
         flight.until_asked(8);
         flight.decisions().map(|decision| decision.anchor.is_some()).collect::<Vec<_>>()
     };
-    assert!(anchored(0.02, 1.0, Method::Boxes).iter().all(|&anchored| anchored));
-    // Some 11 m.
-    assert!(anchored(0.1, 1.0, Method::Boxes).iter().all(|&anchored| !anchored));
-    assert!(anchored(0.1, 1.0, Method::Depth(Measured::View)).iter().all(|&anchored| anchored));
-    assert_eq!(anchored(0.1, 4.0, Method::Boxes), [false, false, true, true, true, true, true]);
-}
-
-/// A target that is searched for is as tall as it was; that of the next instruction need not be.
-#[test]
-fn a_target_stays_tall_while_it_is_searched_for() {
-    let mut setup = Setup::preset(Preset::Default);
-    setup.settings.method = Method::Boxes;
-    let goal = target(0.0, 60.0, 3.0);
-    let mut queries = 0;
-    let mut flight = setup.fly(move |_: &Query, seen: &Seen| {
-        queries += 1;
-        match queries {
-            1 | 2 => pointed(goal, seen, 0.1, 1.0),
-            3 => Answer::After(secs(1.0), not_visible(Look::Right)),
-            4 => Answer::After(secs(1.0), not_visible(Look::Left)),
-            _ => pointed(goal, seen, 0.02, 1.0),
-        }
-    });
-    flight.until_asked(9);
-    assert_eq!(flight.decisions().filter(|decision| decision.reading.reply.is_some()).count(), 8);
-    assert!(flight.decisions().all(|decision| decision.anchor.is_none()));
-    flight.operator(OperatorEvent::Instruction("fly to the tree".to_owned()));
-    flight.until_asked(13);
-    assert!(flight.decisions().last().unwrap().anchor.is_some());
+    // Of 2 m and of 11 m, whether answers take 1 s or 4 s.
+    for (half, latency) in [(0.02, 1.0), (0.1, 1.0), (0.1, 4.0)] {
+        assert!(anchored(half, latency, Method::Boxes).iter().all(|&anchored| anchored), "{half} {latency}");
+        assert!(anchored(half, latency, Method::Paper).iter().all(|&anchored| !anchored), "{half} {latency}");
+    }
 }
 
 #[test]
