@@ -7,7 +7,6 @@ use crate::log::FlightHeader;
 use crate::run::Observer;
 use crate::site::Judge;
 use crate::summary::Summary;
-use crate::tracking::TrackBy;
 
 /// Maximum number of instructions of a flight that are kept.
 const MOST_INSTRUCTIONS: usize = 100;
@@ -92,7 +91,6 @@ impl Course {
             vlm: head.vlm.clone(),
             detector: head.detector.clone(),
             depth_model: head.depth_model.clone(),
-            track: TrackBy::Off,
             preset: head.preset,
             policy: head.policy.clone(),
             settings: head.settings,

@@ -28,7 +28,7 @@ use crate::sight::Sight;
 use crate::sim::{SimWorld, Simulated, StartError, VlmFactory, VlmFactoryError};
 use crate::site::{Clock, Parts};
 use crate::summary::Summary;
-use crate::tracking::{TrackBy, Tracking, VirtualTracker};
+use crate::tracking::{Tracking, VirtualTracker};
 use crate::world::{Live, Lockstep, Script};
 
 /// Everything that defines a flight.
@@ -198,7 +198,7 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let camera = capabilities.camera;
     let live = clock != Clock::Virtual;
-    let track_by = if plan.settings.track { TrackBy::Pixels } else { TrackBy::Off };
+    let tracks = plan.settings.keeps().is_some();
     let ledger = record.as_ref().map_or_else(Ledger::default, |record| Ledger::in_file(&record.out.file("vlm.jsonl"), !live));
     let vlm = (plan.vlm_factory)(world.as_ref(), seed).map_err(FlightError::Vlm)?;
     let prompt_text = prompt.clone().unwrap_or_else(|| PromptText::shipped(policy.prompt()));
@@ -240,13 +240,13 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     let mut course = Course::new(&head.instruction, judge);
     let mut around: Box<dyn World> = match clock {
         Clock::Virtual => {
-            let tracker = (!track_by.is_off()).then(|| VirtualTracker::new(Tracking::new(&camera), drone.frames()));
+            let tracker = tracks.then(|| VirtualTracker::new(Tracking::new(&camera), drone.frames()));
             let world = Lockstep::new(drone, vlm, script, interrupts).with_tracker(tracker);
             Box::new(world.with_operator(operator))
         }
         Clock::Wall | Clock::WallSince(_) => {
             let start = if let Clock::WallSince(start) = clock { start } else { Instant::now() };
-            let live = Live::new(start, drone, vlm, script, interrupts, !track_by.is_off()).map_err(FlightError::Thread)?;
+            let live = Live::new(start, drone, vlm, script, interrupts, tracks).map_err(FlightError::Thread)?;
             Box::new(live.with_operator(operator))
         }
     };
@@ -270,7 +270,6 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
     }
     let summary = Summary {
         prompt: prompt.map(|prompt| prompt.name()),
-        track: track_by,
         vlm_use: ledger.total(),
         ..course.summary(&head, seed, &pilot)
     };

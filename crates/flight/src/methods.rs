@@ -11,7 +11,6 @@ use spf_pilot::method::{Measured, Method};
 use spf_pilot::{PilotSettings, Preset, QueryTiming};
 use thiserror::Error;
 
-use crate::tracking::TrackBy;
 
 const SHIPPED: &str = include_str!("../data/methods.toml");
 
@@ -118,8 +117,8 @@ pub struct BenchSettings {
     pub method: Option<Leads>,
     /// Whether the envelope brakes before known obstacles.
     pub brake: bool,
-    /// What keeps the target's box between two answers.
-    pub track: TrackBy,
+    /// Whether the craft stays with a target that a reply follows, by a tracker.
+    pub track: bool,
     /// Whether the craft has a depth sensor.
     pub depth_sensor: bool,
     /// Whether a geofence is drawn around the straight path from the start to the goals.
@@ -181,7 +180,7 @@ impl BenchSettings {
             think: self.think.unwrap_or(preset.think),
             confirm_done: self.confirm_done.unwrap_or(preset.confirm_done),
             method: self.method.map_or(Method::Paper, Leads::method),
-            track: !self.track.is_off(),
+            track: self.track,
             ..preset
         }
     }

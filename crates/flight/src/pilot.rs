@@ -51,7 +51,7 @@ pub(crate) fn pilot(head: &FlightHeader, policy: &dyn PolicyMaker, prompt: Arc<P
         camera: head.camera,
         limits: head.limits.clone(),
         policy: policy.policy(PolicyParts { settings: head.settings, craft: head.craft, image_spec, prompt, seed }),
-        steering: head.settings.track.then(|| Box::<StayWith>::default() as Box<dyn Steering>),
+        steering: head.settings.keeps().map(|_| Box::<StayWith>::default() as Box<dyn Steering>),
         instruction: head.instruction.clone(),
     })
 }

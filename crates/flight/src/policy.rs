@@ -123,7 +123,7 @@ impl PolicyMaker for PolicyKind {
                     craft,
                     depth: settings.depth,
                     method: settings.method,
-                    keep_m: settings.track.then_some(settings.keep_m),
+                    keep_m: settings.keeps(),
                     close_up: settings.close_up,
                     near_m: settings.near_m,
                     shape: match settings.motion {

@@ -3,7 +3,6 @@
 use crate::frame_age::GlassToDecision;
 use crate::ledger::VlmUse;
 use crate::sim::Followed;
-use crate::tracking::TrackBy;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use spf_core::tags::SURFACES;
@@ -114,9 +113,6 @@ pub struct Summary {
     /// Name of the depth network; omitted without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub depth_model: Option<String>,
-    /// What keeps the target's box between two answers; omitted if nothing does.
-    #[serde(default, skip_serializing_if = "TrackBy::is_off")]
-    pub track: TrackBy,
     /// The named preset.
     pub preset: Preset,
     /// The policy.

@@ -749,7 +749,7 @@ impl Pilot {
     /// Tells the envelope where somebody is with whom the craft stays, whatever it does; and the brake, while it flies with
     /// them, of the boxes of replies. Otherwise each step has been checked against its own reply.
     fn tell_of_person(&mut self, now: Time, at: EnuPosition) {
-        let person = self.target.following.as_ref().and_then(|following| following.person(now, at));
+        let person = self.target.following.as_ref().and_then(|following| following.target(now, at));
         if let Some(person) = person {
             self.envelope.observe_person(now, person.position);
         }

@@ -22,8 +22,6 @@ use spf_space::avoid::is_grown_up;
 const WAYS: [(f64, f64); 3] = [(2.0, 2.0), (1.0, 1.0), (0.6, 0.4)];
 /// Directions that lead away from the target, radians from straight away: up to 90° to either side.
 const WAYS_OUT: [f64; 7] = [0.0, FRAC_PI_6, -FRAC_PI_6, FRAC_PI_3, -FRAC_PI_3, FRAC_PI_2, -FRAC_PI_2];
-/// From a person's middle to the surface, metres.
-const HALF_PERSON: f64 = 0.25;
 /// A target walks at more than this, m/s.
 const WALKS: f64 = 0.3;
 /// Farthest step back that a reply without a track leads to, metres.
@@ -33,17 +31,16 @@ const STEP_BACK: f64 = 1.0;
 pub(crate) struct Following {
     /// Estimates the target, and steers.
     steering: Box<dyn Steering>,
-    /// Whether the craft can stay with a target; if not, it flies the step of each reply.
-    can_stay: bool,
-    /// Distance to keep from somebody whom the craft stays with, and from one to whom it only flies, metres.
-    keep: [f64; 2],
+    /// Distance to keep, metres.
+    keep: f64,
     /// How long is enough.
     enough: Option<Duration>,
     /// The track that was asked for, and the last report on it.
     track: Option<(QueryId, Option<TrackReport>)>,
     /// When it was first followed.
     since: Option<Time>,
-    held: Held,
+    /// What is known of the target; `None` until a reply that follows it has seen it.
+    held: Option<Held>,
     /// Whether the brake knows of boxes.
     pub(crate) brakes: bool,
 }
@@ -51,10 +48,6 @@ pub(crate) struct Following {
 /// What is known of the target.
 #[derive(Debug, Default)]
 struct Held {
-    /// Whether a reply has seen it.
-    is_known: bool,
-    /// Whether the instruction is to stay with it, as opposed to a flight to it.
-    stays: bool,
     /// Where the last reply's frame was taken, and how far from there the way is clear, metres.
     clear: (EnuPosition, f64),
     /// The craft flies the step of a reply until the track is good.
@@ -73,16 +66,15 @@ pub(crate) enum TrackNews {
 }
 
 impl Following {
-    /// `stop`: distance at which the craft stops before a target, metres.
-    pub(crate) fn new(settings: &PilotSettings, stop: f64, steering: Box<dyn Steering>) -> Self {
+    /// Nobody to follow yet.
+    pub(crate) fn new(settings: &PilotSettings, steering: Box<dyn Steering>) -> Self {
         Self {
             steering,
-            can_stay: settings.is_guided(),
-            keep: [settings.keep_m, stop + HALF_PERSON],
+            keep: settings.keep_m,
             enough: settings.follow_time,
             track: None,
             since: None,
-            held: Held::default(),
+            held: None,
             brakes: false,
         }
     }
@@ -97,49 +89,43 @@ impl Following {
         self.steering.target(now, at)
     }
 
-    /// Somebody with whom the craft stays, whatever it does.
-    pub(crate) fn person(&self, now: Time, at: EnuPosition) -> Option<TargetEstimate> {
-        self.target(now, at).filter(|_| self.held.stays)
-    }
-
     /// Takes a reply that sees the target; any other target ends it.
     pub(crate) fn learn(&mut self, view: &View, output: &Output) {
-        self.held.waits = false;
-        let stays = output.reading.is_following();
+        self.waits(false);
         let goto = match &output.step {
             Step::Follow(goto) => goto,
             Step::Keep | Step::Look | Step::Ask(_) | Step::Wait | Step::Reject(_) => return,
             // Something else is in the way first; the reply sees the target all the same.
-            Step::Move(_) if stays && self.held.stays => return,
+            Step::Move(_) if output.reading.is_following() && self.held.is_some() => return,
             // A search, or another target.
             _ => return self.lose(),
         };
         let Some(area) = goto.area else { return };
         let target = output.reading.reply.as_ref().and_then(|reply| reply.target.as_deref());
         let is_person = target.is_some_and(is_grown_up);
-        if !self.held.is_known || self.held.stays != stays {
-            self.steering.start(self.keep_from(stays));
+        if self.held.is_none() {
+            self.steering.start(self.keep);
         }
-        let clear = (view.pose.position, goto.clear);
-        (self.held.is_known, self.held.stays, self.held.clear) = (true, stays, clear);
+        self.held.get_or_insert_default().clear = (view.pose.position, goto.clear);
         let range = range_of_label(goto.label);
         let answer = Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person };
         self.steering.answer(&view.camera, &answer);
     }
 
-    /// The box to be tracked that a reply gives, or the end of the track where it shows no target.
+    /// The box to be tracked that a reply gives which follows somebody, or the end of the track where it leads elsewhere.
     pub(crate) fn track_reply(&mut self, id: QueryId, view: &View, output: &Output) -> Option<TrackNews> {
         let step = &output.step;
         let reply = output.reading.reply.as_ref().filter(|_| !matches!(step, Step::Reject(_)))?;
-        match reply.target_box.filter(|_| reply.status.leads_to_a_point()) {
-            Some(area) => {
+        match (reply.status, reply.target_box) {
+            (Status::Following, area) => {
+                let area = area?;
                 self.track = Some((id, None));
                 Some(TrackNews::Track(TrackStart { id, frame: view.frame.id, area }))
             }
-            None if reply.status == Status::NotVisible && !matches!(step, Step::Keep | Step::Look) => {
+            (Status::NotVisible | Status::Navigating, _) if !matches!(step, Step::Keep | Step::Look) => {
                 self.untrack().then_some(TrackNews::Untrack)
             }
-            None => None,
+            _ => None,
         }
     }
 
@@ -154,13 +140,14 @@ impl Following {
 
     /// Forgets where the target is. How long it has been followed goes on: a short loss does not begin it anew.
     pub(crate) fn lose(&mut self) {
-        self.held = Held::default();
-        self.steering.start(self.keep_from(true));
+        self.held = None;
+        self.steering.start(self.keep);
     }
 
-    /// The distance to keep from somebody whom the craft stays with, or from one to whom it only flies, metres.
-    fn keep_from(&self, stays: bool) -> f64 {
-        self.keep[usize::from(!stays)]
+    fn waits(&mut self, waits: bool) {
+        if let Some(held) = &mut self.held {
+            held.waits = waits;
+        }
     }
 
     /// A new instruction: another target.
@@ -184,39 +171,37 @@ impl Following {
     /// end: the track is good now.
     pub(crate) fn tracked(&mut self, now: Time, report: &TrackReport, pose: Pose) -> bool {
         self.steering.report(report, pose);
-        self.steering.is_tracked(now) && self.held.waits
+        self.steering.is_tracked(now) && self.held.as_ref().is_some_and(|held| held.waits)
     }
 
     /// Whether the craft can stay with the target of a reply from now on, by its track.
     pub(crate) fn can_begin(&self, now: Time, goto: &Goto) -> bool {
-        self.can_stay && self.steering.is_tracked(now) && !goto.is_detour
+        self.steering.is_tracked(now) && !goto.is_detour
     }
 
     /// The step to a target without a track, for instance of one that is still too small: no nearer than the distance to keep.
     pub(crate) fn step_to(&self, goto: &Goto) -> Primitives {
         let mut primitives = goto.motion.primitives;
-        let room = range_of_label(goto.label) - self.keep_from(self.held.stays || !self.held.is_known);
+        let room = range_of_label(goto.label) - self.keep;
         primitives.forward = primitives.forward.min(room.max(-STEP_BACK));
         primitives
     }
 
     /// Notes that such a step is flown until the track is good.
     pub(crate) fn wait(&mut self, goto: &Goto, is_flown: bool) {
-        self.held.waits = !goto.is_detour && self.can_stay && is_flown;
+        self.waits(!goto.is_detour && is_flown);
     }
 
     /// The craft stays with the target from now on.
     pub(crate) fn begin(&mut self, now: Time) {
-        self.held.waits = false;
-        if self.held.stays {
-            self.since.get_or_insert(now);
-        }
+        self.waits(false);
+        self.since.get_or_insert(now);
     }
 
     /// How long the target was to be followed, if that time is over and it is seen for sure.
     pub(crate) fn is_enough(&self, now: Time, target: &TargetEstimate) -> Option<Duration> {
         let (time, since) = self.enough.zip(self.since)?;
-        (self.held.stays && target.is_sure && now.since(since) >= time).then_some(time)
+        (target.is_sure && now.since(since) >= time).then_some(time)
     }
 
     /// The setpoint that stays with the target.
@@ -229,13 +214,13 @@ impl Following {
         way_out: Option<WayOut>,
     ) -> Setpoint {
         let setpoint = self.steering.setpoint(now, known, craft, way_out).unwrap_or(Setpoint::HOLD);
-        let (from, clear) = self.held.clear;
-        // On the way to somebody, no farther than the reply's boxes leave the way clear. Who is followed shows that it is, unless
-        // the reply sees something before them.
-        let is_bounded = !self.held.stays || clear <= 0.0;
+        // Who is followed shows that the way is clear, unless the reply sees something before them.
+        let Some((from, clear)) = self.held.as_ref().map(|held| held.clear).filter(|(_, clear)| *clear <= 0.0) else {
+            return setpoint;
+        };
         let off = wrap_angle(known.position.bearing_to(target.position) - known.attitude.heading);
         let towards = setpoint.forward * libm::cos(off) + setpoint.right * libm::sin(off);
-        if is_bounded && towards > 1e-6 && from.distance(known.position) >= clear {
+        if towards > 1e-6 && from.distance(known.position) >= clear {
             return Setpoint { forward: 0.0, right: 0.0, ..setpoint };
         }
         setpoint
@@ -250,12 +235,12 @@ impl Following {
         is_free: impl Fn(EnuPosition) -> bool,
     ) -> Option<WayOut> {
         let away = target.position.bearing_to(at);
-        let side = if self.held.to_left { -1.0 } else { 1.0 };
+        let side = if self.held.as_ref().is_some_and(|held| held.to_left) { -1.0 } else { 1.0 };
         let ways = WAYS.iter().flat_map(|&(far, speed)| WAYS_OUT.iter().map(move |off| (far, speed, side * off)));
         let place = |far: f64, off: f64| Direction { bearing: wrap_angle(away + off), elevation: 0.0 }.place(at, far);
         let (_, speed, off) = ways.into_iter().find(|&(far, _, off)| is_free(place(far, off)))?;
-        if off != 0.0 {
-            self.held.to_left = off < 0.0;
+        if let Some(held) = self.held.as_mut().filter(|_| off != 0.0) {
+            held.to_left = off < 0.0;
         }
         Some(WayOut { bearing: wrap_angle(away + off), speed })
     }
@@ -263,20 +248,17 @@ impl Following {
     /// Whether a frame taken at `pose` should show the target, as its track tells (`target`), or the place where somebody who is
     /// followed was last seen.
     pub(crate) fn expected(&self, now: Time, camera: &Camera, pose: Pose, target: Option<TargetEstimate>) -> Option<Expected> {
-        let (target, stays) = (target.filter(|target| target.is_sure), self.held.stays);
-        let lost = || self.steering.last_place(now).filter(|_| stays);
-        let place = target.map(|target| target.position).or_else(lost)?;
+        let target = target.filter(|target| target.is_sure);
+        let place = target.map(|target| target.position).or_else(|| self.steering.last_place(now))?;
         let away = pose.position.displacement_to(place, pose.attitude.heading);
         let range = away.length();
         match project_displacement(away, camera, pose.attitude, Lifting::Levelled).filter(|at| at.is_in_image()) {
-            Some(at) if stays => Some(Expected::Followed { at, range, is_tracked: target.is_some() }),
-            Some(at) => Some(Expected::InView { at, range }),
-            None if stays => {
+            Some(at) => Some(Expected::Followed { at, range, is_tracked: target.is_some() }),
+            None => {
                 let place = self.steering.went_to(now)?;
                 let off = wrap_angle(pose.position.bearing_to(place) - pose.attitude.heading);
                 (off.abs() > camera.half_fov().0).then_some(Expected::Left { off })
             }
-            None => None,
         }
     }
 }

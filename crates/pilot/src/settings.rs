@@ -63,8 +63,8 @@ pub struct PilotSettings {
     pub avoid: bool,
     /// What leads the craft between two answers.
     pub method: Method,
-    /// Whether the box of the target is tracked from one answer to the next ([`spf_core::track`]), so that the craft can stay with
-    /// somebody who moves.
+    /// Whether the craft stays with a target that a reply follows, by its box tracked from one answer to the next
+    /// ([`spf_core::track`]).
     pub track: bool,
     /// Setpoints per second, 5..=100: a lower rate could not command zero within 0.2 s after the reason to move ends.
     pub rate_hz: f64,
@@ -110,6 +110,12 @@ impl PilotSettings {
     #[must_use]
     pub fn is_guided(&self) -> bool {
         self.think == QueryTiming::Continuous && self.motion == Motion::Blended
+    }
+
+    /// The distance kept from somebody who is followed, metres; `None` if nobody can be: only a guided craft stays with a target.
+    #[must_use]
+    pub fn keeps(&self) -> Option<f64> {
+        (self.track && self.is_guided()).then_some(self.keep_m)
     }
 
     /// The settings of a preset, with limits of 180 s and 60 decisions.

@@ -67,7 +67,7 @@ impl Target {
             gate: None,
             given_up: None,
             stop,
-            following: steering.map(|steering| Following::new(settings, stop, steering)),
+            following: steering.map(|steering| Following::new(settings, steering)),
         }
     }
 

@@ -1,15 +1,16 @@
 //! Flights whose target is suddenly hidden for 6 s, or elsewhere with a look-alike in its place.
 //!
 //! ```text
-//! cargo run --release -p spf-bench --example losses -- SEEDS [METHOD]
+//! cargo run --release -p spf-bench --example losses -- FIRST COUNT [METHOD]
 //! ```
 //!
-//! Seeds count from 0, and `SEEDS` is at most 100. Prints a table, one row a method, loss and error file.
+//! Flies the `COUNT` seeds from `FIRST`, and prints a table, one row a loss and error file.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program that prints a table")]
 
 use std::error::Error;
 use std::io::Write as _;
+use std::ops::Range;
 use std::process::ExitCode;
 use std::sync::{Arc, OnceLock};
 
@@ -33,8 +34,8 @@ const RECOVERED: Duration = Duration::from_secs(15);
 const ON_TARGET: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 /// Height of the middle of a balloon, metres.
 const MIDDLE: f64 = 5.5;
-/// The methods.
-const METHODS: [&str; 2] = ["spf-default", "spf-track"];
+/// The method, if none is named.
+const METHOD: &str = "spf-default";
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Loss {
@@ -188,8 +189,8 @@ fn force(world: &SimWorld, loss: Loss, forced: Forced) {
     }
 }
 
-/// Flies the losses, with all methods or one, and prints the table.
-fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
+/// Flies the losses with a method, and prints the table.
+fn run(seeds: Range<u64>, method: &str) -> Result<(), Box<dyn Error>> {
     let folder = std::env::temp_dir().join(format!("spf-losses-{}", std::process::id()));
     std::fs::create_dir_all(&folder)?;
     let file = folder.join("losses.toml");
@@ -201,28 +202,26 @@ fn run(seeds: u64, only: Option<&str>) -> Result<(), Box<dyn Error>> {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for errors in ["default", "poor"] {
-        for method in METHODS.into_iter().filter(|method| only.is_none_or(|only| only == *method)) {
-            let mut all = Vec::new();
-            for loss in [Loss::Hidden, Loss::Replaced] {
-                for seed in 0..seeds {
-                    all.extend(flown(&scene, method, errors, loss, seed)?);
-                }
+        let mut all = Vec::new();
+        for loss in [Loss::Hidden, Loss::Replaced] {
+            for seed in seeds.clone() {
+                all.extend(flown(&scene, method, errors, loss, seed)?);
             }
-            for loss in [Loss::Hidden, Loss::Replaced] {
-                let of: Vec<&Flown> = all.iter().filter(|flown| flown.loss == loss).collect();
-                let count = |what: &dyn Fn(&Flown) -> bool| of.iter().filter(|flown| what(flown)).count();
-                let recovered = count(&|flown| flown.recovered.is_some_and(|seconds| seconds <= RECOVERED.as_secs_f64()));
-                println!(
-                    "| {errors} | `{method}` | {} | {} | {recovered} | {:.1} s | {:.1} s | {} | {:.0} | {:.0} |",
-                    if loss == Loss::Hidden { "hidden for 6 s" } else { "look-alike" },
-                    of.len(),
-                    median(of.iter().filter_map(|flown| flown.noticed).collect()),
-                    median(of.iter().filter_map(|flown| flown.recovered).collect()),
-                    count(&|flown| flown.reached),
-                    median(of.iter().map(|flown| flown.seconds).collect()),
-                    median(of.iter().map(|flown| f64::from(flown.queries)).collect()),
-                );
-            }
+        }
+        for loss in [Loss::Hidden, Loss::Replaced] {
+            let of: Vec<&Flown> = all.iter().filter(|flown| flown.loss == loss).collect();
+            let count = |what: &dyn Fn(&Flown) -> bool| of.iter().filter(|flown| what(flown)).count();
+            let recovered = count(&|flown| flown.recovered.is_some_and(|seconds| seconds <= RECOVERED.as_secs_f64()));
+            println!(
+                "| {errors} | `{method}` | {} | {} | {recovered} | {:.1} s | {:.1} s | {} | {:.0} | {:.0} |",
+                if loss == Loss::Hidden { "hidden for 6 s" } else { "look-alike" },
+                of.len(),
+                median(of.iter().filter_map(|flown| flown.noticed).collect()),
+                median(of.iter().filter_map(|flown| flown.recovered).collect()),
+                count(&|flown| flown.reached),
+                median(of.iter().map(|flown| flown.seconds).collect()),
+                median(of.iter().map(|flown| f64::from(flown.queries)).collect()),
+            );
         }
     }
     Ok(())
@@ -236,11 +235,12 @@ fn median(mut numbers: Vec<f64>) -> f64 {
 
 fn main() -> ExitCode {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let seeds = args.first().and_then(|text| text.parse().ok()).filter(|seeds| (1..=100).contains(seeds));
+    let number = |nth: usize| args.get(nth).and_then(|text| text.parse::<u64>().ok());
+    let seeds = number(0).zip(number(1)).and_then(|(first, count)| Some(first..first.checked_add(count)?));
     let run = match (seeds, &args[..]) {
-        (Some(seeds), [_]) => run(seeds, None),
-        (Some(seeds), [_, method]) => run(seeds, Some(method)),
-        _ => Err("usage: losses SEEDS [METHOD] (1 to 100 seeds)".into()),
+        (Some(seeds), [_, _]) => run(seeds, METHOD),
+        (Some(seeds), [_, _, method]) => run(seeds, method),
+        _ => Err("usage: losses FIRST COUNT [METHOD]".into()),
     };
     match run {
         Ok(()) => ExitCode::SUCCESS,

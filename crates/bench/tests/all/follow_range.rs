@@ -138,7 +138,7 @@ impl Observer for Watcher {
     }
 }
 
-/// Flies a task with the settings of the bench's method `spf-track`.
+/// Flies a task with the settings of the bench's method `spf-default`.
 fn flown(id: &str, vlm: &'static str, seed: u64) -> (Vec<Sample>, Verdict) {
     let task = shipped(id).unwrap().unwrap();
     let drawn = draw(&task, seed).unwrap();

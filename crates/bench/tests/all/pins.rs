@@ -22,9 +22,9 @@ use spf_flight::sim::oracle_factory;
 use spf_oracle::ErrorFile;
 use spf_pilot::{Action, Decision, Note, Pilot};
 
-/// What is flown: between two answers by nothing, by boxes, by measured depth, and with a tracker; in both sets, to things that are
-/// tall, low, far, walk, and follow one another.
-const METHODS: [&str; 5] = ["spf", "spf-paper", "spf-default", "spf-depth", "spf-track"];
+/// What is flown: between two answers by nothing, by boxes (and a tracker where somebody is followed), and by measured depth; in
+/// both sets, to things that are tall, low, far, walk, and follow one another.
+const METHODS: [&str; 4] = ["spf", "spf-paper", "spf-default", "spf-depth"];
 const TASKS: [&str; 6] = [
     "sim-obstacle-white-needle",
     "real-obstacle-cone",

@@ -275,10 +275,8 @@ fn hints(summary: &Summary) -> Vec<String> {
     let follows = summary.followed.is_some() && settings.follow_time.is_none();
     match summary.outcome {
         Outcome::Timeout if follows => {
-            let track = if settings.track { "" } else { "--track pixels " };
-            hints.push(format!(
-                "hint: following ends by a limit alone; `{track}--follow-time 30` ends it as reached (docs/guide/track.md)"
-            ));
+            let time = "hint: following ends by a limit alone; `--follow-time 30` ends it as reached (docs/guide/track.md)";
+            hints.push(time.to_owned());
         }
         Outcome::Timeout if summary.cause.contains(" decisions was reached") => {
             hints.push(format!("hint: `--max-decisions {}` permits more decisions", settings.max_decisions.saturating_mul(3)));

@@ -9,7 +9,6 @@ use spf_core::query::DepthAs;
 use spf_core::step::StepRule;
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
-use spf_flight::tracking::TrackBy;
 use spf_motion::executor::Motion;
 use spf_pilot::{AtEnd, Preset, QueryTiming};
 use spf_render::effects::Effects;
@@ -99,7 +98,7 @@ settings! {
         /// (on with the policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:)
         avoid: Switch = "auto", Word, "SPF_AVOID", OBSTACLES.optional("--avoid", "SWITCH", "on");
         /// brake for obstacles that are measured or mapped, whatever the VLM says, and for the boxes of replies while somebody is
-        /// followed: on, off, or auto (on with measured depth or a tracker)
+        /// followed: on, off, or auto (on with measured depth or --track)
         brake: Switch = "auto", Word, "SPF_BRAKE";
         /// detector of obstacles in the place of the VLM: a YOLO model FILE.onnx (see docs/guide/detector.md), or, in the simulator,
         /// oracle or oracle:NAME (simulates a detector of the COCO classes); empty: the VLM lists them
@@ -111,11 +110,12 @@ settings! {
         depth_model_size: NetworkSize = "", Parsed("WIDTHxHEIGHT in pixels, each from 14 to 4096, such as 336x252"), "SPF_DEPTH_MODEL_SIZE";
         /// how often the depth network is asked at most, times per second
         depth_model_hz: f64 = "2", Number(0.1, 10.0), "SPF_DEPTH_MODEL_HZ";
-        /// what keeps the target's box between replies: pixels (a tracker follows it in the camera's frames) or off
-        track: TrackBy = "off", Word, "SPF_TRACK", FOLLOWING.value("--track", "TRACKER").common();
-        /// with --track pixels, the distance to keep from somebody who is followed, metres
+        /// when a reply follows somebody, stay with them by a tracker in the camera's frames, and keep a distance: on, off, or auto (on
+        /// with the policy spf where the craft flies on while it asks; off with --vlm human)
+        track: Switch = "auto", Word, "SPF_TRACK", FOLLOWING.value("--track", "SWITCH").common();
+        /// the distance to keep from somebody who is followed, metres
         keep_m: f64 = "2.5", Number(2.0, 10.0), "SPF_KEEP_M", FOLLOWING.value("--keep", "METRES");
-        /// with --track pixels, end the flight as reached after following for this many seconds, with the target in view; empty: no end
+        /// end the flight as reached after following for this many seconds, with the target in view; empty: no end
         follow_time_s: f64 = "", Number(1.0, 86_400.0), "SPF_FOLLOW_TIME_S", FOLLOWING.value("--follow-time", "SECONDS");
         /// when the instruction has ended: land; hover for up to 60 s and accept a new instruction; or rtl, return home by the drone's
         /// own navigation and land there; empty: hover with a real drone and a terminal, else land

@@ -14,7 +14,6 @@ use spf_drone::registry::{DRIVERS, alternatives, forms, named};
 use spf_drone::tello::TelloMotion;
 use spf_flight::policy::PolicyKind;
 use spf_flight::pose::parse_pose;
-use spf_flight::tracking::TrackBy;
 use spf_motion::executor::Motion;
 use spf_pilot::{AtEnd, Preset, QueryTiming};
 use spf_scene::{Lighting, Weather};
@@ -191,12 +190,6 @@ impl Words for DepthSense {
         let with = |fault| Self(Some(DepthSensor { fault }));
         let [frozen, half, scale] = [DepthFault::Frozen, DepthFault::HalfBlack, DepthFault::Scale].map(|fault| with(Some(fault)));
         vec![("off", Self(None)), ("on", with(None)), ("frozen", frozen), ("half", half), ("scale", scale)]
-    }
-}
-
-impl Words for TrackBy {
-    fn words() -> Vec<(&'static str, Self)> {
-        vec![("off", Self::Off), ("pixels", Self::Pixels)]
     }
 }
 

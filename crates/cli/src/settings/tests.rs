@@ -89,7 +89,7 @@ fn the_help_is_made_from_the_meaning() {
     let help =
         |name: &str| flags_of_fly().iter().find(|flag| flag.get_long() == Some(name)).unwrap().get_help().unwrap().to_string();
     assert_eq!(help("light"), "Light of the scene: day, overcast, dusk or night [default: the scene's]");
-    assert_eq!(help("keep"), "With --track pixels, the distance to keep from somebody who is followed, metres [default: 2.5]");
+    assert_eq!(help("keep"), "The distance to keep from somebody who is followed, metres [default: 2.5]");
     assert_eq!(help("realtime"), "Fly in real time instead of as fast as possible");
     assert_eq!(help("no-vlm-check"), "Do not check the VLM's pointing before a real drone takes off");
 }

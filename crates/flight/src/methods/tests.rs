@@ -82,7 +82,7 @@ fn a_variant_changes_what_it_declares_and_nothing_else() {
         ("motion = \"sequential\"", PilotSettings { motion: Motion::Sequential, ..preset }),
         ("ending = \"timed\"", PilotSettings { ending: Ending::Timed, ..preset }),
         ("think = \"stop\"", PilotSettings { think: QueryTiming::Stop, ..preset }),
-        ("track = \"pixels\"", PilotSettings { track: true, ..preset }),
+        ("track = true", PilotSettings { track: true, ..preset }),
         ("confirm_done = false", PilotSettings { confirm_done: false, ..preset }),
     ] {
         assert_eq!(settings(words).settings(6.7), wanted, "{words}");
@@ -168,7 +168,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
             ending,
             think,
             confirm_done,
-            [avoid, detector, fence, boxes, map, brake, depth_sensor, tracked],
+            [avoid, detector, fence, boxes, map, brake, depth_sensor, track],
         )| {
             BenchSettings {
                 preset,
@@ -181,7 +181,7 @@ fn bench_settings() -> impl Strategy<Value = BenchSettings> {
                 detector,
                 method: if map { Some(Leads::Depth) } else { boxes.then_some(Leads::Boxes) },
                 brake,
-                track: if tracked { TrackBy::Pixels } else { TrackBy::Off },
+                track,
                 depth_sensor,
                 fence,
                 blind: false,

@@ -82,7 +82,7 @@ impl Course {
 /// How long a target at these distances was followed by a craft with these settings, in a scene with this success radius.
 pub(super) fn followed(distances: &[(f64, f64)], success_radius: f64, settings: &PilotSettings) -> Followed {
     // Whoever keeps a distance is near at that distance.
-    let kept = if settings.track { settings.keep_m + BEYOND_KEPT } else { 0.0 };
+    let kept = settings.keeps().map_or(0.0, |keep| keep + BEYOND_KEPT);
     let within_m = (WITHIN * success_radius).max(kept);
     let window_s = settings.follow_time.map_or(WINDOW_S, |time| time.as_secs_f64().min(WINDOW_S));
     let samples: Vec<(f64, bool)> = distances.iter().map(|(at, metres)| (*at, *metres <= within_m)).collect();

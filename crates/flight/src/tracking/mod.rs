@@ -17,8 +17,6 @@ pub(crate) use virtual_time::VirtualTracker;
 
 use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
 use spf_core::query::ImageBox;
@@ -31,25 +29,6 @@ use spf_media::track::{PixelBox, TrackImage};
 
 use attitudes::Attitudes;
 use ring::Ring;
-
-/// What keeps the target's box between two answers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum TrackBy {
-    /// Nothing.
-    #[default]
-    Off,
-    /// A tracker in the camera's frames.
-    Pixels,
-}
-
-impl TrackBy {
-    /// Whether nothing does.
-    #[must_use]
-    pub fn is_off(&self) -> bool {
-        *self == Self::Off
-    }
-}
 
 /// How long frames are kept: the longest age of a reply's frame, by default.
 const KEPT: Duration = Duration::from_secs(8);

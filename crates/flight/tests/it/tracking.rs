@@ -20,7 +20,6 @@ use spf_flight::recorder::RecordPlan;
 use spf_flight::replay::{Changes, replay, row};
 use spf_flight::run::{Observer, World};
 use spf_flight::sim::{LoadedScene, SimWorld, Simulated, VlmFactory, oracle_factory};
-use spf_flight::tracking::TrackBy;
 use spf_flight::world::{Live, Script};
 use spf_media::Rgb;
 use spf_motion::estimator::TelemetryAccuracy;
@@ -113,7 +112,7 @@ impl Observer for Tracks {
 }
 
 /// A flight of at most 22 s, whose answers are 3 s late.
-fn flown(tracks: &mut Tracks, track_by: TrackBy, seconds: u64, folder: Option<&Path>) {
+fn flown(tracks: &mut Tracks, track: bool, seconds: u64, folder: Option<&Path>) {
     let loaded = Arc::new(LoadedScene::load("city").unwrap());
     let mut start = loaded.scene.start;
     // The target is far to the right at first.
@@ -128,21 +127,21 @@ fn flown(tracks: &mut Tracks, track_by: TrackBy, seconds: u64, folder: Option<&P
     let plan = FlightPlan {
         settings: PilotSettings {
             max_time: Duration::from_secs(seconds),
-            track: !track_by.is_off(),
+            track,
             ..PilotSettings::preset(Preset::Default)
         },
         record: folder.map(|folder| RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
-        ..FlightPlan::new(Site::Simulated(site), "fly to the black car", "oracle:perfect", vlm_factory)
+        ..FlightPlan::new(Site::Simulated(site), "follow the black car", "oracle:perfect", vlm_factory)
     };
     let flown = fly(plan, &mut [tracks]).unwrap();
-    assert_eq!(flown.summary.track, track_by);
+    assert_eq!(flown.summary.settings.track, track);
     assert!(flown.recording_problems.is_empty(), "{:?}", flown.recording_problems);
 }
 
 #[test]
 fn a_box_that_is_three_seconds_old_is_on_the_target_though_the_craft_has_turned() {
     let mut tracks = Tracks { compare: true, ..Tracks::default() };
-    flown(&mut tracks, TrackBy::Pixels, 22, None);
+    flown(&mut tracks, true, 22, None);
     let most = tracks.turned.iter().copied().fold(0.0, f64::max).to_degrees();
     assert!(most > 15.0, "{most}°");
     assert!(tracks.first.len() >= 4, "{:?}", tracks.first);
@@ -162,8 +161,8 @@ fn a_tracked_flight_is_the_same_again_and_replays_without_pixels() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path().join("flight");
     let (mut once, mut again) = (Tracks::default(), Tracks::default());
-    flown(&mut once, TrackBy::Pixels, 12, Some(&folder));
-    flown(&mut again, TrackBy::Pixels, 12, None);
+    flown(&mut once, true, 12, Some(&folder));
+    flown(&mut again, true, 12, None);
     assert!(once.reports.len() > 40 && once.reports == again.reports);
 
     let log = folder.join("flight.mcap");
@@ -174,7 +173,7 @@ fn a_tracked_flight_is_the_same_again_and_replays_without_pixels() {
     assert_eq!(logged, once.reports.iter().map(|(_, report)| *report).collect::<Vec<_>>());
 
     let mut without = Tracks::default();
-    flown(&mut without, TrackBy::Off, 12, None);
+    flown(&mut without, false, 12, None);
     assert!(without.reports.is_empty() && without.turned.is_empty());
 }
 

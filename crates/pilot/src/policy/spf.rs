@@ -165,7 +165,7 @@ impl Spf {
         let (rules, at) = (&self.rules, view.viewpoint());
         let has_boxes = rules.kept_clear != KeptClear::Unchecked;
         reading.listed = has_boxes.then(|| reply.boxes.clone());
-        if has_boxes && rules.is_guided {
+        if has_boxes && rules.keeps_place {
             self.views.learn_persons(&at, &retreat::persons(reply));
         }
         let retreat = self.retreat.is_due(rules, view, reply, &self.views);

@@ -142,7 +142,7 @@ impl Setup {
                 depth: settings.depth,
                 near_m: settings.near_m,
                 method: settings.method,
-                keep_m: settings.track.then_some(settings.keep_m),
+                keep_m: settings.keeps(),
                 close_up: false,
             }))
         });
@@ -153,7 +153,7 @@ impl Setup {
             camera,
             limits: self.limits,
             policy,
-            steering: settings.track.then(|| Box::<follower::StayWith>::default() as Box<dyn Steering>),
+            steering: settings.keeps().map(|_| Box::<follower::StayWith>::default() as Box<dyn Steering>),
             instruction: "fly to the red crane".to_owned(),
         });
         let mut model = CraftModel::new(self.craft);

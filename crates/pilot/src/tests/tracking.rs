@@ -10,10 +10,24 @@ fn tracked() -> Setup {
     setup
 }
 
+/// The reply that points at a goal, and follows it; a search where it is not in view.
+fn followed(goal: EnuPosition, seen: &Seen) -> String {
+    let profile = GroundingProfile::default();
+    let mut reply = spf_core::reply::parse_reply(&points_at(goal, seen), &profile, false).unwrap();
+    if reply.status == Status::Navigating {
+        reply.status = Status::Following;
+    }
+    reply.to_json(&profile, false)
+}
+
+fn follows(goal: EnuPosition, latency: f64) -> impl FnMut(&Query, &Seen) -> Answer {
+    move |_, seen| Answer::After(secs(latency), followed(goal, seen))
+}
+
 #[test]
-fn each_box_of_a_reply_is_tracked_from_its_own_frame_and_nothing_without_the_setting() {
+fn each_box_of_a_reply_that_follows_is_tracked_from_its_own_frame_and_nothing_without_the_setting() {
     let goal = target(3.0, 40.0, 4.0);
-    let mut flight = tracked().fly(perfect(goal, 1.5));
+    let mut flight = tracked().fly(follows(goal, 1.5));
     assert_eq!(flight.end(), Outcome::Reached);
     let starts: Vec<TrackStart> = flight.tracked.iter().filter_map(|(_, start)| *start).collect();
     assert!(starts.len() > 5);
@@ -22,9 +36,12 @@ fn each_box_of_a_reply_is_tracked_from_its_own_frame_and_nothing_without_the_set
         assert_eq!(start.frame, query.frame);
         assert!((start.area.right - start.area.left - 0.04).abs() < 0.01, "{start:?}");
     }
-    let mut without = Setup::preset(Preset::Default).fly(perfect(goal, 1.5));
+    // Nor is anything without the setting, or in a flight to something.
+    let mut without = Setup::preset(Preset::Default).fly(follows(goal, 1.5));
     without.end();
-    assert!(without.tracked.is_empty());
+    let mut to = tracked().fly(perfect(goal, 1.5));
+    to.end();
+    assert!(without.tracked.is_empty() && to.tracked.is_empty());
 }
 
 #[test]
@@ -33,13 +50,13 @@ fn a_search_and_a_new_instruction_end_the_track() {
     let mut answers = 0;
     let mut flight = tracked().fly(move |_, seen| {
         answers += 1;
-        let text = if answers == 1 { points_at(target(0.0, 30.0, 3.0), seen) } else { not_visible(Look::Left) };
+        let text = if answers == 1 { followed(target(0.0, 30.0, 3.0), seen) } else { not_visible(Look::Left) };
         Answer::After(secs(0.5), text)
     });
     flight.end();
     assert_eq!(started(&flight), [true, false]);
 
-    let mut flight = tracked().fly(perfect(target(0.0, 60.0, 3.0), 0.5));
+    let mut flight = tracked().fly(follows(target(0.0, 60.0, 3.0), 0.5));
     while flight.tracked.is_empty() {
         flight.step(secs_time(60.0));
         flight.pump();
@@ -55,7 +72,7 @@ fn started(flight: &Flight) -> Vec<bool> {
 #[test]
 fn reports_on_other_tracks_older_ones_and_nonsense_are_ignored() {
     let goal = target(0.0, 60.0, 3.0);
-    let mut flight = tracked().fly(perfect(goal, 1.5));
+    let mut flight = tracked().fly(follows(goal, 1.5));
     while flight.tracked.is_empty() {
         flight.step(secs_time(60.0));
         flight.pump();

@@ -140,7 +140,7 @@ pub(super) fn ready(
     let method = method(settings, policy, &facts)?;
     let limits = Limits { brake: brake(settings, &method, &facts)?, ..aboard.limits };
     let craft = limits.capped(&aboard.craft);
-    let words = method_words(settings, policy, &method);
+    let words = method_words(settings, policy);
     let flying = format!("Flying \"{}\"{}, {words}{}.", one_line(instruction), aboard.place, aboard.drawn);
     let mut announcements = vec![flying, sentence(&pointing.sentence, &craft)];
     announcements.extend(aboard.announcements);

@@ -14,7 +14,6 @@ use spf_envelope::geofence::Geofence;
 use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::FlightConditions;
-use spf_flight::tracking::TrackBy;
 use spf_flight::world::Script;
 use spf_motion::executor::{Ending, Motion};
 use spf_pilot::method::{Method, Sensed};
@@ -30,12 +29,10 @@ const NETWORK_AGE_S: f64 = 1.5;
 /// Time that a person may take: longer than any battery lasts.
 const LEISURE: Duration = Duration::from_secs(86_400);
 
-/// The method of a flight in words, with what is not as it is by default.
-pub(super) fn method_words(settings: &Settings, policy: PolicyKind, method: &PilotSettings) -> String {
+/// The method of a flight in words.
+pub(super) fn method_words(settings: &Settings, policy: PolicyKind) -> String {
     let preset = settings.fly.preset.text().unwrap_or_default();
-    let mut words = format!("policy {}, preset {preset}", policy.name());
-    words.push_str(if method.track { ", track pixels" } else { "" });
-    words
+    format!("policy {}, preset {preset}", policy.name())
 }
 
 /// The prompt in the settings, if any.
@@ -128,9 +125,9 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
             method.ending = Ending::Measured;
         }
     }
-    let track = fly.track.or_default()? != TrackBy::Off;
-    // The drone holds while a person thinks, unless it follows somebody meanwhile.
-    let holds = is_person && !track;
+    let track = fly.track.or_default()?;
+    // The drone holds while a person thinks, unless it is to follow somebody meanwhile.
+    let holds = is_person && !track.or(false);
     if let Some(think) = fly.think.get()?.or(holds.then_some(QueryTiming::Stop)) {
         method.think = think;
     }
@@ -143,15 +140,15 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
     let lists_boxes = lists_boxes && answers_with_boxes(fly.vlm.text_or_default());
     method.avoid = fly.avoid.or_default()?.or(lists_boxes) || fly.detector.text().is_some();
     let is_guided = method.is_guided();
-    if track && !is_guided {
+    if track.or(false) && !is_guided {
         return Err(CliError::usage("--track needs --think continuous and --motion blended")
-            .hint("leave it off with the preset paper, and with --tello-motion go"));
+            .hint("leave it out with the preset paper, and with --tello-motion go"));
     }
     if sensed.depth_network && !is_guided {
         return Err(CliError::usage("--depth-model is for the map, through which a craft is led between two answers")
             .hint("it needs --think continuous and --motion blended"));
     }
-    method.track = track;
+    method.track = track.or(policy == PolicyKind::spf() && is_guided && !is_person);
     method.method = Method::for_craft(is_guided, method.avoid, sensed);
     if let Some(depth) = fly.depth_as.get()? {
         method.depth = depth;
@@ -199,8 +196,8 @@ pub(super) fn brake(settings: &Settings, method: &PilotSettings, facts: &Facts) 
 /// Refuses settings that contradict one another, whatever craft flies.
 pub(super) fn refuse_contradictions(settings: &Settings, policy: PolicyKind) -> Result<(), CliError> {
     let fly = &settings.fly;
-    if fly.track.or_default()? == TrackBy::Off {
-        let needs = |flag: &str| CliError::usage(format!("{flag} needs a tracker")).hint("add --track pixels");
+    if !fly.track.or_default()?.or(!is_human(fly.vlm.text_or_default())) {
+        let needs = |flag: &str| CliError::usage(format!("{flag} needs a tracker")).hint("it needs --track on");
         if fly.keep_m.is_by_hand() {
             return Err(needs("--keep"));
         }
@@ -335,7 +332,7 @@ mod tests {
         let method_of = |settings: &Settings| method(settings, PolicyKind::spf(), &moves);
         let flown = method_of(&with(|_| {})).unwrap();
         assert_eq!((flown.motion, flown.think, flown.method), (Motion::Manoeuvres, QueryTiming::Stop, Method::Paper));
-        let tracked = with(|settings| settings.fly.track.argument("--track", "pixels"));
+        let tracked = with(|settings| settings.fly.track.argument("--track", "on"));
         assert!(method_of(&tracked).unwrap_err().to_string().contains("needs --think continuous"));
     }
 
@@ -352,7 +349,7 @@ mod tests {
         assert_eq!(person(|_| {}), (QueryTiming::Stop, LEISURE, LEISURE));
         let limited = person(|settings| settings.fly.max_time_s.argument("--max-time", "60"));
         assert_eq!(limited, (QueryTiming::Stop, Duration::from_secs(60), LEISURE));
-        let tracked = person(|settings| settings.fly.track.argument("--track", "pixels"));
+        let tracked = person(|settings| settings.fly.track.argument("--track", "on"));
         assert_eq!(tracked.0, QueryTiming::Continuous, "somebody walks on while the person thinks");
     }
 

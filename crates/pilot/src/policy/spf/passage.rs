@@ -57,7 +57,7 @@ pub(super) struct Passage {
 
 impl Passage {
     pub(super) fn new(rules: &Rules) -> Self {
-        let aside = rules.is_guided.then(Aside::default);
+        let aside = rules.keeps_place.then(Aside::default);
         Self { detour: DetourSide::default(), blocked: 0, aside, turned: None }
     }
 

@@ -285,7 +285,7 @@ impl<'a> Plan<'a> {
         }
         // Over what stands before a low target, that target would be lost under the craft.
         let is_below = Direction::of_point(&view.camera, view.pose, self.point).elevation < -BELOW;
-        (rules.is_guided && is_below).then_some("the target would be lost under the craft")
+        (rules.keeps_place && is_below).then_some("the target would be lost under the craft")
     }
 }
 

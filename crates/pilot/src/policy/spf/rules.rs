@@ -4,7 +4,7 @@ use super::SpfSettings;
 use crate::policy::View;
 use spf_core::query::{ImagePoint, QueryKind};
 use spf_core::reply::{Reply, Status};
-use spf_space::avoid::{self, BODY_MARGIN, PlannedStep};
+use spf_space::avoid::{BODY_MARGIN, PlannedStep};
 
 /// A point this near to the image's edge, as a fraction of its size, is no place of a target.
 const IMAGE_EDGE: f64 = 0.02;
@@ -26,9 +26,7 @@ pub(super) struct Rules {
     pub(super) settings: SpfSettings,
     /// What keeps steps clear of obstacles.
     pub(super) kept_clear: KeptClear,
-    /// Whether something guides the craft between two replies, so that it flies on while it asks.
-    pub(super) is_guided: bool,
-    /// Whether the pilot keeps the target's place ([`crate::policy::Step::Goto`]).
+    /// Whether the pilot keeps the target's place ([`crate::policy::Step::Goto`]), which guides the craft between two replies.
     pub(super) keeps_place: bool,
     /// Distance kept from somebody whom the pilot tracks, metres; `None` if it tracks nobody.
     pub(super) kept_m: Option<f64>,
@@ -44,7 +42,6 @@ impl Rules {
         Self {
             settings,
             kept_clear,
-            is_guided: settings.method.keeps_place() || settings.keep_m.is_some(),
             keeps_place: settings.method.keeps_place(),
             kept_m: settings.keep_m,
         }
@@ -75,16 +72,13 @@ impl Rules {
             point,
             step,
             // Without guidance it is all that leads out from before a wall.
-            dives: !self.is_guided,
+            dives: !self.keeps_place,
         }
     }
 
-    /// Whether the pilot stays with the target by its track: if the reply says so, and in the flight to a person, who may walk.
+    /// Whether the pilot stays with the target by its track.
     pub(super) fn follows(&self, reply: &Reply) -> bool {
-        let to_person = reply.status == Status::Navigating
-            && reply.target.as_deref().is_some_and(avoid::is_person)
-            && reply.target_box.zip(reply.point).is_some_and(|(area, point)| area.contains(point) && !is_at_edge(point));
-        self.kept_m.is_some() && reply.target_box.is_some() && (reply.status == Status::Following || to_person)
+        self.kept_m.is_some() && reply.target_box.is_some() && reply.status == Status::Following
     }
 }
 
@@ -110,20 +104,18 @@ mod tests {
     }
 
     #[test]
-    fn a_tracker_follows_whom_the_reply_follows_and_a_person_it_points_at() {
-        let follows = |track: bool, status, target: &str, u: f64| {
+    fn a_tracker_follows_whom_the_reply_follows() {
+        let follows = |track: bool, status, target: &str| {
             let area = spf_core::query::ImageBox { left: 0.0, top: 0.4, right: 0.6, bottom: 0.6 };
             let reply = Reply {
                 target: Some(target.to_owned()),
                 target_box: Some(area),
-                point: Some(ImagePoint { u, v: 0.5 }),
+                point: Some(ImagePoint { u: 0.5, v: 0.5 }),
                 ..Reply::new(status)
             };
             Rules::new(SpfSettings { keep_m: track.then_some(DEFAULT_KEEP), ..settings(false) }).follows(&reply)
         };
-        assert!(follows(true, Status::Following, "cart", 0.5) && !follows(false, Status::Following, "cart", 0.5));
-        assert!(follows(true, Status::Navigating, "woman", 0.5) && !follows(true, Status::Navigating, "cart", 0.5));
-        // Beside her, and where the image cuts her off.
-        assert!(!follows(true, Status::Navigating, "woman", 0.7) && !follows(true, Status::Navigating, "woman", 0.01));
+        assert!(follows(true, Status::Following, "cart") && !follows(false, Status::Following, "cart"));
+        assert!(!follows(true, Status::Navigating, "woman"));
     }
 }

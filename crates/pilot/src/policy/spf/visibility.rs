@@ -22,7 +22,7 @@ const MISSES_SMALL: u32 = 2;
 /// Somebody who is followed may have walked this far since they were last seen, behind what occludes them: metres, and metres per
 /// second since the first frame without them.
 const WALKED: (f64, f64) = (0.5, 1.0);
-/// How long somebody who is followed, and should be in view, is waited for while a box of the reply occludes them.
+/// How long a target that should be in view is waited for while a box of the reply occludes it.
 const WAITS: Duration = Duration::from_secs(8);
 /// A reply that points farther than this away from a target's known place, and outside its box, does not report that target,
 /// radians: 17°.
@@ -122,12 +122,12 @@ impl Visibility {
     pub(super) fn unseen(&mut self, rules: &Rules, view: &View, reply: &Reply) -> Unseen {
         const SMALL: &str = "looks again: the target is small, and was seen there before";
         const KNOWN: &str = "flies on: the target's position is known";
-        // For how many replies it flies on, why, and where it then waits for somebody who is followed.
+        // For how many replies it flies on, why, and where it then waits for what is occluded.
         let (patience, why, waits_at) = match view.expected {
             Expected::Unknown if self.is_missed(rules, view) => (MISSES_SMALL, SMALL, None),
             Expected::Unknown | Expected::Left { .. } => (0, KNOWN, None),
-            Expected::InView { at, range } if !is_occluded(at, range, &reply.boxes) => (MISSES_IN_VIEW, KNOWN, None),
-            Expected::InView { .. } | Expected::Aside => (MISSES_ASIDE, KNOWN, None),
+            Expected::InView { at, range } => (MISSES_IN_VIEW, KNOWN, Some((at, range))),
+            Expected::Aside => (MISSES_ASIDE, KNOWN, None),
             Expected::Followed { at, range, is_tracked: true } => (MISSES_IN_VIEW, KNOWN, Some((at, range))),
             Expected::Followed { at, range, is_tracked: false } => (0, KNOWN, Some((at, range))),
         };
@@ -135,19 +135,21 @@ impl Visibility {
             self.misses += 1;
             return Unseen::FlyOn(why);
         }
+        // After that many the place that is known is that of a stage before.
+        let waits_at = waits_at.filter(|_| self.misses < MISSES_ASIDE);
         let waits = waits_at.and_then(|(at, range)| self.waits(view, reply, at, range));
-        waits.map_or(Unseen::Search { both_sides: waits_at.is_some() }, Unseen::Wait)
+        waits.map_or(Unseen::Search { both_sides: is_followed(view) }, Unseen::Wait)
     }
 
     /// Whether the frame should show a target that is so small that one reply may miss it. Only a craft that flies on while it
     /// asks can look again without losing time.
     fn is_missed(&self, rules: &Rules, view: &View) -> bool {
         let may_be = |last: LastBox| last.may_be_missed(&view.camera, view.pose, rules.sent_size(view));
-        rules.is_guided && self.last_box.is_some_and(may_be)
+        rules.keeps_place && self.last_box.is_some_and(may_be)
     }
 
-    /// Why somebody is waited for who was in view a moment ago, and should be at this place: something that passes may occlude
-    /// them. What nothing occludes gets a second look. Both from rest, before the craft turns away.
+    /// Why a target is waited for that was in view a moment ago, and should be at this place: something that passes may occlude
+    /// it. Somebody who is followed, and whom nothing occludes, gets a second look. Both from rest, before the craft turns away.
     fn waits(&mut self, view: &View, reply: &Reply, at: ImagePoint, range: f64) -> Option<&'static str> {
         let captured = view.frame.captured;
         let since = captured.since(*self.hidden_since.get_or_insert(captured));
@@ -155,7 +157,7 @@ impl Visibility {
         let aside = walked / range.max(walked) * view.camera.fx / f64::from(view.camera.width);
         match is_covered(at, aside, range + walked, &reply.boxes, 0.0) {
             true if since < WAITS => Some("holds: the target should be in view; something hides it"),
-            false if since == Duration::ZERO => Some("holds: the target should be in view; looks again"),
+            false if since == Duration::ZERO && is_followed(view) => Some("holds: the target should be in view; looks again"),
             _ => None,
         }
     }
@@ -211,6 +213,10 @@ fn next_clear(search: &mut Search, answer: &Answered<'_>, look: Look, views: &Vi
         reading.actions.push("not looking up or down: an obstacle extends beyond the frame there".to_owned());
     }
     action
+}
+
+fn is_followed(view: &View) -> bool {
+    matches!(view.expected, Expected::Followed { .. })
 }
 
 /// Whether a reply points at something else than the target whose place should be in view.
@@ -276,7 +282,8 @@ mod tests {
         let followed = |is_tracked| Expected::Followed { at: AT, range: 20.0, is_tracked };
         for (expected, open, covered) in [
             (Expected::Unknown, (0, 0), (0, 0)),
-            (in_view, (1, 0), (5, 0)),
+            // 8 s behind what occludes it, and a second look at where somebody was.
+            (in_view, (1, 0), (1, 8)),
             (Expected::Aside, (5, 0), (5, 0)),
             // A second look, and 8 s behind what occludes them.
             (followed(true), (1, 1), (1, 8)),
