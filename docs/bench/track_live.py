@@ -3,7 +3,7 @@
 
     cargo build --release && pip install mcap && python3 docs/bench/track_live.py target/release/spf 60
 
-Serves a virtual Tello and the oracle, and flies after somebody in the office with `--track pixels`. The age of a report is the time
+Serves a virtual Tello and the oracle, and flies after somebody in the office by the tracker. The age of a report is the time
 from the capture of its frame, as the driver knows it, to its arrival at the pilot; the CPU time is that of the client alone.
 """
 import json
@@ -42,7 +42,7 @@ def main():
         server = subprocess.Popen(serve, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             time.sleep(3)
-            fly = [spf, "fly", INSTRUCTION, "--drone", "tello@127.0.0.1", "--track", "pixels", "--unattended", "--no-vlm-check"]
+            fly = [spf, "fly", INSTRUCTION, "--drone", "tello@127.0.0.1", "--unattended", "--no-vlm-check"]
             fly += ["--vlm", "openai@http://127.0.0.1:8093/v1", "--max-time", seconds, "--out", str(out)]
             begun = time.monotonic()
             environment = {**os.environ, "OPENAI_API_KEY": "none"}

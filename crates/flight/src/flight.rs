@@ -268,11 +268,8 @@ pub fn fly(plan: FlightPlan, observers: &mut [&mut dyn Observer]) -> Result<Flow
         }
         recording_problems.push("internal error: a part that records or displays the flight failed".to_owned());
     }
-    let summary = Summary {
-        prompt: prompt.map(|prompt| prompt.name()),
-        vlm_use: ledger.total(),
-        ..course.summary(&head, seed, &pilot)
-    };
+    let summary =
+        Summary { prompt: prompt.map(|prompt| prompt.name()), vlm_use: ledger.total(), ..course.summary(&head, seed, &pilot) };
     // Nothing waits for a simulated craft; a real one stands on the ground, and its driver is still connected.
     let (summary, problems) = finish_files(summary, recorder, ledger, live);
     recording_problems.extend(problems);

@@ -11,7 +11,6 @@ use spf_pilot::method::{Measured, Method};
 use spf_pilot::{PilotSettings, Preset, QueryTiming};
 use thiserror::Error;
 
-
 const SHIPPED: &str = include_str!("../data/methods.toml");
 
 static ROWS: LazyLock<Vec<MethodRow>> =

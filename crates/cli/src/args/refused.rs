@@ -64,7 +64,7 @@ fn with_word(command: &Command, flag: &str) -> Option<String> {
     found.next().is_none().then(|| format!("--{first}"))
 }
 
-/// What the help says of `flag`, which the parser names with its value: `--track <TRACKER>`.
+/// What the help says of `flag`, which the parser names with its value: `--track <SWITCH>`.
 fn help(command: &Command, flag: &str) -> Option<String> {
     let long = flag.split(' ').next()?.strip_prefix("--")?;
     let arg = command.get_arguments().find(|arg| arg.get_long() == Some(long))?;
@@ -96,6 +96,6 @@ mod tests {
     #[test]
     fn a_flag_without_its_value_says_what_it_takes() {
         let message = message("spf fly x --track");
-        assert!(message.contains("--track <TRACKER>: What keeps the target's box between replies: pixels"), "{message}");
+        assert!(message.contains("--track <SWITCH>: When a reply follows somebody, stay with them"), "{message}");
     }
 }

@@ -3,9 +3,13 @@
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 
 use crate::harness::{Lab, skip};
 use crate::python;
+
+/// One browser at a time: two of them, each with a simulator beside it, leave too little of a small machine for what they time.
+static BROWSER: Mutex<()> = Mutex::new(());
 
 /// Runs parts of the script in a browser.
 #[allow(clippy::print_stdout, reason = "how long each part took is for people")]
@@ -14,6 +18,7 @@ fn in_a_browser(parts: &str) {
         return skip("the cockpit in a browser (no chromium)");
     }
     let Some(python) = python::environment() else { return };
+    let _alone = BROWSER.lock().unwrap_or_else(PoisonError::into_inner);
     let lab = Lab::new();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/it/cockpit.py");
     let mut command = Command::new(python);

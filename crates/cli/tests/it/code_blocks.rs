@@ -141,8 +141,6 @@ fn shortened(args: &[String], lab: &Lab) -> Vec<String> {
             "--realtime" => short.extend(["--realtime", "--max-time", "1"].map(str::to_owned)),
             "--method" | "--vlm" => {
                 let first = args.next().unwrap().split(',').next().unwrap().to_owned();
-                // The tracker in rendered images takes a minute; the same method without it, a second.
-                let first = if first == "spf-track" { "spf-default".to_owned() } else { first };
                 short.extend([word, first]);
             }
             "-n" => {

@@ -113,8 +113,8 @@ fn what_comes_after_the_end_changes_nothing() {
 fn a_landing_is_taken_over_and_flown_on() {
     let events =
         "[[event]]\nat_s = 10\ndo = \"land\"\n\n[[event]]\nat_s = 11\ndo = \"stop\"\n\n[[event]]\nat_s = 20\ndo = \"resume\"\n";
-    let (code, summary, decisions, message) = fly("90", events);
-    // The limit of 90 s counts from the resumption.
+    let (code, summary, decisions, message) = fly("180", events);
+    // The limit of 180 s counts from the resumption.
     assert_eq!((code, summary["outcome"].as_str()), (0, Some("reached")), "{message}");
     assert!(message.contains("11.0 s  operator: hold") && message.contains("  held"), "{message}");
     assert!(decisions.iter().any(|decision| seconds(decision, "asked") >= 20.0), "{message}");

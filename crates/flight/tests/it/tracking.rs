@@ -125,11 +125,7 @@ fn flown(tracks: &mut Tracks, track: bool, seconds: u64, folder: Option<&Path>) 
         Ok(Box::new(Paced::new(oracle(of, seed)?, Some(LATENCY), false)))
     });
     let plan = FlightPlan {
-        settings: PilotSettings {
-            max_time: Duration::from_secs(seconds),
-            track,
-            ..PilotSettings::preset(Preset::Default)
-        },
+        settings: PilotSettings { max_time: Duration::from_secs(seconds), track, ..PilotSettings::preset(Preset::Default) },
         record: folder.map(|folder| RecordPlan { out: OutDir::at(folder).unwrap(), video: false, view: None }),
         ..FlightPlan::new(Site::Simulated(site), "follow the black car", "oracle:perfect", vlm_factory)
     };

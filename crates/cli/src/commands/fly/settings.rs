@@ -321,9 +321,37 @@ mod tests {
         let measured = flown(&settings, &ranges);
         assert_eq!((measured.method, measured.avoid), (Method::Depth(Measured::Part), true));
         assert_eq!(brake(&settings, &measured, &ranges).unwrap(), Some(BrakeLimits::without_sensor()));
-        // Without them there is nothing to plan with.
+        // Without them there is nothing to plan with, and the brake is for somebody who is followed.
         let unmeasured = flown(&settings, &PLAIN);
-        assert_eq!((unmeasured.method, brake(&settings, &unmeasured, &PLAIN).unwrap()), (Method::Boxes, None));
+        assert_eq!((unmeasured.method, unmeasured.track), (Method::Boxes, true));
+        assert_eq!(brake(&settings, &unmeasured, &PLAIN).unwrap(), Some(BrakeLimits::without_sensor()));
+        let forbidden = with(|settings| settings.fly.track.argument("--track", "off"));
+        assert_eq!(brake(&forbidden, &flown(&forbidden, &PLAIN), &PLAIN).unwrap(), None);
+    }
+
+    #[test]
+    fn whoever_flies_on_while_asking_follows_unless_it_is_forbidden() {
+        let follows = |flag: &'static str, value: &str| {
+            let settings = with(|settings| match flag {
+                "--preset" => settings.fly.preset.argument(flag, value),
+                "--policy" => settings.fly.policy.argument(flag, value),
+                "--vlm" => settings.fly.vlm.argument(flag, value),
+                _ => settings.fly.track.argument("--track", value),
+            });
+            refuse_contradictions(&settings, settings.fly.policy.or_default().unwrap()).unwrap();
+            flown(&settings, &PLAIN).track
+        };
+        assert!(follows("--track", "auto") && follows("--track", "on") && !follows("--track", "off"));
+        assert!(!follows("--preset", "paper") && !follows("--policy", "pivot") && !follows("--vlm", "human"));
+        // What needs it is refused where it is off.
+        for (vlm, track, is_refused) in [("gemini", "auto", false), ("gemini", "off", true), ("human", "auto", true)] {
+            let settings = with(|settings| {
+                settings.fly.vlm.argument("--vlm", vlm);
+                settings.fly.track.argument("--track", track);
+                settings.fly.keep_m.argument("--keep", "3");
+            });
+            assert_eq!(refuse_contradictions(&settings, PolicyKind::spf()).is_err(), is_refused, "{vlm} {track}");
+        }
     }
 
     #[test]

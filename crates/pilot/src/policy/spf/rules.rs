@@ -39,12 +39,7 @@ impl Rules {
             true if settings.method.measures_view() => KeptClear::ByPlanner,
             true => KeptClear::ByBoxes,
         };
-        Self {
-            settings,
-            kept_clear,
-            keeps_place: settings.method.keeps_place(),
-            kept_m: settings.keep_m,
-        }
+        Self { settings, kept_clear, keeps_place: settings.method.keeps_place(), kept_m: settings.keep_m }
     }
 
     /// The kind of its queries.
