@@ -13,6 +13,8 @@ use crate::query::{ImageBox, ImagePoint};
 
 /// Fraction of the image size by which a coordinate may lie outside and still be moved to the edge.
 pub const EDGE_TOLERANCE: f64 = 0.01;
+/// How far a box may overrun the image, as a fraction of the image size: its corners are not what is flown to.
+pub const BOX_TOLERANCE: f64 = 0.05;
 
 /// Order of the coordinates in a model's output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -124,14 +126,18 @@ impl GroundingProfile {
     /// # Errors
     /// [`GroundingError::Outside`] more than 1 % outside the image, or not finite (closer points are moved to the
     /// edge); [`GroundingError::WrongScale`] for fractions below one where a coarser unit was requested.
-    pub fn point(&self, [first, second]: [f64; 2]) -> Result<ImagePoint, GroundingError> {
+    pub fn point(&self, numbers: [f64; 2]) -> Result<ImagePoint, GroundingError> {
+        self.point_within(numbers, EDGE_TOLERANCE)
+    }
+
+    fn point_within(&self, [first, second]: [f64; 2], tolerance: f64) -> Result<ImagePoint, GroundingError> {
         let limits = self.limits();
         let (x, y) = match self.order {
             AxisOrder::Xy => (first, second),
             AxisOrder::Yx => (second, first),
         };
         let (u, v) = (x / limits.x, y / limits.y);
-        let inside = -EDGE_TOLERANCE..=1.0 + EDGE_TOLERANCE;
+        let inside = -tolerance..=1.0 + tolerance;
         if !inside.contains(&u) || !inside.contains(&v) {
             return Err(GroundingError::Outside { first, second, limits });
         }
@@ -143,18 +149,22 @@ impl GroundingProfile {
     }
 
     /// Converts four numbers, in the order the model wrote them, to a rectangle. Edges in the wrong order are swapped,
-    /// since they span the same rectangle.
+    /// since they span the same rectangle. One that overruns the image by at most [`BOX_TOLERANCE`] is cut off at its edge.
     ///
     /// # Errors
-    /// Those of [`point`](Self::point), for either corner.
+    /// Those of [`point`](Self::point), for either corner, and [`GroundingError::Outside`] if nothing of it is inside.
     pub fn area(&self, [a, b, c, d]: [f64; 4]) -> Result<ImageBox, GroundingError> {
         // The scale is checked on the far corner: a box may well start in the upper left corner of the image.
-        let far = self.point([a.max(c), b.max(d)])?;
+        let far = self.point_within([a.max(c), b.max(d)], BOX_TOLERANCE)?;
         let near = [a.min(c), b.min(d)];
-        let near = match self.point(near) {
+        let near = match self.point_within(near, BOX_TOLERANCE) {
             Err(GroundingError::WrongScale { .. }) => self.corner(near),
             other => other?,
         };
+        let is_flat = a == c || b == d;
+        if !is_flat && (far.u <= near.u || far.v <= near.v) {
+            return Err(GroundingError::Outside { first: a, second: b, limits: self.limits() });
+        }
         Ok(ImageBox { left: near.u, top: near.v, right: far.u, bottom: far.v })
     }
 

@@ -1,7 +1,8 @@
 //! A lenient JSON reader for the errors that models make, strict about everything else.
 //!
-//! Accepted: trailing commas, single quotes, Python's `True`, `False` and `None`, a leading `+`, raw line breaks inside
-//! strings. Numbers that overflow are read as infinite and left to the caller's range checks. Nesting is bounded by
+//! Accepted: trailing commas, single quotes, keys without quotes, `//` comments, Python's `True`, `False` and `None`, a leading `+`,
+//! raw line breaks inside strings, and half a surrogate pair, which is read as U+FFFD. Numbers that overflow are read as infinite,
+//! and `NaN` as such, and left to the caller's range checks. Nesting is bounded by
 //! [`MAX_DEPTH`], memory by the text's length.
 
 /// Maximum nesting of objects and arrays.
@@ -14,7 +15,7 @@ pub enum Value {
     Null,
     /// A truth value.
     Bool(bool),
-    /// A number; infinite if it overflows.
+    /// A number; infinite if it overflows, and not a number where that is written.
     Number(f64),
     /// A string.
     Text(String),
@@ -118,8 +119,15 @@ impl Reader<'_> {
     }
 
     fn space(&mut self) {
-        while matches!(self.peek(), Some(b' ' | b'\t' | b'\r' | b'\n')) {
-            self.at += 1;
+        loop {
+            match self.peek() {
+                Some(b' ' | b'\t' | b'\r' | b'\n') => self.at += 1,
+                Some(b'/') if self.text[self.at..].starts_with("//") => {
+                    let rest = &self.text[self.at..];
+                    self.at += rest.find('\n').unwrap_or(rest.len());
+                }
+                _ => return,
+            }
         }
     }
 
@@ -149,8 +157,8 @@ impl Reader<'_> {
         loop {
             match self.next()? {
                 b'}' => break,
-                quote @ (b'"' | b'\'') => {
-                    let key = self.string(quote)?;
+                byte @ (b'"' | b'\'' | b'_' | b'a'..=b'z' | b'A'..=b'Z') => {
+                    let key = if matches!(byte, b'"' | b'\'') { self.string(byte)? } else { self.bare_key() };
                     if self.next()? != b':' {
                         return Err(Broken::Invalid);
                     }
@@ -186,6 +194,14 @@ impl Reader<'_> {
         Ok(())
     }
 
+    fn bare_key(&mut self) -> String {
+        let start = self.at;
+        while matches!(self.peek(), Some(b'_' | b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z')) {
+            self.at += 1;
+        }
+        self.text[start..self.at].to_owned()
+    }
+
     fn number(&mut self) -> Result<Value, Broken> {
         let start = self.at;
         while matches!(self.peek(), Some(b'+' | b'-' | b'.' | b'0'..=b'9' | b'e' | b'E')) {
@@ -204,13 +220,14 @@ impl Reader<'_> {
         }
         let word = &self.text[start..self.at];
         if self.peek().is_none() {
-            let begun = ["null", "None", "true", "True", "false", "False"].iter().any(|whole| whole.starts_with(word));
+            let begun = ["null", "None", "true", "True", "false", "False", "NaN"].iter().any(|whole| whole.starts_with(word));
             return Err(if begun { Broken::Truncated } else { Broken::Invalid });
         }
         match word {
             "null" | "None" => Ok(Value::Null),
             "true" | "True" => Ok(Value::Bool(true)),
             "false" | "False" => Ok(Value::Bool(false)),
+            "NaN" => Ok(Value::Number(f64::NAN)),
             _ => Err(Broken::Invalid),
         }
     }
@@ -253,18 +270,22 @@ impl Reader<'_> {
 
     fn unicode(&mut self) -> Result<char, Broken> {
         let high = self.hex()?;
-        if !(0xd800..0xdc00).contains(&high) {
-            return char::from_u32(high).ok_or(Broken::Invalid);
-        }
-        // A surrogate pair; a lone half is not a character.
         let rest = &self.text.as_bytes()[self.at..];
-        if !rest.starts_with(b"\\u") {
-            return Err(if rest.len() < 2 { Broken::Truncated } else { Broken::Invalid });
+        if !(0xd800..0xdc00).contains(&high) || !rest.starts_with(b"\\u") {
+            // Half a surrogate pair is no character.
+            let is_half = (0xd800..0xdc00).contains(&high) && rest.len() < 2;
+            return if is_half {
+                Err(Broken::Truncated)
+            } else {
+                Ok(char::from_u32(high).unwrap_or(char::REPLACEMENT_CHARACTER))
+            };
         }
+        let after_high = self.at;
         self.at += 2;
         let low = self.hex()?;
         if !(0xdc00..0xe000).contains(&low) {
-            return Err(Broken::Invalid);
+            self.at = after_high;
+            return Ok(char::REPLACEMENT_CHARACTER);
         }
         char::from_u32(0x1_0000 + ((high - 0xd800) << 10) + (low - 0xdc00)).ok_or(Broken::Invalid)
     }
@@ -294,6 +315,16 @@ mod tests {
     }
 
     #[test]
+    fn reads_what_cannot_mean_anything_else() {
+        let text = "{status: 'done', // it's {reached}\n depth_m: NaN, \"x\": \"a\\ud83dz\\ud83d\\u0041\\udc00\"}";
+        let value = read(text).unwrap();
+        assert_eq!(value.field(&["status"]).and_then(Value::text), Some("done"));
+        assert!(value.field(&["depth_m"]).and_then(Value::number).is_some_and(f64::is_nan));
+        assert_eq!(value.field(&["x"]).and_then(Value::text), Some("a\u{fffd}z\u{fffd}A\u{fffd}"));
+        assert_eq!(read("[1] // end"), Ok(Value::Array(vec![Value::Number(1.0)])));
+    }
+
+    #[test]
     fn tells_truncated_from_invalid() {
         let text = r#"{"a": [1, -2.5e1, "x\u00e9"], "b": {"c": null}}"#;
         assert!(read(text).is_ok());
@@ -301,7 +332,8 @@ mod tests {
             assert_eq!(read(&text[..end]), Err(Broken::Truncated), "{}", &text[..end]);
         }
         assert_eq!(read("[crane"), Err(Broken::Invalid));
-        for bad in ["{a: 1}", "[1 2]", "[,1]", "[--1]", "{\"a\" 1}", "[nul]", "\"\\ud800x\"", "\"\\q\"", "[1] 2", "[NaN]", "{,}"]
+        for bad in
+            ["{a b: 1}", "[1 2]", "[,1]", "[--1]", "{\"a\" 1}", "[nul]", "\"\\q\"", "[1] 2", "[Nan]", "{_: }", "[1 / 2]", "{,}"]
         {
             assert_eq!(read(bad), Err(Broken::Invalid), "{bad}");
         }

@@ -1,10 +1,10 @@
 //! Converts a JSON value to a [`Reply`]: accepted and refused forms.
 
-use super::json::Value;
+use super::json::{Value, read};
 use super::scan::Verdict;
 use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
 use crate::grounding::{GroundingError, GroundingProfile};
-use crate::lift::label_of_range;
+use crate::lift::{label_of_range, range_of_label};
 
 /// Maximum number of obstacle boxes in a reply.
 pub const MAX_BOXES: usize = 64;
@@ -148,6 +148,9 @@ const MAX_TURN: f64 = 180.0;
 const TARGET: [&str; 2] = ["target", "label"];
 const BOXES: [&str; 2] = ["boxes", "obstacles"];
 const BOX: [&str; 4] = ["box", "box_2d", "bbox", "bbox_2d"];
+/// The edges of a box by name: left, top, right, bottom.
+const EDGES: [&[&str]; 4] =
+    [&["xmin", "x1", "left"], &["ymin", "y1", "top"], &["xmax", "x2", "right"], &["ymax", "y2", "bottom"]];
 const NAME: [&str; 2] = ["name", "label"];
 
 /// The requirements of the query.
@@ -244,18 +247,43 @@ struct Distance {
     metres: Option<f64>,
 }
 
-/// The distance in an object: a label in `depth`, or metres in `depth_m`.
-fn distance(value: &Value, field: &str) -> Result<Option<Distance>, ReplyError> {
-    if let Some(found) = value.field(&DEPTH) {
-        return Ok(Some(Distance { label: depth(found, field)?, metres: None }));
+impl Distance {
+    fn range(&self) -> f64 {
+        self.metres.unwrap_or_else(|| range_of_label(f64::from(self.label)))
     }
-    let Some(found) = value.field(&METRES) else { return Ok(None) };
-    let field = format!("{field}_m");
-    let metres = found.number().ok_or_else(|| wrong(&field, "a distance in metres", found))?;
+}
+
+/// The distance in an object: a label in `depth`, or metres in `depth_m` or with their unit. Of two the nearer counts.
+fn distance(value: &Value, field: &str) -> Result<Option<Distance>, ReplyError> {
+    let label = value.field(&DEPTH).map(|found| match metres_with_unit(found) {
+        Some(stated) => metres(stated, field.to_owned()),
+        None => Ok(Distance { label: depth(found, field)?, metres: None }),
+    });
+    let length = value.field(&METRES).map(|found| {
+        let field = format!("{field}_m");
+        let stated = found.number().or_else(|| metres_with_unit(found));
+        metres(stated.ok_or_else(|| wrong(&field, "a distance in metres", found))?, field)
+    });
+    match (label, length) {
+        (Some(Ok(one)), Some(Ok(other))) => Ok(Some(if other.range() < one.range() { other } else { one })),
+        (Some(Ok(only)), _) | (None, Some(Ok(only))) => Ok(Some(only)),
+        (Some(Err(error)), _) | (None, Some(Err(error))) => Err(error),
+        (None, None) => Ok(None),
+    }
+}
+
+/// The number of a text such as `3 m`.
+fn metres_with_unit(value: &Value) -> Option<f64> {
+    let text = value.text()?.trim();
+    let number = ["metres", "meters", "metre", "meter", "m"].iter().find_map(|unit| text.strip_suffix(unit))?;
+    number.trim_end().parse().ok()
+}
+
+fn metres(metres: f64, field: String) -> Result<Distance, ReplyError> {
     if !(metres > 0.0 && metres <= MAX_METRES) {
         return Err(ReplyError::DepthOutside { field, found: metres });
     }
-    Ok(Some(Distance { label: label_of_range(metres), metres: Some(metres) }))
+    Ok(Distance { label: label_of_range(metres), metres: Some(metres) })
 }
 
 fn open_way(value: &Value, profile: &GroundingProfile) -> Option<OpenWay> {
@@ -360,7 +388,8 @@ pub fn one_line_within(text: &str, most: usize) -> String {
     out
 }
 
-/// The numbers of a flat or once nested array, or of a text such as `500, 500`; `None` if there are more than four.
+/// The numbers of a flat or once nested array, or of a text such as `500, 500`, `[10 10 50 50]` or `<box>10 10 50 50</box>`; `None` if
+/// there are more than four.
 fn numbers(value: &Value) -> Option<Vec<f64>> {
     match value {
         Value::Array(items) if items.iter().any(|item| matches!(item, Value::Array(_))) => {
@@ -373,12 +402,26 @@ fn numbers(value: &Value) -> Option<Vec<f64>> {
         }
         Value::Array(items) if items.len() <= 4 => items.iter().map(Value::number).collect(),
         Value::Text(text) => {
-            let inner = text.trim().trim_matches(['[', ']', '(', ')']);
-            let parts: Option<Vec<f64>> = inner.splitn(5, ',').map(|part| part.trim().parse().ok()).collect();
-            parts.filter(|parts| parts.len() <= 4)
+            let plain = without_tags(text);
+            let parts = plain.split(|c: char| c.is_whitespace() || matches!(c, ',' | ';' | '[' | ']' | '(' | ')'));
+            let numbers: Option<Vec<f64>> = parts.filter(|part| !part.is_empty()).take(5).map(|part| part.parse().ok()).collect();
+            numbers.filter(|numbers| numbers.len() <= 4)
         }
         _ => None,
     }
+}
+
+/// The text with a space in the place of each tag.
+fn without_tags(text: &str) -> String {
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some((before, tag)) = rest.split_once('<') {
+        plain.push_str(before);
+        plain.push(' ');
+        rest = tag.split_once('>').map_or("", |(_, after)| after);
+    }
+    plain.push_str(rest);
+    plain
 }
 
 /// The numbers of an object with named edges, one name of each row, in row order.
@@ -406,8 +449,7 @@ fn point(value: &Value, field: &str, profile: &GroundingProfile) -> Result<crate
 
 fn area(value: &Value, profile: &GroundingProfile, field: &str) -> Result<crate::query::ImageBox, ReplyError> {
     use crate::grounding::AxisOrder::{Xy, Yx};
-    let edges =
-        named(value, [&["xmin", "x1", "left"], &["ymin", "y1", "top"], &["xmax", "x2", "right"], &["ymax", "y2", "bottom"]]);
+    let edges = named(value, EDGES);
     let four = match (edges, profile.order) {
         (Some(four), Xy) => Some(four),
         (Some([x1, y1, x2, y2]), Yx) => Some([y1, x1, y2, x2]),
@@ -418,6 +460,9 @@ fn area(value: &Value, profile: &GroundingProfile, field: &str) -> Result<crate:
 }
 
 fn boxes(value: &Value, profile: &GroundingProfile) -> Result<Vec<ObstacleBox>, ReplyError> {
+    // Encoded twice, or written as text.
+    let inner = value.text().and_then(|text| read(text.trim()).ok());
+    let value = inner.as_ref().unwrap_or(value);
     let single = core::slice::from_ref(value);
     let items = match value {
         Value::Array(items) => items,
@@ -432,7 +477,7 @@ fn boxes(value: &Value, profile: &GroundingProfile) -> Result<Vec<ObstacleBox>, 
         if !matches!(item, Value::Object(_)) {
             return Err(wrong(&format!("boxes[{i}]"), "an object", item));
         }
-        let edges = item.field(&BOX).ok_or_else(|| missing("box"))?;
+        let edges = item.field(&BOX).or_else(|| named(item, EDGES).map(|_| item)).ok_or_else(|| missing("box"))?;
         let named = item.field(&NAME).map(|v| name(v, &format!("boxes[{i}].name"))).transpose()?.flatten();
         Ok(ObstacleBox {
             area: area(edges, profile, &format!("boxes[{i}].box"))?,

@@ -143,6 +143,13 @@ impl<T, E> Scan<T, E> {
                 Mode::Value { start, open, quote, escaped, last } => {
                     let start = *start;
                     self.at += 1;
+                    if quote.is_none() && byte == b'/' {
+                        // A comment, which is a string that ends with its line.
+                        if bytes[self.at - 2] == b'/' {
+                            *quote = Some(b'\n');
+                        }
+                        continue;
+                    }
                     match step(byte, open, quote, escaped, last) {
                         Step::Inside => {}
                         Step::Broken => self.give_up(start, self.at),
@@ -216,7 +223,7 @@ fn step(byte: u8, open: &mut Vec<u8>, quote: &mut Option<u8>, escaped: &mut bool
                 return Step::Closed;
             }
         }
-        b',' | b':' | b'+' | b'-' | b'.' | b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' => {}
+        b',' | b':' | b'+' | b'-' | b'.' | b'_' | b'0'..=b'9' | b'a'..=b'z' | b'A'..=b'Z' => {}
         _ => return Step::Broken,
     }
     *last = byte;

@@ -60,6 +60,11 @@ fn forgives_what_models_do() {
         PLAIN.replace("}]}", ",},],}").replace("\"look\":null", "\"look\":\"ahead\""),
         PLAIN.replace('"', "'").replace("null", "None"),
         PLAIN.replace(',', " ,\n\t"),
+        PLAIN.replace("[100,200,300,400]", "\"100 200 300 400\""),
+        PLAIN.replace("[100,200,300,400]", "\"<box>100 200; 300 400</box>\""),
+        PLAIN.replace("\"box\":[100,200,300,400]", "\"xmin\":200,\"ymin\":100,\"xmax\":400,\"ymax\":300"),
+        PLAIN.replace("[{\"box\"", "\"[{'box'").replace("\"depth\":3,\"name\":\"a tree\"}]", "'depth':3,'name':'a tree'}]\""),
+        PLAIN.replace("\"status\":", "status: // it's here, {not} there\n").replace("\"look\":null", "look: null, unused: NaN"),
         format!("{{\"status\":\"navigating\",\"point\":[5000,1],\"depth\":3}} no: {PLAIN}"),
         format!("{PLAIN} {{\"status\":\"done\"}}"),
     ];
@@ -84,6 +89,37 @@ fn short_forms_are_read() {
     // An obstacle without a name still counts.
     let unnamed = short("{\"point\":[1,2],\"depth\":1,\"boxes\":{\"box\":[1,2,3,4],\"depth\":1,\"name\":null}}");
     assert_eq!(unnamed.boxes[0].name, "obstacle");
+}
+
+#[test]
+fn a_box_that_overruns_the_image_a_little_is_cut_off_at_its_edge() {
+    let area = |numbers: &str| {
+        let text = format!("{{\"point\":[500,500],\"depth\":3,\"boxes\":[{{\"box\":{numbers},\"depth\":1}}]}}");
+        parse_reply(&text, &yx(), true).map(|reply| reply.boxes[0].area).map_err(|error| error.code())
+    };
+    assert_eq!(area("[-40,500,300,1050]"), Ok(ImageBox { left: 0.5, top: 0.0, right: 1.0, bottom: 0.3 }));
+    // Farther out, and with nothing inside.
+    assert_eq!(area("[-60,500,300,900]"), Err("point_outside"));
+    assert_eq!(area("[-40,500,-10,900]"), Err("point_outside"));
+    // The point is flown to: it has its own limit.
+    assert!(parse_reply("{\"point\":[1040,500],\"depth\":3}", &yx(), false).is_err());
+}
+
+#[test]
+fn metres_are_metres_under_any_key_and_the_nearer_of_two_readings_counts() {
+    let depth = |keys: &str| {
+        let reply = parse_reply(&format!("{{\"point\":[500,500],{keys}}}"), &yx(), false);
+        reply.map(|reply| (reply.depth.unwrap(), reply.range_m)).map_err(|error| error.code())
+    };
+    assert_eq!(depth(r#""depth":"3 m""#), Ok((3, Some(3.0))));
+    assert_eq!(depth(r#""depth_m":"4.6 metres""#), Ok((4, Some(4.6))));
+    assert_eq!(depth(r#""depth":6,"depth_m":4.6"#), Ok((4, Some(4.6))));
+    assert_eq!(depth(r#""depth":2,"depth_m":40"#), Ok((2, None)));
+    // A label off the scale is refused whatever stands beside it.
+    assert_eq!(depth(r#""depth":15,"depth_m":3"#), Err("depth_outside"));
+    for keys in [r#""depth":"-3 m""#, r#""depth":"3 km""#, r#""depth":"m""#, r#""depth":NaN"#, r#""depth_m":"inf m""#] {
+        assert!(depth(keys).is_err(), "{keys}");
+    }
 }
 
 #[test]
