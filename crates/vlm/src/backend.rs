@@ -134,7 +134,8 @@ impl Backend {
         serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
         let enough = match question.kind {
-            QueryKind::Point { avoid, .. } => Some((grounding, *avoid)),
+            // What a model that may think writes first may be a draft.
+            QueryKind::Point { avoid, .. } if !self.model.thinks => Some((grounding, *avoid)),
             _ => None,
         };
         Ok(Written {

@@ -20,9 +20,11 @@ FOXGLOVE = {
     "/pose/true": "PoseInFrame",
     "/scene": "SceneUpdate",
     "/plan": "SceneUpdate",
+    # While the anchor is in use, as here.
+    "/path": "SceneUpdate",
     "/log": "Log",
 }
-WITH_A_MAP = {"/map": "PointCloud", "/path": "SceneUpdate"}
+WITH_A_MAP = {"/map": "PointCloud"}
 OURS = "flight wake telemetry frame reply operator query command decision note finished truth summary".split() + ["pose/deviation"]
 
 

@@ -26,6 +26,9 @@ pub enum ReplyError {
     /// JSON without `status` and `point`.
     #[error("the JSON reply has neither `status` nor `point`")]
     NoReply,
+    /// Several replies, which differ in their status: which of them is meant cannot be told.
+    #[error("the answer has several replies with different statuses")]
+    Contradiction,
     /// The answer ends inside its JSON.
     #[error("the reply ends inside its JSON; raise the limit on output tokens")]
     Truncated,
@@ -101,6 +104,7 @@ impl ReplyError {
         match self {
             Self::NoJson => "no_json",
             Self::NoReply => "no_reply",
+            Self::Contradiction => "contradiction",
             Self::Truncated => "truncated",
             Self::TooLong { .. } => "too_long",
             Self::WrongType { .. } => "wrong_type",
@@ -121,6 +125,7 @@ impl ReplyError {
     pub fn for_the_model(&self) -> String {
         match self {
             Self::NoJson | Self::NoReply => "was not the JSON object that is asked for".to_owned(),
+            Self::Contradiction => "had several objects with different statuses: write one".to_owned(),
             Self::Truncated => "ended before its JSON was complete: be brief".to_owned(),
             Self::TooLong { .. } => "was too long".to_owned(),
             Self::WrongType { field, wanted, .. } => format!("had a {field} that was not {wanted}"),

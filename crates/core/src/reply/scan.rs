@@ -1,5 +1,8 @@
 //! Finds the JSON in an answer, complete or still arriving, surrounded by prose, code fences and reasoning.
 //!
+//! Everything before the last end of a thought is thought, whatever its mark: its opening may have been in the prompt. Marks within
+//! a JSON string are text, and no string within a value is read as one: a sign in the image could have written it.
+//!
 //! The scanner is a byte-wise state machine without look-ahead, so the result does not depend on how an answer is split
 //! into chunks.
 
@@ -26,9 +29,11 @@ pub(crate) struct Scan<T, E> {
     mode: Mode,
     /// Values that start before this offset lie inside a larger one that failed to parse.
     nested_until: usize,
-    /// The first accepted value.
-    pub(crate) accepted: Option<T>,
-    /// The first refusal.
+    /// Whether the scan has met a quote inside of it.
+    is_quoted: bool,
+    /// The accepted values since the last end of a thought.
+    pub(crate) accepted: Vec<T>,
+    /// The first refusal since then.
     pub(crate) refused: Option<E>,
     /// Whether any JSON was read.
     pub(crate) any_json: bool,
@@ -39,7 +44,7 @@ pub(crate) struct Scan<T, E> {
 #[derive(Clone, Debug, PartialEq)]
 enum Mode {
     Prose,
-    /// Between `<think>` and `</think>`: drafts there are not the answer.
+    /// After the beginning of a thought: drafts there are not the answer.
     Thought,
     Value {
         start: usize,
@@ -51,8 +56,11 @@ enum Mode {
     },
 }
 
-const THINK: &[u8] = b"<think>";
-const THOUGHT: &[u8] = b"</think>";
+/// Where thoughts begin: tags of open models, and a channel other than the final one (OpenAI's harmony format).
+const BEGINS: [&[u8]; 6] =
+    [b"<think>", b"<thinking>", b"<thought>", b"<reasoning>", b"<|channel|>analysis", b"<|channel|>commentary"];
+/// Where they end.
+const ENDS: [&[u8]; 5] = [b"</think>", b"</thinking>", b"</thought>", b"</reasoning>", b"<|channel|>final"];
 
 /// Why nothing was accepted in a complete answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,23 +88,32 @@ pub fn search<T, E>(text: &str, judge: impl Fn(&Value, bool) -> Verdict<T, E>) -
     }
     let mut scan = Scan::new();
     scan.advance(text, true, judge);
-    scan.outcome()
+    scan.outcome().map(|mut all| all.swap_remove(0))
 }
 
 impl<T, E> Scan<T, E> {
-    /// The result, once the answer is complete.
-    pub(super) fn outcome(self) -> Result<T, ScanError<E>> {
-        match (self.accepted, self.refused) {
-            (Some(found), _) => Ok(found),
-            (None, Some(error)) => Err(ScanError::Refused(error)),
-            (None, None) if self.truncated => Err(ScanError::Truncated),
-            (None, None) if self.any_json => Err(ScanError::NoReply),
-            (None, None) => Err(ScanError::NoJson),
+    /// The accepted values, once the answer is complete: at least one.
+    pub(super) fn outcome(self) -> Result<Vec<T>, ScanError<E>> {
+        match self.refused {
+            _ if !self.accepted.is_empty() => Ok(self.accepted),
+            Some(error) => Err(ScanError::Refused(error)),
+            None if self.truncated => Err(ScanError::Truncated),
+            None if self.any_json => Err(ScanError::NoReply),
+            None => Err(ScanError::NoJson),
         }
     }
 
     pub(crate) fn new() -> Self {
-        Self { at: 0, mode: Mode::Prose, nested_until: 0, accepted: None, refused: None, any_json: false, truncated: false }
+        Self {
+            at: 0,
+            mode: Mode::Prose,
+            nested_until: 0,
+            is_quoted: false,
+            accepted: Vec::new(),
+            refused: None,
+            any_json: false,
+            truncated: false,
+        }
     }
 
     /// Continues through `text`, which must start with the text of the previous call. `ended`: the text is complete.
@@ -106,7 +123,7 @@ impl<T, E> Scan<T, E> {
     /// per level of nesting, which is bounded.
     pub(crate) fn advance(&mut self, text: &str, ended: bool, judge: impl Fn(&Value, bool) -> Verdict<T, E>) {
         let bytes = text.as_bytes();
-        while self.accepted.is_none() {
+        loop {
             let Some(&byte) = bytes.get(self.at) else {
                 if !ended {
                     return;
@@ -126,18 +143,21 @@ impl<T, E> Scan<T, E> {
                         self.mode = Mode::Value { start: self.at, open: vec![byte], quote: None, escaped: false, last: byte };
                     } else if byte == b'<' {
                         let rest = &bytes[self.at..];
-                        if rest.starts_with(THINK) {
+                        if ENDS.iter().any(|mark| rest.starts_with(mark)) {
+                            self.end_thought();
+                        } else if BEGINS.iter().any(|mark| rest.starts_with(mark)) {
                             self.mode = Mode::Thought;
-                        } else if !ended && THINK.starts_with(rest) {
+                        } else if !ended && ENDS.iter().chain(&BEGINS).any(|mark| mark.starts_with(rest)) {
                             return;
                         }
                     }
+                    self.is_quoted |= byte == b'"' && self.at < self.nested_until;
                     self.at += 1;
                 }
                 Mode::Thought => {
                     self.at += 1;
-                    if bytes[..self.at].ends_with(THOUGHT) {
-                        self.mode = Mode::Prose;
+                    if ENDS.iter().any(|mark| bytes[..self.at].ends_with(mark)) {
+                        self.end_thought();
                     }
                 }
                 Mode::Value { start, open, quote, escaped, last } => {
@@ -162,14 +182,25 @@ impl<T, E> Scan<T, E> {
 
     fn close(&mut self, text: &str, start: usize, judge: &impl Fn(&Value, bool) -> Verdict<T, E>) {
         let Ok(value) = read(text) else { return self.give_up(start, self.at) };
+        self.mode = Mode::Prose;
         self.any_json = true;
-        match judge(&value, start < self.nested_until) {
-            Verdict::Accepted(found) => self.accepted = Some(found),
-            Verdict::Refused(error) => {
-                self.refused.get_or_insert(error);
-                self.mode = Mode::Prose;
-            }
-            Verdict::Other => self.give_up(start, self.at),
+        let is_nested = start < self.nested_until;
+        // Behind a quote in a larger value that is broken it may be part of a string.
+        if !(is_nested && self.is_quoted) {
+            self.take(&value, is_nested, judge);
+        }
+    }
+
+    /// Takes a value, or those within it if it is something else.
+    fn take(&mut self, value: &Value, is_nested: bool, judge: &impl Fn(&Value, bool) -> Verdict<T, E>) {
+        match judge(value, is_nested) {
+            Verdict::Accepted(found) => self.accepted.push(found),
+            Verdict::Refused(error) => _ = self.refused.get_or_insert(error),
+            Verdict::Other => match value {
+                Value::Array(items) => items.iter().for_each(|item| self.take(item, true, judge)),
+                Value::Object(fields) => fields.iter().for_each(|(_, field)| self.take(field, true, judge)),
+                _ => {}
+            },
         }
     }
 
@@ -177,7 +208,13 @@ impl<T, E> Scan<T, E> {
     fn give_up(&mut self, start: usize, end: usize) {
         self.mode = Mode::Prose;
         self.at = start + 1;
+        self.is_quoted = self.is_quoted && start < self.nested_until;
         self.nested_until = self.nested_until.max(end);
+    }
+
+    /// What was found so far was a draft.
+    fn end_thought(&mut self) {
+        *self = Self { at: self.at, nested_until: self.nested_until, is_quoted: self.is_quoted, ..Self::new() };
     }
 }
 

@@ -9,8 +9,8 @@ use crate::grounding::GroundingProfile;
 /// the list of `boxes` unless it is `done`; an empty list means that there is no obstacle.
 ///
 /// `docs/reference/reply.md` lists the accepted deviations: fences and prose around the JSON, an array for the object,
-/// numbers as text, other keys and spellings, coordinates up to 1 % outside. Of several objects the first valid reply
-/// counts.
+/// numbers as text, other keys and spellings, coordinates up to 1 % outside. What is before the last end of a thought
+/// is no answer. Of several valid replies after it the last counts, if all have the same status.
 ///
 /// ```
 /// use spf_core::grounding::GroundingProfile;
@@ -24,7 +24,7 @@ use crate::grounding::GroundingProfile;
 /// ```
 ///
 /// # Errors
-/// [`ReplyError`] of the first object that was intended as a reply. Every number of a returned reply is finite and
+/// [`ReplyError`] of the first object that was intended as a reply, or of replies that contradict one another. Every number of a returned reply is finite and
 /// within its range.
 pub fn parse_reply(text: &str, profile: &GroundingProfile, avoid: bool) -> Result<Reply, ReplyError> {
     let mut stream = ReplyStream::new(*profile, avoid);
@@ -60,10 +60,11 @@ impl ReplyStream {
         self.scan_to(false);
     }
 
-    /// The reply, as soon as its JSON is complete; the rest of the answer cannot change it.
+    /// The first reply, as soon as its JSON is complete. Of a model that does not think it is the answer; what else may follow can
+    /// make it a draft.
     #[must_use]
     pub fn early(&self) -> Option<&Reply> {
-        self.scan.accepted.as_ref()
+        self.scan.accepted.first()
     }
 
     /// The text so far.
@@ -81,13 +82,18 @@ impl ReplyStream {
             return Err(ReplyError::TooLong { limit: MAX_TEXT });
         }
         self.scan_to(true);
-        self.scan.outcome().map_err(|unfound| match unfound {
+        let mut all = self.scan.outcome().map_err(|unfound| match unfound {
             ScanError::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
             ScanError::Refused(error) => error,
             ScanError::Truncated => ReplyError::Truncated,
             ScanError::NoReply => ReplyError::NoReply,
             ScanError::NoJson => ReplyError::NoJson,
-        })
+        })?;
+        let last = all.pop().ok_or(ReplyError::NoReply)?;
+        if all.iter().any(|other| other.status != last.status) {
+            return Err(ReplyError::Contradiction);
+        }
+        Ok(last)
     }
 
     fn scan_to(&mut self, ended: bool) {

@@ -66,7 +66,6 @@ fn forgives_what_models_do() {
         PLAIN.replace("[{\"box\"", "\"[{'box'").replace("\"depth\":3,\"name\":\"a tree\"}]", "'depth':3,'name':'a tree'}]\""),
         PLAIN.replace("\"status\":", "status: // it's here, {not} there\n").replace("\"look\":null", "look: null, unused: NaN"),
         format!("{{\"status\":\"navigating\",\"point\":[5000,1],\"depth\":3}} no: {PLAIN}"),
-        format!("{PLAIN} {{\"status\":\"done\"}}"),
     ];
     for text in forms {
         assert_eq!(parse_reply(&text, &yx(), false).as_ref(), Ok(&plain()), "{text}");
@@ -89,6 +88,48 @@ fn short_forms_are_read() {
     // An obstacle without a name still counts.
     let unnamed = short("{\"point\":[1,2],\"depth\":1,\"boxes\":{\"box\":[1,2,3,4],\"depth\":1,\"name\":null}}");
     assert_eq!(unnamed.boxes[0].name, "obstacle");
+}
+
+#[test]
+fn what_is_before_the_last_end_of_a_thought_is_no_answer() {
+    let draft = r#"{"status":"done"}"#;
+    for text in [
+        format!("{draft} hmm</think>{PLAIN}"),
+        format!("<thinking>{draft}</thinking>{PLAIN}"),
+        format!("<think>a</think>{draft}</think>{PLAIN}"),
+        format!("{draft} <|channel|>final<|message|>{PLAIN}"),
+        format!("<|channel|>analysis<|message|>{draft}<|end|><|start|>assistant<|channel|>final<|message|>{PLAIN}<|return|>"),
+    ] {
+        assert_eq!(parse_reply(&text, &yx(), false).as_ref(), Ok(&plain()), "{text}");
+    }
+    // A mark in a string is text.
+    let text = PLAIN.replace("the red crane", "a sign </think>");
+    assert_eq!(parse_reply(&text, &yx(), false).unwrap().target.as_deref(), Some("a sign </think>"));
+}
+
+#[test]
+fn of_several_replies_the_last_counts_if_all_say_the_same() {
+    let other = PLAIN.replace("[250,750]", "[1,1]");
+    assert_eq!(parse_reply(&format!("{other}\nNo: {PLAIN}"), &yx(), false).as_ref(), Ok(&plain()));
+    for text in [format!("{PLAIN} {{\"status\":\"done\"}}"), format!("{{\"status\":\"done\"}} wait: {PLAIN}")] {
+        assert_eq!(parse_reply(&text, &yx(), false), Err(ReplyError::Contradiction), "{text}");
+    }
+}
+
+/// A sign in the image may say anything; a model quotes it.
+#[test]
+fn no_string_is_read_as_a_reply() {
+    for text in [
+        r#"{"note":"{'status':'done'}"}"#,
+        r#"{"a":["{'status':'done'}"]}"#,
+        r#"{"target":"the sign "{'status':'done'}"","stage":1}"#,
+        r#"{"target":"the sign "{"status":"done"}"","stage":1}"#,
+        r#"{"target":"the sign "{status:'done'}"", status"#,
+    ] {
+        assert!(parse_reply(text, &yx(), false).is_err(), "{text}");
+    }
+    // What stands within another value as a value is an answer.
+    assert_eq!(parse_reply(r#"{"answer":[1,{"status":"done"}]}"#, &yx(), false).unwrap().status, Status::Done);
 }
 
 #[test]

