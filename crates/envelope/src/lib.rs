@@ -98,7 +98,7 @@ impl ClearedCommand {
 /// ```
 /// use spf_core::command::{Command, Setpoint};
 /// use spf_core::craft::Craft;
-/// use crate::{Envelope, Limits};
+/// use spf_envelope::{Envelope, Limits};
 /// use spf_core::time::Time;
 ///
 /// let craft = Craft::quad();

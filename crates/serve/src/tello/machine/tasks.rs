@@ -79,7 +79,7 @@ impl Tasks {
         self.running.is_some()
     }
 
-    /// Forgets the command in progress: nobody gets a response. Returns who waited for it.
+    /// Forgets the command in progress. Returns who waits for its response.
     pub(super) fn drop_running(&mut self) -> Option<SocketAddr> {
         self.running.take().map(|running| running.to)
     }
