@@ -48,8 +48,8 @@ pub(crate) struct Following {
 /// What is known of the target.
 #[derive(Debug, Default)]
 struct Held {
-    /// Where the last reply's frame was taken, and how far from there the way is clear, metres.
-    clear: (EnuPosition, f64),
+    /// Whether the last reply sees something before it.
+    is_barred: bool,
     /// The craft flies the step of a reply until the track is good.
     waits: bool,
     /// Whether the last way out that was not straight led to the left of straight away from the target.
@@ -106,7 +106,7 @@ impl Following {
         if self.held.is_none() {
             self.steering.start(self.keep);
         }
-        self.held.get_or_insert_default().clear = (view.pose.position, goto.clear);
+        self.held.get_or_insert_default().is_barred = goto.clear <= 0.0;
         let range = range_of_label(goto.label);
         let answer = Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person };
         self.steering.answer(&view.camera, &answer);
@@ -215,12 +215,10 @@ impl Following {
     ) -> Setpoint {
         let setpoint = self.steering.setpoint(now, known, craft, way_out).unwrap_or(Setpoint::HOLD);
         // Who is followed shows that the way is clear, unless the reply sees something before them.
-        let Some((from, clear)) = self.held.as_ref().map(|held| held.clear).filter(|(_, clear)| *clear <= 0.0) else {
-            return setpoint;
-        };
+        let is_barred = self.held.as_ref().is_some_and(|held| held.is_barred);
         let off = wrap_angle(known.position.bearing_to(target.position) - known.attitude.heading);
         let towards = setpoint.forward * libm::cos(off) + setpoint.right * libm::sin(off);
-        if towards > 1e-6 && from.distance(known.position) >= clear {
+        if is_barred && towards > 1e-6 {
             return Setpoint { forward: 0.0, right: 0.0, ..setpoint };
         }
         setpoint
