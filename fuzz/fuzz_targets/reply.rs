@@ -4,7 +4,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::reply::{DEPTH_LABELS, Reply, ReplyStream, Status, parse_reply};
+use spf_core::reply::{DEPTH_LABELS, Reply, ReplyError, ReplyStream, Status, parse_reply};
 
 fuzz_target!(|data: &[u8]| {
     let Some((&choice, rest)) = data.split_first() else { return };
@@ -19,9 +19,14 @@ fuzz_target!(|data: &[u8]| {
     let mut stream = ReplyStream::new(profile, avoid);
     let letters: Vec<char> = text.chars().collect();
     for chunk in letters.chunks(size) {
+        let before = stream.early().is_some();
         stream.push(&chunk.iter().collect::<String>());
-        if let (Some(early), Ok(whole)) = (stream.early(), &whole) {
-            assert_eq!(early, whole);
+        // What comes early is the reply of the text so far, or the first of several in it; more text can make it a draft.
+        if let (false, Some(early)) = (before, stream.early()) {
+            match parse_reply(stream.text(), &profile, avoid) {
+                Ok(so_far) => assert_eq!(so_far.status, early.status),
+                Err(error) => assert_eq!(error, ReplyError::Contradiction),
+            }
         }
     }
     assert_eq!(stream.finish(), whole);
