@@ -150,7 +150,7 @@ impl Plain {
             PolicyEvent::Frame(view) if self.pending.is_none() && !self.moving && (view.at_rest || !self.confirming) => {
                 self.ask(view)
             }
-            PolicyEvent::Reply { id, text } => match self.pending.take_if(|pending| pending.0 == id) {
+            PolicyEvent::Reply { id, text, .. } => match self.pending.take_if(|pending| pending.0 == id) {
                 Some((_, confirming)) => self.answered(text, confirming),
                 None => Step::Wait,
             },

@@ -4,8 +4,6 @@
 //! y]` in thousandths; Claude and Qwen 2.5: pixels of the image they receive). Each is queried in its own convention,
 //! and the result is converted here once: the rest of the core uses [`ImagePoint`] and [`ImageBox`] only.
 
-use core::fmt::Write as _;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -221,25 +219,17 @@ impl GroundingProfile {
     /// The convention in words, for a prompt.
     #[must_use]
     pub fn describe(&self) -> String {
-        let limits = self.limits();
         let unit = match self.scale {
-            Scale::Thousand => "in thousandths of the image",
-            Scale::Hundred => "in percent of the image",
-            Scale::Unit => "as decimal fractions of the image",
-            Scale::Pixels { .. } => "in pixels of this image",
+            Scale::Thousand => "in thousandths of the image".to_owned(),
+            Scale::Hundred => "in percent of the image".to_owned(),
+            Scale::Unit => "as decimal fractions of the image".to_owned(),
+            Scale::Pixels { width, height } => format!("in pixels of this image, {width} wide and {height} high,"),
         };
         let (point, area) = match self.order {
             AxisOrder::Yx => ("[y, x]", "[ymin, xmin, ymax, xmax]"),
             AxisOrder::Xy => ("[x, y]", "[xmin, ymin, xmax, ymax]"),
         };
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let _ = write!(
-            text,
-            "Points are {point} and boxes {area}, {unit}: x from 0 (left) to {} (right), y from 0 (top) to {} (bottom).",
-            limits.x, limits.y
-        );
-        text
+        format!("Points are {point}, boxes {area}, {unit} from its top left corner.")
     }
 }
 

@@ -260,6 +260,9 @@ pub struct Query {
     /// Region of the image that goes along as a second, enlarged image.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub close_up: Option<ImageBox>,
+    /// Field of view of the image from left to right and from top to bottom, degrees, as stated in the prompt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub field_deg: Option<[f64; 2]>,
 }
 
 impl Query {
@@ -280,6 +283,7 @@ impl Query {
             near_m: None,
             keep_m: None,
             close_up: None,
+            field_deg: None,
         }
     }
 }

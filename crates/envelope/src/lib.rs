@@ -393,8 +393,8 @@ impl Envelope {
     /// Height above the take-off point, and how far the craft may sink and climb, metres.
     #[must_use]
     pub fn room(&self) -> VerticalRoom {
-        let (down, up) = self.vertical_room();
-        VerticalRoom { height: self.estimate.height, down: down.max(0.0), up: up.max(0.0) }
+        let (down, up) = self.altitude_room();
+        VerticalRoom { height: self.estimate.height, error: None, down: down.max(0.0), up: up.max(0.0) }
     }
 
     /// Whether a usable frame was captured within the maximum frame age.

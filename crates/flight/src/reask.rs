@@ -116,6 +116,7 @@ impl Pointed {
             }
             (Some(Status::Done), _) => "done".to_owned(),
             (Some(Status::Blocked), _) => "blocked".to_owned(),
+            (Some(Status::Waiting), _) => "somebody passes first".to_owned(),
             (Some(Status::Navigating | Status::Following), None) => "turn on the spot".to_owned(),
             (Some(_), _) => "not visible".to_owned(),
             (None, _) => "no usable reply".to_owned(),

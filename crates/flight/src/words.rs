@@ -127,6 +127,7 @@ pub fn decision(decision: &Decision) -> String {
                 Some(way) => format!("not visible, search {}", look(way)),
                 None => "not visible".to_owned(),
             },
+            Status::Waiting => "waits: somebody passes first".to_owned(),
             Status::Blocked => "blocked".to_owned(),
             Status::Navigating | Status::Following => {
                 let target = reply.target.as_deref().unwrap_or("target");

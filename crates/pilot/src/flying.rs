@@ -18,7 +18,7 @@ use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::gimbal::GimbalReport;
 use spf_core::motion::MotionEstimate;
 use spf_core::primitives::Primitives;
-use spf_core::query::{Query, QueryId, QueryKind};
+use spf_core::query::{Query, QueryId, QueryKind, VerticalRoom};
 use spf_core::reply::Status;
 use spf_core::time::{Duration, Time};
 use spf_core::track::TrackReport;
@@ -80,7 +80,7 @@ impl Pilot {
         if !self.queries.is_empty() {
             return None;
         }
-        view.room = self.envelope.room();
+        view.room = VerticalRoom { error: self.senses.height_error(), ..self.envelope.room() };
         view.expected = self.expected(now, view.pose);
         let from_rest = self.leg.rest.is_needed || self.settings.think == QueryTiming::Stop;
         let moving = self.leg.is_moving();
@@ -154,7 +154,8 @@ impl Pilot {
         if let Some(reason) = self.outdated(now, &asked.view).filter(|_| !asked.has_decided) {
             return self.set_aside(now, id, &asked.view, reason);
         }
-        let output = self.policy.handle(PolicyEvent::Reply { id, text });
+        let pose = self.senses.known(now).pose();
+        let output = self.policy.handle(PolicyEvent::Reply { id, text, pose });
         self.envelope.observe_reply(now, !matches!(output.step, Step::Reject(_)));
         if decides(&output.step, &asked.query) && !asked.has_decided {
             self.flight.count_decision();

@@ -19,6 +19,9 @@ const MOVED: f64 = 0.5;
 /// The same for turning, radians: 10°.
 const TURNED: f64 = 10.0 / 180.0 * core::f64::consts::PI;
 
+/// A position that may be off by this much wanders, metres.
+const WANDERS: f64 = 0.3;
+
 /// Motion estimate, gimbal, and the newest usable frame.
 #[derive(Debug)]
 pub(crate) struct Senses {
@@ -111,6 +114,12 @@ impl Senses {
         let view = View { frame, camera: self.camera, pose, at_rest: false, room, expected };
         self.view = Some(view);
         Some(view.viewpoint())
+    }
+
+    /// How far the height may be off, metres: of a craft whose position wanders by more than a little.
+    pub(crate) fn height_error(&self) -> Option<f64> {
+        let error = 2.0 * self.estimator.position_error();
+        (!self.estimator.is_dead_reckoned() && error > WANDERS).then_some(error)
     }
 
     /// Drift of the position until then.

@@ -399,7 +399,7 @@ impl Pivot {
             PolicyEvent::Frame(view) if matches!(self.state, State::Looking) && (view.at_rest || !self.confirming) => {
                 self.ask_completion(view)
             }
-            PolicyEvent::Reply { id, text } => self.answered(id, text),
+            PolicyEvent::Reply { id, text, .. } => self.answered(id, text),
             PolicyEvent::ReplyFailed { id } => {
                 if self.waits_for(id) {
                     self.state = State::Looking;

@@ -503,7 +503,7 @@ impl TypeFly {
                 Step::Look
             }
             PolicyEvent::Frame(view) => self.frame(view),
-            PolicyEvent::Reply { id, text } => self.replied(id, text),
+            PolicyEvent::Reply { id, text, .. } => self.replied(id, text),
             PolicyEvent::Chunk { id, text } if self.planning.as_ref().is_some_and(|planning| planning.id == id) => {
                 self.arriving(text)
             }

@@ -45,7 +45,7 @@ impl Instructed {
     }
 
     fn reply(&mut self, to: &Query, text: &str) -> Step {
-        self.policy.step(PolicyEvent::Reply { id: to.id, text })
+        self.policy.step(PolicyEvent::Reply { id: to.id, text, pose: Pose::default() })
     }
 
     /// Passes a frame with these detections; returns the policy's response.

@@ -49,6 +49,7 @@ pub fn words(row: &AnswerRow) -> String {
                 Status::Done => "done",
                 Status::NotVisible => "not visible",
                 Status::Following => "follows",
+                Status::Waiting => "waits",
                 Status::Blocked => "blocked",
             };
             format!("{status}{target}{place}{depth}")

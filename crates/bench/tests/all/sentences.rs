@@ -13,7 +13,6 @@ use spf_bench::trial::draw;
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
 use spf_core::geometry::{Pose, wrap_angle};
-use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{CameraDisplacement, Lifting, lift, range_of_label};
 use spf_core::query::{DepthAs, ImagePoint, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
@@ -22,19 +21,23 @@ use spf_core::time::{Time, duration_from_secs};
 use spf_envelope::Limits;
 use spf_flight::flight::{FlightPlan, Site, fly};
 use spf_flight::run::Observer;
-use spf_flight::sim::{FlightConditions, Simulated, oracle_factory};
+use spf_flight::sim::{FlightConditions, Simulated, VlmFactory, oracle_factory};
 use spf_flight::world::Script;
 use spf_oracle::ErrorFile;
 use spf_pilot::{Action, Decision, Event, Note, OperatorEvent, Pilot, PilotSettings, Preset};
 use spf_space::avoid::Avoidance;
+use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// Before the history in a prompt, and what follows it.
-const HEADING: &str = "\nSo far, from the drone's own record (\"then\": until the next answer listed, or until this image):\n";
+const HEADING: &str = "\nSo far, from the drone's own record (\"then\": after that answer, until the next or this image):\n";
 
 /// A usable answer, as the test remembers it.
 struct Past {
     reply: Reply,
+    /// Of its frame.
     pose: Pose,
+    /// As it arrived: what was flown before is not its doing.
+    at_reply: Pose,
     decision: Decision,
 }
 
@@ -50,8 +53,24 @@ struct Reader {
     /// Whether the instruction had ended: one that is taken up again begins afresh.
     ended: bool,
     sentences: usize,
+    /// How often each of [`PHRASES`] was read.
+    phrases: [usize; PHRASES.len()],
     wrong: Vec<String>,
 }
+
+/// What a thousand flights must have said, so that it was checked.
+const PHRASES: [&str; 10] = [
+    "you saw ",
+    "and asked for a turn of",
+    " planned; then",
+    "you answered \"blocked\"",
+    "you answered \"waiting\"",
+    "You have answered \"blocked\"",
+    "You last pointed at",
+    "You have not seen its target",
+    "That target is now about",
+    "could not be used",
+];
 
 impl Observer for Reader {
     fn event(&mut self, _: Time, event: &Event) {
@@ -88,18 +107,21 @@ impl Reader {
         self.read(decision);
         self.refused = decision.reading.reply.is_none();
         if let Some(reply) = &decision.reading.reply {
-            self.past.push(Past { reply: reply.clone(), pose: decision.pose, decision: decision.clone() });
+            let (pose, at_reply) = (decision.pose, decision.pose_at_reply);
+            self.past.push(Past { reply: reply.clone(), pose, at_reply, decision: decision.clone() });
         }
     }
 
     fn read(&mut self, decision: &Decision) {
         let prompt = &decision.query.prompt;
+        self.told_of_the_method(decision);
         let Some((_, behind)) = prompt.split_once(HEADING) else { return self.wrong.push(format!("no history in: {prompt}")) };
         let history = behind.split_once("\n\n").map_or(behind, |(history, _)| history);
         let lines: Vec<&str> = history.lines().collect();
         let mut kinds = Vec::new();
         for line in &lines {
             self.sentences += 1;
+            PHRASES.iter().zip(&mut self.phrases).for_each(|(phrase, count)| *count += usize::from(line.contains(phrase)));
             match self.check(line, decision) {
                 Ok(kind) => kinds.push(kind),
                 Err(why) => self.wrong.push(format!("{why}: `{line}`")),
@@ -114,6 +136,7 @@ impl Reader {
             ("lost", usize::from(lost)),
             ("refused", usize::from(self.refused)),
             ("height", 1),
+            ("blocked", usize::from(self.blocked() >= 2)),
         ] {
             if told(kind) != count {
                 self.wrong.push(format!("{} sentences of `{kind}` instead of {count}: {history}", told(kind)));
@@ -138,15 +161,20 @@ impl Reader {
         if let Some(text) = line.strip_prefix("You last pointed at the target ") {
             return self.pointed_last(text, decision);
         }
-        if let Some(text) = line.strip_prefix("You have not seen the target yet; the drone has turned ") {
-            if self.past.iter().any(|past| past.reply.point.is_some() && past.reply.status.leads_to_a_point()) {
-                return Err("it was pointed at".to_owned());
+        if let Some(text) = line.strip_prefix("You have not seen its target yet; the drone has turned ") {
+            let began = self.stage_began();
+            if self.past[began..].iter().any(|past| past.reply.status.leads_to_a_point()) {
+                return Err("it was seen".to_owned());
             }
-            let turned = self.turned_since(0, decision.pose);
+            let turned = self.turned_since(began, decision.pose);
             return turn_is(text.strip_suffix(" in all.").ok_or("no end")?, turned, 360.0).map(|()| "unseen");
         }
         if let Some(text) = line.strip_prefix("The drone is ") {
             return self.height(text, decision);
+        }
+        if let Some(text) = line.strip_prefix("You have answered \"blocked\" ") {
+            let (times, _) = text.split_once(" times in a row.").ok_or("unknown sentence")?;
+            return same("blocked", times, &self.blocked().to_string());
         }
         if line.starts_with("Your last answer could not be used: it ") {
             return if self.refused { Ok("refused") } else { Err("it was used".to_owned()) };
@@ -155,6 +183,37 @@ impl Reader {
             return self.answer(number_of(ago)?, text, decision);
         }
         Err("unknown sentence".to_owned())
+    }
+
+    /// Who keeps clear of obstacles, and how wide the image is.
+    fn told_of_the_method(&mut self, decision: &Decision) {
+        let (prompt, camera) = (&decision.query.prompt, self.camera.expect("a camera"));
+        let QueryKind::Point { avoid, .. } = decision.query.kind else { return };
+        let told = (prompt.contains("It finds its own way round"), prompt.contains("It avoids nothing"));
+        if told != (avoid, !avoid) {
+            self.wrong.push(format!("obstacle mode is {avoid}: {prompt}"));
+        }
+        let (across, down) = camera.half_fov();
+        let tall = (100.0 * 0.5 * 1.7 / 5.0 / down.tan()).round();
+        let field = format!(
+            "\nThe image is {}° wide: a standing person 5 m away fills {tall} % of its height.\n",
+            (2.0 * across.to_degrees()).round()
+        );
+        if !prompt.contains(&field) {
+            self.wrong.push(format!("not told:{field}"));
+        }
+    }
+
+    /// Number of answers in a row, the last ones, that say nothing but that the way is blocked.
+    fn blocked(&self) -> usize {
+        let is_stuck = |past: &&Past| past.reply.status == Status::Blocked && past.reply.open_way.is_none();
+        self.past.iter().rev().take_while(is_stuck).count()
+    }
+
+    /// The first answer of the present stage.
+    fn stage_began(&self) -> usize {
+        let stage = |to: usize| self.past[..to].iter().filter_map(|past| past.reply.stage).next_back().unwrap_or(1);
+        (0..self.past.len()).rev().find(|&at| stage(at + 1) != stage(at)).unwrap_or(0)
     }
 
     fn back(&self, ago: usize) -> Result<usize, String> {
@@ -207,21 +266,15 @@ impl Reader {
         metres_are(range, now.position.distance(at))?;
         let ahead = now.position.displacement_to(at, now.attitude.heading);
         let bearing = libm::atan2(ahead.right, ahead.forward).to_degrees();
-        let Some(direction) = place.strip_prefix("outside this image, ") else {
-            let numbers = between(place, "in the box [", "]").ok_or("no box")?.split(", ").map(str::parse::<i32>);
-            let [top, left, bottom, right] = numbers.collect::<Result<Vec<_>, _>>().map_err(|_| "no numbers")?[..] else {
-                return Err("not four numbers".to_owned());
-            };
-            let is_box = 0 <= left && left < right && right <= 1000 && 0 <= top && top < bottom && bottom <= 1000;
-            // The box of what reaches into the image from the side begins or ends at the edge.
-            let is_aside = bearing.abs() > camera.half_fov().0.to_degrees();
-            let reaches_in = if bearing > 0.0 { right == 1000 } else { left == 0 };
-            return if is_box && (!is_aside || reaches_in) { Ok(()) } else { Err(format!("it is {bearing:.0}° off")) };
-        };
         let elevation = libm::atan2(ahead.up, libm::hypot(ahead.right, ahead.forward)).to_degrees();
-        let (direction, slope) = direction
-            .split_once(" straight ahead, ")
-            .map_or((direction, None), |(_, slope)| (&direction[..direction.len() - slope.len() - ", ".len()], Some(slope)));
+        let is_aside = bearing.abs() > camera.half_fov().0.to_degrees();
+        // Of what lies beside the image, a part may reach into it.
+        let (place, is_outside) = place.strip_suffix(", outside this image").map_or((place, false), |place| (place, true));
+        let half = camera.half_fov().1.to_degrees();
+        if is_outside && !is_aside && elevation.abs() < 0.5 * half {
+            return Err(format!("it is {bearing:.0}° to the right and {elevation:.0}° up, within the image"));
+        }
+        let (direction, slope) = place.split_once(", ").map_or((place, None), |(direction, slope)| (direction, Some(slope)));
         match slope {
             Some(slope) => {
                 let (degrees, side) =
@@ -232,34 +285,36 @@ impl Reader {
             None if elevation.abs() >= 15.0 => return Err(format!("it is {elevation:.0}° above the horizon")),
             None => {}
         }
-        if direction == "straight ahead" {
-            return if bearing.abs() < 2.0 { Ok(()) } else { Err(format!("{bearing:.1}° off")) };
-        }
-        let (turn, side) = direction.split_once(" to the ").ok_or("unknown end")?;
-        turn_is(&format!("{turn} {}", side.strip_suffix(" of straight ahead").ok_or("unknown end")?), bearing, 360.0)
+        direction_is(direction, bearing)
     }
 
     fn answer(&self, ago: usize, text: &str, decision: &Decision) -> Result<&'static str, String> {
         let at = self.back(ago)?;
         let past = &self.past[at];
-        let next = self.past.get(at + 1).map_or(decision.pose, |next| next.pose);
+        let next = self.past.get(at + 1).map_or(decision.pose, |next| next.at_reply);
         let (said, flown) = text.rsplit_once("; then ").ok_or("no motion is told")?;
         let mut parts = said.split("; ");
         let claim = parts.next().unwrap_or_default();
         let reply = &past.reply;
         let target = reply.target.as_deref().map_or("the target".to_owned(), |target| format!("\"{target}\""));
-        let meant = match (reply.status, reply.point) {
-            (Status::Done, _) => "you answered \"done\"".to_owned(),
-            (Status::Blocked, _) => "you answered \"blocked\"".to_owned(),
-            (Status::NotVisible, _) => format!("you did not see {target}"),
-            (_, None) => "you asked for a turn in place".to_owned(),
-            (_, Some(point)) => {
-                let [y, x] = GroundingProfile::default().point_numbers(point);
-                let depth = match reply.range_m {
-                    Some(range) => format!(", {} m away", rounded(range)),
-                    None => format!(", depth {}", reply.depth.unwrap_or(0)),
-                };
-                format!("you pointed at {target} at [{y}, {x}]{depth}")
+        let turn = |degrees: f64| format!("{}° {}", degrees.abs().round(), if degrees > 0.0 { "right" } else { "left" });
+        let asked = reply.turn_deg.filter(|degrees| degrees.abs() >= 2.0);
+        let meant = match (reply.status, reply.point, asked) {
+            (Status::Done, ..) => "you answered \"done\"".to_owned(),
+            (Status::Blocked, ..) => "you answered \"blocked\"".to_owned(),
+            (Status::Waiting, ..) => "you answered \"waiting\"".to_owned(),
+            (Status::NotVisible, _, None) => format!("you did not see {target}"),
+            (Status::NotVisible, _, Some(asked)) => format!("you did not see {target}, and asked for a turn of {}", turn(asked)),
+            (_, None, asked) => format!("you saw {target} and asked for a turn of {}", turn(asked.unwrap_or(0.0))),
+            (_, Some(point), _) => {
+                let prefix = format!("you pointed at {target}, ");
+                let told = claim.strip_prefix(&prefix).ok_or_else(|| format!("it was {prefix}…"))?;
+                let (direction, range) = told.rsplit_once(", about ").ok_or("no range")?;
+                let right = self.camera.ok_or("no camera")?.ray(point).right;
+                direction_is(direction, libm::atan(right).to_degrees())?;
+                let range_m = reply.range_m.unwrap_or_else(|| range_of_label(f64::from(reply.depth.unwrap_or(0))));
+                metres_are(range.strip_suffix(" m away").ok_or("no range")?, range_m)?;
+                claim.to_owned()
             }
         };
         same("answer", claim, &meant)?;
@@ -268,6 +323,12 @@ impl Reader {
                 let primitives = past.decision.reading.primitives.ok_or("nothing was planned")?;
                 let length = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
                 metres_are(planned, length)?;
+            } else if let Some(planned) = part.strip_suffix(" planned") {
+                let yaw = past.decision.reading.primitives.ok_or("nothing was planned")?.yaw.to_degrees();
+                turn_is(planned, yaw, 360.0)?;
+                if asked.is_none_or(|asked| (asked - yaw).abs() <= 5.0) {
+                    return Err("it was as asked for".to_owned());
+                }
             } else {
                 detour(part, past)?;
             }
@@ -279,14 +340,17 @@ impl Reader {
             };
         }
         let none = if ago == 1 { "no motion yet" } else { "no motion" };
-        motion(flown.strip_suffix('.').ok_or("no end")?, none, past.pose, next).map(|()| "answer")
+        motion(flown.strip_suffix('.').ok_or("no end")?, none, past.at_reply, next).map(|()| "answer")
     }
 
-    /// The last pointing, if a later answer did not see the target: its number and that of the first such answer.
+    /// The last pointing of this stage, if a later answer did not see the target, and none has asked for a turn towards it: its number
+    /// and that of the first such answer.
     fn lost(&self) -> Option<(usize, usize)> {
-        let pointed = self.past.iter().rposition(|past| past.reply.point.is_some() && past.reply.status.leads_to_a_point())?;
-        let unseen = self.past[pointed..].iter().position(|past| past.reply.status == Status::NotVisible)?;
-        Some((pointed, pointed + unseen))
+        let began = self.stage_began();
+        let seen = self.past[began..].iter().rposition(|past| past.reply.status.leads_to_a_point())? + began;
+        self.past[seen].reply.point?;
+        let unseen = self.past[seen..].iter().position(|past| past.reply.status == Status::NotVisible)?;
+        Some((seen, seen + unseen))
     }
 
     fn bearing(&self, at: usize) -> Option<f64> {
@@ -326,17 +390,22 @@ impl Reader {
         let text = between(rest, " The direction you pointed in is now ", ".").ok_or("unknown end")?;
         let (direction, shown) = text.rsplit_once(", ").ok_or("unknown end")?;
         same("width", shown, if now.abs() <= half { "in this image's width" } else { "outside this image" })?;
-        if direction == "straight ahead" {
-            return if now.to_degrees().abs() < 2.0 { Ok("lost") } else { Err(format!("{:.1}° off", now.to_degrees())) };
-        }
-        let (turn, side) = direction.split_once(" to the ").ok_or("unknown end")?;
-        let side = side.strip_suffix(" of straight ahead").ok_or("unknown end")?;
-        turn_is(&format!("{turn} {side}"), now.to_degrees(), 360.0).map(|()| "lost")
+        direction_is(direction, now.to_degrees()).map(|()| "lost")
     }
 
     fn height(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
         let (height, rest) = text.split_once(" where it took off. It can go ").ok_or("unknown sentence")?;
-        let (height, side) = height.split_once(" m ").ok_or("unknown sentence")?;
+        let (height, side) = height.strip_prefix("about ").and_then(|text| text.split_once(" m ")).ok_or("unknown sentence")?;
+        let side = match side.split_once(" m) ") {
+            Some((error, side)) => {
+                let error: f64 = error.strip_prefix("(give or take ").and_then(|error| error.parse().ok()).ok_or("no error")?;
+                if error < 0.3 {
+                    return Err("that is no error".to_owned());
+                }
+                side
+            }
+            None => side,
+        };
         let (down, rest) = rest.split_once(" m lower and ").ok_or("unknown sentence")?;
         let up = rest.strip_suffix(" m higher.").ok_or("unknown sentence")?;
         let Some(Some(telemetry)) = self.asked.get(&decision.query.id) else { return Err("no telemetry".to_owned()) };
@@ -344,8 +413,8 @@ impl Reader {
         same("side", side, if known <= -0.05 { "below" } else { "above" })?;
         metres_are(height, known.abs())?;
         let low = telemetry.ground_clearance.map_or(known, |clearance| clearance.min(known));
-        metres_are(down, (low - self.limits.min_altitude - 0.5).max(0.0))?;
-        metres_are(up, (self.limits.max_altitude - 0.5 - known).max(0.0)).map(|()| "height")
+        metres_are(down, (low - self.limits.min_altitude).max(0.0))?;
+        metres_are(up, (self.limits.max_altitude - known).max(0.0)).map(|()| "height")
     }
 }
 
@@ -433,6 +502,15 @@ fn metres_are(told: &str, meant: f64) -> Result<(), String> {
     if (told - meant).abs() <= tolerance { Ok(()) } else { Err(format!("it was {meant:.2} m")) }
 }
 
+/// Checks a direction such as `12° to the left of straight ahead`; `meant`: degrees to the right.
+fn direction_is(told: &str, meant: f64) -> Result<(), String> {
+    if told == "straight ahead" {
+        return if meant.abs() < 2.0 { Ok(()) } else { Err(format!("it is {meant:.1}° off")) };
+    }
+    let (turn, side) = told.split_once(" to the ").ok_or("no direction")?;
+    turn_is(&format!("{turn} {}", side.strip_suffix(" of straight ahead").ok_or("no direction")?), meant, 360.0)
+}
+
 /// Checks a turn such as `30° left`, which may be off by whole turns where its sense is not known.
 fn turn_is(told: &str, meant: f64, whole: f64) -> Result<(), String> {
     let (degrees, side) = told.split_once("° ").ok_or("no turn")?;
@@ -446,9 +524,49 @@ fn turn_is(told: &str, meant: f64, whole: f64) -> Result<(), String> {
     if off.min(whole - off) <= 0.51 { Ok(()) } else { Err(format!("it was {meant:.1}°")) }
 }
 
+/// The oracle, of whose answers some say what it never says: a turn in place towards a target in view, `blocked` with and without
+/// another way, `waiting`, a search by a stated turn, and what is no reply.
+struct Meddled {
+    oracle: Box<dyn Vlm>,
+    asked: usize,
+    avoid: bool,
+}
+
+impl Vlm for Meddled {
+    fn name(&self) -> &str {
+        self.oracle.name()
+    }
+
+    fn image_spec(&self, camera: (u32, u32)) -> ImageSpec {
+        self.oracle.image_spec(camera)
+    }
+
+    fn answer(&mut self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Answer {
+        const SAID: [&str; 9] = [
+            r#""status":"navigating","turn_deg":-35"#,
+            r#""status":"blocked","target":"a wall""#,
+            r#""status":"blocked""#,
+            r#""status":"blocked""#,
+            r#""status":"blocked","open_way":{"point":[400,300],"depth":4}"#,
+            r#""status":"waiting""#,
+            r#""status":"not_visible","look":"right","turn_deg":165"#,
+            r#""status":"not_visible","look":"left","turn_deg":-10"#,
+            r#""status":"hovering""#,
+        ];
+        let answer = self.oracle.answer(request, image);
+        self.asked += 1;
+        // Three of its own, then two or three of these.
+        let (round, at) = (self.asked / 6, self.asked % 6);
+        let said = if at >= 3 { SAID.get((3 * round + at) % (SAID.len() + 1)) } else { None };
+        let Some(said) = said.filter(|_| answer.text.is_ok()) else { return answer };
+        let boxes = if self.avoid { r#","boxes":[]"# } else { "" };
+        Answer { text: Ok(format!("{{{said}{boxes}}}")), ..answer }
+    }
+}
+
 /// One flight, and what its prompts said.
-fn flown(task: &Task, number: u64) -> (usize, usize, Vec<String>) {
-    let Ok(drawn) = draw(task, number / 7) else { return (0, 0, Vec::new()) };
+fn flown(task: &Task, number: u64) -> Option<Reader> {
+    let drawn = draw(task, number / 7).ok()?;
     let site = Simulated {
         start: Some(drawn.start),
         kind: task.craft,
@@ -479,11 +597,17 @@ fn flown(task: &Task, number: u64) -> (usize, usize, Vec<String>) {
     } else {
         Vec::new()
     };
+    let (oracle, avoid) = (oracle_factory("oracle".to_owned(), errors), settings.avoid);
+    let meddles = number / 2 % 2 == 1;
+    let vlm: VlmFactory = Arc::new(move |world, seed| {
+        let oracle = oracle(world, seed)?;
+        Ok(if meddles { Box::new(Meddled { oracle, asked: 0, avoid }) } else { oracle })
+    });
     let plan = FlightPlan {
         settings,
         preset,
         script: Script::new(events),
-        ..FlightPlan::new(Site::Simulated(site), &task.instruction, "oracle", oracle_factory("oracle".to_owned(), errors))
+        ..FlightPlan::new(Site::Simulated(site), &task.instruction, "oracle", vlm)
     };
     let camera = task.craft.camera();
     let mut reader = Reader {
@@ -495,17 +619,19 @@ fn flown(task: &Task, number: u64) -> (usize, usize, Vec<String>) {
         refused: false,
         ended: false,
         sentences: 0,
+        phrases: [0; PHRASES.len()],
         wrong: Vec::new(),
     };
     fly(plan, &mut [&mut reader]).unwrap();
     let told = format!("{} seed {number}", task.id);
-    (reader.asked.len(), reader.sentences, reader.wrong.into_iter().map(|why| format!("{told}: {why}")).collect())
+    reader.wrong.iter_mut().for_each(|why| *why = format!("{told}: {why}"));
+    Some(reader)
 }
 
 fn read(flights: u64) {
     let tasks: Vec<Arc<Task>> =
         ["paper", "hard", "trials"].iter().flat_map(|name| suite(name).unwrap().tasks().unwrap()).collect();
-    let (next, found) = (AtomicUsize::new(0), Mutex::new((0, 0, Vec::new())));
+    let (next, found) = (AtomicUsize::new(0), Mutex::new((0, 0, [0; PHRASES.len()], Vec::new())));
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(2, usize::from) {
             scope.spawn(|| {
@@ -516,17 +642,19 @@ fn read(flights: u64) {
                     }
                     // Spread over the suites, however few there are.
                     let task = &tasks[(number * 37) % tasks.len()];
-                    let (prompts, sentences, wrong) = flown(task, number as u64);
+                    let Some(read) = flown(task, number as u64) else { continue };
                     let mut found = found.lock().unwrap();
-                    found.0 += prompts;
-                    found.1 += sentences;
-                    found.2.extend(wrong);
+                    found.0 += read.asked.len();
+                    found.1 += read.sentences;
+                    found.2.iter_mut().zip(read.phrases).for_each(|(sum, count)| *sum += count);
+                    found.3.extend(read.wrong);
                 }
             });
         }
     });
-    let (prompts, sentences, wrong) = found.into_inner().unwrap();
-    println!("{flights} flights, {prompts} prompts, {sentences} sentences, {} false", wrong.len());
+    let (prompts, sentences, phrases, wrong) = found.into_inner().unwrap();
+    println!("{flights} flights, {prompts} prompts, {sentences} sentences, {} false; of them", wrong.len());
+    PHRASES.iter().zip(phrases).for_each(|(phrase, count)| println!("  {count:6} with `{}`", phrase.trim()));
     assert!(
         wrong.is_empty(),
         "{} of {sentences} sentences are false, such as:\n{}",
@@ -534,6 +662,7 @@ fn read(flights: u64) {
         wrong[..wrong.len().min(12)].join("\n")
     );
     assert!(prompts as u64 > 8 * flights && sentences > 4 * prompts, "{prompts} prompts, {sentences} sentences");
+    assert!(flights < 100 || phrases.iter().all(|count| *count > 0), "{phrases:?}");
 }
 
 #[test]

@@ -16,7 +16,7 @@ Examples:
   cat photo.jpg | spf ground - \"the blue door\" --vlm gemini --json
   spf sim dataset --scene city -n 500 -o data && spf ground --dataset data --vlm gemini,oracle:poor -o graded
   spf ground --dataset signs --vlm gemini -o obedience
-  spf ground --dataset data --vlm gemini --prompt prompts/point-5.txt,mine.txt --rate 60 --max-cost 2 -o wordings
+  spf ground --dataset data --vlm gemini --prompt prompts/point-6.txt,mine.txt --rate 60 --max-cost 2 -o wordings
 
 An IMAGE is a PNG or JPEG file, a folder of them, an H.264 video (.mp4, .mov, .h264), or - for standard input. Photographs \
 need a VLM: the oracle needs the simulator's ID images. With --dataset, the results include a baseline that always points at \

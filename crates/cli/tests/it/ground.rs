@@ -172,7 +172,7 @@ fn a_model_is_graded_on_boxes_points_masks_and_absence() {
     assert_eq!(server.questions().len(), 5);
 
     // Two prompts are two answerers; what was asked before is asked again only under its new name.
-    let prompt = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../prompts/point-5.txt")).unwrap();
+    let prompt = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../prompts/point-6.txt")).unwrap();
     lab.write("p.txt", &prompt);
     lab.write("q.txt", prompt.replace("drone", "aircraft"));
     let args = ["--dataset", "set", "-o", "wordings", "--json", "--prompt", "p.txt,q.txt"];

@@ -3,12 +3,12 @@
 
 const FOLLOWING: &str = "following: never; only a new instruction ends it.";
 
-/// The kinds of instruction whose end differs from that of going to something.
-const KINDS: [Kind; 6] = [
+/// The kinds of instruction whose end differs from that of going to something. `{near}` stands for the distance that counts.
+const KINDS: [Kind; 7] = [
     Kind {
         words: &["through", "into", "inside", "enter", "under", "underneath", "beneath"],
         phrases: &[],
-        ending: "going through something: the opening is behind the drone, which is out on the other side.",
+        ending: "going through something: the drone is out on the other side, and the opening lies behind it.",
     },
     Kind {
         words: &["around", "round", "circle", "circling", "orbit", "encircle", "circumnavigate"],
@@ -18,12 +18,17 @@ const KINDS: [Kind; 6] = [
     Kind {
         words: &["over", "across", "above"],
         phrases: &[],
-        ending: "going over something: the drone has crossed it, and it lies behind.",
+        ending: "going over something: the drone has crossed it above its top, and is beyond its far edge.",
     },
     Kind {
         words: &["past", "beyond", "behind", "pass"],
         phrases: &[],
-        ending: "going past or behind something: the drone is beyond it, on its far side.",
+        ending: "going past or behind something: the drone is beyond it, as seen from where it began, by {near} or more.",
+    },
+    Kind {
+        words: &["next", "second", "third", "fourth", "another", "other"],
+        phrases: &[],
+        ending: "the next or another one: never that of the stage before, however near it is.",
     },
     Kind {
         words: &["scan", "survey", "rotate", "spin", "panorama", "surroundings"],
@@ -37,10 +42,13 @@ const KINDS: [Kind; 6] = [
     },
 ];
 
+/// Distance from its target at which an instruction counts as fulfilled if nothing else is set, metres.
+const NEAR: f64 = 3.0;
+
 /// Words of instructions to go to something.
-const REACHING: [&str; 17] = [
-    "to", "toward", "towards", "reach", "find", "approach", "visit", "land", "locate", "inspect", "at", "near", "nearest",
-    "next", "beside", "by", "until",
+const REACHING: [&str; 22] = [
+    "to", "toward", "towards", "reach", "find", "search", "seek", "spot", "for", "approach", "visit", "land", "locate",
+    "inspect", "at", "near", "nearest", "next", "beside", "by", "until", "another",
 ];
 
 struct Kind {
@@ -49,9 +57,10 @@ struct Kind {
     ending: &'static str,
 }
 
-/// What "done" means, a line each. `near`: the distance at which a target counts as reached, metres; `None` if it is not set.
+/// What "done" means, a line each. `near`: the distance at which a target counts as reached, metres; `None` for [`NEAR`].
 /// `keep`: the distance that the drone keeps by itself from what it follows, metres; `None` if it does not.
 pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -> String {
+    let near = near.unwrap_or(NEAR);
     let words: Vec<String> =
         instruction.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).map(str::to_lowercase).collect();
     let line = format!(" {} ", words.join(" "));
@@ -59,14 +68,13 @@ pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -
     let special: Vec<&Kind> = KINDS.iter().filter(|kind| kind.words.iter().any(&has) || kind.phrases.iter().any(&has)).collect();
     let mut lines = Vec::new();
     if special.is_empty() || REACHING.iter().any(has) {
-        let within = near.map_or_else(|| "close to it".to_owned(), |near| format!("within {near} m of it"));
-        lines.push(format!("going to something: the drone is {within}, and it is in view."));
+        lines.push(format!("going to or finding something: it is in view, and the drone is within {near} m of it."));
     }
     lines.extend(special.iter().map(|kind| match keep {
         Some(keep) if kind.ending == FOLLOWING => {
             format!("{FOLLOWING} The drone stays {keep} m away by itself: say how far away the target really is, and never \"blocked\" because of it.")
         }
-        _ => kind.ending.to_owned(),
+        _ => kind.ending.replace("{near}", &format!("{near} m")),
     }));
     if lines.len() > 1 {
         lines.push("Of several stages, the last one decides.".to_owned());
@@ -83,10 +91,12 @@ mod tests {
         let lines = |instruction: &str| endings(instruction, Some(3.0), None).lines().count();
         assert_eq!(
             endings("Fly to the red crane", Some(3.0), None),
-            "- going to something: the drone is within 3 m of it, and it is in view."
+            "- going to or finding something: it is in view, and the drone is within 3 m of it."
         );
         assert!(endings("go to the door", Some(0.8), None).contains("within 0.8 m of it"));
-        assert!(endings("I am thirsty", None, None).starts_with("- going to something: the drone is close to it"));
+        assert!(endings("I am thirsty", None, None).contains("within 3 m of it"));
+        assert!(endings("fly past the tree", Some(0.8), None).contains("by 0.8 m or more"));
+        assert_eq!(lines("visit one tower and the next"), 3);
         assert_eq!(endings("Follow the walking man", None, None), "- following: never; only a new instruction ends it.");
         let kept = endings("Follow the walking man", None, Some(2.5));
         assert!(kept.contains("ends it. The drone stays 2.5 m away by itself: say how far"), "{kept}");

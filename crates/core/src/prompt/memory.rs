@@ -4,7 +4,7 @@
 
 use crate::grounding::GroundingProfile;
 use crate::lift::range_of_label;
-use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, PastAnswer, Said};
+use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, PastAnswer, Said, VerticalRoom};
 use crate::reply::one_line;
 
 /// Motions below this are not mentioned, metres and degrees.
@@ -14,34 +14,42 @@ const WORTH_TELLING_DEG: f64 = 2.0;
 const WORTH_TELLING_SLOPE_DEG: f64 = 15.0;
 /// A climb below this is not distinguished from the motion, metres.
 const WORTH_TELLING_CLIMB_M: f64 = 0.3;
+/// A turn that is planned this differently from what was asked for is told, degrees.
+const OTHER_TURN_DEG: f64 = 5.0;
+/// Number of answers in a row that end in nothing, after which the prompt says what else can be answered.
+const BLOCKED_OFTEN: u32 = 2;
 
-/// The history, one event a line, with points in the coordinates of `profile`.
+/// The history, one event a line, with marked boxes in the coordinates of `profile`. Points of earlier answers are told as directions:
+/// numbers would be repeated (small models answer the point of their history again).
 pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String {
     let mut lines = vec![format!("Stage {} is being worked on.", memory.stage.max(1))];
     for finished in &memory.finished {
         let target = finished.target.as_deref().map_or(String::new(), |target| format!(", target {}", quoted(target)));
-        let place = finished.place.as_ref().map_or(String::new(), |place| whereabouts(place, profile));
+        let place = finished.place.as_ref().map_or(String::new(), whereabouts);
         lines.push(format!("Stage {} ended with your answer {}{target}.{place}", finished.stage, ago(finished.answers_ago)));
     }
     let count = memory.answers.len() as u32;
-    lines.extend((1..=count).rev().zip(&memory.answers).map(|(number, past)| answer(number, past, profile)));
+    lines.extend((1..=count).rev().zip(&memory.answers).map(|(number, past)| answer(number, past)));
     lines.extend(memory.lost.as_ref().map(lost));
     if let Some(turned) = memory.searched_deg.filter(|turned| turned.abs() >= WORTH_TELLING_DEG) {
         lines.push(format!(
-            "You have not seen the target yet; the drone has turned {} {} in all.",
+            "You have not seen its target yet; the drone has turned {} {} in all.",
             degrees(turned),
             side(turned)
         ));
     }
-    if let Some(room) = memory.room {
-        let (height, down, up) = (metres(room.height.abs()), metres(room.down), metres(room.up));
-        let side = if room.height < 0.0 && height > 0.0 { "below" } else { "above" };
-        lines.push(format!("The drone is {height} m {side} where it took off. It can go {down} m lower and {up} m higher."));
-    }
+    lines.extend(memory.room.as_ref().map(room));
     for area in &memory.kept_out {
         let area = profile.area_numbers(*area).map(|number| number.to_string()).join(", ");
         lines.push(format!(
             "The operator has marked the place in the box [{area}]: the drone keeps away from it, and flies around."
+        ));
+    }
+    if memory.blocked >= BLOCKED_OFTEN {
+        lines.push(format!(
+            "You have answered \"blocked\" {} times in a row. If it is still so, give an open_way; answer \"waiting\" only for somebody \
+             who moves, and \"navigating\" if the way is free now.",
+            memory.blocked
         ));
     }
     if let Some(wrong) = &memory.refused {
@@ -50,26 +58,34 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
     lines.join("\n")
 }
 
-fn answer(number: u32, past: &PastAnswer, profile: &GroundingProfile) -> String {
+fn room(room: &VerticalRoom) -> String {
+    let (height, down, up) = (metres(room.height.abs()), metres(room.down), metres(room.up));
+    let side = if room.height < 0.0 && height > 0.0 { "below" } else { "above" };
+    let error = room.error.map_or(String::new(), |error| format!(" (give or take {} m)", metres(error)));
+    format!("The drone is about {height} m{error} {side} where it took off. It can go {down} m lower and {up} m higher.")
+}
+
+fn answer(number: u32, past: &PastAnswer) -> String {
     let target = past.target.as_deref().map_or_else(|| "the target".to_owned(), quoted);
-    let said = match (past.said, past.point) {
-        (Said::Pointed, Some(point)) => {
-            let [a, b] = profile.point_numbers(point);
-            let depth = match (past.range_m, past.depth) {
-                (Some(range), _) => format!(", {} m away", metres(range)),
-                (None, Some(depth)) => format!(", depth {depth}"),
-                (None, None) => String::new(),
-            };
-            format!("you pointed at {target} at [{a}, {b}]{depth}")
+    let asked = past.asked_deg.filter(|asked| asked.abs() >= WORTH_TELLING_DEG);
+    let turn = asked.map_or(String::new(), |asked| format!("{} {}", degrees(asked), side(asked)));
+    let said = match past.said {
+        Said::Pointed => {
+            let at = past.bearing_deg.map_or(String::new(), |bearing| format!(", {}", direction(bearing)));
+            let range = past.range_m.map_or(String::new(), |range| format!(", about {} m away", metres(range)));
+            format!("you pointed at {target}{at}{range}")
         }
-        (Said::Pointed, None) => format!("you pointed at {target}"),
-        (Said::Turn, _) => "you asked for a turn in place".to_owned(),
-        (Said::NotSeen, _) => format!("you did not see {target}"),
-        (Said::Done, _) => "you answered \"done\"".to_owned(),
-        (Said::Blocked, _) => "you answered \"blocked\"".to_owned(),
+        Said::Turn => format!("you saw {target} and asked for a turn of {turn}"),
+        Said::NotSeen if turn.is_empty() => format!("you did not see {target}"),
+        Said::NotSeen => format!("you did not see {target}, and asked for a turn of {turn}"),
+        Said::Done => "you answered \"done\"".to_owned(),
+        Said::Waiting => "you answered \"waiting\"".to_owned(),
+        Said::Blocked => "you answered \"blocked\"".to_owned(),
     };
     let planned = past.planned_m.filter(|planned| *planned >= WORTH_TELLING_M);
     let planned = planned.map_or(String::new(), |planned| format!("; {} m planned", metres(planned)));
+    let other = past.planned_deg.filter(|planned| asked.is_some_and(|asked| (planned - asked).abs() > OTHER_TURN_DEG));
+    let other = other.map_or(String::new(), |planned| format!("; {} {} planned", degrees(planned), side(planned)));
     let detour = past.detour.as_ref().map_or(String::new(), |detour| {
         let how = match detour.how {
             DetourKind::Left => "dodged to the left",
@@ -87,10 +103,10 @@ fn answer(number: u32, past: &PastAnswer, profile: &GroundingProfile) -> String 
         };
         format!("; {how}{because}")
     });
-    format!("{}: {said}{planned}{detour}; then {}.", ago(number), flown(past, number == 1))
+    format!("{}: {said}{planned}{other}{detour}; then {}.", ago(number), flown(past, number == 1))
 }
 
-/// What was flown between two frames; `last`: the second one is the present frame, and the motion may only have begun.
+/// What was flown after an answer; `last`: until the present frame, so that the motion may only have begun.
 fn flown(past: &PastAnswer, last: bool) -> String {
     let mut parts = Vec::new();
     if past.moved_m >= WORTH_TELLING_M {
@@ -129,22 +145,14 @@ fn lost(lost: &LostTarget) -> String {
 }
 
 /// Where the target of an ended stage is.
-fn whereabouts(place: &FinishedPlace, profile: &GroundingProfile) -> String {
-    let range = metres(place.range_m);
-    match place.area {
-        Some(area) => {
-            let area = profile.area_numbers(area).map(|number| number.to_string()).join(", ");
-            format!(" That target is now about {range} m away, in the box [{area}].")
-        }
-        None => {
-            let elevation = place.elevation_deg;
-            let slope = match elevation.abs() >= WORTH_TELLING_SLOPE_DEG {
-                true => format!(", {} {} the horizon", degrees(elevation), if elevation < 0.0 { "below" } else { "above" }),
-                false => String::new(),
-            };
-            format!(" That target is now about {range} m away, outside this image, {}{slope}.", direction(place.bearing_deg))
-        }
-    }
+fn whereabouts(place: &FinishedPlace) -> String {
+    let elevation = place.elevation_deg;
+    let slope = match elevation.abs() >= WORTH_TELLING_SLOPE_DEG {
+        true => format!(", {} {} the horizon", degrees(elevation), if elevation < 0.0 { "below" } else { "above" }),
+        false => String::new(),
+    };
+    let outside = if place.area.is_some() { "" } else { ", outside this image" };
+    format!(" That target is now about {} m away, {}{slope}{outside}.", metres(place.range_m), direction(place.bearing_deg))
 }
 
 /// How long ago an answer was, of which the last one has number 1.

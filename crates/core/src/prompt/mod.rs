@@ -18,6 +18,10 @@ use crate::lift::range_of_label;
 use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryKind};
 use crate::reply::{DEPTH_LABELS, MAX_ACTIONS, MOVE_METRES, ObstacleBox, Reply, Status, TURN_DEGREES, one_line};
 
+/// A measure of distances that everybody knows: a grown-up person of this height this far away, metres.
+const PERSON_M: f64 = 1.7;
+const PERSON_AT_M: f64 = 5.0;
+
 /// Maximum length of an instruction, characters; longer ones are truncated.
 pub const MAX_INSTRUCTION: usize = 2000;
 
@@ -40,19 +44,22 @@ pub struct PromptInput<'a> {
     pub keep_m: Option<f64>,
     /// The part of the image that goes along enlarged.
     pub close_up: Option<ImageBox>,
+    /// Field of view of the image from left to right and from top to bottom, degrees; `None` if it is not known.
+    pub field_deg: Option<[f64; 2]>,
 }
 
 impl<'a> PromptInput<'a> {
     /// The inputs of a prompt without obstacle boxes, with depth labels.
     #[must_use]
     pub fn new(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile) -> Self {
-        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m: None, keep_m: None, close_up: None }
+        let (near_m, keep_m, close_up, field_deg) = (None, None, None, None);
+        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m, keep_m, close_up, field_deg }
     }
 }
 
 /// The built-in prompts.
-static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-5.txt")));
-static PAPER: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/paper-2.txt")));
+static POINT: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/point-6.txt")));
+static PAPER: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/paper-3.txt")));
 static PLAIN: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/plain-3.txt")));
 
 static NUMERIC: LazyLock<Arc<PromptText>> = LazyLock::new(|| shipped(include_str!("../../../../prompts/numeric-3.txt")));
@@ -105,8 +112,9 @@ impl PromptText {
             QueryKind::Point { avoid, depth } => (avoid, depth),
             _ => (false, DepthAs::Labels),
         };
+        let Query { near_m, keep_m, close_up, field_deg, .. } = *query;
         let new = PromptInput::new(&query.instruction, &query.memory, profile);
-        let input = PromptInput { avoid, depth, near_m: query.near_m, keep_m: query.keep_m, close_up: query.close_up, ..new };
+        let input = PromptInput { avoid, depth, near_m, keep_m, close_up, field_deg, ..new };
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
@@ -131,6 +139,8 @@ impl PromptText {
                 "scale" => scale(),
                 "endings" => endings::endings(input.instruction, input.near_m, input.keep_m),
                 "avoid" => yes_if(input.avoid),
+                "unguarded" => yes_if(!input.avoid),
+                "field" => input.field_deg.map_or(String::new(), field),
                 "memory" => memory::remembered(input.memory, input.profile),
                 "close_up" => input.close_up.map_or(String::new(), |area| {
                     format!("[{}]", input.profile.area_numbers(area).map(|number| number.to_string()).join(", "))
@@ -167,15 +177,24 @@ fn instruction(words: &str) -> String {
     line.chars().take(MAX_INSTRUCTION).collect()
 }
 
-/// `1: 1 m, 2: 1.7 m, …, 10: 100 m or more`.
+/// How wide the image is, with a measure that needs no angles: models take an unknown camera for one of 90°, and an image of half
+/// that shows everything twice as large.
+fn field([across, down]: [f64; 2]) -> String {
+    let share = 0.5 * PERSON_M / PERSON_AT_M / libm::tan(0.5 * down.to_radians());
+    let tall = libm::round(100.0 * share);
+    format!("The image is {}° wide: a standing person {PERSON_AT_M} m away fills {tall} % of its height.", libm::round(across))
+}
+
+/// `1=1 m, 2=1.7, …, 10=100 or more`.
 fn scale() -> String {
     let mut text = String::new();
     for label in 1..=DEPTH_LABELS {
         let range = range_of_label(f64::from(label));
         // Models handle about two significant figures.
         let shown = if range < 9.95 { libm::round(range * 10.0) / 10.0 } else { libm::round(range) };
-        let or_more = if label == DEPTH_LABELS { " or more" } else { ", " };
-        let _ = write!(text, "{label}: {shown} m{or_more}");
+        let unit = if label == 1 { " m" } else { "" };
+        let end = if label == DEPTH_LABELS { " or more" } else { ", " };
+        let _ = write!(text, "{label}={shown}{unit}{end}");
     }
     text
 }
@@ -225,10 +244,11 @@ mod tests {
         let pointed = PastAnswer {
             said: Said::Pointed,
             target: Some("the \"red\"\ncrane".to_owned()),
-            point: Some(ImagePoint { u: 0.25, v: 0.5 }),
-            depth: Some(6),
-            range_m: None,
+            bearing_deg: Some(-12.4),
+            range_m: Some(12.9),
+            asked_deg: None,
             planned_m: Some(3.99),
+            planned_deg: Some(-12.4),
             detour: Some(Detour { how: DetourKind::Right, name: Some("person".to_owned()), depth: Some(2) }),
             moved_m: 2.13,
             climbed_m: -0.4,
@@ -237,9 +257,11 @@ mod tests {
         let unseen = PastAnswer {
             said: Said::NotSeen,
             target: None,
-            point: None,
-            depth: None,
+            bearing_deg: None,
+            range_m: None,
+            asked_deg: Some(-165.0),
             planned_m: None,
+            planned_deg: Some(-72.0),
             detour: None,
             moved_m: 0.03,
             climbed_m: 0.0,
@@ -265,7 +287,8 @@ mod tests {
             }),
             finished: vec![ended("the gate", None), ended("the door", Some(area))],
             refused: Some("lacked boxes".to_owned()),
-            room: Some(VerticalRoom { height: 3.12, down: 2.3, up: 26.4 }),
+            room: Some(VerticalRoom { height: 3.12, error: Some(1.2), down: 2.3, up: 26.4 }),
+            blocked: 2,
             confirming: true,
             ..Memory::default()
         };
@@ -273,17 +296,18 @@ mod tests {
         let text = point_prompt(&input("go", &memory, &profile, true));
         let told = r#"
 Stage 2 is being worked on.
-Stage 1 ended with your answer 4 answers ago, target "the gate". That target is now about 2 m away, outside this image, 124° to the left of straight ahead, 31° below the horizon.
-Stage 1 ended with your answer 4 answers ago, target "the door". That target is now about 2 m away, in the box [160, 240, 320, 480].
-2 answers ago: you pointed at "the 'red' crane" at [160, 240], depth 6; 4 m planned; dodged to the right because of "person", about 1.7 m away; then 2.1 m flown (0.4 m down), 12° turned right.
-1 answer ago: you did not see the target; then 72° turned left.
+Stage 1 ended with your answer 4 answers ago, target "the gate". That target is now about 2 m away, 124° to the left of straight ahead, 31° below the horizon, outside this image.
+Stage 1 ended with your answer 4 answers ago, target "the door". That target is now about 2 m away, 124° to the left of straight ahead, 31° below the horizon.
+2 answers ago: you pointed at "the 'red' crane", 12° to the left of straight ahead, about 13 m away; 4 m planned; dodged to the right because of "person", about 1.7 m away; then 2.1 m flown (0.4 m down), 12° turned right.
+1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned; then 72° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. The direction you pointed in is now 64° to the right of straight ahead, outside this image.
-The drone is 3.1 m above where it took off. It can go 2.3 m lower and 26 m higher.
+The drone is about 3.1 m (give or take 1.2 m) above where it took off. It can go 2.3 m lower and 26 m higher.
+You have answered "blocked" 2 times in a row. If it is still so, give an open_way; answer "waiting" only for somebody who moves, and "navigating" if the way is free now.
 Your last answer could not be used: it lacked boxes.
 "#;
         assert!(text.contains(told), "{text}");
         assert!(text.contains("\nYou have answered \"done\". The drone has stopped for a second look"), "{text}");
-        assert!(text.contains("Points are [x, y] and boxes [xmin, ymin, xmax, ymax], in pixels of this image: x from 0 (left) to 640 (right), y from 0 (top) to 480 (bottom)."), "{text}");
+        assert!(text.contains("Points are [x, y], boxes [xmin, ymin, xmax, ymax], in pixels of this image, 640 wide and 480 high, from its top left corner."), "{text}");
         assert!(text.contains("- boxes: the nearest solid things"), "{text}");
     }
 
@@ -296,22 +320,40 @@ Your last answer could not be used: it lacked boxes.
     }
 
     #[test]
+    fn who_avoids_and_how_wide_the_image_is_are_said() {
+        let (memory, profile) = (Memory::default(), GroundingProfile::default());
+        let text = |avoid: bool, field_deg: Option<[f64; 2]>| {
+            point_prompt(&PromptInput { field_deg, ..input("go", &memory, &profile, avoid) })
+        };
+        let (with, without) = (text(true, None), text(false, None));
+        assert!(
+            with.contains("It finds its own way round what you list as boxes") && !with.contains("It avoids nothing"),
+            "{with}"
+        );
+        assert!(without.contains("It avoids nothing") && !without.contains("own way round"), "{without}");
+        assert!(!with.contains("° wide"), "{with}");
+        // A Tello's 43.6° from top to bottom: 1.7 m of 2 · 5 m · tan 21.8°.
+        let narrow = text(true, Some([55.9, 43.6]));
+        assert!(narrow.contains("\nThe image is 56° wide: a standing person 5 m away fills 43 % of its height.\n"), "{narrow}");
+    }
+
+    #[test]
     fn a_close_up_is_mentioned_when_it_goes_along() {
         let (memory, profile) = (Memory::default(), GroundingProfile::default());
         let without = input("go", &memory, &profile, false);
         assert!(!point_prompt(&without).contains("second image"));
         let close_up = Some(ImageBox { left: 0.4, top: 0.3, right: 0.6, bottom: 0.5 });
         let text = point_prompt(&PromptInput { close_up, ..without });
-        assert!(text.contains("\nThe second image enlarges the part [300, 400, 500, 600] of the first,"), "{text}");
+        assert!(text.contains("\nThe second image enlarges the part [300, 400, 500, 600] of the first. "), "{text}");
     }
 
     #[test]
     fn the_paper_reads_the_label_as_travel() {
         let (memory, profile) = (Memory::default(), GroundingProfile::default());
         let paper = PromptText::named("paper").unwrap();
-        assert_eq!((paper.kind(), paper.name().as_str()), (PromptKind::Point, "point-paper-2"));
+        assert_eq!((paper.kind(), paper.name().as_str()), (PromptKind::Point, "point-paper-3"));
         let text = paper.write(&input("go", &memory, &profile, false));
-        assert!(text.contains("how far the drone should fly") && !text.contains("1: 1 m"), "{text}");
+        assert!(text.contains("how far the drone should fly") && !text.contains("1=1 m"), "{text}");
         assert_eq!(PromptText::named("mine"), None);
     }
 
@@ -342,7 +384,7 @@ Your last answer could not be used: it lacked boxes.
             let (memory, profile) = (Memory::default(), GroundingProfile { order, scale });
             for avoid in [false, true] {
                 let text = point_prompt(&input("go", &memory, &profile, avoid));
-                let (_, example) = text.rsplit_once("For example: ").unwrap();
+                let (example, _) = text.rsplit_once("For example: ").unwrap().1.split_once('\n').unwrap();
                 let reply = parse_reply(example, &profile, avoid).unwrap();
                 let point = reply.point.unwrap();
                 assert!((point.u - 0.62).abs() < 1e-3 && (point.v - 0.4).abs() < 1e-3 && reply.boxes.len() == usize::from(avoid));

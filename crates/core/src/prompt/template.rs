@@ -75,6 +75,8 @@ impl PromptKind {
                 "scale",
                 "endings",
                 "avoid",
+                "unguarded",
+                "field",
                 "detected",
                 "close_up",
                 "memory",

@@ -5,7 +5,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{ImageBox, ImagePoint, Look};
+use super::{ImageBox, Look};
 
 /// The history that a query carries.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,7 +28,7 @@ pub struct Memory {
     /// Where the target was last pointed at, once an answer has not seen it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost: Option<LostTarget>,
-    /// Turned while searching for a target that was never pointed at, degrees, clockwise positive, not wrapped.
+    /// Turned in this stage while no answer has seen its target, degrees, clockwise positive, not wrapped.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub searched_deg: Option<f64>,
     /// Earlier stages, oldest first, at most [`REMEMBERED_ANSWERS`].
@@ -37,12 +37,19 @@ pub struct Memory {
     /// What was wrong with the answer before, if it could not be used: stated once, in words after "your last answer".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
+    /// Number of answers in a row, the last ones, that the path is blocked without a way to go instead.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub blocked: u32,
     /// Boxes of places to keep away from, marked by the operator, in the query's image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kept_out: Vec<ImageBox>,
     /// The free height.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub room: Option<VerticalRoom>,
+}
+
+fn is_zero(number: &u32) -> bool {
+    *number == 0
 }
 
 /// Number of answers and stages that are remembered.
@@ -60,11 +67,13 @@ pub enum Said {
     NotSeen,
     /// The instruction is fulfilled.
     Done,
+    /// Somebody passes first.
+    Waiting,
     /// The path is blocked.
     Blocked,
 }
 
-/// An earlier answer, and what was flown after it.
+/// An earlier answer, and what was flown after it: what was flown before it arrived is not its doing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PastAnswer {
     /// What it said.
@@ -72,26 +81,29 @@ pub struct PastAnswer {
     /// The target, in the model's words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub target: Option<String>,
-    /// Where it pointed, in its own frame.
+    /// The direction in which it pointed, degrees right of straight ahead in its own frame, within ±180.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub point: Option<ImagePoint>,
-    /// Depth label of that point.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub depth: Option<u8>,
-    /// The distance itself, metres, if the answer stated it.
+    pub bearing_deg: Option<f64>,
+    /// The distance of that point, metres: of its depth label, or as stated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_m: Option<f64>,
+    /// The turn in place that it asked for, degrees, clockwise positive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub asked_deg: Option<f64>,
     /// Length of the planned motion, metres; `None` if none was planned.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub planned_m: Option<f64>,
+    /// The turn of the planned motion, degrees, clockwise positive; `None` if nothing was planned.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub planned_deg: Option<f64>,
     /// What obstacle mode did to the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detour: Option<Detour>,
-    /// Straight distance from where its frame was taken to where the next one was, metres.
+    /// Straight distance from where the craft was as it arrived to where it was as the next one did, metres.
     pub moved_m: f64,
     /// Of this the height gained, metres, negative if lost.
     pub climbed_m: f64,
-    /// Turn between the two frames, degrees, clockwise positive, within ±180.
+    /// Turn in that time, degrees, clockwise positive.
     pub turned_deg: f64,
 }
 
@@ -159,7 +171,7 @@ pub struct FinishedStage {
 /// pointed at it, and from the motion since.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct FinishedPlace {
-    /// Its box in the query's image; `None` if it lies outside.
+    /// Its box in the query's image; `None` if it lies outside. As uncertain as its distance: the prompt states the direction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area: Option<ImageBox>,
     /// Its direction, degrees right of straight ahead, within ±180.
@@ -175,6 +187,9 @@ pub struct FinishedPlace {
 pub struct VerticalRoom {
     /// Height above the take-off point, metres.
     pub height: f64,
+    /// How far that may be off, metres: twice its standard deviation, if the craft's position wanders.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<f64>,
     /// How far it may sink, metres; 0 if not at all.
     pub down: f64,
     /// How far it may climb, metres; 0 if not at all.

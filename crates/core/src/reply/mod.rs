@@ -47,7 +47,9 @@ pub enum Status {
     Done,
     /// The target is in view and moves; the instruction is to stay with it. Flown like [`Status::Navigating`].
     Following,
-    /// Someone or something is so close in the way that the craft must not go on.
+    /// Somebody is about to cross the line of flight: the craft holds, and they pass first.
+    Waiting,
+    /// Something is so close in the way that the craft must not go on; [`Reply::open_way`] may say where else.
     Blocked,
 }
 
@@ -104,7 +106,7 @@ pub struct Reply {
     pub turn_deg: Option<f64>,
     /// Direction in which to look; only with [`Status::NotVisible`].
     pub look: Option<Look>,
-    /// Only with [`Status::NotVisible`].
+    /// Where else to fly; only with [`Status::NotVisible`] and [`Status::Blocked`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open_way: Option<OpenWay>,
     /// Obstacles, in obstacle mode.

@@ -224,15 +224,20 @@ fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, Re
         reply.boxes = if avoid && status != Status::Done { boxes? } else { boxes.unwrap_or_default() };
         // Models that must fill every field fill these with zeros; what cannot be parsed is omitted.
         let (point, distance) = (point.unwrap_or(None), distance.unwrap_or(None));
-        if status == Status::NotVisible {
-            reply.turn_deg = turn.unwrap_or(None).flatten();
-            reply.look = value.field(&["look"]).map(look).transpose()?.flatten();
-            reply.open_way = match value.key(OPEN_WAY) {
-                Some(way) => open_way(way, profile),
-                // Reply version 2: the point of an answer without a visible target is the open way.
-                None => point.zip(distance).map(|(point, distance)| OpenWay { point, depth: distance.label }),
-            };
-        } else if let (Some(point), Some(Distance { label, metres })) = (point, distance) {
+        match status {
+            Status::NotVisible => {
+                reply.turn_deg = turn.unwrap_or(None).flatten();
+                reply.look = value.field(&["look"]).map(look).transpose()?.flatten();
+                reply.open_way = match value.key(OPEN_WAY) {
+                    Some(way) => open_way(way, profile),
+                    // Reply version 2: the point of an answer without a visible target is the open way.
+                    None => point.zip(distance).map(|(point, distance)| OpenWay { point, depth: distance.label }),
+                };
+            }
+            Status::Blocked => reply.open_way = value.key(OPEN_WAY).and_then(|way| open_way(way, profile)),
+            _ => {}
+        }
+        if let (Some(point), Some(Distance { label, metres }), false) = (point, distance, status == Status::NotVisible) {
             (reply.point, reply.depth, reply.range_m) = (Some(point), Some(label), metres);
         }
     }
@@ -319,12 +324,13 @@ fn wrong(field: &str, wanted: &'static str, found: &Value) -> ReplyError {
 }
 
 fn status(value: &Value) -> Result<Status, ReplyError> {
-    const WANTED: &str = "`navigating`, `not_visible`, `done`, `following` or `blocked`";
+    const WANTED: &str = "`navigating`, `following`, `not_visible`, `waiting`, `blocked` or `done`";
     match plain_word(value, "status", WANTED)?.as_str() {
         "navigating" | "navigate" | "inprogress" | "visible" => Ok(Status::Navigating),
         "notvisible" | "notinview" | "notfound" | "invisible" => Ok(Status::NotVisible),
         "done" | "complete" | "completed" | "finished" | "reached" | "arrived" => Ok(Status::Done),
         "following" | "follow" | "tracking" => Ok(Status::Following),
+        "waiting" | "wait" | "yield" | "yielding" => Ok(Status::Waiting),
         "blocked" | "obstructed" => Ok(Status::Blocked),
         _ => Err(wrong("status", WANTED, value)),
     }

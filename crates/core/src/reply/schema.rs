@@ -16,7 +16,7 @@ use crate::query::{ImageBox, ImagePoint};
 struct WireReply<'a> {
     /// What you go to or look for now, in at most six words.
     target: Option<&'a str>,
-    /// Whether the target is seen, not seen, reached, followed, or the path to it blocked.
+    /// Whether the target is seen, followed, not seen or reached, or somebody passes first, or the path is blocked.
     #[schemars(schema_with = "status")]
     status: Status,
     /// Number of the stage being worked on, from 1.
@@ -41,7 +41,7 @@ struct WireReply<'a> {
     /// Which way to look, with status not_visible; else null.
     #[schemars(schema_with = "nullable_look")]
     look: Option<Look>,
-    /// The most open direction, with status not_visible; else null.
+    /// The most open direction, with status not_visible or blocked; else null.
     #[schemars(schema_with = "nullable_way")]
     open_way: Option<WireWay>,
     /// The nearest solid things in the image that are nearer than the target, at most eight.
@@ -95,7 +95,7 @@ impl Serialize for Number {
 
 // The portable subset: no `minimum`, `minItems` or `$ref`, which some vendors reject; a label is an enumeration.
 fn status(_: &mut SchemaGenerator) -> Schema {
-    json_schema!({ "type": "string", "enum": [Status::Navigating, Status::NotVisible, Status::Done, Status::Following, Status::Blocked] })
+    json_schema!({ "type": "string", "enum": [Status::Navigating, Status::Following, Status::NotVisible, Status::Waiting, Status::Blocked, Status::Done] })
 }
 
 fn nullable_look(_: &mut SchemaGenerator) -> Schema {

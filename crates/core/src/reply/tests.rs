@@ -223,7 +223,7 @@ fn messages_state_what_is_wrong_and_where() {
     );
     assert_eq!(
         message("{\"status\":\"hovering\"}"),
-        "`status` must be `navigating`, `not_visible`, `done`, `following` or `blocked`, found `hovering`"
+        "`status` must be `navigating`, `following`, `not_visible`, `waiting`, `blocked` or `done`, found `hovering`"
     );
 }
 
@@ -308,7 +308,7 @@ fn schema_keeps_the_order_and_the_portable_subset() {
         if depth == DepthAs::Labels {
             assert_eq!(schema["properties"]["depth"]["enum"], serde_json::json!([1, 2, 3, 4, 5, 6, 7, 8, 9, 10, null]));
         }
-        let status = ["navigating", "not_visible", "done", "following", "blocked"];
+        let status = ["navigating", "following", "not_visible", "waiting", "blocked", "done"];
         assert_eq!(schema["properties"]["status"]["enum"], serde_json::json!(status));
         let look = serde_json::json!(["left", "right", "up", "down", "behind", "ahead", null]);
         assert_eq!(schema["properties"]["look"]["enum"], look);

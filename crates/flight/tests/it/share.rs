@@ -86,7 +86,7 @@ fn a_shared_log_still_tells_another_method() {
 /// The words of a server, a prompt and names of one's own are left out, and the decisions are the same without them.
 #[test]
 fn what_is_left_out_changes_no_decision() {
-    let prompt = format!("spf-prompt point 7\n{}", include_str!("../../../../prompts/point-5.txt").split_once('\n').unwrap().1);
+    let prompt = format!("spf-prompt point 7\n{}", include_str!("../../../../prompts/point-6.txt").split_once('\n').unwrap().1);
     let entries = entries_of(|plan| {
         plan.prompt = Some(std::sync::Arc::new(spf_core::prompt::PromptText::parse(&prompt).unwrap()));
     });

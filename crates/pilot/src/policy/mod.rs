@@ -96,6 +96,8 @@ pub enum PolicyEvent<'a> {
         id: QueryId,
         /// The reply text.
         text: &'a str,
+        /// Estimated pose of the craft as it arrives: what was flown before is not its doing.
+        pose: Pose,
     },
     /// Part of the streamed reply to an open query; the complete text follows as [`PolicyEvent::Reply`].
     Chunk {

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use crate::method::Method;
 use crate::policy::{Output, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::craft::Craft;
+use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
 use spf_core::lift::Lifting;
 use spf_core::primitives::Primitives;
@@ -135,7 +136,7 @@ impl Spf {
     }
 
     /// The step that follows from a reply.
-    fn answered(&mut self, query: OpenQuery, text: &str, reading: &mut Reading) -> Step {
+    fn answered(&mut self, query: OpenQuery, (text, pose): (&str, Pose), reading: &mut Reading) -> Step {
         let before = self.passage.before();
         let parsed = parse_reply(text, &self.rules.settings.grounding, self.rules.settings.avoid);
         self.recollection.parsed(&parsed);
@@ -148,7 +149,7 @@ impl Spf {
         }
         let retreat = self.learn(&query.view, &mut reply, reading);
         reading.reply = Some(reply.clone());
-        if self.recollection.answered(&query.view, &reply) {
+        if self.recollection.answered(&query.view, pose, &reply) {
             self.visibility.began_stage();
         }
         self.visibility.answered(&query.view, &reply);
@@ -199,7 +200,14 @@ impl Spf {
             Status::Done => self.done(answer.query.purpose),
             Status::NotVisible => self.not_visible(answer, before, reading),
             Status::Navigating | Status::Following => self.navigate(answer, before, reading),
-            Status::Blocked => held_up(answer, reading),
+            Status::Waiting => {
+                reading.actions.push("holds: somebody passes first".to_owned());
+                Step::Look
+            }
+            Status::Blocked => match answer.reply.open_way {
+                Some(way) => self.fly_to(answer, (way.point, f64::from(way.depth)), Before { turned: None, ..before }, reading),
+                None => held_up(answer, reading),
+            },
         }
     }
 
@@ -355,10 +363,10 @@ impl Policy for Spf {
             PolicyEvent::Frame(view) if self.asking.is_due(view) => {
                 self.passage.turn_back(view).unwrap_or_else(|| self.ask(view))
             }
-            PolicyEvent::Reply { id, text } => {
+            PolicyEvent::Reply { id, text, pose } => {
                 let Some(query) = self.asking.close(id) else { return Step::Wait.into() };
                 let mut reading = Reading::default();
-                let step = self.answered(query, text, &mut reading);
+                let step = self.answered(query, (text, pose), &mut reading);
                 return Output { step, reading };
             }
             PolicyEvent::ReplyFailed { id } => {

@@ -177,7 +177,7 @@ impl Policy for Legs {
                 self.pending = Some(id);
                 Step::Ask(Box::new(Query::new(id, view.frame.id, QueryKind::Act { form: ActForm::Commands })))
             }
-            PolicyEvent::Reply { id, text } if self.pending.take_if(|pending| *pending == id).is_some() => {
+            PolicyEvent::Reply { id, text, .. } if self.pending.take_if(|pending| *pending == id).is_some() => {
                 let reply: serde_json::Value = serde_json::from_str(text).unwrap_or_default();
                 let metres = |key: &str| reply.get(key).and_then(serde_json::Value::as_f64);
                 match (metres("forward"), metres("climb")) {

@@ -60,7 +60,7 @@ pub enum Unrecognised {
         height: u32,
     },
     /// The prompt is not understood: what of it.
-    #[error("the prompt does not show {0}: it must use the wording of this program's pointing prompt (prompts/point-5.txt)")]
+    #[error("the prompt does not show {0}: it must use the wording of this program's pointing prompt (prompts/point-6.txt)")]
     Wording(&'static str),
 }
 

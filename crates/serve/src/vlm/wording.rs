@@ -1,4 +1,4 @@
-//! Reads the project's own prompts for points (`prompts/point-5.txt`), as far as the oracle needs them: instruction, stage, what was
+//! Reads the project's own prompts for points (`prompts/point-6.txt`), as far as the oracle needs them: instruction, stage, what was
 //! pointed at, how far the craft has turned, coordinates, and what is to be answered. A prompt in an unknown wording is an error:
 //! an oracle that took it for a first query would answer the first stage for ever.
 
@@ -24,7 +24,9 @@ pub(super) struct Wording {
 /// What is not understood.
 pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<Wording>, &'static str> {
     let Some((_, behind)) = prompt.split_once('«') else { return Ok(None) };
-    let (instruction, rest) = behind.split_once('»').ok_or("where the instruction ends (« without »)")?;
+    let instruction = behind.split_once('»').ok_or("where the instruction ends (« without »)")?.0;
+    // The record comes before the instruction.
+    let rest = prompt;
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
     let mut profiles =
         [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
@@ -61,7 +63,7 @@ fn memory(rest: &str) -> Result<Memory, &'static str> {
         Some(behind.split_once('"')?.0.to_owned())
     });
     let lost = rest.lines().find(|line| line.starts_with("You last pointed at the target "));
-    let unseen = rest.lines().find_map(|line| line.strip_prefix("You have not seen the target yet; the drone has turned "));
+    let unseen = rest.lines().find_map(|line| line.strip_prefix("You have not seen its target yet; the drone has turned "));
     let turned = unseen.or_else(|| Some(lost?.split_once("Since then the drone has turned ")?.1)).map_or(Some(0.0), |text| {
         let (degrees, side) = text.split_once("° ")?;
         let degrees: f64 = degrees.parse().ok()?;
@@ -84,16 +86,17 @@ fn number(line: &str, before: &str, after: &str) -> Option<u32> {
 mod tests {
     use super::*;
     use spf_core::prompt::{PromptInput, point_prompt};
-    use spf_core::query::{ImagePoint, LostTarget, PastAnswer, Said};
+    use spf_core::query::{LostTarget, PastAnswer, Said};
 
     fn remembered() -> Memory {
         let pointed = |target: &str| PastAnswer {
             said: Said::Pointed,
             target: Some(target.to_owned()),
-            point: Some(ImagePoint { u: 0.5, v: 0.5 }),
-            depth: Some(5),
-            range_m: None,
+            bearing_deg: Some(0.0),
+            range_m: Some(7.7),
+            asked_deg: None,
             planned_m: Some(2.9),
+            planned_deg: Some(0.0),
             detour: None,
             moved_m: 2.5,
             climbed_m: 0.0,

@@ -92,7 +92,7 @@ impl Aside {
     pub(super) fn look(&mut self, answer: &Answered<'_>, passing: Option<PassingSide>, reading: &mut Reading) -> Option<Step> {
         let Some(Leg::Looks { side, other, target }) = self.leg.take() else { return None };
         match answer.reply.status {
-            Status::Done | Status::Blocked | Status::Following => return None,
+            Status::Done | Status::Waiting | Status::Blocked | Status::Following => return None,
             // From here the target can be flown to.
             Status::Navigating if is_way_to(answer, passing) => return None,
             Status::Navigating | Status::NotVisible => {}

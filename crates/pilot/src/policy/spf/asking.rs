@@ -25,6 +25,12 @@ pub(super) struct OpenQuery {
     pub(super) purpose: Purpose,
 }
 
+/// Field of view of a view's image from left to right and from top to bottom, degrees.
+fn field_deg(view: &View) -> [f64; 2] {
+    let (across, down) = view.camera.half_fov();
+    [across, down].map(|half| 2.0 * half.to_degrees())
+}
+
 /// The queries of a flight.
 #[derive(Clone, Debug)]
 pub(super) struct Asking {
@@ -69,6 +75,7 @@ impl Asking {
             keep_m: rules.kept_m,
             image_size: settings.image_size,
             close_up,
+            field_deg: Some(field_deg(view)),
             marks: memory.kept_out.iter().map(|area| Mark::Box { area: *area, label: "keep away".to_owned() }).collect(),
             memory,
             ..Query::new(id, view.frame.id, rules.kind())

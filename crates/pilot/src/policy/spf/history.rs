@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use crate::policy::{Reading, View};
 use spf_core::camera::Camera;
-use spf_core::geometry::{Pose, wrap_angle};
+use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::lift::range_of_label;
 use spf_core::panel::Panel;
 use spf_core::query::{
@@ -28,25 +28,73 @@ const DRIFT_MOST: f64 = 0.3;
 /// … or below this part of the distance to it.
 const DRIFT_PART: f64 = 0.25;
 
+/// The place of an earlier target is told if its bearing is known to this, radians: 15° to either side.
+const BEARING_ERROR: f64 = 15.0 / 180.0 * core::f64::consts::PI;
+
 /// The events of a flight.
 #[derive(Clone, Debug, Default)]
 pub(super) struct History {
-    /// The last usable answers, with the pose of their frames.
-    answers: VecDeque<(PastAnswer, Pose)>,
+    /// The last usable answers, and from where what followed was flown.
+    answers: VecDeque<(PastAnswer, Start)>,
     /// Number of usable answers.
     count: u32,
-    sighting: Option<PointedAt>,
+    seen: Seen,
     finished: VecDeque<Finished>,
     /// The last target named in the current stage.
     target: Option<String>,
     /// Where the target of the current stage was last pointed at.
     place: Option<Place>,
-    /// Path from frame to frame of the answers, metres.
+    path: Path,
+}
+
+/// Where the craft was as an answer arrived.
+#[derive(Clone, Copy, Debug)]
+struct Start {
+    pose: Pose,
+    /// Turned until then, radians.
+    turned: f64,
+}
+
+/// The way of the craft, by its poses at frames and at answers.
+#[derive(Clone, Copy, Debug, Default)]
+struct Path {
+    last: Option<Pose>,
+    /// Path so far, metres.
     flown: f64,
+    /// Turned so far, radians, clockwise positive.
+    turned: f64,
     /// Yaw of the last planned motion, radians.
     yaw: f64,
-    /// Turned since the first answer, radians.
-    turned: f64,
+}
+
+impl Path {
+    /// Goes on to a pose.
+    fn to(&mut self, pose: Pose) {
+        let from = self.last.replace(pose).unwrap_or(pose);
+        let mut turned = wrap_angle(pose.attitude.heading - from.attitude.heading);
+        if turned.abs() > HALF_TURN && turned * self.yaw < 0.0 {
+            turned += 2.0 * core::f64::consts::PI * self.yaw.signum();
+        }
+        self.turned += turned;
+        self.flown += from.position.distance(pose.position);
+    }
+}
+
+/// Whether the target of the current stage has been seen.
+#[derive(Clone, Copy, Debug)]
+enum Seen {
+    /// By no answer; by how much the craft had turned as the stage began, radians.
+    Never { turned: f64 },
+    /// By an answer that asked for a turn towards it: where it is, nobody has said.
+    Somewhere,
+    /// It was pointed at.
+    At(PointedAt),
+}
+
+impl Default for Seen {
+    fn default() -> Self {
+        Self::Never { turned: 0.0 }
+    }
 }
 
 /// A stage that an answer has left behind.
@@ -65,7 +113,9 @@ struct Place {
     /// Its name in the answer that pointed at it.
     target: String,
     panel: Panel,
-    /// Metres flown when it was pointed at.
+    /// From where it was pointed at.
+    from: EnuPosition,
+    /// Metres flown by then.
     flown: f64,
     /// How far the range may be off, metres.
     range_error: f64,
@@ -82,7 +132,13 @@ impl Place {
             (None, 0 | 1) => (NEAREST, NEAREST),
             (None, label) => (range_of_label(f64::from(label)), LABEL_ERROR * range_of_label(f64::from(label))),
         };
-        Some(Self { panel: Panel::at_range(&view.camera, view.pose, area, range), flown, range_error, target })
+        Some(Self {
+            panel: Panel::at_range(&view.camera, view.pose, area, range),
+            from: view.pose.position,
+            flown,
+            range_error,
+            target,
+        })
     }
 
     /// As seen from `view`; `None` if the craft has flown too far to tell.
@@ -91,15 +147,25 @@ impl Place {
         let range_m = view.pose.position.distance(at);
         let drift = DRIFT * (flown - self.flown).max(0.0);
         let ahead = view.pose.position.displacement_to(at, view.pose.attitude.heading);
-        // Of what is nearer than its range is certain, the direction is not known, once the craft has moved.
-        let moved = (flown - self.flown).abs();
-        let is_known = moved < DRIFT_MOST || range_m > self.range_error.min(moved);
+        let is_known = self.bearing_error(view.pose.position) <= BEARING_ERROR;
         (is_known && (drift <= DRIFT_MOST || drift <= DRIFT_PART * range_m)).then(|| FinishedPlace {
             area: self.panel.seen_from(&view.camera, view.pose).map(|(area, _)| area),
             bearing_deg: libm::atan2(ahead.right, ahead.forward).to_degrees(),
             elevation_deg: libm::atan2(ahead.up, libm::hypot(ahead.right, ahead.forward)).to_degrees(),
             range_m,
         })
+    }
+
+    /// By how much the bearing to it may be off as seen from `here`, radians: half the angle between its nearest and its farthest
+    /// place. From where it was pointed at, the bearing is known whatever the range.
+    fn bearing_error(&self, here: EnuPosition) -> f64 {
+        let (from, at) = (self.from, self.panel.middle());
+        let share = self.range_error / from.distance(at).max(f64::EPSILON);
+        let to = |scale: f64| {
+            let (east, north) = (from.east + scale * (at.east - from.east), from.north + scale * (at.north - from.north));
+            here.bearing_to(EnuPosition { east, north, up: at.up })
+        };
+        0.5 * wrap_angle(to((1.0 - share).max(0.0)) - to(1.0 + share)).abs()
     }
 }
 
@@ -110,19 +176,20 @@ struct PointedAt {
     answer: u32,
     /// The direction, radians clockwise from north.
     bearing: f64,
-    /// Turned since, radians.
+    /// Turned by then, radians.
     turned: f64,
     /// Whether a later answer has not seen it, and on which side its direction had left the frame by then.
     lost: Option<Option<Look>>,
 }
 
 impl History {
-    /// Notes a usable answer about `view`; `stage` is the one before it.
-    pub(super) fn answered(&mut self, view: &View, reply: &Reply, stage: u32) {
-        self.moved_to(view.pose);
+    /// Notes a usable answer about a view, which arrives as the craft is at `pose`; `stage` is the one before it.
+    pub(super) fn answered(&mut self, (view, pose): (&View, Pose), reply: &Reply, stage: u32) {
+        let turned = self.path.turned;
+        self.moved_to(pose);
         self.count += 1;
         if let Some(next) = reply.stage {
-            self.at_stage(next, stage);
+            self.at_stage(next, stage, turned);
         }
         if reply.target.is_some() {
             self.target.clone_from(&reply.target);
@@ -130,19 +197,20 @@ impl History {
         let said = said(reply);
         match (said, reply.point) {
             (Said::Pointed, Some(point)) => {
-                self.place = Place::new(view, reply, self.flown);
+                self.place = Place::new(view, reply, self.path.flown);
                 let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(point).right);
-                self.sighting = Some(PointedAt { answer: self.count, bearing, turned: 0.0, lost: None });
+                self.seen = Seen::At(PointedAt { answer: self.count, bearing, turned, lost: None });
             }
+            (Said::Turn, _) => self.seen = Seen::Somewhere,
             (Said::NotSeen, _) => self.lost_in(view),
             _ => {}
         }
-        push_last(&mut self.answers, (past(reply, said), view.pose));
-        self.yaw = 0.0;
+        push_last(&mut self.answers, (past(view, reply, said), Start { pose, turned: self.path.turned }));
+        self.path.yaw = 0.0;
     }
 
-    /// Notes the stage of an answer; `stage` is the one before it.
-    fn at_stage(&mut self, next: u32, stage: u32) {
+    /// Notes the stage of an answer; `stage` is the one before it. `turned`: by how much the craft had turned at its frame, radians.
+    fn at_stage(&mut self, next: u32, stage: u32, turned: f64) {
         if next > stage.max(1) {
             // What has a place is named as it was when it was pointed at.
             let (named, place) = (self.target.take(), self.place.take());
@@ -153,15 +221,20 @@ impl History {
             self.finished.retain(|finished| finished.stage < next);
             (self.target, self.place) = (None, None);
         }
+        // Another stage has another target.
+        if next != stage.max(1) {
+            self.seen = Seen::Never { turned };
+        }
     }
 
     /// Notes that an answer about `view` has not seen the target, and on which side its direction had left the frame by then.
     fn lost_in(&mut self, view: &View) {
         let half = view.camera.half_fov().0;
-        if let Some(sighting) = self.sighting.as_mut().filter(|sighting| sighting.lost.is_none()) {
-            let away = wrap_angle(sighting.bearing - view.pose.attitude.heading);
+        let Seen::At(pointed) = &mut self.seen else { return };
+        if pointed.lost.is_none() {
+            let away = wrap_angle(pointed.bearing - view.pose.attitude.heading);
             let side = if away < 0.0 { Look::Left } else { Look::Right };
-            sighting.lost = Some((away.abs() > half).then_some(side));
+            pointed.lost = Some((away.abs() > half).then_some(side));
         }
     }
 
@@ -171,28 +244,19 @@ impl History {
         if let Some(primitives) = reading.primitives {
             let metres = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
             past.planned_m = Some(metres).filter(|metres| *metres > 0.0);
-            self.yaw = primitives.yaw;
+            past.planned_deg = Some(primitives.yaw.to_degrees());
+            self.path.yaw = primitives.yaw;
         }
         past.detour = reading.avoidance.and_then(|avoidance| detour(camera, avoidance, reading, boxes));
     }
 
-    /// Measures the last answer's motion to where the craft is now.
+    /// Measures the motion after the last answer to where the craft is now.
     fn moved_to(&mut self, pose: Pose) {
+        self.path.to(pose);
         let Some((past, from)) = self.answers.back_mut() else { return };
-        let mut turned = wrap_angle(pose.attitude.heading - from.attitude.heading);
-        if turned.abs() > HALF_TURN && turned * self.yaw < 0.0 {
-            turned += 2.0 * core::f64::consts::PI * self.yaw.signum();
-        }
-        let before = past.turned_deg.to_radians();
-        self.turned += turned - before;
-        self.flown -= past.moved_m;
-        past.moved_m = from.position.distance(pose.position);
-        self.flown += past.moved_m;
-        past.climbed_m = pose.position.up - from.position.up;
-        past.turned_deg = turned.to_degrees();
-        if let Some(sighting) = &mut self.sighting {
-            sighting.turned += turned - before;
-        }
+        past.moved_m = from.pose.position.distance(pose.position);
+        past.climbed_m = pose.position.up - from.pose.position.up;
+        past.turned_deg = (self.path.turned - from.turned).to_degrees();
     }
 
     /// Fills the memory of a query about `view`.
@@ -204,22 +268,26 @@ impl History {
             stage: *stage,
             answers_ago: ago(*answer),
             target: target.clone(),
-            place: place.as_ref().and_then(|place| place.seen_from(view, self.flown)),
+            place: place.as_ref().and_then(|place| place.seen_from(view, self.path.flown)),
         };
         memory.finished = self.finished.iter().map(finished).collect();
-        memory.lost = self.sighting.and_then(|sighting| {
-            let left_on = sighting.lost?;
-            let bearing = wrap_angle(sighting.bearing - view.pose.attitude.heading);
-            Some(LostTarget {
-                answers_ago: ago(sighting.answer),
-                left_on,
-                bearing_deg: bearing.to_degrees(),
-                in_frame: bearing.abs() <= view.camera.half_fov().0,
-                turned_deg: sighting.turned.to_degrees(),
-            })
-        });
-        let unseen = self.sighting.is_none() && self.answers.back().is_some_and(|(past, _)| past.said == Said::NotSeen);
-        memory.searched_deg = unseen.then(|| self.turned.to_degrees());
+        (memory.lost, memory.searched_deg) = (None, None);
+        match self.seen {
+            Seen::At(PointedAt { answer, bearing, turned, lost: Some(left_on) }) => {
+                let bearing = wrap_angle(bearing - view.pose.attitude.heading);
+                memory.lost = Some(LostTarget {
+                    answers_ago: ago(answer),
+                    left_on,
+                    bearing_deg: bearing.to_degrees(),
+                    in_frame: bearing.abs() <= view.camera.half_fov().0,
+                    turned_deg: (self.path.turned - turned).to_degrees(),
+                });
+            }
+            Seen::Never { turned } if self.answers.back().is_some_and(|(past, _)| past.said == Said::NotSeen) => {
+                memory.searched_deg = Some((self.path.turned - turned).to_degrees());
+            }
+            Seen::At(_) | Seen::Somewhere | Seen::Never { .. } => {}
+        }
         memory.room = Some(view.room);
     }
 }
@@ -237,21 +305,24 @@ fn said(reply: &Reply) -> Said {
     match reply.status {
         Status::Done => Said::Done,
         Status::NotVisible => Said::NotSeen,
+        Status::Waiting => Said::Waiting,
         Status::Blocked => Said::Blocked,
         Status::Navigating | Status::Following if reply.point.is_some() => Said::Pointed,
         Status::Navigating | Status::Following => Said::Turn,
     }
 }
 
-/// An answer after which nothing has been flown yet.
-fn past(reply: &Reply, said: Said) -> PastAnswer {
+/// An answer about a view after which nothing has been flown yet.
+fn past(view: &View, reply: &Reply, said: Said) -> PastAnswer {
+    let point = reply.point.filter(|_| said == Said::Pointed);
     PastAnswer {
         said,
         target: reply.target.clone(),
-        point: reply.point.filter(|_| said == Said::Pointed),
-        depth: reply.depth.filter(|_| said == Said::Pointed),
-        range_m: reply.range_m.filter(|_| said == Said::Pointed),
+        bearing_deg: point.map(|point| libm::atan(view.camera.ray(point).right).to_degrees()),
+        range_m: point.and(reply.range_m.or(reply.depth.map(|label| range_of_label(f64::from(label))))),
+        asked_deg: reply.turn_deg.filter(|_| matches!(said, Said::Turn | Said::NotSeen)),
         planned_m: None,
+        planned_deg: None,
         detour: None,
         moved_m: 0.0,
         climbed_m: 0.0,

@@ -3,8 +3,9 @@
 use super::history::History;
 use crate::policy::{Reading, View};
 use spf_core::camera::Camera;
+use spf_core::geometry::Pose;
 use spf_core::query::{ImageBox, ImagePoint, Look, Memory};
-use spf_core::reply::{ObstacleBox, Reply, ReplyError};
+use spf_core::reply::{ObstacleBox, Reply, ReplyError, Status};
 
 /// Number of earlier targets that are recalled.
 const TARGETS: usize = 8;
@@ -38,9 +39,11 @@ impl Recollection {
         self.memory.refused = parsed.as_ref().err().map(ReplyError::for_the_model);
     }
 
-    /// Notes a usable reply about a view; returns whether it has gone on to another stage.
-    pub(super) fn answered(&mut self, view: &View, reply: &Reply) -> bool {
-        self.history.answered(view, reply, self.memory.stage);
+    /// Notes a usable reply about a view, which arrives at `pose`; returns whether it has gone on to another stage.
+    pub(super) fn answered(&mut self, view: &View, pose: Pose, reply: &Reply) -> bool {
+        self.history.answered((view, pose), reply, self.memory.stage);
+        let is_stuck = reply.status == Status::Blocked && reply.open_way.is_none();
+        self.memory.blocked = if is_stuck { self.memory.blocked + 1 } else { 0 };
         let stage = reply.stage.unwrap_or(self.memory.stage);
         core::mem::replace(&mut self.memory.stage, stage) != stage
     }

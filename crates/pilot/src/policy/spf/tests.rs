@@ -75,7 +75,7 @@ fn told(spf: &mut Rig, frame: u64, answer: &str) -> (Query, Step) {
 
 pub(super) fn told_from(spf: &mut Rig, view: &View, answer: &str) -> (Query, Step) {
     let query = sent_query(spf.step(PolicyEvent::Frame(view)));
-    let step = spf.step(PolicyEvent::Reply { id: query.id, text: answer });
+    let step = spf.step(PolicyEvent::Reply { id: query.id, text: answer, pose: view.pose });
     (query, step)
 }
 
@@ -181,7 +181,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     // Outside obstacle mode it flies as in the paper.
     let mut spf = policy(false);
     let query = sent_query(spf.step(PolicyEvent::Frame(&view(0))));
-    let step = spf.step(PolicyEvent::Reply { id: query.id, text: aside });
+    let step = spf.step(PolicyEvent::Reply { id: query.id, text: aside, pose: Pose::default() });
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
 }
 
@@ -195,7 +195,7 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
         let query = sent_query(spf.step(PolicyEvent::Frame(&view(number))));
         number += 1;
         let text = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
-        match spf.step(PolicyEvent::Reply { id: query.id, text: &text }) {
+        match spf.step(PolicyEvent::Reply { id: query.id, text: &text, pose: Pose::default() }) {
             Step::Move(Move { primitives, .. }) => Some(primitives),
             _ => None,
         }
@@ -339,7 +339,7 @@ fn anchored(avoid: bool) -> Rig {
 /// The policy's response to a reply on a frame that is expected to show the target.
 fn told_expecting(spf: &mut Rig, frame: u64, expected: Expected, answer: &str) -> Step {
     let query = sent_query(spf.step(PolicyEvent::Frame(&View { expected, ..view(frame) })));
-    spf.step(PolicyEvent::Reply { id: query.id, text: answer })
+    spf.step(PolicyEvent::Reply { id: query.id, text: answer, pose: Pose::default() })
 }
 
 #[test]
@@ -372,18 +372,22 @@ fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
         let attitude = Attitude { heading: degrees.to_radians(), ..Attitude::default() };
         View { pose: Pose { position: EnuPosition { north, ..position }, attitude }, ..view(2) }
     };
+    let aside = |north: f64, east: f64| View {
+        pose: Pose { position: EnuPosition { north, east, up: 0.0 }, ..Pose::default() },
+        ..view(2)
+    };
     let (query, _) = told_from(&mut spf, &turned(30.0, 1.8), &cone("next cone", 2));
     let place = query.memory.finished[0].place.unwrap();
     assert!((place.range_m - 1.0).abs() < 0.02 && (place.bearing_deg + 30.0).abs() < 0.1, "{place:?}");
     let area = place.area.unwrap();
     assert!(area.left < 0.1 && (0.4..0.6).contains(&area.right), "{area:?}");
-    assert!(
-        query.prompt.contains(r#"target "orange cone". That target is now about 1 m away, in the box ["#),
-        "{}",
-        query.prompt
-    );
+    let sentence = r#"target "orange cone". That target is now about 1 m away, 30° to the left of straight ahead."#;
+    assert!(query.prompt.contains(sentence), "{}", query.prompt);
     let (query, _) = told_from(&mut spf, &turned(150.0, 1.8), &cone("next cone", 2));
-    assert!(query.prompt.contains("about 1 m away, outside this image, 150° to the left of straight ahead."), "{}", query.prompt);
+    assert!(query.prompt.contains("about 1 m away, 150° to the left of straight ahead, outside this image."), "{}", query.prompt);
+    // Beside it, the label does not tell whether it is ahead or behind.
+    let (query, _) = told_from(&mut spf, &aside(2.5, 0.6), &cone("next cone", 2));
+    assert_eq!(query.memory.finished[0].place, None);
     // 40 m there and back are a drift of 2 m or more: too far to tell.
     told_from(&mut spf, &turned(0.0, -18.2), &cone("next cone", 2));
     let (query, _) = told_from(&mut spf, &turned(0.0, 1.8), &cone("next cone", 2));
@@ -538,4 +542,46 @@ fn somebody_who_has_left_the_image_is_looked_for_where_they_went() {
     };
     assert_eq!(yaw(Expected::Left { off: -1.2 }), -1.2);
     assert!(yaw(Expected::Unknown) > 0.0);
+}
+
+#[test]
+fn blocked_flies_another_way_if_one_is_given_and_says_so_after_two_without() {
+    let mut spf = policy(false);
+    let (_, step) = told(&mut spf, 0, r#"{"status":"blocked","target":"door","open_way":{"point":[500,200],"depth":5}}"#);
+    assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 0.5), "{step:?}");
+    let blocked = r#"{"status":"blocked","target":"door"}"#;
+    for (frame, counted) in [(1, 0), (2, 1), (3, 2)] {
+        let (query, step) = told(&mut spf, frame, blocked);
+        assert_eq!((query.memory.blocked, step), (counted, Step::Look));
+    }
+    let (query, step) = told(&mut spf, 4, r#"{"status":"waiting","target":"door"}"#);
+    assert!(query.prompt.contains("You have answered \"blocked\" 3 times in a row."), "{}", query.prompt);
+    assert_eq!(step, Step::Look);
+    assert_eq!(told(&mut spf, 5, blocked).0.memory.blocked, 0);
+}
+
+#[test]
+fn the_way_that_blocked_gives_is_held_to_the_boxes() {
+    let mut spf = policy(true);
+    let wall = r#"{"box":[0,0,1000,1000],"depth":1,"name":"wall"}"#;
+    let (_, step) = decided(&mut spf, 0, wall, r#"{"status":"blocked","open_way":{"point":[500,500],"depth":6}}"#);
+    assert_eq!(step, Step::Look);
+}
+
+#[test]
+fn a_new_stage_has_another_target_and_a_turn_has_seen_it() {
+    let mut spf = policy(false);
+    told(&mut spf, 0, r#"{"status":"navigating","stage":1,"target":"car","point":[500,300],"depth":4}"#);
+    told(&mut spf, 1, r#"{"status":"not_visible","stage":2,"target":"bridge","look":"left"}"#);
+    let (query, _) = told(&mut spf, 2, r#"{"status":"navigating","stage":2,"target":"bridge","turn_deg":40}"#);
+    assert_eq!(query.memory.lost, None, "the car is not what is looked for");
+    assert_eq!(query.memory.searched_deg, Some(0.0));
+    let (query, _) = told(&mut spf, 3, r#"{"status":"not_visible","stage":2,"target":"bridge","look":"left"}"#);
+    assert_eq!(query.memory.searched_deg, None);
+    assert!(query.prompt.contains("you saw \"bridge\" and asked for a turn of 40° right;"), "{}", query.prompt);
+    // Seen again, and then lost.
+    told(&mut spf, 4, r#"{"status":"navigating","stage":2,"target":"bridge","point":[500,900],"depth":8}"#);
+    told(&mut spf, 5, r#"{"status":"not_visible","stage":2,"target":"bridge","look":"left"}"#);
+    let (query, _) = told(&mut spf, 6, "{}");
+    assert_eq!(query.memory.lost.map(|lost| lost.answers_ago), Some(2));
 }
