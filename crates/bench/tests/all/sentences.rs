@@ -29,7 +29,7 @@ use spf_space::avoid::Avoidance;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// Before the history in a prompt, and what follows it.
-const HEADING: &str = "\nSo far, from the drone's own record (\"then\": after that answer, until the next or this image):\n";
+const HEADING: &str = "\nThe drone's record so far (angles from straight ahead; \"then\": after that answer):\n";
 
 /// A usable answer, as the test remembers it.
 struct Past {
@@ -68,7 +68,7 @@ const PHRASES: [&str; 10] = [
     "You have answered \"blocked\"",
     "You last pointed at",
     "You have not seen its target",
-    "That target is now about",
+    "It is now about",
     "could not be used",
 ];
 
@@ -189,7 +189,7 @@ impl Reader {
     fn told_of_the_method(&mut self, decision: &Decision) {
         let (prompt, camera) = (&decision.query.prompt, self.camera.expect("a camera"));
         let QueryKind::Point { avoid, .. } = decision.query.kind else { return };
-        let told = (prompt.contains("It finds its own way round"), prompt.contains("It avoids nothing"));
+        let told = (prompt.contains("The drone finds its own way round your boxes"), prompt.contains("The drone avoids nothing"));
         if told != (avoid, !avoid) {
             self.wrong.push(format!("obstacle mode is {avoid}: {prompt}"));
         }
@@ -231,7 +231,7 @@ impl Reader {
         }
         // Since the stage began.
         let began = self.past[..at].iter().rposition(|past| past.reply.stage.is_some_and(|s| s < before)).map_or(0, |i| i + 1);
-        let (target, place) = target.split_once(" That target is now about ").map_or((target, None), |(a, b)| (a, Some(b)));
+        let (target, place) = target.split_once(" It is now about ").map_or((target, None), |(a, b)| (a, Some(b)));
         if let Some(place) = place {
             self.whereabouts(place, began..at, decision)?;
         }
@@ -313,16 +313,21 @@ impl Reader {
                 let right = self.camera.ok_or("no camera")?.ray(point).right;
                 direction_is(direction, libm::atan(right).to_degrees())?;
                 let range_m = reply.range_m.unwrap_or_else(|| range_of_label(f64::from(reply.depth.unwrap_or(0))));
-                metres_are(range.strip_suffix(" m away").ok_or("no range")?, range_m)?;
+                metres_are(range.strip_suffix(" m").ok_or("no range")?, range_m)?;
                 claim.to_owned()
             }
         };
         same("answer", claim, &meant)?;
+        let mut is_short = false;
         for part in parts {
             if let Some(planned) = part.strip_suffix(" m planned") {
                 let primitives = past.decision.reading.primitives.ok_or("nothing was planned")?;
                 let length = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
                 metres_are(planned, length)?;
+                is_short = true;
+                if past.at_reply.position.distance(next.position) >= 0.5 * length {
+                    return Err("half of it or more was flown".to_owned());
+                }
             } else if let Some(planned) = part.strip_suffix(" planned") {
                 let yaw = past.decision.reading.primitives.ok_or("nothing was planned")?.yaw.to_degrees();
                 turn_is(planned, yaw, 360.0)?;
@@ -332,6 +337,10 @@ impl Reader {
             } else {
                 detour(part, past)?;
             }
+        }
+        let planned = past.decision.reading.primitives.map_or(0.0, |p| libm::hypot(libm::hypot(p.forward, p.right), p.climb));
+        if !is_short && planned >= 0.1 && past.at_reply.position.distance(next.position) < 0.499 * planned {
+            return Err(format!("{planned:.1} m were planned"));
         }
         if past.decision.reading.avoidance.is_some_and(|avoidance| avoidance != Avoidance::Clear) && !said.contains("because of")
         {
@@ -387,34 +396,34 @@ impl Reader {
             rest = behind;
         }
         let now = wrap_angle(bearing - decision.pose.attitude.heading);
-        let text = between(rest, " The direction you pointed in is now ", ".").ok_or("unknown end")?;
+        let text = between(rest, " That direction is now ", ".").ok_or("unknown end")?;
         let (direction, shown) = text.rsplit_once(", ").ok_or("unknown end")?;
         same("width", shown, if now.abs() <= half { "in this image's width" } else { "outside this image" })?;
         direction_is(direction, now.to_degrees()).map(|()| "lost")
     }
 
     fn height(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
-        let (height, rest) = text.split_once(" where it took off. It can go ").ok_or("unknown sentence")?;
+        let (height, rest) = text.split_once(" where it took off; it can go ").ok_or("unknown sentence")?;
         let (height, side) = height.strip_prefix("about ").and_then(|text| text.split_once(" m ")).ok_or("unknown sentence")?;
-        let side = match side.split_once(" m) ") {
-            Some((error, side)) => {
-                let error: f64 = error.strip_prefix("(give or take ").and_then(|error| error.parse().ok()).ok_or("no error")?;
-                if error < 0.3 {
-                    return Err("that is no error".to_owned());
-                }
-                side
-            }
-            None => side,
+        let height = match height.split_once(" ± ") {
+            Some((_, error)) if error.parse().is_ok_and(|error: f64| error < 0.3) => return Err("that is no error".to_owned()),
+            Some((height, _)) => height,
+            None => height,
         };
-        let (down, rest) = rest.split_once(" m lower and ").ok_or("unknown sentence")?;
-        let up = rest.strip_suffix(" m higher.").ok_or("unknown sentence")?;
+        let (down, up) = rest.strip_suffix('.').and_then(|rest| rest.split_once(" m lower")).ok_or("unknown sentence")?;
         let Some(Some(telemetry)) = self.asked.get(&decision.query.id) else { return Err("no telemetry".to_owned()) };
         let Some(known) = telemetry.height else { return Ok("height") };
         same("side", side, if known <= -0.05 { "below" } else { "above" })?;
         metres_are(height, known.abs())?;
         let low = telemetry.ground_clearance.map_or(known, |clearance| clearance.min(known));
         metres_are(down, (low - self.limits.min_altitude).max(0.0))?;
-        metres_are(up, (self.limits.max_altitude - known).max(0.0)).map(|()| "height")
+        let room = (self.limits.max_altitude - known).max(0.0);
+        match up.strip_prefix(", ").and_then(|up| up.strip_suffix(" m higher")) {
+            Some(up) => metres_are(up, room)?,
+            None if room < 19.0 => return Err(format!("it can go {room:.1} m higher")),
+            None => {}
+        }
+        Ok("height")
     }
 }
 
@@ -443,8 +452,8 @@ fn detour(part: &str, past: &Past) -> Result<(), String> {
     };
     same("detour", how, meant)?;
     let obstacle = by.and_then(|by| past.reply.boxes.get(by));
-    let meant = obstacle
-        .map(|obstacle| format!("\"{}\", about {} m away", obstacle.name, rounded(range_of_label(f64::from(obstacle.depth)))));
+    let meant =
+        obstacle.map(|obstacle| format!("\"{}\", about {} m", obstacle.name, rounded(range_of_label(f64::from(obstacle.depth)))));
     if because.map(str::to_owned) == meant { Ok(()) } else { Err(format!("because of {meant:?}")) }
 }
 
@@ -502,13 +511,12 @@ fn metres_are(told: &str, meant: f64) -> Result<(), String> {
     if (told - meant).abs() <= tolerance { Ok(()) } else { Err(format!("it was {meant:.2} m")) }
 }
 
-/// Checks a direction such as `12° to the left of straight ahead`; `meant`: degrees to the right.
+/// Checks a direction such as `12° left`; `meant`: degrees to the right.
 fn direction_is(told: &str, meant: f64) -> Result<(), String> {
     if told == "straight ahead" {
         return if meant.abs() < 2.0 { Ok(()) } else { Err(format!("it is {meant:.1}° off")) };
     }
-    let (turn, side) = told.split_once(" to the ").ok_or("no direction")?;
-    turn_is(&format!("{turn} {}", side.strip_suffix(" of straight ahead").ok_or("no direction")?), meant, 360.0)
+    turn_is(told, meant, 360.0)
 }
 
 /// Checks a turn such as `30° left`, which may be off by whole turns where its sense is not known.

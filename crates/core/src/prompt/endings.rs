@@ -8,32 +8,32 @@ const KINDS: [Kind; 7] = [
     Kind {
         words: &["through", "into", "inside", "enter", "under", "underneath", "beneath"],
         phrases: &[],
-        ending: "going through something: the drone is out on the other side, and the opening lies behind it.",
+        ending: "going through something: out on the other side, the opening behind.",
     },
     Kind {
         words: &["around", "round", "circle", "circling", "orbit", "encircle", "circumnavigate"],
         phrases: &[],
-        ending: "going around something: the drone has been all the way round it.",
+        ending: "going around something: all the way round it.",
     },
     Kind {
         words: &["over", "across", "above"],
         phrases: &[],
-        ending: "going over something: the drone has crossed it above its top, and is beyond its far edge.",
+        ending: "going over something: across it above its top, and beyond its far edge.",
     },
     Kind {
         words: &["past", "beyond", "behind", "pass"],
         phrases: &[],
-        ending: "going past or behind something: the drone is beyond it, as seen from where it began, by {near} or more.",
+        ending: "going past or behind something: beyond it by {near} or more, as seen from where the drone began.",
     },
     Kind {
         words: &["next", "second", "third", "fourth", "another", "other"],
         phrases: &[],
-        ending: "the next or another one: never that of the stage before, however near it is.",
+        ending: "the next or another one: never that of the stage before.",
     },
     Kind {
         words: &["scan", "survey", "rotate", "spin", "panorama", "surroundings"],
         phrases: &["look around", "turn around", "look round", "turn round", "full circle", "full turn"],
-        ending: "looking around: the drone has turned through a full circle.",
+        ending: "looking around: a full circle turned.",
     },
     Kind {
         words: &["follow", "following", "track", "tracking", "chase", "pursue", "accompany", "escort"],
@@ -68,7 +68,7 @@ pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -
     let special: Vec<&Kind> = KINDS.iter().filter(|kind| kind.words.iter().any(&has) || kind.phrases.iter().any(&has)).collect();
     let mut lines = Vec::new();
     if special.is_empty() || REACHING.iter().any(has) {
-        lines.push(format!("going to or finding something: it is in view, and the drone is within {near} m of it."));
+        lines.push(format!("going to or finding something: it is in view, within {near} m."));
     }
     lines.extend(special.iter().map(|kind| match keep {
         Some(keep) if kind.ending == FOLLOWING => {
@@ -77,7 +77,7 @@ pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -
         _ => kind.ending.replace("{near}", &format!("{near} m")),
     }));
     if lines.len() > 1 {
-        lines.push("Of several stages, the last one decides.".to_owned());
+        lines.push("Of several stages, the last decides.".to_owned());
     }
     lines.iter().map(|line| format!("- {line}")).collect::<Vec<_>>().join("\n")
 }
@@ -91,10 +91,10 @@ mod tests {
         let lines = |instruction: &str| endings(instruction, Some(3.0), None).lines().count();
         assert_eq!(
             endings("Fly to the red crane", Some(3.0), None),
-            "- going to or finding something: it is in view, and the drone is within 3 m of it."
+            "- going to or finding something: it is in view, within 3 m."
         );
-        assert!(endings("go to the door", Some(0.8), None).contains("within 0.8 m of it"));
-        assert!(endings("I am thirsty", None, None).contains("within 3 m of it"));
+        assert!(endings("go to the door", Some(0.8), None).contains("within 0.8 m"));
+        assert!(endings("I am thirsty", None, None).contains("within 3 m"));
         assert!(endings("fly past the tree", Some(0.8), None).contains("by 0.8 m or more"));
         assert_eq!(lines("visit one tower and the next"), 3);
         assert_eq!(endings("Follow the walking man", None, None), "- following: never; only a new instruction ends it.");

@@ -16,6 +16,10 @@ const WORTH_TELLING_SLOPE_DEG: f64 = 15.0;
 const WORTH_TELLING_CLIMB_M: f64 = 0.3;
 /// A turn that is planned this differently from what was asked for is told, degrees.
 const OTHER_TURN_DEG: f64 = 5.0;
+/// More room than this upwards is not worth telling, metres.
+const FAR_UP_M: f64 = 20.0;
+/// A planned motion is told if less than this part of it was flown.
+const FLOWN_SHORT: f64 = 0.5;
 /// Number of answers in a row that end in nothing, after which the prompt says what else can be answered.
 const BLOCKED_OFTEN: u32 = 2;
 
@@ -47,8 +51,8 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
     }
     if memory.blocked >= BLOCKED_OFTEN {
         lines.push(format!(
-            "You have answered \"blocked\" {} times in a row. If it is still so, give an open_way; answer \"waiting\" only for somebody \
-             who moves, and \"navigating\" if the way is free now.",
+            "You have answered \"blocked\" {} times in a row. If it is still so, give an open_way; \"waiting\" is for somebody who moves, \
+             \"navigating\" for a way that is free now.",
             memory.blocked
         ));
     }
@@ -61,8 +65,9 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
 fn room(room: &VerticalRoom) -> String {
     let (height, down, up) = (metres(room.height.abs()), metres(room.down), metres(room.up));
     let side = if room.height < 0.0 && height > 0.0 { "below" } else { "above" };
-    let error = room.error.map_or(String::new(), |error| format!(" (give or take {} m)", metres(error)));
-    format!("The drone is about {height} m{error} {side} where it took off. It can go {down} m lower and {up} m higher.")
+    let error = room.error.map_or(String::new(), |error| format!(" ± {}", metres(error)));
+    let up = if up > FAR_UP_M { String::new() } else { format!(", {up} m higher") };
+    format!("The drone is about {height}{error} m {side} where it took off; it can go {down} m lower{up}.")
 }
 
 fn answer(number: u32, past: &PastAnswer) -> String {
@@ -72,7 +77,7 @@ fn answer(number: u32, past: &PastAnswer) -> String {
     let said = match past.said {
         Said::Pointed => {
             let at = past.bearing_deg.map_or(String::new(), |bearing| format!(", {}", direction(bearing)));
-            let range = past.range_m.map_or(String::new(), |range| format!(", about {} m away", metres(range)));
+            let range = past.range_m.map_or(String::new(), |range| format!(", about {} m", metres(range)));
             format!("you pointed at {target}{at}{range}")
         }
         Said::Turn => format!("you saw {target} and asked for a turn of {turn}"),
@@ -82,7 +87,8 @@ fn answer(number: u32, past: &PastAnswer) -> String {
         Said::Waiting => "you answered \"waiting\"".to_owned(),
         Said::Blocked => "you answered \"blocked\"".to_owned(),
     };
-    let planned = past.planned_m.filter(|planned| *planned >= WORTH_TELLING_M);
+    let is_short = |planned: &f64| *planned >= WORTH_TELLING_M && past.moved_m < FLOWN_SHORT * planned;
+    let planned = past.planned_m.filter(is_short);
     let planned = planned.map_or(String::new(), |planned| format!("; {} m planned", metres(planned)));
     let other = past.planned_deg.filter(|planned| asked.is_some_and(|asked| (planned - asked).abs() > OTHER_TURN_DEG));
     let other = other.map_or(String::new(), |planned| format!("; {} {} planned", degrees(planned), side(planned)));
@@ -97,7 +103,7 @@ fn answer(number: u32, past: &PastAnswer) -> String {
         };
         let because = match (&detour.name, detour.depth) {
             (Some(name), Some(depth)) => {
-                format!(" because of {}, about {} m away", quoted(name), metres(range_of_label(f64::from(depth))))
+                format!(" because of {}, about {} m", quoted(name), metres(range_of_label(f64::from(depth))))
             }
             _ => String::new(),
         };
@@ -140,7 +146,7 @@ fn lost(lost: &LostTarget) -> String {
     }
     let where_now = direction(lost.bearing_deg);
     let shown = if lost.in_frame { "in this image's width" } else { "outside this image" };
-    text.push_str(&format!(" The direction you pointed in is now {where_now}, {shown}."));
+    text.push_str(&format!(" That direction is now {where_now}, {shown}."));
     text
 }
 
@@ -152,7 +158,7 @@ fn whereabouts(place: &FinishedPlace) -> String {
         false => String::new(),
     };
     let outside = if place.area.is_some() { "" } else { ", outside this image" };
-    format!(" That target is now about {} m away, {}{slope}{outside}.", metres(place.range_m), direction(place.bearing_deg))
+    format!(" It is now about {} m away, {}{slope}{outside}.", metres(place.range_m), direction(place.bearing_deg))
 }
 
 /// How long ago an answer was, of which the last one has number 1.
@@ -167,7 +173,7 @@ fn direction(bearing: f64) -> String {
     if bearing.abs() < WORTH_TELLING_DEG {
         "straight ahead".to_owned()
     } else {
-        format!("{} to the {} of straight ahead", degrees(bearing), side(bearing))
+        format!("{} {}", degrees(bearing), side(bearing))
     }
 }
 

@@ -296,19 +296,19 @@ mod tests {
         let text = point_prompt(&input("go", &memory, &profile, true));
         let told = r#"
 Stage 2 is being worked on.
-Stage 1 ended with your answer 4 answers ago, target "the gate". That target is now about 2 m away, 124° to the left of straight ahead, 31° below the horizon, outside this image.
-Stage 1 ended with your answer 4 answers ago, target "the door". That target is now about 2 m away, 124° to the left of straight ahead, 31° below the horizon.
-2 answers ago: you pointed at "the 'red' crane", 12° to the left of straight ahead, about 13 m away; 4 m planned; dodged to the right because of "person", about 1.7 m away; then 2.1 m flown (0.4 m down), 12° turned right.
+Stage 1 ended with your answer 4 answers ago, target "the gate". It is now about 2 m away, 124° left, 31° below the horizon, outside this image.
+Stage 1 ended with your answer 4 answers ago, target "the door". It is now about 2 m away, 124° left, 31° below the horizon.
+2 answers ago: you pointed at "the 'red' crane", 12° left, about 13 m; dodged to the right because of "person", about 1.7 m; then 2.1 m flown (0.4 m down), 12° turned right.
 1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned; then 72° turned left.
-You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. The direction you pointed in is now 64° to the right of straight ahead, outside this image.
-The drone is about 3.1 m (give or take 1.2 m) above where it took off. It can go 2.3 m lower and 26 m higher.
-You have answered "blocked" 2 times in a row. If it is still so, give an open_way; answer "waiting" only for somebody who moves, and "navigating" if the way is free now.
+You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. That direction is now 64° right, outside this image.
+The drone is about 3.1 ± 1.2 m above where it took off; it can go 2.3 m lower.
+You have answered "blocked" 2 times in a row. If it is still so, give an open_way; "waiting" is for somebody who moves, "navigating" for a way that is free now.
 Your last answer could not be used: it lacked boxes.
 "#;
         assert!(text.contains(told), "{text}");
         assert!(text.contains("\nYou have answered \"done\". The drone has stopped for a second look"), "{text}");
         assert!(text.contains("Points are [x, y], boxes [xmin, ymin, xmax, ymax], in pixels of this image, 640 wide and 480 high, from its top left corner."), "{text}");
-        assert!(text.contains("- boxes: the nearest solid things"), "{text}");
+        assert!(text.contains("- boxes: at most 8 solid things"), "{text}");
     }
 
     #[test]
@@ -327,10 +327,10 @@ Your last answer could not be used: it lacked boxes.
         };
         let (with, without) = (text(true, None), text(false, None));
         assert!(
-            with.contains("It finds its own way round what you list as boxes") && !with.contains("It avoids nothing"),
+            with.contains("The drone finds its own way round your boxes") && !with.contains("The drone avoids nothing"),
             "{with}"
         );
-        assert!(without.contains("It avoids nothing") && !without.contains("own way round"), "{without}");
+        assert!(without.contains("The drone avoids nothing") && !without.contains("own way round"), "{without}");
         assert!(!with.contains("° wide"), "{with}");
         // A Tello's 43.6° from top to bottom: 1.7 m of 2 · 5 m · tan 21.8°.
         let narrow = text(true, Some([55.9, 43.6]));

@@ -239,7 +239,7 @@ fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
 fn who_is_followed_is_flown_to_and_a_turn_is_turned() {
     let mut spf = policy(false);
     let (query, step) = told(&mut spf, 0, r#"{"status":"following","point":[500,500],"depth":5,"target":"man"}"#);
-    assert!(query.prompt.contains("the drone is within 3 m of it"), "{}", query.prompt);
+    assert!(query.prompt.contains("in view, within 3 m"), "{}", query.prompt);
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 2.0), "{step:?}");
     let (_, step) = told(&mut spf, 1, r#"{"status":"navigating","point":null,"turn_deg":-90,"target":"man"}"#);
     let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
@@ -381,10 +381,10 @@ fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
     assert!((place.range_m - 1.0).abs() < 0.02 && (place.bearing_deg + 30.0).abs() < 0.1, "{place:?}");
     let area = place.area.unwrap();
     assert!(area.left < 0.1 && (0.4..0.6).contains(&area.right), "{area:?}");
-    let sentence = r#"target "orange cone". That target is now about 1 m away, 30° to the left of straight ahead."#;
+    let sentence = r#"target "orange cone". It is now about 1 m away, 30° left."#;
     assert!(query.prompt.contains(sentence), "{}", query.prompt);
     let (query, _) = told_from(&mut spf, &turned(150.0, 1.8), &cone("next cone", 2));
-    assert!(query.prompt.contains("about 1 m away, 150° to the left of straight ahead, outside this image."), "{}", query.prompt);
+    assert!(query.prompt.contains("about 1 m away, 150° left, outside this image."), "{}", query.prompt);
     // Beside it, the label does not tell whether it is ahead or behind.
     let (query, _) = told_from(&mut spf, &aside(2.5, 0.6), &cone("next cone", 2));
     assert_eq!(query.memory.finished[0].place, None);
