@@ -100,7 +100,7 @@ def main():
             file.write(PROGRAM)
         out, tape = os.path.join(folder, "flight"), os.path.join(folder, "tape.jsonl")
         for vlm, more in (("oracle:default", ["--avoid"]), ("exec:python3 model.py", ["--vlm-record", tape])):
-            subprocess.run([spf, "fly", "fly to the red crane", "--vlm", vlm, "--max-decisions", "2", "--no-video", *more,
+            subprocess.run([spf, "fly", "fly to the red crane", "--vlm", vlm, "--max-queries", "2", "--no-video", *more,
                             "--out", out], cwd=folder, capture_output=True, check=False)
             log, own = os.path.join(out, "flight.mcap"), vlm[:4]
             for number, reply in enumerate(rows(log, spf, "/reply")[:2]):

@@ -186,7 +186,7 @@ def fly(spf, number, out, instruction, extra):
         begun = time.monotonic()
         flight = subprocess.run(
             [os.path.abspath(spf), "fly", instruction, "--drone", "screen:luanti", "--vlm", vlm, "--no-vlm-check", "--unattended",
-             "--at-end", "land", "--max-decisions", "200", "--out", target, "--json", *extra],
+             "--at-end", "land", "--max-queries", "200", "--out", target, "--json", *extra],
             env=env, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
         took = time.monotonic() - begun
         time.sleep(0.5)

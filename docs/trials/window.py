@@ -115,7 +115,7 @@ def fly(spf, number, out, instruction, extra):
         vlm = f"exec:{sys.executable} {os.path.join(ROOT, 'examples', 'exec_blob.py')}"
         flight = subprocess.run(
             [spf, "fly", instruction, "--drone", "screen:spf-window", "--vlm", vlm, "--no-vlm-check", "--unattended", "--at-end",
-             "land", "--max-decisions", "200", "--out", target, "--json", *extra],
+             "land", "--max-queries", "200", "--out", target, "--json", *extra],
             env=env, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, check=False)
         time.sleep(0.5)
         flown = truth(log)

@@ -15,6 +15,8 @@ const MOST_INSTRUCTIONS: usize = 100;
 pub(crate) struct Course {
     /// The instructions so far; the last one is the current one.
     instructions: Vec<String>,
+    /// Whether an answer to the current one was that it is fulfilled.
+    said_done: bool,
     judge: Box<dyn Judge>,
     settled: Option<Settled>,
 }
@@ -23,6 +25,7 @@ pub(crate) struct Course {
 struct Settled {
     at: Time,
     instructions: Vec<String>,
+    said_done: bool,
     ending: Ending,
 }
 
@@ -36,8 +39,10 @@ impl Observer for Course {
         match action {
             Action::Finished(ending) => {
                 self.judge.settle(now, self.instructions.last().map_or("", String::as_str));
-                self.settled = Some(Settled { at: now, instructions: self.instructions.clone(), ending: ending.clone() });
+                let (instructions, said_done) = (self.instructions.clone(), self.said_done);
+                self.settled = Some(Settled { at: now, instructions, said_done, ending: ending.clone() });
             }
+            Action::Note(Note::Decision(decision)) => self.said_done |= decision.reading.is_done(),
             // One that was given again, as after a correction, is still the same.
             Action::Note(Note::Operator(OperatorEvent::Instruction(text))) if self.instructions.last() != Some(text) => {
                 if self.instructions.len() >= MOST_INSTRUCTIONS {
@@ -45,6 +50,7 @@ impl Observer for Course {
                     self.instructions.remove(1);
                 }
                 self.instructions.push(text.clone());
+                self.said_done = false;
             }
             _ => {}
         }
@@ -58,14 +64,15 @@ impl Observer for Course {
 impl Course {
     /// The course of a flight that begins with this instruction.
     pub(crate) fn new(instruction: &str, judge: Box<dyn Judge>) -> Self {
-        Self { instructions: vec![instruction.to_owned()], judge, settled: None }
+        Self { instructions: vec![instruction.to_owned()], said_done: false, judge, settled: None }
     }
 
     /// What is known at the end.
     pub(crate) fn summary(self, head: &FlightHeader, seed: u64, pilot: &Pilot) -> Summary {
-        let Settled { at, instructions: mut earlier_instructions, ending } = self.settled.unwrap_or_else(|| Settled {
+        let Settled { at, instructions: mut earlier_instructions, said_done, ending } = self.settled.unwrap_or_else(|| Settled {
             at: Time::ZERO,
             instructions: self.instructions,
+            said_done: false,
             ending: Ending { outcome: Outcome::Failed, cause: "the flight ended without an outcome".to_owned() },
         });
         let mut summary = Summary {
@@ -109,6 +116,7 @@ impl Course {
             vlm_use: None,
         };
         self.judge.tell(&mut summary);
+        summary.tell_at_target(said_done);
         summary
     }
 }

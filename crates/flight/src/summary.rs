@@ -68,9 +68,9 @@ pub struct Summary {
     /// The instructions before it, in order; omitted if it was not changed in flight.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub earlier_instructions: Vec<String>,
-    /// Outcome, as judged by the pilot without ground truth.
+    /// Outcome, as judged by the pilot without ground truth: whether the VLM said done, and no second look saw it otherwise.
     pub outcome: Outcome,
-    /// Cause of the outcome, in words.
+    /// Cause of the outcome, in words. By ground truth it also tells that the craft was at its target though the VLM had not said so.
     pub cause: String,
     /// Success by ground truth; null without ground truth.
     pub verified: Option<bool>,
@@ -155,6 +155,21 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// Whether the flight ended at its target by ground truth, although nobody had said so: a limit, or the operator, ended it.
+    #[must_use]
+    pub fn is_at_target(&self) -> bool {
+        self.verified == Some(true) && matches!(self.outcome, Outcome::Timeout | Outcome::Aborted)
+    }
+
+    /// Tells in the cause that it did; otherwise the outcome would seem to contradict the ground truth. `said_done`: the VLM had said
+    /// done, but was not believed.
+    pub(crate) fn tell_at_target(&mut self, said_done: bool) {
+        if self.is_at_target() {
+            let done = if said_done { "the VLM said done, but did not confirm it" } else { "the VLM never said done" };
+            self.cause = format!("{}; the craft was at its target, and {done}", self.cause);
+        }
+    }
+
     /// The title of the flight: all of its instructions, in order.
     #[must_use]
     pub fn title(&self) -> String {

@@ -1,10 +1,12 @@
 //! The phases of a flight: what the craft, the operator and the time make of them.
 
 use crate::event::{Ending, LetGo, OperatorEvent, Outcome, Phase};
+use crate::policy::FailReason;
 use spf_core::command::Setpoint;
 use spf_core::keep_out::{KeepOut, MARKED_MOST};
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time};
+use spf_envelope::Cause;
 
 /// How long the craft hovers after the end of an instruction.
 const HOVER_TIME: Duration = Duration::from_secs(60);
@@ -55,15 +57,12 @@ pub(crate) struct Start {
     pub(crate) then_hold: bool,
 }
 
-/// Flight time and decisions that count against their limits.
+/// Flight time that counts against its limit.
 #[derive(Debug, Default)]
 struct Counted {
-    /// Time from which flight time is counted, advanced by the time flown by hand; and up to which it is.
+    /// Time from which it is counted, advanced by the time flown by hand; and up to which it is.
     from: Time,
     to: Time,
-    decisions: u32,
-    /// Those before the current instruction.
-    earlier: u32,
 }
 
 /// The operator's hands at the controls.
@@ -232,27 +231,11 @@ impl Flight {
         self.counted.to = now;
     }
 
-    /// Counts a decision.
-    pub(crate) fn count_decision(&mut self) {
-        self.counted.decisions += 1;
-    }
-
-    /// Number of decisions so far.
-    pub(crate) fn decisions(&self) -> u32 {
-        self.counted.decisions
-    }
-
-    /// Number of decisions about the current instruction.
-    pub(crate) fn counted_decisions(&self) -> u32 {
-        self.counted.decisions - self.counted.earlier
-    }
-
-    /// Takes back a settled outcome: time and decisions count afresh. Returns whether there was one.
+    /// Takes back a settled outcome: time counts afresh. Returns whether there was one.
     pub(crate) fn reopen(&mut self, now: Time) -> bool {
         let was_settled = self.ending.take().is_some();
         if was_settled {
             (self.counted.from, self.counted.to) = (now, now);
-            self.counted.earlier = self.counted.decisions;
         }
         was_settled
     }
@@ -374,6 +357,28 @@ impl Flight {
 impl Ending {
     pub(crate) fn new(outcome: Outcome, cause: impl Into<String>) -> Self {
         Self { outcome, cause: cause.into() }
+    }
+
+    /// The end of a flight that the envelope ends (`docs/explanation/safety.md`).
+    pub(crate) fn by(cause: Cause) -> Self {
+        let outcome = match cause {
+            Cause::Crashed => Outcome::Collision,
+            Cause::AltitudeBreach
+            | Cause::DistanceBreach
+            | Cause::GeofenceBreach
+            | Cause::UncertainPosition
+            | Cause::LowBattery => Outcome::Aborted,
+            _ => Outcome::Failed,
+        };
+        Self::new(outcome, cause.to_string())
+    }
+
+    /// The end of a flight that its policy gives up.
+    pub(crate) fn given_up(reason: FailReason) -> Self {
+        match reason {
+            FailReason::NotFound => Self::new(Outcome::NotFound, "two full search turns without seeing the target"),
+            FailReason::NoProgram => Self::new(Outcome::Failed, "several programs in a row failed"),
+        }
     }
 }
 

@@ -6,15 +6,15 @@ use super::Pilot;
 use crate::course::{AT_PLACE, Aim, Course, PLAN_PERIOD, Renewed};
 use crate::event::{Action, Decision, Ending, Note, Outcome, Phase};
 use crate::following::{TrackNews, walks};
-use crate::leg::{State, TURN_ONLY, rest_of_plan};
-use crate::policy::{Expected, FailReason, Goto, Move, Output, PolicyEvent, Step, View};
+use crate::leg::{State, TURN_ONLY, pose_of, rest_of_plan};
+use crate::policy::{Expected, Goto, Move, Output, PolicyEvent, Step, View};
 use crate::queries::{Asked, decides};
 use crate::settings::QueryTiming;
 use crate::steering::TargetEstimate;
 use crate::target::{Here, Lead, may_overhang};
 use crate::view_height::{Correction, correction};
 use spf_core::command::{Command, Manoeuvre, Setpoint};
-use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::gimbal::GimbalReport;
 use spf_core::motion::MotionEstimate;
 use spf_core::primitives::Primitives;
@@ -87,12 +87,13 @@ impl Pilot {
         if self.senses.is_used(view.frame.id) || (from_rest && (moving || !view.at_rest)) {
             return None;
         }
-        let limit = self.settings.max_decisions;
-        if self.flight.counted_decisions() >= limit {
+        if let Some(spent) = self.answers.spent(&self.settings).or_else(|| self.queries.spent(&self.settings)) {
             // The last plan is flown to its end.
-            let held_back = self.leg.held_back(now);
-            let cause = format!("the limit of {limit} decisions was reached{held_back}");
-            return (!moving).then(|| Ending::new(Outcome::Timeout, cause));
+            return (!moving).then(|| Ending::new(Outcome::Timeout, spent + &self.leg.held_back(now)));
+        }
+        let refusal = self.answers.refusal(&self.senses.known(now), self.envelope.limits());
+        if refusal.is_some() && !moving {
+            return refusal;
         }
         self.senses.use_frame(view.frame.id);
         self.leg.rest.is_needed = false;
@@ -139,7 +140,7 @@ impl Pilot {
 
     fn ask(&mut self, now: Time, query: Box<Query>, view: View) {
         let id = query.id;
-        match self.queries.open(now, query, view, self.settings.reply_timeout) {
+        match self.queries.open(now, query, view, &self.settings) {
             Some(query) => self.outbox.push(Action::Ask(query)),
             None => _ = self.policy.handle(PolicyEvent::ReplyFailed { id }),
         }
@@ -158,7 +159,7 @@ impl Pilot {
         let output = self.policy.handle(PolicyEvent::Reply { id, text, pose });
         self.envelope.observe_reply(now, !matches!(output.step, Step::Reject(_)));
         if decides(&output.step, &asked.query) && !asked.has_decided {
-            self.flight.count_decision();
+            self.answers.decided(&self.senses.known(now));
         }
         self.learn(now, &asked, &output);
         let decision = self.decision(now, &asked, text, &output);
@@ -184,7 +185,7 @@ impl Pilot {
         }
         let output = self.policy.handle(PolicyEvent::Chunk { id, text });
         if self.queries.decides_early(id, &output.step) {
-            self.flight.count_decision();
+            self.answers.decided(&self.senses.known(now));
         }
         self.carry_out(now, output, &view)
     }
@@ -305,7 +306,7 @@ impl Pilot {
     fn decision(&self, now: Time, asked: &Asked, text: &str, output: &Output) -> Decision {
         let step = &output.step;
         let (goal, passed) = self.planned(now, step);
-        let decided = self.flight.decisions();
+        let decided = self.answers.decisions();
         let number = if decides(step, &asked.query) || asked.has_decided { decided } else { decided + 1 };
         let view = &asked.view;
         Decision {
@@ -357,6 +358,10 @@ impl Pilot {
 
     /// Carries out a step, and requests further steps from the policy until it waits.
     pub(crate) fn carry_out(&mut self, now: Time, output: Output, view: &View) -> Ended {
+        let ended = self.answers.take(&output, self.envelope.limits());
+        if ended.is_some() {
+            return ended;
+        }
         let mut output = output;
         for _ in 0..STEPS_AT_ONCE {
             let is_second_look = output.reading.is_done();
@@ -379,12 +384,7 @@ impl Pilot {
                     self.stop_motion(now);
                     return None;
                 }
-                Step::Fail(FailReason::NotFound) => {
-                    return Some(Ending::new(Outcome::NotFound, "two full search turns without seeing the target"));
-                }
-                Step::Fail(FailReason::NoProgram) => {
-                    return Some(Ending::new(Outcome::Failed, "several programs in a row failed"));
-                }
+                Step::Fail(reason) => return Some(Ending::given_up(reason)),
             }
             output = self.policy.handle(PolicyEvent::Continue);
         }
@@ -614,6 +614,7 @@ impl Pilot {
         }
         let (down, up) = self.envelope.vertical_room();
         let within = climb.clamp(-down.max(0.0), up.max(0.0));
+        self.answers.refused.climb(climb, within);
         if within != climb {
             self.limited("vertical search move limited: it stays 0.5 m from floor and ceiling");
         }
@@ -923,6 +924,7 @@ impl Pilot {
     fn begin_manoeuvre(&mut self, now: Time, manoeuvre: Manoeuvre) {
         self.leg.wanted = Setpoint::HOLD;
         let clearance = self.envelope.clear_manoeuvre(now, manoeuvre);
+        self.answers.refused.manoeuvre(manoeuvre, &clearance);
         let held = clearance.setpoint().is_some();
         self.send(now, clearance);
         if held {
@@ -935,6 +937,7 @@ impl Pilot {
             self.senses.estimator.commanded(now, *setpoint);
         }
         self.leg.sent(now, &clearance);
+        self.answers.refused.setpoint(self.envelope.limits(), self.leg.wanted, &clearance);
         self.outbox.change(clearance.changed);
         self.outbox.push(Action::Command(clearance.cleared));
     }
@@ -945,8 +948,4 @@ impl Pilot {
             self.outbox.push(Action::Command(clearance.cleared));
         }
     }
-}
-
-fn pose_of(goal: Goal) -> Pose {
-    Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } }
 }

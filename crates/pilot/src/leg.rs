@@ -4,7 +4,7 @@ use crate::course::Course;
 use crate::policy::Move;
 use spf_core::command::{Command, Setpoint};
 use spf_core::craft::Craft;
-use spf_core::geometry::{EnuPosition, wrap_angle};
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::motion::MotionEstimate;
 use spf_core::primitives::Primitives;
 use spf_core::time::{Duration, Time, duration_from_secs};
@@ -244,4 +244,9 @@ pub(crate) fn rest_of_plan(position: EnuPosition, heading: f64, goal: Goal) -> P
     } else {
         Primitives { yaw: wrap_angle(goal.heading - heading), climb: ahead.up, ..Primitives::default() }
     }
+}
+
+/// The pose at a goal.
+pub(crate) fn pose_of(goal: Goal) -> Pose {
+    Pose { position: goal.position, attitude: Attitude { heading: goal.heading, ..Attitude::default() } }
 }

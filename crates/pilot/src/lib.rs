@@ -13,6 +13,7 @@
 #![forbid(unsafe_code)]
 
 pub mod anchor;
+mod answers;
 mod course;
 mod event;
 mod flight;
@@ -22,7 +23,9 @@ mod leg;
 pub mod method;
 mod outbox;
 pub mod policy;
+mod progress;
 mod queries;
+mod refused;
 mod senses;
 mod settings;
 pub mod standing;
@@ -33,9 +36,10 @@ mod view_height;
 pub use event::{
     Action, AnchorReport, Around, Deadline, Decision, Ending, Event, LetGo, Note, OperatorEvent, Outcome, Passage, Phase,
 };
-pub use settings::{AtEnd, PilotSettings, Preset, QueryTiming};
+pub use settings::{AtEnd, Counted, PilotSettings, Preset, QueryTiming};
 
 use crate::anchor::{Anchor, AnchorView};
+use crate::answers::Answers;
 use crate::flight::{CraftNews, Due, Flight, TAKE_OFF_TIME};
 use crate::flying::Ended;
 use crate::leg::Leg;
@@ -80,6 +84,7 @@ pub struct Pilot {
     flight: Flight,
     senses: Senses,
     queries: Queries,
+    answers: Answers,
     target: Target,
     space: Space,
     leg: Leg,
@@ -122,6 +127,7 @@ impl Pilot {
             flight: Flight::new(instruction),
             senses: Senses::new(camera, &craft, senses),
             queries: Queries::default(),
+            answers: Answers::default(),
             target: Target::new(&settings, &craft, steering),
             space: Space::new(craft.radius, settings.method.is_mapped()),
             leg: Leg::new(executor),
@@ -213,7 +219,7 @@ impl Pilot {
     /// Number of decisions so far.
     #[must_use]
     pub fn decisions(&self) -> u32 {
-        self.flight.decisions()
+        self.answers.decisions()
     }
 
     /// Number of replies that arrived for queries already cancelled.
@@ -516,6 +522,7 @@ impl Pilot {
         self.flight.start.then_hold = false;
         if matches!(self.flight.phase, Phase::Held | Phase::Manual | Phase::Hovering | Phase::Returning | Phase::Landing) {
             self.flight.hands_off();
+            self.answers.refused.reset();
             self.rest_anew(now);
             self.reopen(now);
             self.interrupt_landing(now, Phase::Flying);
@@ -523,9 +530,11 @@ impl Pilot {
         }
     }
 
-    /// Continues a flight whose outcome was settled, with the current instruction. Time and decisions count afresh.
+    /// Continues a flight whose outcome was settled, with the current instruction. Time, decisions and queries count afresh.
     fn reopen(&mut self, now: Time) {
         if self.flight.reopen(now) {
+            self.answers.count_anew();
+            self.queries.count_anew();
             self.forget_instruction();
             self.policy.handle(PolicyEvent::Instruction(&self.flight.instruction));
         }
@@ -539,9 +548,11 @@ impl Pilot {
         self.enter(now, phase);
     }
 
-    /// Forgets what belongs to the instruction until now: the target's place, height and track, and whom the craft follows.
+    /// Forgets what belongs to the instruction until now: the target's place, height and track, whom the craft follows, and where
+    /// it has been.
     fn forget_instruction(&mut self) {
         self.target.give_up();
+        self.answers.begin_anew();
         if let Some(following) = &mut self.target.following {
             if following.untrack() {
                 self.outbox.push(Action::Untrack);
@@ -619,7 +630,7 @@ impl Pilot {
                 if cause == Cause::LowBattery {
                     self.flight.must_land("landing on a low battery; only cutting the motors is accepted now");
                 }
-                self.finish(now, Ending::new(outcome_of(cause), cause.to_string()));
+                self.finish(now, Ending::by(cause));
             }
         }
     }
@@ -763,17 +774,6 @@ impl Pilot {
         if self.flight.enter(now, phase) {
             self.outbox.note(Note::Phase(phase));
         }
-    }
-}
-
-/// The outcome of a flight that ends by a cause (`docs/explanation/safety.md`).
-fn outcome_of(cause: Cause) -> Outcome {
-    match cause {
-        Cause::Crashed => Outcome::Collision,
-        Cause::AltitudeBreach | Cause::DistanceBreach | Cause::GeofenceBreach | Cause::UncertainPosition | Cause::LowBattery => {
-            Outcome::Aborted
-        }
-        _ => Outcome::Failed,
     }
 }
 

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::policy::{Step, View};
+use crate::settings::PilotSettings;
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::time::{Duration, Time};
 
@@ -25,6 +26,8 @@ pub(crate) struct Asked {
 #[derive(Debug, Default)]
 pub(crate) struct Queries {
     open: BTreeMap<QueryId, Asked>,
+    /// How many were sent for the current instruction.
+    sent: u32,
     /// Replies that arrived for queries already cancelled.
     late: u32,
 }
@@ -49,12 +52,25 @@ impl Queries {
         self.open.values().map(|asked| asked.view.frame.captured).min()
     }
 
-    /// Opens a query about a view, and gives it its deadline; `None` if too many are open.
-    pub(crate) fn open(&mut self, now: Time, mut query: Box<Query>, view: View, timeout: Duration) -> Option<Box<Query>> {
-        if self.open.len() >= QUERIES_AT_ONCE {
+    /// The limit on queries in words, if it is reached.
+    pub(crate) fn spent(&self, settings: &PilotSettings) -> Option<String> {
+        let limit = settings.max_queries.filter(|limit| self.sent >= *limit)?;
+        Some(format!("the limit of {limit} queries was reached"))
+    }
+
+    /// Queries count afresh.
+    pub(crate) fn count_anew(&mut self) {
+        self.sent = 0;
+    }
+
+    /// Opens a query about a view, and gives it its deadline; `None` if too many are open, or were sent: of several about one
+    /// frame, the limit may permit only the first ones.
+    pub(crate) fn open(&mut self, now: Time, mut query: Box<Query>, view: View, settings: &PilotSettings) -> Option<Box<Query>> {
+        if self.open.len() >= QUERIES_AT_ONCE || self.spent(settings).is_some() {
             return None;
         }
-        query.deadline = now + timeout.max(LEAST_TIMEOUT);
+        self.sent += 1;
+        query.deadline = now + settings.reply_timeout.max(LEAST_TIMEOUT);
         self.open.insert(query.id, Asked { query: query.clone(), view, at: now, has_decided: false });
         Some(query)
     }

@@ -44,6 +44,24 @@ pub enum AtEnd {
     Return,
 }
 
+/// Which decisions count against their limit.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Counted {
+    /// All of them.
+    #[default]
+    All,
+    /// Those since the last progress: since the craft came at least 1 m from every place where it had been before for this stage of
+    /// the instruction, entered a later stage, or followed somebody.
+    WithoutProgress,
+}
+
+impl Counted {
+    fn is_all(&self) -> bool {
+        *self == Self::All
+    }
+}
+
 /// Pilot settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct PilotSettings {
@@ -73,8 +91,14 @@ pub struct PilotSettings {
     /// Flight time limit, counted from the start, or from the operator's resumption of a flight that had ended. Manual
     /// flight does not count while setpoints arrive.
     pub max_time: Duration,
-    /// Limit on the number of decisions.
+    /// Limit on the number of decisions that count.
     pub max_decisions: u32,
+    /// Which decisions those are.
+    #[serde(default, skip_serializing_if = "Counted::is_all")]
+    pub counted: Counted,
+    /// Limit on the number of queries, second looks included; `None` for no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub max_queries: Option<u32>,
     /// Reply timeout; at least 0.1 s.
     pub reply_timeout: Duration,
     /// Age of a frame, at the arrival of its reply, above which the reply moves nothing, unless the craft has held since
@@ -118,7 +142,7 @@ impl PilotSettings {
         (self.track && self.is_guided()).then_some(self.keep_m)
     }
 
-    /// The settings of a preset, with limits of 180 s and 60 decisions.
+    /// The settings of a preset, with limits of 180 s and 60 decisions, all of which count.
     #[must_use]
     pub fn preset(preset: Preset) -> Self {
         let paper = preset == Preset::Paper;
@@ -136,6 +160,8 @@ impl PilotSettings {
             rate_hz: 10.0,
             max_time: Duration::from_secs(180),
             max_decisions: 60,
+            counted: Counted::All,
+            max_queries: None,
             reply_timeout: Duration::from_secs(20),
             max_reply_age: Duration::from_secs(8),
             depth: DepthAs::Labels,

@@ -388,6 +388,7 @@ impl Trial {
                 ..base.vlm_details
             },
             flight: Some(Summary {
+                cause: found.cause.unwrap_or(summary.cause),
                 verified: Some(found.holds_at_end && !scores.collided),
                 verified_by: Some(VerifiedBy::Task),
                 not_read: Vec::new(),

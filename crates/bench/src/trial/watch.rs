@@ -41,6 +41,8 @@ pub(super) struct Findings {
     pub(super) interventions: u32,
     pub(super) first_motion: Option<Time>,
     pub(super) outcome: Option<Outcome>,
+    /// Its cause in the words of the pilot, which do not know of the ground truth of `spf fly`.
+    pub(super) cause: Option<String>,
     pub(super) signs: Option<SignFigures>,
 }
 
@@ -111,6 +113,7 @@ impl Observer for Watcher {
                 self.look(now, pilot, true);
                 self.ended = true;
                 self.findings.outcome = Some(ending.outcome);
+                self.findings.cause = Some(ending.cause.clone());
                 self.findings.holds_at_end = self.judge.holds();
                 self.findings.sees = self.world.get().and_then(|world| self.judge.sees(&world.now()));
             }

@@ -272,6 +272,10 @@ fn hints(summary: &Summary) -> Vec<String> {
         let none = "hint: the simulator found no target for this instruction in the scene; `spf sim scenes NAME --objects` lists its objects";
         hints.push(none.to_owned());
     }
+    if summary.outcome == Outcome::Timeout && summary.is_at_target() {
+        let near = "hint: `near_m` of [fly] (SPF_NEAR_M) sets from which distance the VLM is told to say done";
+        hints.push(near.to_owned());
+    }
     let follows = summary.followed.is_some() && settings.follow_time.is_none();
     match summary.outcome {
         Outcome::Timeout if follows => {
@@ -281,6 +285,15 @@ fn hints(summary: &Summary) -> Vec<String> {
         Outcome::Timeout if summary.cause.contains(" decisions was reached") => {
             hints.push(format!("hint: `--max-decisions {}` permits more decisions", settings.max_decisions.saturating_mul(3)));
         }
+        Outcome::Timeout if summary.cause.contains(" decisions without progress was reached") => {
+            let more = settings.max_decisions.saturating_mul(3);
+            hints.push(format!("hint: `--max-decisions {more}` permits more answers that lead nowhere new (docs/guide/fly.md)"));
+        }
+        Outcome::Timeout if summary.cause.contains(" queries was reached") => {
+            let more = settings.max_queries.unwrap_or_default().saturating_mul(3);
+            hints.push(format!("hint: `--max-queries {more}` permits more queries"));
+        }
+        Outcome::Aborted if summary.cause.contains(" refused the motion of ") => hints.extend(widened(&summary.cause)),
         Outcome::Timeout => {
             let seconds = 3.0 * settings.max_time.as_secs_f64();
             hints.push(format!("hint: `--max-time {seconds:.0}` permits a longer flight"));
@@ -297,6 +310,17 @@ fn hints(summary: &Summary) -> Vec<String> {
         _ => {}
     }
     hints
+}
+
+/// How the limit that refused the motion may be widened.
+fn widened(cause: &str) -> Option<String> {
+    let flags = [
+        ("the maximum height", "`--max-altitude M` sets another maximum height"),
+        ("the maximum distance", "`--max-distance M` sets another maximum distance"),
+        ("the geofence", "draw a wider `--geofence`"),
+    ];
+    let (_, how) = flags.into_iter().find(|(limit, _)| cause.starts_with(limit))?;
+    Some(format!("hint: if it is safe to fly farther, {how}; else start nearer to the target, or name another"))
 }
 
 /// Whether this is a model, or a program that stands for one.

@@ -124,8 +124,11 @@ settings! {
         unattended: bool = "false", Word, "SPF_UNATTENDED", LIMITS.switch("--unattended", "true");
         /// maximum flight time, seconds, not counting manual flight
         max_time_s: f64 = "180", Number(1.0, 86_400.0), "SPF_MAX_TIME_S", LIMITS.value("--max-time", "S").common();
-        /// maximum number of decisions
-        max_decisions: u32 = "60", Count(1, 100_000), "SPF_MAX_DECISIONS", LIMITS.value("--max-decisions", "N");
+        /// maximum number of answers in a row without progress: the drone comes nowhere new (1 m from everywhere before), no later
+        /// stage begins, and nobody is followed; with the preset paper of all answers; empty: 30, with paper 60
+        max_decisions: u32 = "", Count(1, 100_000), "SPF_MAX_DECISIONS", LIMITS.value("--max-decisions", "N");
+        /// maximum number of queries to the VLM, second looks included; empty: 120, with the preset paper no limit
+        max_queries: u32 = "", Count(1, 100_000), "SPF_MAX_QUERIES", LIMITS.value("--max-queries", "N");
         /// timeout of a VLM reply, seconds
         reply_timeout_s: f64 = "20", Number(0.1, 600.0), "SPF_REPLY_TIMEOUT_S";
         /// maximum age of a frame when its reply arrives, seconds; if the frame is older, the reply is ignored unless the craft has hovered in place since

@@ -15,7 +15,7 @@ fn an_absent_target_is_not_found() {
 #[test]
 fn the_reading_of_the_instruction_is_printed_before_take_off() {
     let lab = Lab::new();
-    let brief = ["--max-decisions", "1", "--no-video"];
+    let brief = ["--max-queries", "1", "--no-video"];
     let run = lab.spf(&[&["fly", "GO TO TEH RED CRAN, then to the elephant", "--out", "mine"][..], &brief].concat());
     assert!(run.stderr.contains("\nreads: fly to → red tower crane"), "{}", run.stderr);
     assert!(
@@ -89,8 +89,65 @@ fn words_that_name_nothing_fly_nothing() {
 
 #[test]
 fn spent_decisions_are_a_timeout() {
-    let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--max-decisions", "1"]);
+    let (code, summary) = Lab::new().fly("mine", &["fly to the red crane", "--preset", "paper", "--max-decisions", "1"]);
     assert_eq!((code, summary["outcome"].as_str(), summary["decisions"].as_u64()), (3, Some("timeout"), Some(1)), "{summary}");
+}
+
+#[test]
+fn spent_queries_are_a_timeout_and_second_looks_count() {
+    let lab = Lab::new();
+    let flight = ["fly", "fly to the red crane", "--max-queries", "5", "--no-video", "--out", "mine"];
+    let run = lab.spf(&flight);
+    assert!(run.code == Some(3) && run.stdout.starts_with("timeout: the limit of 5 queries was reached\n"), "{}", run.stdout);
+    assert!(run.stderr.contains("hint: `--max-queries 15` permits more queries"), "{}", run.stderr);
+    assert_eq!(lab.decisions("mine").len(), 5);
+}
+
+#[test]
+fn a_target_beyond_a_limit_ends_the_flight_soon_and_names_the_limit() {
+    let lab = Lab::new();
+    let flight = ["fly", "fly to the red crane", "--vlm", "oracle:perfect", "--max-distance", "8", "--no-video", "--out", "mine"];
+    let run = lab.spf(&flight);
+    let end = "aborted: the maximum distance of 8 m from the take-off point refused the motion of 3 answers in a row\n";
+    assert!(run.code == Some(5) && run.stdout.starts_with(end), "{}{}", run.stdout, run.stderr);
+    assert!(run.stderr.contains("hint: if it is safe to fly farther, `--max-distance M` sets"), "{}", run.stderr);
+    assert!(lab.decisions("mine").len() <= 25, "{}", run.stdout);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_low_ceiling_ends_the_flight_soon_and_is_named() {
+    let lab = Lab::new();
+    let up = r#""text":"{\"actions\":[{\"cmd\":\"up\",\"value\":3}],\"done\":false}"}"#;
+    let program = format!("while read -r line; do id=${{line#*'\"id\":'}}; echo '{{\"id\":'${{id%%,*}}',{up}'; done\n");
+    lab.write("up.sh", program);
+    let vlm = format!("exec:sh '{}'", lab.path("up.sh").display());
+    let flight = ["fly up", "--policy", "plain", "--vlm", &vlm, "--max-altitude", "7"];
+    let (code, summary) = lab.fly("mine", &flight);
+    assert_eq!((code, &summary["outcome"]), (5, &"aborted".into()), "{summary}");
+    assert_eq!(summary["cause"], "the maximum height of 7 m refused the motion of 3 answers in a row");
+    assert!(summary["decisions"].as_u64() <= Some(8), "{summary}");
+}
+
+#[test]
+fn a_flight_that_ends_at_its_target_without_a_done_says_so() {
+    let lab = Lab::new();
+    let fly = |name: &str, more: &[&str]| {
+        let args = [&["fly", "fly to the red crane", "--vlm", "oracle:perfect", "--no-video", "--out", name], more].concat();
+        let run = lab.spf(&args);
+        (run.code, run.stdout, serde_json::from_slice::<Value>(&lab.read(&format!("{name}/summary.json"))).unwrap())
+    };
+    let (code, _, whole) = fly("whole", &[]);
+    assert_eq!((code, &whole["outcome"]), (Some(0), &"reached".into()), "{whole}");
+    // A moment before the second look, and one before the first.
+    for (before, done) in [(0.5, "the VLM said done, but did not confirm it"), (2.0, "the VLM never said done")] {
+        let time = (whole["finished_at_s"].as_f64().unwrap() - before).to_string();
+        let (code, printed, summary) = fly(done, &["--max-time", &time]);
+        assert_eq!((code, &summary["outcome"], &summary["verified"]), (Some(3), &"timeout".into(), &true.into()), "{summary}");
+        let cause = format!("the flight time limit of {time} s was reached; the craft was at its target, and {done}");
+        assert_eq!(summary["cause"], cause);
+        assert!(printed.starts_with(&format!("timeout: {cause}\n")), "{printed}");
+    }
 }
 
 #[test]
@@ -141,7 +198,7 @@ fn a_geofence_is_never_left() {
 fn light_and_weather_are_flown_in_and_recorded() {
     let lab = Lab::new();
     let flown = |name: &str, more: &[&str]| {
-        let args = [&["fly to the red crane", "--max-decisions", "1"], more].concat();
+        let args = [&["fly to the red crane", "--max-queries", "1"], more].concat();
         let (_, summary) = lab.fly(name, &args);
         ["light", "weather"].map(|key| summary[key].as_str().unwrap().to_owned())
     };
@@ -151,7 +208,7 @@ fn light_and_weather_are_flown_in_and_recorded() {
 
 #[test]
 fn twice_verbose_it_says_until_when_it_waits_and_why() {
-    let run = Lab::new().spf(&["fly", "fly to the red crane", "--max-decisions", "1", "--no-video", "--out", "mine", "-vv"]);
+    let run = Lab::new().spf(&["fly", "fly to the red crane", "--max-queries", "1", "--no-video", "--out", "mine", "-vv"]);
     assert!(run.stderr.contains("waits at most until the next setpoint"), "{}", run.stderr);
 }
 
@@ -199,7 +256,7 @@ fn flags_reach_the_pilot() {
 #[test]
 fn a_detectors_boxes_are_those_of_each_reply() {
     let lab = Lab::new();
-    let args = ["fly to the red crane", "--detector", "oracle:perfect", "--vlm", "oracle:perfect", "--max-decisions", "4"];
+    let args = ["fly to the red crane", "--detector", "oracle:perfect", "--vlm", "oracle:perfect", "--max-queries", "4"];
     let (_, summary) = lab.fly("mine", &args);
     assert_eq!([&summary["detector"], &summary["policy"]], ["oracle:perfect", "spf"]);
     assert_eq!((&summary["settings"]["avoid"], summary["decisions"].as_u64()), (&Value::from(true), Some(4)));
@@ -231,7 +288,7 @@ fn the_configuration_reaches_the_pilot() {
 #[test]
 fn the_estimated_path_begins_where_the_true_one_does() {
     let lab = Lab::new();
-    lab.fly("mine", &["fly to the door", "--scene", "office", "--max-decisions", "1"]);
+    lab.fly("mine", &["fly to the door", "--scene", "office", "--max-queries", "1"]);
     let map = std::fs::read_to_string(lab.path("mine/trajectory.svg")).unwrap();
     let begins = |width: &str| -> Vec<f64> {
         let line = map.lines().find(|line| line.starts_with("<polyline") && line.contains(width)).unwrap();
@@ -246,7 +303,7 @@ fn the_estimated_path_begins_where_the_true_one_does() {
 #[test]
 fn a_depth_sensor_turns_on_what_it_is_for() {
     let settings = |flags: &[&str]| {
-        let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
+        let args = [&["fly to the red crane", "--max-queries", "1"][..], flags].concat();
         Lab::new().fly("mine", &args).1["settings"].clone()
     };
     let sensed = settings(&["--depth-sensor", "on"]);
@@ -261,7 +318,7 @@ fn boxes_and_an_anchor_are_on_by_default() {
     std::fs::write(lab.path("model.py"), "import sys\nfor line in sys.stdin: print('{\"status\":\"done\"}', flush=True)\n")
         .unwrap();
     let parts = |flags: &[&str]| {
-        let args = [&["fly to the red crane", "--max-decisions", "1"][..], flags].concat();
+        let args = [&["fly to the red crane", "--max-queries", "1"][..], flags].concat();
         let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));
         let settings = lab.fly(&folder, &args).1["settings"].clone();
         (settings["avoid"] == true, settings["method"].as_str().unwrap_or_default().to_owned())

@@ -51,7 +51,7 @@ fn one_object_with_every_key_and_plain_talk() {
 #[test]
 fn without_it_messages_are_printed_and_are_not_data() {
     let lab = Lab::new();
-    let run = lab.spf(&["fly", "fly to the red crane", "--no-video", "--max-decisions", "1", "--out", "mine"]);
+    let run = lab.spf(&["fly", "fly to the red crane", "--no-video", "--max-queries", "1", "--out", "mine"]);
     assert_eq!(run.code, Some(3));
     let lines: Vec<&str> = run.stdout.lines().collect();
     assert_eq!(lines.len(), 3, "{}", run.stdout);

@@ -3,10 +3,12 @@
 //! A policy never moves the craft itself. It answers each event with one [`Step`], which the pilot carries out through
 //! executor and envelope, so that methods differ only in how they perceive and decide.
 //!
-//! **How a flight ends.** By [`Step::Done`] or [`Step::Fail`], by the envelope or the operator, or by one of two limits:
-//! flight time (`--max-time`), and decisions (`--max-decisions`). A decision is a reply on which the policy acts. A policy
-//! that sends no query therefore makes 0 decisions and leaves no rows in `decisions.jsonl`, and unless it returns `Done`
-//! or `Fail` only `--max-time` ends its flight.
+//! **How a flight ends.** By [`Step::Done`] or [`Step::Fail`], by the envelope or the operator, or by a limit: of flight
+//! time (`--max-time`), of decisions (`--max-decisions`), of queries (`--max-queries`), or of place. A decision is a reply on
+//! which the policy acts; which of them count is [`PilotSettings::counted`](crate::PilotSettings::counted). A policy that
+//! sends no query therefore makes 0 decisions and leaves no rows in `decisions.jsonl`, and unless it returns `Done` or `Fail`
+//! only `--max-time` ends its flight. Where one limit of place (fence, maximum height, distance) refuses the motion of three
+//! decisions in a row, the fourth ends the flight as aborted; one that turns or looks elsewhere flies on.
 
 mod coverage;
 pub mod search;

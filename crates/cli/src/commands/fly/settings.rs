@@ -17,7 +17,7 @@ use spf_flight::sim::FlightConditions;
 use spf_flight::world::Script;
 use spf_motion::executor::{Ending, Motion};
 use spf_pilot::method::{Method, Sensed};
-use spf_pilot::{AtEnd, PilotSettings, Preset, QueryTiming};
+use spf_pilot::{AtEnd, Counted, PilotSettings, Preset, QueryTiming};
 
 use crate::commands::read;
 use crate::commands::vlm::{Pace, is_human};
@@ -26,6 +26,10 @@ use crate::settings::{Setting, Settings};
 
 /// Age at which the brake no longer takes a network's depth for what is there, seconds.
 const NETWORK_AGE_S: f64 = 1.5;
+/// Answers in a row without progress: more than a search needs between two places, of two circles with looks up and down.
+const WITHOUT_PROGRESS: u32 = 30;
+/// Queries of a flight, each of which may cost money.
+const MAX_QUERIES: u32 = 120;
 /// Time that a person may take: longer than any battery lasts.
 const LEISURE: Duration = Duration::from_secs(86_400);
 
@@ -173,10 +177,20 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
     if let Some(seconds) = fly.max_reply_age_s.get()? {
         method.max_reply_age = duration_from_secs(seconds);
     }
-    if let Some(decisions) = fly.max_decisions.get()? {
-        method.max_decisions = decisions;
-    }
+    count_answers(settings, preset, &mut method)?;
     Ok(method)
+}
+
+/// Sets the limits on decisions and queries.
+fn count_answers(settings: &Settings, preset: Preset, method: &mut PilotSettings) -> Result<(), CliError> {
+    // The paper's flights count every decision.
+    if preset == Preset::Default {
+        (method.counted, method.max_decisions) = (Counted::WithoutProgress, WITHOUT_PROGRESS);
+        method.max_queries = Some(MAX_QUERIES);
+    }
+    method.max_decisions = settings.fly.max_decisions.get()?.unwrap_or(method.max_decisions);
+    method.max_queries = settings.fly.max_queries.get()?.or(method.max_queries);
+    Ok(())
 }
 
 /// The brake of the envelope, if there is one.
@@ -379,6 +393,23 @@ mod tests {
         assert_eq!(limited, (QueryTiming::Stop, Duration::from_secs(60), LEISURE));
         let tracked = person(|settings| settings.fly.track.argument("--track", "on"));
         assert_eq!(tracked.0, QueryTiming::Continuous, "somebody walks on while the person thinks");
+    }
+
+    #[test]
+    fn answers_without_progress_and_queries_are_limited_and_all_decisions_of_the_paper() {
+        let limits = |preset: &str, decisions: &str, queries: &str| {
+            let settings = with(|settings| {
+                settings.fly.preset.argument("--preset", preset);
+                settings.fly.max_decisions.argument("--max-decisions", decisions);
+                settings.fly.max_queries.argument("--max-queries", queries);
+            });
+            let PilotSettings { counted, max_decisions, max_queries, .. } = flown(&settings, &PLAIN);
+            (counted, max_decisions, max_queries)
+        };
+        assert_eq!(limits("default", "", ""), (Counted::WithoutProgress, 30, Some(120)));
+        assert_eq!(limits("default", "9", "50"), (Counted::WithoutProgress, 9, Some(50)));
+        assert_eq!(limits("paper", "", ""), (Counted::All, 60, None));
+        assert_eq!(limits("paper", "200", "300"), (Counted::All, 200, Some(300)));
     }
 
     #[test]

@@ -100,7 +100,7 @@ fn files_of_the_working_directory_cannot_send_a_key_anywhere() {
              keys = [\"OPENAI_API_KEY\", \"AWS_SECRET_ACCESS_KEY\"]\nkey_needed = true\nfamily = \"gpt\"\ndefault = \"gpt-6-luna\"\n"
         )
     };
-    let fly = ["-vv", "fly", "go", "--no-video", "--max-decisions", "2", "--out", "mine"];
+    let fly = ["-vv", "fly", "go", "--no-video", "--max-queries", "2", "--out", "mine"];
     let openai = [&fly[..], &["--vlm", "openai"]].concat();
     for (what, env, toml, models, args, code, said) in [
         (
@@ -231,7 +231,7 @@ fn a_person_can_send_a_key_to_a_server_of_their_own() {
     let server = thief(Vendor::OpenAi);
     let vlm = format!("openai@{}", server.url());
     let host = server.host().to_string();
-    let fly = ["fly", "go", "--no-video", "--max-decisions", "1", "--out", "mine", "--vlm", &vlm, "--send-key-to", &host];
+    let fly = ["fly", "go", "--no-video", "--max-queries", "1", "--out", "mine", "--vlm", &vlm, "--send-key-to", &host];
     drop(lab.command(&fly).env("OPENAI_API_KEY", KEY).output().unwrap());
     assert_eq!(server.questions()[0].header("authorization"), Some(format!("Bearer {KEY}").as_str()));
 }

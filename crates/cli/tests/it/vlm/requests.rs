@@ -281,7 +281,7 @@ fn another_model_than_the_one_asked_for_is_named_in_the_log() {
     let lab = crate::harness::Lab::new();
     let always = Server::start(|_, _| Vendor::Gemini.stream("gemini-3.8-flash", AHEAD));
     let vlm = format!("gemini@{}", always.url());
-    let args = ["fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--max-decisions", "3", "--out", "mine"];
+    let args = ["fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--max-queries", "3", "--out", "mine"];
     let run = crate::harness::Run::of(&lab.command(&args).env("GEMINI_API_KEY", KEY).output().unwrap());
     assert_eq!(
         run.stderr.matches("requested gemini-robotics-er-2-preview, served by gemini-3.8-flash").count(),
