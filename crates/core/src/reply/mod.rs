@@ -9,6 +9,7 @@
 mod json;
 mod moves;
 mod parse;
+mod repair;
 mod scan;
 mod schema;
 mod short;

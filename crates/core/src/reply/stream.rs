@@ -1,8 +1,9 @@
 //! Parsing a reply, complete or still arriving.
 
-use super::Reply;
 use super::parse::{Asked, ReplyError, interpret};
-use super::scan::{MAX_TEXT, Scan, ScanError};
+use super::repair::{keys_in, repaired};
+use super::scan::{MAX_TEXT, Scan, ScanError, Verdict};
+use super::{Reply, Status};
 use crate::grounding::GroundingProfile;
 
 /// Parses the reply in `text`, in the coordinates of `profile`. `avoid`: it answers a query in obstacle mode, and must have
@@ -10,7 +11,8 @@ use crate::grounding::GroundingProfile;
 ///
 /// `docs/reference/reply.md` lists the accepted deviations: fences and prose around the JSON, an array for the object,
 /// numbers as text, other keys and spellings, coordinates up to 1 % outside. What is before the last end of a thought
-/// is no answer. Of several valid replies after it the last counts, if all have the same status.
+/// is no answer. Of several replies after it the last counts, if all that are valid have the same status. Text copied from the
+/// image into the target becomes no other field, whether or not it is escaped: an answer in which it could is refused.
 ///
 /// ```
 /// use spf_core::grounding::GroundingProfile;
@@ -60,11 +62,17 @@ impl ReplyStream {
         self.scan_to(false);
     }
 
-    /// The first reply, as soon as its JSON is complete. Of a model that does not think it is the answer; what else may follow can
+    /// The first reply, as soon as its JSON is complete, unless text has left its string. Of a model that does not think it is the answer; what else may follow can
     /// make it a draft.
     #[must_use]
     pub fn early(&self) -> Option<&Reply> {
-        self.scan.accepted.first()
+        let first = self.scan.accepted.first()?;
+        (self.scan.overruled.is_none() && self.is_all_read()).then_some(first)
+    }
+
+    /// Whether all keys that make a reply were read as keys: else text has left its string, and may pass for a reply.
+    fn is_all_read(&self) -> bool {
+        keys_in(&self.text[self.scan.since..]) == self.scan.keys
     }
 
     /// The text so far.
@@ -82,22 +90,41 @@ impl ReplyStream {
             return Err(ReplyError::TooLong { limit: MAX_TEXT });
         }
         self.scan_to(true);
-        let mut all = self.scan.outcome().map_err(|unfound| match unfound {
-            ScanError::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
-            ScanError::Refused(error) => error,
-            ScanError::Truncated => ReplyError::Truncated,
-            ScanError::NoReply => ReplyError::NoReply,
-            ScanError::NoJson => ReplyError::NoJson,
-        })?;
-        let last = all.pop().ok_or(ReplyError::NoReply)?;
-        if all.iter().any(|other| other.status != last.status) {
-            return Err(ReplyError::Contradiction);
+        if self.is_all_read() {
+            return last_of(self.scan);
         }
-        Ok(last)
+        let asked = Asked { profile: &self.profile, avoid: self.avoid };
+        let value = if self.scan.is_thinking() { None } else { repaired(&self.text[self.scan.since..]) };
+        match value.map(|value| interpret(&value, asked, true)) {
+            Some(Verdict::Accepted(reply)) if reply.status != Status::Done => Ok(reply),
+            Some(Verdict::Refused(error)) => Err(error),
+            // Whoever is done says so again.
+            Some(Verdict::Accepted(_)) => Err(ReplyError::Ambiguous),
+            Some(Verdict::Other) | None => Err(last_of(self.scan).err().unwrap_or(ReplyError::Ambiguous)),
+        }
     }
 
     fn scan_to(&mut self, ended: bool) {
         let asked = Asked { profile: &self.profile, avoid: self.avoid };
         self.scan.advance(&self.text, ended, |value, nested| interpret(value, asked, nested));
     }
+}
+
+/// The last reply of a complete answer.
+fn last_of(mut scan: Scan<Reply, ReplyError>) -> Result<Reply, ReplyError> {
+    if let Some(error) = scan.overruled.take() {
+        return Err(error);
+    }
+    let mut all = scan.outcome().map_err(|unfound| match unfound {
+        ScanError::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
+        ScanError::Refused(error) => error,
+        ScanError::Truncated => ReplyError::Truncated,
+        ScanError::NoReply => ReplyError::NoReply,
+        ScanError::NoJson => ReplyError::NoJson,
+    })?;
+    let last = all.pop().ok_or(ReplyError::NoReply)?;
+    if all.iter().any(|other| other.status != last.status) {
+        return Err(ReplyError::Contradiction);
+    }
+    Ok(last)
 }
