@@ -25,7 +25,7 @@ pub use schema::reply_schema;
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
-pub use stream::{ReplyStream, parse_reply};
+pub use stream::{ReplyStream, has_drafts, parse_reply};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

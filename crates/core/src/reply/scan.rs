@@ -69,6 +69,12 @@ const BEGINS: [&[u8]; 6] =
 /// Where they end.
 const ENDS: [&[u8]; 5] = [b"</think>", b"</thinking>", b"</thought>", b"</reasoning>", b"<|channel|>final"];
 
+/// Whether a thought begins or ends in a text.
+pub(super) fn has_thought(text: &str) -> bool {
+    let rests = text.match_indices('<').map(|(at, _)| &text.as_bytes()[at..]);
+    rests.into_iter().any(|rest| BEGINS.iter().chain(&ENDS).any(|mark| rest.starts_with(mark)))
+}
+
 /// Why nothing was accepted in a complete answer.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ScanError<E> {

@@ -2,7 +2,7 @@
 
 use super::parse::{Asked, ReplyError, interpret};
 use super::repair::{keys_in, repaired};
-use super::scan::{MAX_TEXT, Scan, ScanError, Verdict};
+use super::scan::{MAX_TEXT, Scan, ScanError, Verdict, has_thought};
 use super::{Reply, Status};
 use crate::grounding::GroundingProfile;
 
@@ -32,6 +32,18 @@ pub fn parse_reply(text: &str, profile: &GroundingProfile, avoid: bool) -> Resul
     let mut stream = ReplyStream::new(*profile, avoid);
     stream.push(text);
     stream.finish()
+}
+
+/// Whether whoever wrote an answer has shown that the first reply in a text may be a draft: the answer has the beginning or the end
+/// of a thought, or several replies. Arguments as of [`parse_reply`].
+#[must_use]
+pub fn has_drafts(text: &str, profile: &GroundingProfile, avoid: bool) -> bool {
+    let mut stream = ReplyStream::new(*profile, avoid);
+    stream.push(text);
+    stream.scan_to(true);
+    let Scan { accepted, refused, overruled, .. } = &stream.scan;
+    let refusals = usize::from(refused.is_some()) + usize::from(overruled.is_some());
+    has_thought(text) || accepted.len() + refusals > 1
 }
 
 /// A reply that is still arriving. However the text is split into chunks, [`finish`](Self::finish) returns what

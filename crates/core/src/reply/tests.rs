@@ -116,6 +116,22 @@ fn of_several_replies_the_last_counts_if_all_say_the_same() {
     }
 }
 
+#[test]
+fn who_has_thought_or_corrected_itself_writes_drafts() {
+    for text in [
+        format!("hmm</think>{PLAIN}"),
+        format!("<think>a</think>{PLAIN}"),
+        format!("{PLAIN} or {PLAIN}"),
+        format!("{PLAIN} or {{\"status\":1}}"),
+        format!("{{\"status\":1}} {PLAIN}"),
+    ] {
+        assert!(has_drafts(&text, &yx(), false), "{text}");
+    }
+    for text in [PLAIN.to_owned(), format!("a < b [1] {PLAIN}"), "no".to_owned(), "{\"status\":1}".to_owned()] {
+        assert!(!has_drafts(&text, &yx(), false), "{text}");
+    }
+}
+
 /// A sign in the image may say anything; a model quotes it.
 #[test]
 fn no_string_is_read_as_a_reply() {
