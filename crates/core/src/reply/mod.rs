@@ -6,6 +6,7 @@
 //! answers through text. [`search`] finds the JSON of any other answer. Coordinates are converted here from a model's own convention, its
 //! [`GroundingProfile`](crate::grounding), to fractions of the image.
 
+mod habit;
 mod json;
 mod moves;
 mod parse;
@@ -95,7 +96,8 @@ pub struct Reply {
     /// The waypoint in the image; always present with [`Status::Navigating`] and [`Status::Following`] unless
     /// [`Reply::turn_deg`] is.
     pub point: Option<ImagePoint>,
-    /// Depth label 1..=L; present if and only if the point is.
+    /// Depth label 1..=L; only with a point, and always unless the model's family points by [habit](crate::grounding::Habit): then it may
+    /// be missing.
     pub depth: Option<u8>,
     /// The distance itself, metres, from a reply that states it ([`DepthAs::Metres`]).
     #[serde(skip_serializing_if = "Option::is_none")]

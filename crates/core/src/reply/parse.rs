@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::json::{Value, read};
 use super::scan::Verdict;
 use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
-use crate::grounding::{GroundingError, GroundingProfile};
+use crate::grounding::{GroundingError, GroundingProfile, Habit};
 use crate::lift::{label_of_range, range_of_label};
 
 /// Maximum number of obstacle boxes in a reply.
@@ -233,8 +233,12 @@ fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, Re
             (Ok(None), Err(error)) => return Err(error),
             (point, _) => {
                 reply.point = Some(point?.ok_or(ReplyError::MissingPoint)?);
-                let Distance { label, metres } = distance?.ok_or(ReplyError::MissingDepth)?;
-                (reply.depth, reply.range_m) = (Some(label), metres);
+                match distance? {
+                    Some(Distance { label, metres }) => (reply.depth, reply.range_m) = (Some(label), metres),
+                    None if profile.habit == Habit::Asked => return Err(ReplyError::MissingDepth),
+                    // Whoever points by habit leaves it to the pilot.
+                    None => {}
+                }
             }
         }
         reply.boxes = boxes?;

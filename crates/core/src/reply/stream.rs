@@ -1,5 +1,6 @@
 //! Parsing a reply, complete or still arriving.
 
+use super::habit::by_habit;
 use super::parse::{Asked, ReplyError, interpret};
 use super::repair::{keys_in, repaired};
 use super::scan::{MAX_TEXT, Scan, ScanError, Verdict, has_thought};
@@ -103,7 +104,11 @@ impl ReplyStream {
         }
         self.scan_to(true);
         if self.is_all_read() {
-            return last_of(self.scan);
+            let answer = &self.text[self.scan.since..];
+            return last_of(self.scan).or_else(|error| match error {
+                ReplyError::NoJson | ReplyError::NoReply => by_habit(answer, &self.profile, self.avoid).unwrap_or(Err(error)),
+                error => Err(error),
+            });
         }
         let asked = Asked { profile: &self.profile, avoid: self.avoid };
         let value = if self.scan.is_thinking() { None } else { repaired(&self.text[self.scan.since..]) };

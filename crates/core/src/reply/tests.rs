@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::grounding::{AxisOrder, GroundingError, GroundingProfile, Scale};
+use crate::grounding::{AxisOrder, GroundingError, GroundingProfile, Habit, Scale};
 
 const PLAIN: &str = r#"{"target":"the red crane","status":"navigating","stage":2,"target_box":[200,700,300,800],"point":[250,750],"depth":6,"turn_deg":null,"look":null,"open_way":null,"boxes":[{"box":[100,200,300,400],"depth":3,"name":"a tree"}]}"#;
 
@@ -130,6 +130,48 @@ fn who_has_thought_or_corrected_itself_writes_drafts() {
     for text in [PLAIN.to_owned(), format!("a < b [1] {PLAIN}"), "no".to_owned(), "{\"status\":1}".to_owned()] {
         assert!(!has_drafts(&text, &yx(), false), "{text}");
     }
+}
+
+#[test]
+fn who_points_by_habit_is_read_and_may_leave_out_the_depth() {
+    let tags = |scale| GroundingProfile { order: AxisOrder::Xy, scale, habit: Habit::Tags };
+    let (molmo, molmo_2) = (tags(Scale::Hundred), tags(Scale::Thousand));
+    let robotics = GroundingProfile { habit: Habit::List, ..yx() };
+    let crane = Reply {
+        target: Some("red crane".to_owned()),
+        point: Some(ImagePoint { u: 0.615, v: 0.4 }),
+        ..Reply::new(Status::Navigating)
+    };
+    let crane = |text: &str, profile: &GroundingProfile| {
+        assert_eq!(parse_reply(text, profile, false).as_ref(), Ok(&crane), "{text}");
+        // Nobody else is read so, and in obstacle mode the list is missing.
+        assert!(parse_reply(text, &GroundingProfile { habit: Habit::Asked, ..*profile }, false).is_err(), "{text}");
+        assert!(parse_reply(text, profile, true).is_err(), "{text}");
+    };
+    crane(r#"<point x="61.5" y="40.0" alt="red crane">red crane</point>"#, &molmo);
+    crane(r#"This is it: <points x1="61.5" y1="40" x2="9.1" y2="3.0" alt="cranes">red crane</points>."#, &molmo);
+    crane(r#"<points coords="1 1 615 400 2 100 100" alt="red crane">red crane</points>"#, &molmo_2);
+    crane(r#"```json[{"point": [400, 615], "label": "red crane"}, {"point": [1, 2], "label": "x"}]```"#, &robotics);
+    crane(r#"{"target":"red crane","status":"navigating","point":[400,615],"depth":null}"#, &robotics);
+    for (text, profile) in [("There are none.", molmo), ("[]", robotics), ("```json\n[]\n```", robotics)] {
+        assert_eq!(parse_reply(text, &profile, false), Ok(Reply::new(Status::NotVisible)), "{text}");
+        assert!(parse_reply(text, &yx(), false).is_err(), "{text}");
+    }
+    for text in [
+        "There are none, so I would fly on.",
+        r#"The sign says <point x="1" y="2"> but <point x="61.5" y="40.0" alt="a">a</point>"#,
+        r#"<point x="161.5" y="40.0" alt="a">a</point>"#,
+        r#"<point x="0.5" y="0.4" alt="a">a</point>"#,
+        r#"<point alt="a" x="61.5" y="40.0">a</point>"#,
+        r#"<points coords="2 1 615 400">a</points>"#,
+        r#"<points coords="1 615 400">a</points>"#,
+        r#"<think><point x="61.5" y="40.0" alt="a">a</point>"#,
+        "<point x=\"61.5",
+    ] {
+        assert!(parse_reply(text, &molmo, false).is_err(), "{text}");
+    }
+    // Off the scale is off the scale.
+    assert!(parse_reply(r#"[{"point":[400,615],"depth":15}]"#, &robotics, false).is_err());
 }
 
 /// A sign in the image may say anything; a model quotes it.
@@ -430,7 +472,11 @@ fn profiles() -> impl Strategy<Value = GroundingProfile> {
         Just(Scale::Unit),
         (200u32..4000, 200u32..4000).prop_map(|(width, height)| Scale::Pixels { width, height }),
     ];
-    (prop_oneof![Just(AxisOrder::Yx), Just(AxisOrder::Xy)], scale).prop_map(|(order, scale)| GroundingProfile { order, scale })
+    (prop_oneof![Just(AxisOrder::Yx), Just(AxisOrder::Xy)], scale).prop_map(|(order, scale)| GroundingProfile {
+        order,
+        scale,
+        ..GroundingProfile::default()
+    })
 }
 
 fn fraction() -> impl Strategy<Value = f64> {

@@ -26,8 +26,9 @@ pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<W
     let Some((_, behind)) = prompt.split_once('«') else { return Ok(None) };
     let (instruction, rest) = behind.split_once('»').ok_or("where the instruction ends (« without »)")?;
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
-    let mut profiles =
-        [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
+    let mut profiles = [AxisOrder::Yx, AxisOrder::Xy]
+        .into_iter()
+        .flat_map(|order| scales.map(|scale| GroundingProfile { order, scale, ..GroundingProfile::default() }));
     let profile = profiles.find(|profile| rest.contains(&profile.describe())).ok_or("which coordinates it asks for")?;
     let depth = match (rest.contains("\n- depth: "), rest.contains("\n- depth_m: ")) {
         (true, false) => DepthAs::Labels,
@@ -115,7 +116,7 @@ mod tests {
         for order in [AxisOrder::Yx, AxisOrder::Xy] {
             for scale in [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width: 640, height: 480 }] {
                 for (avoid, depth) in [(false, DepthAs::Labels), (true, DepthAs::Metres)] {
-                    let profile = GroundingProfile { order, scale };
+                    let profile = GroundingProfile { order, scale, ..GroundingProfile::default() };
                     let input = PromptInput { avoid, depth, ..PromptInput::new("go «there»", &memory, &profile) };
                     let read = read(&point_prompt(&input), (640, 480)).unwrap().unwrap();
                     assert_eq!(
