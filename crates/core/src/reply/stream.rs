@@ -56,13 +56,15 @@ pub struct ReplyStream {
     text: String,
     too_long: bool,
     scan: Scan<Reply, ReplyError>,
+    /// Whether no text had left its string when the first reply was complete.
+    is_clear: bool,
 }
 
 impl ReplyStream {
     /// An empty stream; `avoid` as in [`parse_reply`].
     #[must_use]
     pub fn new(profile: GroundingProfile, avoid: bool) -> Self {
-        Self { profile, avoid, text: String::new(), too_long: false, scan: Scan::new() }
+        Self { profile, avoid, text: String::new(), too_long: false, scan: Scan::new(), is_clear: false }
     }
 
     /// Appends the next chunk. Text beyond [`MAX_TEXT`] is dropped.
@@ -71,16 +73,20 @@ impl ReplyStream {
             self.too_long = true;
             return;
         }
+        let (had_none, since) = (self.scan.accepted.is_empty(), self.scan.since);
         self.text.push_str(chunk);
         self.scan_to(false);
+        // Looked at once, since it reads all of the text.
+        if (had_none || since != self.scan.since) && !self.scan.accepted.is_empty() {
+            self.is_clear = self.scan.overruled.is_none() && self.is_all_read();
+        }
     }
 
     /// The first reply, as soon as its JSON is complete, unless text has left its string. Of a model that does not think it is the answer; what else may follow can
     /// make it a draft.
     #[must_use]
     pub fn early(&self) -> Option<&Reply> {
-        let first = self.scan.accepted.first()?;
-        (self.scan.overruled.is_none() && self.is_all_read()).then_some(first)
+        self.scan.accepted.first().filter(|_| self.is_clear)
     }
 
     /// Whether all keys that make a reply were read as keys: else text has left its string, and may pass for a reply.
