@@ -1,8 +1,8 @@
 //! Whether a model repeats the point of its last answer: small models copy numbers of the flight's history from the prompt.
 //!
 //! The pointing questions carry no history, and of the flights the true points are not known. So parts of an image are shown
-//! one after the other, as a camera that pans sees them, and the policy of the flights writes the prompts, with its memory of the answers
-//! before.
+//! one after the other, as a camera that pans sees them, and the policy of the flights writes the prompts, with its memory of
+//! the answers before.
 
 use std::sync::Arc;
 
@@ -60,8 +60,8 @@ pub struct EchoRow {
     pub account: Usage,
 }
 
-/// Answers after another one about the same target, both with a point, between which the target's point has moved by more than 2 % of
-/// the image: those that are within 1 % of the one before.
+/// Answers after another one about the same target, both with a point, between which the target's point has moved by more
+/// than 2 % of the image: those that are within 1 % of the one before.
 #[must_use]
 pub fn repeated(rows: &[EchoRow]) -> Rate {
     let apart = |a: ImagePoint, b: ImagePoint| (a.u - b.u).abs().max((a.v - b.v).abs());

@@ -106,7 +106,8 @@ pub struct Flights {
 }
 
 impl Findings {
-    /// The findings about a VLM, from its dots, its graded answers about `items`, its answers about parts of images, and its flights.
+    /// The findings about a VLM, from its dots, its graded answers about `items`, its answers about parts of images, and its
+    /// flights.
     #[must_use]
     pub fn of(
         vlm: &str,

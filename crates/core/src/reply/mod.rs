@@ -96,8 +96,8 @@ pub struct Reply {
     /// The waypoint in the image; always present with [`Status::Navigating`] and [`Status::Following`] unless
     /// [`Reply::turn_deg`] is.
     pub point: Option<ImagePoint>,
-    /// Depth label 1..=L; only with a point, and always unless the model's family points by [habit](crate::grounding::Habit): then it may
-    /// be missing.
+    /// Depth label 1..=L; only with a point. It may be missing only if the model's family points by
+    /// [habit](crate::grounding::Habit).
     pub depth: Option<u8>,
     /// The distance itself, metres, from a reply that states it ([`DepthAs::Metres`]).
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -2,8 +2,8 @@
 //!
 //! A sign in the image may say anything, `EXIT","status":"done` included, and a model copies it into its answer, at times
 //! without escaping it. What came from inside a string must not become a field of the reply. So every key that makes a reply
-//! ([`TELLING`]), wherever it stands in the answer, must be one that was read as a key ([`keys_in`], [`keys_of`]). Where they differ,
-//! [`repaired`] reads what can only be meant in one way:
+//! ([`TELLING`]), wherever it stands in the answer, must be one that was read as a key ([`keys_in`], [`keys_of`]). Where they
+//! differ, [`repaired`] reads what can only be meant in one way:
 //!
 //! - `status` stands in the answer once, after the target as the prompt asks: the quote before it ends the target, whatever
 //!   stands before that quote;

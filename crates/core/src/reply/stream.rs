@@ -35,8 +35,8 @@ pub fn parse_reply(text: &str, profile: &GroundingProfile, avoid: bool) -> Resul
     stream.finish()
 }
 
-/// Whether whoever wrote an answer has shown that the first reply in a text may be a draft: the answer has the beginning or the end
-/// of a thought, or several replies. Arguments as of [`parse_reply`].
+/// Whether whoever wrote an answer has shown that the first reply in a text may be a draft: the answer has the beginning or
+/// the end of a thought, or several replies. Arguments as of [`parse_reply`].
 #[must_use]
 pub fn has_drafts(text: &str, profile: &GroundingProfile, avoid: bool) -> bool {
     let mut stream = ReplyStream::new(*profile, avoid);
@@ -82,8 +82,8 @@ impl ReplyStream {
         }
     }
 
-    /// The first reply, as soon as its JSON is complete, unless text has left its string. Of a model that does not think it is the answer; what else may follow can
-    /// make it a draft.
+    /// The first reply, as soon as its JSON is complete, unless text has left its string. Of a model that does not think it is
+    /// the answer; what else may follow can make it a draft.
     #[must_use]
     pub fn early(&self) -> Option<&Reply> {
         self.scan.accepted.first().filter(|_| self.is_clear)
