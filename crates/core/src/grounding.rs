@@ -45,6 +45,25 @@ pub enum Scale {
     },
 }
 
+/// The form in which a model family points, whatever form it is asked for. Such a point may come without its depth.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Habit {
+    /// None: it answers as it is asked.
+    #[default]
+    Asked,
+    /// A list of `{"point": …, "label": …}`.
+    List,
+    /// Tags: `<point x="…" y="…" alt="…">…</point>`.
+    Tags,
+}
+
+impl Habit {
+    fn is_asked(&self) -> bool {
+        *self == Self::Asked
+    }
+}
+
 /// The coordinate convention of a model family. The origin is always the upper left corner of the image.
 ///
 /// The default, `[y, x]` in thousandths, is Gemini's and the one the oracle uses.
@@ -54,6 +73,9 @@ pub struct GroundingProfile {
     pub order: AxisOrder,
     /// Unit of the coordinates.
     pub scale: Scale,
+    /// Its own form of points.
+    #[serde(default, skip_serializing_if = "Habit::is_asked")]
+    pub habit: Habit,
 }
 
 /// Why coordinates are not a point in the image.
@@ -115,7 +137,7 @@ impl GroundingProfile {
     /// ```
     /// use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
     ///
-    /// let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Hundred };
+    /// let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Hundred, ..GroundingProfile::default() };
     /// let point = profile.point([75.0, 40.0])?;
     /// assert!((point.u - 0.75).abs() < 1e-9 && (point.v - 0.4).abs() < 1e-9);
     /// # Ok::<(), spf_core::grounding::GroundingError>(())
@@ -249,7 +271,7 @@ mod tests {
             (AxisOrder::Xy, pixels, [240.0, 540.0]),
             (AxisOrder::Yx, pixels, [540.0, 240.0]),
         ] {
-            let profile = GroundingProfile { order, scale };
+            let profile = GroundingProfile { order, scale, ..GroundingProfile::default() };
             assert_eq!(profile.point(numbers).unwrap(), ImagePoint { u: 0.25, v: 0.75 }, "{profile:?}");
             assert_eq!(profile.point_numbers(ImagePoint { u: 0.25, v: 0.75 }), numbers, "{profile:?}");
         }

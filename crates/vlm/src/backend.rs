@@ -7,6 +7,7 @@ use std::time::Instant;
 use bytes::Bytes;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::QueryKind;
+use spf_core::reply::has_drafts;
 use spf_core::rng::RandomStream;
 use spf_core::time::Duration;
 
@@ -49,6 +50,8 @@ pub(crate) struct Backend {
     warned: AtomicBool,
     /// Parameters that it has refused by name.
     refused: Mutex<Vec<Parameter>>,
+    /// Whether an answer had a draft in it, although the model's row says that it does not think.
+    drafts: AtomicBool,
     /// Whether the spare client is used, because a connection of the other one hangs.
     spare: AtomicBool,
 }
@@ -108,7 +111,8 @@ pub(crate) struct Outcome {
 impl Backend {
     pub(crate) fn new(name: String, model: Model, endpoint: Endpoint) -> Self {
         let (not_before, refused) = (Mutex::new(None), Mutex::default());
-        Self { name, model, endpoint, not_before, warned: AtomicBool::new(false), refused, spare: AtomicBool::new(false) }
+        let [warned, drafts, spare] = [false; 3].map(AtomicBool::new);
+        Self { name, model, endpoint, not_before, warned, refused, drafts, spare }
     }
 
     /// The model's connection timeout.
@@ -134,8 +138,10 @@ impl Backend {
         serde_json::to_writer(&mut body, &request.body)
             .map_err(|error| VlmError::Refused { model: self.model.id.clone(), reason: error.to_string() })?;
         let enough = match question.kind {
-            // What a model that may think writes first may be a draft.
-            QueryKind::Point { avoid, .. } if !self.model.thinks => Some((grounding, *avoid)),
+            // What a model that may think, or has done so before, writes first may be a draft.
+            QueryKind::Point { avoid, .. } if !self.model.thinks && !self.drafts.load(Ordering::Relaxed) => {
+                Some((grounding, *avoid))
+            }
             _ => None,
         };
         Ok(Written {
@@ -271,6 +277,12 @@ impl Backend {
         // All external text is scrubbed here as a whole: a key might be split between two parts.
         let scrub = |words: String| self.endpoint.scrub(words);
         exchange.gathered.served = exchange.gathered.served.take().map(scrub);
+        if let (Ok(text), Some((grounding, avoid))) = (&text, written.enough)
+            && has_drafts(text, &grounding, avoid)
+            && !self.drafts.swap(true, Ordering::Relaxed)
+        {
+            tracing::info!("{}: `{}` writes drafts; its replies are read to their end", self.model.vendor.title, self.model.id);
+        }
         text.map(scrub).map_err(|error| error.reworded(|words| brief(scrub(words))))
     }
 

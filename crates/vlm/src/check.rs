@@ -141,7 +141,9 @@ fn verdict(pointed: &[Pointed], request: &GroundingProfile, (width, height): (u3
     }
     // Three correct points cannot be a coincidence.
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
-    let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
+    let all = [AxisOrder::Yx, AxisOrder::Xy]
+        .into_iter()
+        .flat_map(|order| scales.map(|scale| GroundingProfile { order, scale, ..GroundingProfile::default() }));
     if let Some(other) = all.into_iter().find(|profile| worst(pointed, profile).is_some_and(|worst| worst <= NEAR)) {
         return Verdict::Other(other);
     }
@@ -195,7 +197,11 @@ mod tests {
     fn swapped_axes_and_wrong_scales_are_reported() {
         let pixels = Scale::Pixels { width: 960, height: 720 };
         let all = [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| {
-            [Scale::Thousand, Scale::Hundred, Scale::Unit, pixels].map(|scale| GroundingProfile { order, scale })
+            [Scale::Thousand, Scale::Hundred, Scale::Unit, pixels].map(|scale| GroundingProfile {
+                order,
+                scale,
+                ..GroundingProfile::default()
+            })
         });
         let all: Vec<_> = all.collect();
         for request in &all {

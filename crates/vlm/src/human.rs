@@ -139,7 +139,7 @@ fn schema_of(query: &Query) -> Result<Value, VlmError> {
 /// The coordinates in which a person points, in an image of this size: pixels.
 #[must_use]
 pub fn pixels((width, height): (u32, u32)) -> GroundingProfile {
-    GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width, height } }
+    GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width, height }, ..GroundingProfile::default() }
 }
 
 /// What a person answers.

@@ -150,7 +150,7 @@ pub fn grades(items: &[Item], answerers: &[Answerer], rows: &[AnswerRow], avoid:
 }
 
 /// The target's outline in its image.
-pub(super) fn outline(item: &Item) -> Result<Option<Outline>, TruthError> {
+pub(crate) fn outline(item: &Item) -> Result<Option<Outline>, TruthError> {
     let Truth::Target(target) = &item.truth else { return Ok(None) };
     // An unreadable image is reported when it is sent; only its shape matters here.
     let size = photo::size(&item.image).unwrap_or((1, 1));

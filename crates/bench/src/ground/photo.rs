@@ -13,7 +13,7 @@ use spf_vlm::{QueryImage, VlmError};
 /// Longest side of an image that is read, pixels.
 const LONGEST_SIDE: u32 = 16_384;
 /// Longest image file, bytes.
-pub(super) const LONGEST_FILE: u64 = 256 << 20;
+pub(crate) const LONGEST_FILE: u64 = 256 << 20;
 /// The side length also bounds the memory.
 const LIMITS: Limits = Limits { side: LONGEST_SIDE, pixels: u64::MAX, memory: u64::MAX };
 /// Longest side of an image that is kept: no model is sent more, and a phone's fifty megapixels would fill the memory.

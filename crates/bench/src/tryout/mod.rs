@@ -1,6 +1,7 @@
 //! A trial of VLMs (`spf vlm trial`): calibration dots, pointing questions and flights of one model on one page
 //! (docs/guide/vlm.md).
 
+pub mod echo;
 mod habit;
 mod page;
 
@@ -9,9 +10,11 @@ use spf_core::reply::Status;
 use spf_flight::dataset::Kind;
 use spf_vlm::Usage;
 
+pub use echo::EchoRow;
 pub use habit::LabelCalibration;
 pub use page::page;
 
+use self::echo::repeated;
 use crate::ground::measure::{Graded, Measures};
 use crate::ground::{Item, ParsedReply};
 use crate::stats::{Rate, median, percentile};
@@ -65,6 +68,10 @@ pub struct Findings {
     pub by_kind: Vec<Group>,
     /// `done` about targets that are far away.
     pub far_done: Rate,
+    /// Answers that repeat the point of the one before, although the target has moved in the image.
+    pub echo: Rate,
+    /// What showing parts of images cost, US dollars, where known.
+    pub echo_cost_usd: Option<f64>,
     /// Its depth labels; `None` without any.
     pub habit: Option<LabelCalibration>,
     /// Its flights.
@@ -99,7 +106,8 @@ pub struct Flights {
 }
 
 impl Findings {
-    /// The findings about a VLM, from its dots, its graded answers about `items`, and its flights.
+    /// The findings about a VLM, from its dots, its graded answers about `items`, its answers about parts of images, and its
+    /// flights.
     #[must_use]
     pub fn of(
         vlm: &str,
@@ -107,6 +115,7 @@ impl Findings {
         items: &[Item],
         pointing: Measures,
         graded: &[Graded],
+        echoes: &[EchoRow],
         records: Vec<Record>,
     ) -> Self {
         let by_size = SIZES.iter().enumerate().map(|(band, (name, _))| {
@@ -129,6 +138,8 @@ impl Findings {
             ParsedReply::Reply(reply) => Some(reply.status == Status::Done),
             _ => None,
         };
+        let echoes: Vec<EchoRow> = echoes.iter().filter(|row| row.vlm == vlm).cloned().collect();
+        let echo_costs: Vec<f64> = echoes.iter().filter_map(|row| row.account.cost_usd).collect();
         let labels: Vec<(f64, f64)> = graded.iter().filter_map(|graded| graded.grade.label).collect();
         Self {
             vlm: vlm.to_owned(),
@@ -136,6 +147,8 @@ impl Findings {
             by_size: by_size.filter(|group| group.rate.of > 0).collect(),
             by_kind: by_kind.filter(|group| group.rate.of > 0).collect(),
             far_done: far.filter_map(is_done).collect(),
+            echo: repeated(&echoes),
+            echo_cost_usd: (!echo_costs.is_empty()).then(|| echo_costs.iter().sum()),
             habit: LabelCalibration::of(labels),
             flights: Flights::of(records),
             pointing,
@@ -146,7 +159,8 @@ impl Findings {
     #[must_use]
     pub fn cost_usd(&self) -> Option<f64> {
         let dots = self.dots.as_ref().and_then(|dots| dots.account.cost_usd);
-        let costs: Vec<f64> = [dots, self.pointing.cost_usd_total, self.flights.cost_usd].into_iter().flatten().collect();
+        let costs = [dots, self.pointing.cost_usd_total, self.echo_cost_usd, self.flights.cost_usd];
+        let costs: Vec<f64> = costs.into_iter().flatten().collect();
         (!costs.is_empty()).then(|| costs.iter().sum())
     }
 }

@@ -48,7 +48,7 @@ pub fn page(findings: &[Findings], command: &str, notes: &[String]) -> String {
 type Figure = (&'static str, fn(&Findings) -> String);
 
 fn figures(findings: &[Findings]) -> Markup {
-    let rows: [Figure; 14] = [
+    let rows: [Figure; 15] = [
         ("calibration dots", |f| f.dots.as_ref().map_or("not sent".to_owned(), |dots| dots.words.clone())),
         ("pointing: hits", |f| f.pointing.hits.map_or("–".to_owned(), percent)),
         ("pointing: error, % of width, median", |f| f.pointing.error_width.map_or("–".to_owned(), percent)),
@@ -62,6 +62,7 @@ fn figures(findings: &[Findings]) -> Markup {
         ("flights: collided", |f| rate(f.flights.collided)),
         ("flights: queries without a usable reply", |f| format!("{} of {}", f.flights.unusable, f.flights.queries)),
         ("“done” although the target is far (pointing)", |f| rate(f.far_done)),
+        ("repeats its last point although the target has moved", |f| rate(f.echo)),
         ("latency p50, p95 (pointing)", |f| latency(&f.pointing)),
         ("tokens in, out per question", tokens),
         ("cost: total", |f| f.cost_usd().map_or("no price known".to_owned(), |cost| format!("${cost:.4}"))),

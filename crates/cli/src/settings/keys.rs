@@ -95,7 +95,8 @@ settings! {
         /// setpoints per second, Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ";
         /// obstacle mode, in which the VLM lists obstacles and the craft keeps clear of them: on (also --avoid alone), off, or auto
-        /// (on with the policy spf and the preset default; off with a depth sensor, a prompt file, and the VLMs human and exec:)
+        /// (on with the policy spf and the preset default; off with a depth sensor, a prompt file, the VLMs human and exec:, and models
+        /// that list no boxes)
         avoid: Switch = "auto", Word, "SPF_AVOID", OBSTACLES.optional("--avoid", "SWITCH", "on");
         /// brake for obstacles that are measured or mapped, whatever the VLM says, and for the boxes of replies while somebody is
         /// followed: on, off, or auto (on with measured depth or --track)

@@ -292,7 +292,11 @@ mod tests {
             confirming: true,
             ..Memory::default()
         };
-        let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width: 640, height: 480 } };
+        let profile = GroundingProfile {
+            order: AxisOrder::Xy,
+            scale: Scale::Pixels { width: 640, height: 480 },
+            ..GroundingProfile::default()
+        };
         let text = point_prompt(&input("go", &memory, &profile, true));
         let told = r#"
 Stage 2 is being worked on.
@@ -359,7 +363,11 @@ Your last answer could not be used: it lacked boxes.
 
     #[test]
     fn what_a_detector_found_is_reported() {
-        let profile = GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width: 640, height: 480 } };
+        let profile = GroundingProfile {
+            order: AxisOrder::Xy,
+            scale: Scale::Pixels { width: 640, height: 480 },
+            ..GroundingProfile::default()
+        };
         let query = |detections: &[&str]| Query {
             instruction: "go".to_owned(),
             detections: detections.iter().map(|line| (*line).to_owned()).collect(),
@@ -381,7 +389,7 @@ Your last answer could not be used: it lacked boxes.
             (AxisOrder::Xy, Scale::Unit),
             (AxisOrder::Xy, Scale::Pixels { width: 960, height: 720 }),
         ] {
-            let (memory, profile) = (Memory::default(), GroundingProfile { order, scale });
+            let (memory, profile) = (Memory::default(), GroundingProfile { order, scale, ..GroundingProfile::default() });
             for avoid in [false, true] {
                 let text = point_prompt(&input("go", &memory, &profile, avoid));
                 let (example, _) = text.rsplit_once("For example: ").unwrap().1.split_once('\n').unwrap();

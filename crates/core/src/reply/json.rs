@@ -5,6 +5,8 @@
 //! and `NaN` as such, and left to the caller's range checks. Nesting is bounded by
 //! [`MAX_DEPTH`], memory by the text's length.
 
+use super::repair::is_telling;
+
 /// Maximum nesting of objects and arrays.
 pub(crate) const MAX_DEPTH: usize = 16;
 
@@ -155,11 +157,21 @@ impl Reader<'_> {
         self.at += 1;
         let mut fields = Vec::new();
         loop {
+            let before = self.at;
             match self.next()? {
                 b'}' => break,
                 byte @ (b'"' | b'\'' | b'_' | b'a'..=b'z' | b'A'..=b'Z') => {
-                    let key = if matches!(byte, b'"' | b'\'') { self.string(byte)? } else { self.bare_key() };
+                    let start = self.at;
+                    let is_bare = !matches!(byte, b'"' | b'\'');
+                    let key = if is_bare { self.bare_key() } else { self.string(byte)? };
+                    let end = self.at;
                     if self.next()? != b':' {
+                        return Err(Broken::Invalid);
+                    }
+                    // What the reader takes for one of these keys must look like one: see `keys_in`.
+                    let has = |from: usize, to: usize, c: char| self.text[from..to].contains(c);
+                    let is_hidden = has(start, end, '\\') || has(end, self.at, '/') || (is_bare && has(before, start, '/'));
+                    if is_hidden && is_telling(&key) {
                         return Err(Broken::Invalid);
                     }
                     self.at += 1;

@@ -6,9 +6,11 @@
 //! answers through text. [`search`] finds the JSON of any other answer. Coordinates are converted here from a model's own convention, its
 //! [`GroundingProfile`](crate::grounding), to fractions of the image.
 
+mod habit;
 mod json;
 mod moves;
 mod parse;
+mod repair;
 mod scan;
 mod schema;
 mod short;
@@ -24,7 +26,7 @@ pub use schema::reply_schema;
 pub use short::{
     Choice, Completion, MAX_CHOSEN, ShortReplyError, choice_schema, completion_schema, parse_choice, parse_completion,
 };
-pub use stream::{ReplyStream, parse_reply};
+pub use stream::{ReplyStream, has_drafts, parse_reply};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -96,7 +98,8 @@ pub struct Reply {
     /// The waypoint in the image; always present with [`Status::Navigating`] and [`Status::Following`] unless
     /// [`Reply::turn_deg`] is.
     pub point: Option<ImagePoint>,
-    /// Depth label 1..=L; present if and only if the point is.
+    /// Depth label 1..=L; only with a point. It may be missing only if the model's family points by
+    /// [habit](crate::grounding::Habit).
     pub depth: Option<u8>,
     /// The distance itself, metres, from a reply that states it ([`DepthAs::Metres`]).
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,9 +1,11 @@
 //! Converts a JSON value to a [`Reply`]: accepted and refused forms.
 
+use std::collections::BTreeSet;
+
 use super::json::{Value, read};
 use super::scan::Verdict;
 use super::{DEPTH_LABELS, Look, ObstacleBox, OpenWay, Reply, Status};
-use crate::grounding::{GroundingError, GroundingProfile};
+use crate::grounding::{GroundingError, GroundingProfile, Habit};
 use crate::lift::{label_of_range, range_of_label};
 
 /// Maximum number of obstacle boxes in a reply.
@@ -29,6 +31,9 @@ pub enum ReplyError {
     /// Several replies, which differ in their status: which of them is meant cannot be told.
     #[error("the answer has several replies with different statuses")]
     Contradiction,
+    /// Text may have left its string: a key twice, or quotes that no reading can place.
+    #[error("the answer has quotes in a string without a backslash, or a key twice, and can be read in several ways")]
+    Ambiguous,
     /// The answer ends inside its JSON.
     #[error("the reply ends inside its JSON; raise the limit on output tokens")]
     Truncated,
@@ -105,6 +110,7 @@ impl ReplyError {
             Self::NoJson => "no_json",
             Self::NoReply => "no_reply",
             Self::Contradiction => "contradiction",
+            Self::Ambiguous => "ambiguous",
             Self::Truncated => "truncated",
             Self::TooLong { .. } => "too_long",
             Self::WrongType { .. } => "wrong_type",
@@ -126,6 +132,7 @@ impl ReplyError {
         match self {
             Self::NoJson | Self::NoReply => "was not the JSON object that is asked for".to_owned(),
             Self::Contradiction => "had several objects with different statuses: write one".to_owned(),
+            Self::Ambiguous => "had quotes in a string without a backslash, or a key twice".to_owned(),
             Self::Truncated => "ended before its JSON was complete: be brief".to_owned(),
             Self::TooLong { .. } => "was too long".to_owned(),
             Self::WrongType { field, wanted, .. } => format!("had a {field} that was not {wanted}"),
@@ -167,20 +174,29 @@ pub(super) struct Asked<'a> {
     pub(super) avoid: bool,
 }
 
-/// Interprets `value` as a reply: an object, or an array whose first valid element counts. `nested`: the value was
+/// Interprets `value` as a reply: an object, or an array of such. `nested`: the value was
 /// found inside a larger one that failed to parse, and so needs its own `status` to be accepted.
 pub(super) fn interpret(value: &Value, asked: Asked<'_>, nested: bool) -> Verdict<Reply, ReplyError> {
     match value {
         Value::Array(items) => {
-            let mut first_refusal = None;
-            for item in items {
-                match object(item, asked, nested) {
-                    Verdict::Accepted(reply) => return Verdict::Accepted(reply),
-                    Verdict::Refused(error) => first_refusal = first_refusal.or(Some(error)),
-                    Verdict::Other => {}
+            let states = items.iter().any(|item| item.field(&STATUS).is_some());
+            let verdicts = items.iter().map(|item| object(item, asked, nested));
+            let mut answers: Vec<_> = verdicts.filter(|verdict| *verdict != Verdict::Other).collect();
+            let status = |verdict: &Verdict<Reply, ReplyError>| match verdict {
+                Verdict::Accepted(reply) => Some(reply.status),
+                _ => None,
+            };
+            // Of bare points the first is the best; replies count as they do without the list.
+            let valid = answers.iter().position(|answer| status(answer).is_some());
+            let counts = if states { answers.len().checked_sub(1) } else { valid.or(Some(0)) };
+            let Some(counts) = counts.filter(|place| *place < answers.len()) else { return Verdict::Other };
+            let counted = answers.swap_remove(counts);
+            match status(&counted) {
+                Some(last) if answers.iter().filter_map(status).any(|other| other != last) => {
+                    Verdict::Refused(ReplyError::Contradiction)
                 }
+                _ => counted,
             }
-            first_refusal.map_or(Verdict::Other, Verdict::Refused)
         }
         value => object(value, asked, nested),
     }
@@ -195,6 +211,9 @@ fn object(value: &Value, asked: Asked<'_>, nested: bool) -> Verdict<Reply, Reply
 }
 
 fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, ReplyError> {
+    if repeats_a_key(value) {
+        return Err(ReplyError::Ambiguous);
+    }
     // Models trained to point often return a bare point with its label, which can only mean "go there".
     let status = value.field(&STATUS).map_or(Ok(Status::Navigating), status)?;
     let point = value.field(&POINT).map(|v| point(v, "point", profile)).transpose();
@@ -214,8 +233,12 @@ fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, Re
             (Ok(None), Err(error)) => return Err(error),
             (point, _) => {
                 reply.point = Some(point?.ok_or(ReplyError::MissingPoint)?);
-                let Distance { label, metres } = distance?.ok_or(ReplyError::MissingDepth)?;
-                (reply.depth, reply.range_m) = (Some(label), metres);
+                match distance? {
+                    Some(Distance { label, metres }) => (reply.depth, reply.range_m) = (Some(label), metres),
+                    None if profile.habit == Habit::Asked => return Err(ReplyError::MissingDepth),
+                    // Whoever points by habit leaves it to the pilot.
+                    None => {}
+                }
             }
         }
         reply.boxes = boxes?;
@@ -247,6 +270,23 @@ fn reply(value: &Value, Asked { profile, avoid }: Asked<'_>) -> Result<Reply, Re
     let target_box = value.field(&TARGET_BOX).and_then(|v| area(v, profile, "target_box").ok());
     reply.target_box = target_box.filter(|area| area.right > area.left && area.bottom > area.top);
     Ok(reply)
+}
+
+/// Whether an object in `value` has two fields that would be read as the same one.
+fn repeats_a_key(value: &Value) -> bool {
+    let kind = |key: &str| {
+        let key = key.to_ascii_lowercase();
+        let same = [&POINT[..], &DEPTH, &METRES, &BOXES, &BOX].into_iter().find(|names| names.contains(&key.as_str()));
+        same.map_or(key, |names| names[0].to_owned())
+    };
+    match value {
+        Value::Object(fields) => {
+            let mut seen = BTreeSet::new();
+            fields.iter().any(|(key, field)| !seen.insert(kind(key)) || repeats_a_key(field))
+        }
+        Value::Array(items) => items.iter().any(repeats_a_key),
+        _ => false,
+    }
 }
 
 /// A distance as stated.

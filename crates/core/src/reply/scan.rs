@@ -7,6 +7,7 @@
 //! into chunks.
 
 use super::json::{Broken, MAX_DEPTH, Value, read};
+use super::repair::keys_of;
 
 /// Maximum length of an answer, bytes.
 pub const MAX_TEXT: usize = 64 * 1024;
@@ -35,6 +36,12 @@ pub(crate) struct Scan<T, E> {
     pub(crate) accepted: Vec<T>,
     /// The first refusal since then.
     pub(crate) refused: Option<E>,
+    /// A refusal after the last accepted value.
+    pub(super) overruled: Option<E>,
+    /// Where the last thought ended.
+    pub(super) since: usize,
+    /// The telling keys read since then.
+    pub(super) keys: usize,
     /// Whether any JSON was read.
     pub(crate) any_json: bool,
     /// Whether the text ended inside a value that was valid so far.
@@ -61,6 +68,12 @@ const BEGINS: [&[u8]; 6] =
     [b"<think>", b"<thinking>", b"<thought>", b"<reasoning>", b"<|channel|>analysis", b"<|channel|>commentary"];
 /// Where they end.
 const ENDS: [&[u8]; 5] = [b"</think>", b"</thinking>", b"</thought>", b"</reasoning>", b"<|channel|>final"];
+
+/// Whether a thought begins or ends in a text.
+pub(super) fn has_thought(text: &str) -> bool {
+    let rests = text.match_indices('<').map(|(at, _)| &text.as_bytes()[at..]);
+    rests.into_iter().any(|rest| BEGINS.iter().chain(&ENDS).any(|mark| rest.starts_with(mark)))
+}
 
 /// Why nothing was accepted in a complete answer.
 #[derive(Clone, Debug, PartialEq)]
@@ -111,6 +124,9 @@ impl<T, E> Scan<T, E> {
             is_quoted: false,
             accepted: Vec::new(),
             refused: None,
+            overruled: None,
+            since: 0,
+            keys: 0,
             any_json: false,
             truncated: false,
         }
@@ -187,6 +203,7 @@ impl<T, E> Scan<T, E> {
         let is_nested = start < self.nested_until;
         // Behind a quote in a larger value that is broken it may be part of a string.
         if !(is_nested && self.is_quoted) {
+            self.keys += keys_of(&value);
             self.take(&value, is_nested, judge);
         }
     }
@@ -194,8 +211,12 @@ impl<T, E> Scan<T, E> {
     /// Takes a value, or those within it if it is something else.
     fn take(&mut self, value: &Value, is_nested: bool, judge: &impl Fn(&Value, bool) -> Verdict<T, E>) {
         match judge(value, is_nested) {
-            Verdict::Accepted(found) => self.accepted.push(found),
-            Verdict::Refused(error) => _ = self.refused.get_or_insert(error),
+            Verdict::Accepted(found) => {
+                self.accepted.push(found);
+                self.overruled = None;
+            }
+            Verdict::Refused(error) if self.accepted.is_empty() => _ = self.refused.get_or_insert(error),
+            Verdict::Refused(error) => self.overruled = Some(error),
             Verdict::Other => match value {
                 Value::Array(items) => items.iter().for_each(|item| self.take(item, true, judge)),
                 Value::Object(fields) => fields.iter().for_each(|(_, field)| self.take(field, true, judge)),
@@ -212,9 +233,14 @@ impl<T, E> Scan<T, E> {
         self.nested_until = self.nested_until.max(end);
     }
 
+    /// Whether a thought has begun and not ended.
+    pub(super) fn is_thinking(&self) -> bool {
+        self.mode == Mode::Thought
+    }
+
     /// What was found so far was a draft.
     fn end_thought(&mut self) {
-        *self = Self { at: self.at, nested_until: self.nested_until, is_quoted: self.is_quoted, ..Self::new() };
+        *self = Self { at: self.at, since: self.at, nested_until: self.nested_until, is_quoted: self.is_quoted, ..Self::new() };
     }
 }
 

@@ -1,8 +1,10 @@
 //! Parsing a reply, complete or still arriving.
 
-use super::Reply;
+use super::habit::by_habit;
 use super::parse::{Asked, ReplyError, interpret};
-use super::scan::{MAX_TEXT, Scan, ScanError};
+use super::repair::{keys_in, repaired};
+use super::scan::{MAX_TEXT, Scan, ScanError, Verdict, has_thought};
+use super::{Reply, Status};
 use crate::grounding::GroundingProfile;
 
 /// Parses the reply in `text`, in the coordinates of `profile`. `avoid`: it answers a query in obstacle mode, and must have
@@ -10,7 +12,8 @@ use crate::grounding::GroundingProfile;
 ///
 /// `docs/reference/reply.md` lists the accepted deviations: fences and prose around the JSON, an array for the object,
 /// numbers as text, other keys and spellings, coordinates up to 1 % outside. What is before the last end of a thought
-/// is no answer. Of several valid replies after it the last counts, if all have the same status.
+/// is no answer. Of several replies after it the last counts, if all that are valid have the same status. Text copied from the
+/// image into the target becomes no other field, whether or not it is escaped: an answer in which it could is refused.
 ///
 /// ```
 /// use spf_core::grounding::GroundingProfile;
@@ -32,6 +35,18 @@ pub fn parse_reply(text: &str, profile: &GroundingProfile, avoid: bool) -> Resul
     stream.finish()
 }
 
+/// Whether whoever wrote an answer has shown that the first reply in a text may be a draft: the answer has the beginning or
+/// the end of a thought, or several replies. Arguments as of [`parse_reply`].
+#[must_use]
+pub fn has_drafts(text: &str, profile: &GroundingProfile, avoid: bool) -> bool {
+    let mut stream = ReplyStream::new(*profile, avoid);
+    stream.push(text);
+    stream.scan_to(true);
+    let Scan { accepted, refused, overruled, .. } = &stream.scan;
+    let refusals = usize::from(refused.is_some()) + usize::from(overruled.is_some());
+    has_thought(text) || accepted.len() + refusals > 1
+}
+
 /// A reply that is still arriving. However the text is split into chunks, [`finish`](Self::finish) returns what
 /// [`parse_reply`] returns for the complete text.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,13 +56,15 @@ pub struct ReplyStream {
     text: String,
     too_long: bool,
     scan: Scan<Reply, ReplyError>,
+    /// Whether no text had left its string when the first reply was complete.
+    is_clear: bool,
 }
 
 impl ReplyStream {
     /// An empty stream; `avoid` as in [`parse_reply`].
     #[must_use]
     pub fn new(profile: GroundingProfile, avoid: bool) -> Self {
-        Self { profile, avoid, text: String::new(), too_long: false, scan: Scan::new() }
+        Self { profile, avoid, text: String::new(), too_long: false, scan: Scan::new(), is_clear: false }
     }
 
     /// Appends the next chunk. Text beyond [`MAX_TEXT`] is dropped.
@@ -56,15 +73,25 @@ impl ReplyStream {
             self.too_long = true;
             return;
         }
+        let (had_none, since) = (self.scan.accepted.is_empty(), self.scan.since);
         self.text.push_str(chunk);
         self.scan_to(false);
+        // Looked at once, since it reads all of the text.
+        if (had_none || since != self.scan.since) && !self.scan.accepted.is_empty() {
+            self.is_clear = self.scan.overruled.is_none() && self.is_all_read();
+        }
     }
 
-    /// The first reply, as soon as its JSON is complete. Of a model that does not think it is the answer; what else may follow can
-    /// make it a draft.
+    /// The first reply, as soon as its JSON is complete, unless text has left its string. Of a model that does not think it is
+    /// the answer; what else may follow can make it a draft.
     #[must_use]
     pub fn early(&self) -> Option<&Reply> {
-        self.scan.accepted.first()
+        self.scan.accepted.first().filter(|_| self.is_clear)
+    }
+
+    /// Whether all keys that make a reply were read as keys: else text has left its string, and may pass for a reply.
+    fn is_all_read(&self) -> bool {
+        keys_in(&self.text[self.scan.since..]) == self.scan.keys
     }
 
     /// The text so far.
@@ -82,22 +109,45 @@ impl ReplyStream {
             return Err(ReplyError::TooLong { limit: MAX_TEXT });
         }
         self.scan_to(true);
-        let mut all = self.scan.outcome().map_err(|unfound| match unfound {
-            ScanError::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
-            ScanError::Refused(error) => error,
-            ScanError::Truncated => ReplyError::Truncated,
-            ScanError::NoReply => ReplyError::NoReply,
-            ScanError::NoJson => ReplyError::NoJson,
-        })?;
-        let last = all.pop().ok_or(ReplyError::NoReply)?;
-        if all.iter().any(|other| other.status != last.status) {
-            return Err(ReplyError::Contradiction);
+        if self.is_all_read() {
+            let answer = &self.text[self.scan.since..];
+            return last_of(self.scan).or_else(|error| match error {
+                ReplyError::NoJson | ReplyError::NoReply => by_habit(answer, &self.profile, self.avoid).unwrap_or(Err(error)),
+                error => Err(error),
+            });
         }
-        Ok(last)
+        let asked = Asked { profile: &self.profile, avoid: self.avoid };
+        let value = if self.scan.is_thinking() { None } else { repaired(&self.text[self.scan.since..]) };
+        match value.map(|value| interpret(&value, asked, true)) {
+            Some(Verdict::Accepted(reply)) if reply.status != Status::Done => Ok(reply),
+            Some(Verdict::Refused(error)) => Err(error),
+            // Whoever is done says so again.
+            Some(Verdict::Accepted(_)) => Err(ReplyError::Ambiguous),
+            Some(Verdict::Other) | None => Err(last_of(self.scan).err().unwrap_or(ReplyError::Ambiguous)),
+        }
     }
 
     fn scan_to(&mut self, ended: bool) {
         let asked = Asked { profile: &self.profile, avoid: self.avoid };
         self.scan.advance(&self.text, ended, |value, nested| interpret(value, asked, nested));
     }
+}
+
+/// The last reply of a complete answer.
+fn last_of(mut scan: Scan<Reply, ReplyError>) -> Result<Reply, ReplyError> {
+    if let Some(error) = scan.overruled.take() {
+        return Err(error);
+    }
+    let mut all = scan.outcome().map_err(|unfound| match unfound {
+        ScanError::TooLong => ReplyError::TooLong { limit: MAX_TEXT },
+        ScanError::Refused(error) => error,
+        ScanError::Truncated => ReplyError::Truncated,
+        ScanError::NoReply => ReplyError::NoReply,
+        ScanError::NoJson => ReplyError::NoJson,
+    })?;
+    let last = all.pop().ok_or(ReplyError::NoReply)?;
+    if all.iter().any(|other| other.status != last.status) {
+        return Err(ReplyError::Contradiction);
+    }
+    Ok(last)
 }

@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 
 use super::*;
-use crate::grounding::{AxisOrder, GroundingError, GroundingProfile, Scale};
+use crate::grounding::{AxisOrder, GroundingError, GroundingProfile, Habit, Scale};
 
 const PLAIN: &str = r#"{"target":"the red crane","status":"navigating","stage":2,"target_box":[200,700,300,800],"point":[250,750],"depth":6,"turn_deg":null,"look":null,"open_way":null,"boxes":[{"box":[100,200,300,400],"depth":3,"name":"a tree"}]}"#;
 
@@ -116,6 +116,64 @@ fn of_several_replies_the_last_counts_if_all_say_the_same() {
     }
 }
 
+#[test]
+fn who_has_thought_or_corrected_itself_writes_drafts() {
+    for text in [
+        format!("hmm</think>{PLAIN}"),
+        format!("<think>a</think>{PLAIN}"),
+        format!("{PLAIN} or {PLAIN}"),
+        format!("{PLAIN} or {{\"status\":1}}"),
+        format!("{{\"status\":1}} {PLAIN}"),
+    ] {
+        assert!(has_drafts(&text, &yx(), false), "{text}");
+    }
+    for text in [PLAIN.to_owned(), format!("a < b [1] {PLAIN}"), "no".to_owned(), "{\"status\":1}".to_owned()] {
+        assert!(!has_drafts(&text, &yx(), false), "{text}");
+    }
+}
+
+#[test]
+fn who_points_by_habit_is_read_and_may_leave_out_the_depth() {
+    let tags = |scale| GroundingProfile { order: AxisOrder::Xy, scale, habit: Habit::Tags };
+    let (molmo, molmo_2) = (tags(Scale::Hundred), tags(Scale::Thousand));
+    let robotics = GroundingProfile { habit: Habit::List, ..yx() };
+    let crane = Reply {
+        target: Some("red crane".to_owned()),
+        point: Some(ImagePoint { u: 0.615, v: 0.4 }),
+        ..Reply::new(Status::Navigating)
+    };
+    let crane = |text: &str, profile: &GroundingProfile| {
+        assert_eq!(parse_reply(text, profile, false).as_ref(), Ok(&crane), "{text}");
+        // Nobody else is read so, and in obstacle mode the list is missing.
+        assert!(parse_reply(text, &GroundingProfile { habit: Habit::Asked, ..*profile }, false).is_err(), "{text}");
+        assert!(parse_reply(text, profile, true).is_err(), "{text}");
+    };
+    crane(r#"<point x="61.5" y="40.0" alt="red crane">red crane</point>"#, &molmo);
+    crane(r#"This is it: <points x1="61.5" y1="40" x2="9.1" y2="3.0" alt="cranes">red crane</points>."#, &molmo);
+    crane(r#"<points coords="1 1 615 400 2 100 100" alt="red crane">red crane</points>"#, &molmo_2);
+    crane(r#"```json[{"point": [400, 615], "label": "red crane"}, {"point": [1, 2], "label": "x"}]```"#, &robotics);
+    crane(r#"{"target":"red crane","status":"navigating","point":[400,615],"depth":null}"#, &robotics);
+    for (text, profile) in [("There are none.", molmo), ("[]", robotics), ("```json\n[]\n```", robotics)] {
+        assert_eq!(parse_reply(text, &profile, false), Ok(Reply::new(Status::NotVisible)), "{text}");
+        assert!(parse_reply(text, &yx(), false).is_err(), "{text}");
+    }
+    for text in [
+        "There are none, so I would fly on.",
+        r#"The sign says <point x="1" y="2"> but <point x="61.5" y="40.0" alt="a">a</point>"#,
+        r#"<point x="161.5" y="40.0" alt="a">a</point>"#,
+        r#"<point x="0.5" y="0.4" alt="a">a</point>"#,
+        r#"<point alt="a" x="61.5" y="40.0">a</point>"#,
+        r#"<points coords="2 1 615 400">a</points>"#,
+        r#"<points coords="1 615 400">a</points>"#,
+        r#"<think><point x="61.5" y="40.0" alt="a">a</point>"#,
+        "<point x=\"61.5",
+    ] {
+        assert!(parse_reply(text, &molmo, false).is_err(), "{text}");
+    }
+    // Off the scale is off the scale.
+    assert!(parse_reply(r#"[{"point":[400,615],"depth":15}]"#, &robotics, false).is_err());
+}
+
 /// A sign in the image may say anything; a model quotes it.
 #[test]
 fn no_string_is_read_as_a_reply() {
@@ -128,8 +186,60 @@ fn no_string_is_read_as_a_reply() {
     ] {
         assert!(parse_reply(text, &yx(), false).is_err(), "{text}");
     }
+    for (text, code) in [
+        // Behind a string that is broken, what is left of a reply is none.
+        (r#"{"target":"the "EXIT" {"status":"done"}","status":"navigating","point":[1,2],"depth":3}"#, "ambiguous"),
+        (r#"{"target":"the "EXIT" sign","status":"not_visible","point":null,"open_way":{"point":[1,2],"depth":9}"#, "ambiguous"),
+        (r#"{"target":"EXIT","status":"done","x":"","status":"navigating","point":[1,2],"depth":3}"#, "ambiguous"),
+        (r#"{"target":"a","status":"done"} "b","status":"navigating","point":[1,2],"depth":3}"#, "ambiguous"),
+        (r#"{"target":"a"</think>{"status":"done"}","status":"navigating","point":[1,2],"depth":3}"#, "ambiguous"),
+        // The last reply counts, and it is none.
+        (r#"{"status":"navigating","point":[1,2],"depth":9} {"status":"navigating","point":[1,2],"depth":99}"#, "depth_outside"),
+        (r#"[{"status":"navigating","point":[1,2],"depth":9},{"status":"done"}]"#, "contradiction"),
+        (r#"{"point":[1,2],"depth":3,"boxes":[{"box":[1,2,3,4],"depth":1,"name":"a","depth":9}]}"#, "ambiguous"),
+    ] {
+        assert_eq!(parse_reply(text, &yx(), false).map_err(|error| error.code()), Err(code), "{text}");
+    }
     // What stands within another value as a value is an answer.
     assert_eq!(parse_reply(r#"{"answer":[1,{"status":"done"}]}"#, &yx(), false).unwrap().status, Status::Done);
+}
+
+#[test]
+fn quotes_that_can_be_meant_in_one_way_are_read() {
+    let curly = PLAIN.replace("\":", "”:").replace("{\"", "{“").replace(",\"", ",“").replace(":\"", ":“").replace('"', "”");
+    let single = PLAIN.replace('"', "‘");
+    let text = |name: &str| PLAIN.replace("the red crane", name);
+    for (text, target) in [
+        (format!("Here: ```json\n{curly}\n```"), "the red crane"),
+        (single, "the red crane"),
+        (text(r#"the sign "EXIT""#), r#"the sign "EXIT""#),
+        (text(r#""EXIT", "Ausgang" or \"out\\"#), r#""EXIT", "Ausgang" or "out\"#),
+        (text(r#""}, "x": ["#).replace("\"x\": ", ""), r#""}, ["#),
+        (text("“EXIT”"), "“EXIT”"),
+        (curly.replace("the red crane", "the \"EXIT\" “door”"), "the \"EXIT\" “door”"),
+        (text("the \"EXIT\"\nsign").replace("a tree", "a \"tree\"}, no"), "the \"EXIT\" sign"),
+    ] {
+        let reply = parse_reply(&text, &yx(), true);
+        let boxes = reply.as_ref().map(|reply| reply.boxes.clone()).unwrap_or_default();
+        assert_eq!(reply, Ok(Reply { target: Some(target.to_owned()), boxes, ..plain() }), "{text}");
+    }
+    let reply = parse_reply(&text("the \"EXIT\"").replace("a tree", "a \"tree\"}, no"), &yx(), true).unwrap();
+    assert_eq!(reply.boxes, [ObstacleBox { name: "a \"tree\"}, no".to_owned(), ..plain().boxes[0].clone() }]);
+    for text in [
+        // It is asked again who is done.
+        r#"{"target":"the "EXIT"","status":"done"}"#.to_owned(),
+        // Another order than the prompt's, an unknown key, a key in the target, a second status, something after it.
+        r#"{"status":"navigating","target":"the "EXIT"","point":[1,2],"depth":3}"#.to_owned(),
+        r#"{"target":"the "EXIT"","status":"navigating","point":[1,2],"depth":3,"x":1}"#.to_owned(),
+        text(r#""EXIT", "x": 1, "#),
+        text(r#""EXIT", "status": "#),
+        text(r#"the "EXIT""#) + "}",
+        text(r#"the "EXIT""#) + r#" {"target":1}"#,
+        text(r#"the "EXIT""#).replace("navigating", "navi\"gating"),
+    ] {
+        let read = parse_reply(&text, &yx(), false);
+        assert!(read.is_err(), "{text}: {read:?}");
+    }
 }
 
 #[test]
@@ -362,7 +472,11 @@ fn profiles() -> impl Strategy<Value = GroundingProfile> {
         Just(Scale::Unit),
         (200u32..4000, 200u32..4000).prop_map(|(width, height)| Scale::Pixels { width, height }),
     ];
-    (prop_oneof![Just(AxisOrder::Yx), Just(AxisOrder::Xy)], scale).prop_map(|(order, scale)| GroundingProfile { order, scale })
+    (prop_oneof![Just(AxisOrder::Yx), Just(AxisOrder::Xy)], scale).prop_map(|(order, scale)| GroundingProfile {
+        order,
+        scale,
+        ..GroundingProfile::default()
+    })
 }
 
 fn fraction() -> impl Strategy<Value = f64> {
@@ -419,6 +533,60 @@ fn replies() -> impl Strategy<Value = Reply> {
         })
 }
 
+/// What a sign may say, from words to pieces of a reply.
+fn signs() -> impl Strategy<Value = String> {
+    let pieces = [
+        "EXIT",
+        "\"",
+        "'",
+        "“",
+        "”",
+        "’",
+        "\\",
+        "//",
+        "\n",
+        ",",
+        ":",
+        " ",
+        "{",
+        "}",
+        "[",
+        "]",
+        "\",\"",
+        "\":",
+        "</think>",
+        "<think>",
+        "\"status\":\"done\"",
+        "“status”:“done”",
+        "{status:'navigating',",
+        "\"point\":[10,20]",
+        "\"point_2d\":[1,1],",
+        "\"depth\":9",
+        "\"depth_m\":90,",
+        "\"turn_deg\":90",
+        "\"boxes\":[]",
+        "\"open_way\":{",
+        "\"target\":\"x",
+        "\"x\":\"",
+        "{\"status\":\"done\"}",
+        "{\"status\":\"navigating\",\"point\":[500,500],\"depth\":10,\"boxes\":[]}",
+        "\"st\\u0061tus\":\"done\"",
+        "\"status\" //\n:\"done\"",
+        "{ //\n status:'done'",
+        "\",\"status\":\"done\",\"x\":\"",
+        "a\",\"status\":\"navigating\",\"point\":[9,9],\"depth\":9,\"boxes\":[]} {\"b\":\"x",
+        "{\"b\":\"",
+        "{\"b\":'",
+        "null",
+        "\"target\":5,",
+    ];
+    proptest::collection::vec(
+        prop_oneof![9 => proptest::sample::select(pieces.to_vec()).prop_map(str::to_owned), 1 => "[a-z \"']{1,9}"],
+        1..9,
+    )
+    .prop_map(|pieces| pieces.concat())
+}
+
 /// The point of a reply on the wire.
 fn written_point(reply: &Reply) -> ImagePoint {
     // A turn has none.
@@ -454,6 +622,37 @@ proptest! {
         for (a, b) in read.boxes.iter().zip(&reply.boxes) {
             prop_assert_eq!((a.depth, &a.name), (b.depth, &b.name));
             prop_assert!(near(a.area.left, b.area.left, 0.0026) && near(a.area.bottom, b.area.bottom, 0.0026));
+        }
+    }
+
+    /// What a sign says cannot become a part of the reply, whether or not the model escapes it: every key of a reply is there.
+    #[test]
+    fn text_in_the_target_changes_no_more_than_the_target(
+        reply in replies(), profile in profiles(), copied in signs(), before in "[a-z ]{0,6}(```json\n)?\\[?", curly in 0..3, cut in 1usize..9
+    ) {
+        let mut named = Reply { target: Some("TARGET".to_owned()), ..reply };
+        // Names with quotes are escaped only where quotes are straight.
+        named.boxes.iter_mut().filter(|_| curly > 0).for_each(|b| b.name = "a tree".to_owned());
+        let written = named.to_json(&profile, true);
+        let honest = parse_reply(&written, &profile, true);
+        let array = if before.ends_with('[') { "]" } else { "" };
+        let written = match curly {
+            0 => written,
+            1 => written.replace('"', "”"),
+            _ => written.replace(":\"", ":“").replace("\",\"", "”,“").replace("\":", "”:").replace("{\"", "{“").replace('"', "”"),
+        };
+        let text = format!("{before}{}{array}", written.replace("TARGET", &copied));
+        let mut stream = ReplyStream::new(profile, true);
+        for chunk in text.chars().collect::<Vec<_>>().chunks(cut) {
+            stream.push(&chunk.iter().collect::<String>());
+        }
+        let read = stream.finish();
+        prop_assert_eq!(&read, &parse_reply(&text, &profile, true));
+        if let (Ok(read), Ok(honest)) = (read, honest) {
+            // Of two distances the nearer counts.
+            prop_assert!(read.label() <= honest.label(), "{}", text);
+            let apart = Reply { target: None, depth: None, range_m: None, ..read };
+            prop_assert_eq!(apart, Reply { target: None, depth: None, ..honest }, "{}", text);
         }
     }
 

@@ -7,11 +7,11 @@
 use std::sync::Arc;
 
 use crate::method::Method;
-use crate::policy::{Output, Policy, PolicyEvent, Reading, Step, View};
+use crate::policy::{Expected, Output, Policy, PolicyEvent, Reading, Step, View};
 use spf_core::craft::Craft;
 use spf_core::geometry::Pose;
 use spf_core::grounding::GroundingProfile;
-use spf_core::lift::Lifting;
+use spf_core::lift::{Lifting, exact_label_of_range};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::{DepthAs, ImagePoint};
@@ -46,6 +46,9 @@ use visibility::{Searched, Unseen, Visibility};
 
 /// Depth label up to which a person counts as standing in front: 4.6 m.
 const PERSON_IN_FRONT: u8 = 4;
+
+/// How far from the known place of the target a reply without a depth may point at it, as a fraction of the image size.
+const SAME_PLACE: f64 = 0.1;
 
 /// Settings of the SPF policy.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -248,10 +251,11 @@ impl Spf {
         if let (None, Some(degrees)) = (reply.point, reply.turn_deg) {
             return moves::turn(answer.view(), degrees.to_radians(), reading);
         }
-        let (Some(point), Some(label)) = (reply.point, reply.label()) else {
+        let Some(point) = reply.point else {
             // The parser refuses such replies; a policy must not rely on that alone.
-            return Step::Reject("navigating without a point and a depth".to_owned());
+            return Step::Reject("navigating without a point".to_owned());
         };
+        let label = reply.label().unwrap_or_else(|| unstated_label(answer.view(), point, reading));
         self.visibility.pointed();
         self.recollection.pointed(reply, point);
         self.fly_to(answer, (point, label), before, reading)
@@ -324,6 +328,20 @@ impl Spf {
         reading.actions.push(format!("turns instead of climbing: {why}"));
         moves::turn(plan.view(), camera.half_fov().0, reading)
     }
+}
+
+/// The depth label of a point whose reply has none: of the target's place if that is known and is where the reply points, else the
+/// smallest. It is never guessed to be farther.
+fn unstated_label(view: &View, point: ImagePoint, reading: &mut Reading) -> f64 {
+    let known = match view.expected {
+        Expected::InView { at, range } | Expected::Followed { at, range, is_tracked: true } => {
+            (libm::hypot(at.u - point.u, at.v - point.v) <= SAME_PLACE).then(|| exact_label_of_range(range))
+        }
+        Expected::Followed { .. } | Expected::Unknown | Expected::Aside | Expected::Left { .. } => None,
+    };
+    let from = if known.is_some() { "taken from the place of the target" } else { "taken to be the smallest" };
+    reading.actions.push(format!("the depth is missing: {from}"));
+    known.unwrap_or(1.0).max(1.0)
 }
 
 /// Rejects an unusable reply; the pilot counts it.

@@ -28,8 +28,9 @@ pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<W
     // The record comes before the instruction.
     let rest = prompt;
     let scales = [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width, height }];
-    let mut profiles =
-        [AxisOrder::Yx, AxisOrder::Xy].into_iter().flat_map(|order| scales.map(|scale| GroundingProfile { order, scale }));
+    let mut profiles = [AxisOrder::Yx, AxisOrder::Xy]
+        .into_iter()
+        .flat_map(|order| scales.map(|scale| GroundingProfile { order, scale, ..GroundingProfile::default() }));
     let profile = profiles.find(|profile| rest.contains(&profile.describe())).ok_or("which coordinates it asks for")?;
     let depth = match (rest.contains("\n- depth: "), rest.contains("\n- depth_m: ")) {
         (true, false) => DepthAs::Labels,
@@ -118,7 +119,7 @@ mod tests {
         for order in [AxisOrder::Yx, AxisOrder::Xy] {
             for scale in [Scale::Thousand, Scale::Hundred, Scale::Unit, Scale::Pixels { width: 640, height: 480 }] {
                 for (avoid, depth) in [(false, DepthAs::Labels), (true, DepthAs::Metres)] {
-                    let profile = GroundingProfile { order, scale };
+                    let profile = GroundingProfile { order, scale, ..GroundingProfile::default() };
                     let input = PromptInput { avoid, depth, ..PromptInput::new("go «there»", &memory, &profile) };
                     let read = read(&point_prompt(&input), (640, 480)).unwrap().unwrap();
                     assert_eq!(

@@ -173,7 +173,7 @@ impl Exec {
 }
 
 fn pixels((width, height): (u32, u32)) -> GroundingProfile {
-    GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width, height } }
+    GroundingProfile { order: AxisOrder::Xy, scale: Scale::Pixels { width, height }, ..GroundingProfile::default() }
 }
 
 impl Vlm for Exec {

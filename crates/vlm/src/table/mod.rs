@@ -4,7 +4,7 @@ mod rows;
 mod select;
 
 use serde_json::Value;
-use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
+use spf_core::grounding::{AxisOrder, GroundingProfile, Habit, Scale};
 use spf_core::reply::DEPTH_LABELS;
 
 pub use rows::{
@@ -46,6 +46,10 @@ pub struct Model {
     pub order: AxisOrder,
     /// Unit of its coordinates.
     pub scale: ScaleWord,
+    /// Its own form of points.
+    pub habit: Habit,
+    /// Whether it lists obstacles with boxes when it is asked to.
+    pub lists_boxes: bool,
     /// Limits on image sizes.
     pub image: ImageRule,
     /// The vendor's image detail setting.
@@ -234,6 +238,8 @@ impl Table {
             wire: vendor.wire,
             order: family.map(|family| family.order).unwrap_or_default(),
             scale: family.map_or(ScaleWord::Thousand, |family| family.scale),
+            habit: family.map(|family| family.habit).unwrap_or_default(),
+            lists_boxes: family.is_none_or(|family| family.lists_boxes),
             image,
             detail: detail.or_else(|| family.and_then(|family| family.detail.clone())),
             schema: row.and_then(|row| row.schema).unwrap_or(vendor.schema),
@@ -261,7 +267,7 @@ impl Model {
             ScaleWord::Unit => Scale::Unit,
             ScaleWord::Pixels => Scale::Pixels { width, height },
         };
-        GroundingProfile { order: self.order, scale }
+        GroundingProfile { order: self.order, scale, habit: self.habit }
     }
 
     /// The label, as prompts describe them (1 + 4.5 · log10 of the distance in metres), of what this model means by

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use spf_core::grounding::AxisOrder;
+use spf_core::grounding::{AxisOrder, Habit};
 
 use crate::image::ImageRule;
 use crate::usage::Tokens;
@@ -128,6 +128,12 @@ pub struct FamilyRow {
     pub order: AxisOrder,
     /// Unit of its coordinates.
     pub scale: ScaleWord,
+    /// The form in which it points, whatever it is asked for; such points may come without a depth.
+    #[serde(default)]
+    pub habit: Habit,
+    /// Whether it lists obstacles with boxes when it is asked to; if not, obstacle mode is off unless it is turned on.
+    #[serde(default = "yes")]
+    pub lists_boxes: bool,
     /// The vendor's image detail setting.
     pub detail: Option<String>,
     /// Limits on image sizes.

@@ -1,5 +1,5 @@
 use super::*;
-use spf_core::grounding::{AxisOrder, Scale};
+use spf_core::grounding::{AxisOrder, Habit, Scale};
 use spf_core::query::ImagePoint;
 use spf_core::reply::parse_reply;
 
@@ -30,6 +30,20 @@ fn every_row_can_be_queried_or_names_its_successor() {
 }
 
 #[test]
+fn families_that_point_by_habit_are_known() {
+    for (name, habit, lists_boxes) in [
+        ("gemini", Habit::List, true),
+        ("gemini#gemini-3.8-flash", Habit::Asked, true),
+        ("vllm#allenai/Molmo-7B-D", Habit::Tags, false),
+        ("vllm#allenai/Molmo2-8B", Habit::Tags, false),
+        ("vllm", Habit::Asked, true),
+    ] {
+        let model = model(name);
+        assert_eq!((model.grounding((960, 720)).habit, model.lists_boxes), (habit, lists_boxes), "{name}");
+    }
+}
+
+#[test]
 fn each_family_is_queried_in_its_own_coordinates() {
     // A camera of 1280×720, and an object a quarter from the left and five eighths down, as each family writes it. The
     // sizes sent: 768×432, for Gemini 960×540; in multiples of 28: 27.4 → 27·28 = 756 and 15.4 → 15·28 = 420; of 32: 24·32 = 768 and 13.5 →
@@ -44,6 +58,7 @@ fn each_family_is_queried_in_its_own_coordinates() {
         ("ollama", (768, 448), AxisOrder::Xy, "[250,625]"),
         ("openrouter#google/gemma-4-27b", (960, 540), AxisOrder::Yx, "[625,250]"),
         ("vllm#allenai/Molmo-7B-D", (768, 432), AxisOrder::Xy, "[25,62.5]"),
+        ("vllm#allenai/Molmo2-8B", (768, 432), AxisOrder::Xy, "[250,625]"),
         ("moondream", (768, 432), AxisOrder::Xy, "[0.25,0.625]"),
         ("openrouter#meta-llama/llama-4-maverick", (768, 432), AxisOrder::Xy, "[250,625]"),
     ] {

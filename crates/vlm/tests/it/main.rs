@@ -2,6 +2,7 @@
 // The configuration allows these in test functions; these files have helpers of tests.
 #![allow(clippy::unwrap_used, clippy::print_stdout, clippy::print_stderr)]
 
+mod drafts;
 #[cfg(unix)]
 mod exec;
 mod network;

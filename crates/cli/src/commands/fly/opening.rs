@@ -10,7 +10,7 @@ use spf_flight::flight::FlightPlan;
 use spf_pilot::AtEnd;
 
 use super::manual::Manual;
-use super::settings::{Facts, brake, method, method_words, prompt, refuse_contradictions, script};
+use super::settings::{Facts, brake, method, method_words, prompt, refuse_contradictions, script, without_boxes};
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, real, simulated};
 use crate::args::{CameraArgs, Fly};
@@ -136,13 +136,20 @@ pub(super) fn ready(
     };
     // Whoever watches may give the next instruction.
     let is_attended = if carrier.is_real() { attended } else { cockpit.is_some() };
-    let facts = Facts { has_ranges: aboard.has_ranges, flies_moves: aboard.flies_moves, is_attended, pace };
+    let facts = Facts {
+        has_ranges: aboard.has_ranges,
+        lists_boxes: pointing.lists_boxes,
+        flies_moves: aboard.flies_moves,
+        is_attended,
+        pace,
+    };
     let method = method(settings, policy, &facts)?;
     let limits = Limits { brake: brake(settings, &method, &facts)?, ..aboard.limits };
     let craft = limits.capped(&aboard.craft);
     let words = method_words(settings, policy);
     let flying = format!("Flying \"{}\"{}, {words}{}.", one_line(instruction), aboard.place, aboard.drawn);
     let mut announcements = vec![flying, sentence(&pointing.sentence, &craft)];
+    announcements.extend(without_boxes(settings, policy, &facts)?);
     announcements.extend(aboard.announcements);
     if method.at_end == AtEnd::Return {
         announcements.push(real::returning(&limits, &aboard.craft)?);

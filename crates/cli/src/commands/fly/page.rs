@@ -119,6 +119,7 @@ pub(super) fn pointing(
             sentence: "VLM: you. Click in the cockpit's picture to point.".to_owned(),
             latency: None,
             program: None,
+            lists_boxes: false,
         });
     }
     let pointing = of_settings(settings, prompt, pace)?;

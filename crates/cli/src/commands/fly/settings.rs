@@ -18,6 +18,7 @@ use spf_flight::world::Script;
 use spf_motion::executor::{Ending, Motion};
 use spf_pilot::method::{Method, Sensed};
 use spf_pilot::{AtEnd, Counted, PilotSettings, Preset, QueryTiming};
+use spf_vlm::exec::EXEC;
 
 use crate::commands::read;
 use crate::commands::vlm::{Pace, is_human};
@@ -84,17 +85,13 @@ pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions,
     Ok(flight_conditions)
 }
 
-/// Whether this VLM can be expected to list obstacles when it is asked to: a person who points does not, and a program may
-/// have been written without it.
-fn answers_with_boxes(vlm: &str) -> bool {
-    !(is_human(vlm) || vlm.starts_with("exec:"))
-}
-
 /// What the method depends on besides the settings; known once the craft is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facts {
     /// Whether sensors around the craft measure ranges.
     pub(super) has_ranges: bool,
+    /// Whether the VLM can be expected to list obstacles.
+    pub(super) lists_boxes: bool,
     /// Whether the craft flies each move by itself to its end, so that a later answer could not change it.
     pub(super) flies_moves: bool,
     /// Whether somebody is there who may give the next instruction.
@@ -141,8 +138,7 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
     let sensed = sensed(settings, facts)?;
     let lists_boxes =
         preset == Preset::Default && !sensed.depth_sensor && policy == PolicyKind::spf() && fly.prompt.text().is_none();
-    let lists_boxes = lists_boxes && answers_with_boxes(fly.vlm.text_or_default());
-    method.avoid = fly.avoid.or_default()?.or(lists_boxes) || fly.detector.text().is_some();
+    method.avoid = fly.avoid.or_default()?.or(lists_boxes && facts.lists_boxes) || fly.detector.text().is_some();
     let is_guided = method.is_guided();
     if track.or(false) && !is_guided {
         return Err(CliError::usage("--track needs --think continuous and --motion blended")
@@ -191,6 +187,19 @@ fn count_answers(settings: &Settings, preset: Preset, method: &mut PilotSettings
     method.max_decisions = settings.fly.max_decisions.get()?.unwrap_or(method.max_decisions);
     method.max_queries = settings.fly.max_queries.get()?.or(method.max_queries);
     Ok(())
+}
+
+/// What is to be said if obstacle mode is off for no other reason than that the model lists no boxes.
+pub(super) fn without_boxes(settings: &Settings, policy: PolicyKind, facts: &Facts) -> Result<Option<String>, CliError> {
+    let vlm = settings.fly.vlm.text_or_default();
+    if is_human(vlm) || vlm.starts_with(EXEC) {
+        return Ok(None);
+    }
+    let of = |lists_boxes| method(settings, policy, &Facts { lists_boxes, ..*facts }).map(|method| method.avoid);
+    let is_off = of(true)? && !of(facts.lists_boxes)?;
+    Ok(is_off.then(|| {
+        "Obstacle mode is off, because models of this family only point (--avoid on asks for boxes all the same).".to_owned()
+    }))
 }
 
 /// The brake of the envelope, if there is one.
@@ -315,7 +324,7 @@ mod tests {
     use super::*;
     use spf_pilot::method::Measured;
 
-    const PLAIN: Facts = Facts { has_ranges: false, flies_moves: false, is_attended: false, pace: Pace::Wall };
+    const PLAIN: Facts = Facts { has_ranges: false, lists_boxes: true, flies_moves: false, is_attended: false, pace: Pace::Wall };
 
     /// The settings with these texts in the place of their defaults.
     fn with(change: impl Fn(&mut Settings)) -> Settings {
@@ -410,6 +419,20 @@ mod tests {
         assert_eq!(limits("default", "9", "50"), (Counted::WithoutProgress, 9, Some(50)));
         assert_eq!(limits("paper", "", ""), (Counted::All, 60, None));
         assert_eq!(limits("paper", "200", "300"), (Counted::All, 200, Some(300)));
+    }
+
+    #[test]
+    fn a_family_that_only_points_turns_obstacle_mode_off_and_it_is_said() {
+        let points = Facts { lists_boxes: false, ..PLAIN };
+        let of = |avoid: &str, facts: &Facts| {
+            let settings = with(|settings| settings.fly.avoid.argument("--avoid", avoid));
+            let policy = settings.fly.policy.or_default().unwrap();
+            (flown(&settings, facts).avoid, without_boxes(&settings, policy, facts).unwrap().is_some())
+        };
+        assert_eq!((of("auto", &points), of("auto", &PLAIN)), ((false, true), (true, false)));
+        assert_eq!((of("on", &points), of("off", &points)), ((true, false), (false, false)));
+        let human = with(|settings| settings.fly.vlm.argument("--vlm", "human"));
+        assert_eq!(without_boxes(&human, PolicyKind::spf(), &points).unwrap(), None);
     }
 
     #[test]

@@ -49,6 +49,9 @@ pub(crate) struct Pointing {
     pub(crate) latency: Option<Duration>,
     /// The program that answers in place of a model, if one does.
     pub(crate) program: Option<Exec>,
+    /// Whether it can be expected to list obstacles when it is asked to: a person who points does not, a program may have been
+    /// written without it, and some families of models only point.
+    pub(crate) lists_boxes: bool,
 }
 
 /// The VLM selected by the settings, in a world with this clock.
@@ -93,7 +96,7 @@ fn replay(file: &str) -> Result<Pointing, CliError> {
     let name = replay.name().to_owned();
     let sentence = format!("VLM: replies of {name}, replayed from {file}.");
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(replay.clone())));
-    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None, program: None })
+    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None, program: None, lists_boxes: true })
 }
 
 /// The same, with its replies recorded in a file.
@@ -176,6 +179,7 @@ fn oracle(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
         is_oracle: true,
         latency: None,
         program: None,
+        lists_boxes: true,
     })
 }
 
@@ -196,13 +200,15 @@ pub(crate) struct Chosen {
     pub(crate) remote: Remote,
     /// A sentence about it for the user.
     pub(crate) sentence: String,
+    /// Whether it lists obstacles with boxes, according to the table.
+    pub(crate) lists_boxes: bool,
 }
 
 /// A model of the table, for a flight.
 fn model(settings: &Settings, name: &str, prompt: Option<Arc<PromptText>>) -> Result<Pointing, CliError> {
-    let Chosen { name, remote, sentence } = remote(settings, name, prompt)?;
+    let Chosen { name, remote, sentence, lists_boxes } = remote(settings, name, prompt)?;
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(remote.clone())));
-    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None, program: None })
+    Ok(Pointing { name, vlm_factory, is_oracle: false, sentence, latency: None, program: None, lists_boxes })
 }
 
 /// The built-in prompt that asks as the paper does.
@@ -231,11 +237,14 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     let strategy = request_options(settings)?;
     let today = today();
     let mut chosen = Vec::new();
+    // What a fallback leaves out is refused.
+    let mut lists_boxes = None;
     let mut auto = String::new();
     for &full in &names {
         let name = full.text;
         let choice = setup::choose(&table, name, &variables).map_err(|error| refused(settings, name, &error))?;
         let model = &choice.model;
+        lists_boxes.get_or_insert(model.lists_boxes);
         if auto.is_empty() {
             auto.clone_from(&model.vendor.name);
         }
@@ -268,7 +277,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     remote.warm();
     let steps_in = chosen.get(1).map_or(String::new(), |second| format!(" Fallback: {second}."));
     let name = if *name == *AUTO { auto } else { name.to_owned() };
-    Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]) })
+    Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]), lists_boxes: lists_boxes.unwrap_or(true) })
 }
 
 /// The complete name of a model of which only the model's own part, or only its series, is given: `VENDOR#MODEL`, or the vendor.

@@ -90,6 +90,7 @@ pub(super) fn program(settings: &Settings, name: &str) -> Result<Pointing, CliEr
         sentence: format!("VLM: the program `{}`.", name.strip_prefix(EXEC).unwrap_or(name)),
         latency: None,
         program,
+        lists_boxes: false,
     })
 }
 
@@ -103,6 +104,7 @@ pub(super) fn human() -> Result<Pointing, CliError> {
         sentence: format!("VLM: you. {HELP} `hold`, `resume` and `land` control the drone at any time."),
         latency: None,
         program: None,
+        lists_boxes: false,
     })
 }
 

@@ -12,14 +12,14 @@ use spf_bench::ground::{AnswerRow, Answerer};
 use spf_bench::run::{Plan, RunManifest, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::task::{Task, suite};
 use spf_bench::trial::{Method, Record, VlmUnderTest};
-use spf_bench::tryout::{DotCheck, Findings, page};
+use spf_bench::tryout::{DotCheck, EchoRow, Findings, echo, page};
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::time::duration_from_secs;
 use spf_flight::sim::VlmFactory;
 use spf_vlm::check::{USUAL_CAMERA, Verdict, check as ask_dots};
 use spf_vlm::exec::EXEC;
 use spf_vlm::service::{Fate, RunEnd, Service};
-use spf_vlm::{Paced, Vlm};
+use spf_vlm::{Cancel, Paced, Vlm};
 
 use super::own::LATENCY_S;
 use super::served::{dollars, failure, service, stoppable};
@@ -74,7 +74,7 @@ pub(crate) fn trial(args: &VlmTrial, printer: &mut Printer) -> Result<Exit, CliE
     sentences.iter().for_each(|sentence| printer.log(sentence));
     let mut estimates = Vec::new();
     for name in &names {
-        estimates.extend(Estimate::of_questions(&settings, name, args.questions as usize + 3)?);
+        estimates.extend(Estimate::of_questions(&settings, name, args.questions as usize + 3 + echo::IMAGES * echo::VIEWS)?);
         estimates.extend(Estimate::of_flights(&settings, name, args.flights as usize, &[])?);
     }
     if !agreed(&estimates, args.yes, max_cost.is_some(), printer)? {
@@ -94,7 +94,9 @@ pub(crate) fn trial(args: &VlmTrial, printer: &mut Printer) -> Result<Exit, CliE
     let (source, answerers, rows) = trial.questions(spent_on(&dots), printer)?;
     let spent = spent_on(&dots) + rows.iter().filter_map(|row| row.account.cost_usd).sum::<f64>();
     let records = trial.flights(spent, printer)?;
-    let findings = trial.findings(&dots, &source, &answerers, &rows, &records)?;
+    let spent = spent + records.iter().filter_map(|record| record.cost_usd).sum::<f64>();
+    let echoes = trial.echoes(&source, spent, printer)?;
+    let findings = trial.findings(&dots, &source, &answerers, (&rows, &echoes), &records)?;
     trial.report(&findings, printer)?;
     let total: f64 = findings.iter().filter_map(Findings::cost_usd).sum();
     let end = service.ended();
@@ -163,6 +165,10 @@ fn answering(candidates: &[Candidate], dots: &[DotCheck]) -> Result<Vec<Candidat
 
 fn spent_on(dots: &[DotCheck]) -> f64 {
     dots.iter().filter_map(|dots| dots.account.cost_usd).sum()
+}
+
+fn spent_on_echoes(rows: &[EchoRow]) -> f64 {
+    rows.iter().filter_map(|row| row.account.cost_usd).sum()
 }
 
 impl Trial<'_> {
@@ -267,6 +273,36 @@ impl Trial<'_> {
         Ok((source, answerers, rows))
     }
 
+    /// Shows parts of images one after the other to those that have not seen them, with the history that a flight would have.
+    fn echoes(&self, source: &Source, spent: f64, printer: &Printer) -> Result<Vec<EchoRow>, CliError> {
+        let path = self.args.output.join("echoes.json");
+        let mut all: Vec<EchoRow> =
+            std::fs::read(&path).ok().and_then(|bytes| serde_json::from_slice(&bytes).ok()).unwrap_or_default();
+        self.service.charge(spent_on_echoes(&all));
+        let (prompt, time) = (PromptText::shipped(PromptKind::Point), self.settings.reply_timeout()?);
+        for candidate in self.candidates {
+            for shown in echo::shown(&source.items) {
+                let is_shown = |row: &EchoRow| row.vlm == candidate.name && row.item == shown.0.key;
+                let over = self.max_cost.is_some_and(|most| spent + spent_on_echoes(&all) >= most);
+                if self.stopped() || self.service.is_ended() || over || all.iter().any(is_shown) {
+                    continue;
+                }
+                let mut vlm = self.service.guard((candidate.make)(), &Fate::default());
+                let rows = echo::ask(&candidate.name, &mut vlm, shown, time, &prompt, &Cancel::default());
+                let rows = rows.map_err(|error| CliError::internal("cannot show parts of an image").because(&error))?;
+                if self.stopped() || self.service.is_ended() {
+                    break;
+                }
+                all.extend(rows);
+                write(&path, json(&all)?.as_bytes())?;
+            }
+            let own: Vec<EchoRow> = all.iter().filter(|row| row.vlm == candidate.name).cloned().collect();
+            let rate = echo::repeated(&own);
+            printer.log(&format!("{}: repeats its last point {} of {} times", candidate.name, rate.hits, rate.of));
+        }
+        Ok(all)
+    }
+
     fn dataset(&self, path: &Path) -> Dataset {
         Dataset {
             scene: SCENES.to_owned(),
@@ -336,7 +372,7 @@ impl Trial<'_> {
         dots: &[DotCheck],
         source: &Source,
         answerers: &[Answerer],
-        rows: &[AnswerRow],
+        (rows, echoes): (&[AnswerRow], &[EchoRow]),
         records: &[Record],
     ) -> Result<Vec<Findings>, CliError> {
         let grades = grades(&source.items, answerers, rows, false)
@@ -350,7 +386,7 @@ impl Trial<'_> {
             let dots = dots.iter().find(|dots| dots.vlm == candidate.name).cloned();
             let measures: Measures = report.measures[number].clone();
             let records = records.iter().filter(own).cloned().collect();
-            Findings::of(&candidate.name, dots, &source.items, measures, &grades.by_answerer[number], records)
+            Findings::of(&candidate.name, dots, &source.items, measures, &grades.by_answerer[number], echoes, records)
         };
         Ok(self.candidates.iter().enumerate().map(one).collect())
     }
@@ -372,8 +408,8 @@ impl Trial<'_> {
         let out = self.args.output.join("index.html");
         write(&out, page(findings, &self.command(), &notes).as_bytes())?;
         write(&self.args.output.join("trial.json"), json(&findings)?.as_bytes())?;
-        let head =
-            ["VLM", "DOTS", "HITS", "UNREADABLE", "DONE AT GOAL", "FALSE DONE", "P50 S", "COST $"].map(str::to_owned).to_vec();
+        let head = ["VLM", "DOTS", "HITS", "ECHO", "UNREADABLE", "DONE AT GOAL", "FALSE DONE", "P50 S", "COST $"];
+        let head = head.map(str::to_owned).to_vec();
         let row = |found: &Findings| {
             let hits = found.pointing.hits.map_or("–".to_owned(), |hits| format!("{:.0} %", 100.0 * hits.value));
             let rate = |rate: spf_bench::stats::Rate| format!("{} of {}", rate.hits, rate.of);
@@ -382,6 +418,7 @@ impl Trial<'_> {
                 found.vlm.clone(),
                 found.dots.as_ref().map_or("–", |dots| if dots.good { "good" } else { "BAD" }).to_owned(),
                 hits,
+                rate(found.echo),
                 found.pointing.unreadable.to_string(),
                 rate(found.flights.self_stop),
                 rate(found.flights.false_done),

@@ -50,7 +50,7 @@ fn check(server: &Server, vendor: Vendor) -> Run {
 }
 
 fn profile(order: AxisOrder, scale: Scale) -> GroundingProfile {
-    GroundingProfile { order, scale }
+    GroundingProfile { order, scale, ..GroundingProfile::default() }
 }
 
 const PIXELS: Scale = Scale::Pixels { width: 768, height: 576 };

@@ -256,7 +256,9 @@ impl<'a> Plan<'a> {
     pub(super) fn tells_place(&self) -> bool {
         let Answered { rules, reply, .. } = self.answer;
         let is_on_target = reply.target_box.is_some_and(|area| area.contains(self.point)) && !is_at_edge(self.point);
-        rules.follows(reply) || reply.status == Status::Navigating && rules.keeps_place && is_on_target
+        // Of a point without its depth only the direction is known.
+        let is_placed = reply.label().is_some();
+        is_placed && (rules.follows(reply) || reply.status == Status::Navigating && rules.keeps_place && is_on_target)
     }
 
     /// The step with the sighting of the target, of this stage. `stays`: it comes no nearer.

@@ -15,6 +15,8 @@ const TARGETS: usize = 8;
 pub(super) struct Recollection {
     memory: Memory,
     history: History,
+    /// Whether a model that leaves out the depth by habit has been asked for it.
+    depth_asked: bool,
 }
 
 impl Recollection {
@@ -34,9 +36,17 @@ impl Recollection {
         Memory { confirming, turned, kept_out, ..self.memory.clone() }
     }
 
-    /// Notes whether a reply could be read: what was wrong is stated until there is another reply.
+    /// Notes whether a reply could be read: what was wrong is stated until there is another reply. A missing depth is asked for
+    /// once: whoever leaves it out all the same would be told so each time.
     pub(super) fn parsed(&mut self, parsed: &Result<Reply, ReplyError>) {
-        self.memory.refused = parsed.as_ref().err().map(ReplyError::for_the_model);
+        self.memory.refused = match parsed {
+            Ok(reply) if reply.point.is_some() && reply.label().is_none() => {
+                let is_first = !core::mem::replace(&mut self.depth_asked, true);
+                is_first.then(|| ReplyError::MissingDepth.for_the_model())
+            }
+            Ok(_) => None,
+            Err(error) => Some(error.for_the_model()),
+        };
     }
 
     /// Notes a usable reply about a view, which arrives at `pose`; returns whether it has gone on to another stage.

@@ -272,6 +272,30 @@ fn what_was_wrong_is_told_once() {
     assert!(!third.prompt.contains("could not be used"), "{}", third.prompt);
 }
 
+#[test]
+fn a_depth_that_is_left_out_by_habit_is_asked_for_once_and_never_guessed_to_be_far() {
+    let grounding = GroundingProfile { habit: spf_core::grounding::Habit::List, ..GroundingProfile::default() };
+    let bare = r#"[{"point":[500,500],"label":"red crane"}]"#;
+    let step = |spf: &mut Rig, view: &View| {
+        let (query, step) = told_from(spf, view, bare);
+        assert!(matches!(step, Step::Move(_)), "{step:?}");
+        (query.memory.refused, spf.reading.step.unwrap())
+    };
+    let mut spf = started(SpfSettings { grounding, ..settings(false) });
+    let smallest = StepRule::PAPER.length_of(1.0);
+    assert_eq!(step(&mut spf, &view(0)), (None, smallest));
+    assert!(spf.reading.actions.iter().any(|action| action == "the depth is missing: taken to be the smallest"));
+    assert_eq!(step(&mut spf, &view(1)), (Some("lacked depth".to_owned()), smallest));
+    assert_eq!(step(&mut spf, &view(2)), (None, smallest));
+    // Where the target is known to be there, its range counts; beside it, it does not.
+    let at = |u: f64| View { expected: Expected::InView { at: ImagePoint { u, v: 0.5 }, range: 20.0 }, ..view(3) };
+    let known = StepRule::PAPER.length_of(exact_label_of_range(20.0));
+    assert!(known > smallest);
+    assert_eq!((step(&mut spf, &at(0.55)).1, step(&mut spf, &at(0.8)).1), (known, smallest));
+    // Nobody else may leave it out.
+    assert!(matches!(told(&mut policy(false), 0, bare).1, Step::Reject(_)));
+}
+
 /// A post whose middle is seen now left, now right of the way: the craft passes it on the side on which it began.
 #[test]
 fn a_detour_keeps_its_side_from_answer_to_answer() {
