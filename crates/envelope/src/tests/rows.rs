@@ -492,6 +492,8 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../space/src/avoid/tests.rs"),
         include_str!("../../../space/src/avoid/vertical.rs"),
         include_str!("../../../space/src/avoid/walking.rs"),
+        include_str!("../../../pilot/src/tests/limits.rs"),
+        include_str!("../../../pilot/src/refused.rs"),
         include_str!("../../../baselines/src/pivot/tests.rs"),
         include_str!("../../../cli/tests/it/tello/matrix/mod.rs"),
         include_str!("../../../cli/src/background.rs"),
