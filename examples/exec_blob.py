@@ -89,6 +89,9 @@ def reply(query, **known):
 
 
 def answer(query):
+    if query["kind"] == "declare":
+        # Asked once, before take-off: it points, and lists no obstacles.
+        return {"id": query["id"], "boxes": False}
     words = query["instruction"].lower().split()
     colour = next((word.strip(".,") for word in words if word.strip(".,") in COLOURS), None)
     if colour is None:

@@ -500,7 +500,7 @@ fn has_moved_on(view: &Inputs<'_>) -> bool {
     let memory = &view.query.memory;
     let began = memory.finished.last().filter(|last| last.stage + 1 == memory.stage).map(|last| last.answers_ago as usize);
     let Some(since) = began.and_then(|began| memory.answers.get(memory.answers.len().checked_sub(began)?..)) else { return true };
-    let moved: f64 = since.iter().map(|answer| answer.moved_m).sum();
+    let moved: f64 = since.iter().map(|answer| answer.motion.moved_m).sum();
     since.iter().find_map(|answer| answer.planned_m).is_some_and(|planned| moved >= FLOWN * planned)
         || since.len() == REMEMBERED_ANSWERS
 }

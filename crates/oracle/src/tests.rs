@@ -4,8 +4,8 @@ use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{
-    ActForm, DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, PastAnswer, Query, QueryId, QueryKind,
-    Said,
+    ActForm, DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, Motion, PastAnswer, Query, QueryId,
+    QueryKind, Said,
 };
 use spf_core::reply::{Look, Reply, Status, parse_reply};
 use spf_core::sign::SignView;
@@ -475,9 +475,7 @@ fn a_move_straight_on_counts_once_it_is_flown() {
         planned_m,
         planned_deg: Some(0.0),
         detour: None,
-        moved_m,
-        climbed_m: 0.0,
-        turned_deg: 0.0,
+        motion: Motion { moved_m, ..Motion::default() },
     };
     let mut stage = |answers: Vec<PastAnswer>, answers_ago: u32| {
         query.memory.answers = answers;

@@ -95,7 +95,7 @@ settings! {
         /// setpoints per second, Hz
         rate_hz: f64 = "10", Number(5.0, 100.0), "SPF_RATE_HZ";
         /// obstacle mode, in which the VLM lists obstacles and the craft keeps clear of them: on (also --avoid alone), off, or auto
-        /// (on with the policy spf and the preset default; off with a depth sensor, a prompt file, the VLMs human and exec:, and models
+        /// (on with the policy spf and the preset default; off with a depth sensor, a prompt file, the VLM human, and programs and models
         /// that list no boxes)
         avoid: Switch = "auto", Word, "SPF_AVOID", OBSTACLES.optional("--avoid", "SWITCH", "on");
         /// brake for obstacles that are measured or mapped, whatever the VLM says, and for the boxes of replies while somebody is
@@ -123,8 +123,8 @@ settings! {
         at_end: AtEnd = "", Word, "SPF_AT_END", LIMITS.value("--at-end", "ACTION");
         /// fly a real drone without a terminal, and so without keyboard control; Ctrl-C and SIGTERM land it: {}
         unattended: bool = "false", Word, "SPF_UNATTENDED", LIMITS.switch("--unattended", "true");
-        /// maximum flight time, seconds, not counting manual flight
-        max_time_s: f64 = "180", Number(1.0, 86_400.0), "SPF_MAX_TIME_S", LIMITS.value("--max-time", "S").common();
+        /// maximum flight time, seconds, not counting manual flight; empty: 300, with the preset paper 180
+        max_time_s: f64 = "", Number(1.0, 86_400.0), "SPF_MAX_TIME_S", LIMITS.value("--max-time", "S").common();
         /// maximum number of answers in a row without progress: the drone comes nowhere new (1 m from everywhere before), no later
         /// stage begins, and nobody is followed; with the preset paper of all answers; empty: 30, with paper 60
         max_decisions: u32 = "", Count(1, 100_000), "SPF_MAX_DECISIONS", LIMITS.value("--max-decisions", "N");

@@ -315,7 +315,9 @@ fn a_depth_sensor_turns_on_what_it_is_for() {
 #[test]
 fn boxes_and_an_anchor_are_on_by_default() {
     let lab = Lab::new();
-    std::fs::write(lab.path("model.py"), "import sys\nfor line in sys.stdin: print('{\"status\":\"done\"}', flush=True)\n")
+    std::fs::write(lab.path("model.py"), "import sys\nfor line in sys.stdin: print('{\"id\":0,\"boxes\":false}', flush=True)\n")
+        .unwrap();
+    std::fs::write(lab.path("lists.py"), "import sys\nfor line in sys.stdin: print('{\"status\":\"done\"}', flush=True)\n")
         .unwrap();
     let parts = |flags: &[&str]| {
         let args = [&["fly to the red crane", "--max-queries", "1"][..], flags].concat();
@@ -325,6 +327,8 @@ fn boxes_and_an_anchor_are_on_by_default() {
     };
     assert_eq!(parts(&[]), (true, "boxes".to_owned()));
     assert_eq!(parts(&["--avoid"]), (true, "boxes".to_owned()));
+    // A program lists boxes, as models do, unless it declares before take-off that it does not.
+    assert_eq!(parts(&["--vlm", "exec:python3 lists.py"]), (true, "boxes".to_owned()));
     for off in [&["--avoid=off"][..], &["--preset", "paper"], &["--policy", "plain"], &["--vlm", "exec:python3 model.py"]] {
         assert_eq!(parts(off), (false, "paper".to_owned()), "{off:?}");
     }

@@ -68,7 +68,7 @@ pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -
     let special: Vec<&Kind> = KINDS.iter().filter(|kind| kind.words.iter().any(&has) || kind.phrases.iter().any(&has)).collect();
     let mut lines = Vec::new();
     if special.is_empty() || REACHING.iter().any(has) {
-        lines.push(format!("going to or finding something: it is in view, within {near} m."));
+        lines.push(format!("going to or finding something: it is in view, its nearest part within {near} m."));
     }
     lines.extend(special.iter().map(|kind| match keep {
         Some(keep) if kind.ending == FOLLOWING => {
@@ -91,7 +91,7 @@ mod tests {
         let lines = |instruction: &str| endings(instruction, Some(3.0), None).lines().count();
         assert_eq!(
             endings("Fly to the red crane", Some(3.0), None),
-            "- going to or finding something: it is in view, within 3 m."
+            "- going to or finding something: it is in view, its nearest part within 3 m."
         );
         assert!(endings("go to the door", Some(0.8), None).contains("within 0.8 m"));
         assert!(endings("I am thirsty", None, None).contains("within 3 m"));

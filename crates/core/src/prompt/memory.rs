@@ -3,8 +3,7 @@
 //! flights and checks every sentence against them (`crates/bench/tests/all/sentences.rs`).
 
 use crate::grounding::GroundingProfile;
-use crate::lift::range_of_label;
-use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, PastAnswer, Said, VerticalRoom};
+use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, Motion, PastAnswer, Said, VerticalRoom};
 use crate::reply::one_line;
 
 /// Motions below this are not mentioned, metres and degrees.
@@ -18,8 +17,8 @@ const WORTH_TELLING_CLIMB_M: f64 = 0.3;
 const OTHER_TURN_DEG: f64 = 5.0;
 /// More room than this upwards is not worth telling, metres.
 const FAR_UP_M: f64 = 20.0;
-/// A planned motion is told if less than this part of it was flown.
-const FLOWN_SHORT: f64 = 0.5;
+/// What was flown since the last image is told if it differs by this from what was flown since its answer, metres.
+const MORE_M: f64 = 0.2;
 /// Number of answers in a row that end in nothing, after which the prompt says what else can be answered.
 const BLOCKED_OFTEN: u32 = 2;
 
@@ -34,6 +33,7 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
     }
     let count = memory.answers.len() as u32;
     lines.extend((1..=count).rev().zip(&memory.answers).map(|(number, past)| answer(number, past)));
+    lines.extend(since_image(memory));
     lines.extend(memory.lost.as_ref().map(lost));
     if let Some(turned) = memory.searched_deg.filter(|turned| turned.abs() >= WORTH_TELLING_DEG) {
         lines.push(format!(
@@ -57,7 +57,7 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
         ));
     }
     if let Some(wrong) = &memory.refused {
-        lines.push(format!("Your last answer could not be used: it {}.", one_line(wrong)));
+        lines.push(format!("Your last answer {}.", one_line(wrong)));
     }
     lines.join("\n")
 }
@@ -87,11 +87,9 @@ fn answer(number: u32, past: &PastAnswer) -> String {
         Said::Waiting => "you answered \"waiting\"".to_owned(),
         Said::Blocked => "you answered \"blocked\"".to_owned(),
     };
-    let is_short = |planned: &f64| *planned >= WORTH_TELLING_M && past.moved_m < FLOWN_SHORT * planned;
-    let planned = past.planned_m.filter(is_short);
-    let planned = planned.map_or(String::new(), |planned| format!("; {} m planned", metres(planned)));
     let other = past.planned_deg.filter(|planned| asked.is_some_and(|asked| (planned - asked).abs() > OTHER_TURN_DEG));
-    let other = other.map_or(String::new(), |planned| format!("; {} {} planned", degrees(planned), side(planned)));
+    let other =
+        other.map_or(String::new(), |planned| format!("; {} {} planned, since that was seen", degrees(planned), side(planned)));
     let detour = past.detour.as_ref().map_or(String::new(), |detour| {
         let how = match detour.how {
             DetourKind::Left => "dodged to the left",
@@ -101,37 +99,38 @@ fn answer(number: u32, past: &PastAnswer) -> String {
             DetourKind::Shortened => "cut short",
             DetourKind::Held => "held back",
         };
-        let because = match (&detour.name, detour.depth) {
-            (Some(name), Some(depth)) => {
-                format!(" because of {}, about {} m", quoted(name), metres(range_of_label(f64::from(depth))))
-            }
-            _ => String::new(),
-        };
+        let because = detour.name.as_deref().map_or(String::new(), |name| format!(" because of {}", quoted(name)));
         format!("; {how}{because}")
     });
-    format!("{}: {said}{planned}{other}{detour}; then {}.", ago(number), flown(past, number == 1))
+    // The motion after the last one goes on.
+    let then = if number == 1 { "so far" } else { "then" };
+    format!("{}: {said}{other}{detour}; {then} {}.", ago(number), flown(&past.motion))
 }
 
-/// What was flown after an answer; `last`: until the present frame, so that the motion may only have begun.
-fn flown(past: &PastAnswer, last: bool) -> String {
+/// A motion in words.
+fn flown(motion: &Motion) -> String {
     let mut parts = Vec::new();
-    if past.moved_m >= WORTH_TELLING_M {
-        let climbed = past.climbed_m;
+    if motion.moved_m >= WORTH_TELLING_M {
+        let climbed = motion.climbed_m;
         let of_it = if climbed.abs() >= WORTH_TELLING_CLIMB_M {
             format!(" ({} m {})", metres(climbed.abs()), if climbed > 0.0 { "up" } else { "down" })
         } else {
             String::new()
         };
-        parts.push(format!("{} m flown{of_it}", metres(past.moved_m)));
+        parts.push(format!("{} m flown{of_it}", metres(motion.moved_m)));
     }
-    if past.turned_deg.abs() >= WORTH_TELLING_DEG {
-        parts.push(format!("{} turned {}", degrees(past.turned_deg), side(past.turned_deg)));
+    if motion.turned_deg.abs() >= WORTH_TELLING_DEG {
+        parts.push(format!("{} turned {}", degrees(motion.turned_deg), side(motion.turned_deg)));
     }
-    match (parts.is_empty(), last) {
-        (false, _) => parts.join(", "),
-        (true, true) => "no motion yet".to_owned(),
-        (true, false) => "no motion".to_owned(),
-    }
+    if parts.is_empty() { "no motion".to_owned() } else { parts.join(", ") }
+}
+
+/// What was flown since the last image, if that is more than what was flown since its answer: what one sees of it, where the craft
+/// flies on while it asks.
+fn since_image(memory: &Memory) -> Option<String> {
+    let (since, last) = (memory.since_image?, memory.answers.last()?.motion);
+    let is_more = (since.moved_m - last.moved_m).abs() >= MORE_M || (since.turned_deg - last.turned_deg).abs() >= OTHER_TURN_DEG;
+    is_more.then(|| format!("Since your last image: {}.", flown(&since)))
 }
 
 fn lost(lost: &LostTarget) -> String {

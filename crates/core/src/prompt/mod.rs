@@ -185,14 +185,14 @@ fn field([across, down]: [f64; 2]) -> String {
     format!("The image is {}° wide: a standing person {PERSON_AT_M} m away fills {tall} % of its height.", libm::round(across))
 }
 
-/// `1=1 m, 2=1.7, …, 10=100 or more`.
+/// `1=1 m or less, 2=1.7, …, 10=100 or more`.
 fn scale() -> String {
     let mut text = String::new();
     for label in 1..=DEPTH_LABELS {
         let range = range_of_label(f64::from(label));
         // Models handle about two significant figures.
         let shown = if range < 9.95 { libm::round(range * 10.0) / 10.0 } else { libm::round(range) };
-        let unit = if label == 1 { " m" } else { "" };
+        let unit = if label == 1 { " m or less" } else { "" };
         let end = if label == DEPTH_LABELS { " or more" } else { ", " };
         let _ = write!(text, "{label}={shown}{unit}{end}");
     }
@@ -224,7 +224,8 @@ mod tests {
     use crate::frame::FrameId;
     use crate::grounding::{AxisOrder, Scale};
     use crate::query::{
-        Detour, DetourKind, FinishedPlace, FinishedStage, ImageBox, Look, LostTarget, PastAnswer, QueryId, Said, VerticalRoom,
+        Detour, DetourKind, FinishedPlace, FinishedStage, ImageBox, Look, LostTarget, Motion, PastAnswer, QueryId, Said,
+        VerticalRoom,
     };
     use crate::reply::parse_reply;
 
@@ -250,9 +251,7 @@ mod tests {
             planned_m: Some(3.99),
             planned_deg: Some(-12.4),
             detour: Some(Detour { how: DetourKind::Right, name: Some("person".to_owned()), depth: Some(2) }),
-            moved_m: 2.13,
-            climbed_m: -0.4,
-            turned_deg: 12.2,
+            motion: Motion { moved_m: 2.13, climbed_m: -0.4, turned_deg: 12.2 },
         };
         let unseen = PastAnswer {
             said: Said::NotSeen,
@@ -263,9 +262,7 @@ mod tests {
             planned_m: None,
             planned_deg: Some(-72.0),
             detour: None,
-            moved_m: 0.03,
-            climbed_m: 0.0,
-            turned_deg: -71.8,
+            motion: Motion { moved_m: 0.03, climbed_m: 0.0, turned_deg: -71.8 },
             ..pointed.clone()
         };
         let ended = |target: &str, area: Option<ImageBox>| FinishedStage {
@@ -286,9 +283,10 @@ mod tests {
                 turned_deg: -60.0,
             }),
             finished: vec![ended("the gate", None), ended("the door", Some(area))],
-            refused: Some("lacked boxes".to_owned()),
+            refused: Some("could not be used: it lacked boxes".to_owned()),
             room: Some(VerticalRoom { height: 3.12, error: Some(1.2), down: 2.3, up: 26.4 }),
             blocked: 2,
+            since_image: Some(Motion { moved_m: 3.3, climbed_m: 0.4, turned_deg: -80.0 }),
             confirming: true,
             ..Memory::default()
         };
@@ -302,8 +300,9 @@ mod tests {
 Stage 2 is being worked on.
 Stage 1 ended with your answer 4 answers ago, target "the gate". It is now about 2 m away, 124° left, 31° below the horizon, outside this image.
 Stage 1 ended with your answer 4 answers ago, target "the door". It is now about 2 m away, 124° left, 31° below the horizon.
-2 answers ago: you pointed at "the 'red' crane", 12° left, about 13 m; dodged to the right because of "person", about 1.7 m; then 2.1 m flown (0.4 m down), 12° turned right.
-1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned; then 72° turned left.
+2 answers ago: you pointed at "the 'red' crane", 12° left, about 13 m; dodged to the right because of "person"; then 2.1 m flown (0.4 m down), 12° turned right.
+1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned, since that was seen; so far 72° turned left.
+Since your last image: 3.3 m flown (0.4 m up), 80° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. That direction is now 64° right, outside this image.
 The drone is about 3.1 ± 1.2 m above where it took off; it can go 2.3 m lower.
 You have answered "blocked" 2 times in a row. If it is still so, give an open_way; "waiting" is for somebody who moves, "navigating" for a way that is free now.

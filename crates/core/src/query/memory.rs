@@ -25,6 +25,9 @@ pub struct Memory {
     /// The last usable answers, oldest first, at most [`REMEMBERED_ANSWERS`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub answers: Vec<PastAnswer>,
+    /// What was flown from the image of the last usable answer to this one, part of it before that answer came.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub since_image: Option<Motion>,
     /// Where the target was last pointed at, once an answer has not seen it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lost: Option<LostTarget>,
@@ -34,7 +37,7 @@ pub struct Memory {
     /// Earlier stages, oldest first, at most [`REMEMBERED_ANSWERS`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub finished: Vec<FinishedStage>,
-    /// What was wrong with the answer before, if it could not be used: stated once, in words after "your last answer".
+    /// What was wrong with the answer before: stated once, in words after "your last answer".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// Number of answers in a row, the last ones, that the path is blocked without a way to go instead.
@@ -99,11 +102,19 @@ pub struct PastAnswer {
     /// What obstacle mode did to the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detour: Option<Detour>,
-    /// Straight distance from where the craft was as it arrived to where it was as the next one did, metres.
+    /// What was flown from when it arrived until the next one did.
+    #[serde(flatten)]
+    pub motion: Motion,
+}
+
+/// A motion between two times.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Motion {
+    /// Straight distance, metres.
     pub moved_m: f64,
     /// Of this the height gained, metres, negative if lost.
     pub climbed_m: f64,
-    /// Turn in that time, degrees, clockwise positive.
+    /// Turn, degrees, clockwise positive.
     pub turned_deg: f64,
 }
 

@@ -87,7 +87,7 @@ fn number(line: &str, before: &str, after: &str) -> Option<u32> {
 mod tests {
     use super::*;
     use spf_core::prompt::{PromptInput, point_prompt};
-    use spf_core::query::{LostTarget, PastAnswer, Said};
+    use spf_core::query::{LostTarget, Motion, PastAnswer, Said};
 
     fn remembered() -> Memory {
         let pointed = |target: &str| PastAnswer {
@@ -99,9 +99,7 @@ mod tests {
             planned_m: Some(2.9),
             planned_deg: Some(0.0),
             detour: None,
-            moved_m: 2.5,
-            climbed_m: 0.0,
-            turned_deg: 10.0,
+            motion: Motion { moved_m: 2.5, turned_deg: 10.0, ..Motion::default() },
         };
         let unseen = PastAnswer { said: Said::NotSeen, target: None, ..pointed("") };
         let lost = LostTarget { answers_ago: 2, left_on: Some(Look::Left), bearing_deg: 30.0, in_frame: true, turned_deg: -72.0 };

@@ -31,6 +31,8 @@ pub const EXEC: &str = "exec:";
 const LONGEST_ANSWER: Duration = Duration::from_secs(600);
 /// Time from the start of a program to its first answer during which it is not killed: it may be loading a model.
 const LOADING: Duration = Duration::from_secs(300);
+/// Time that a program has to say before take-off whether its answers list obstacles: it need not have loaded a model for that.
+const DECLARES: Duration = Duration::from_secs(10);
 /// How often a wait looks at the cancellation.
 const LOOK_UP: Duration = Duration::from_millis(10);
 
@@ -166,6 +168,18 @@ impl Exec {
         }
     }
 
+    /// Asks the program whether its answers list obstacles, as obstacle mode needs: `{"id":0,"kind":"declare"}`, answered by
+    /// `{"id":0,"boxes":false}`. Whoever says anything else, or nothing within 10 s, lists them, as models do.
+    #[must_use]
+    pub fn lists_boxes(&self) -> bool {
+        let mut desk = self.desk.lock().unwrap_or_else(PoisonError::into_inner);
+        let program = desk.words.first().cloned().unwrap_or_default();
+        desk.declared().unwrap_or_else(|error| {
+            tracing::debug!(program, "does not declare whether its answers list boxes: {error}");
+            true
+        })
+    }
+
     fn size(&self, camera: (u32, u32)) -> (u32, u32) {
         let rule = ImageRule { long_side: u32::MAX, ..ImageRule::default() };
         rule.sent(camera, self.options.long_side)
@@ -220,6 +234,39 @@ impl Desk {
                 Ok(none.insert(running))
             }
         }
+    }
+
+    /// What the program declares about boxes.
+    fn declared(&mut self) -> Result<bool, VlmError> {
+        let program = self.words.first().cloned().unwrap_or_default();
+        let id = self.next_id;
+        self.next_id += 1;
+        let running = self.running()?;
+        running.send(format!(r#"{{"id":{id},"kind":"declare"}}"#));
+        let began = Instant::now();
+        let waited = loop {
+            match running.next(LOOK_UP) {
+                Some(Said::Line(line)) if line.trim_start().starts_with('{') => {
+                    if let Some(said) = read_reply(&program, id, &line) {
+                        let said: Value = serde_json::from_str(&said?).unwrap_or_default();
+                        return Ok(said["boxes"].as_bool().unwrap_or(true));
+                    }
+                }
+                Some(Said::Line(_)) => {}
+                Some(Said::End) => {
+                    let reason = running.why_ended();
+                    self.running = None;
+                    // Started at once: one that ends again lacks a part that it needs, which is noticed before take-off.
+                    drop(self.running());
+                    return Err(VlmError::Program { program, reason });
+                }
+                None => {}
+            }
+            if began.elapsed() > DECLARES {
+                break began.elapsed();
+            }
+        };
+        Err(VlmError::Deadline { host: program, waited, stage: "it has not declared anything".to_owned() })
     }
 
     fn image(&self, name: &str, jpeg: &[u8]) -> Result<PathBuf, VlmError> {

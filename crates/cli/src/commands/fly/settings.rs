@@ -27,6 +27,8 @@ use crate::settings::{Setting, Settings};
 
 /// Age at which the brake no longer takes a network's depth for what is there, seconds.
 const NETWORK_AGE_S: f64 = 1.5;
+/// Flight time: enough for twenty answers of a model that takes 10 s for each, while the craft holds.
+const FLIGHT_TIME: Duration = Duration::from_secs(300);
 /// Answers in a row without progress: more than a search needs between two places, of two circles with looks up and down.
 const WITHOUT_PROGRESS: u32 = 30;
 /// Queries of a flight, each of which may cost money.
@@ -166,7 +168,7 @@ pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> 
         // For as long as the battery allows.
         if is_person && !setting.is_given() { Ok(LEISURE) } else { Ok(setting.get()?.map_or(most, duration_from_secs)) }
     };
-    method.max_time = time(&fly.max_time_s, method.max_time)?;
+    method.max_time = time(&fly.max_time_s, if preset == Preset::Default { FLIGHT_TIME } else { method.max_time })?;
     method.reply_timeout = time(&fly.reply_timeout_s, method.reply_timeout)?;
     let at_end = fly.at_end.get()?.or(facts.is_attended.then_some(AtEnd::Hover));
     method.at_end = at_end.unwrap_or(method.at_end);
@@ -192,14 +194,17 @@ fn count_answers(settings: &Settings, preset: Preset, method: &mut PilotSettings
 /// What is to be said if obstacle mode is off for no other reason than that the model lists no boxes.
 pub(super) fn without_boxes(settings: &Settings, policy: PolicyKind, facts: &Facts) -> Result<Option<String>, CliError> {
     let vlm = settings.fly.vlm.text_or_default();
-    if is_human(vlm) || vlm.starts_with(EXEC) {
+    if is_human(vlm) {
         return Ok(None);
     }
+    let who = if vlm.starts_with(EXEC) {
+        "this program declares that it lists no obstacles"
+    } else {
+        "models of this family only point"
+    };
     let of = |lists_boxes| method(settings, policy, &Facts { lists_boxes, ..*facts }).map(|method| method.avoid);
     let is_off = of(true)? && !of(facts.lists_boxes)?;
-    Ok(is_off.then(|| {
-        "Obstacle mode is off, because models of this family only point (--avoid on asks for boxes all the same).".to_owned()
-    }))
+    Ok(is_off.then(|| format!("Obstacle mode is off, because {who} (--avoid on asks for boxes all the same).")))
 }
 
 /// The brake of the envelope, if there is one.

@@ -12,11 +12,13 @@ use super::{AHEAD, DONE, KEY};
 use crate::harness::{Lab, Run, rows};
 use crate::python;
 
-/// A program that says AHEAD so many times and then DONE, and tells standard error what it was asked.
+/// A program that lists no boxes, says AHEAD so many times and then DONE, and tells standard error what it was asked.
 fn program(lab: &Lab, ahead: u32) -> String {
     let script = format!(
         "count=0\nwhile read -r line; do\n\
-         id=${{line#*'\"id\":'}}; id=${{id%%,*}}; count=$((count+1)); echo \"asked $id\" >&2\n\
+         id=${{line#*'\"id\":'}}; id=${{id%%,*}}\n\
+         case $line in *declare*) echo '{{\"id\":'$id',\"boxes\":false}}'; continue;; esac\n\
+         count=$((count+1)); echo \"asked $id\" >&2\n\
          if [ $count -le {ahead} ]; then echo '{{\"id\":'$id',{}'; else echo '{{\"id\":'$id',{}'; fi\ndone\n",
         &AHEAD[1..],
         &DONE[1..]
@@ -43,9 +45,10 @@ fn a_program_flies_and_its_answers_take_the_time_that_they_are_said_to_take() {
     times("again", &[]);
     assert_eq!(lab.read("default/decisions.jsonl"), lab.read("again/decisions.jsonl"));
     let shown = lab.spf(&["-v", "fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--out", "shown"]);
-    assert!(shown.stderr.contains("exec: asked 0") && shown.stderr.contains("VLM: the program `sh "), "{}", shown.stderr);
+    assert!(shown.stderr.contains("exec: asked 1") && shown.stderr.contains("VLM: the program `sh "), "{}", shown.stderr);
     let quiet = lab.spf(&["fly", "fly to the red crane", "--vlm", &vlm, "--no-video", "--out", "quiet"]);
     assert!(!quiet.stderr.contains("asked"), "{}", quiet.stderr);
+    assert!(quiet.stderr.contains("Obstacle mode is off, because this program declares"), "{}", quiet.stderr);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::lift::range_of_label;
 use spf_core::panel::Panel;
 use spf_core::query::{
-    Detour, DetourKind, FinishedPlace, FinishedStage, Look, LostTarget, Memory, PastAnswer, REMEMBERED_ANSWERS, Said,
+    Detour, DetourKind, FinishedPlace, FinishedStage, Look, LostTarget, Memory, Motion, PastAnswer, REMEMBERED_ANSWERS, Said,
 };
 use spf_core::reply::{ObstacleBox, Reply, Status};
 use spf_space::avoid::{self, Avoidance};
@@ -45,14 +45,27 @@ pub(super) struct History {
     /// Where the target of the current stage was last pointed at.
     place: Option<Place>,
     path: Path,
+    /// The image of the last usable answer.
+    image: Option<Start>,
 }
 
-/// Where the craft was as an answer arrived.
+/// Where the craft was as an answer arrived, or as its image was taken.
 #[derive(Clone, Copy, Debug)]
 struct Start {
     pose: Pose,
     /// Turned until then, radians.
     turned: f64,
+}
+
+impl Start {
+    /// The motion from there; `turned`: until then, radians.
+    fn motion_to(&self, pose: Pose, turned: f64) -> Motion {
+        Motion {
+            moved_m: self.pose.position.distance(pose.position),
+            climbed_m: pose.position.up - self.pose.position.up,
+            turned_deg: (turned - self.turned).to_degrees(),
+        }
+    }
 }
 
 /// The way of the craft, by its poses at frames and at answers.
@@ -186,6 +199,7 @@ impl History {
     /// Notes a usable answer about a view, which arrives as the craft is at `pose`; `stage` is the one before it.
     pub(super) fn answered(&mut self, (view, pose): (&View, Pose), reply: &Reply, stage: u32) {
         let turned = self.path.turned;
+        self.image = Some(Start { pose: view.pose, turned });
         self.moved_to(pose);
         self.count += 1;
         if let Some(next) = reply.stage {
@@ -254,9 +268,7 @@ impl History {
     fn moved_to(&mut self, pose: Pose) {
         self.path.to(pose);
         let Some((past, from)) = self.answers.back_mut() else { return };
-        past.moved_m = from.pose.position.distance(pose.position);
-        past.climbed_m = pose.position.up - from.pose.position.up;
-        past.turned_deg = (self.path.turned - from.turned).to_degrees();
+        past.motion = from.motion_to(pose, self.path.turned);
     }
 
     /// Fills the memory of a query about `view`.
@@ -271,6 +283,7 @@ impl History {
             place: place.as_ref().and_then(|place| place.seen_from(view, self.path.flown)),
         };
         memory.finished = self.finished.iter().map(finished).collect();
+        memory.since_image = self.image.map(|image| image.motion_to(view.pose, self.path.turned));
         (memory.lost, memory.searched_deg) = (None, None);
         match self.seen {
             Seen::At(PointedAt { answer, bearing, turned, lost: Some(left_on) }) => {
@@ -324,9 +337,7 @@ fn past(view: &View, reply: &Reply, said: Said) -> PastAnswer {
         planned_m: None,
         planned_deg: None,
         detour: None,
-        moved_m: 0.0,
-        climbed_m: 0.0,
-        turned_deg: 0.0,
+        motion: Motion::default(),
     }
 }
 

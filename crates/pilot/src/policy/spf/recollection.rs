@@ -42,10 +42,10 @@ impl Recollection {
         self.memory.refused = match parsed {
             Ok(reply) if reply.point.is_some() && reply.label().is_none() => {
                 let is_first = !core::mem::replace(&mut self.depth_asked, true);
-                is_first.then(|| ReplyError::MissingDepth.for_the_model())
+                is_first.then(|| "lacked depth: without it the drone goes little at a time".to_owned())
             }
             Ok(_) => None,
-            Err(error) => Some(error.for_the_model()),
+            Err(error) => Some(format!("could not be used: it {}", error.for_the_model())),
         };
     }
 

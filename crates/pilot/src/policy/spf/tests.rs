@@ -239,7 +239,7 @@ fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
 fn who_is_followed_is_flown_to_and_a_turn_is_turned() {
     let mut spf = policy(false);
     let (query, step) = told(&mut spf, 0, r#"{"status":"following","point":[500,500],"depth":5,"target":"man"}"#);
-    assert!(query.prompt.contains("in view, within 3 m"), "{}", query.prompt);
+    assert!(query.prompt.contains("in view, its nearest part within 3 m"), "{}", query.prompt);
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 2.0), "{step:?}");
     let (_, step) = told(&mut spf, 1, r#"{"status":"navigating","point":null,"turn_deg":-90,"target":"man"}"#);
     let Step::Move(Move { primitives, then_rest: true, .. }) = step else { panic!("{step:?}") };
@@ -285,7 +285,7 @@ fn a_depth_that_is_left_out_by_habit_is_asked_for_once_and_never_guessed_to_be_f
     let smallest = StepRule::PAPER.length_of(1.0);
     assert_eq!(step(&mut spf, &view(0)), (None, smallest));
     assert!(spf.reading.actions.iter().any(|action| action == "the depth is missing: taken to be the smallest"));
-    assert_eq!(step(&mut spf, &view(1)), (Some("lacked depth".to_owned()), smallest));
+    assert_eq!(step(&mut spf, &view(1)), (Some("lacked depth: without it the drone goes little at a time".to_owned()), smallest));
     assert_eq!(step(&mut spf, &view(2)), (None, smallest));
     // Where the target is known to be there, its range counts; beside it, it does not.
     let at = |u: f64| View { expected: Expected::InView { at: ImagePoint { u, v: 0.5 }, range: 20.0 }, ..view(3) };
