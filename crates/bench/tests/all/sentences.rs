@@ -29,7 +29,7 @@ use spf_space::avoid::Avoidance;
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Vlm};
 
 /// Before the history in a prompt, and what follows it.
-const HEADING: &str = "\nThe drone's record so far (angles from straight ahead; \"then\": from that answer to the next):\n";
+const HEADING: &str = "\nThe drone's record (angles from straight ahead; \"then\": until the next answer):\n";
 
 /// A usable answer, as the test remembers it.
 struct Past {
@@ -170,7 +170,7 @@ impl Reader {
             let turned = self.turned_since(began, decision.pose);
             return turn_is(text.strip_suffix(" in all.").ok_or("no end")?, turned, 360.0).map(|()| "unseen");
         }
-        if let Some(text) = line.strip_prefix("The drone is ") {
+        if let Some(text) = line.strip_prefix("It is ") {
             return self.height(text, decision);
         }
         if let Some(text) = between(line, "Since your last image: ", ".") {
@@ -313,7 +313,7 @@ impl Reader {
             (Status::NotVisible, _, Some(asked)) => format!("you did not see {target}, and asked for a turn of {}", turn(asked)),
             (_, None, asked) => format!("you saw {target} and asked for a turn of {}", turn(asked.unwrap_or(0.0))),
             (_, Some(point), _) => {
-                let prefix = format!("you pointed at {target}, ");
+                let prefix = format!("{target} ");
                 let told = claim.strip_prefix(&prefix).ok_or_else(|| format!("it was {prefix}…"))?;
                 let (direction, range) = told.rsplit_once(", about ").ok_or("no range")?;
                 let right = self.camera.ok_or("no camera")?.ray(point).right;
@@ -395,7 +395,7 @@ impl Reader {
     }
 
     fn height(&self, text: &str, decision: &Decision) -> Result<&'static str, String> {
-        let (height, rest) = text.split_once(" where it took off; it can go ").ok_or("unknown sentence")?;
+        let (height, rest) = text.split_once(" take-off, and can go ").ok_or("unknown sentence")?;
         let (height, side) = height.strip_prefix("about ").and_then(|text| text.split_once(" m ")).ok_or("unknown sentence")?;
         let height = match height.split_once(" ± ") {
             Some((_, error)) if error.parse().is_ok_and(|error: f64| error < 0.3) => return Err("that is no error".to_owned()),

@@ -67,7 +67,7 @@ fn room(room: &VerticalRoom) -> String {
     let side = if room.height < 0.0 && height > 0.0 { "below" } else { "above" };
     let error = room.error.map_or(String::new(), |error| format!(" ± {}", metres(error)));
     let up = if up > FAR_UP_M { String::new() } else { format!(", {up} m higher") };
-    format!("The drone is about {height}{error} m {side} where it took off; it can go {down} m lower{up}.")
+    format!("It is about {height}{error} m {side} take-off, and can go {down} m lower{up}.")
 }
 
 fn answer(number: u32, past: &PastAnswer) -> String {
@@ -76,9 +76,9 @@ fn answer(number: u32, past: &PastAnswer) -> String {
     let turn = asked.map_or(String::new(), |asked| format!("{} {}", degrees(asked), side(asked)));
     let said = match past.said {
         Said::Pointed => {
-            let at = past.bearing_deg.map_or(String::new(), |bearing| format!(", {}", direction(bearing)));
+            let at = past.bearing_deg.map_or(String::new(), |bearing| format!(" {}", direction(bearing)));
             let range = past.range_m.map_or(String::new(), |range| format!(", about {} m", metres(range)));
-            format!("you pointed at {target}{at}{range}")
+            format!("{target}{at}{range}")
         }
         Said::Turn => format!("you saw {target} and asked for a turn of {turn}"),
         Said::NotSeen if turn.is_empty() => format!("you did not see {target}"),

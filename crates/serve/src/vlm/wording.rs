@@ -59,8 +59,7 @@ fn stage(rest: &str) -> Result<u32, &'static str> {
 fn memory(rest: &str) -> Result<Memory, &'static str> {
     let stage = stage(rest)?;
     let targets = rest.lines().filter_map(|line| {
-        let (_, behind) =
-            line.split_once("answer ago: you pointed at \"").or_else(|| line.split_once("answers ago: you pointed at \""))?;
+        let (_, behind) = line.split_once("answer ago: \"").or_else(|| line.split_once("answers ago: \""))?;
         Some(behind.split_once('"')?.0.to_owned())
     });
     let lost = rest.lines().find(|line| line.starts_with("You last pointed at the target "));
