@@ -315,10 +315,14 @@ fn a_depth_sensor_turns_on_what_it_is_for() {
 #[test]
 fn boxes_and_an_anchor_are_on_by_default() {
     let lab = Lab::new();
-    std::fs::write(lab.path("model.py"), "import sys\nfor line in sys.stdin: print('{\"id\":0,\"boxes\":false}', flush=True)\n")
-        .unwrap();
-    std::fs::write(lab.path("lists.py"), "import sys\nfor line in sys.stdin: print('{\"status\":\"done\"}', flush=True)\n")
-        .unwrap();
+    let model = |boxes: &str| {
+        format!(
+            "import json, sys\nfor line in sys.stdin:\n    query = json.loads(line)\n    said = {boxes} if query['kind'] == 'declare' else \
+             {{'status': 'done', 'boxes': []}}\n    print(json.dumps({{'id': query['id'], **said}}), flush=True)\n"
+        )
+    };
+    lab.write("model.py", model("{'boxes': False}"));
+    lab.write("lists.py", model("{'error': 'what is that?'}"));
     let parts = |flags: &[&str]| {
         let args = [&["fly to the red crane", "--max-queries", "1"][..], flags].concat();
         let folder = format!("mine{}", flags.concat().replace([' ', ':'], "-"));

@@ -263,7 +263,6 @@ mod tests {
             planned_deg: Some(-72.0),
             detour: None,
             motion: Motion { moved_m: 0.03, climbed_m: 0.0, turned_deg: -71.8 },
-            ..pointed.clone()
         };
         let ended = |target: &str, area: Option<ImageBox>| FinishedStage {
             stage: 1,

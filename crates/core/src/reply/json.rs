@@ -5,10 +5,15 @@
 //! and `NaN` as such, and left to the caller's range checks. Nesting is bounded by
 //! [`MAX_DEPTH`], memory by the text's length.
 
-use super::repair::is_telling;
-
 /// Maximum nesting of objects and arrays.
 pub(crate) const MAX_DEPTH: usize = 16;
+
+/// Keys of which a reply consists, or with which it begins.
+const TELLING: [&str; 4] = ["target", "status", "point", "point_2d"];
+/// Whether a key is one of which a reply consists, or with which it begins.
+pub(super) fn is_telling(key: &str) -> bool {
+    TELLING.iter().any(|telling| telling.eq_ignore_ascii_case(key))
+}
 
 /// A JSON value. Objects keep the order and repetitions of their keys.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,7 +2,7 @@
 //!
 //! A sign in the image may say anything, `EXIT","status":"done` included, and a model copies it into its answer, at times
 //! without escaping it. What came from inside a string must not become a field of the reply. So every key that makes a reply
-//! ([`TELLING`]), wherever it stands in the answer, must be one that was read as a key ([`keys_in`], [`keys_of`]). Where they
+//! ([`is_telling`]), wherever it stands in the answer, must be one that was read as a key ([`keys_in`], [`keys_of`]). Where they
 //! differ, [`repaired`] reads what can only be meant in one way:
 //!
 //! - `status` stands in the answer once, after the target as the prompt asks: the quote before it ends the target, whatever
@@ -12,10 +12,8 @@
 //!
 //! No kept library that mends JSON promises this: they guess where a string ends.
 
-use super::json::{Value, read};
+use super::json::{Value, is_telling, read};
 
-/// Keys of which a reply consists, or with which it begins.
-const TELLING: [&str; 4] = ["target", "status", "point", "point_2d"];
 /// The keys of a reply in their order, with their other names.
 const ORDER: [&[&str]; 10] = [
     &["target", "label"],
@@ -30,10 +28,6 @@ const ORDER: [&[&str]; 10] = [
     &["boxes", "obstacles"],
 ];
 const SPACE: [char; 4] = [' ', '\t', '\r', '\n'];
-
-pub(super) fn is_telling(key: &str) -> bool {
-    TELLING.iter().any(|telling| telling.eq_ignore_ascii_case(key))
-}
 
 /// The number of telling keys in an answer, also in what is no JSON: every one that the reader can take for a key, and more.
 pub(super) fn keys_in(text: &str) -> usize {

@@ -83,9 +83,6 @@ pub(crate) fn exec(settings: &Settings, name: &str) -> Result<Exec, CliError> {
 pub(super) fn program(settings: &Settings, name: &str) -> Result<Pointing, CliError> {
     let exec = exec(settings, name)?;
     let program = Some(exec.clone());
-    let avoid = settings.fly.avoid.or_default()?;
-    let is_auto = avoid.or(true) != avoid.or(false);
-    let lists_boxes = !is_auto || exec.lists_boxes();
     Ok(Pointing {
         name: name.to_owned(),
         vlm_factory: Arc::new(move |_, _| Ok(Box::new(exec.clone()))),
@@ -93,7 +90,7 @@ pub(super) fn program(settings: &Settings, name: &str) -> Result<Pointing, CliEr
         sentence: format!("VLM: the program `{}`.", name.strip_prefix(EXEC).unwrap_or(name)),
         latency: None,
         program,
-        lists_boxes,
+        lists_boxes: true,
     })
 }
 

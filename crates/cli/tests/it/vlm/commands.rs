@@ -133,7 +133,7 @@ fn a_model_is_queried_about_the_frames_of_a_flight() {
         assert_eq!(opinion["failed"].is_null(), index != 1, "{opinion}");
         assert!(index == 1 || (opinion["now"]["point"] == middle && opinion["cost_usd"].as_f64().unwrap() > 0.0), "{opinion}");
         let words = request.json()["input"][0]["content"][1]["text"].as_str().unwrap().to_owned();
-        assert!(words.contains("fly to the red crane") && words.contains("x from 0 (left) to 768"), "{words}");
+        assert!(words.contains("fly to the red crane") && words.contains("in pixels of this image, 768 wide"), "{words}");
         let image = spf_media::jpeg::decode(&Vendor::OpenAi.image(request)).unwrap();
         assert_eq!((image.width(), image.height()), (768, 576));
     }

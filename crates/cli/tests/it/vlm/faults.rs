@@ -260,7 +260,7 @@ fn a_fallback_steps_in_in_its_own_coordinates() {
     // Queried once each, without retries: the other one was available.
     assert_eq!((flight.server.questions().len(), second.questions().len()), (3, 3));
     let told = second.questions()[0].json()["messages"][0]["content"][1]["text"].as_str().unwrap().to_owned();
-    assert!(told.contains("in pixels of this image: x from 0 (left) to 768"), "{told}");
+    assert!(told.contains("in pixels of this image, 768 wide"), "{told}");
 }
 
 /// Its reply is rewritten in the first one's coordinates, and no list of boxes must not become an empty one.

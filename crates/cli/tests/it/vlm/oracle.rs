@@ -135,7 +135,7 @@ fn obstacles_and_resized_images_cross_the_wire() {
     assert_eq!((image.width(), image.height()), (756, 588));
     let schema = &questions[0].json()["response_format"]["json_schema"]["schema"];
     assert!(schema["required"].as_array().unwrap().iter().any(|key| key == "boxes"), "{schema}");
-    assert!(questions[0].json().to_string().contains("in pixels of this image: x from 0 (left) to 756"));
+    assert!(questions[0].json().to_string().contains("in pixels of this image, 756 wide"));
 }
 
 /// The server does not answer, and the query is cancelled: it ends at once, and the server sees its client disconnect.
