@@ -258,6 +258,9 @@ pub struct Query {
     /// Distance that the drone keeps by itself from a target that it follows, metres; `None` if it flies where the VLM points.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub keep_m: Option<f64>,
+    /// Whether the craft keeps clear of what its sensors measure, whatever the answers list.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub measures: bool,
     /// Region of the image that goes along as a second, enlarged image.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub close_up: Option<ImageBox>,
@@ -283,6 +286,7 @@ impl Query {
             image_size: None,
             near_m: None,
             keep_m: None,
+            measures: false,
             close_up: None,
             field_deg: None,
         }

@@ -937,7 +937,8 @@ impl Pilot {
             self.senses.estimator.commanded(now, *setpoint);
         }
         self.leg.sent(now, &clearance);
-        self.answers.refused.setpoint(self.envelope.limits(), self.leg.wanted, &clearance);
+        let tick = 1.0 / self.settings.rate_hz;
+        self.answers.refused.setpoint(self.envelope.limits(), self.leg.wanted, &clearance, tick);
         self.outbox.change(clearance.changed);
         self.outbox.push(Action::Command(clearance.cleared));
     }

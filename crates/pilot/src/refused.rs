@@ -30,7 +30,7 @@ pub(crate) struct Refused {
     cut: [f64; REFUSING.len()],
 }
 
-/// The motion since the last answer: sums of what was wanted, of what each limit cut off it, and of what anything else did.
+/// The motion since the last answer: sums of what was wanted, of what each limit cut off it, and of what anything else did, metres.
 #[derive(Debug, Default)]
 struct Motion {
     /// Where it began, and at which heading.
@@ -74,12 +74,14 @@ impl Motion {
 
 impl Refused {
     /// Takes a setpoint that was wanted, and what the envelope has left of it.
-    pub(crate) fn setpoint(&mut self, limits: &Limits, wanted: Setpoint, clearance: &ClearedCommand) {
+    /// `seconds`: how long it holds.
+    pub(crate) fn setpoint(&mut self, limits: &Limits, wanted: Setpoint, clearance: &ClearedCommand, seconds: f64) {
         let Some(left) = clearance.setpoint() else { return };
         // What the limits of speed take away is no matter of where the craft may be.
         let wanted = slowed(limits, wanted);
         let (right, forward, up) = (wanted.right - left.right, wanted.forward - left.forward, wanted.up - left.up);
-        self.cut_off(wanted.speed(), Setpoint { right, forward, up, yaw_rate: 0.0 }.speed(), clearance.changed);
+        let cut = Setpoint { right, forward, up, yaw_rate: 0.0 }.speed();
+        self.cut_off(seconds * wanted.speed(), seconds * cut, clearance.changed);
     }
 
     /// Takes a manoeuvre that was wanted, and what the envelope has left of it.
@@ -134,7 +136,12 @@ impl Refused {
                 self.reset();
                 None
             }
-            Step::Move(_) | Step::Goto(_) | Step::Follow(_) | Step::Keep => (self.row >= IN_A_ROW).then(|| self.most()),
+            // Whoever stays with somebody who has left the fence waits there for them.
+            Step::Follow(_) => {
+                self.reset();
+                None
+            }
+            Step::Move(_) | Step::Goto(_) | Step::Keep => (self.row >= IN_A_ROW).then(|| self.most()),
             _ => None,
         }
     }

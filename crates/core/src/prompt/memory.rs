@@ -80,6 +80,7 @@ fn answer(number: u32, past: &PastAnswer) -> String {
             let range = past.range_m.map_or(String::new(), |range| format!(", about {} m", metres(range)));
             format!("{target}{at}{range}")
         }
+        Said::Turn if turn.is_empty() => format!("you saw {target} and asked for a turn of less than {WORTH_TELLING_DEG}°"),
         Said::Turn => format!("you saw {target} and asked for a turn of {turn}"),
         Said::NotSeen if turn.is_empty() => format!("you did not see {target}"),
         Said::NotSeen => format!("you did not see {target}, and asked for a turn of {turn}"),

@@ -36,6 +36,8 @@ pub struct PromptInput<'a> {
     pub profile: &'a GroundingProfile,
     /// Whether obstacle boxes are requested as well.
     pub avoid: bool,
+    /// Whether the craft keeps clear of what its sensors measure.
+    pub measures: bool,
     /// How distances are requested.
     pub depth: DepthAs,
     /// Distance from the target at which the instruction counts as fulfilled, metres; `None` if it is not set.
@@ -53,7 +55,8 @@ impl<'a> PromptInput<'a> {
     #[must_use]
     pub fn new(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile) -> Self {
         let (near_m, keep_m, close_up, field_deg) = (None, None, None, None);
-        Self { instruction, memory, profile, avoid: false, depth: DepthAs::Labels, near_m, keep_m, close_up, field_deg }
+        let (avoid, measures) = (false, false);
+        Self { instruction, memory, profile, avoid, measures, depth: DepthAs::Labels, near_m, keep_m, close_up, field_deg }
     }
 }
 
@@ -112,9 +115,9 @@ impl PromptText {
             QueryKind::Point { avoid, depth } => (avoid, depth),
             _ => (false, DepthAs::Labels),
         };
-        let Query { near_m, keep_m, close_up, field_deg, .. } = *query;
+        let Query { near_m, keep_m, measures, close_up, field_deg, .. } = *query;
         let new = PromptInput::new(&query.instruction, &query.memory, profile);
-        let input = PromptInput { avoid, depth, near_m, keep_m, close_up, field_deg, ..new };
+        let input = PromptInput { avoid, measures, depth, near_m, keep_m, close_up, field_deg, ..new };
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
@@ -139,7 +142,8 @@ impl PromptText {
                 "scale" => scale(),
                 "endings" => endings::endings(input.instruction, input.near_m, input.keep_m),
                 "avoid" => yes_if(input.avoid),
-                "unguarded" => yes_if(!input.avoid),
+                "measures" => yes_if(input.measures && !input.avoid),
+                "unguarded" => yes_if(!input.avoid && !input.measures),
                 "field" => input.field_deg.map_or(String::new(), field),
                 "memory" => memory::remembered(input.memory, input.profile),
                 "close_up" => input.close_up.map_or(String::new(), |area| {
@@ -334,6 +338,8 @@ Your last answer could not be used: it lacked boxes.
         );
         assert!(without.contains("The drone avoids nothing") && !without.contains("own way round"), "{without}");
         assert!(!with.contains("° wide"), "{with}");
+        let measured = point_prompt(&PromptInput { measures: true, ..input("go", &memory, &profile, false) });
+        assert!(measured.contains("The drone finds its own way round what it measures") && !measured.contains("avoids nothing"));
         // A Tello's 43.6° from top to bottom: 1.7 m of 2 · 5 m · tan 21.8°.
         let narrow = text(true, Some([55.9, 43.6]));
         assert!(narrow.contains("\nThe image is 56° wide: a standing person 5 m away fills 43 % of its height.\n"), "{narrow}");

@@ -75,6 +75,7 @@ impl PromptKind {
                 "scale",
                 "endings",
                 "avoid",
+                "measures",
                 "unguarded",
                 "field",
                 "detected",

@@ -46,6 +46,10 @@ pub(crate) struct Scan<T, E> {
     pub(crate) any_json: bool,
     /// Whether the text ended inside a value that was valid so far.
     pub(crate) truncated: bool,
+    /// Whether a thought ended where a value broke off.
+    pub(super) is_torn: bool,
+    /// Where the last accepted value ends.
+    pub(super) accepted_until: usize,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -129,6 +133,8 @@ impl<T, E> Scan<T, E> {
             keys: 0,
             any_json: false,
             truncated: false,
+            is_torn: false,
+            accepted_until: 0,
         }
     }
 
@@ -160,6 +166,8 @@ impl<T, E> Scan<T, E> {
                     } else if byte == b'<' {
                         let rest = &bytes[self.at..];
                         if ENDS.iter().any(|mark| rest.starts_with(mark)) {
+                            // Where a value breaks off, the mark may be of a text that has left its string.
+                            self.is_torn |= self.at < self.nested_until;
                             self.end_thought();
                         } else if BEGINS.iter().any(|mark| rest.starts_with(mark)) {
                             self.mode = Mode::Thought;
@@ -213,6 +221,7 @@ impl<T, E> Scan<T, E> {
         match judge(value, is_nested) {
             Verdict::Accepted(found) => {
                 self.accepted.push(found);
+                self.accepted_until = self.at;
                 self.overruled = None;
             }
             Verdict::Refused(error) if self.accepted.is_empty() => _ = self.refused.get_or_insert(error),
@@ -240,7 +249,8 @@ impl<T, E> Scan<T, E> {
 
     /// What was found so far was a draft.
     fn end_thought(&mut self) {
-        *self = Self { at: self.at, since: self.at, nested_until: self.nested_until, is_quoted: self.is_quoted, ..Self::new() };
+        let Self { at, nested_until, is_quoted, is_torn, .. } = *self;
+        *self = Self { at, since: at, nested_until, is_quoted, is_torn, ..Self::new() };
     }
 }
 

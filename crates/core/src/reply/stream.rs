@@ -5,7 +5,7 @@ use super::parse::{Asked, ReplyError, interpret};
 use super::repair::{keys_in, repaired};
 use super::scan::{MAX_TEXT, Scan, ScanError, Verdict, has_thought};
 use super::{Reply, Status};
-use crate::grounding::GroundingProfile;
+use crate::grounding::{GroundingProfile, Habit};
 
 /// Parses the reply in `text`, in the coordinates of `profile`. `avoid`: it answers a query in obstacle mode, and must have
 /// the list of `boxes` unless it is `done`; an empty list means that there is no obstacle.
@@ -13,7 +13,8 @@ use crate::grounding::GroundingProfile;
 /// `docs/reference/reply.md` lists the accepted deviations: fences and prose around the JSON, an array for the object,
 /// numbers as text, other keys and spellings, coordinates up to 1 % outside. What is before the last end of a thought
 /// is no answer. Of several replies after it the last counts, if all that are valid have the same status. Text copied from the
-/// image into the target becomes no other field, whether or not it is escaped: an answer in which it could is refused.
+/// image into the target of a complete reply becomes no other field, whether or not it is escaped: an answer in which it could is
+/// refused. So is one that goes on behind a reply as the rest of it would.
 ///
 /// ```
 /// use spf_core::grounding::GroundingProfile;
@@ -78,7 +79,7 @@ impl ReplyStream {
         self.scan_to(false);
         // Looked at once, since it reads all of the text.
         if (had_none || since != self.scan.since) && !self.scan.accepted.is_empty() {
-            self.is_clear = self.scan.overruled.is_none() && self.is_all_read();
+            self.is_clear = self.scan.overruled.is_none() && !self.scan.is_torn && self.is_all_read();
         }
     }
 
@@ -109,9 +110,16 @@ impl ReplyStream {
             return Err(ReplyError::TooLong { limit: MAX_TEXT });
         }
         self.scan_to(true);
+        // A text that has left the name of an obstacle, and ended the reply around it, leaves the rest of that reply behind.
+        let has_names = self.scan.accepted.iter().any(|reply| !reply.boxes.is_empty());
+        if self.scan.is_torn || has_names && closes_more_than_it_opens(&self.text[self.scan.accepted_until..]) {
+            return Err(ReplyError::Ambiguous);
+        }
         if self.is_all_read() {
             let answer = &self.text[self.scan.since..];
             return last_of(self.scan).or_else(|error| match error {
+                // Tags within JSON are text.
+                ReplyError::NoReply if self.profile.habit == Habit::Tags => Err(error),
                 ReplyError::NoJson | ReplyError::NoReply => by_habit(answer, &self.profile, self.avoid).unwrap_or(Err(error)),
                 error => Err(error),
             });
@@ -131,6 +139,21 @@ impl ReplyStream {
         let asked = Asked { profile: &self.profile, avoid: self.avoid };
         self.scan.advance(&self.text, ended, |value, nested| interpret(value, asked, nested));
     }
+}
+
+/// Whether a text has the end of a string, and then that of a list or an object that began before it.
+fn closes_more_than_it_opens(text: &str) -> bool {
+    let (mut open, mut is_quoted) = (0_usize, false);
+    text.bytes().any(|byte| {
+        match byte {
+            b'"' | b'\'' => is_quoted = true,
+            b'{' | b'[' => open += 1,
+            b'}' | b']' if open == 0 => return is_quoted,
+            b'}' | b']' => open -= 1,
+            _ => {}
+        }
+        false
+    })
 }
 
 /// The last reply of a complete answer.

@@ -8,7 +8,7 @@
 //! which the policy acts; which of them count is [`PilotSettings::counted`](crate::PilotSettings::counted). A policy that
 //! sends no query therefore makes 0 decisions and leaves no rows in `decisions.jsonl`, and unless it returns `Done` or `Fail`
 //! only `--max-time` ends its flight. Where one limit of place (fence, maximum height, distance) refuses the motion of three
-//! decisions in a row, the fourth ends the flight as aborted; one that turns or looks elsewhere flies on.
+//! decisions in a row, the flight ends as aborted before the next query, or with the next answer unless that turns or looks elsewhere.
 
 mod coverage;
 pub mod search;

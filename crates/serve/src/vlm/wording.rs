@@ -23,7 +23,9 @@ pub(super) struct Wording {
 /// # Errors
 /// What is not understood.
 pub(super) fn read(prompt: &str, (width, height): (u32, u32)) -> Result<Option<Wording>, &'static str> {
-    let Some((_, behind)) = prompt.split_once('«') else { return Ok(None) };
+    // The record before it has names of the model's own, each on a line with other words.
+    let ours = prompt.rsplit_once("\nThe instruction: «").or_else(|| prompt.split_once('«'));
+    let Some((_, behind)) = ours else { return Ok(None) };
     let instruction = behind.split_once('»').ok_or("where the instruction ends (« without »)")?.0;
     // The record comes before the instruction.
     let rest = prompt;
@@ -54,7 +56,7 @@ fn stage(rest: &str) -> Result<u32, &'static str> {
     if let [stage] = stages[..] { Ok(stage) } else { Err("which stage is being worked on") }
 }
 
-/// The history after the instruction. Names given by a model are on one line and in quotation marks, so that none can pass for a
+/// The history. Names given by a model are on one line and in quotation marks, so that none can pass for a
 /// line of its own.
 fn memory(rest: &str) -> Result<Memory, &'static str> {
     let stage = stage(rest)?;

@@ -242,6 +242,7 @@ impl Desk {
         let id = self.next_id;
         self.next_id += 1;
         let running = self.running()?;
+        running.discard();
         running.send(format!(r#"{{"id":{id},"kind":"declare"}}"#));
         let began = Instant::now();
         let waited = loop {

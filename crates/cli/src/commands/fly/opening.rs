@@ -10,12 +10,14 @@ use spf_flight::flight::FlightPlan;
 use spf_pilot::AtEnd;
 
 use super::manual::Manual;
-use super::settings::{Facts, brake, method, method_words, prompt, refuse_contradictions, script, without_boxes};
+use super::settings::{
+    Facts, brake, depends_on_boxes, method, method_words, prompt, refuse_contradictions, script, without_boxes,
+};
 use super::signals::flight_interrupts;
 use super::{Ready, no_keys, page, real, simulated};
 use crate::args::{CameraArgs, Fly};
 use crate::commands::camera::refuse_endless;
-use crate::commands::vlm::{Pace, Pointing, is_human};
+use crate::commands::vlm::{Pace, is_human};
 use crate::commands::{depth_model, detector};
 use crate::error::CliError;
 use crate::printer::{Printer, one_line};
@@ -94,16 +96,6 @@ impl<'a> Carrier<'a> {
     }
 }
 
-/// Whether answers can be expected to list obstacles. A program is asked, where it matters.
-fn lists_boxes(settings: &Settings, pointing: &Pointing) -> Result<bool, CliError> {
-    let avoid = settings.fly.avoid.or_default()?;
-    let is_auto = avoid.or(true) != avoid.or(false);
-    Ok(match &pointing.program {
-        Some(program) if is_auto => program.lists_boxes(),
-        _ => pointing.lists_boxes,
-    })
-}
-
 /// Prepares the flight. All that can be wrong in the command is said before anything is loaded or connected.
 pub(super) fn ready(
     args: &Fly,
@@ -148,10 +140,15 @@ pub(super) fn ready(
     let is_attended = if carrier.is_real() { attended } else { cockpit.is_some() };
     let facts = Facts {
         has_ranges: aboard.has_ranges,
-        lists_boxes: lists_boxes(settings, &pointing)?,
+        lists_boxes: pointing.lists_boxes,
         flies_moves: aboard.flies_moves,
         is_attended,
         pace,
+    };
+    // A program is asked where the answer changes anything.
+    let facts = match &pointing.program {
+        Some(program) if depends_on_boxes(settings, policy, &facts)? => Facts { lists_boxes: program.lists_boxes(), ..facts },
+        _ => facts,
     };
     let method = method(settings, policy, &facts)?;
     let limits = Limits { brake: brake(settings, &method, &facts)?, ..aboard.limits };

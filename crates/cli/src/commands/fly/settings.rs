@@ -191,6 +191,12 @@ fn count_answers(settings: &Settings, preset: Preset, method: &mut PilotSettings
     Ok(())
 }
 
+/// Whether obstacle mode is on if the VLM lists obstacles, and off if it does not.
+pub(super) fn depends_on_boxes(settings: &Settings, policy: PolicyKind, facts: &Facts) -> Result<bool, CliError> {
+    let of = |lists_boxes| method(settings, policy, &Facts { lists_boxes, ..*facts }).map(|method| method.avoid);
+    Ok(of(true)? && !of(false)?)
+}
+
 /// What is to be said if obstacle mode is off for no other reason than that the model lists no boxes.
 pub(super) fn without_boxes(settings: &Settings, policy: PolicyKind, facts: &Facts) -> Result<Option<String>, CliError> {
     let vlm = settings.fly.vlm.text_or_default();
@@ -202,8 +208,7 @@ pub(super) fn without_boxes(settings: &Settings, policy: PolicyKind, facts: &Fac
     } else {
         "models of this family only point"
     };
-    let of = |lists_boxes| method(settings, policy, &Facts { lists_boxes, ..*facts }).map(|method| method.avoid);
-    let is_off = of(true)? && !of(facts.lists_boxes)?;
+    let is_off = !facts.lists_boxes && depends_on_boxes(settings, policy, facts)?;
     Ok(is_off.then(|| format!("Obstacle mode is off, because {who} (--avoid on asks for boxes all the same).")))
 }
 

@@ -73,6 +73,7 @@ impl Asking {
             instruction: self.instruction.clone(),
             near_m: settings.near_m,
             keep_m: rules.kept_m,
+            measures: settings.method.measures_view(),
             image_size: settings.image_size,
             close_up,
             field_deg: Some(field_deg(view)),

@@ -346,7 +346,10 @@ fn detour(camera: &Camera, avoidance: Avoidance, reading: &Reading, boxes: &[Obs
     let (how, by) = match avoidance {
         Avoidance::Clear => return None,
         Avoidance::Shifted { point, by } => {
-            let planned = reading.reply.as_ref().and_then(|reply| reply.point.or(reply.open_way.map(|way| way.point)))?;
+            let reply = reading.reply.as_ref()?;
+            let way = reply.open_way.map(|way| way.point);
+            // What `blocked` points at is not flown to.
+            let planned = if reply.status == Status::Blocked { way } else { reply.point.or(way) }?;
             // In pixels: a fraction of the width is more than the same fraction of the height.
             let across = (point.u - planned.u) * f64::from(camera.width);
             let up = (planned.v - point.v) * f64::from(camera.height);
