@@ -254,7 +254,7 @@ mod tests {
             asked_deg: None,
             planned_m: Some(3.99),
             planned_deg: Some(-12.4),
-            detour: Some(Detour { how: DetourKind::Right, name: Some("person".to_owned()), depth: Some(2) }),
+            detour: Some(Detour { how: DetourKind::Right, name: Some("person".to_owned()) }),
             motion: Motion { moved_m: 2.13, climbed_m: -0.4, turned_deg: 12.2 },
         };
         let unseen = PastAnswer {

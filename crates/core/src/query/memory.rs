@@ -125,8 +125,6 @@ pub struct Detour {
     pub how: DetourKind,
     /// Name of the obstacle; `None` if there was no particular one.
     pub name: Option<String>,
-    /// Its depth label.
-    pub depth: Option<u8>,
 }
 
 /// What obstacle mode does to a plan.

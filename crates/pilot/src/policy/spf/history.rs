@@ -365,5 +365,5 @@ fn detour(camera: &Camera, avoidance: Avoidance, reading: &Reading, boxes: &[Obs
         Avoidance::Hold { by } => (DetourKind::Held, by),
     };
     let obstacle = by.and_then(|by| boxes.get(by));
-    Some(Detour { how, name: obstacle.map(|obstacle| obstacle.name.clone()), depth: obstacle.map(|obstacle| obstacle.depth) })
+    Some(Detour { how, name: obstacle.map(|obstacle| obstacle.name.clone()) })
 }
