@@ -116,7 +116,8 @@ impl Senses {
         Some(view.viewpoint())
     }
 
-    /// How far the height may be off, metres: of a craft whose position wanders by more than a little.
+    /// How far the height may be off, metres: as far as the position, of a craft whose position wanders by more than a little. No
+    /// source tells the two apart.
     pub(crate) fn height_error(&self) -> Option<f64> {
         let error = 2.0 * self.estimator.position_error();
         (!self.estimator.is_dead_reckoned() && error > WANDERS).then_some(error)

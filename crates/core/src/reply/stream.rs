@@ -112,7 +112,7 @@ impl ReplyStream {
         self.scan_to(true);
         // A text that has left the name of an obstacle, and ended the reply around it, leaves the rest of that reply behind.
         let has_names = self.scan.accepted.iter().any(|reply| !reply.boxes.is_empty());
-        if self.scan.is_torn || has_names && closes_more_than_it_opens(&self.text[self.scan.accepted_until..]) {
+        if self.scan.is_torn || has_names && ends_what_began_before(&self.text[self.scan.accepted_until..]) {
             return Err(ReplyError::Ambiguous);
         }
         if self.is_all_read() {
@@ -142,7 +142,7 @@ impl ReplyStream {
 }
 
 /// Whether a text has the end of a string, and then that of a list or an object that began before it.
-fn closes_more_than_it_opens(text: &str) -> bool {
+fn ends_what_began_before(text: &str) -> bool {
     let (mut open, mut is_quoted) = (0_usize, false);
     text.bytes().any(|byte| {
         match byte {
