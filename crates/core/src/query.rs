@@ -3,8 +3,8 @@
 mod memory;
 
 pub use memory::{
-    Detour, DetourKind, FinishedPlace, FinishedStage, LostTarget, Memory, Motion, PastAnswer, REMEMBERED_ANSWERS, Said,
-    VerticalRoom,
+    Detour, DetourKind, FinishedPlace, FinishedStage, LostTarget, Memory, Motion, PastAnswer, REMEMBERED_ANSWERS, ReckonedRange,
+    Said, VerticalRoom,
 };
 
 use schemars::JsonSchema;

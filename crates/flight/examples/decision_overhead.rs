@@ -152,6 +152,7 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
         at_rest: true,
         room: VerticalRoom::default(),
         expected: Expected::Unknown,
+        reckoned: None,
     };
     let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)).step else { return Err("the policy did not ask".into()) };
     let text = vlm.answer(&QueryRequest::new(&query, Duration::from_secs(10)), &mut frame).text?;

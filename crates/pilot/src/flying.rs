@@ -7,7 +7,7 @@ use crate::course::{AT_PLACE, Aim, Course, PLAN_PERIOD, Renewed};
 use crate::event::{Action, Decision, Ending, Note, Outcome, Phase};
 use crate::following::{TrackNews, walks};
 use crate::leg::{State, TURN_ONLY, pose_of, rest_of_plan};
-use crate::policy::{Expected, Goto, Move, Output, PolicyEvent, Step, View};
+use crate::policy::{Expected, Goto, Move, Output, PolicyEvent, Reckoned, Step, View};
 use crate::queries::{Asked, decides};
 use crate::settings::QueryTiming;
 use crate::steering::TargetEstimate;
@@ -30,6 +30,8 @@ use spf_space::planner::{Body, Destination};
 const STEPS_AT_ONCE: usize = 16;
 /// A passed plan is not turned by less than this, radians; the next one turns as well.
 const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
+/// A target is not turned to whose place is nearer than this, metres: its direction is not known.
+const BESIDE: f64 = 1.0;
 /// A motion back by less than this is a correction, metres.
 const BACK: f64 = 0.05;
 /// A vertical search move shorter than this shows nothing new, metres.
@@ -82,9 +84,13 @@ impl Pilot {
         }
         view.room = VerticalRoom { error: self.senses.height_error(), ..self.envelope.room() };
         view.expected = self.expected(now, view.pose);
+        view.reckoned = self.reckoned(now, view.pose);
         let from_rest = self.leg.rest.is_needed || self.settings.think == QueryTiming::Stop;
         let moving = self.leg.is_moving();
         if self.senses.is_used(view.frame.id) || (from_rest && (moving || !view.at_rest)) {
+            return None;
+        }
+        if moving && !self.queries.is_news(now, view.pose) {
             return None;
         }
         if let Some(spent) = self.answers.spent(&self.settings).or_else(|| self.queries.spent(&self.settings)) {
@@ -138,6 +144,13 @@ impl Pilot {
         }
     }
 
+    /// How far the target is from where a frame was taken.
+    fn reckoned(&self, now: Time, pose: Pose) -> Option<Reckoned> {
+        let anchor = self.target.anchor()?;
+        let sight = anchor.seen_from(pose.position, self.senses.odometry_at(now));
+        Some(Reckoned { stage: anchor.stage, range: sight.range, sd: sight.range_sd })
+    }
+
     fn ask(&mut self, now: Time, query: Box<Query>, view: View) {
         let id = query.id;
         match self.queries.open(now, query, view, &self.settings) {
@@ -150,7 +163,7 @@ impl Pilot {
 
     /// Takes the complete reply to a query.
     pub(crate) fn replied(&mut self, now: Time, id: QueryId, text: &str) -> Ended {
-        let asked = self.close(id)?;
+        let asked = self.close(now, id)?;
         // Motion that began as it arrived does not outdate it.
         if let Some(reason) = self.outdated(now, &asked.view).filter(|_| !asked.has_decided) {
             return self.set_aside(now, id, &asked.view, reason);
@@ -167,8 +180,8 @@ impl Pilot {
         self.carry_out(now, output, &asked.view)
     }
 
-    fn close(&mut self, id: QueryId) -> Option<Asked> {
-        let asked = self.queries.close(id);
+    fn close(&mut self, now: Time, id: QueryId) -> Option<Asked> {
+        let asked = self.queries.close(now, id);
         if asked.is_none() {
             self.outbox.note(Note::LateReply(id));
         }
@@ -192,7 +205,7 @@ impl Pilot {
 
     /// Takes the failure of a query.
     pub(crate) fn reply_failed(&mut self, now: Time, id: QueryId, reason: String) -> Ended {
-        let asked = self.close(id)?;
+        let asked = self.close(now, id)?;
         self.give_up(now, id, &asked.view, reason)
     }
 
@@ -291,9 +304,9 @@ impl Pilot {
         following.learn(&asked.view, output);
         if let Some(reply) = &reading.reply {
             self.space.boxes(from, reply);
-            if let Some(listed) = reading.listed.as_ref().filter(|_| !matches!(step, Step::Reject(_))) {
+            if !matches!(step, Step::Reject(_)) {
                 let asked_for = matches!(asked.query.kind, QueryKind::Point { avoid: true, .. });
-                self.space.reply(from, odometry, reply, asked_for.then_some(listed.as_slice()));
+                self.space.reply(from, odometry, reply, asked_for);
             }
         }
         match following.track_reply(asked.query.id, &asked.view, output) {
@@ -364,11 +377,18 @@ impl Pilot {
         }
         let mut output = output;
         for _ in 0..STEPS_AT_ONCE {
-            let is_second_look = output.reading.is_done();
+            let (is_second_look, before_person) = (output.reading.is_done(), output.reading.is_before_person);
             match output.step {
                 Step::Ask(query) => self.ask(now, query, *view),
-                Step::Move(motion) => self.begin_move(now, motion),
-                Step::Goto(goto) => self.begin_lead(now, self.lead(now, &goto)),
+                Step::Move(motion) => {
+                    self.leg.centre = None;
+                    self.begin_move(now, motion);
+                }
+                Step::Goto(goto) => {
+                    let lead = self.lead(now, &goto);
+                    self.leg.centre = Some(goto.place(view));
+                    self.begin_lead(now, lead);
+                }
                 Step::Follow(goto) => self.begin_following(now, &goto),
                 Step::Keep => self.keep_on(now, view),
                 // A second look at somebody who walks: at rest, the craft would lose them.
@@ -386,6 +406,7 @@ impl Pilot {
                 }
                 Step::Fail(reason) => return Some(Ending::given_up(reason)),
             }
+            self.leg.rest.is_needed |= before_person;
             output = self.policy.handle(PolicyEvent::Continue);
         }
         None
@@ -476,7 +497,7 @@ impl Pilot {
             let from = motion.anchor.unwrap_or(known.pose());
             let goal = Goal::of_primitives(from, motion.primitives);
             if self.leg.is_past(now, &known, goal, from.position) {
-                return self.turn_alone(now, goal.heading);
+                return self.turn_past(now, goal.heading);
             }
             // A plan to a place that counts as reached would leave out the turn to it.
             if known.position.distance(goal.position) > AT_PLACE {
@@ -495,7 +516,7 @@ impl Pilot {
                 let goal = Goal::of_primitives(from, motion.primitives);
                 // In closed-loop tests, flying back to a passed goal failed in up to half of the runs.
                 if self.leg.is_past(now, &known, goal, from.position) {
-                    return self.turn_alone(now, goal.heading);
+                    return self.turn_past(now, goal.heading);
                 }
                 if self.settings.motion == Motion::Blended {
                     self.leg.executor.start_goal(now, known, goal);
@@ -512,6 +533,17 @@ impl Pilot {
             _ => executor.start(now, known, motion.primitives),
         }
         self.leg.start(now, State::Moves, motion.then_rest);
+    }
+
+    /// Turns to where a passed plan led, and no farther than to centre what its reply pointed at; a target that is nearer than it is known
+    /// to be is not turned to, which might be anywhere.
+    fn turn_past(&mut self, now: Time, heading: f64) {
+        let at = self.leg.executor.rest_position(now, self.senses.known(now));
+        match self.leg.centre {
+            Some(place) if place.horizontal_distance(at) < BESIDE => self.refuse_move(now),
+            Some(place) => self.turn_alone(now, at.bearing_to(place)),
+            None => self.turn_alone(now, heading),
+        }
     }
 
     /// Turns to the heading of a passed plan where the craft comes to rest: otherwise its target, such as a person

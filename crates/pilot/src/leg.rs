@@ -33,6 +33,8 @@ const HELD_BACK: Duration = Duration::from_secs(10);
 pub(crate) struct Leg {
     pub(crate) executor: Executor,
     pub(crate) state: State,
+    /// The place of what the reply pointed at that is being flown.
+    pub(crate) centre: Option<EnuPosition>,
     /// The move that waits for the end of this one: a queue that is always replaced never climbs.
     pub(crate) pending: Option<Move>,
     pub(crate) rest: Rest,
@@ -107,6 +109,7 @@ impl Leg {
         Self {
             executor,
             state: State::Rest,
+            centre: None,
             pending: None,
             rest: Rest { is_needed: true, since: None, settled: None },
             next_tick: Time::ZERO,

@@ -4,11 +4,17 @@ use std::collections::BTreeMap;
 
 use crate::policy::{Step, View};
 use crate::settings::PilotSettings;
+use spf_core::geometry::{Pose, wrap_angle};
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::time::{Duration, Time};
 
 /// Maximum number of open queries; further ones are cancelled at once.
 const QUERIES_AT_ONCE: usize = 8;
+/// The next query of a craft that flies on waits until its image differs from the last one by one of these: metres, radians (5°); or
+/// for this long after the last answer.
+const MOVED: f64 = 0.3;
+const TURNED: f64 = 5.0 / 180.0 * core::f64::consts::PI;
+const WAITED: Duration = Duration::from_secs(2);
 /// Minimum reply timeout: a query that expires as it is sent would be repeated forever.
 const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
 
@@ -30,6 +36,8 @@ pub(crate) struct Queries {
     sent: u32,
     /// Replies that arrived for queries already cancelled.
     late: u32,
+    /// From where the image of the last query was taken, and when that query was closed.
+    last: Option<(Pose, Time)>,
 }
 
 impl Queries {
@@ -70,6 +78,7 @@ impl Queries {
             return None;
         }
         self.sent += 1;
+        self.last = Some((view.pose, now));
         query.deadline = now + settings.reply_timeout.max(LEAST_TIMEOUT);
         self.open.insert(query.id, Asked { query: query.clone(), view, at: now, has_decided: false });
         Some(query)
@@ -79,9 +88,21 @@ impl Queries {
         self.open.get(&id)
     }
 
+    /// Whether an image taken at `pose` shows a craft that flies on anything new.
+    pub(crate) fn is_news(&self, now: Time, pose: Pose) -> bool {
+        self.last.is_none_or(|(last, closed)| {
+            last.position.distance(pose.position) >= MOVED
+                || wrap_angle(pose.attitude.heading - last.attitude.heading).abs() >= TURNED
+                || now.since(closed) >= WAITED
+        })
+    }
+
     /// Closes the query to which a reply, or its failure, has come. `None`, and counted, if it had been cancelled.
-    pub(crate) fn close(&mut self, id: QueryId) -> Option<Asked> {
+    pub(crate) fn close(&mut self, now: Time, id: QueryId) -> Option<Asked> {
         let asked = self.open.remove(&id);
+        if let Some((_, closed)) = self.last.as_mut().filter(|_| asked.is_some()) {
+            *closed = now;
+        }
         self.late += u32::from(asked.is_none());
         asked
     }

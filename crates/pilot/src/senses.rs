@@ -110,8 +110,8 @@ impl Senses {
             .view
             .is_none_or(|view| frame.captured > view.frame.captured && frame.capture_counter != view.frame.capture_counter);
         let pose = self.camera_pose_at(frame.captured).filter(|_| newer && frame.unusable.is_none())?;
-        let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
-        let view = View { frame, camera: self.camera, pose, at_rest: false, room, expected };
+        let (room, expected, reckoned) = (VerticalRoom::default(), Expected::Unknown, None);
+        let view = View { frame, camera: self.camera, pose, at_rest: false, room, expected, reckoned };
         self.view = Some(view);
         Some(view.viewpoint())
     }

@@ -2,28 +2,30 @@
 
 use divan::{Bencher, black_box};
 use spf_core::camera::Camera;
-use spf_core::geometry::Attitude;
+use spf_core::geometry::Pose;
 use spf_core::lift::Lifting;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::ObstacleBox;
-use spf_space::avoid::{Avoidance, PathShape, PlannedStep, avoid};
+use spf_core::time::Time;
+use spf_space::avoid::{PathShape, PlannedStep, avoid};
+use spf_space::{Obstacle, Viewpoint};
 
 fn main() {
     divan::main();
 }
 
 fn check(bencher: Bencher<'_, '_>, shape: PathShape, boxes: &[ObstacleBox]) {
-    let camera = Camera::quad();
+    let view = Viewpoint { camera: Camera::quad(), pose: Pose::default(), captured: Time::ZERO };
+    let obstacles: Vec<_> = Obstacle::of(&view, boxes).collect();
     let plan = PlannedStep {
-        camera: &camera,
-        attitude: Attitude::default(),
+        view: &view,
         lifting: Lifting::Levelled,
         shape,
         point: ImagePoint { u: 0.5, v: 0.4 },
         step: 4.0,
         dives: true,
     };
-    bencher.bench(|| -> Avoidance { avoid(black_box(&plan), 0.55, black_box(boxes), None, None) });
+    bencher.bench(|| avoid(black_box(&plan), 0.55, black_box(&obstacles), None, None));
 }
 
 #[divan::bench]

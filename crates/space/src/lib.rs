@@ -18,4 +18,4 @@ pub mod views;
 
 pub use mapped::Mapped;
 pub use space::{OWN_SURFACE, Space};
-pub use viewpoint::Viewpoint;
+pub use viewpoint::{Obstacle, Viewpoint};

@@ -11,7 +11,7 @@ use crate::viewpoint::Viewpoint;
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::{Lifting, project_displacement, range_of_label};
 use spf_core::query::ImageBox;
-use spf_core::reply::{ObstacleBox, Reply};
+use spf_core::reply::Reply;
 use spf_core::time::{Duration, Time};
 use spf_motion::odometry::Odometry;
 
@@ -93,9 +93,8 @@ impl Answered {
 pub(crate) struct Shown(VecDeque<Answered>);
 
 impl Shown {
-    /// Takes a reply to a query that asked for what is near: `listed` is what it names itself. Beside that its boxes may hold what
-    /// earlier ones named, which says nothing of how far this one goes.
-    pub(crate) fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply, listed: &[ObstacleBox]) {
+    /// Takes a reply to a query that asked for what is near.
+    pub(crate) fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply) {
         self.expire(from.captured);
         let boxes: Vec<Thing> = reply
             .boxes
@@ -110,8 +109,9 @@ impl Shown {
                 Thing { area: found.area, nearest, farthest: farthest + wide.min(DEEPEST), is_person }
             })
             .collect();
-        let is_full = listed.len() >= FULL_LIST;
-        let farthest = listed
+        let is_full = reply.boxes.len() >= FULL_LIST;
+        let farthest = reply
+            .boxes
             .iter()
             .filter(|found| found.depth > 1)
             .map(|found| range_of_label(f64::from(found.depth) - 0.5))
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use spf_core::camera::Camera;
     use spf_core::geometry::Pose;
-    use spf_core::reply::Status;
+    use spf_core::reply::{ObstacleBox, Status};
 
     /// A body of 0.2 m with 0.2 m around it.
     const AROUND: f64 = 0.4;
@@ -183,7 +183,7 @@ mod tests {
     }
 
     fn take(shown: &mut Shown, reply: &Reply) {
-        shown.reply(from(), Odometry::default(), reply, &reply.boxes);
+        shown.reply(from(), Odometry::default(), reply);
     }
 
     fn is_free(shown: &Shown, at: EnuPosition) -> bool {
@@ -228,14 +228,6 @@ mod tests {
             take(&mut shown, &Reply { boxes, ..Reply::new(Status::NotVisible) });
             shown
         };
-        // What an earlier reply named does not tell how far this one goes, but is there.
-        let mut recalled = Shown::default();
-        let with = |depth: u8| Reply { boxes: vec![thing(0.4, 0.6, depth, "chair")], ..Reply::new(Status::NotVisible) };
-        recalled.reply(from(), Odometry::default(), &with(5), &[]);
-        assert!(!is_free(&recalled, place(0.0, 1.0)));
-        let mut recalled = shown(Vec::new());
-        recalled.reply(from(), Odometry::default(), &with(2), &[]);
-        assert_eq!(recalled.is_free(Time::ZERO, place(0.0, 2.0), AROUND, Odometry::default()), Some(false));
         assert!(!is_free(&unseen(Vec::new()), place(0.0, 1.0)));
         assert!(is_free(&unseen(vec![thing(0.0, 0.1, 4, "chair")]), place(0.0, 3.0)));
     }

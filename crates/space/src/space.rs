@@ -15,7 +15,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
 use spf_core::primitives::Primitives;
 use spf_core::ranges::RangeScan;
-use spf_core::reply::{ObstacleBox, Reply};
+use spf_core::reply::Reply;
 use spf_core::time::Time;
 use spf_motion::odometry::Odometry;
 
@@ -99,12 +99,12 @@ impl Space {
         }
     }
 
-    /// Takes what a reply shows to be free, and its boxes for the brake. `listed` are those that it names itself; `None` if its
-    /// query did not ask for what is near, so that it says nothing of it.
-    pub fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply, listed: Option<&[ObstacleBox]>) {
-        match listed {
-            Some(listed) => self.shown.reply(from, odometry, reply, listed),
-            None => self.shown.expire(from.captured),
+    /// Takes what a reply shows to be free; `asked_for`: whether its query asked for what is near, without which it says nothing of it.
+    pub fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply, asked_for: bool) {
+        if asked_for {
+            self.shown.reply(from, odometry, reply);
+        } else {
+            self.shown.expire(from.captured);
         }
     }
 

@@ -1,4 +1,4 @@
-//! [`Viewpoint`]: from where and when an image was taken.
+//! [`Viewpoint`]: from where and when an image was taken; [`Obstacle`]: what one has shown.
 
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose};
@@ -22,5 +22,21 @@ impl Viewpoint {
     #[must_use]
     pub fn place_of(&self, obstacle: &ObstacleBox) -> EnuPosition {
         Panel::new(&self.camera, self.pose, obstacle.area, obstacle.depth).middle()
+    }
+}
+
+/// Something that a view shows: a box of a reply, and from where it was seen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Obstacle {
+    /// The view.
+    pub from: Viewpoint,
+    /// The box, its depth label, and the name.
+    pub listed: ObstacleBox,
+}
+
+impl Obstacle {
+    /// The boxes of a view.
+    pub fn of(from: &Viewpoint, boxes: &[ObstacleBox]) -> impl Iterator<Item = Self> {
+        boxes.iter().map(|listed| Self { from: *from, listed: listed.clone() })
     }
 }

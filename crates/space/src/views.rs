@@ -5,40 +5,35 @@
 
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
-use spf_core::lift::range_of_label;
+use spf_core::lift::{Lifting, label_of_range, project_displacement, range_of_label};
+use spf_core::panel::Panel;
 use spf_core::query::ImageBox;
 use spf_core::reply::ObstacleBox;
-use spf_core::time::Duration;
+use spf_core::time::{Duration, Time};
 
-use crate::avoid::{self, Motion, ObstacleMemory, Walkers, is_person, same_name};
-use crate::viewpoint::Viewpoint;
+use crate::avoid::{self, Motion, Walkers, is_person, same_name};
+use crate::viewpoint::{Obstacle, Viewpoint};
 
-/// How long obstacles count for climbs and descents after the frame in which they were listed: a person, who walks on, and
-/// whatever else there is, which may leave the view long before the craft climbs beside it.
+/// How long an obstacle counts that has left the image: a person, who walks on, and whatever else there is.
 const PERSON_REMEMBERED: Duration = Duration::from_secs(3);
-const LISTED_COUNTS: Duration = Duration::from_secs(10);
+const REMEMBERED: Duration = Duration::from_secs(20);
 /// What reaches beyond the upper edge of an image may hang over where the image was taken, or ahead of it. However old it is, it
 /// counts until the craft is this much farther from there, horizontally, than its label says, metres.
 const OVERHEAD: f64 = 2.5;
 /// Farther than this label, 2.8 m, it does not hang over a craft that stays where it is.
 const OVERHEAD_LABEL: u8 = 3;
-/// Most views that are kept.
-const MOST_VIEWS: usize = 32;
-
-/// The obstacles that a reply listed, and those of the reply before that it left out.
-#[derive(Clone, Debug)]
-struct Listed {
-    from: Viewpoint,
-    boxes: Vec<ObstacleBox>,
-}
+/// Number of boxes from which on a list may leave out what is farther away.
+const FULL_LIST: usize = 8;
+/// Most obstacles that are kept.
+const MOST: usize = 128;
 
 /// What is known of the surroundings from the views of the last seconds.
 #[derive(Clone, Debug, Default)]
 pub struct Views {
     /// What was listed, oldest first.
-    listed: Vec<Listed>,
-    /// Those of the obstacles that a later reply may leave out.
-    obstacles: ObstacleMemory,
+    obstacles: Vec<Obstacle>,
+    /// When the last view was taken.
+    last: Time,
     /// The persons among them, and how they walk.
     walkers: Walkers,
     /// The keep-out volumes that the operator has marked.
@@ -64,9 +59,9 @@ impl Views {
     }
 
     /// The keep-out volumes as obstacles of an image ([`KeepOut::tiles_in`]).
-    #[must_use]
-    pub fn keep_out_tiles(&self, at: &Viewpoint) -> Vec<ObstacleBox> {
-        self.kept_out.iter().flat_map(|volume| volume.tiles_in(&at.camera, at.pose)).collect()
+    pub fn keep_out_tiles(&self, at: &Viewpoint) -> impl Iterator<Item = Obstacle> {
+        let tiles: Vec<_> = self.kept_out.iter().flat_map(|volume| volume.tiles_in(&at.camera, at.pose)).collect();
+        Obstacle::of(at, &tiles).collect::<Vec<_>>().into_iter()
     }
 
     /// Learns of the persons whom a reply about the image lists, or to whom it leads.
@@ -74,39 +69,46 @@ impl Views {
         self.walkers.observe(&at.camera, at.pose, at.captured, persons);
     }
 
-    /// The obstacles of earlier replies that a reply about the image leaves out though they lie in it
-    /// ([`ObstacleMemory::recall`]); those that it lists are remembered from now on.
-    pub fn recall(&mut self, at: &Viewpoint, listed: &[ObstacleBox], target: Option<&str>) -> Vec<ObstacleBox> {
-        self.obstacles.recall(&at.camera, at.pose, at.captured, listed, target)
+    /// Learns of the obstacles in the image, of which everything up to the depth label `until` is listed, besides what has left it:
+    /// what is still in the image counts no more if it is not listed again.
+    pub fn learn(&mut self, at: &Viewpoint, boxes: &[ObstacleBox], until: Option<u8>) {
+        let farthest = boxes.iter().map(|listed| listed.depth).max().filter(|_| boxes.len() >= FULL_LIST);
+        let until = [until, farthest].into_iter().flatten().min();
+        self.obstacles.retain(|obstacle| obstacle.counts(at, until));
+        // The oldest tell the least.
+        let surplus = (self.obstacles.len() + boxes.len()).saturating_sub(MOST);
+        self.obstacles.drain(..surplus.min(self.obstacles.len()));
+        self.obstacles.extend(Obstacle::of(at, boxes));
+        self.last = at.captured;
     }
 
-    /// Learns of the obstacles in the image, besides those of the seconds before it.
-    pub fn learn(&mut self, at: &Viewpoint, boxes: &[ObstacleBox]) {
-        let now = at.captured;
-        self.listed.retain_mut(|listed| {
-            if listed.from.captured + PERSON_REMEMBERED < now {
-                listed.boxes.retain(|obstacle| !is_person(&obstacle.name));
-            }
-            if listed.from.captured + LISTED_COUNTS < now {
-                let away = listed.from.pose.position.horizontal_distance(at.pose.position);
-                listed.boxes.retain(|obstacle| hangs_over(obstacle, away));
-                return !listed.boxes.is_empty();
-            }
-            true
-        });
-        // The last of the old ones tells the least: those before it were taken from about the same place.
-        while self.listed.len() >= MOST_VIEWS {
-            let is_old = |listed: &Listed| listed.from.captured + LISTED_COUNTS < now || listed.boxes.is_empty();
-            self.listed.remove(self.listed.iter().rposition(is_old).unwrap_or(0));
-        }
-        self.listed.push(Listed { from: *at, boxes: boxes.to_vec() });
+    /// What counts for a step planned from an image: its own obstacles first, then those that have left it, and where those who walk are
+    /// about to be, but for the person `except` ([`Walkers::ahead`]).
+    #[must_use]
+    pub fn obstacles(&self, at: &Viewpoint, except: Option<&ObstacleBox>) -> Vec<Obstacle> {
+        let is_own = |obstacle: &&Obstacle| obstacle.from.captured == at.captured;
+        let own = self.obstacles.iter().filter(is_own);
+        let others = self.obstacles.iter().filter(|obstacle| !is_own(obstacle));
+        own.chain(others).cloned().chain(self.walkers.ahead(at, except)).collect()
+    }
+
+    /// Where those who walk are about to be, as boxes of the image.
+    #[must_use]
+    pub fn walks_ahead(&self, at: &Viewpoint, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
+        let in_view = |place: Obstacle| {
+            let Obstacle { from, listed } = place;
+            let panel = Panel::new(&from.camera, from.pose, listed.area, listed.depth);
+            let (area, range) = panel.seen_from(&at.camera, at.pose)?;
+            Some(ObstacleBox { area, depth: label_of_range(range), ..listed })
+        };
+        self.walkers.ahead(at, except).filter_map(in_view).collect()
     }
 
     /// Whether a climb of `climb` metres on the spot, negative for a descent, stays `clearance` metres away from the obstacles of
     /// all views.
     #[must_use]
     pub fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
-        self.listed.iter().all(|listed| listed.clears(pose, climb, clearance))
+        self.obstacles.iter().all(|obstacle| clears(obstacle, pose, climb, clearance))
     }
 
     /// How a person moves whom the last reply lists.
@@ -119,33 +121,43 @@ impl Views {
     /// `None` if that did not list them.
     #[must_use]
     pub fn closing_speed(&self, at: &Viewpoint, person: &ObstacleBox) -> Option<f64> {
-        let earlier = self.listed.iter().rev().find(|listed| listed.from.captured < at.captured)?;
-        let before = earlier.boxes.iter().find(|other| same_name(&other.name, &person.name))?;
-        let elapsed = at.captured.since(earlier.from.captured).as_secs_f64();
+        let is_before = |obstacle: &&Obstacle| obstacle.from.captured == self.last && self.last < at.captured;
+        let before = self.obstacles.iter().filter(is_before).find(|obstacle| same_name(&obstacle.listed.name, &person.name))?;
+        let elapsed = at.captured.since(self.last).as_secs_f64();
         let distance = |place: EnuPosition| place.horizontal_distance(at.pose.position);
-        (elapsed > 0.0).then(|| (distance(earlier.from.place_of(before)) - distance(at.place_of(person))) / elapsed)
-    }
-
-    /// Where those who walk are about to be, as boxes of the image; all but the person `except` ([`Walkers::ahead`]).
-    #[must_use]
-    pub fn walks_ahead(&self, at: &Viewpoint, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
-        self.walkers.ahead(&at.camera, at.pose, at.captured, except)
+        (elapsed > 0.0).then(|| (distance(before.from.place_of(&before.listed)) - distance(at.place_of(person))) / elapsed)
     }
 }
 
-impl Listed {
-    fn clears(&self, pose: &Pose, climb: f64, clearance: f64) -> bool {
-        let Viewpoint { camera, pose: seen, .. } = self.from;
-        // The same end height, relative to where the view was taken.
-        let from_there = climb + pose.position.up - seen.position.up;
-        let end = EnuPosition { up: pose.position.up + climb, ..pose.position };
-        let way = [pose.position, end].map(|point| seen.position.displacement_to(point, seen.attitude.heading));
-        // What a view from elsewhere shows of the path down must not be an obstacle.
-        let is_seen_free = climb > 0.0 || avoid::is_free(&camera, seen.attitude, &self.boxes, way, clearance);
-        let is_clear =
-            from_there * climb <= 0.0 || avoid::is_clear_vertically(&camera, seen.attitude, &self.boxes, from_there, clearance);
-        is_clear && is_seen_free
+impl Obstacle {
+    /// Whether it still counts where an image is taken in which everything up to the depth label `until` is listed.
+    fn counts(&self, at: &Viewpoint, until: Option<u8>) -> bool {
+        let age = at.captured.since(self.from.captured);
+        let away = self.from.pose.position.horizontal_distance(at.pose.position);
+        let is_person = is_person(&self.listed.name);
+        if age > if is_person { PERSON_REMEMBERED } else { REMEMBERED } {
+            return !is_person && hangs_over(&self.listed, away);
+        }
+        let panel = Panel::new(&self.from.camera, self.from.pose, self.listed.area, self.listed.depth);
+        let middle = at.pose.position.displacement_to(panel.middle(), at.pose.attitude.heading);
+        let is_expected = until.is_none_or(|until| label_of_range(middle.length()) < until);
+        // Of what an edge of the image cuts off, the rest is beside it.
+        let seen = project_displacement(middle, &at.camera, at.pose.attitude, Lifting::Levelled);
+        !(is_expected && seen.is_some_and(|point| point.is_in_image()))
     }
+}
+
+/// Whether a climb on the spot stays clear of an obstacle.
+fn clears(obstacle: &Obstacle, pose: &Pose, climb: f64, clearance: f64) -> bool {
+    let Viewpoint { camera, pose: seen, .. } = obstacle.from;
+    let here = Viewpoint { pose: *pose, ..obstacle.from };
+    // The same end height, relative to where the view was taken.
+    let from_there = climb + pose.position.up - seen.position.up;
+    // What a view from elsewhere shows of the path down must not be an obstacle.
+    let is_seen_free = climb > 0.0 || avoid::is_free(&here, obstacle, climb, clearance);
+    let is_clear = from_there * climb <= 0.0
+        || avoid::is_clear_vertically(&camera, seen.attitude, core::slice::from_ref(&obstacle.listed), from_there, clearance);
+    is_clear && is_seen_free
 }
 
 /// Whether an obstacle of an image may hang over a craft that is `away` metres from where the image was taken.
@@ -171,40 +183,65 @@ mod tests {
     }
 
     #[test]
-    fn a_climb_meets_what_any_view_of_the_last_seconds_shows() {
+    fn a_climb_meets_what_a_view_of_the_last_seconds_has_shown() {
         let mut views = Views::default();
         let clears = |views: &Views, from: Viewpoint, climb: f64| views.clears(&from.pose, climb, 0.5);
-        views.learn(&at(0, 0.0), &[listed(0.0, 0.5, 2, "beam")]);
-        views.learn(&at(1, 0.0), &[]);
-        assert!(!clears(&views, at(1, 0.0), 1.0));
-        assert!(clears(&views, at(1, 0.0), -1.0));
+        views.learn(&at(0, 0.0), &[listed(0.0, 0.5, 2, "beam")], None);
+        // Flown on below it, and past it: the next images do not show it.
+        views.learn(&at(1, 2.0), &[], None);
+        assert!(!clears(&views, at(1, 2.0), 1.0));
+        assert!(clears(&views, at(1, 2.0), -1.0));
         // Overhead it counts at any age, until the craft has flown on: 2.5 m, and the 2.2 m of the label's far edge.
-        views.learn(&at(60, 4.0), &[]);
+        views.learn(&at(60, 4.0), &[], None);
         assert!(!clears(&views, at(60, 4.0), 1.0));
-        views.learn(&at(61, 5.0), &[]);
+        views.learn(&at(61, 5.0), &[], None);
         assert!(clears(&views, at(61, 5.0), 1.0));
+    }
+
+    #[test]
+    fn an_obstacle_counts_while_it_explains_what_is_seen() {
+        let chair = listed(0.4, 0.9, 3, "chair");
+        let counts = |next: Viewpoint, boxes: &[ObstacleBox], until: Option<u8>| {
+            let mut views = Views::default();
+            views.learn(&at(0, 0.0), core::slice::from_ref(&chair), None);
+            views.learn(&next, boxes, until);
+            views.obstacles(&next, None).iter().any(|obstacle| obstacle.listed.name == "chair")
+        };
+        let turned = |seconds: u64| {
+            let mut turned = at(seconds, 0.0);
+            turned.pose.attitude.heading = 2.0;
+            turned
+        };
+        // Still in the image, and not listed: it was no chair.
+        assert!(!counts(at(1, 0.5), &[], None));
+        // The list goes only as far as what is nearer than the target, or as it is long.
+        assert!(counts(at(1, 0.0), &[], Some(2)) && !counts(at(1, 0.0), &[], Some(5)));
+        assert!(counts(at(1, 0.0), &vec![listed(0.0, 0.1, 2, "cone"); 8], None));
+        // Out of the image it counts for 20 s.
+        assert!(counts(turned(1), &[], None) && counts(turned(20), &[], None) && !counts(turned(21), &[], None));
+        assert!(counts(at(5, 4.0), &[], None), "passed");
     }
 
     #[test]
     fn somebody_is_forgotten_before_something() {
         for (name, clears) in [("woman", true), ("pole", false)] {
             let mut views = Views::default();
-            views.learn(&at(0, 0.0), &[listed(0.0, 1.0, 2, name)]);
-            views.learn(&at(4, 0.0), &[]);
+            views.learn(&at(0, 0.0), &[listed(0.0, 1.0, 2, name)], None);
+            views.learn(&at(4, 2.0), &[], None);
             assert_eq!(views.clears(&at(4, 0.0).pose, 1.0, 0.5), clears, "{name}");
         }
     }
 
     #[test]
-    fn at_most_so_many_views_are_kept_and_those_of_the_last_seconds_first() {
+    fn at_most_so_many_obstacles_are_kept_and_those_of_the_last_seconds_first() {
         let mut views = Views::default();
         // All of them hang over the craft, so that age alone drops none.
-        for second in 0..100 {
-            views.learn(&at(second, 0.0), &[listed(0.0, 0.5, 2, "beam")]);
+        for second in 0..200 {
+            views.learn(&at(second, 0.0), &[listed(0.0, 0.5, 2, "beam")], Some(1));
         }
-        assert_eq!(views.listed.len(), MOST_VIEWS);
-        let newest = |nth: usize| views.listed[MOST_VIEWS - 1 - nth].from.captured;
-        assert!((0..10).all(|nth| newest(nth) == at(99 - nth as u64, 0.0).captured));
+        assert_eq!(views.obstacles.len(), MOST);
+        let newest = |nth: usize| views.obstacles[MOST - 1 - nth].from.captured;
+        assert!((0..10).all(|nth| newest(nth) == at(199 - nth as u64, 0.0).captured));
     }
 
     /// From 4.6 m to 2.8 m in 2 s, by the labels.
@@ -213,12 +250,12 @@ mod tests {
         let mut views = Views::default();
         let (before, now) = (listed(0.3, 0.7, 4, "man"), listed(0.2, 0.8, 3, "Man"));
         assert_eq!(views.closing_speed(&at(2, 0.0), &now), None);
-        views.learn(&at(0, 0.0), &[before]);
+        views.learn(&at(0, 0.0), &[before], None);
         let speed = views.closing_speed(&at(2, 0.0), &now).unwrap();
         assert!((speed - 0.9).abs() < 0.05, "{speed}");
         // Of the same instant it tells nothing, and nothing of somebody who was not there.
         assert_eq!(views.closing_speed(&at(0, 0.0), &now), None);
-        views.learn(&at(1, 0.0), &[]);
+        views.learn(&at(1, 0.0), &[], None);
         assert_eq!(views.closing_speed(&at(2, 0.0), &now), None);
     }
 }

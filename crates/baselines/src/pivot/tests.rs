@@ -28,6 +28,7 @@ fn view_towards(frame: u64, heading: f64) -> View {
         pose: Pose { attitude: Attitude { heading, ..Attitude::default() }, ..Pose::default() },
         at_rest: true,
         expected: Expected::Unknown,
+        reckoned: None,
         room: VerticalRoom::default(),
     }
 }

@@ -40,6 +40,7 @@ impl Instructed {
             pose: Pose::default(),
             at_rest: true,
             expected: Expected::Unknown,
+            reckoned: None,
             room: VerticalRoom::default(),
         }))
     }

@@ -172,6 +172,7 @@ fn view(image: &Rgb, number: usize, part: ImageBox) -> View {
         at_rest: true,
         room: VerticalRoom::default(),
         expected: Expected::Unknown,
+        reckoned: None,
     }
 }
 

@@ -3,7 +3,7 @@
 //! flights and checks every sentence against them (`crates/bench/tests/all/sentences.rs`).
 
 use crate::grounding::GroundingProfile;
-use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, Motion, PastAnswer, Said, VerticalRoom};
+use crate::query::{DetourKind, FinishedPlace, Look, LostTarget, Memory, Motion, PastAnswer, ReckonedRange, Said, VerticalRoom};
 use crate::reply::one_line;
 
 /// Motions below this are not mentioned, metres and degrees.
@@ -56,6 +56,14 @@ pub(super) fn remembered(memory: &Memory, profile: &GroundingProfile) -> String 
             memory.blocked
         ));
     }
+    if let Some(ReckonedRange { range_m, sd_m, near_m }) = memory.reckoned {
+        lines.push(format!(
+            "By all your answers the target is {} ± {} m away; within {} m counts.",
+            metres(range_m),
+            metres(sd_m),
+            metres(near_m)
+        ));
+    }
     if let Some(wrong) = &memory.refused {
         lines.push(format!("Your last answer {}.", one_line(wrong)));
     }
@@ -101,7 +109,9 @@ fn answer(number: u32, past: &PastAnswer) -> String {
             DetourKind::Held => "held back",
         };
         let because = detour.name.as_deref().map_or(String::new(), |name| format!(" because of {}", quoted(name)));
-        format!("; {how}{because}")
+        let seen = detour.seen_before_s.map_or(String::new(), |s| format!(", seen {} s before", libm::round(s).max(1.0)));
+        let walks = if detour.walks { ", who walks there" } else { "" };
+        format!("; {how}{because}{seen}{walks}")
     });
     // The motion after the last one goes on.
     let then = if number == 1 { "so far" } else { "then" };

@@ -254,7 +254,12 @@ mod tests {
             asked_deg: None,
             planned_m: Some(3.99),
             planned_deg: Some(-12.4),
-            detour: Some(Detour { how: DetourKind::Right, name: Some("person".to_owned()) }),
+            detour: Some(Detour {
+                how: DetourKind::Right,
+                name: Some("person".to_owned()),
+                seen_before_s: Some(4.2),
+                walks: false,
+            }),
             motion: Motion { moved_m: 2.13, climbed_m: -0.4, turned_deg: 12.2 },
         };
         let unseen = PastAnswer {
@@ -303,7 +308,7 @@ mod tests {
 Stage 2 is being worked on.
 Stage 1 ended with your answer 4 answers ago, target "the gate". It is now about 2 m away, 124° left, 31° below the horizon, outside this image.
 Stage 1 ended with your answer 4 answers ago, target "the door". It is now about 2 m away, 124° left, 31° below the horizon.
-2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person"; then 2.1 m flown (0.4 m down), 12° turned right.
+2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person", seen 4 s before; then 2.1 m flown (0.4 m down), 12° turned right.
 1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned, since that was seen; so far 72° turned left.
 Since your last image: 3.3 m flown (0.4 m up), 80° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. That direction is now 64° right, outside this image.

@@ -43,6 +43,9 @@ pub struct Memory {
     /// Number of answers in a row, the last ones, that the path is blocked without a way to go instead.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub blocked: u32,
+    /// Of a query that confirms a `done`: how far away the target is reckoned to be, if that is too far.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reckoned: Option<ReckonedRange>,
     /// Boxes of places to keep away from, marked by the operator, in the query's image.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub kept_out: Vec<ImageBox>,
@@ -53,6 +56,17 @@ pub struct Memory {
 
 fn is_zero(number: &u32) -> bool {
     *number == 0
+}
+
+/// A distance that is reckoned from all answers that pointed at a target.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct ReckonedRange {
+    /// Metres.
+    pub range_m: f64,
+    /// Its standard deviation, metres.
+    pub sd_m: f64,
+    /// What counts as reached, metres.
+    pub near_m: f64,
 }
 
 /// Number of answers and stages that are remembered.
@@ -125,6 +139,12 @@ pub struct Detour {
     pub how: DetourKind,
     /// Name of the obstacle; `None` if there was no particular one.
     pub name: Option<String>,
+    /// How long before that answer's image it was seen, seconds; `None` if that image shows it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seen_before_s: Option<f64>,
+    /// Whether it is where somebody is about to walk.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub walks: bool,
 }
 
 /// What obstacle mode does to a plan.

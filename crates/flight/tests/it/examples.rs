@@ -84,8 +84,8 @@ fn an_instruction_starts_a_policy_of_one_s_own_over() {
         height: 720,
         unusable: None,
     };
-    let (room, expected) = (VerticalRoom::default(), Expected::Unknown);
-    let view = View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true, room, expected };
+    let (room, expected, reckoned) = (VerticalRoom::default(), Expected::Unknown, None);
+    let view = View { frame, camera: Camera::quad(), pose: Pose::default(), at_rest: true, room, expected, reckoned };
     assert_eq!(square.handle(PolicyEvent::Frame(&view)).step, Step::Done, "its four sides are flown");
     assert_eq!(square.handle(PolicyEvent::Instruction("fly a square")).step, Step::Look);
     assert!(matches!(square.handle(PolicyEvent::Frame(&view)).step, Step::Move(_)));

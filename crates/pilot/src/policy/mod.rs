@@ -18,12 +18,14 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use spf_core::camera::Camera;
+use spf_core::direction::Direction;
 use spf_core::frame::FrameMeta;
-use spf_core::geometry::{BodyDisplacement, Pose};
+use spf_core::geometry::{BodyDisplacement, EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
+use spf_core::lift::range_of_label;
 use spf_core::primitives::Primitives;
 use spf_core::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
-use spf_core::reply::{ObstacleBox, Reply, Status};
+use spf_core::reply::{Reply, Status};
 use spf_space::Viewpoint;
 use spf_space::avoid::Avoidance;
 
@@ -42,6 +44,19 @@ pub struct View {
     pub room: VerticalRoom,
     /// Whether the frame should show the target, as far as its place is known.
     pub expected: Expected,
+    /// How far away the target is, as far as its place is known.
+    pub reckoned: Option<Reckoned>,
+}
+
+/// The distance of a target, from all replies that pointed at it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reckoned {
+    /// The stage of the instruction whose target it is.
+    pub stage: u32,
+    /// Metres.
+    pub range: f64,
+    /// Its standard deviation, metres.
+    pub sd: f64,
 }
 
 impl View {
@@ -232,14 +247,20 @@ pub struct Goto {
     pub clear: f64,
 }
 
+impl Goto {
+    /// The place that the reply pointed at in this view, at the range of its depth label.
+    #[must_use]
+    pub fn place(&self, view: &View) -> EnuPosition {
+        let toward = Direction::of_point(&view.camera, view.pose, self.point);
+        toward.place(view.pose.position, range_of_label(self.label))
+    }
+}
+
 /// A policy's interpretation of a reply. It travels with the step: the pilot learns from it, and it is displayed and recorded.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Reading {
     /// The parsed reply of a `Point` query.
     pub reply: Option<Reply>,
-    /// The obstacles as a reply lists them that was asked for what is near; those of `reply` may be more, of earlier ones.
-    #[serde(skip)]
-    pub listed: Option<Vec<ObstacleBox>>,
     /// The content of any other reply in words: text actions as commands and values, numbers chosen.
     pub actions: Vec<String>,
     /// The point flown to, which differs from the reply's if the path to it was blocked.
@@ -252,8 +273,23 @@ pub struct Reading {
     pub primitives: Option<Primitives>,
     /// The effect of obstacle mode on the waypoint.
     pub avoidance: Option<Avoidance>,
+    /// What it is that is in the way.
+    pub because: Option<Because>,
+    /// Whether somebody stands right ahead: the craft does not fly on while it asks again.
+    pub is_before_person: bool,
     /// Why the reply was rejected.
     pub refused: Option<String>,
+}
+
+/// What is in the way of a step.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Because {
+    /// Its name in the reply that listed it.
+    pub name: String,
+    /// How long before this reply's frame it was seen, seconds; `None` if this reply lists it.
+    pub seen_before_s: Option<f64>,
+    /// Whether it is where somebody is about to walk.
+    pub walks: bool,
 }
 
 impl Reading {

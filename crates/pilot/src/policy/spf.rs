@@ -15,8 +15,9 @@ use spf_core::lift::{Lifting, exact_label_of_range};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::{DepthAs, ImagePoint};
-use spf_core::reply::{ObstacleBox, Reply, Status, one_line, parse_reply};
+use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::step::StepRule;
+use spf_space::Obstacle;
 use spf_space::avoid::{self, PathShape};
 use spf_space::views::Views;
 
@@ -134,7 +135,8 @@ impl Spf {
     fn ask(&mut self, view: &View) -> Step {
         let kept_out = self.views.keep_out_areas(&view.viewpoint());
         let confirming = self.asking.purpose == Purpose::Confirm;
-        let memory = self.recollection.about(view, confirming, self.visibility.turned(), kept_out);
+        let ending = (confirming, self.rules.settings.near_m);
+        let memory = self.recollection.about(view, ending, self.visibility.turned(), kept_out);
         self.asking.ask(&self.rules, view, memory, self.visibility.close_up(&self.rules, view))
     }
 
@@ -150,52 +152,47 @@ impl Spf {
         if reply.status != Status::Done {
             self.asking.purpose = Purpose::Decide;
         }
-        let retreat = self.learn(&query.view, &mut reply, reading);
+        let (retreat, obstacles) = self.learn(&query.view, &mut reply, reading);
         reading.reply = Some(reply.clone());
         if self.recollection.answered(&query.view, pose, &reply) {
             self.visibility.began_stage();
         }
         self.visibility.answered(&query.view, &reply);
-        let answer = Answered { rules: self.rules, query, reply: &reply };
+        let answer = Answered { rules: self.rules, query, reply: &reply, obstacles: &obstacles };
         let step =
             retreat.or_else(|| self.passage.look_aside(&answer, reading)).unwrap_or_else(|| self.decide(answer, before, reading));
-        self.recollection.planned(&query.view.camera, reading, &reply.boxes);
+        self.recollection.planned(&query.view.camera, reading);
         step
     }
 
-    /// Learns from the obstacles of a reply, and adds to them those that count beside them; returns the step back from a person
-    /// who is about to walk into the craft, if there is one.
-    fn learn(&mut self, view: &View, reply: &mut Reply, reading: &mut Reading) -> Option<Step> {
+    /// Learns from the obstacles of a reply; returns the step back from a person who is about to walk into the craft, if there is one,
+    /// and what a step must keep clear of.
+    fn learn(&mut self, view: &View, reply: &mut Reply, reading: &mut Reading) -> (Option<Step>, Vec<Obstacle>) {
         let (rules, at) = (&self.rules, view.viewpoint());
-        let has_boxes = rules.kept_clear != KeptClear::Unchecked;
-        reading.listed = has_boxes.then(|| reply.boxes.clone());
-        if has_boxes && rules.keeps_place {
+        let mut obstacles: Vec<Obstacle> = self.views.keep_out_tiles(&at).collect();
+        if rules.kept_clear == KeptClear::Unchecked {
+            return (None, obstacles);
+        }
+        if rules.keeps_place {
             self.views.learn_persons(&at, &retreat::persons(reply));
         }
         let retreat = self.retreat.is_due(rules, view, reply, &self.views);
+        reading.is_before_person = retreat::is_before_person(view, reply);
         let retreat = retreat.then(|| moves::back_off(view, "backs off from a person who comes nearer", reading));
-        let is_done = reply.status == Status::Done;
-        match rules.kept_clear {
-            // The map remembers what a reply leaves out, in the world.
-            KeptClear::ByPlanner => self.views.learn(&at, &reply.boxes),
-            KeptClear::ByBoxes if !is_done => {
-                let missing = self.views.recall(&at, &reply.boxes, reply.target.as_deref());
-                name_first(reading, "an obstacle from the previous reply still applies", &missing);
-                reply.boxes.extend(missing);
-                self.views.learn(&at, &reply.boxes);
-            }
-            KeptClear::ByBoxes | KeptClear::Unchecked => {}
-        }
-        if has_boxes && !is_done {
+        if reply.status != Status::Done {
+            // What is farther away than the target is not listed.
+            let until = reply.label().filter(|_| reply.status.leads_to_a_point()).map(|label| libm::floor(label) as u8);
+            self.views.learn(&at, &reply.boxes, until);
             // Whom the reply leads to is no obstacle.
-            let ahead = self.views.walks_ahead(&at, retreat::target_person(reply).as_ref());
-            name_first(reading, "keeps clear of where somebody walks", &ahead);
-            reply.boxes.extend(ahead);
+            let target = retreat::target_person(reply);
+            if rules.kept_clear == KeptClear::ByBoxes {
+                obstacles.extend(self.views.obstacles(&at, target.as_ref()));
+            } else {
+                // The map remembers the rest.
+                reply.boxes.extend(self.views.walks_ahead(&at, target.as_ref()));
+            }
         }
-        // Where the others do not count, before them, so that the numbers of those that do are the same.
-        let first = if rules.kept_clear == KeptClear::ByBoxes { reply.boxes.len() } else { 0 };
-        reply.boxes.splice(first..first, self.views.keep_out_tiles(&at));
-        retreat
+        (retreat, obstacles)
     }
 
     fn decide(&mut self, answer: Answered<'_>, before: Before, reading: &mut Reading) -> Step {
@@ -208,7 +205,13 @@ impl Spf {
                 Step::Look
             }
             Status::Blocked => match answer.reply.open_way {
-                Some(way) => self.fly_to(answer, (way.point, f64::from(way.depth)), Before { turned: None, ..before }, reading),
+                Some(way) if self.passage.is_still_open(answer.view(), way.point, reading.is_before_person) => {
+                    self.fly_to(answer, (way.point, f64::from(way.depth)), Before { turned: None, ..before }, reading)
+                }
+                Some(_) => {
+                    reading.actions.push("holds: somebody is near; looks whether the way is still open".to_owned());
+                    Step::Look
+                }
                 None => held_up(answer, reading),
             },
         }
@@ -265,7 +268,7 @@ impl Spf {
     fn fly_to(&mut self, answer: Answered<'_>, to: (ImagePoint, f64), before: Before, reading: &mut Reading) -> Step {
         let mut plan = Plan::new(answer, to, before, &self.views);
         let refusal = plan.check(&self.views).err();
-        reading.avoidance = plan.avoidance;
+        (reading.avoidance, reading.because) = (plan.avoidance, plan.because());
         self.passage.checked(&plan, refusal);
         if plan.yields_to().is_some() || refusal == Some(Refusal::Met) {
             reading.actions.push("does not go to meet a person who walks towards it".to_owned());
@@ -361,13 +364,6 @@ fn held_up(answer: Answered<'_>, reading: &mut Reading) -> Step {
         return Step::Look;
     }
     moves::back_off(answer.view(), "backs off: the way is blocked", reading)
-}
-
-/// Names the first of some obstacles that the reply itself does not list.
-fn name_first(reading: &mut Reading, why: &str, obstacles: &[ObstacleBox]) {
-    if let [first, ..] = obstacles {
-        reading.actions.push(format!("{why}: {}", one_line(&first.name)));
-    }
 }
 
 impl Policy for Spf {

@@ -120,6 +120,9 @@ fn failing_08_an_override_cancels_reply_and_motion_and_an_emergency_cuts_the_mot
         let mut flight = Setup::preset(preset).fly(always(navigate(0.7, 0.5, 10), 1.0));
         flight.until_moving();
         let out = preset == Preset::Default;
+        if out {
+            flight.until_asked(2);
+        }
         let hand = Setpoint { right: 0.0, forward: -0.5, up: 0.0, yaw_rate: 0.0 };
         flight.operator(OperatorEvent::Setpoint(hand));
         let at = flight.now;

@@ -90,6 +90,8 @@ fn a_look_during_a_move_ends_the_move() {
         })
     };
     assert!(moves(&flight).is_some_and(|forward| forward > 0.5), "it flies");
+    // Not right before an answer.
+    flight.until_asked(flight.queries.len() + 1);
     let look =
         Move { primitives: Primitives { climb: -1.0, ..Primitives::default() }, anchor: None, then_rest: true, looks: true };
     let now = flight.now;

@@ -94,7 +94,7 @@ fn a_second_look_at_the_limit_is_taken() {
     let mut refused = 0;
     let mut flight = setup.fly(move |_, seen| {
         refused += u32::from(seen.pose.position.north > 19.0);
-        Answer::After(secs(1.0), if refused > 2 { done() } else { points_at(target(0.0, 60.0, 5.0), seen) })
+        Answer::After(secs(1.0), if refused > 1 { done() } else { points_at(target(0.0, 60.0, 5.0), seen) })
     });
     assert_eq!(flight.end(), Outcome::Reached, "{:?}", flight.finished);
 }

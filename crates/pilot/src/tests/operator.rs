@@ -49,7 +49,11 @@ fn flight(when: When) -> Flight {
             flight.until_asked(1);
             flight.pass(0.5);
         }
-        When::Moving | When::MovingAndAsking => flight.until_moving(),
+        When::Moving => flight.until_moving(),
+        When::MovingAndAsking => {
+            flight.until_moving();
+            flight.until_asked(2);
+        }
         When::Held => {
             flight.until_moving();
             flight.operator(OperatorEvent::Hold);

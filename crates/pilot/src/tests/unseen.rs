@@ -104,12 +104,12 @@ fn where_a_reply_has_shown_a_way_aside_the_craft_backs_off_there() {
     let reply = Reply { target_box, depth: Some(6), ..Reply::new(Status::Navigating) };
     let (from, odometry) = (view.viewpoint(), flight.pilot.senses.odometry_at(view.frame.captured));
     // A reply that was not asked what is near says nothing of it.
-    flight.pilot.space.reply(from, odometry, &reply, None);
+    flight.pilot.space.reply(from, odometry, &reply, false);
     flight.pilot.begin_move(now, back);
     flight.pass(3.0);
     assert!(flight.model.position.distance(start) < 0.1 && limited(&flight) == 2);
     let now = flight.now;
-    flight.pilot.space.reply(from, odometry, &reply, Some(&reply.boxes));
+    flight.pilot.space.reply(from, odometry, &reply, true);
     flight.pilot.begin_move(now, back);
     flight.pass(3.0);
     let end = flight.model.position;

@@ -3,9 +3,10 @@
 use std::collections::VecDeque;
 
 use super::{is_person, same_name};
+use crate::viewpoint::{Obstacle, Viewpoint};
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
-use spf_core::lift::{label_of_range, range_of_label};
+use spf_core::lift::range_of_label;
 use spf_core::panel::Panel;
 use spf_core::query::ImageBox;
 use spf_core::reply::ObstacleBox;
@@ -128,25 +129,23 @@ impl Walkers {
         self.0.iter().find(|person| person.is(listed)).map_or(Motion::Unknown, |person| person.motion)
     }
 
-    /// For each person who walks, save the one of the box `except`, one box around the places where they may be within 3.5 s after
-    /// `captured`, as they appear in the frame taken then at `pose`; with the name of the person, and the depth label of the nearest
-    /// place.
-    #[must_use]
-    pub fn ahead(&self, camera: &Camera, pose: Pose, captured: Time, except: Option<&ObstacleBox>) -> Vec<ObstacleBox> {
-        let swept = |person: &Person| {
+    /// The places where each person who walks may be within 3.5 s after a view, save the one of the box `except`: their box as it would
+    /// be seen from where the camera would have moved instead of them.
+    pub fn ahead(&self, at: &Viewpoint, except: Option<&ObstacleBox>) -> impl Iterator<Item = Obstacle> {
+        let walks = move |person: &Person| {
             let (Motion::Walks(walk), last) = (person.motion, person.seen.back()?) else { return None };
-            let since = captured.since(last.captured);
-            if since > EXPECTED || except.is_some_and(|except| person.is(except)) {
-                return None;
-            }
-            let places = (0..=PLACES).filter_map(|nth| {
-                let time = since + AHEAD_OF_FRAME * nth / PLACES;
-                last.panel.moved(|corner| walk.after(corner, time)).seen_from(camera, pose)
-            });
-            let (area, range) = places.reduce(|(area, range), (other, nearer)| (hull(area, other), range.min(nearer)))?;
-            Some(ObstacleBox { area, depth: label_of_range(range), name: person.name.clone() })
+            let since = at.captured.since(last.captured);
+            let is_expected = since <= EXPECTED && except.is_none_or(|except| !person.is(except));
+            is_expected.then(|| (person.name.clone(), *last, walk, since))
         };
-        self.0.iter().filter_map(swept).collect()
+        let (captured, camera) = (at.captured, at.camera);
+        self.0.iter().filter_map(walks).flat_map(move |(name, last, walk, since)| {
+            (1..=PLACES).map(move |nth| {
+                let position = walk.after(last.pose.position, since + AHEAD_OF_FRAME * nth / PLACES);
+                let from = Viewpoint { camera, captured, pose: Pose { position, ..last.pose } };
+                Obstacle { from, listed: ObstacleBox { area: last.area, depth: last.depth, name: name.clone() } }
+            })
+        })
     }
 }
 
@@ -245,19 +244,11 @@ fn motion_between(first: &Spotted, last: &Spotted) -> Motion {
     Motion::Walks(Walk { east: east * scale, north: north * scale })
 }
 
-fn hull(one: ImageBox, other: ImageBox) -> ImageBox {
-    ImageBox {
-        left: one.left.min(other.left),
-        top: one.top.min(other.top),
-        right: one.right.max(other.right),
-        bottom: one.bottom.max(other.bottom),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use spf_core::geometry::Attitude;
+    use spf_core::lift::label_of_range;
 
     const HALF_WIDTH: f64 = 0.03;
 
@@ -295,12 +286,15 @@ mod tests {
         // They are about to pass in front of a craft at the origin, 6 m away, and not to come nearer.
         let here = EnuPosition { east: 0.4, north: 6.0, up: 0.0 };
         assert!(walk.closing(here, EnuPosition::default()).abs() < 0.4);
-        let [swept] = &walkers.ahead(&camera, last, at(2000), None)[..] else { panic!("nobody walks") };
-        assert!(swept.area.left < again.area.left - 0.2 && (swept.area.right - again.area.right).abs() < 0.02, "{swept:?}");
-        assert_eq!(swept.name, "person in red");
+        let view = |pose, millis| Viewpoint { camera, pose, captured: at(millis) };
+        let places: Vec<_> = walkers.ahead(&view(last, 2000), None).collect();
+        let [.., farthest] = &places[..] else { panic!("nobody walks") };
+        let (from, to) = (view(last, 2000).place_of(&again), farthest.from.place_of(&farthest.listed));
+        assert!((to.east - from.east + 2.8).abs() < 1.2 && (to.north - from.north).abs() < 1.2, "{from:?} {to:?}");
+        assert_eq!((places.len(), farthest.listed.name.as_str()), (7, "person in red"));
         // What is known of the walk ends with what is known of the person.
         walkers.observe(&camera, last, at(7000), &[]);
-        assert!(walkers.ahead(&camera, last, at(7000), None).is_empty());
+        assert_eq!(walkers.ahead(&view(last, 7000), None).count(), 0);
     }
 
     #[test]
@@ -330,6 +324,6 @@ mod tests {
         let seen = ObstacleBox { depth: seen.depth - 1, ..seen };
         walkers.observe(&camera, last, at(1500), std::slice::from_ref(&seen));
         assert_eq!(walkers.motion_of(&seen), Motion::Stands);
-        assert!(walkers.ahead(&camera, last, at(1500), None).is_empty());
+        assert_eq!(walkers.ahead(&Viewpoint { camera, pose: last, captured: at(1500) }, None).count(), 0);
     }
 }

@@ -7,6 +7,8 @@ use spf_core::time::Time;
 
 /// A beam wider than this clears only its middle, radians: 10°.
 const NARROW: f64 = 10.0 / 180.0 * core::f64::consts::PI;
+/// What a beam has hit reaches at least this far above and below it, metres.
+const TALL: f64 = 1.0;
 /// The part of the cells in a direction that is free if all of it counts as free.
 const NEARLY: f64 = 0.9;
 /// Number of sectors around the craft that are read from the map, as `OBSTACLE_DISTANCE` has them.
@@ -26,13 +28,23 @@ impl ObstacleMap {
                 self.ray(pose.position, free.end(pose, 0.0), false);
                 for hit in ray.hits(pose) {
                     // At the hit alone: the ray to it lies beside the middle.
-                    self.ray(hit, hit, true);
+                    self.column(hit);
                 }
             } else {
                 for hit in ray.hits(pose) {
                     self.ray(pose.position, hit, true);
+                    self.column(hit);
                 }
             }
+        }
+    }
+
+    /// Occupies a hit, and what is above and below it: no beam measures whether a wall ends there, and no way leads under one on a guess.
+    fn column(&mut self, hit: EnuPosition) {
+        let cells = libm::round(TALL / CELL) as i32;
+        for nth in -cells..=cells {
+            let place = EnuPosition { up: hit.up + f64::from(nth) * CELL, ..hit };
+            self.ray(place, place, true);
         }
     }
 

@@ -131,8 +131,9 @@ fn back_to(view: &View, target: EnuPosition) -> f64 {
 fn is_way_to(answer: &Answered<'_>, passing: Option<PassingSide>) -> bool {
     let Answered { rules, reply, .. } = answer;
     let (Some(point), Some(label)) = (reply.point, reply.label()) else { return false };
-    let planned = rules.planned(answer.view(), point, rules.settings.step.length_of(label));
-    let outcome = avoid::avoid(&planned, rules.clearance(), &reply.boxes, reply.target.as_deref(), passing);
+    let from = answer.view().viewpoint();
+    let planned = rules.planned(&from, point, rules.settings.step.length_of(label));
+    let (outcome, _) = avoid::avoid(&planned, rules.clearance(), answer.obstacles, reply.target.as_deref(), passing);
     matches!(outcome, Avoidance::Clear | Avoidance::Shifted { .. })
 }
 
@@ -141,10 +142,11 @@ fn way_ahead(answer: &Answered<'_>) -> Option<(ImagePoint, f64)> {
     let Answered { rules, reply, .. } = answer;
     let clearance = rules.clearance();
     let (point, step) = open_ahead(answer.view(), reply)?;
-    let planned = rules.planned(answer.view(), point, step);
-    match avoid::avoid(&planned, clearance, &reply.boxes, None, None) {
+    let from = answer.view().viewpoint();
+    let planned = rules.planned(&from, point, step);
+    match avoid::avoid(&planned, clearance, answer.obstacles, None, None).0 {
         Avoidance::Clear => Some((point, step)),
-        Avoidance::Shifted { point, .. } if !avoid::leads_along_edge(&planned, point, step, clearance) => Some((point, step)),
+        Avoidance::Shifted { point } if !avoid::leads_along_edge(&planned, point, step, clearance) => Some((point, step)),
         Avoidance::Shortened { step, .. } if step >= LEAST => Some((point, step)),
         _ => None,
     }

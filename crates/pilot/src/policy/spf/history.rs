@@ -11,7 +11,7 @@ use spf_core::panel::Panel;
 use spf_core::query::{
     Detour, DetourKind, FinishedPlace, FinishedStage, Look, LostTarget, Memory, Motion, PastAnswer, REMEMBERED_ANSWERS, Said,
 };
-use spf_core::reply::{ObstacleBox, Reply, Status};
+use spf_core::reply::{Reply, Status};
 use spf_space::avoid::{self, Avoidance};
 
 /// Beyond this angle, radians, two frames do not tell whether the turn between them was left or right.
@@ -253,7 +253,7 @@ impl History {
     }
 
     /// Notes what follows from the last answer.
-    pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading, boxes: &[ObstacleBox]) {
+    pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading) {
         let Some((past, _)) = self.answers.back_mut() else { return };
         if let Some(primitives) = reading.primitives {
             let metres = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
@@ -261,7 +261,7 @@ impl History {
             past.planned_deg = Some(primitives.yaw.to_degrees());
             self.path.yaw = primitives.yaw;
         }
-        past.detour = reading.avoidance.and_then(|avoidance| detour(camera, avoidance, reading, boxes));
+        past.detour = reading.avoidance.and_then(|avoidance| detour(camera, avoidance, reading));
     }
 
     /// Measures the motion after the last answer to where the craft is now.
@@ -342,10 +342,10 @@ fn past(view: &View, reply: &Reply, said: Said) -> PastAnswer {
 }
 
 /// What obstacle mode did, in words of the memory; `None` if it left the plan as it was.
-fn detour(camera: &Camera, avoidance: Avoidance, reading: &Reading, boxes: &[ObstacleBox]) -> Option<Detour> {
-    let (how, by) = match avoidance {
+fn detour(camera: &Camera, avoidance: Avoidance, reading: &Reading) -> Option<Detour> {
+    let how = match avoidance {
         Avoidance::Clear => return None,
-        Avoidance::Shifted { point, by } => {
+        Avoidance::Shifted { point } => {
             let reply = reading.reply.as_ref()?;
             let way = reply.open_way.map(|way| way.point);
             // What `blocked` points at is not flown to.
@@ -353,17 +353,21 @@ fn detour(camera: &Camera, avoidance: Avoidance, reading: &Reading, boxes: &[Obs
             // In pixels: a fraction of the width is more than the same fraction of the height.
             let across = (point.u - planned.u) * f64::from(camera.width);
             let up = (planned.v - point.v) * f64::from(camera.height);
-            let how = match (across.abs() >= up.abs(), across < 0.0, up < 0.0) {
+            match (across.abs() >= up.abs(), across < 0.0, up < 0.0) {
                 (true, true, _) => DetourKind::Left,
                 (true, false, _) => DetourKind::Right,
                 (false, _, true) => DetourKind::Down,
                 (false, _, false) => DetourKind::Up,
-            };
-            (how, Some(by))
+            }
         }
-        Avoidance::Shortened { by, .. } => (DetourKind::Shortened, Some(by)),
-        Avoidance::Hold { by } => (DetourKind::Held, by),
+        Avoidance::Shortened { .. } => DetourKind::Shortened,
+        Avoidance::Hold => DetourKind::Held,
     };
-    let obstacle = by.and_then(|by| boxes.get(by));
-    Some(Detour { how, name: obstacle.map(|obstacle| obstacle.name.clone()) })
+    let because = reading.because.as_ref();
+    Some(Detour {
+        how,
+        name: because.map(|because| because.name.clone()),
+        seen_before_s: because.and_then(|because| because.seen_before_s),
+        walks: because.is_some_and(|because| because.walks),
+    })
 }

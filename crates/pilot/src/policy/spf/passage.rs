@@ -5,6 +5,8 @@ use super::aside::Aside;
 use super::plan::{Before, Plan, Refusal, TurnedFirst};
 use super::rules::Rules;
 use crate::policy::{Reading, Step, View};
+use spf_core::geometry::wrap_angle;
+use spf_core::query::ImagePoint;
 use spf_space::avoid::{self, Avoidance, PassingSide, Side};
 
 /// Number of times in a row that a blocked path is answered by holding and querying again before searching for another.
@@ -13,6 +15,9 @@ const BLOCKED_LOOKS: u32 = 3;
 const BLOCKED_AGAIN: u32 = 2;
 /// Number of clear paths in a row after which a detour is over.
 const DETOUR_OVER: u32 = 2;
+
+/// Two ways within this angle are the same, radians: 20°.
+const SAME_WAY: f64 = 20.0 / 180.0 * core::f64::consts::PI;
 
 /// A detour under way.
 #[derive(Clone, Copy, Debug, Default)]
@@ -53,17 +58,29 @@ pub(super) struct Passage {
     aside: Option<Aside>,
     /// The turn towards the path that was flown instead of the last step.
     turned: Option<TurnedFirst>,
+    /// Where the last reply left a way open although somebody was near, radians clockwise from north.
+    open: Option<f64>,
 }
 
 impl Passage {
     pub(super) fn new(rules: &Rules) -> Self {
         let aside = rules.keeps_place.then(Aside::default);
-        Self { detour: DetourSide::default(), blocked: 0, aside, turned: None }
+        Self { detour: DetourSide::default(), blocked: 0, aside, turned: None, open: None }
     }
 
     /// What the decisions before leave for the next plan. Only the very next one follows the turn that was made for it.
     pub(super) fn before(&mut self) -> Before {
         Before { passing: self.detour.passing, turned: self.turned.take() }
+    }
+
+    /// Whether the way that a blocked craft is shown may be flown. With somebody near it has to be open in a second image as well, since
+    /// they may have walked into it.
+    pub(super) fn is_still_open(&mut self, view: &View, way: ImagePoint, somebody_near: bool) -> bool {
+        let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(way).right);
+        let before = self.open.take().filter(|_| somebody_near);
+        let is_open = !somebody_near || before.is_some_and(|before| wrap_angle(bearing - before).abs() < SAME_WAY);
+        self.open = (!is_open).then_some(bearing);
+        is_open
     }
 
     /// Forgets the turn that was made for the next step: it has not shown what lies there, or the step does not follow.
@@ -83,8 +100,8 @@ impl Passage {
         }
         match outcome {
             Avoidance::Clear => self.detour.clear(),
-            Avoidance::Shifted { point, .. } => self.detour.shifted(avoid::side_of(&plan.straight(), point)),
-            Avoidance::Shortened { .. } | Avoidance::Hold { .. } => return,
+            Avoidance::Shifted { point } => self.detour.shifted(avoid::side_of(&plan.straight(), point)),
+            Avoidance::Shortened { .. } | Avoidance::Hold => return,
         }
         if let Some(aside) = &mut self.aside {
             aside.clear();

@@ -3,15 +3,16 @@
 use super::answered::Answered;
 use super::retreat;
 use super::rules::{KeptClear, is_at_edge};
-use crate::policy::{Expected, Goto, Move, Reading, Step, View};
+use crate::policy::{Because, Expected, Goto, Move, Reading, Step, View};
 use spf_core::direction::Direction;
-use spf_core::keep_out::MARKED;
+use spf_core::geometry::BodyDisplacement;
 use spf_core::lift::{self, UnprojectError};
 use spf_core::primitives::Primitives;
 use spf_core::query::ImagePoint;
-use spf_core::reply::{ObstacleBox, Status};
-use spf_space::avoid::{self, Avoidance, MIN_STEP, PassingSide, PlannedStep, Side};
+use spf_core::reply::Status;
+use spf_space::avoid::{self, Avoidance, MIN_STEP, PassingSide, PathShape, PlannedStep, Side};
 use spf_space::views::Views;
+use spf_space::{Obstacle, Viewpoint};
 
 /// Climb with which the craft looks over what blocks its path, metres.
 pub(super) const BLOCKED_CLIMB: f64 = 1.0;
@@ -21,6 +22,8 @@ const LONGER_STEPS: u32 = 8;
 const TURNS_FIRST: u32 = 2;
 /// Nearer than this multiple of the distance to keep, the craft is beside who is followed.
 const BESIDE: f64 = 1.6;
+/// A way this far off the heading is still in sight, as a part of half the field of view.
+const IN_SIGHT: f64 = 0.8;
 /// Angle below which a target is not below the craft, radians: 6°.
 const BELOW: f64 = 6.0 / 180.0 * core::f64::consts::PI;
 
@@ -61,8 +64,12 @@ pub(super) struct Plan<'a> {
     pub(super) point: ImagePoint,
     pub(super) label: f64,
     before: Before,
+    /// From where the image of the reply was taken.
+    from: Viewpoint,
     /// What the obstacles make of it; `None` if nothing is checked.
     pub(super) avoidance: Option<Avoidance>,
+    /// The obstacle in the way.
+    by: Option<&'a Obstacle>,
     /// The point flown to.
     pub(super) waypoint: ImagePoint,
     /// Distance along the optical axis that the obstacles leave, metres.
@@ -109,7 +116,7 @@ fn stays_beside(plan: &Plan<'_>, _: &Views) -> Verdict {
 }
 
 fn is_blocked(plan: &Plan<'_>, _: &Views) -> Verdict {
-    let is_blocked = matches!(plan.avoidance, Some(Avoidance::Hold { .. }));
+    let is_blocked = plan.avoidance == Some(Avoidance::Hold);
     if is_blocked { Verdict::Refused(Refusal::Blocked) } else { Verdict::Fly }
 }
 
@@ -136,7 +143,7 @@ fn leads_along_edge(plan: &Plan<'_>, _: &Views) -> Verdict {
     if plan.avoidance.is_none() || stays {
         return Verdict::Fly;
     }
-    let planned = rules.planned(plan.view(), plan.point, plan.step);
+    let planned = rules.planned(&plan.from, plan.point, plan.step);
     if !avoid::leads_along_edge(&planned, plan.waypoint, plan.step, rules.clearance()) {
         return Verdict::Fly;
     }
@@ -150,19 +157,20 @@ impl<'a> Plan<'a> {
     /// The step towards a point, led around what the obstacles of the reply leave no room for.
     pub(super) fn new(answer: Answered<'a>, (point, label): (ImagePoint, f64), before: Before, views: &Views) -> Self {
         let step = answer.rules.settings.step.length_of(label);
-        let plan = Self { answer, point, label, before, avoidance: None, waypoint: point, step, yields_to: None };
+        let from = answer.view().viewpoint();
+        let plan = Self { answer, point, label, before, from, avoidance: None, by: None, waypoint: point, step, yields_to: None };
         if answer.rules.kept_clear != KeptClear::ByBoxes && !views.has_keep_out() {
             return plan;
         }
-        let planned = plan.answer.rules.planned(plan.view(), point, step);
-        let target = answer.reply.target.as_deref();
-        let outcome = avoid::avoid(&planned, answer.rules.clearance(), &plan.counted(), target, before.passing);
+        let planned = plan.answer.rules.planned(&plan.from, point, step);
+        let (target, obstacles) = (answer.reply.target.as_deref(), plan.counted());
+        let (outcome, by) = avoid::avoid(&planned, answer.rules.clearance(), obstacles, target, before.passing);
         let (waypoint, step) = match outcome {
-            Avoidance::Shifted { point, .. } => (point, step),
-            Avoidance::Shortened { step: shorter, .. } => (point, shorter),
-            Avoidance::Clear | Avoidance::Hold { .. } => (point, step),
+            Avoidance::Shifted { point } => (point, step),
+            Avoidance::Shortened { step: shorter } => (point, shorter),
+            Avoidance::Clear | Avoidance::Hold => (point, step),
         };
-        let plan = Self { avoidance: Some(outcome), ..plan };
+        let plan = Self { avoidance: Some(outcome), by: by.and_then(|by| obstacles.get(by)), ..plan };
         // Beside somebody, the craft keeps looking at them.
         if stays_beside(&plan, views) == Verdict::Fly { Self { waypoint, step, ..plan } } else { plan }
     }
@@ -199,7 +207,7 @@ impl<'a> Plan<'a> {
     /// The planned step without obstacles.
     pub(super) fn straight(&self) -> PlannedStep<'_> {
         let Answered { rules, .. } = &self.answer;
-        rules.planned(self.view(), self.point, rules.settings.step.length_of(self.label))
+        rules.planned(&self.from, self.point, rules.settings.step.length_of(self.label))
     }
 
     /// The motions of the step (paper §3.3, §3.4), written into the reading; `turns`: nothing is flown of it but the turn.
@@ -211,7 +219,7 @@ impl<'a> Plan<'a> {
         (reading.waypoint, reading.step) = (Some(self.waypoint), Some(self.length()));
         let lifting = self.answer.rules.settings.lifting;
         let displacement = lift::lift(lift::unproject(camera, self.waypoint, self.length())?, camera, pose.attitude, lifting);
-        let mut primitives = Primitives::from_displacement(displacement);
+        let mut primitives = self.facing(displacement).unwrap_or(Primitives::from_displacement(displacement));
         reading.displacement = Some(displacement);
         if turns {
             primitives = Primitives { yaw: primitives.yaw, ..Primitives::default() };
@@ -221,6 +229,27 @@ impl<'a> Plan<'a> {
         Ok(primitives)
     }
 
+    /// The same motion with the camera towards the target that is flown around, as long as it then still looks along the way; `None`
+    /// otherwise, and where one motion follows the other.
+    fn facing(&self, displacement: BodyDisplacement) -> Option<Primitives> {
+        let Answered { rules, reply, .. } = self.answer;
+        let dodges = self.waypoint != self.point && reply.status.leads_to_a_point();
+        if !dodges || rules.settings.shape != PathShape::Straight {
+            return None;
+        }
+        let View { camera, pose, .. } = self.view();
+        let ray = lift::unproject(camera, self.point, 1.0).ok()?;
+        let target = Primitives::from_displacement(lift::lift(ray, camera, pose.attitude, rules.settings.lifting));
+        let straight = Primitives::from_displacement(displacement);
+        let aside = straight.yaw - target.yaw;
+        (aside.abs() < IN_SIGHT * camera.half_fov().0).then(|| Primitives {
+            yaw: target.yaw,
+            forward: straight.forward * libm::cos(aside),
+            right: straight.forward * libm::sin(aside),
+            climb: straight.climb,
+        })
+    }
+
     /// The motion of the step.
     pub(super) fn motion(&self, primitives: Primitives) -> Move {
         // An open direction is flown to its end.
@@ -228,11 +257,17 @@ impl<'a> Plan<'a> {
         Move { primitives, anchor: Some(self.view().pose), then_rest, looks: false }
     }
 
-    /// The obstacles that count: what the operator has marked does in any case.
-    fn counted(&self) -> Vec<ObstacleBox> {
-        let Answered { rules, reply, .. } = &self.answer;
-        let counts = |obstacle: &&ObstacleBox| rules.kept_clear == KeptClear::ByBoxes || obstacle.name == MARKED;
-        reply.boxes.iter().filter(counts).cloned().collect()
+    /// The obstacles that count.
+    fn counted(&self) -> &'a [Obstacle] {
+        self.answer.obstacles
+    }
+
+    /// What is in the way.
+    pub(super) fn because(&self) -> Option<Because> {
+        let Obstacle { from, listed } = self.by?;
+        let age = self.from.captured.since(from.captured).as_secs_f64();
+        let walks = from.captured == self.from.captured && from.pose != self.from.pose;
+        Some(Because { name: listed.name.clone(), seen_before_s: (age > 0.0).then_some(age), walks })
     }
 
     /// How far the obstacles leave the straight path clear, metres along the optical axis: the longest step towards the point, up
@@ -246,7 +281,7 @@ impl<'a> Plan<'a> {
         let longer = (0..LONGER_STEPS).map(|nth| half + (self.step - half) * f64::from(nth) / f64::from(LONGER_STEPS));
         let is_clear = |step: f64| {
             let planned = PlannedStep { step, ..self.straight() };
-            avoid::avoid(&planned, clearance, &boxes, self.answer.reply.target.as_deref(), None) == Avoidance::Clear
+            avoid::avoid(&planned, clearance, boxes, self.answer.reply.target.as_deref(), None).0 == Avoidance::Clear
         };
         longer.take_while(|&step| step > self.step).find(|&step| is_clear(step)).unwrap_or(self.step)
     }
@@ -263,7 +298,7 @@ impl<'a> Plan<'a> {
 
     /// The step with the sighting of the target, of this stage. `stays`: it comes no nearer.
     pub(super) fn sighting(&self, motion: Move, stage: u32, stays: bool) -> Step {
-        let Answered { rules, query, reply } = self.answer;
+        let Answered { rules, query, reply, .. } = self.answer;
         let is_clear = stays || self.avoidance.is_none_or(|outcome| outcome == Avoidance::Clear);
         let Primitives { forward, climb, .. } = motion.primitives;
         let goto = Goto {
@@ -298,7 +333,7 @@ mod tests {
     use super::super::tests::{settings, view};
     use super::*;
     use spf_core::query::{ImageBox, QueryId};
-    use spf_core::reply::Reply;
+    use spf_core::reply::{ObstacleBox, Reply};
 
     const AHEAD: ImagePoint = ImagePoint { u: 0.5, v: 0.5 };
     /// At the image's edge, where the path leads along what has not been observed.
@@ -316,7 +351,8 @@ mod tests {
             ..Reply::new(Status::Navigating)
         };
         let query = OpenQuery { id: QueryId(1), view: view(1), purpose: Purpose::Decide };
-        let answer = Answered { rules: Rules::new(settings(true)), query, reply: &reply };
+        let obstacles: Vec<_> = Obstacle::of(&query.view.viewpoint(), boxes).collect();
+        let answer = Answered { rules: Rules::new(settings(true)), query, reply: &reply, obstacles: &obstacles };
         let mut plan = Plan::new(answer, (point, 6.0), Before::default(), &Views::default());
         let refusal = plan.check(&Views::default()).err();
         of(&plan, refusal)

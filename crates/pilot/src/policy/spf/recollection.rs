@@ -1,11 +1,11 @@
 //! What each query recalls of the flight so far, for the VLM.
 
 use super::history::History;
-use crate::policy::{Reading, View};
+use crate::policy::{Reading, Reckoned, View};
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
-use spf_core::query::{ImageBox, ImagePoint, Look, Memory};
-use spf_core::reply::{ObstacleBox, Reply, ReplyError, Status};
+use spf_core::query::{ImageBox, ImagePoint, Look, Memory, ReckonedRange};
+use spf_core::reply::{Reply, ReplyError, Status};
 
 /// Number of earlier targets that are recalled.
 const TARGETS: usize = 8;
@@ -31,9 +31,23 @@ impl Recollection {
     }
 
     /// The memory of a query about a view. `turned`: by how much the search has turned, radians clockwise.
-    pub(super) fn about(&mut self, view: &View, confirming: bool, turned: f64, kept_out: Vec<ImageBox>) -> Memory {
+    /// `near`: what counts as reached, metres.
+    pub(super) fn about(
+        &mut self,
+        view: &View,
+        (confirming, near): (bool, Option<f64>),
+        turned: f64,
+        kept_out: Vec<ImageBox>,
+    ) -> Memory {
         self.history.fill(view, &mut self.memory);
-        Memory { confirming, turned, kept_out, ..self.memory.clone() }
+        let reckoned = view.reckoned.zip(near).filter(|_| confirming).and_then(|(reckoned, near)| self.too_far(reckoned, near));
+        Memory { confirming, turned, kept_out, reckoned, ..self.memory.clone() }
+    }
+
+    /// What contradicts a `done`: the target is farther away than what counts by more than is uncertain.
+    fn too_far(&self, Reckoned { stage, range, sd }: Reckoned, near: f64) -> Option<ReckonedRange> {
+        let is_far = stage == self.memory.stage && range - sd > near;
+        is_far.then_some(ReckonedRange { range_m: range, sd_m: sd, near_m: near })
     }
 
     /// Notes whether a reply could be read: what was wrong is stated until there is another reply. A missing depth is asked for
@@ -73,7 +87,7 @@ impl Recollection {
     }
 
     /// Notes what follows from the last reply.
-    pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading, boxes: &[ObstacleBox]) {
-        self.history.planned(camera, reading, boxes);
+    pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading) {
+        self.history.planned(camera, reading);
     }
 }

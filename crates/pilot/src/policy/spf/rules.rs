@@ -4,6 +4,7 @@ use super::SpfSettings;
 use crate::policy::View;
 use spf_core::query::{ImagePoint, QueryKind};
 use spf_core::reply::{Reply, Status};
+use spf_space::Viewpoint;
 use spf_space::avoid::{BODY_MARGIN, PlannedStep};
 
 /// A point this near to the image's edge, as a fraction of its size, is no place of a target.
@@ -57,11 +58,10 @@ impl Rules {
         self.settings.craft.radius + BODY_MARGIN
     }
 
-    /// A step towards an image point, to be checked against boxes.
-    pub(super) fn planned<'a>(&self, view: &'a View, point: ImagePoint, step: f64) -> PlannedStep<'a> {
+    /// A step towards an image point, to be checked against obstacles.
+    pub(super) fn planned<'a>(&self, view: &'a Viewpoint, point: ImagePoint, step: f64) -> PlannedStep<'a> {
         PlannedStep {
-            camera: &view.camera,
-            attitude: view.pose.attitude,
+            view,
             lifting: self.settings.lifting,
             shape: self.settings.shape,
             point,

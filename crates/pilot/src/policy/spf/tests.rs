@@ -96,6 +96,7 @@ pub(super) fn view(id: u64) -> View {
         at_rest: true,
         room: VerticalRoom::default(),
         expected: Expected::Unknown,
+        reckoned: None,
     }
 }
 
@@ -147,7 +148,7 @@ fn a_search_keeps_clear_of_the_boxes_too() {
         spf.reading.step.is_some()
     });
     assert!(flown.is_some(), "it goes along the way that the answers show");
-    assert!(matches!(spf.reading.avoidance, Some(Avoidance::Shifted { by: 0, .. })), "{:?}", spf.reading.avoidance);
+    assert!(matches!(spf.reading.avoidance, Some(Avoidance::Shifted { .. })), "{:?}", spf.reading.avoidance);
 }
 
 /// Half of a path along the image's edge is outside the image, where no box is reported.
@@ -228,7 +229,9 @@ fn nothing_climbs_into_what_was_overhead_until_the_craft_has_flown_on() {
             _ => None,
         })
     };
-    assert_eq!(climb_after(5, 0.0, "parasol"), Some(0.0));
+    // In the image it would be listed; above it, it hangs.
+    assert_eq!(climb_after(5, 0.0, "parasol"), Some(1.0));
+    assert_eq!(climb_after(5, 0.5, "parasol"), Some(0.0));
     assert_eq!(climb_after(60, 0.5, "parasol"), Some(0.0));
     assert_eq!(climb_after(60, 3.0, "parasol"), Some(1.0));
     // Somebody walks on.
