@@ -136,6 +136,7 @@ impl Generator for Drawn {
             role: part.role,
             vertices: part.vertices.clone(),
             triangles: part.triangles.clone(),
+            runs: Vec::new(),
         }));
     }
 }

@@ -258,6 +258,7 @@ fn world(
         start,
         bounds,
         objects,
+        pieces: Vec::new(),
         lighting: shining.lighting,
         weather: shining.weather,
         geometry,

@@ -69,7 +69,7 @@ impl Assembly {
                 };
                 let (vertices, triangles) = (drawn.vertices, drawn.triangles);
                 // Objects are numbered once it is known which have triangles.
-                gathered.parts.push(Part { vertices, triangles, material: look.material, object: 0, role });
+                gathered.parts.push(Part { vertices, triangles, material: look.material, object: 0, pieces: Vec::new(), role });
             }
         }
         let (materials, textures) = looks.into_parts();
