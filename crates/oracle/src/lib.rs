@@ -22,6 +22,7 @@ mod kinds;
 pub mod language;
 mod masks;
 mod obedience;
+mod obstacles;
 mod percept;
 mod place;
 mod reading;
@@ -69,7 +70,7 @@ const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 /// let (in_frame, light) = (BTreeMap::new(), BTreeMap::new());
 /// let sight = GroundTruthView {
 ///     width, height, ids: &ids, depth: &depth, opening_ids: &[], opening_depth: &[], camera: &camera,
-///     in_frame: &in_frame, light: &light, signs: &[],
+///     piece_ids: &[], pieces: &[], in_frame: &in_frame, light: &light, signs: &[],
 /// };
 /// let wall = Tagged { id: 1, key: "wall".into(), names: vec!["wall".into()], kind: "wall".into(), ..Tagged::default() };
 ///

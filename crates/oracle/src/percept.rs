@@ -10,12 +10,13 @@ use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::Look;
 use spf_core::rng::RandomStream;
 use spf_core::sign::{Arrow, SignView};
-use spf_core::tags::Tagged;
+use spf_core::tags::{PieceTag, Tagged};
 
 use super::errors::ErrorFile;
 use super::language::score::vocabulary;
 use super::masks::{Mask, end_of_run, masks};
 use super::obedience::taken_for;
+use super::obstacles::{Obstacle, obstacles};
 
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
 pub const SIZE_SENT: (u32, u32) = (960, 720);
@@ -31,6 +32,10 @@ pub struct GroundTruthView<'a> {
     pub ids: &'a [u16],
     /// Distance along the optical axis, metres; 0 for none.
     pub depth: &'a [f32],
+    /// Named part of an object per pixel, its place in `pieces` from 1; 0 for none. Empty if no part has a name.
+    pub piece_ids: &'a [u16],
+    /// The named parts of the scene's objects.
+    pub pieces: &'a [PieceTag],
     /// Openings (gates, tunnel entrances, holes), which hide nothing; empty if the scene has none.
     pub opening_ids: &'a [u16],
     /// Distance to the opening's surface along the optical axis, metres.
@@ -48,6 +53,8 @@ pub struct GroundTruthView<'a> {
 /// A visible object as perceived by the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerceivedObject {
+    /// Its id in the id image: that of its tags, unless it is taken for something else.
+    pub(super) id: u16,
     /// Its tags.
     pub tags: Tagged,
     /// Visible pixels of the frame.
@@ -72,8 +79,6 @@ pub struct PerceivedObject {
     size: f64,
     /// Uniform random number that decides whether it is noticed.
     luck: f64,
-    /// Uniform random number that decides whether its box is reported.
-    pub(super) box_luck: f64,
 }
 
 /// What the oracle notices in one frame; shared by all queries about it.
@@ -90,6 +95,8 @@ pub struct Percept {
     /// The image point with the most room for level flight, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<PerceivedObject>,
+    /// What may be in the way of a flight, noticed or not.
+    obstacles: Vec<Obstacle>,
     /// The signs that face the camera.
     pub(super) signs: Vec<PerceivedSign>,
     /// All words of the scene's tags, visible or not, so that an instruction is read alike in every frame.
@@ -109,10 +116,10 @@ impl Percept {
             },
         );
         things.extend(openings);
-        let signs = perceived(sight, &things);
+        let (signs, obstacles) = rayon::join(|| perceived(sight, &things), || obstacles(errors, seed, frame.0, sight, &things));
         let words = vocabulary(tags.iter());
         let (ahead, open) = (walls.room(sight.camera.cx), walls.most_open(level));
-        Self { frame, camera: *sight.camera, level, ahead, open, things, signs, words }
+        Self { frame, camera: *sight.camera, level, ahead, open, things, obstacles, signs, words }
     }
 
     /// The objects noticed if the image is sent at `size`, by default [`SIZE_SENT`].
@@ -129,6 +136,23 @@ impl Percept {
         let scale = scale_of(size);
         let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
         chances.filter(|(thing, chance)| thing.luck < *chance)
+    }
+
+    /// The obstacles noticed in an image sent at `size`, by default [`SIZE_SENT`], each with its object: of one that is noticed, the
+    /// parts that are large enough.
+    pub(super) fn noticed_obstacles<'a>(
+        &'a self,
+        errors: &'a ErrorFile,
+        size: Option<(u32, u32)>,
+    ) -> impl Iterator<Item = (&'a Obstacle, &'a PerceivedObject)> {
+        let scale = scale_of(size);
+        let of = |obstacle: &'a Obstacle| {
+            let thing = self.things.iter().find(|thing| thing.id == obstacle.object && !thing.tags.opening)?;
+            Some((obstacle, thing))
+        };
+        self.obstacles.iter().filter_map(of).filter(move |(obstacle, thing)| {
+            thing.luck < chance_seen(errors, thing.size * scale) && thing.luck < chance_seen(errors, obstacle.size * scale)
+        })
     }
 }
 
@@ -210,6 +234,7 @@ fn thing(
     let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
     let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
     PerceivedObject {
+        id: mask.id,
         tags: tags.clone(),
         area: mask.area,
         bounds,
@@ -224,7 +249,6 @@ fn thing(
         cut: mask.cut(sight.width, sight.height),
         size: sqrt(area * sent / (w * h)) * light,
         luck: RandomStream::new(seed, "oracle seen", &key).uniform(),
-        box_luck: RandomStream::new(seed, "oracle box", &key).uniform(),
     }
 }
 

@@ -9,6 +9,7 @@ use spf_core::query::{
 };
 use spf_core::reply::{Look, Reply, Status, parse_reply};
 use spf_core::sign::SignView;
+use spf_core::tags::PieceTag;
 
 use super::*;
 
@@ -19,6 +20,8 @@ const H: usize = 720;
 pub(super) struct Painting {
     ids: Vec<u16>,
     depth: Vec<f32>,
+    piece_ids: Vec<u16>,
+    pub(super) pieces: Vec<PieceTag>,
     opening_ids: Vec<u16>,
     opening_depth: Vec<f32>,
     in_frame: BTreeMap<u16, f32>,
@@ -43,6 +46,8 @@ impl Painting {
         Self {
             ids: vec![0; W * H],
             depth: vec![f32::INFINITY; W * H],
+            piece_ids: vec![0; W * H],
+            pieces: Vec::new(),
             opening_ids: vec![0; W * H],
             opening_depth: vec![f32::INFINITY; W * H],
             in_frame: BTreeMap::new(),
@@ -68,12 +73,45 @@ impl Painting {
         self
     }
 
+    /// Names what is painted there.
+    pub(super) fn named(
+        mut self,
+        object: u16,
+        name: &str,
+        main: bool,
+        x: core::ops::Range<usize>,
+        y: core::ops::Range<usize>,
+    ) -> Self {
+        self.pieces.push(PieceTag { object, name: name.to_owned(), main });
+        for row in y {
+            self.piece_ids[row * W + x.start..row * W + x.end].fill(self.pieces.len() as u16);
+        }
+        self
+    }
+
+    /// Changes the depth of a rectangle, column by column.
+    pub(super) fn deepened(
+        mut self,
+        x: core::ops::Range<usize>,
+        y: core::ops::Range<usize>,
+        depth: impl Fn(usize) -> f32,
+    ) -> Self {
+        for row in y {
+            for column in x.clone() {
+                self.depth[row * W + column] = depth(column);
+            }
+        }
+        self
+    }
+
     pub(super) fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
         let sight = GroundTruthView {
             width: W,
             height: H,
             ids: &self.ids,
             depth: &self.depth,
+            piece_ids: &self.piece_ids,
+            pieces: &self.pieces,
             opening_ids: &self.opening_ids,
             opening_depth: &self.opening_depth,
             camera: &self.camera,

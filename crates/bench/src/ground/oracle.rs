@@ -32,6 +32,8 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         height: camera.height as usize,
         ids: &layers.ids,
         depth: &layers.depth,
+        piece_ids: &[],
+        pieces: &[],
         opening_ids: &layers.opening_ids,
         opening_depth: &layers.opening_depth,
         camera,

@@ -94,6 +94,8 @@ fn pointed(oracle: &Oracle, head: &DatasetHeader, row: &Row, seen: &Seen, tags: 
         height: h,
         ids: &seen.ids,
         depth: &seen.depth,
+        piece_ids: &[],
+        pieces: &[],
         opening_ids: &seen.opening_ids,
         opening_depth: &seen.opening_depth,
         camera: &head.camera,
