@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use divan::{Bencher, black_box};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
+use spf_core::geometry::Attitude;
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::tags::Tagged;
 use spf_oracle::{ErrorFile, GroundTruthView, Oracle};
@@ -62,6 +63,7 @@ fn percept_960x720(bencher: Bencher<'_, '_>) {
         opening_ids: &[],
         opening_depth: &[],
         camera: &camera,
+        attitude: Attitude::default(),
         in_frame: &none,
         light: &none,
         signs: &[],
@@ -84,6 +86,7 @@ fn answer(bencher: Bencher<'_, '_>, instruction: &str) {
         opening_ids: &[],
         opening_depth: &[],
         camera: &camera,
+        attitude: Attitude::default(),
         in_frame: &none,
         light: &none,
         signs: &[],

@@ -8,6 +8,7 @@ use spf_core::tags::SURFACES;
 
 use super::errors::ErrorFile;
 use super::percept::{GroundTruthView, PerceivedObject, SIZE_SENT, slopes};
+use super::slope::slopes_ahead;
 
 /// Something solid in the image.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +25,8 @@ pub(super) struct Obstacle {
     pub(super) size: f64,
     /// Uniform random number that decides whether its box is reported.
     pub(super) box_luck: f64,
+    /// Whether it is rising ground.
+    pub(super) slope: bool,
 }
 
 /// Boxes along one thing; the last one holds the rest.
@@ -73,20 +76,22 @@ impl Region {
 
 /// A visible opening.
 #[derive(Clone, Copy, Debug)]
-struct Hole {
+pub(super) struct Hole {
     area: ImageBox,
     /// Straight-line distance to its farthest edge, about, metres.
     range: f64,
 }
 
 /// The straight-line distance squared to the surface at each pixel.
-struct Distances {
-    aside: Vec<f64>,
-    up: Vec<f64>,
+pub(super) struct Distances {
+    /// Metres to the right per metre along the optical axis, by column.
+    pub(super) aside: Vec<f64>,
+    /// Metres up, by row.
+    pub(super) up: Vec<f64>,
 }
 
 impl Distances {
-    fn of(sight: &GroundTruthView<'_>) -> Self {
+    pub(super) fn of(sight: &GroundTruthView<'_>) -> Self {
         let (w, h) = (sight.width, sight.height);
         let at = |x: usize, y: usize| ImagePoint { u: (x as f64 + 0.5) / w as f64, v: (y as f64 + 0.5) / h as f64 };
         let aside = (0..w).map(|x| slopes(sight.camera, at(x, 0)).0).collect();
@@ -94,12 +99,12 @@ impl Distances {
         Self { aside, up }
     }
 
-    fn squared(&self, x: usize, y: usize, along: f64) -> f64 {
+    pub(super) fn squared(&self, x: usize, y: usize, along: f64) -> f64 {
         along * along * (1.0 + self.aside[x] * self.aside[x] + self.up[y] * self.up[y])
     }
 }
 
-/// All solid things in the image that are not ground or water. `things` are the perceived objects.
+/// All solid things in the image, and ground that rises. `things` are the perceived objects.
 pub(super) fn obstacles(
     errors: &ErrorFile,
     seed: u64,
@@ -186,12 +191,13 @@ pub(super) fn obstacles(
             None => push(leaf, region, 0),
         }
     }
+    out.extend(slopes_ahead(errors, seed, frame, sight, things, &holes));
     out
 }
 
 /// Which part of the range of a thing, whose nearest surface is at `nearest`, a surface is in; both squared. Up to a metre everything
 /// has one label, and from 100 m on.
-fn band(squared: f64, nearest: f64) -> usize {
+pub(super) fn band(squared: f64, nearest: f64) -> usize {
     let (squared, from) = (squared.min(1e4), nearest.clamp(1.0, 1e4));
     let mut end = from;
     (1..BANDS)
@@ -208,7 +214,7 @@ const BAND: f64 = 7.742_636_826_811_27;
 
 /// The side of an opening on which a point of what surrounds it lies: left, right, above, below, or seen through it; `None` for the
 /// frame's own corners inside the opening's box.
-fn side(hole: &Hole, point: ImagePoint, squared: f64) -> Option<usize> {
+pub(super) fn side(hole: &Hole, point: ImagePoint, squared: f64) -> Option<usize> {
     let area = &hole.area;
     if point.u < area.left {
         Some(0)
@@ -241,19 +247,23 @@ fn splits(sight: &GroundTruthView<'_>, leaves: &[Region], holes: &[Hole]) -> Spl
     let mut splits = Splits { of: vec![None; leaves.len()], count: 0 };
     for (leaf, region) in leaves.iter().enumerate().filter(|(_, region)| region.pixels > 0) {
         let area = region.image_box(sight.width, sight.height);
-        let surrounded = |hole: &Hole| {
-            let hole = &hole.area;
-            area.left <= hole.left && area.right >= hole.right && area.top <= hole.top
-        };
-        let size = |hole: &Hole| (hole.area.right - hole.area.left) * (hole.area.bottom - hole.area.top);
-        let hole = holes.iter().enumerate().filter(|(_, hole)| surrounded(hole)).max_by(|a, b| size(a.1).total_cmp(&size(b.1)));
+        let hole = surrounded(&area, holes);
         let deep = band(region.farthest, region.nearest) > 0;
         if deep || hole.is_some() {
-            splits.of[leaf] = Some(Split { slot: splits.count, hole: hole.map(|(i, _)| i) });
+            splits.of[leaf] = Some(Split { slot: splits.count, hole });
             splits.count += 1;
         }
     }
     splits
+}
+
+/// The largest opening that something within `area` of the image surrounds, by its place in the list.
+pub(super) fn surrounded(area: &ImageBox, holes: &[Hole]) -> Option<usize> {
+    let is_surrounded =
+        |hole: &ImageBox| area.left <= hole.left && area.right >= hole.right && area.top <= hole.top && area.bottom > hole.top;
+    let size = |hole: &Hole| (hole.area.right - hole.area.left) * (hole.area.bottom - hole.area.top);
+    let around = holes.iter().enumerate().filter(|(_, hole)| is_surrounded(&hole.area));
+    around.max_by(|a, b| size(a.1).total_cmp(&size(b.1))).map(|(place, _)| place)
 }
 
 /// The openings in view.
@@ -268,26 +278,41 @@ fn holes(sight: &GroundTruthView<'_>, things: &[PerceivedObject]) -> Vec<Hole> {
 }
 
 fn obstacle(
-    (errors, seed, frame): (&ErrorFile, u64, u64),
+    draw: (&ErrorFile, u64, u64),
     sight: &GroundTruthView<'_>,
     thing: &PerceivedObject,
     piece: Option<&str>,
     region: &Region,
     (leaf, part): (u64, u64),
 ) -> Obstacle {
-    let id = u64::from(thing.id);
-    let slip = libm::exp(errors.range.log_sd * RandomStream::new(seed, "oracle range", &[frame, id]).normal());
-    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
-    let light = f64::from(*sight.light.get(&thing.id).unwrap_or(&1.0)).clamp(0.0, 1.0);
+    let (frame, id) = (draw.2, u64::from(thing.id));
     // What is listed as one box is missed or not with its object.
     let key = if piece.is_none() && part == 0 { vec![frame, id] } else { vec![frame, id, leaf, part] };
+    let area = region.image_box(sight.width, sight.height);
+    let found = obstacle_of(draw, sight, thing, area, (region.nearest, region.pixels), &key);
+    Obstacle { name: name_of(&found.name, piece), ..found }
+}
+
+/// Something of an object, by its squared distance and its visible pixels; `key` identifies its box among all boxes of all frames.
+pub(super) fn obstacle_of(
+    (errors, seed, frame): (&ErrorFile, u64, u64),
+    sight: &GroundTruthView<'_>,
+    thing: &PerceivedObject,
+    area: ImageBox,
+    (nearest, pixels): (f64, u64),
+    key: &[u64],
+) -> Obstacle {
+    let slip = libm::exp(errors.range.log_sd * RandomStream::new(seed, "oracle range", &[frame, u64::from(thing.id)]).normal());
+    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    let light = f64::from(*sight.light.get(&thing.id).unwrap_or(&1.0)).clamp(0.0, 1.0);
     Obstacle {
         object: thing.id,
-        name: name_of(&thing.tags.words(), piece),
-        area: region.image_box(sight.width, sight.height),
-        nearest: sqrt(region.nearest) * slip,
-        size: sqrt(region.pixels as f64 * sent / (sight.width * sight.height) as f64) * light,
-        box_luck: RandomStream::new(seed, "oracle box", &key).uniform(),
+        name: thing.tags.words(),
+        area,
+        nearest: sqrt(nearest) * slip,
+        size: sqrt(pixels as f64 * sent / (sight.width * sight.height) as f64) * light,
+        box_luck: RandomStream::new(seed, "oracle box", key).uniform(),
+        slope: false,
     }
 }
 

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use libm::{exp, sqrt};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
+use spf_core::geometry::Attitude;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::Look;
 use spf_core::rng::RandomStream;
@@ -42,6 +43,8 @@ pub struct GroundTruthView<'a> {
     pub opening_depth: &'a [f32],
     /// The camera that took them.
     pub camera: &'a Camera,
+    /// The camera's attitude when it took them, of which only pitch and roll count: what is level in the image.
+    pub attitude: Attitude,
     /// Fraction of an object's silhouette inside the frame, 0..=1; 1 for objects not listed.
     pub in_frame: &'a BTreeMap<u16, f32>,
     /// Light on an object, 0 dark ..= 1 daylight; daylight for objects not listed.

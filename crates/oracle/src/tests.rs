@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
+use spf_core::geometry::Attitude;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{
     ActForm, DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, Motion, PastAnswer, Query, QueryId,
@@ -104,6 +105,12 @@ impl Painting {
         self
     }
 
+    /// As another camera has taken it.
+    pub(super) fn seen_by(mut self, camera: Camera) -> Self {
+        self.camera = camera;
+        self
+    }
+
     pub(super) fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
         let sight = GroundTruthView {
             width: W,
@@ -115,6 +122,7 @@ impl Painting {
             opening_ids: &self.opening_ids,
             opening_depth: &self.opening_depth,
             camera: &self.camera,
+            attitude: Attitude::default(),
             in_frame: &self.in_frame,
             light: &BTreeMap::new(),
             signs: &self.signs,

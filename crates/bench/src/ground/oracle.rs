@@ -37,6 +37,7 @@ pub(super) fn answer(name: &str, errors: &ErrorFile, seed: u64, query: &Query, e
         opening_ids: &layers.opening_ids,
         opening_depth: &layers.opening_depth,
         camera,
+        attitude: spf_core::geometry::Attitude::default(),
         in_frame: &in_frame,
         light: &light,
         signs: &row.signs,

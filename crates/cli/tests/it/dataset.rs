@@ -99,6 +99,7 @@ fn pointed(oracle: &Oracle, head: &DatasetHeader, row: &Row, seen: &Seen, tags: 
         opening_ids: &seen.opening_ids,
         opening_depth: &seen.opening_depth,
         camera: &head.camera,
+        attitude: Default::default(),
         in_frame: &seen.in_frame,
         light: &seen.light,
         signs: &[],

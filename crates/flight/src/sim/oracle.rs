@@ -73,6 +73,7 @@ impl OracleVlm {
             opening_ids: image.opening_ids.as_deref().unwrap_or_default(),
             opening_depth: image.opening_depth.as_deref().unwrap_or_default(),
             camera: self.world.camera(),
+            attitude: snapshot.pose.attitude,
             in_frame: &in_frame,
             light: &light,
             signs: &signs,
