@@ -15,7 +15,7 @@ use spf_core::tags::{PieceTag, Tagged};
 
 use super::errors::ErrorFile;
 use super::language::score::vocabulary;
-use super::masks::{Mask, end_of_run, masks};
+use super::masks::{Mask, central, end_of_run, masks};
 use super::obedience::taken_for;
 use super::obstacles::{Obstacle, obstacles};
 
@@ -64,7 +64,7 @@ pub struct PerceivedObject {
     pub area: u64,
     /// Smallest rectangle around the visible pixels.
     pub bounds: ImageBox,
-    /// The deepest pixel of its mask, without noise.
+    /// The middle of its main part, or else the deepest pixel of its mask, without noise.
     pub deepest: ImagePoint,
     /// The point given in replies: `deepest` with noise.
     pub point: ImagePoint,
@@ -189,12 +189,15 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &GroundTruthView<'_>, tags: &[T
     if w == 0 || ids.len() < w * h || depth.len() < w * h || most == 0 {
         return Vec::new();
     }
-    let (nearest, masks) = rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w));
+    let ((nearest, masks), mains) = rayon::join(
+        || rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w)),
+        || if opening { BTreeMap::new() } else { main_parts(sight) },
+    );
     let tagged = |mask: &Mask| tags.iter().find(|tags| tags.id == mask.id && tags.opening == opening);
     let seen = masks.iter().filter_map(|mask| Some((mask, tagged(mask)?)));
     seen.map(|(mask, own)| {
         let nearest = nearest[usize::from(mask.id)];
-        let mut thing = thing(errors, seed, frame, sight, (depth, nearest), mask, own);
+        let mut thing = thing(errors, seed, frame, sight, (depth, nearest), (mask, mains.get(&mask.id)), own);
         if let Some(other) = taken_for(errors.obeys, seed, frame, own, tags) {
             thing.tags = other;
         }
@@ -203,14 +206,30 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &GroundTruthView<'_>, tags: &[T
     .collect()
 }
 
-/// `depth` is that of the image with the object, and the distance to its nearest surface there.
+/// The visible main part of each object that has one; of several the largest.
+fn main_parts(sight: &GroundTruthView<'_>) -> BTreeMap<u16, Mask> {
+    let piece = |number: u16| usize::from(number).checked_sub(1).and_then(|at| sight.pieces.get(at));
+    let is_main: Vec<bool> = core::iter::once(false).chain(sight.pieces.iter().map(|piece| piece.main)).collect();
+    let only = |number: &u16| if is_main.get(usize::from(*number)) == Some(&true) { *number } else { 0 };
+    let mains: Vec<u16> = sight.piece_ids.iter().map(only).collect();
+    let mut largest: BTreeMap<u16, Mask> = BTreeMap::new();
+    for mask in central(&mains, sight.width) {
+        let Some(object) = piece(mask.id).map(|piece| piece.object) else { continue };
+        if largest.get(&object).is_none_or(|known| known.area < mask.area) {
+            largest.insert(object, mask);
+        }
+    }
+    largest
+}
+
+/// `depth` is that of the image with the object, and the distance to its nearest surface there; `main` the mask of its main part.
 fn thing(
     errors: &ErrorFile,
     seed: u64,
     frame: FrameId,
     sight: &GroundTruthView<'_>,
     (depth, nearest): (&[f32], f64),
-    mask: &Mask,
+    (mask, main): (&Mask, Option<&Mask>),
     tags: &Tagged,
 ) -> PerceivedObject {
     let (w, h) = (sight.width as f64, sight.height as f64);
@@ -224,18 +243,23 @@ fn thing(
         right: (mask.right + 1) as f64 / w,
         bottom: (mask.bottom + 1) as f64 / h,
     };
-    let deepest = ImagePoint { u: (mask.deepest.0 as f64 + 0.5) / w, v: (mask.deepest.1 as f64 + 0.5) / h };
+    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    let size = |area: u64| sqrt(area as f64 * sent / (w * h)) * light;
+    let luck = RandomStream::new(seed, "oracle seen", &key).uniform();
+    // It is pointed at in its main part if that is noticed.
+    let shown = main.filter(|main| luck < chance_seen(errors, size(main.area))).unwrap_or(mask);
+    let pixel = shown.deepest;
+    let deepest = ImagePoint { u: (pixel.0 as f64 + 0.5) / w, v: (pixel.1 as f64 + 0.5) / h };
     let mut noise = RandomStream::new(seed, "oracle point", &key);
-    let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(area));
+    let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(shown.area as f64));
     let point = ImagePoint {
         u: (deepest.u + spread * noise.normal() / w).clamp(0.0, 1.0),
         v: (deepest.v + spread * noise.normal() / h).clamp(0.0, 1.0),
     };
-    let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
+    let along = f64::from(depth[pixel.1 * sight.width + pixel.0]);
     let slip = exp(errors.range.log_sd * RandomStream::new(seed, "oracle range", &key).normal());
     let range = along * stretch(sight.camera, deepest) * slip;
-    let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
-    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    let past = f64::from(sight.depth.get(pixel.1 * sight.width + pixel.0).copied().unwrap_or(0.0));
     PerceivedObject {
         id: mask.id,
         tags: tags.clone(),
@@ -250,8 +274,8 @@ fn thing(
         // tenth of it.
         in_view: (bounds.bottom - bounds.top >= 0.008 && fraction >= 0.25) || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
-        size: sqrt(area * sent / (w * h)) * light,
-        luck: RandomStream::new(seed, "oracle seen", &key).uniform(),
+        size: size(mask.area),
+        luck,
     }
 }
 

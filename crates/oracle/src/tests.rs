@@ -167,6 +167,37 @@ fn the_perfect_oracle_points_at_the_middle_of_the_target() {
 }
 
 #[test]
+fn a_crane_is_pointed_at_in_its_mast_however_wide_its_jib() {
+    let crane = tagged(1, "crane", "machine", "red");
+    let painting = |shift: usize| {
+        Painting::new()
+            .with(crane.clone(), 100..700, 100..160, 30.0)
+            .with(crane.clone(), 300..330, 160..500, 40.0)
+            .with(crane.clone(), 280..350, 500..560 + shift, 40.0)
+            .named(1, "jib", false, 100..700, 100..160)
+            .named(1, "mast", true, 300..330, 160..500)
+            .named(1, "base", false, 280..350, 500..560 + shift)
+    };
+    for shift in [0, 10, 40] {
+        let reply = ask(&oracle("perfect"), &painting(shift), &query(0, POINT, "fly to the red crane"));
+        let point = reply.point.unwrap();
+        assert!((point.u - 315.0 / 960.0).abs() < 2e-3 && (point.v - 330.0 / 720.0).abs() < 2e-2, "{point:?}");
+        // The mast is 40 m away, the jib 30 m: labels 8.2 and 7.6.
+        assert_eq!(reply.depth, Some(8));
+    }
+    // With the mast out of view, what else is seen of it.
+    let hidden = painting(0).with(tagged(2, "house", "building", "white"), 0..960, 160..720, 20.0).named(
+        2,
+        "wall",
+        false,
+        0..960,
+        160..720,
+    );
+    let point = ask(&oracle("perfect"), &hidden, &query(0, POINT, "fly to the red crane")).point.unwrap();
+    assert!(point.v < 160.0 / 720.0, "{point:?}");
+}
+
+#[test]
 fn what_is_absent_is_not_visible_and_never_something_else() {
     let oracle = oracle("perfect");
     for words in ["fly to the blue crane", "go to the bridge", "fly to the elephant", "blah", ""] {
