@@ -112,10 +112,22 @@ pub(super) fn build(
         }
         let first = pieces.len() as u16;
         let own = match placed.model {
-            Some(number) => model_parts(expanded.models.parts(number), model_materials[number], &to_world, id),
+            Some(number) => model_parts(expanded.models.parts(number), (model_materials[number], first), &to_world, id),
             None => parts(&sketch, &slots, &to_world, id, first),
         };
-        pieces.extend(sketch.pieces.iter().map(|piece| PieceTag { object: id, name: piece.name.to_owned(), main: piece.main }));
+        match placed.model {
+            Some(number) => pieces.extend(expanded.models.pieces(number).iter().map(|name| PieceTag {
+                object: id,
+                name: name.clone(),
+                main: false,
+            })),
+            None => pieces.extend(sketch.pieces.iter().map(|piece| PieceTag {
+                object: id,
+                name: piece.name.to_owned(),
+                main: piece.main,
+            })),
+        }
+        choose_main(placed, &mut pieces[usize::from(first)..], source)?;
         if pieces.len() > usize::from(u16::MAX) {
             let message = format!("the objects of the scene have more than {} named parts at `{}`", u16::MAX, placed.key);
             return Err(source.error(&placed.span, message, None));
@@ -163,6 +175,17 @@ pub(super) fn build(
     })
 }
 
+/// Makes the parts with the name that the file gives the main ones of their object, in place of the mesh's own.
+fn choose_main(placed: &Placed, pieces: &mut [PieceTag], source: &Source<'_>) -> Result<(), SceneError> {
+    let Some((name, at)) = &placed.main_part else { return Ok(()) };
+    if !pieces.iter().any(|piece| piece.name == *name) {
+        let hint = nearest(name, pieces.iter().map(|piece| piece.name.as_str())).map(|near| format!("did you mean `{near}`?"));
+        return Err(source.error(at, format!("`{}` has no part `{name}`", placed.key), hint));
+    }
+    pieces.iter_mut().for_each(|piece| piece.main = piece.name == *name);
+    Ok(())
+}
+
 /// The meshes of a sketch, whose named parts are numbered from `first` + 1.
 fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, object: ObjectId, first: u16) -> Vec<Part> {
     let part = |surface: &Surface| {
@@ -177,16 +200,16 @@ fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, objec
     sketch.surfaces.iter().map(part).collect()
 }
 
-/// The meshes of a model; its material indices are offset by `more`. Its texture coordinates count repetitions of an
+/// The meshes of a model; its material indices are offset by `more`, its named parts by `first`. Its texture coordinates count repetitions of an
 /// image, so they do not scale with the object.
-fn model_parts(parts: &[Part], more: u16, to_world: &Frame, object: ObjectId) -> Vec<Part> {
+fn model_parts(parts: &[Part], (more, first): (u16, u16), to_world: &Frame, object: ObjectId) -> Vec<Part> {
     let vertex = |v: &Vertex| Vertex { uv: v.uv, ..to_world.vertex(v) };
     let part = |part: &Part| Part {
         vertices: part.vertices.iter().map(vertex).collect(),
         triangles: part.triangles.clone(),
         material: part.material + more,
         object,
-        pieces: Vec::new(),
+        pieces: part.pieces.iter().map(|piece| first.saturating_add(*piece)).collect(),
         role: part.role,
     };
     parts.iter().map(part).collect()
