@@ -49,6 +49,8 @@ pub struct PieceTag {
     pub name: String,
     /// Whether it is the part that one points at to show the object: the mast of a crane.
     pub main: bool,
+    /// Whether one can collide with any of it: not with a thin rope.
+    pub solid: bool,
 }
 
 impl Tagged {

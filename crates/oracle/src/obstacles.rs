@@ -33,7 +33,7 @@ pub(super) struct Obstacle {
 const BANDS: usize = 4;
 /// Where a pixel of something that surrounds an opening lies.
 const SIDES: usize = 5;
-/// How much farther than an opening something is that is seen through it.
+/// How much farther than an opening something is that is seen through it; how much nearer, past which it is seen.
 const BEHIND: f64 = 1.15;
 
 /// Rectangle of pixels, and what of it is nearest.
@@ -152,8 +152,8 @@ pub(super) fn obstacles(
     let mut out = Vec::new();
     let mut push = |leaf: usize, region: &Region, part: u64| {
         let piece = (leaf < named).then(|| &sight.pieces[leaf - 1]);
-        // The road in a tunnel.
-        if piece.is_some_and(|piece| SURFACES.contains(&piece.name.as_str())) {
+        // The road in a tunnel; a rope.
+        if piece.is_some_and(|piece| !piece.solid || SURFACES.contains(&piece.name.as_str())) {
             return;
         }
         let object = piece.map_or_else(|| (leaf - named) as u16, |piece| piece.object);
@@ -247,7 +247,7 @@ fn splits(sight: &GroundTruthView<'_>, leaves: &[Region], holes: &[Hole]) -> Spl
     let mut splits = Splits { of: vec![None; leaves.len()], count: 0 };
     for (leaf, region) in leaves.iter().enumerate().filter(|(_, region)| region.pixels > 0) {
         let area = region.image_box(sight.width, sight.height);
-        let hole = surrounded(&area, holes);
+        let hole = surrounded(&area, (region.nearest, region.farthest), holes);
         let deep = band(region.farthest, region.nearest) > 0;
         if deep || hole.is_some() {
             splits.of[leaf] = Some(Split { slot: splits.count, hole });
@@ -257,12 +257,15 @@ fn splits(sight: &GroundTruthView<'_>, leaves: &[Region], holes: &[Hole]) -> Spl
     splits
 }
 
-/// The largest opening that something within `area` of the image surrounds, by its place in the list.
-pub(super) fn surrounded(area: &ImageBox, holes: &[Hole]) -> Option<usize> {
-    let is_surrounded =
+/// The largest opening that something within `area` of the image, at these squared distances, surrounds, by its place in the list. An
+/// opening that is seen past it is farther away than all of it.
+pub(super) fn surrounded(area: &ImageBox, (nearest, farthest): (f64, f64), holes: &[Hole]) -> Option<usize> {
+    let encloses =
         |hole: &ImageBox| area.left <= hole.left && area.right >= hole.right && area.top <= hole.top && area.bottom > hole.top;
+    let (from, to) = (sqrt(nearest) / BEHIND, sqrt(farthest) * BEHIND);
+    let is_surrounded = |hole: &Hole| encloses(&hole.area) && (from..=to).contains(&hole.range);
     let size = |hole: &Hole| (hole.area.right - hole.area.left) * (hole.area.bottom - hole.area.top);
-    let around = holes.iter().enumerate().filter(|(_, hole)| is_surrounded(&hole.area));
+    let around = holes.iter().enumerate().filter(|(_, hole)| is_surrounded(hole));
     around.max_by(|a, b| size(a.1).total_cmp(&size(b.1))).map(|(place, _)| place)
 }
 
@@ -404,6 +407,22 @@ mod tests {
             let inside = left < 579 && right > 381 && top < 479 && bottom > 281;
             assert!(!inside, "{found:?}");
         }
+    }
+
+    #[test]
+    fn an_opening_seen_past_something_does_not_divide_it() {
+        let gate = tagged(1, "gate", "structure", "red");
+        let way =
+            spf_core::tags::Tagged { opening: true, opening_of: Some(gate.key.clone()), ..tagged(2, "gate", "opening", "") };
+        // A column with a wide head, and between head and foot, beside its shaft, a far gate.
+        let painting = Painting::new()
+            .with(tagged(3, "crane", "machine", "red"), 700..800, 200..500, 90.0)
+            .with(gate, 400..450, 300..400, 40.0)
+            .with(way, 410..440, 310..390, 40.0)
+            .with(tagged(4, "column", "structure", "grey"), 380..560, 100..160, 8.0)
+            .with(tagged(4, "column", "structure", "grey"), 460..480, 160..600, 8.0);
+        let found = listed(&boxes(&painting, "fly to the red crane"));
+        assert_eq!(found.iter().filter(|(name, _, _)| name == "grey column").count(), 1, "{found:?}");
     }
 
     #[test]

@@ -40,8 +40,10 @@ pub(super) fn slopes_ahead(
     let mut out = Vec::new();
     for (id, samples) in rising(sight, things) {
         let Some(thing) = things.iter().find(|thing| thing.id == id && !thing.tags.opening) else { continue };
-        let nearest = samples.iter().map(|sample| sample.squared).fold(f64::INFINITY, f64::min);
-        let hole = surrounded(&around(&samples, sight), holes).map(|hole| &holes[hole]);
+        let (nearest, farthest) = samples.iter().fold((f64::INFINITY, 0.0), |(nearest, farthest): (f64, f64), sample| {
+            (nearest.min(sample.squared), farthest.max(sample.squared))
+        });
+        let hole = surrounded(&around(&samples, sight), (nearest, farthest), holes).map(|hole| &holes[hole]);
         let mut pieces: BTreeMap<(usize, usize), Vec<Sample>> = BTreeMap::new();
         for sample in samples {
             let point = ImagePoint {

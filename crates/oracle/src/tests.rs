@@ -83,7 +83,7 @@ impl Painting {
         x: core::ops::Range<usize>,
         y: core::ops::Range<usize>,
     ) -> Self {
-        self.pieces.push(PieceTag { object, name: name.to_owned(), main });
+        self.pieces.push(PieceTag { object, name: name.to_owned(), main, solid: true });
         for row in y {
             self.piece_ids[row * W + x.start..row * W + x.end].fill(self.pieces.len() as u16);
         }

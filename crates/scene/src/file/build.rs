@@ -1,6 +1,6 @@
 //! Builds the scene from validated entries: meshes, materials, light, bounds, footprints.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
@@ -115,18 +115,15 @@ pub(super) fn build(
             Some(number) => model_parts(expanded.models.parts(number), (model_materials[number], first), &to_world, id),
             None => parts(&sketch, &slots, &to_world, id, first),
         };
-        match placed.model {
-            Some(number) => pieces.extend(expanded.models.pieces(number).iter().map(|name| PieceTag {
-                object: id,
-                name: name.clone(),
-                main: false,
-            })),
-            None => pieces.extend(sketch.pieces.iter().map(|piece| PieceTag {
-                object: id,
-                name: piece.name.to_owned(),
-                main: piece.main,
-            })),
-        }
+        let named: Vec<(String, bool)> = match placed.model {
+            Some(number) => expanded.models.pieces(number).iter().map(|name| (name.clone(), false)).collect(),
+            None => sketch.pieces.iter().map(|piece| (piece.name.to_owned(), piece.main)).collect(),
+        };
+        let collide = own.iter().filter(|part| matches!(part.role, Role::Solid | Role::Glass));
+        let solid: BTreeSet<u16> = collide.flat_map(|part| part.pieces.iter().copied()).collect();
+        let is_solid = |place: usize| u16::try_from(usize::from(first) + place + 1).is_ok_and(|number| solid.contains(&number));
+        let tag = |(place, (name, main))| PieceTag { object: id, name, main, solid: is_solid(place) };
+        pieces.extend(named.into_iter().enumerate().map(tag));
         choose_main(placed, &mut pieces[usize::from(first)..], source)?;
         if pieces.len() > usize::from(u16::MAX) {
             let message = format!("the objects of the scene have more than {} named parts at `{}`", u16::MAX, placed.key);

@@ -118,18 +118,24 @@ impl Assembly {
                 sign: None,
             });
             // Of a single node the object has the name. There are fewer nodes than numbers of parts.
-            let (first, several) = (self.pieces.len() as u16, gathered.pieces.len() > 1);
-            let numbered =
-                |pieces: Vec<u16>| if several { pieces.into_iter().map(|piece| first + piece).collect() } else { Vec::new() };
-            let placed = gathered.parts.into_iter().map(|part| Part { object: id, pieces: numbered(part.pieces), ..part });
-            self.parts.extend(placed);
-            if several {
-                let named = |name: String| PieceTag {
+            if gathered.pieces.len() > 1 {
+                let first = self.pieces.len() as u16;
+                let collide = gathered.parts.iter().filter(|part| matches!(part.role, Role::Solid | Role::Glass));
+                let solid: BTreeSet<u16> = collide.flat_map(|part| part.pieces.iter().copied()).collect();
+                self.pieces.extend(gathered.pieces.into_iter().zip(1..).map(|(name, number)| PieceTag {
                     object: id,
                     name: if name.is_empty() { "part".to_owned() } else { name },
                     main: false,
-                };
-                self.pieces.extend(gathered.pieces.into_iter().map(named));
+                    solid: solid.contains(&number),
+                }));
+                let numbered = |pieces: Vec<u16>| pieces.into_iter().map(|piece| first + piece).collect();
+                self.parts.extend(gathered.parts.into_iter().map(|part| Part {
+                    object: id,
+                    pieces: numbered(part.pieces),
+                    ..part
+                }));
+            } else {
+                self.parts.extend(gathered.parts.into_iter().map(|part| Part { object: id, pieces: Vec::new(), ..part }));
             }
         }
         Ok(())

@@ -156,9 +156,10 @@ impl Generator for LatticeMast {
             sketch.on("dish").rod(at, at + out * 0.5, 0.5, 0.95, 14);
         }
         for (x, y) in [(1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866)] {
-            sketch.part("guy rope");
             let foot = Vec3::new(x, y, 0.0) * (0.4 * height);
+            sketch.part("guy rope");
             sketch.with_role("rope", crate::geometry::Role::Visual).bar(foot, Vec3::Z * (0.7 * height), 0.05);
+            sketch.part("anchor");
             sketch.on("base").block(foot, Vec3::new(1.2, 1.2, 0.5));
         }
         sketch.outline_rect(Vec2::splat(-half), Vec2::splat(half));
