@@ -40,6 +40,19 @@ pub struct Tagged {
     pub looks_like: Option<String>,
 }
 
+/// A part of an object that has a name of its own, such as one pier of a bridge.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PieceTag {
+    /// Id of the object.
+    pub object: u16,
+    /// What somebody who looks at it would call it, in lower case.
+    pub name: String,
+    /// Whether it is the part that one points at to show the object: the mast of a crane.
+    pub main: bool,
+    /// Whether one can collide with any of it: not with a thin rope.
+    pub solid: bool,
+}
+
 impl Tagged {
     /// Colour and first name, as the oracle names it in a reply.
     #[must_use]

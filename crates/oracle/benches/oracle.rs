@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use divan::{Bencher, black_box};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
+use spf_core::geometry::Attitude;
 use spf_core::query::{Query, QueryId, QueryKind};
 use spf_core::tags::Tagged;
 use spf_oracle::{ErrorFile, GroundTruthView, Oracle};
@@ -57,9 +58,12 @@ fn percept_960x720(bencher: Bencher<'_, '_>) {
         height: H,
         ids: &ids,
         depth: &depth,
+        piece_ids: &[],
+        pieces: &[],
         opening_ids: &[],
         opening_depth: &[],
         camera: &camera,
+        attitude: Attitude::default(),
         in_frame: &none,
         light: &none,
         signs: &[],
@@ -77,9 +81,12 @@ fn answer(bencher: Bencher<'_, '_>, instruction: &str) {
         height: H,
         ids: &ids,
         depth: &depth,
+        piece_ids: &[],
+        pieces: &[],
         opening_ids: &[],
         opening_depth: &[],
         camera: &camera,
+        attitude: Attitude::default(),
         in_frame: &none,
         light: &none,
         signs: &[],

@@ -64,8 +64,8 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
             reply.open_way = Some(OpenWay { point, depth: label_slipped(oracle, query, 0.5 * room, 0.0) });
         }
         if avoid {
-            let way = Way { range: room, target: None, opening: None };
-            reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));
+            let way = Way { range: room, target: None, through: false };
+            reply.boxes = reported(oracle, corridor::boxes(oracle, percept, query.image_size, &way));
         }
         return reply;
     };
@@ -81,8 +81,8 @@ fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Repl
         reply.range_m = Some(place.range.clamp(0.1, FARTHEST_M));
     }
     if avoid {
-        let way = Way { range: place.range, target: aim.target.as_deref(), opening: place.opening };
-        reply.boxes = reported(oracle, corridor::boxes(oracle, percept, &seen, &way));
+        let way = Way { range: place.range, target: aim.target.as_deref(), through: place.opening };
+        reply.boxes = reported(oracle, corridor::boxes(oracle, percept, query.image_size, &way));
     } else if !aim.past.is_empty() && query.detections.is_empty() {
         // Without obstacle mode nobody else leads past the objects that are meant to be passed.
         let Some(beside) = corridor::free(oracle, percept, place.point, &aim.past) else {

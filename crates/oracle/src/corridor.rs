@@ -5,6 +5,7 @@ use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::rng::RandomStream;
 
 use super::Oracle;
+use super::obstacles::Obstacle;
 use super::percept::{PerceivedObject, Percept};
 
 /// Maximum number of boxes reported, besides a spurious one.
@@ -18,8 +19,8 @@ pub(super) struct Way<'a> {
     pub(super) range: f64,
     /// Key of the target object.
     pub(super) target: Option<&'a str>,
-    /// The box and range of the opening that it leads through, if any.
-    pub(super) opening: Option<(ImageBox, f64)>,
+    /// Whether it leads through an opening of the target.
+    pub(super) through: bool,
 }
 
 /// A noticed obstacle.
@@ -34,19 +35,21 @@ pub(super) struct Found {
 }
 
 impl Found {
-    fn of(thing: &PerceivedObject) -> Self {
-        Self { area: thing.bounds, range: thing.nearest, name: thing.tags.words() }
+    fn of(obstacle: &Obstacle) -> Self {
+        Self { area: obstacle.area, range: obstacle.nearest, name: obstacle.name.clone() }
     }
 }
 
-/// The nearest objects that are nearer than the target, at most [`MOST_BOXES`]. The error file gives the fraction that is
-/// missed, and the rate of spurious boxes. Drawn by frame, like the rest of the percept.
-pub(super) fn boxes(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedObject], way: &Way<'_>) -> Vec<Found> {
+/// The nearest obstacles that are nearer than the end of the way, at most [`MOST_BOXES`], in an image sent at `size`. The error file
+/// gives the fraction that is missed, and the rate of spurious boxes. Drawn by frame, like the rest of the percept.
+pub(super) fn boxes(oracle: &Oracle, percept: &Percept, size: Option<(u32, u32)>, way: &Way<'_>) -> Vec<Found> {
     let errors = &oracle.errors.boxes;
-    let mut nearer: Vec<&&PerceivedObject> =
-        seen.iter().filter(|thing| thing.box_luck >= errors.missed && is_obstacle(thing, way)).collect();
+    let noticed = percept.noticed_obstacles(&oracle.errors, size);
+    let in_the_way = noticed.filter(|(obstacle, thing)| obstacle.nearest < listed_to(thing, way));
+    let mut nearer: Vec<&Obstacle> =
+        in_the_way.map(|(obstacle, _)| obstacle).filter(|obstacle| obstacle.box_luck >= errors.missed).collect();
     nearer.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-    let mut out: Vec<Found> = nearer.into_iter().take(MOST_BOXES).map(|thing| Found::of(thing)).collect();
+    let mut out: Vec<Found> = nearer.into_iter().take(MOST_BOXES).map(Found::of).collect();
     let mut luck = RandomStream::new(oracle.seed, "oracle spurious box", &[percept.frame.0]);
     if luck.chance(errors.spurious) {
         let (u, v) = (luck.uniform(), luck.uniform());
@@ -77,21 +80,18 @@ pub(super) fn target_box(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedO
     Some(ImageBox { left: left.min(right), top: top.min(bottom), right: left.max(right), bottom: top.max(bottom) })
 }
 
-/// Whether an object is solid, not the target itself, and nearer than the end of the path.
-fn is_obstacle(thing: &PerceivedObject, way: &Way<'_>) -> bool {
-    let tags = &thing.tags;
-    let own = way.target.is_some_and(|key| key == tags.key || tags.opening_of.as_deref() == Some(key));
-    !tags.opening && !tags.is_surface() && !own && !frames(thing, way) && thing.nearest < way.range
+/// Distance up to which what belongs to an object is listed, metres. The target is not in its own way, except for who flies through
+/// it: around an opening it is about as far away as the opening.
+fn listed_to(thing: &PerceivedObject, way: &Way<'_>) -> f64 {
+    match (way.target == Some(thing.tags.key.as_str()), way.through) {
+        (true, true) => FRAME * way.range,
+        (true, false) => 0.0,
+        (false, _) => way.range,
+    }
 }
 
-/// Whether an object surrounds the opening: a hill around a tunnel entrance does not block the path into it.
-fn frames(thing: &PerceivedObject, way: &Way<'_>) -> bool {
-    way.opening.is_some_and(|(hole, range)| {
-        let b = thing.bounds;
-        let about = b.left <= hole.left && b.top <= hole.top && b.right >= hole.right;
-        about && thing.range >= 0.7 * range
-    })
-}
+/// How much farther than the point in an opening its frame may be, or may seem.
+const FRAME: f64 = 1.5;
 
 /// Half the width and height of the corridor at a range, as fractions of the image.
 fn margin(oracle: &Oracle, percept: &Percept, range: f64) -> (f64, f64) {

@@ -22,10 +22,12 @@ mod kinds;
 pub mod language;
 mod masks;
 mod obedience;
+mod obstacles;
 mod percept;
 mod place;
 mod reading;
 mod signs;
+mod slope;
 mod stages;
 mod truth;
 mod unread;
@@ -58,6 +60,7 @@ const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 ///
 /// use spf_core::camera::Camera;
 /// use spf_core::frame::FrameId;
+/// use spf_core::geometry::Attitude;
 /// use spf_core::query::{Query, QueryId, QueryKind};
 /// use spf_core::tags::Tagged;
 /// use spf_oracle::{ErrorFile, Oracle, GroundTruthView};
@@ -69,7 +72,8 @@ const DETECTOR_LATENCY: Duration = Duration::from_millis(100);
 /// let (in_frame, light) = (BTreeMap::new(), BTreeMap::new());
 /// let sight = GroundTruthView {
 ///     width, height, ids: &ids, depth: &depth, opening_ids: &[], opening_depth: &[], camera: &camera,
-///     in_frame: &in_frame, light: &light, signs: &[],
+///     piece_ids: &[], pieces: &[], in_frame: &in_frame, light: &light, signs: &[],
+///     attitude: Attitude::default(),
 /// };
 /// let wall = Tagged { id: 1, key: "wall".into(), names: vec!["wall".into()], kind: "wall".into(), ..Tagged::default() };
 ///

@@ -62,6 +62,18 @@ struct Run {
 /// most 65535 per side.
 #[must_use]
 pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
+    placed(ids, width, |side| side)
+}
+
+/// The same, with a pixel near the middle of each mask in place of the deepest one: the centre of a square at least half as large as
+/// the largest, the one nearest to the centroid. It moves little from image to image, where the largest squares of a lattice are
+/// anywhere.
+pub(super) fn central(ids: &[u16], width: usize) -> Vec<Mask> {
+    placed(ids, width, |side| side.div_ceil(2))
+}
+
+/// Masks with the centre of a square of at least the side that is `enough` for the largest one.
+fn placed(ids: &[u16], width: usize, enough: impl Fn(u16) -> u16) -> Vec<Mask> {
     if width == 0 || ids.iter().all(|&id| id == 0) {
         return Vec::new();
     }
@@ -108,7 +120,7 @@ pub fn masks(ids: &[u16], width: usize) -> Vec<Mask> {
         }
         core::mem::swap(&mut above, &mut side);
     }
-    place(ids, width, &mut found, &runs);
+    place(ids, width, &mut found, &runs, enough);
     found.sort_by_key(|mask| mask.id);
     found
 }
@@ -153,14 +165,15 @@ impl Mask {
     }
 }
 
-/// Determines the centre of a largest square of each mask: among the runs in which one ends, it selects the one nearest
+/// Determines the centre of a square of each mask: among the runs in which one of enough size ends, it selects the one nearest
 /// to the centroid's row, and there the square nearest to the centroid's column.
-fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run]) {
+fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run], enough: impl Fn(u16) -> u16) {
     let mut best: Vec<Option<(u64, usize)>> = vec![None; found.len()];
     for (index, run) in runs.iter().enumerate() {
         let mask = &found[run.slot as usize];
-        if run.side == mask.side {
-            let middle = u64::from(run.row) - u64::from(mask.side - 1) / 2;
+        let side = enough(mask.side);
+        if run.side >= side {
+            let middle = u64::from(run.row) - u64::from(side - 1) / 2;
             let away = middle.abs_diff(mask.sums.1 / mask.area);
             let best = &mut best[run.slot as usize];
             if best.is_none_or(|(least, _)| away < least) {
@@ -171,10 +184,10 @@ fn place(ids: &[u16], width: usize, found: &mut [Mask], runs: &[Run]) {
     for (mask, best) in found.iter_mut().zip(best) {
         let Some((_, index)) = best else { continue };
         let run = &runs[index];
-        let row = run.row as usize;
-        let half = usize::from(mask.side - 1) / 2;
+        let (row, side) = (run.row as usize, enough(mask.side));
+        let half = usize::from(side - 1) / 2;
         let centroid = (mask.sums.0 / mask.area) as usize;
-        let ends = ends_of_squares(ids, width, row, run.first as usize, run.end as usize, mask.side);
+        let ends = ends_of_squares(ids, width, row, run.first as usize, run.end as usize, side);
         if let Some(column) = ends.into_iter().map(|end| end - half).min_by_key(|x| x.abs_diff(centroid)) {
             mask.deepest = (column, row - half);
         }
@@ -229,6 +242,13 @@ mod tests {
     fn equal_squares_go_to_the_centroid() {
         let (ids, width) = image(&["010", "010", "010", "010", "010"]);
         assert_eq!(masks(&ids, width)[0].deepest, (1, 2));
+    }
+
+    #[test]
+    fn a_central_pixel_is_in_the_middle_of_a_mast_that_widens_at_its_foot() {
+        let (ids, width) = image(&["0110", "0110", "0110", "0110", "0110", "0110", "0110", "0110", "1111", "1111", "1111"]);
+        assert_eq!(masks(&ids, width)[0].deepest.1, 9);
+        assert_eq!(central(&ids, width)[0].deepest, (2, 5));
     }
 
     #[test]

@@ -6,16 +6,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use libm::{exp, sqrt};
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
+use spf_core::geometry::Attitude;
 use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::reply::Look;
 use spf_core::rng::RandomStream;
 use spf_core::sign::{Arrow, SignView};
-use spf_core::tags::Tagged;
+use spf_core::tags::{PieceTag, Tagged};
 
 use super::errors::ErrorFile;
 use super::language::score::vocabulary;
-use super::masks::{Mask, end_of_run, masks};
+use super::masks::{Mask, central, end_of_run, masks};
 use super::obedience::taken_for;
+use super::obstacles::{Obstacle, obstacles};
 
 /// Size at which the visible pixels of an object are counted unless the query names another (`docs/explanation/oracle.md`).
 pub const SIZE_SENT: (u32, u32) = (960, 720);
@@ -31,12 +33,18 @@ pub struct GroundTruthView<'a> {
     pub ids: &'a [u16],
     /// Distance along the optical axis, metres; 0 for none.
     pub depth: &'a [f32],
+    /// Named part of an object per pixel, its place in `pieces` from 1; 0 for none. Empty if no part has a name.
+    pub piece_ids: &'a [u16],
+    /// The named parts of the scene's objects.
+    pub pieces: &'a [PieceTag],
     /// Openings (gates, tunnel entrances, holes), which hide nothing; empty if the scene has none.
     pub opening_ids: &'a [u16],
     /// Distance to the opening's surface along the optical axis, metres.
     pub opening_depth: &'a [f32],
     /// The camera that took them.
     pub camera: &'a Camera,
+    /// The camera's attitude when it took them, of which only pitch and roll count: what is level in the image.
+    pub attitude: Attitude,
     /// Fraction of an object's silhouette inside the frame, 0..=1; 1 for objects not listed.
     pub in_frame: &'a BTreeMap<u16, f32>,
     /// Light on an object, 0 dark ..= 1 daylight; daylight for objects not listed.
@@ -48,13 +56,15 @@ pub struct GroundTruthView<'a> {
 /// A visible object as perceived by the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerceivedObject {
+    /// Its id in the id image: that of its tags, unless it is taken for something else.
+    pub(super) id: u16,
     /// Its tags.
     pub tags: Tagged,
     /// Visible pixels of the frame.
     pub area: u64,
     /// Smallest rectangle around the visible pixels.
     pub bounds: ImageBox,
-    /// The deepest pixel of its mask, without noise.
+    /// The middle of its main part, or else the deepest pixel of its mask, without noise.
     pub deepest: ImagePoint,
     /// The point given in replies: `deepest` with noise.
     pub point: ImagePoint,
@@ -72,8 +82,6 @@ pub struct PerceivedObject {
     size: f64,
     /// Uniform random number that decides whether it is noticed.
     luck: f64,
-    /// Uniform random number that decides whether its box is reported.
-    pub(super) box_luck: f64,
 }
 
 /// What the oracle notices in one frame; shared by all queries about it.
@@ -90,6 +98,8 @@ pub struct Percept {
     /// The image point with the most room for level flight, and its range, metres, at most 40.
     pub open: (ImagePoint, f64),
     pub(super) things: Vec<PerceivedObject>,
+    /// What may be in the way of a flight, noticed or not.
+    obstacles: Vec<Obstacle>,
     /// The signs that face the camera.
     pub(super) signs: Vec<PerceivedSign>,
     /// All words of the scene's tags, visible or not, so that an instruction is read alike in every frame.
@@ -109,10 +119,10 @@ impl Percept {
             },
         );
         things.extend(openings);
-        let signs = perceived(sight, &things);
+        let (signs, obstacles) = rayon::join(|| perceived(sight, &things), || obstacles(errors, seed, frame.0, sight, &things));
         let words = vocabulary(tags.iter());
         let (ahead, open) = (walls.room(sight.camera.cx), walls.most_open(level));
-        Self { frame, camera: *sight.camera, level, ahead, open, things, signs, words }
+        Self { frame, camera: *sight.camera, level, ahead, open, things, obstacles, signs, words }
     }
 
     /// The objects noticed if the image is sent at `size`, by default [`SIZE_SENT`].
@@ -129,6 +139,23 @@ impl Percept {
         let scale = scale_of(size);
         let chances = self.things.iter().map(move |thing| (thing, chance_seen(errors, thing.size * scale)));
         chances.filter(|(thing, chance)| thing.luck < *chance)
+    }
+
+    /// The obstacles noticed in an image sent at `size`, by default [`SIZE_SENT`], each with its object: of one that is noticed, the
+    /// parts that are large enough.
+    pub(super) fn noticed_obstacles<'a>(
+        &'a self,
+        errors: &'a ErrorFile,
+        size: Option<(u32, u32)>,
+    ) -> impl Iterator<Item = (&'a Obstacle, &'a PerceivedObject)> {
+        let scale = scale_of(size);
+        let of = |obstacle: &'a Obstacle| {
+            let thing = self.things.iter().find(|thing| thing.id == obstacle.object && !thing.tags.opening)?;
+            Some((obstacle, thing))
+        };
+        self.obstacles.iter().filter_map(of).filter(move |(obstacle, thing)| {
+            thing.luck < chance_seen(errors, thing.size * scale) && thing.luck < chance_seen(errors, obstacle.size * scale)
+        })
     }
 }
 
@@ -162,12 +189,15 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &GroundTruthView<'_>, tags: &[T
     if w == 0 || ids.len() < w * h || depth.len() < w * h || most == 0 {
         return Vec::new();
     }
-    let (nearest, masks) = rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w));
+    let ((nearest, masks), mains) = rayon::join(
+        || rayon::join(|| nearest(sight, most, &ids[..w * h], &depth[..w * h]), || masks(ids, w)),
+        || if opening { BTreeMap::new() } else { main_parts(sight) },
+    );
     let tagged = |mask: &Mask| tags.iter().find(|tags| tags.id == mask.id && tags.opening == opening);
     let seen = masks.iter().filter_map(|mask| Some((mask, tagged(mask)?)));
     seen.map(|(mask, own)| {
         let nearest = nearest[usize::from(mask.id)];
-        let mut thing = thing(errors, seed, frame, sight, (depth, nearest), mask, own);
+        let mut thing = thing(errors, seed, frame, sight, (depth, nearest), (mask, mains.get(&mask.id)), own);
         if let Some(other) = taken_for(errors.obeys, seed, frame, own, tags) {
             thing.tags = other;
         }
@@ -176,14 +206,30 @@ fn things(of: (&ErrorFile, u64, FrameId), sight: &GroundTruthView<'_>, tags: &[T
     .collect()
 }
 
-/// `depth` is that of the image with the object, and the distance to its nearest surface there.
+/// The visible main part of each object that has one; of several the largest.
+fn main_parts(sight: &GroundTruthView<'_>) -> BTreeMap<u16, Mask> {
+    let piece = |number: u16| usize::from(number).checked_sub(1).and_then(|at| sight.pieces.get(at));
+    let is_main: Vec<bool> = core::iter::once(false).chain(sight.pieces.iter().map(|piece| piece.main)).collect();
+    let only = |number: &u16| if is_main.get(usize::from(*number)) == Some(&true) { *number } else { 0 };
+    let mains: Vec<u16> = sight.piece_ids.iter().map(only).collect();
+    let mut largest: BTreeMap<u16, Mask> = BTreeMap::new();
+    for mask in central(&mains, sight.width) {
+        let Some(object) = piece(mask.id).map(|piece| piece.object) else { continue };
+        if largest.get(&object).is_none_or(|known| known.area < mask.area) {
+            largest.insert(object, mask);
+        }
+    }
+    largest
+}
+
+/// `depth` is that of the image with the object, and the distance to its nearest surface there; `main` the mask of its main part.
 fn thing(
     errors: &ErrorFile,
     seed: u64,
     frame: FrameId,
     sight: &GroundTruthView<'_>,
     (depth, nearest): (&[f32], f64),
-    mask: &Mask,
+    (mask, main): (&Mask, Option<&Mask>),
     tags: &Tagged,
 ) -> PerceivedObject {
     let (w, h) = (sight.width as f64, sight.height as f64);
@@ -197,19 +243,25 @@ fn thing(
         right: (mask.right + 1) as f64 / w,
         bottom: (mask.bottom + 1) as f64 / h,
     };
-    let deepest = ImagePoint { u: (mask.deepest.0 as f64 + 0.5) / w, v: (mask.deepest.1 as f64 + 0.5) / h };
+    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    let size = |area: u64| sqrt(area as f64 * sent / (w * h)) * light;
+    let luck = RandomStream::new(seed, "oracle seen", &key).uniform();
+    // It is pointed at in its main part if that is noticed.
+    let shown = main.filter(|main| luck < chance_seen(errors, size(main.area))).unwrap_or(mask);
+    let pixel = shown.deepest;
+    let deepest = ImagePoint { u: (pixel.0 as f64 + 0.5) / w, v: (pixel.1 as f64 + 0.5) / h };
     let mut noise = RandomStream::new(seed, "oracle point", &key);
-    let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(area));
+    let spread = (errors.point.width_share * w).max(errors.point.size_share * sqrt(shown.area as f64));
     let point = ImagePoint {
         u: (deepest.u + spread * noise.normal() / w).clamp(0.0, 1.0),
         v: (deepest.v + spread * noise.normal() / h).clamp(0.0, 1.0),
     };
-    let along = f64::from(depth[mask.deepest.1 * sight.width + mask.deepest.0]);
+    let along = f64::from(depth[pixel.1 * sight.width + pixel.0]);
     let slip = exp(errors.range.log_sd * RandomStream::new(seed, "oracle range", &key).normal());
     let range = along * stretch(sight.camera, deepest) * slip;
-    let past = f64::from(sight.depth.get(mask.deepest.1 * sight.width + mask.deepest.0).copied().unwrap_or(0.0));
-    let sent = f64::from(SIZE_SENT.0) * f64::from(SIZE_SENT.1);
+    let past = f64::from(sight.depth.get(pixel.1 * sight.width + pixel.0).copied().unwrap_or(0.0));
     PerceivedObject {
+        id: mask.id,
         tags: tags.clone(),
         area: mask.area,
         bounds,
@@ -222,9 +274,8 @@ fn thing(
         // tenth of it.
         in_view: (bounds.bottom - bounds.top >= 0.008 && fraction >= 0.25) || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
-        size: sqrt(area * sent / (w * h)) * light,
-        luck: RandomStream::new(seed, "oracle seen", &key).uniform(),
-        box_luck: RandomStream::new(seed, "oracle box", &key).uniform(),
+        size: size(mask.area),
+        luck,
     }
 }
 

@@ -118,7 +118,7 @@ fn beside(arrow: Arrow, sign: &PerceivedObject, view: &Inputs<'_>) -> Place {
         Arrow::Down => (u, v + ASIDE),
     };
     let point = ImagePoint { u: u.clamp(0.0, 1.0), v: v.clamp(0.0, 1.0) };
-    Place { point, range: sign.range, fraction: b.bottom - b.top, opening: None }
+    Place { point, range: sign.range, fraction: b.bottom - b.top, opening: false }
 }
 
 #[cfg(test)]

@@ -29,8 +29,8 @@ pub(super) struct Place {
     pub(super) range: f64,
     /// Fraction of the image height that it fills.
     pub(super) fraction: f64,
-    /// The box and range, metres, of the opening that it is in or behind.
-    pub(super) opening: Option<(ImageBox, f64)>,
+    /// Whether it is in or behind an opening.
+    pub(super) opening: bool,
 }
 
 /// The result of instruction, history and percept.
@@ -415,7 +415,7 @@ fn place(thing: &PerceivedObject) -> Place {
         point: thing.point,
         range: thing.range,
         fraction: thing.bounds.bottom - thing.bounds.top,
-        opening: thing.tags.opening.then_some((thing.bounds, thing.range)),
+        opening: thing.tags.opening,
     }
 }
 
@@ -429,7 +429,7 @@ const MOVE_M: f64 = 10.0;
 
 /// A point at the edge of the image at minimum range: a turn by half an image.
 fn edge(u: f64, view: &Inputs<'_>) -> Place {
-    Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, fraction: 0.0, opening: None }
+    Place { point: ImagePoint { u, v: view.percept.level }, range: 1.0, fraction: 0.0, opening: false }
 }
 
 /// An object other than the previous targets, according to the history, which tells where these are now. Among objects of the same
@@ -511,7 +511,7 @@ const FLOWN: f64 = 0.8;
 /// Straight on, for half of the free distance.
 fn ahead(view: &Inputs<'_>) -> Place {
     let range = 0.5 * view.percept.ahead;
-    Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), fraction: 0.0, opening: None }
+    Place { point: ImagePoint { u: 0.5, v: view.percept.level }, range: range.min(MOVE_M), fraction: 0.0, opening: false }
 }
 
 /// A point left of the object by one and a half times `near` at its range; at the image edge if that cuts it off.

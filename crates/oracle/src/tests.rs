@@ -2,6 +2,7 @@ use std::collections::BTreeMap;
 
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
+use spf_core::geometry::Attitude;
 use spf_core::grounding::GroundingProfile;
 use spf_core::query::{
     ActForm, DepthAs, FinishedPlace, FinishedStage, ImageBox, ImagePoint, Mark, Memory, Motion, PastAnswer, Query, QueryId,
@@ -9,6 +10,7 @@ use spf_core::query::{
 };
 use spf_core::reply::{Look, Reply, Status, parse_reply};
 use spf_core::sign::SignView;
+use spf_core::tags::PieceTag;
 
 use super::*;
 
@@ -19,6 +21,8 @@ const H: usize = 720;
 pub(super) struct Painting {
     ids: Vec<u16>,
     depth: Vec<f32>,
+    piece_ids: Vec<u16>,
+    pub(super) pieces: Vec<PieceTag>,
     opening_ids: Vec<u16>,
     opening_depth: Vec<f32>,
     in_frame: BTreeMap<u16, f32>,
@@ -43,6 +47,8 @@ impl Painting {
         Self {
             ids: vec![0; W * H],
             depth: vec![f32::INFINITY; W * H],
+            piece_ids: vec![0; W * H],
+            pieces: Vec::new(),
             opening_ids: vec![0; W * H],
             opening_depth: vec![f32::INFINITY; W * H],
             in_frame: BTreeMap::new(),
@@ -68,15 +74,55 @@ impl Painting {
         self
     }
 
+    /// Names what is painted there.
+    pub(super) fn named(
+        mut self,
+        object: u16,
+        name: &str,
+        main: bool,
+        x: core::ops::Range<usize>,
+        y: core::ops::Range<usize>,
+    ) -> Self {
+        self.pieces.push(PieceTag { object, name: name.to_owned(), main, solid: true });
+        for row in y {
+            self.piece_ids[row * W + x.start..row * W + x.end].fill(self.pieces.len() as u16);
+        }
+        self
+    }
+
+    /// Changes the depth of a rectangle, column by column.
+    pub(super) fn deepened(
+        mut self,
+        x: core::ops::Range<usize>,
+        y: core::ops::Range<usize>,
+        depth: impl Fn(usize) -> f32,
+    ) -> Self {
+        for row in y {
+            for column in x.clone() {
+                self.depth[row * W + column] = depth(column);
+            }
+        }
+        self
+    }
+
+    /// As another camera has taken it.
+    pub(super) fn seen_by(mut self, camera: Camera) -> Self {
+        self.camera = camera;
+        self
+    }
+
     pub(super) fn percept(&self, oracle: &Oracle, frame: u64) -> Percept {
         let sight = GroundTruthView {
             width: W,
             height: H,
             ids: &self.ids,
             depth: &self.depth,
+            piece_ids: &self.piece_ids,
+            pieces: &self.pieces,
             opening_ids: &self.opening_ids,
             opening_depth: &self.opening_depth,
             camera: &self.camera,
+            attitude: Attitude::default(),
             in_frame: &self.in_frame,
             light: &BTreeMap::new(),
             signs: &self.signs,
@@ -118,6 +164,37 @@ fn the_perfect_oracle_points_at_the_middle_of_the_target() {
     // Depth 20 m, 159.5 px left of centre at fx = 480: 20·√(1 + 0.332² + 0.124²) = 21.2 m; 1 + 4.5·log10 21.2 = 6.97.
     assert_eq!(reply.depth, Some(7));
     assert_eq!(reply.target.as_deref(), Some("red crane"));
+}
+
+#[test]
+fn a_crane_is_pointed_at_in_its_mast_however_wide_its_jib() {
+    let crane = tagged(1, "crane", "machine", "red");
+    let painting = |shift: usize| {
+        Painting::new()
+            .with(crane.clone(), 100..700, 100..160, 30.0)
+            .with(crane.clone(), 300..330, 160..500, 40.0)
+            .with(crane.clone(), 280..350, 500..560 + shift, 40.0)
+            .named(1, "jib", false, 100..700, 100..160)
+            .named(1, "mast", true, 300..330, 160..500)
+            .named(1, "base", false, 280..350, 500..560 + shift)
+    };
+    for shift in [0, 10, 40] {
+        let reply = ask(&oracle("perfect"), &painting(shift), &query(0, POINT, "fly to the red crane"));
+        let point = reply.point.unwrap();
+        assert!((point.u - 315.0 / 960.0).abs() < 2e-3 && (point.v - 330.0 / 720.0).abs() < 2e-2, "{point:?}");
+        // The mast is 40 m away, the jib 30 m: labels 8.2 and 7.6.
+        assert_eq!(reply.depth, Some(8));
+    }
+    // With the mast out of view, what else is seen of it.
+    let hidden = painting(0).with(tagged(2, "house", "building", "white"), 0..960, 160..720, 20.0).named(
+        2,
+        "wall",
+        false,
+        0..960,
+        160..720,
+    );
+    let point = ask(&oracle("perfect"), &hidden, &query(0, POINT, "fly to the red crane")).point.unwrap();
+    assert!(point.v < 160.0 / 720.0, "{point:?}");
 }
 
 #[test]

@@ -22,6 +22,8 @@ pub struct RenderedImage {
     pub depth: Option<Vec<f32>>,
     /// Id of the object at each pixel's centre; 0 for none.
     pub ids: Option<Vec<u16>>,
+    /// Named part of an object at each pixel's centre, its place in the scene's list from 1; 0 for none.
+    pub piece_ids: Option<Vec<u16>>,
     /// Id of the nearest opening at each pixel's centre that is not hidden by a solid object; 0 for none.
     pub opening_ids: Option<Vec<u16>>,
     /// Depth of that opening along the optical axis, metres; 0 for none.
@@ -56,6 +58,7 @@ impl RenderedImage {
         fit(&mut self.rgb, channels.rgb, area * 3);
         fit(&mut self.depth, channels.depth, area);
         fit(&mut self.ids, channels.ids, area);
+        fit(&mut self.piece_ids, channels.pieces, area);
         fit(&mut self.opening_ids, channels.openings, area);
         fit(&mut self.opening_depth, channels.openings, area);
     }
@@ -69,6 +72,14 @@ impl RenderedImage {
         if let Some(ids) = &mut self.ids {
             let id = id.as_chunks::<EIGHT>().0;
             untile(ids, width, columns, |eight| objects(&id[eight], &object));
+        }
+    }
+
+    pub(crate) fn take_pieces(&mut self, id: &[u32], columns: usize, piece: impl Fn(u32) -> u16 + Sync) {
+        let width = self.width as usize;
+        if let Some(pieces) = &mut self.piece_ids {
+            let id = id.as_chunks::<EIGHT>().0;
+            untile(pieces, width, columns, |eight| objects(&id[eight], &piece));
         }
     }
 

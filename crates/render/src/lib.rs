@@ -77,6 +77,8 @@ pub struct Channels {
     pub depth: bool,
     /// The id of the object at each pixel's centre.
     pub ids: bool,
+    /// The named part of an object at each pixel's centre.
+    pub pieces: bool,
     /// Ids and depth of openings, in separate images.
     pub openings: bool,
     /// Quality of the colour image.
@@ -95,9 +97,11 @@ pub enum Quality {
 
 impl Channels {
     /// Colour only.
-    pub const RGB: Self = Self { rgb: true, depth: false, ids: false, openings: false, quality: Quality::Full };
-    /// What the oracle reads: ids, depth and openings.
-    pub const TRUTH: Self = Self { rgb: false, depth: true, ids: true, openings: true, quality: Quality::Full };
+    pub const RGB: Self = Self { rgb: true, depth: false, ids: false, pieces: false, openings: false, quality: Quality::Full };
+    /// Ids, depth and openings.
+    pub const TRUTH: Self = Self { rgb: false, depth: true, ids: true, pieces: false, openings: true, quality: Quality::Full };
+    /// What the oracle reads: the same, and named parts.
+    pub const PERCEPT: Self = Self { pieces: true, ..Self::TRUTH };
     /// All channels.
     pub const ALL: Self = Self { rgb: true, ..Self::TRUTH };
 }
@@ -189,7 +193,10 @@ impl Renderer {
         let mut view = Pinhole::new(camera, pose);
         (view.width, view.height) = (view.width.min(MAX_SIDE), view.height.min(MAX_SIDE));
         image.shape(view.width, view.height, channels);
-        if view.width == 0 || view.height == 0 || !(channels.rgb || channels.depth || channels.ids || channels.openings) {
+        if view.width == 0
+            || view.height == 0
+            || !(channels.rgb || channels.depth || channels.ids || channels.pieces || channels.openings)
+        {
             return;
         }
         let actors = if channels.rgb { Soup::new(actors, &self.materials) } else { Soup::unpainted(actors, &self.materials) };
@@ -223,7 +230,12 @@ impl Renderer {
             Some(&object) => object,
             None => actors.objects.get((id as usize).wrapping_sub(self.soup.objects.len())).copied().unwrap_or(0),
         };
+        let piece = |id: u32| match self.soup.pieces.get(id as usize) {
+            Some(&piece) => piece,
+            None => actors.pieces.get((id as usize).wrapping_sub(self.soup.pieces.len())).copied().unwrap_or(0),
+        };
         image.take_truth(&scratch.near, &scratch.id, columns, object);
+        image.take_pieces(&scratch.id, columns, piece);
         if channels.openings {
             scratch.openings.fill(self.instructions, &soups, view, Wanted { openings: true, centres: true });
         }

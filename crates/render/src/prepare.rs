@@ -54,10 +54,12 @@ pub(crate) struct Soup {
     /// Corners of each triangle, relative to the start of its cluster's positions.
     pub(crate) corners: Vec<[u8; 3]>,
     pub(crate) triangles: Vec<Triangle>,
-    /// For each triangle the first one that lies in its plane and has the same continuous paint, itself or an earlier
-    /// one: both are shaded alike.
+    /// For each triangle the first one that lies in its plane, belongs to the same named part and has the same continuous
+    /// paint, itself or an earlier one: both are shaded alike.
     pub(crate) surfaces: Vec<u32>,
     pub(crate) objects: Vec<u16>,
+    /// For each triangle the named part of its object, 0 for none.
+    pub(crate) pieces: Vec<u16>,
     pub(crate) smooth: Vec<SmoothNormal>,
     pub(crate) clusters: Vec<Cluster>,
 }
@@ -118,6 +120,7 @@ impl Soup {
             });
             self.corners.push(corners);
             self.objects.push(part.object);
+            self.pieces.push(part.pieces.get(i as usize).copied().unwrap_or(0));
             let affine = Affine::new(a.position, b.position, c.position);
             let triangle = Triangle::unpainted(&affine, part.material);
             let index = self.triangles.len() as u32;
@@ -160,7 +163,10 @@ impl Soup {
     /// The flat surface among the latest ones since triangle `start` that has these corners too.
     fn piece(&self, start: usize, corners: &[Vertex; 3]) -> Option<u32> {
         let earlier = self.triangles.iter().zip(&self.surfaces).enumerate().skip(start).rev();
-        let mut surfaces = earlier.filter(|&(i, (t, &surface))| surface as usize == i && t.smooth == 0).take(RECENT);
+        let own = self.pieces.last();
+        let mut surfaces = earlier
+            .filter(|&(i, (t, &surface))| surface as usize == i && t.smooth == 0 && self.pieces.get(i) == own)
+            .take(RECENT);
         surfaces.find(|(_, (t, _))| corners.iter().all(|c| t.has(c))).map(|(i, _)| i as u32)
     }
 }

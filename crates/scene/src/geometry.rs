@@ -32,6 +32,9 @@ pub struct Part {
     pub material: u16,
     /// The object it belongs to; ground and roads are objects too.
     pub object: ObjectId,
+    /// The named part of the object that each triangle belongs to: its place in [`Scene::pieces`](crate::Scene::pieces), from 1; 0
+    /// for none. Empty if no triangle belongs to one.
+    pub pieces: Vec<u16>,
     /// Its role.
     pub role: Role,
 }

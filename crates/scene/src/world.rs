@@ -5,7 +5,7 @@ use serde_json::json;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::sign::SignView;
-use spf_core::tags::Tagged;
+use spf_core::tags::{PieceTag, Tagged};
 
 use crate::actors::Actor;
 use crate::bounds::Aabb;
@@ -38,6 +38,8 @@ pub struct Scene {
     pub bounds: Aabb,
     /// All visible objects, with ids from 1.
     pub objects: Vec<Object>,
+    /// The named parts of objects, in order of the objects; see [`Part::pieces`].
+    pub pieces: Vec<PieceTag>,
     /// The current light.
     pub lighting: Lighting,
     /// The current weather.

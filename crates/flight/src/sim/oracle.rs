@@ -57,7 +57,7 @@ impl OracleVlm {
         let PerceptBuffers { sight, wide } = &mut eyes;
         // Two images in parallel: much of rendering without colours is single-threaded.
         let ((), in_frame) =
-            rayon::join(|| self.world.render_into(snapshot, Channels::TRUTH, sight), || self.world.in_frame(snapshot, wide));
+            rayon::join(|| self.world.render_into(snapshot, Channels::PERCEPT, sight), || self.world.in_frame(snapshot, wide));
         // Outside of the parallel section: the first request for light waits for its computation, and must not run
         // another flight's percept in the meantime, which would wait for itself.
         let light = self.world.light_on(snapshot, &eyes.sight);
@@ -68,9 +68,12 @@ impl OracleVlm {
             height: image.height as usize,
             ids: image.ids.as_deref().unwrap_or_default(),
             depth: image.depth.as_deref().unwrap_or_default(),
+            piece_ids: image.piece_ids.as_deref().unwrap_or_default(),
+            pieces: &self.world.loaded().scene.pieces,
             opening_ids: image.opening_ids.as_deref().unwrap_or_default(),
             opening_depth: image.opening_depth.as_deref().unwrap_or_default(),
             camera: self.world.camera(),
+            attitude: snapshot.pose.attitude,
             in_frame: &in_frame,
             light: &light,
             signs: &signs,

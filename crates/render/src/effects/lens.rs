@@ -119,6 +119,7 @@ impl Remap {
         (to.width, to.height) = (self.camera.width, self.camera.height);
         to.depth = from.depth.as_ref().map(|channel| self.nearest(channel, to.depth.take()));
         to.ids = from.ids.as_ref().map(|channel| self.nearest(channel, to.ids.take()));
+        to.piece_ids = from.piece_ids.as_ref().map(|channel| self.nearest(channel, to.piece_ids.take()));
         to.opening_ids = from.opening_ids.as_ref().map(|channel| self.nearest(channel, to.opening_ids.take()));
         to.opening_depth = from.opening_depth.as_ref().map(|channel| self.nearest(channel, to.opening_depth.take()));
         to.rgb = from.rgb.as_ref().map(|channel| self.blended(channel, to.rgb.take()));

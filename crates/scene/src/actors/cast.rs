@@ -186,5 +186,5 @@ impl Member {
 }
 
 fn placed(part: &Part, frame: &Frame) -> Part {
-    Part { vertices: part.vertices.iter().map(|v| frame.vertex(v)).collect(), triangles: part.triangles.clone(), ..*part }
+    Part { vertices: part.vertices.iter().map(|v| frame.vertex(v)).collect(), ..part.clone() }
 }

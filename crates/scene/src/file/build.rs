@@ -1,10 +1,11 @@
 //! Builds the scene from validated entries: meshes, materials, light, bounds, footprints.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 use glam::{Vec2, Vec3};
 use spf_core::geometry::{EnuPosition, Pose};
+use spf_core::tags::PieceTag;
 use toml::Spanned;
 
 use super::expand::{Expanded, Placed};
@@ -87,6 +88,7 @@ pub(super) fn build(
         return Err(source.error(&(0..0), "a scene may have at most 65535 materials and as many textures", None));
     };
     let (mut all, mut objects, mut actors) = (Vec::new(), Vec::new(), Actors::default());
+    let mut pieces = Vec::new();
     let (mut triangles, mut gait_triangles) = (0, 0);
     for (i, placed) in expanded.placed.iter().enumerate() {
         let id = i as ObjectId + 1;
@@ -108,10 +110,25 @@ pub(super) fn build(
         for lamp in sketch.lamps.iter().filter(|_| placed.motion.is_none()) {
             shine::add(&mut shining, lamp, |p| to_world.point(p), to_world.scale, &placed.span, source)?;
         }
+        let first = pieces.len() as u16;
         let own = match placed.model {
-            Some(number) => model_parts(expanded.models.parts(number), model_materials[number], &to_world, id),
-            None => parts(&sketch, &slots, &to_world, id),
+            Some(number) => model_parts(expanded.models.parts(number), (model_materials[number], first), &to_world, id),
+            None => parts(&sketch, &slots, &to_world, id, first),
         };
+        let named: Vec<(String, bool)> = match placed.model {
+            Some(number) => expanded.models.pieces(number).iter().map(|name| (name.clone(), false)).collect(),
+            None => sketch.pieces.iter().map(|piece| (piece.name.to_owned(), piece.main)).collect(),
+        };
+        let collide = own.iter().filter(|part| matches!(part.role, Role::Solid | Role::Glass));
+        let solid: BTreeSet<u16> = collide.flat_map(|part| part.pieces.iter().copied()).collect();
+        let is_solid = |place: usize| u16::try_from(usize::from(first) + place + 1).is_ok_and(|number| solid.contains(&number));
+        let tag = |(place, (name, main))| PieceTag { object: id, name, main, solid: is_solid(place) };
+        pieces.extend(named.into_iter().enumerate().map(tag));
+        choose_main(placed, &mut pieces[usize::from(first)..], source)?;
+        if pieces.len() > usize::from(u16::MAX) {
+            let message = format!("the objects of the scene have more than {} named parts at `{}`", u16::MAX, placed.key);
+            return Err(source.error(&placed.span, message, None));
+        }
         let mut object = object(placed, id, &ids, &own, &sketch, &to_world, source)?;
         // The words on what moves are not read: their place would be another at every moment.
         object.sign = generator.writing().filter(|_| placed.motion.is_none()).map(|writing| to_world.sign(writing));
@@ -124,7 +141,7 @@ pub(super) fn build(
                     let message = format!("the walking people exceed {MAX_GAIT_TRIANGLES} triangles");
                     return Err(source.error(&placed.span, message, Some("use fewer walking people".to_owned())));
                 }
-                postures.extend(gait.iter().map(|sketch| parts(sketch, &slots, &to_world, id)));
+                postures.extend(gait.iter().map(|sketch| parts(sketch, &slots, &to_world, id, first)));
                 actors.add(motion, postures, &mut object, placed, source)?;
             }
             None => all.extend(own),
@@ -146,6 +163,7 @@ pub(super) fn build(
         start,
         bounds,
         objects,
+        pieces,
         lighting: shining.lighting,
         weather: shining.weather,
         geometry: SceneGeometry { parts: all, materials: materials.list, textures, light: shining.light },
@@ -154,27 +172,41 @@ pub(super) fn build(
     })
 }
 
-/// The meshes of a sketch.
-fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, object: ObjectId) -> Vec<Part> {
+/// Makes the parts with the name that the file gives the main ones of their object, in place of the mesh's own.
+fn choose_main(placed: &Placed, pieces: &mut [PieceTag], source: &Source<'_>) -> Result<(), SceneError> {
+    let Some((name, at)) = &placed.main_part else { return Ok(()) };
+    if !pieces.iter().any(|piece| piece.name == *name) {
+        let hint = nearest(name, pieces.iter().map(|piece| piece.name.as_str())).map(|near| format!("did you mean `{near}`?"));
+        return Err(source.error(at, format!("`{}` has no part `{name}`", placed.key), hint));
+    }
+    pieces.iter_mut().for_each(|piece| piece.main = piece.name == *name);
+    Ok(())
+}
+
+/// The meshes of a sketch, whose named parts are numbered from `first` + 1.
+fn parts(sketch: &Sketch, slots: &[(&'static str, u16)], to_world: &Frame, object: ObjectId, first: u16) -> Vec<Part> {
     let part = |surface: &Surface| {
         let Some(&(_, material)) = slots.iter().find(|(slot, _)| *slot == surface.slot) else {
             unreachable!("a generator uses only its own slots; a test generates every mesh kind");
         };
         let vertices = surface.vertices.iter().map(|v| to_world.vertex(v)).collect();
-        Part { vertices, triangles: surface.triangles.clone(), material, object, role: surface.role }
+        let numbered = |piece: u16| if piece == 0 { 0 } else { first.saturating_add(piece) };
+        let pieces = surface.pieces().into_iter().map(numbered).collect();
+        Part { vertices, triangles: surface.triangles.clone(), material, object, pieces, role: surface.role }
     };
     sketch.surfaces.iter().map(part).collect()
 }
 
-/// The meshes of a model; its material indices are offset by `more`. Its texture coordinates count repetitions of an
+/// The meshes of a model; its material indices are offset by `more`, its named parts by `first`. Its texture coordinates count repetitions of an
 /// image, so they do not scale with the object.
-fn model_parts(parts: &[Part], more: u16, to_world: &Frame, object: ObjectId) -> Vec<Part> {
+fn model_parts(parts: &[Part], (more, first): (u16, u16), to_world: &Frame, object: ObjectId) -> Vec<Part> {
     let vertex = |v: &Vertex| Vertex { uv: v.uv, ..to_world.vertex(v) };
     let part = |part: &Part| Part {
         vertices: part.vertices.iter().map(vertex).collect(),
         triangles: part.triangles.clone(),
         material: part.material + more,
         object,
+        pieces: part.pieces.iter().map(|piece| first.saturating_add(*piece)).collect(),
         role: part.role,
     };
     parts.iter().map(part).collect()

@@ -24,6 +24,8 @@ pub(super) struct Placed {
     pub(super) opening_of: Option<(String, Range<usize>)>,
     /// Key of the object that a look-alike seems to be.
     pub(super) looks_like: Option<(String, Range<usize>)>,
+    /// Name of its main part, if the file says.
+    pub(super) main_part: Option<(String, Range<usize>)>,
     /// Index into the generators.
     pub(super) mesh: usize,
     /// Kind of that generator.
@@ -118,6 +120,7 @@ pub(super) fn unroll(
             tags: tags.clone(),
             opening_of: merged.opening_of.as_ref().map(|o| (o.get_ref().clone(), o.span())),
             looks_like: merged.looks_like.as_ref().map(|o| (o.get_ref().clone(), o.span())),
+            main_part: merged.main_part.as_ref().map(|o| (o.get_ref().clone(), o.span())),
             mesh: out.meshes.len() - 1,
             mesh_kind,
             model,
@@ -163,6 +166,7 @@ fn merge(raw: &RawScene, object: &RawObject, source: &Source<'_>) -> Result<RawO
         drive: object.drive.or(base.drive),
         opening_of: object.opening_of.or(base.opening_of),
         looks_like: object.looks_like.or(base.looks_like),
+        main_part: object.main_part.or(base.main_part),
         names: object.names.or(base.names),
         synonyms: object.synonyms.or(base.synonyms),
         qualities: object.qualities.or(base.qualities),

@@ -115,6 +115,11 @@ impl Models {
         u16::try_from(materials.len()).ok().map(|_| grown)
     }
 
+    /// The names of a model's parts.
+    pub(super) fn pieces(&self, number: usize) -> &[String] {
+        &self.list[number].1.pieces
+    }
+
     /// The meshes of a model.
     pub(super) fn parts(&self, number: usize) -> &[Part] {
         &self.list[number].1.parts
@@ -136,6 +141,7 @@ impl Generator for Drawn {
             role: part.role,
             vertices: part.vertices.clone(),
             triangles: part.triangles.clone(),
+            runs: Vec::new(),
         }));
     }
 }

@@ -100,6 +100,7 @@ pub(super) struct RawObject {
     pub(super) drive: Option<Spanned<RawMotion>>,
     pub(super) opening_of: Option<Spanned<String>>,
     pub(super) looks_like: Option<Spanned<String>>,
+    pub(super) main_part: Option<Spanned<String>>,
     pub(super) names: Option<Vec<String>>,
     pub(super) synonyms: Option<Vec<String>>,
     pub(super) qualities: Option<Vec<String>>,

@@ -189,7 +189,7 @@ fn world(
     file: &str,
     shining: Shining,
 ) -> Result<Scene, Problem> {
-    let Assembly { mut objects, parts, materials, textures, skipped } = assembly;
+    let Assembly { mut objects, parts, pieces, materials, textures, skipped } = assembly;
     let corners = || parts.iter().flat_map(|part| part.vertices.iter().map(|v| v.position));
     let Some(mut extent) = Aabb::around(corners()) else {
         let cloud =
@@ -258,6 +258,7 @@ fn world(
         start,
         bounds,
         objects,
+        pieces,
         lighting: shining.lighting,
         weather: shining.weather,
         geometry,

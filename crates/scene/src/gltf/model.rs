@@ -6,12 +6,15 @@ use super::files::inside;
 use super::{Problem, UpAxis, assemble, open};
 use crate::geometry::{Material, Part, Role};
 use crate::texture::Texture;
+use crate::world::Object;
 
 /// A model in the frame of the object whose mesh it is: x right, y forward (the file's −z), z up; metres.
 #[derive(Debug)]
 pub(crate) struct Model {
     /// Its meshes. The object id is set on placement; materials and textures are the model's own.
     pub(crate) parts: Vec<Part>,
+    /// Its named parts, which are its nodes; empty if it is a single one.
+    pub(crate) pieces: Vec<String>,
     /// Its materials.
     pub(crate) materials: Vec<Material>,
     /// Its material images.
@@ -38,6 +41,15 @@ impl Model {
         if parts.is_empty() {
             return Err(Problem::new("it has no triangles"));
         }
-        Ok(Self { parts, materials: made.assembly.materials, textures: made.assembly.textures, warnings: made.warnings })
+        // Each of its objects is a part of what the model is in the scene.
+        let mut parts = parts;
+        let named = |object: &Object| object.tags.names.first().cloned().unwrap_or_default();
+        let pieces: Vec<String> = made.assembly.objects.iter().map(named).collect();
+        let several = pieces.len() > 1;
+        parts
+            .iter_mut()
+            .for_each(|part| part.pieces = if several { vec![part.object; part.triangles.len()] } else { Vec::new() });
+        let pieces = if several { pieces } else { Vec::new() };
+        Ok(Self { parts, pieces, materials: made.assembly.materials, textures: made.assembly.textures, warnings: made.warnings })
     }
 }

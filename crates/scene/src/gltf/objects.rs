@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::Vec3;
 use gltf::json::Root;
+use spf_core::tags::PieceTag;
 
 use super::material::Looks;
 use super::mesh::{Meshes, add_areas};
@@ -27,6 +28,7 @@ const MESH_KIND: &str = "gltf";
 pub(super) struct Assembly {
     pub(super) objects: Vec<Object>,
     pub(super) parts: Vec<Part>,
+    pub(super) pieces: Vec<PieceTag>,
     pub(super) materials: Vec<Material>,
     pub(super) textures: Vec<Texture>,
     /// Number of points and lines, which are not rendered.
@@ -37,6 +39,8 @@ pub(super) struct Assembly {
 #[derive(Default)]
 struct Gathered {
     parts: Vec<Part>,
+    /// Names of its nodes with meshes: its named parts.
+    pieces: Vec<String>,
     /// Area in square metres by colour word.
     areas: BTreeMap<&'static str, f32>,
 }
@@ -49,6 +53,7 @@ impl Assembly {
             let mesh = root.meshes.get(placed.mesh).ok_or_else(|| missing("mesh", placed.mesh))?;
             let owner = &walked.owners[placed.owner];
             let of = format!("mesh {} of `{}`", placed.mesh, short(&owner.name));
+            gathered[placed.owner].pieces.push(names::words(&placed.name).join(" "));
             for primitive in &mesh.primitives {
                 let look = looks.look(primitive.material.map(|m| m.value()), Meshes::is_coloured(primitive))?;
                 let drawn = meshes.draw(primitive, placed, &look, &of)?;
@@ -69,11 +74,13 @@ impl Assembly {
                 };
                 let (vertices, triangles) = (drawn.vertices, drawn.triangles);
                 // Objects are numbered once it is known which have triangles.
-                gathered.parts.push(Part { vertices, triangles, material: look.material, object: 0, role });
+                let pieces = vec![gathered.pieces.len() as u16; triangles.len()];
+                gathered.parts.push(Part { vertices, triangles, material: look.material, object: 0, pieces, role });
             }
         }
         let (materials, textures) = looks.into_parts();
-        let mut assembly = Self { objects: Vec::new(), parts: Vec::new(), materials, textures, skipped: meshes.skipped };
+        let (objects, parts, pieces) = (Vec::new(), Vec::new(), Vec::new());
+        let mut assembly = Self { objects, parts, pieces, materials, textures, skipped: meshes.skipped };
         assembly.number(&walked.owners, gathered)?;
         Ok(assembly)
     }
@@ -110,7 +117,26 @@ impl Assembly {
                 outline: vec![convex_hull(&plan)],
                 sign: None,
             });
-            self.parts.extend(gathered.parts.into_iter().map(|part| Part { object: id, ..part }));
+            // Of a single node the object has the name. There are fewer nodes than numbers of parts.
+            if gathered.pieces.len() > 1 {
+                let first = self.pieces.len() as u16;
+                let collide = gathered.parts.iter().filter(|part| matches!(part.role, Role::Solid | Role::Glass));
+                let solid: BTreeSet<u16> = collide.flat_map(|part| part.pieces.iter().copied()).collect();
+                self.pieces.extend(gathered.pieces.into_iter().zip(1..).map(|(name, number)| PieceTag {
+                    object: id,
+                    name: if name.is_empty() { "part".to_owned() } else { name },
+                    main: false,
+                    solid: solid.contains(&number),
+                }));
+                let numbered = |pieces: Vec<u16>| pieces.into_iter().map(|piece| first + piece).collect();
+                self.parts.extend(gathered.parts.into_iter().map(|part| Part {
+                    object: id,
+                    pieces: numbered(part.pieces),
+                    ..part
+                }));
+            } else {
+                self.parts.extend(gathered.parts.into_iter().map(|part| Part { object: id, pieces: Vec::new(), ..part }));
+            }
         }
         Ok(())
     }

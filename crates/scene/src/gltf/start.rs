@@ -48,7 +48,7 @@ pub(super) fn laid(extent: &Aabb, up: f64, material: u16, object: ObjectId) -> P
     let (east, north) = ((extent.max.east + BEYOND) as f32, (extent.max.north + BEYOND) as f32);
     let corner = |x: f32, y: f32| Vertex { position: Vec3::new(x, y, up as f32), normal: Vec3::Z, uv: Vec2::new(x, y) };
     let vertices = vec![corner(west, south), corner(east, south), corner(east, north), corner(west, north)];
-    Part { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], material, object, role: Role::Solid }
+    Part { vertices, triangles: vec![[0, 1, 2], [0, 2, 3]], material, object, pieces: Vec::new(), role: Role::Solid }
 }
 
 /// The pose on the surface below a viewpoint; `None` if there is none.

@@ -25,6 +25,8 @@ pub(super) struct Placed {
     pub(super) mesh: usize,
     /// Index into [`Walked::owners`].
     pub(super) owner: usize,
+    /// Name of its node, or of the mesh; may be empty.
+    pub(super) name: String,
     pub(super) to_world: DMat4,
     pub(super) solid: bool,
 }
@@ -159,7 +161,13 @@ impl Walk<'_> {
                     None => self.own(self.name_of(node, name.clone()), NodeSpec::default(), visit.object),
                 };
                 first = first.or(Some(owner));
-                self.out.placed.push(Placed { mesh: mesh.value(), owner, to_world: to_world * place, solid });
+                self.out.placed.push(Placed {
+                    mesh: mesh.value(),
+                    owner,
+                    name: self.name_of(node, name.clone()),
+                    to_world: to_world * place,
+                    solid,
+                });
             }
             object = first.or(object);
         }

@@ -27,6 +27,7 @@ impl Generator for Balloon {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (r, h) = (0.5 * self.diameter.0, self.height.0);
+        sketch.main_part("balloon");
         let middle = Vec3::Z * h;
         // A ball that narrows to the knot.
         let mut profile = vec![(0.06 * r, -1.22 * r)];
@@ -37,7 +38,9 @@ impl Generator for Balloon {
         }
         sketch.lathe("body", middle, &profile, 28);
         sketch.on("body").revolve(middle, &[(0.0, -1.34 * r), (0.13 * r, -1.32 * r), (0.05 * r, -1.2 * r)], 10);
+        sketch.part("ribbon");
         sketch.with_role("ribbon", Role::Visual).bar(Vec3::Z * 0.3, middle - Vec3::Z * (1.25 * r), 0.05);
+        sketch.part("weight");
         sketch.on("weight").revolve(Vec3::ZERO, &[(0.3, 0.0), (0.3, 0.22), (0.1, 0.3), (0.0, 0.3)], 10);
         sketch.outline.push((0..16).map(|i| on_circle(i as f32 / 16.0, r, 0.0).truncate()).collect());
     }
@@ -67,12 +70,20 @@ impl Generator for BalloonArch {
                 (r * s.max(0.0), -r * c)
             })
             .collect();
+        let [left, right, top] = ["side of the arch", "side of the arch", "top of the arch"].map(|name| sketch.part(name));
+        let part_at = |at: Vec2| match (at.y > 0.7 * self.height.0, at.x < 0.0) {
+            (true, _) => top,
+            (false, true) => left,
+            (false, false) => right,
+        };
         for i in 0..=count {
             let at = along(&line, total * i as f32 / count as f32);
+            sketch.resume(part_at(at));
             let slot = if i.is_multiple_of(2) { "body" } else { "band" };
             sketch.lathe(slot, Vec3::new(at.x, 0.16 * if i.is_multiple_of(2) { 1.0 } else { -1.0 }, at.y.max(r)), &profile, 10);
         }
         for end in [line[0], line[line.len() - 1]] {
+            sketch.resume(part_at(end));
             sketch.on("weight").revolve(Vec3::new(end.x, 0.0, 0.0), &[(0.5, 0.0), (0.5, 0.15), (0.0, 0.15)], 12);
         }
         sketch.outline_rect(Vec2::new(line[line.len() - 1].x - r, -0.6), Vec2::new(line[0].x + r, 0.6));
@@ -129,6 +140,7 @@ impl Generator for HotAirBalloon {
             (0.09, 0.988),
             (0.0, 1.0),
         ];
+        sketch.main_part("envelope");
         let sides = 32;
         let ring = |&(r, z): &(f32, f32)| (0..sides).map(|i| on_circle(i as f32 / sides as f32, r * h, z * h)).collect();
         let rings: Vec<Vec<Vec3>> = shape.iter().map(ring).collect();
@@ -139,17 +151,20 @@ impl Generator for HotAirBalloon {
         });
         sketch.on("skirt").revolve(Vec3::ZERO, &[(0.055 * h, 0.165 * h), (0.062 * h, 0.2 * h)], 16);
         sketch.on("skirt").revolve(Vec3::ZERO, &[(0.062 * h, 0.2 * h), (0.055 * h, 0.165 * h)], 16);
+        let basket = sketch.part("basket");
         let (side, top) = (0.035 * h, 0.062 * h);
         sketch.on("basket").cuboid(Vec3::new(-side, -side, 0.0), Vec3::new(side, side, top));
         let rim = side + 0.06;
         sketch.on("skirt").cuboid(Vec3::new(-rim, -rim, top), Vec3::new(rim, rim, top + 0.1));
         sketch.on("metal").revolve(Vec3::Z * (0.118 * h), &[(0.3, 0.0), (0.3, 0.4), (0.12, 0.5), (0.0, 0.5)], 10);
         for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+            sketch.resume(basket);
             let corner = Vec3::new(x * side, y * side, top);
             let frame = Vec3::new(x * 0.3, y * 0.3, 0.118 * h);
             sketch.on("metal").bar(corner, frame, 0.08);
             let mouth = Vec3::new(x * 0.044 * h, y * 0.044 * h, 0.2 * h);
             sketch.with_role("rope", Role::Visual).bar(corner, mouth, 0.05);
+            sketch.part("mooring rope");
             let peg = Vec3::new(x * 0.42 * h, y * 0.42 * h, 0.0);
             sketch.with_role("rope", Role::Visual).bar(Vec3::new(x * 0.24 * h, y * 0.24 * h, 0.55 * h), peg, 0.05);
         }

@@ -26,28 +26,29 @@ impl Generator for Bridge {
         let (half, deck, top) = (0.5 * self.width.0, 0.5 * self.deck_length.0, self.deck_height.0);
         let end = deck + self.ramp_length.0;
         let thick = 0.8;
-        // Deck and ramps in side view; the solid part of each ramp ends where there is room to walk under it.
+        // Deck and ramps in side view; the solid foot of each ramp ends where there is room to walk under it.
         let room = deck + 0.42 * self.ramp_length.0;
         let height_at = |y: f32| top * ((end - y.abs()) / (end - deck)).clamp(0.0, 1.0);
-        let points = [
-            (-end, -0.1),
-            (-room, -0.1),
-            (-room, height_at(room) - thick),
-            (-deck, top - thick),
-            (deck, top - thick),
-            (room, height_at(room) - thick),
-            (room, -0.1),
-            (end, -0.1),
-            (end, 0.0),
-            (deck, top),
-            (-deck, top),
-            (-end, 0.0),
-        ];
-        let profile: Vec<Vec2> = points.iter().map(|&(y, z)| Vec2::new(y, z)).collect();
-        sketch.on("body").extrude(&profile, -half, half);
+        let low = |y: f32| Vec2::new(y, height_at(y) - thick);
+        let up = |y: f32| Vec2::new(y, height_at(y));
+        let deck_part = sketch.main_part("deck");
+        sketch.on("body").extrude(&[low(-deck), low(deck), up(deck), up(-deck)], -half, half);
+        // Each ramp: a slab on piers, and the solid foot.
+        let ramps = [-1.0f32, 1.0].map(|side| {
+            let profile = |points: &[Vec2]| if side > 0.0 { points.to_vec() } else { points.iter().rev().copied().collect() };
+            let ramp = sketch.part("ramp");
+            let slab = [low(side * deck), low(side * room), up(side * room), up(side * deck)];
+            sketch.on("body").extrude(&profile(&slab), -half, half);
+            let ground = |y: f32| Vec2::new(side * y, -0.1);
+            let foot = [ground(room), ground(end), up(side * end), up(side * room)];
+            sketch.part("abutment");
+            sketch.on("body").extrude(&profile(&foot), -half, half);
+            ramp
+        });
         // Road surface slightly above the deck, in three pieces.
         let road = half - 0.55;
-        for (a, b) in [(-end, -deck), (-deck, deck), (deck, end)] {
+        for (part, a, b) in [(ramps[0], -end, -deck), (deck_part, -deck, deck), (ramps[1], deck, end)] {
+            sketch.resume(part);
             let (za, zb) = (height_at(a) + 0.03, height_at(b) + 0.03);
             let corners = [Vec3::new(-road, a, za), Vec3::new(road, a, za), Vec3::new(road, b, zb), Vec3::new(-road, b, zb)];
             sketch.on("road").quad(corners, corners.map(|p| p.truncate()));
@@ -65,6 +66,7 @@ impl Bridge {
         for side in [-1.0f32, 1.0] {
             let x = side * (half - 0.2);
             for (a, b) in [(-end, -deck), (-deck, deck), (deck, end)] {
+                sketch.part("parapet");
                 let at = |y: f32, up: f32| Vec3::new(x, y, height_at(y) + up);
                 sketch.on("body").closed_plank(at(a, 0.2), at(b, 0.2), 0.45, 0.4);
                 sketch.on("rail").plank(at(a, 1.1), at(b, 1.1), 0.12, 0.1);
@@ -91,8 +93,10 @@ impl Bridge {
         }
         for y in places {
             let under = height_at(y) - thick;
+            sketch.part("crossbeam");
             sketch.on("pier").block(Vec3::new(0.0, y, under - 0.7), Vec3::new(2.0 * half - 0.6, 1.3, 0.75));
             for x in [-0.55 * half, 0.55 * half] {
+                sketch.part("pier");
                 sketch.on("pier").rod(Vec3::new(x, y, -self.depth_below.0), Vec3::new(x, y, under - 0.6), 0.55, 0.55, 14);
                 sketch.on("pier").block(Vec3::new(x, y, -self.depth_below.0), Vec3::new(1.8, 1.8, self.depth_below.0 + 0.35));
             }

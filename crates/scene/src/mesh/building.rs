@@ -54,6 +54,7 @@ impl Generator for Building {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let [w, d, h] = self.size.map(|m| m.0);
         let (min, max) = (Vec3::new(-0.5 * w, -0.5 * d, 0.0), Vec3::new(0.5 * w, 0.5 * d, h));
+        let walls = sketch.part("wall");
         let ground = if self.ground_floor && h > 6.0 { 3.6 } else { 0.0 };
         if ground > 0.0 {
             ground_floor(sketch, min, Vec3::new(max.x, max.y, ground));
@@ -65,6 +66,7 @@ impl Generator for Building {
             Roof::Tank => tank(sketch, w, d, h),
             Roof::Bare => {}
         }
+        sketch.resume(walls);
         entrance(sketch, min.y);
     }
 }
@@ -103,6 +105,7 @@ fn entrance(sketch: &mut Sketch, front: f32) {
 
 /// A roof surface behind a parapet with a coping.
 fn flat_roof(sketch: &mut Sketch, min: Vec2, max: Vec2, h: f32) {
+    sketch.part("roof");
     sketch.on("top").face(&[
         min.extend(h - 0.05),
         Vec3::new(max.x, min.y, h - 0.05),
@@ -124,21 +127,26 @@ fn flat_roof(sketch: &mut Sketch, min: Vec2, max: Vec2, h: f32) {
 
 fn plant(sketch: &mut Sketch, w: f32, d: f32, h: f32) {
     let at = |x: f32, y: f32| Vec3::new(x * w, y * d, h);
+    sketch.part("lift house");
     sketch.on("trim").block(at(-0.15, 0.1), Vec3::new(0.3 * w, 0.32 * d, 3.0));
-    sketch.on("plant").block(at(0.25, -0.2), Vec3::new(2.6, 2.0, 1.6));
-    sketch.on("plant").block(at(0.25, 0.18), Vec3::new(2.6, 2.0, 1.6));
-    sketch.on("plant").rod(at(0.25, -0.2) + Vec3::Z * 1.6, at(0.25, -0.2) + Vec3::Z * 1.9, 0.7, 0.7, 12);
-    sketch.on("plant").rod(at(0.25, 0.18) + Vec3::Z * 1.6, at(0.25, 0.18) + Vec3::Z * 1.9, 0.7, 0.7, 12);
+    for y in [-0.2, 0.18] {
+        sketch.part("ventilator");
+        sketch.on("plant").block(at(0.25, y), Vec3::new(2.6, 2.0, 1.6));
+        sketch.on("plant").rod(at(0.25, y) + Vec3::Z * 1.6, at(0.25, y) + Vec3::Z * 1.9, 0.7, 0.7, 12);
+    }
+    sketch.part("roof mast");
     sketch.on("plant").rod(at(-0.15, 0.1) + Vec3::Z * 3.0, at(-0.15, 0.1) + Vec3::Z * 7.0, 0.08, 0.04, 6);
 }
 
 fn tank(sketch: &mut Sketch, w: f32, d: f32, h: f32) {
+    sketch.part("water tank");
     let base = Vec3::new(0.2 * w, 0.1 * d, h);
     for (x, y) in [(-1.2, -1.2), (1.2, -1.2), (1.2, 1.2), (-1.2, 1.2)] {
         sketch.on("plant").bar(base + Vec3::new(x, y, 0.0), base + Vec3::new(x, y, 2.6), 0.2);
     }
     let profile = [(0.0, 2.5), (2.0, 2.5), (2.0, 5.4), (0.0, 6.8)];
     sketch.on("tank").revolve(base, &profile, 18);
+    sketch.part("lift house");
     sketch.on("trim").block(Vec3::new(-0.22 * w, -0.1 * d, h), Vec3::new(0.25 * w, 0.3 * d, 2.8));
 }
 
@@ -165,15 +173,20 @@ impl Generator for HollowBuilding {
         let hole = Vec2::new(self.hole[0].0.min(w - 1.0), self.hole[1].0.min(h - sill - 0.5));
         let (x, y, head) = (0.5 * w, 0.5 * d, sill + hole.y);
         let (ix, front) = (0.5 * hole.x, -y);
+        let [left, right, below, above] = ["wall"; 4].map(|name| sketch.part(name));
         for side in [-1.0f32, 1.0] {
             // Front (side −1) and back: legs left and right of the hole, the sill below, the bridge above.
-            let pieces = [(-x, -ix, 0.0, head), (ix, x, 0.0, head), (-ix, ix, 0.0, sill), (-x, x, head, h)];
-            for (a, b, z0, z1) in pieces {
+            let pieces =
+                [(left, -x, -ix, 0.0, head), (right, ix, x, 0.0, head), (below, -ix, ix, 0.0, sill), (above, -x, x, head, h)];
+            for (part, a, b, z0, z1) in pieces {
+                sketch.resume(part);
                 let (a, b) = if side < 0.0 { (a, b) } else { (b, a) };
                 sketch.wall("wall", Vec3::new(a, side * y, z0), Vec3::new(b, side * y, z0), z1);
             }
         }
+        sketch.resume(right);
         sketch.wall("wall", Vec3::new(x, -y, 0.0), Vec3::new(x, y, 0.0), h);
+        sketch.resume(left);
         sketch.wall("wall", Vec3::new(-x, y, 0.0), Vec3::new(-x, -y, 0.0), h);
         // The lining of the hole.
         let lining = [
@@ -182,7 +195,8 @@ impl Generator for HollowBuilding {
             [Vec3::new(-ix, -y, sill), Vec3::new(-ix, y, sill), Vec3::new(-ix, y, head), Vec3::new(-ix, -y, head)],
             [Vec3::new(ix, y, sill), Vec3::new(ix, -y, sill), Vec3::new(ix, -y, head), Vec3::new(ix, y, head)],
         ];
-        for face in lining {
+        for (part, face) in [below, above, left, right].into_iter().zip(lining) {
+            sketch.resume(part);
             sketch.on("trim").face(&face);
         }
         // A frame stands out around the hole on both faces.
@@ -190,17 +204,19 @@ impl Generator for HollowBuilding {
             let (y0, y1) = if side < 0.0 { (-y - 0.25, -y) } else { (y, y + 0.25) };
             let t = 0.6;
             let frame = [
-                (-ix - t, -ix, sill - t, head + t),
-                (ix, ix + t, sill - t, head + t),
-                (-ix, ix, head, head + t),
-                (-ix, ix, sill - t, sill),
+                (left, -ix - t, -ix, sill - t, head + t),
+                (right, ix, ix + t, sill - t, head + t),
+                (above, -ix, ix, head, head + t),
+                (below, -ix, ix, sill - t, sill),
             ];
-            for (a, b, z0, z1) in frame {
+            for (part, a, b, z0, z1) in frame {
+                sketch.resume(part);
                 sketch.on("trim").cuboid(Vec3::new(a, y0, z0), Vec3::new(b, y1, z1));
             }
         }
         flat_roof(sketch, Vec2::new(-x, -y), Vec2::new(x, y), h);
         plant(sketch, w, d, h);
+        sketch.resume(below);
         entrance(sketch, front);
     }
 }
@@ -227,9 +243,11 @@ impl Generator for FrameBuilding {
             |i: u32, j: u32| Vec2::new((w - 0.8) * (i as f32 / nx as f32 - 0.5), (d - 0.8) * (j as f32 / ny as f32 - 0.5));
         for s in 0..self.storeys.0 {
             let z = s as f32 * storey;
+            sketch.part("floor slab");
             sketch.on("body").block(Vec3::new(0.0, 0.0, z + storey - slab), Vec3::new(w, d, slab));
             for i in 0..=nx {
                 for j in 0..=ny {
+                    sketch.part("column");
                     sketch.on("body").block(column(i, j).extend(z), Vec3::new(0.45, 0.45, storey - slab));
                 }
             }
@@ -237,13 +255,16 @@ impl Generator for FrameBuilding {
         let top = self.storeys.0 as f32 * storey;
         for i in 0..=nx {
             for j in 0..=ny {
+                sketch.part("starter bars");
                 let at = column(i, j).extend(top);
                 for (x, y) in [(-0.15, -0.15), (0.15, -0.15), (0.15, 0.15), (-0.15, 0.15)] {
                     sketch.on("bars").bar(at + Vec3::new(x, y, 0.0), at + Vec3::new(x, y, 1.3), 0.05);
                 }
             }
         }
+        sketch.part("stair core");
         sketch.on("body").block(Vec3::new(0.22 * w, 0.22 * d, 0.0), Vec3::new(0.25 * w, 0.25 * d, top + 2.2));
+        sketch.part("planks");
         sketch.on("planks").block(Vec3::new(-0.2 * w, -0.2 * d, top), Vec3::new(2.4, 1.2, 0.9));
     }
 }

@@ -43,18 +43,23 @@ impl Generator for TowerCrane {
         let (top, jib, rear, half) = (self.mast_height.0, self.jib.0, self.counter_jib.0, 0.5 * self.mast_width.0);
         let ring = top + 0.9;
         let apex = Vec3::new(0.0, -0.3, top + 6.4);
+        sketch.part("base");
         sketch.on("base").block(Vec3::ZERO, Vec3::new(6.0 * half, 6.0 * half, 0.9));
+        sketch.main_part("mast");
         sketch.on("body").truss(&mast_chords(half, half, 0.9, top), &ROUND, parts(top, 2.0), 0.28, 0.13);
         sketch.on("body").block(Vec3::new(0.0, 0.0, top), Vec3::new(2.7 * half, 2.7 * half, 0.9));
         // The tower head.
+        sketch.part("tower head");
         let head = mast_chords(0.9 * half, 0.12, ring, apex.z).map(|(a, b)| (a, b + Vec3::Y * apex.y));
         sketch.on("body").truss(&head, &ROUND, 4, 0.22, 0.12);
         // The jib: two lower chords, one upper.
+        sketch.part("jib");
         let (lower, upper) = (ring + 0.35, ring + 1.75);
         let chord = |x: f32, z: f32, z_end: f32| (Vec3::new(x, half, z), Vec3::new(x, jib, z_end));
         let chords = [chord(-0.65, lower, lower), chord(0.65, lower, lower), chord(0.0, upper, lower + 0.75)];
         sketch.on("body").truss(&chords, &[(0, 1), (1, 2), (2, 0)], parts(jib, 1.8), 0.2, 0.1);
         // The counter-jib: a walkway with rails, and the weights.
+        sketch.part("counter-jib");
         let back = |x: f32, z: f32| (Vec3::new(x, -half, z), Vec3::new(x, -rear, z));
         let chords = [back(-0.8, lower), back(0.8, lower)];
         sketch.on("body").truss(&chords, &[(0, 1)], parts(rear, 1.8), 0.25, 0.12);
@@ -66,9 +71,12 @@ impl Generator for TowerCrane {
         }
         sketch.on("cab").block(Vec3::new(0.0, -0.55 * rear, lower + 0.15), Vec3::new(1.2, 2.0, 1.2));
         // Pendant bars.
+        let [front, behind] = ["pendant bars"; 2].map(|name| sketch.part(name));
         for x in [-0.3, 0.3] {
+            sketch.resume(front);
             sketch.on("body").bar(apex, Vec3::new(x, 0.42 * jib, upper - 0.3), 0.09);
             sketch.on("body").bar(apex, Vec3::new(x, 0.8 * jib, upper - 0.6), 0.09);
+            sketch.resume(behind);
             sketch.on("body").bar(apex, Vec3::new(2.6 * x, -rear + 1.0, lower), 0.09);
         }
         self.cab(sketch, ring);
@@ -81,6 +89,7 @@ impl Generator for TowerCrane {
 impl TowerCrane {
     /// The driver's cab, right of the mast under the jib.
     fn cab(&self, sketch: &mut Sketch, ring: f32) {
+        sketch.part("cab");
         let half = 0.5 * self.mast_width.0;
         let base = Vec3::new(half + 0.95, half + 0.5, ring - 1.2);
         sketch.on("cab").block(base, Vec3::new(1.5, 2.0, 0.8));
@@ -90,6 +99,7 @@ impl TowerCrane {
 
     /// Trolley, rope and hook at 60 % of the jib.
     fn hook(&self, sketch: &mut Sketch, lower: f32) {
+        sketch.part("hook");
         let y = 0.6 * self.jib.0;
         let hook = (0.45 * self.mast_height.0).max(2.0);
         sketch.on("hook").block(Vec3::new(0.0, y, lower - 0.45), Vec3::new(1.5, 1.2, 0.35));
@@ -125,6 +135,7 @@ impl Generator for LatticeMast {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (height, half) = (self.height.0, 0.5 * self.width.0);
+        let mast = sketch.main_part("mast");
         let bands = parts(height, 6.5);
         let half_at = |fraction: f32| half * (1.6 - 1.2 * fraction);
         for i in 0..bands {
@@ -133,9 +144,12 @@ impl Generator for LatticeMast {
             let slot = if i % 2 == 0 { "body" } else { "band" };
             sketch.on(slot).truss(&chords, &ROUND, 4, 0.22, 0.11);
         }
+        sketch.part("base");
         sketch.on("base").block(Vec3::ZERO, Vec3::new(5.0 * half, 5.0 * half, 0.5));
+        sketch.part("antenna");
         sketch.on("band").rod(Vec3::Z * height, Vec3::Z * (height + 5.0), 0.12, 0.05, 6);
         sketch.on("lamp").block(Vec3::Z * (height + 5.0), Vec3::splat(0.4));
+        sketch.resume(mast);
         for (fraction, x, y) in [(0.8, 1.0, -0.3), (0.74, -0.8, -0.8), (0.86, -0.4, 1.0)] {
             let at = Vec3::new(x, y, 0.0).normalize() * (half_at(fraction) + 0.3) + Vec3::Z * (fraction * height);
             let out = Vec3::new(x, y, 0.0).normalize();
@@ -143,7 +157,9 @@ impl Generator for LatticeMast {
         }
         for (x, y) in [(1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866)] {
             let foot = Vec3::new(x, y, 0.0) * (0.4 * height);
+            sketch.part("guy rope");
             sketch.with_role("rope", crate::geometry::Role::Visual).bar(foot, Vec3::Z * (0.7 * height), 0.05);
+            sketch.part("anchor");
             sketch.on("base").block(foot, Vec3::new(1.2, 1.2, 0.5));
         }
         sketch.outline_rect(Vec2::splat(-half), Vec2::splat(half));

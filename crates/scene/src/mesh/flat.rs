@@ -69,12 +69,10 @@ impl Generator for Flat {
             let at = vertex.position;
             Vertex { position: Vec3::new(at.x, (at.y - low) * squeeze, at.z), ..*vertex }
         };
-        sketch.surfaces.extend(
-            turned
-                .surfaces
-                .iter()
-                .filter(shown)
-                .map(|surface| Surface { vertices: surface.vertices.iter().map(pressed).collect(), ..surface.clone() }),
-        );
+        sketch.surfaces.extend(turned.surfaces.iter().filter(shown).map(|surface| Surface {
+            vertices: surface.vertices.iter().map(pressed).collect(),
+            runs: Vec::new(),
+            ..surface.clone()
+        }));
     }
 }

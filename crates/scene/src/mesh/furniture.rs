@@ -21,9 +21,12 @@ impl Generator for StreetLamp {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (h, arm) = (self.height.0, self.arm.0);
+        sketch.main_part("pole");
         let body = sketch.on("body");
         body.rod(Vec3::ZERO, Vec3::Z * 0.9, 0.16, 0.14, 10);
         body.rod(Vec3::Z * 0.9, Vec3::Z * (h - 0.5), 0.1, 0.07, 8);
+        sketch.part("arm");
+        let body = sketch.on("body");
         body.rod(Vec3::Z * (h - 0.5), Vec3::new(0.0, 0.35 * arm, h - 0.08), 0.07, 0.06, 8);
         body.rod(Vec3::new(0.0, 0.35 * arm, h - 0.08), Vec3::new(0.0, arm, h), 0.06, 0.05, 8);
         body.block(Vec3::new(0.0, arm + 0.35, h - 0.03), Vec3::new(0.34, 1.0, 0.14));
@@ -55,7 +58,9 @@ impl Generator for TrafficLight {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let h = self.height.0;
+        sketch.part("post");
         sketch.on("post").rod(Vec3::ZERO, Vec3::Z * (h - 1.0), 0.08, 0.07, 8);
+        sketch.main_part("signal head");
         sketch.on("body").block(Vec3::Z * (h - 1.1), Vec3::new(0.36, 0.26, 1.1));
         for (slot, z) in [("red", h - 0.25), ("amber", h - 0.55), ("green", h - 0.85)] {
             let at = Vec3::new(0.0, 0.13, z);
@@ -110,19 +115,25 @@ impl Generator for BusShelter {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (half, back, front) = (2.2, -0.75, 0.75);
+        let back_wall = sketch.part("back wall");
         for x in [-half, 0.0, half] {
             sketch.on("frame").block(Vec3::new(x, back, 0.0), Vec3::new(0.1, 0.1, 2.4));
         }
         for x in [-half, half] {
+            sketch.part("side wall");
             sketch.on("frame").block(Vec3::new(x, front, 0.0), Vec3::new(0.1, 0.1, 2.4));
             sketch.on("glass").block(Vec3::new(x, 0.0, 0.3), Vec3::new(0.04, 1.4, 1.9));
         }
+        sketch.resume(back_wall);
         sketch.on("glass").block(Vec3::new(0.0, back, 0.3), Vec3::new(4.3, 0.04, 1.9));
+        sketch.part("roof");
         sketch.on("roof").block(Vec3::new(0.0, 0.1, 2.4), Vec3::new(4.9, 2.1, 0.16));
+        sketch.part("seat");
         sketch.on("seat").block(Vec3::new(-0.4, -0.45, 0.45), Vec3::new(2.8, 0.4, 0.07));
         for x in [-1.5, 0.7] {
             sketch.on("frame").block(Vec3::new(x, -0.45, 0.0), Vec3::new(0.08, 0.3, 0.45));
         }
+        sketch.part("stop sign");
         sketch.on("frame").rod(Vec3::new(3.0, 0.8, 0.0), Vec3::new(3.0, 0.8, 3.0), 0.05, 0.05, 8);
         sketch.on("sign").rod(Vec3::new(3.0, 0.77, 2.9), Vec3::new(3.0, 0.83, 2.9), 0.42, 0.42, 20);
         for (x, z, w, h) in [(-0.16, 2.68, 0.08, 0.44), (0.16, 2.68, 0.08, 0.44), (0.0, 2.86, 0.3, 0.08)] {
@@ -143,6 +154,7 @@ impl Generator for Kiosk {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let ring = |r: f32| (0..8).map(|i| on_circle((i as f32 + 0.5) / 8.0, r, 0.0).truncate()).collect::<Vec<Vec2>>();
+        sketch.part("booth");
         sketch.on("body").prism(&ring(1.7), 0.0, 1.05);
         sketch.on("counter").prism(&ring(1.95), 1.05, 1.15);
         sketch.on("glass").prism(&ring(1.6), 1.15, 2.2);
@@ -151,6 +163,7 @@ impl Generator for Kiosk {
             let fraction = (i as f32 + 0.5) / 8.0;
             sketch.on("body").bar(on_circle(fraction, 1.64, 1.1), on_circle(fraction, 1.64, 2.25), 0.14);
         }
+        sketch.part("awning");
         let (inner, outer) = (ring(1.72), ring(2.6));
         for i in 0..8 {
             let j = (i + 1) % 8;
@@ -162,6 +175,7 @@ impl Generator for Kiosk {
             let hem = [outer[i].extend(1.85), outer[j].extend(1.85), outer[j].extend(2.1), outer[i].extend(2.1)];
             sketch.on("awning").quad(hem, [Vec2::ZERO, Vec2::new(0.0, w), Vec2::new(0.3, w), Vec2::new(0.3, 0.0)]);
         }
+        sketch.part("roof");
         sketch.on("roof").revolve(Vec3::ZERO, &[(2.0, 2.6), (1.1, 3.1), (0.5, 3.7), (0.0, 4.3)], 8);
         sketch.on("counter").rod(Vec3::Z * 4.2, Vec3::Z * 4.8, 0.06, 0.02, 6);
     }
@@ -181,9 +195,11 @@ impl Generator for Flagpole {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let h = self.height.0;
+        sketch.part("pole");
         sketch.on("base").block(Vec3::ZERO, Vec3::new(1.2, 1.2, 0.4));
         sketch.on("pole").rod(Vec3::Z * 0.4, Vec3::Z * h, 0.09, 0.05, 10);
         sketch.on("pole").block(Vec3::Z * h, Vec3::splat(0.22));
+        sketch.main_part("flag");
         let wave = |i: u32| {
             let s = libm::sin(f64::from(i) * 1.1) as f32;
             Vec2::new(0.07 + 0.36 * i as f32, 0.18 * s * (i as f32 / 8.0))
@@ -286,21 +302,26 @@ impl Generator for Slide {
     }
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
+        sketch.part("tower");
         let top = 2.0;
         for x in [-0.5, 0.5] {
             for y in [-0.5, 0.5] {
                 sketch.on("post").block(Vec3::new(x, y - 0.6, 0.0), Vec3::new(0.1, 0.1, 3.3));
             }
-            sketch.on("post").bar(Vec3::new(x, -1.9, 0.0), Vec3::new(x, -1.1, top + 0.6), 0.08);
         }
         sketch.on("step").block(Vec3::new(0.0, -0.6, top - 0.1), Vec3::new(1.1, 1.1, 0.1));
+        let roof = [Vec2::new(-0.75, 3.2), Vec2::new(0.75, 3.2), Vec2::new(0.0, 4.0)];
+        sketch.on("post").extrude_forward(&roof, -1.3, 0.1);
+        sketch.part("ladder");
+        for x in [-0.5, 0.5] {
+            sketch.on("post").bar(Vec3::new(x, -1.9, 0.0), Vec3::new(x, -1.1, top + 0.6), 0.08);
+        }
         for i in 0..6 {
             let fraction = (i as f32 + 0.7) / 7.0;
             let at = Vec3::new(0.0, -1.9 + 0.75 * fraction, fraction * top);
             sketch.on("step").block(at, Vec3::new(1.0, 0.14, 0.06));
         }
-        let roof = [Vec2::new(-0.75, 3.2), Vec2::new(0.75, 3.2), Vec2::new(0.0, 4.0)];
-        sketch.on("post").extrude_forward(&roof, -1.3, 0.1);
+        sketch.main_part("chute");
         let run = [Vec3::new(0.0, -0.1, top), Vec3::new(0.0, 2.4, 0.55), Vec3::new(0.0, 3.3, 0.35)];
         for pair in run.windows(2) {
             sketch.on("body").closed_plank(pair[0], pair[1], 0.8, 0.06);

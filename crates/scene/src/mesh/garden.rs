@@ -27,11 +27,14 @@ impl Generator for Footbridge {
         let steps = parts(self.length.0, 0.8).max(4);
         let height = |y: f32| self.rise.0 * cos_sin(0.5 * PI * f64::from(y / end)).0.max(0.0);
         let at = |i: u32| -end + 2.0 * end * i as f32 / steps as f32;
+        let (deck, rails) = (sketch.main_part("deck"), ["railing"; 2].map(|name| sketch.part(name)));
         for i in 0..steps {
             let (a, b) = (at(i), at(i + 1));
             let (from, to) = (Vec3::new(0.0, a, height(a)), Vec3::new(0.0, b, height(b)));
+            sketch.resume(deck);
             sketch.on("deck").closed_plank(from, to, self.width.0, 0.16);
             for side in [-1.0f32, 1.0] {
+                sketch.resume(rails[usize::from(side > 0.0)]);
                 let out = Vec3::X * (side * (half - 0.08));
                 for up in [0.55, 1.05] {
                     sketch.on("rail").plank(from + out + Vec3::Z * up, to + out + Vec3::Z * up, 0.09, 0.11);
@@ -43,9 +46,11 @@ impl Generator for Footbridge {
             }
         }
         for side in [-1.0f32, 1.0] {
+            sketch.part("abutment");
             let foot = Vec3::new(0.0, side * (end - 0.3), -0.6);
             sketch.on("stone").block(foot, Vec3::new(self.width.0 + 0.5, 1.0, 0.62));
             for x in [-half + 0.08, half - 0.08] {
+                sketch.resume(rails[usize::from(x > 0.0)]);
                 let post = Vec3::new(x, side * end, -0.1);
                 sketch.on("rail").block(post, Vec3::new(0.2, 0.2, 1.35));
                 sketch.on("rail").block(post + Vec3::Z * 1.35, Vec3::new(0.28, 0.28, 0.08));
@@ -70,15 +75,20 @@ impl Generator for Pavilion {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let r = self.radius.0;
         let ring = |r: f32| (0..8).map(|i| on_circle((i as f32 + 0.5) / 8.0, r, 0.0).truncate()).collect::<Vec<Vec2>>();
+        sketch.part("steps");
         sketch.on("floor").prism(&ring(r * 1.12), -0.1, 0.25);
         sketch.on("floor").prism(&ring(r), 0.25, 0.55);
         let eaves = 0.55 + 0.85 * r.min(4.2);
         let corner = |i: u32, r: f32, z: f32| on_circle((i as f32 + 0.5) / 8.0, r, z);
+        let roof_part = sketch.part("roof");
         for i in 0..8 {
+            sketch.part("column");
             sketch.on("column").rod(corner(i, 0.9 * r, 0.55), corner(i, 0.9 * r, eaves), 0.14, 0.12, 10);
+            sketch.resume(roof_part);
             sketch.on("trim").closed_plank(corner(i, 0.9 * r, eaves - 0.15), corner(i + 1, 0.9 * r, eaves - 0.15), 0.2, 0.34);
             // The entrance faces forward.
             if i != 1 {
+                sketch.part("railing");
                 for z in [0.8, 1.5] {
                     sketch.on("trim").plank(corner(i, 0.9 * r, z), corner(i + 1, 0.9 * r, z), 0.08, 0.1);
                 }
@@ -88,6 +98,7 @@ impl Generator for Pavilion {
                     sketch.on("trim").bar(low, low + top, 0.06);
                 }
             }
+            sketch.resume(roof_part);
             let (low, knee, top) = (eaves, eaves + 0.32 * r, eaves + 0.75 * r);
             let roof = |i: u32, fraction: f32, z: f32| corner(i, fraction * r, z);
             sketch.on("roof").face(&[roof(i, 1.15, low), roof(i + 1, 1.15, low), roof(i + 1, 0.6, knee), roof(i, 0.6, knee)]);
@@ -125,10 +136,12 @@ impl Generator for Windmill {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let h = self.height.0;
+        let tower = sketch.main_part("tower");
         let radius = |z: f32| 0.27 * h - 0.11 * z;
         let (gallery, top) = (0.3 * h, 0.8 * h);
         sketch.on("base").revolve(Vec3::ZERO, &[(radius(0.0) + 0.1, -0.1), (radius(gallery) + 0.1, gallery)], 20);
         sketch.on("wall").revolve(Vec3::ZERO, &[(radius(gallery), gallery), (radius(top), top)], 20);
+        sketch.part("gallery");
         let ledge = radius(gallery) + 1.3;
         sketch.on("wood").revolve(
             Vec3::ZERO,
@@ -143,6 +156,7 @@ impl Generator for Windmill {
                 sketch.on("wood").bar(post + Vec3::Z * z, next + Vec3::Z * z, 0.08);
             }
         }
+        sketch.part("cap");
         let cap = [
             (radius(top) + 0.3, 0.0),
             (radius(top) + 0.25, 0.04 * h),
@@ -152,6 +166,7 @@ impl Generator for Windmill {
         ];
         sketch.lathe("cap", Vec3::Z * top, &cap, 20);
         sketch.on("cap").revolve(Vec3::Z * top, &[(0.0, 0.0), (radius(top) + 0.3, 0.0)], 20);
+        sketch.resume(tower);
         for (turn, z) in [(0.25, 0.42), (0.25, 0.6), (0.0, 0.5), (0.5, 0.5), (0.75, 0.45), (0.75, 0.62)] {
             let at = on_circle(turn, radius(z * h), z * h);
             sketch.on("glass").block(at, Vec3::new(0.8, 0.8, 1.1));
@@ -164,8 +179,10 @@ impl Generator for Windmill {
 
 /// Four sails of a length about a hub, each a stock with a lattice and cloth on one side; the shaft reaches back.
 fn sails(sketch: &mut Sketch, hub: Vec3, length: f32, back: f32) {
+    sketch.part("sail shaft");
     sketch.on("wood").rod(hub - Vec3::Y * (back + 0.6), hub + Vec3::Y * 0.4, 0.32, 0.3, 12);
     for i in 0..4 {
+        sketch.part("sail");
         let (c, s) = cos_sin(TAU * (f64::from(i) / 4.0 + 0.06));
         let (out, across) = (Vec3::new(c, 0.0, s), Vec3::new(-s, 0.0, c));
         let (root, tip) = (hub + out * (0.16 * length), hub + out * length);
@@ -228,6 +245,7 @@ impl Generator for Jetty {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let half = 0.5 * plan(self.size);
+        let deck = sketch.part("deck");
         let boards = parts(2.0 * half.y, 0.4);
         for i in 0..boards {
             let y = -half.y + 2.0 * half.y * (i as f32 + 0.5) / boards as f32;
@@ -235,10 +253,12 @@ impl Generator for Jetty {
         }
         let rows = parts(2.0 * half.y, 3.0);
         for side in [-1.0f32, 1.0] {
+            sketch.resume(deck);
             let x = side * (half.x - 0.1);
             sketch.on("post").closed_plank(Vec3::new(x, -half.y, 0.34), Vec3::new(x, half.y, 0.34), 0.12, 0.16);
             for i in 0..=rows {
                 let y = -half.y + 2.0 * half.y * i as f32 / rows as f32;
+                sketch.part("post");
                 sketch.on("post").rod(Vec3::new(x, y, -0.4), Vec3::new(x, y, 1.0), 0.12, 0.12, 8);
             }
         }
@@ -314,8 +334,10 @@ impl Generator for Windsock {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let h = self.height.0;
+        sketch.part("pole");
         sketch.on("base").block(Vec3::Z * -0.1, Vec3::new(1.0, 1.0, 0.35));
         sketch.on("pole").rod(Vec3::Z * 0.2, Vec3::Z * h, 0.09, 0.06, 10);
+        sketch.main_part("sock");
         let at = |i: u32| Vec3::new(0.1 + 0.55 * i as f32, 0.0, h - 0.45 - 0.03 * (i * i) as f32);
         for i in 0..5u32 {
             let slot = if i.is_multiple_of(2) { "sock" } else { "band" };

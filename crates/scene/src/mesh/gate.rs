@@ -38,26 +38,30 @@ impl Generator for Gate {
             let slot = if i.is_multiple_of(2) { "body" } else { "band" };
             sketch.on(slot).cuboid(Vec3::new(x.0, -0.5 * depth, z.0), Vec3::new(x.1, 0.5 * depth, z.1));
         };
+        let [bottom, top_bar, left, right] = ["bottom bar", "top bar", "post", "post"].map(|name| sketch.part(name));
         // Five blocks along each side, the corners in the first colour.
         for i in 0..5u32 {
             let at = |fraction: f32, from: f32, to: f32| from + (to - from) * fraction / 5.0;
             let (a, b) = (i as f32, i as f32 + 1.0);
             let across = (at(a, -half, half), at(b, -half, half));
             let upright = (at(a, low, top), at(b, low, top));
-            for (x, z) in [
-                (across, (low - frame, low)),
-                (across, (top, top + frame)),
-                ((-half - frame, -half), upright),
-                ((half, half + frame), upright),
+            for (part, x, z) in [
+                (bottom, across, (low - frame, low)),
+                (top_bar, across, (top, top + frame)),
+                (left, (-half - frame, -half), upright),
+                (right, (half, half + frame), upright),
             ] {
+                sketch.resume(part);
                 block(sketch, i + 1, x, z);
             }
         }
         for side in [-1.0f32, 1.0] {
             let x = (side * half).min(side * (half + frame));
-            for z in [low - frame, top] {
+            for (part, z) in [(bottom, low - frame), (top_bar, top)] {
+                sketch.resume(part);
                 block(sketch, 0, (x, x + frame), (z, z + frame));
             }
+            sketch.resume(if side < 0.0 { left } else { right });
             let leg = side * (half + 0.5 * frame);
             sketch.on("leg").block(Vec3::new(leg, 0.0, 0.0), Vec3::new(0.2, 0.2, (low - frame).max(0.01)));
             sketch.on("foot").block(Vec3::new(leg, 0.0, -0.1), Vec3::new(0.9, 1.8, 0.22));
@@ -75,6 +79,7 @@ impl Generator for Gate {
 impl Gate {
     /// A board with the number's last digit on both faces, standing on the frame.
     fn board(&self, sketch: &mut Sketch, number: u32, base: f32) {
+        sketch.part("number board");
         sketch.on("board").block(Vec3::Z * base, Vec3::new(1.3, 0.24, 1.5));
         for face in [-1.0f32, 1.0] {
             for (i, (min, max)) in STROKES.iter().enumerate() {

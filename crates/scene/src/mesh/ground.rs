@@ -100,6 +100,7 @@ impl Generator for Quay {
         let (half, end) = (self.width.0 * 0.5, self.length.0 * 0.5);
         for side in [-1.0, 1.0] {
             let (a, b) = (side * half, side * (half + 1.2));
+            sketch.part("wall");
             sketch.on("body").cuboid(Vec3::new(a.min(b), -end, -self.depth.0), Vec3::new(a.max(b), end, 0.3));
             sketch.outline_rect(Vec2::new(a.min(b), -end), Vec2::new(a.max(b), end));
         }
@@ -140,9 +141,11 @@ impl Generator for Fountain {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let r = self.radius.0;
+        sketch.part("basin");
         let basin = [(r, 0.0), (r, 0.55), (r + 0.12, 0.6), (r + 0.12, 0.72), (r - 0.4, 0.72), (r - 0.4, 0.4)];
         sketch.on("body").revolve(Vec3::ZERO, &basin, 28);
         sketch.on("water").revolve(Vec3::ZERO, &[(r - 0.4, 0.55), (0.0, 0.55)], 28);
+        sketch.part("column");
         let stem = [(0.45, 0.5), (0.28, 0.9), (0.24, 1.5), (0.5, 1.62), (r * 0.42, 1.95), (r * 0.42, 2.05), (0.2, 1.95)];
         sketch.on("body").revolve(Vec3::ZERO, &stem, 20);
         let top = [(0.2, 1.95), (0.16, 2.7), (r * 0.2, 2.95), (r * 0.2, 3.03), (0.0, 2.98)];

@@ -132,6 +132,7 @@ impl Generator for Excavator {
     }
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
+        sketch.main_part("body");
         let track = [(-1.9, 0.45), (-1.5, 0.0), (1.5, 0.0), (1.9, 0.45), (1.6, 0.85), (-1.6, 0.85)].map(|(y, z)| Vec2::new(y, z));
         for side in [-1.0f32, 1.0] {
             let (a, b) = (side * 0.85, side * 1.4);
@@ -148,12 +149,14 @@ impl Generator for Excavator {
         sketch.on("glass").cuboid(Vec3::new(-1.22, 0.03, 1.6), Vec3::new(-0.38, 1.42, 2.65));
         sketch.on("body").cuboid(Vec3::new(-1.28, -0.05, 2.65), Vec3::new(-0.32, 1.5, 2.78));
         sketch.on("trim").rod(Vec3::new(0.8, -1.4, 1.9), Vec3::new(0.8, -1.4, 2.5), 0.09, 0.09, 8);
+        sketch.part("boom");
         let joints = [Vec3::new(0.2, 1.1, 1.6), Vec3::new(0.2, 2.6, 4.0), Vec3::new(0.2, 4.8, 4.3), Vec3::new(0.2, 5.6, 1.8)];
         sketch.on("body").closed_plank(joints[0], joints[1], 0.42, 0.55);
         sketch.on("body").closed_plank(joints[1], joints[2], 0.42, 0.5);
         sketch.on("body").closed_plank(joints[2] + Vec3::Z * 0.3, joints[3], 0.34, 0.42);
         sketch.on("ram").rod(Vec3::new(0.2, 1.3, 1.6), Vec3::new(0.2, 2.9, 3.4), 0.1, 0.08, 8);
         sketch.on("ram").rod(Vec3::new(0.2, 2.9, 4.5), Vec3::new(0.2, 4.8, 4.9), 0.1, 0.08, 8);
+        sketch.part("bucket");
         let bucket = [(5.2, 1.9), (4.7, 1.3), (4.8, 0.75), (5.3, 0.7), (5.95, 1.2), (5.75, 1.9)].map(|(y, z)| Vec2::new(y, z));
         sketch.on("trim").extrude(&bucket, -0.35, 0.75);
     }
@@ -172,6 +175,7 @@ impl Generator for Boat {
     }
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
+        sketch.main_part("hull");
         let (l, b) = (0.5 * self.length.0, 0.16 * self.length.0);
         let plan = [
             (0.8, -1.0),
@@ -194,11 +198,13 @@ impl Generator for Boat {
         bottom.reverse();
         sketch.on("body").face(&bottom);
         sketch.on("deck").face(&ring(1.0, 0.75));
+        sketch.part("cabin");
         sketch.on("cabin").block(Vec3::new(0.0, -0.15 * l, 0.75), Vec3::new(1.25 * b, 0.8 * l, 0.9));
         sketch.on("glass").block(Vec3::new(0.0, -0.15 * l, 1.1), Vec3::new(1.28 * b, 0.7 * l, 0.4));
         sketch.on("cabin").block(Vec3::new(0.0, 0.05 * l, 1.65), Vec3::new(1.05 * b, 0.36 * l, 0.85));
         sketch.on("glass").block(Vec3::new(0.0, 0.05 * l, 1.9), Vec3::new(1.09 * b, 0.38 * l, 0.42));
         sketch.on("cabin").block(Vec3::new(0.0, 0.05 * l, 2.5), Vec3::new(1.2 * b, 0.42 * l, 0.1));
+        sketch.part("mast");
         sketch.on("mast").rod(Vec3::new(0.0, 0.0, 2.6), Vec3::new(0.0, 0.0, 4.4), 0.05, 0.03, 6);
     }
 }

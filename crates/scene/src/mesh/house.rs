@@ -21,6 +21,7 @@ fn gable(sketch: &mut Sketch, w: f32, (back, front): (f32, f32), wall: f32, rise
         Vec2::new(0.0, wall + rise + thick),
         Vec2::new(-edge, low + thick),
     ];
+    sketch.part("roof");
     sketch.on("roof").extrude_forward(&roof, back - out, front + out);
 }
 
@@ -66,8 +67,10 @@ impl Generator for House {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let [w, d] = self.size.map(|m| m.0);
         let (wall, rise) = (self.wall_height.0, self.roof_height.0);
+        let walls = sketch.part("wall");
         sketch.walls("wall", Vec3::new(-0.5 * w, -0.5 * d, 0.0), Vec3::new(0.5 * w, 0.5 * d, wall));
         gable(sketch, w, (-0.5 * d, 0.5 * d), wall, rise);
+        sketch.resume(walls);
         for z in [1.6, 4.0] {
             if z + 0.8 > wall {
                 continue;
@@ -83,6 +86,7 @@ impl Generator for House {
         sketch.on("trim").block(Vec3::new(0.0, front, 0.0), Vec3::new(1.3, 0.14, 2.3));
         sketch.on("door").block(Vec3::new(0.0, front, 0.0), Vec3::new(1.0, 0.2, 2.1));
         sketch.on("trim").block(Vec3::new(0.0, front - 0.6, 0.0), Vec3::new(1.8, 1.2, 0.15));
+        sketch.part("chimney");
         sketch.on("stack").block(Vec3::new(0.22 * w, 0.2 * d, wall), Vec3::new(0.7, 0.7, rise + 0.7));
     }
 }
@@ -105,8 +109,10 @@ impl Generator for Church {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let [w, d] = self.size.map(|m| m.0);
         let (wall, tip) = (self.wall_height.0, self.spire_height.0);
+        let nave = sketch.part("nave");
         sketch.walls("wall", Vec3::new(-0.5 * w, -0.5 * d, 0.0), Vec3::new(0.5 * w, 0.5 * d, wall));
         gable(sketch, w, (-0.5 * d, 0.5 * d), wall, 0.55 * w);
+        sketch.resume(nave);
         let bays = parts(d, 4.0);
         for i in 0..bays {
             let y = -0.5 * d + d * (i as f32 + 0.5) / bays as f32;
@@ -116,6 +122,7 @@ impl Generator for Church {
                 sketch.on("wall").block(Vec3::new(side * (0.5 * w + 0.3), buttress, 0.0), Vec3::new(0.6, 0.6, 0.8 * wall));
             }
         }
+        let tower_part = sketch.part("tower");
         let tower = 0.42 * w;
         let (base, top) = (Vec3::new(0.0, -0.5 * d - 0.3 * tower, 0.0), 0.6 * tip);
         let half = 0.5 * tower;
@@ -125,11 +132,13 @@ impl Generator for Church {
         let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
             .map(|(x, y)| base + Vec3::new(x * (half + 0.1), y * (half + 0.1), foot));
         let apex = base + Vec3::Z * tip;
+        sketch.part("spire");
         for i in 0..4 {
             sketch.on("roof").face(&[corners[i], corners[(i + 1) % 4], apex]);
         }
         sketch.on("gold").block(apex - Vec3::Z * 0.3, Vec3::new(0.14, 0.14, 2.0));
         sketch.on("gold").block(apex + Vec3::Z * 0.9, Vec3::new(0.9, 0.14, 0.14));
+        sketch.resume(tower_part);
         for outward in [Vec3::X, -Vec3::X, -Vec3::Y] {
             let at = base + outward * half;
             sketch.on("trim").rod(at + Vec3::Z * (top - 2.0), at + Vec3::Z * (top - 2.0) + outward * 0.1, 0.95, 0.95, 20);
@@ -165,9 +174,12 @@ impl Generator for Factory {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let [w, d] = self.size.map(|m| m.0);
         let wall = self.wall_height.0;
+        let (walls, roof_part) = (sketch.part("wall"), sketch.part("roof"));
+        sketch.resume(walls);
         sketch.walls("wall", Vec3::new(-0.5 * w, -0.5 * d, 0.0), Vec3::new(0.5 * w, 0.5 * d, wall));
         let teeth = parts(w, 6.5);
         let tooth = w / teeth as f32;
+        sketch.resume(roof_part);
         for i in 0..teeth {
             let x = -0.5 * w + tooth * i as f32;
             let body = [Vec2::new(x, wall), Vec2::new(x + tooth, wall), Vec2::new(x + tooth, wall + 3.0)];
@@ -182,6 +194,7 @@ impl Generator for Factory {
             let glass = Vec3::new(x + tooth, 0.0, wall + 0.4);
             sketch.on("glass").block(glass, Vec3::new(0.1, d - 1.0, 2.2));
         }
+        sketch.resume(walls);
         for (length, along_x) in [(w, true), (d, false)] {
             let bays = parts(length, 4.2);
             for i in 0..bays {

@@ -222,6 +222,7 @@ impl Generator for Grove {
         let mut rng = RandomStream::new(0, seed, &[]);
         let size = plan(self.size);
         for i in 0..self.count.0 {
+            sketch.part("tree");
             // One tree per strip along x, so that they stand apart.
             let x = ((i as f32 + 0.2 + 0.6 * rng.uniform() as f32) / self.count.0 as f32 - 0.5) * size.x;
             let foot = Vec3::new(x, (rng.uniform() as f32 - 0.5) * size.y, 0.0);

@@ -27,6 +27,7 @@ impl Generator for LookoutTower {
             let (x, y) = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)][i % 4];
             Vec3::new(x * half(z), y * half(z), z)
         };
+        sketch.part("frame");
         let bays = parts(deck, 3.6);
         let level = |i: u32| deck * i as f32 / bays as f32;
         for i in 0..4 {
@@ -67,22 +68,29 @@ fn flight(sketch: &mut Sketch, bay: u32, low: f32, high: f32, half: f32) {
 
 /// The deck at height `deck`, its parapet, posts, and a hipped roof up to `top` with a pennant.
 fn platform(sketch: &mut Sketch, deck: f32, half: f32, top: f32) {
+    let (platform, roof) = (sketch.part("platform"), sketch.part("roof"));
+    sketch.resume(platform);
     sketch.on("floor").block(Vec3::Z * (deck - 0.1), Vec3::new(2.0 * half, 2.0 * half, 0.25));
     let eaves = deck + 0.55 * (top - deck);
     let corners =
         [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| Vec3::new(x * (half - 0.15), y * (half - 0.15), 0.0));
     for i in 0..4 {
         let (a, b) = (corners[i], corners[(i + 1) % 4]);
+        sketch.part("post");
         sketch.on("wood").bar(a + Vec3::Z * deck, a + Vec3::Z * eaves, 0.26);
+        sketch.resume(platform);
         for z in [0.3, 0.6, 0.9, 1.2] {
             sketch.on("wood").plank(a + Vec3::Z * (deck + z), b + Vec3::Z * (deck + z), 0.08, 0.16);
         }
+        sketch.resume(roof);
         sketch.on("wood").plank(a + Vec3::Z * (eaves - 0.1), b + Vec3::Z * (eaves - 0.1), 0.2, 0.24);
+        sketch.resume(platform);
         for fraction in [0.25, 0.5, 0.75] {
             let post = a.lerp(b, fraction);
             sketch.on("wood").bar(post + Vec3::Z * deck, post + Vec3::Z * (deck + 1.25), 0.12);
         }
     }
+    sketch.resume(roof);
     let over = half + 0.7;
     let apex = Vec3::Z * (top - 0.06 * top);
     let eave = |i: usize| Vec3::new(corners[i % 4].x.signum() * over, corners[i % 4].y.signum() * over, eaves);
@@ -127,6 +135,7 @@ impl Generator for ClockTower {
         let square = |sketch: &mut Sketch, slot: &'static str, half: f32, low: f32, top: f32| {
             sketch.on(slot).cuboid(Vec3::new(-half, -half, low * h), Vec3::new(half, half, top * h));
         };
+        let (belfry, roof, tower) = (sketch.part("belfry"), sketch.part("roof"), sketch.main_part("tower"));
         square(sketch, "stone", half + 0.35, 0.0, 0.045);
         square(sketch, "wall", half, 0.045, 0.69);
         for z in [0.22, 0.44] {
@@ -134,12 +143,14 @@ impl Generator for ClockTower {
         }
         square(sketch, "stone", half + 0.3, 0.66, 0.69);
         for (x, y) in [(-1.0f32, -1.0f32), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+            sketch.resume(tower);
             for i in 0..9 {
                 // Corner stones, long and short by turns.
                 let (wide, z) = (if i % 2 == 0 { 0.9 } else { 0.6 }, (0.06 + 0.066 * i as f32) * h);
                 let at = Vec3::new(x * (half + 0.06 - 0.5 * wide), y * (half + 0.06 - 0.5 * wide), z);
                 sketch.on("stone").block(at, Vec3::new(wide, wide, 0.042 * h));
             }
+            sketch.resume(belfry);
             let pillar = Vec3::new(x * (half - 0.35), y * (half - 0.35), 0.69 * h);
             sketch.on("wall").block(pillar, Vec3::new(0.9, 0.9, 0.12 * h));
         }
@@ -152,12 +163,15 @@ impl Generator for ClockTower {
             Vec3::new(x * (half + 0.15), y * (half + 0.15), 0.835 * h)
         };
         for i in 0..4 {
+            sketch.resume(roof);
             sketch.on("roof").face(&[eave(i), eave(i + 1), Vec3::Z * (0.965 * h)]);
+            sketch.resume(tower);
             let turn = i as f64 * core::f64::consts::FRAC_PI_2;
             let mut side = Sketch::default();
             clock_side(&mut side, half, h, i == 0);
             sketch.append(&side, turn, Vec3::ZERO);
         }
+        sketch.resume(roof);
         sketch.on("gold").rod(Vec3::Z * (0.95 * h), Vec3::Z * h, 0.1, 0.03, 8);
         sketch.lathe("gold", Vec3::Z * (0.965 * h), &[(0.0, -0.3), (0.25, -0.1), (0.25, 0.1), (0.0, 0.3)], 10);
         sketch.outline_rect(Vec2::splat(-half - 0.35), Vec2::splat(half + 0.35));

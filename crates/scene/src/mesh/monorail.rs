@@ -9,6 +9,9 @@ use super::{Count, Generator, Metres, Sketch, Slots};
 /// Half width and depth of the beam, metres.
 const BEAM: (f32, f32) = (0.42, 1.3);
 
+/// Stations of the beam in one length of it: 16 m.
+const LENGTH: usize = 4;
+
 /// A monorail's beam along a course, its top `height` above the ground, on a column every 16 m.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -27,21 +30,26 @@ impl Generator for MonorailBeam {
         let low = top - depth;
         let stations = self.points.stations(4.0);
         let round = [(half, low), (-half, low), (-half, top), (half, top), (half, low)];
-        sweep(sketch.on("beam"), &stations, &round);
-        for side in [-1.0f32, 1.0] {
-            let (inner, outer) = (side * half, side * (half + 0.06));
-            let strip = [
-                (inner.min(outer), top - 0.9),
-                (inner.min(outer), top - 0.75),
-                (inner.max(outer), top - 0.75),
-                (inner.max(outer), top - 0.9),
-            ];
-            sweep(sketch.on("rail"), &stations, &strip);
-        }
-        let [first, last] = [stations[0], stations[stations.len() - 1]];
-        for (end, across) in [(first, [-half, half]), (last, [half, -half])] {
-            let [a, b] = across;
-            sketch.on("beam").face(&[end.point(a, low), end.point(b, low), end.point(b, top), end.point(a, top)]);
+        // In lengths of about that from column to column: a bend is not seen as one straight beam.
+        let lengths = stations.len().saturating_sub(1).div_ceil(LENGTH).max(1);
+        for k in 0..lengths {
+            let length = &stations[k * LENGTH..(k * LENGTH + LENGTH + 1).min(stations.len())];
+            sketch.part("beam");
+            sweep(sketch.on("beam"), length, &round);
+            for side in [-1.0f32, 1.0] {
+                let (inner, outer) = (side * half, side * (half + 0.06));
+                let strip = [
+                    (inner.min(outer), top - 0.9),
+                    (inner.min(outer), top - 0.75),
+                    (inner.max(outer), top - 0.75),
+                    (inner.max(outer), top - 0.9),
+                ];
+                sweep(sketch.on("rail"), length, &strip);
+            }
+            let ends = [(k == 0, length[0], [-half, half]), (k + 1 == lengths, length[length.len() - 1], [half, -half])];
+            for (_, end, [a, b]) in ends.into_iter().filter(|end| end.0) {
+                sketch.on("beam").face(&[end.point(a, low), end.point(b, low), end.point(b, top), end.point(a, top)]);
+            }
         }
         for station in self.points.stations(16.0) {
             column(sketch, &station, low);
@@ -53,6 +61,7 @@ impl Generator for MonorailBeam {
 /// A column under the beam: a foot, a shaft that flares into a head.
 fn column(sketch: &mut Sketch, station: &Station, under: f32) {
     let at = station.at.extend(0.0);
+    sketch.part("column");
     sketch.on("column").revolve(at, &[(1.1, -0.1), (1.1, 0.25), (0.6, 0.35)], 14);
     sketch.on("column").revolve(at, &[(0.55, 0.3), (0.5, 0.7 * under), (0.62, 0.85 * under), (0.95, under)], 14);
 }

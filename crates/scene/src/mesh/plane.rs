@@ -71,6 +71,7 @@ impl Generator for Plane {
 }
 
 fn fuselage(sketch: &mut Sketch) {
+    sketch.main_part("fuselage");
     let ring = |&(y, half, low, top): &(f32, f32, f32, f32)| {
         let (middle, height) = (0.5 * (low + top), 0.5 * (top - low));
         let right = SECTION.iter().map(|&(x, z)| (x, z));
@@ -107,6 +108,7 @@ fn aerofoil(sketch: &mut Sketch, ribs: &[(f32, f32, f32, f32, f32)], slot: impl 
 }
 
 fn wings(sketch: &mut Sketch) {
+    sketch.part("wing");
     let ribs = [
         (-7.5, 1.55, 0.45, 3.42, 0.14),
         (-6.6, 1.75, 0.3, 3.4, 0.22),
@@ -122,6 +124,7 @@ fn wings(sketch: &mut Sketch) {
 }
 
 fn tail(sketch: &mut Sketch) {
+    sketch.part("tail");
     let ribs = [
         (-2.7, -5.15, -6.2, 2.62, 0.1),
         (-0.1, -4.75, -6.25, 2.62, 0.16),
@@ -136,6 +139,7 @@ fn tail(sketch: &mut Sketch) {
 }
 
 fn propeller(sketch: &mut Sketch) {
+    sketch.part("propeller");
     let hub = Vec3::new(0.0, 5.05, 1.74);
     sketch.on("stripe").rod(hub, hub + Vec3::Y * 0.22, 0.27, 0.22, 14);
     sketch.on("stripe").rod(hub + Vec3::Y * 0.22, hub + Vec3::Y * 0.6, 0.22, 0.015, 14);
@@ -151,6 +155,7 @@ fn propeller(sketch: &mut Sketch) {
 }
 
 fn gear(sketch: &mut Sketch) {
+    sketch.part("landing gear");
     let mut leg = |from: Vec3, hub: Vec3, radius: f32| {
         sketch.on("metal").closed_plank(from, hub, 0.12, 0.1);
         let half = Vec3::X * 0.11;

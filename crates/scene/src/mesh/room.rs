@@ -83,27 +83,38 @@ impl Generator for Wall {
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (end, y) = (0.5 * self.length, 0.5 * self.thickness);
+        let (low, high) = (Vec3::new(-end, -y, 0.0), Vec3::new(end, y, self.height));
+        let edge = |sketch: &mut Sketch, from: f32, to: f32| {
+            // Top and underside of a length of it.
+            let at = |x: f32, front: bool, z: f32| Vec3::new(x, if front { y } else { -y }, z);
+            let (low, top) = (0.0, self.height);
+            let edge = sketch.on("edge");
+            edge.face(&[at(from, false, top), at(to, false, top), at(to, true, top), at(from, true, top)]);
+            edge.face(&[at(from, true, low), at(to, true, low), at(to, false, low), at(from, false, low)]);
+        };
         let mut x = -end;
+        let first = sketch.part("wall");
         for hole in &self.holes {
-            self.leaf(sketch, Vec2::new(x, 0.0), Vec2::new(hole.low.x, self.height));
-            self.leaf(sketch, Vec2::new(hole.low.x, 0.0), Vec2::new(hole.high.x, hole.low.y));
-            self.leaf(sketch, Vec2::new(hole.low.x, hole.high.y), Vec2::new(hole.high.x, self.height));
+            if hole.low.x - x > 1e-4 {
+                self.leaf(sketch, Vec2::new(x, 0.0), Vec2::new(hole.low.x, self.height));
+                edge(sketch, x, hole.low.x);
+            }
             self.reveal(sketch, hole);
+            sketch.part("wall");
+            self.leaf(sketch, Vec2::new(hole.low.x, 0.0), Vec2::new(hole.high.x, hole.low.y));
+            sketch.part("wall");
+            self.leaf(sketch, Vec2::new(hole.low.x, hole.high.y), Vec2::new(hole.high.x, self.height));
+            edge(sketch, hole.low.x, hole.high.x);
+            sketch.part("wall");
             x = hole.high.x;
         }
         self.leaf(sketch, Vec2::new(x, 0.0), Vec2::new(end, self.height));
-        let (low, high) = (Vec3::new(-end, -y, 0.0), Vec3::new(end, y, self.height));
+        edge(sketch, x, end);
         let corner = |right: bool, front: bool, up: bool| Vec3::select(glam::BVec3::new(right, front, up), high, low);
         let edge = sketch.on("edge");
-        edge.face(&[corner(false, false, true), corner(true, false, true), corner(true, true, true), corner(false, true, true)]);
-        edge.face(&[
-            corner(false, true, false),
-            corner(true, true, false),
-            corner(true, false, false),
-            corner(false, false, false),
-        ]);
         edge.face(&[corner(true, false, false), corner(true, true, false), corner(true, true, true), corner(true, false, true)]);
-        edge.face(&[
+        sketch.resume(first);
+        sketch.on("edge").face(&[
             corner(false, true, false),
             corner(false, false, false),
             corner(false, false, true),
@@ -193,12 +204,15 @@ impl Generator for Door {
         let (half, h) = ((0.5 * self.width.0).max(0.2), self.height.0.max(0.5));
         for side in [-1.0, 1.0] {
             let x = side * (half - 0.5 * POST);
+            sketch.part("door frame");
             sketch.on("frame").block(Vec3::new(x, 0.0, 0.0), Vec3::new(POST, 2.0 * FRAME, h));
         }
+        sketch.part("door frame");
         sketch.on("frame").block(Vec3::new(0.0, 0.0, h - POST), Vec3::new(2.0 * (half - POST), 2.0 * FRAME, POST));
         let wide = 2.0 * (half - POST) - 0.008;
         // Seen from the front x runs to the left: the left hinge is at +x, and the leaf reaches from it to −x.
         let side = if self.hinge == Hinge::Left { 1.0 } else { -1.0 };
+        sketch.main_part("door leaf");
         let mut leaf = Sketch::default();
         self.leaf(&mut leaf, wide, h - POST - 0.012, -side);
         let hinge = Vec3::new(side * (half - POST - 0.004), FRAME - 0.02, 0.006);

@@ -152,6 +152,8 @@ impl Sign {
         let (line, thick, foot) = (self.line, self.thickness, self.foot());
         let (width, height) = self.size().into();
         let rim = 0.05 * line;
+        // Without posts it is nothing but its board.
+        let board = if self.posts.is_some() { sketch.part("board") } else { 0 };
         sketch.on("board").block(Vec3::Z * (foot + rim), Vec3::new(width - 2.0 * rim, thick, height - 2.0 * rim));
         let (w, h) = (0.5 * width, height);
         for (low, high) in
@@ -164,9 +166,12 @@ impl Sign {
         if self.posts.is_some() {
             for x in if width > 0.8 { vec![-0.35 * width, 0.35 * width] } else { vec![0.0] } {
                 let back = Vec3::new(x, -0.5 * thick - 0.025, 0.0);
+                sketch.part("post");
                 sketch.on("post").rod(back, back + Vec3::Z * (foot + 0.9 * height), 0.025, 0.025, 10);
             }
         }
+        // The letters are on it.
+        sketch.resume(board);
     }
 }
 

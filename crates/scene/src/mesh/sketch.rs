@@ -32,6 +32,17 @@ pub(crate) struct Surface {
     pub(crate) vertices: Vec<Vertex>,
     /// Counter-clockwise from outside.
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// The named parts of its triangles, as runs: number of the first triangle, and the part ([`Sketch::pieces`], from 1; 0 for none).
+    pub(crate) runs: Vec<(usize, u16)>,
+}
+
+/// A named part of a generator's mesh, as somebody who looks at it would name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Piece {
+    /// Its name.
+    pub(crate) name: &'static str,
+    /// Whether it is the part that one points at to show the object.
+    pub(crate) main: bool,
 }
 
 /// A lamp of a generator.
@@ -52,6 +63,10 @@ pub(crate) struct Sketch {
     pub(crate) outline: Vec<Vec<Vec2>>,
     /// Lamps that light their surroundings.
     pub(crate) lamps: Vec<Bulb>,
+    /// Its named parts; empty if it is seen as one.
+    pub(crate) pieces: Vec<Piece>,
+    /// The part that is being drawn, from 1; 0 for none.
+    piece: u16,
     cells: Vec<(&'static str, Vec2)>,
 }
 
@@ -59,6 +74,26 @@ impl Sketch {
     /// An empty sketch with the window cells of those slots whose material has windows.
     pub(crate) fn new(cells: Vec<(&'static str, Vec2)>) -> Self {
         Self { cells, ..Self::default() }
+    }
+
+    /// Begins a part of the object, such as one of its posts: what is drawn from here on belongs to it. Returns its number, for
+    /// [`Sketch::resume`].
+    pub(super) fn part(&mut self, name: &'static str) -> u16 {
+        self.pieces.push(Piece { name, main: false });
+        self.piece = self.pieces.len() as u16;
+        self.piece
+    }
+
+    /// Begins the part of the object that one points at to show it.
+    pub(super) fn main_part(&mut self, name: &'static str) -> u16 {
+        let part = self.part(name);
+        self.pieces[usize::from(part) - 1].main = true;
+        part
+    }
+
+    /// Goes on with a part that was begun before.
+    pub(super) fn resume(&mut self, part: u16) {
+        self.piece = part;
     }
 
     /// The solid surface of `slot`.
@@ -69,10 +104,15 @@ impl Sketch {
     /// The surface of `slot` in `role`.
     pub(super) fn with_role(&mut self, slot: &'static str, role: Role) -> &mut Surface {
         let at = self.surfaces.iter().position(|s| s.slot == slot && s.role == role).unwrap_or_else(|| {
-            self.surfaces.push(Surface { slot, role, vertices: Vec::new(), triangles: Vec::new() });
+            self.surfaces.push(Surface { slot, role, vertices: Vec::new(), triangles: Vec::new(), runs: Vec::new() });
             self.surfaces.len() - 1
         });
-        &mut self.surfaces[at]
+        let surface = &mut self.surfaces[at];
+        let (first, before) = (surface.triangles.len(), surface.runs.last().map_or(0, |run| run.1));
+        if before != self.piece {
+            surface.runs.push((first, self.piece));
+        }
+        surface
     }
 
     /// An empty sketch for a part of this one, with the same window cells.
@@ -116,8 +156,14 @@ impl Sketch {
             let lamp = Lamp { position: rotate(bulb.lamp.position) + offset, ..bulb.lamp };
             Bulb { lamp, ..*bulb }
         }));
+        // What has no part in the other belongs to the present one.
+        let (present, more) = (self.piece, self.pieces.len() as u16);
+        self.pieces.extend(&other.pieces);
         for surface in &other.surfaces {
             let target = self.with_role(surface.slot, surface.role);
+            let start = target.triangles.len();
+            let runs = surface.runs.iter().map(|&(at, piece)| (start + at, if piece == 0 { present } else { more + piece }));
+            target.runs.extend(runs);
             let first = target.vertices.len() as u32;
             target.vertices.extend(surface.vertices.iter().map(|v| Vertex {
                 position: rotate(v.position) + offset,
@@ -145,6 +191,16 @@ impl Sketch {
 }
 
 impl Surface {
+    /// The part of each triangle, from 1, 0 for none; empty if none belongs to one.
+    pub(crate) fn pieces(&self) -> Vec<u16> {
+        let mut out = Vec::new();
+        if !self.runs.is_empty() {
+            out.resize(self.triangles.len(), 0);
+            self.runs.iter().for_each(|&(first, piece)| out[first.min(self.triangles.len())..].fill(piece));
+        }
+        out
+    }
+
     /// Area of all triangles, square metres.
     pub(super) fn area(&self) -> f32 {
         let corner = |i: u32| self.vertices[i as usize].position;

@@ -47,9 +47,11 @@ impl Generator for Tree {
 }
 
 fn broadleaf(sketch: &mut Sketch, rng: &mut RandomStream, h: f32) {
+    sketch.part("trunk");
     let fork = Vec3::new(0.0, 0.0, 0.36 * h);
     sketch.on("bark").rod(Vec3::ZERO, Vec3::Z * (0.06 * h), 0.055 * h, 0.034 * h, 9);
     sketch.on("bark").rod(Vec3::Z * (0.06 * h), fork, 0.034 * h, 0.026 * h, 9);
+    sketch.main_part("crown");
     let turn = rng.uniform() as f32;
     blob(sketch.on("leaf"), rng, Vec3::Z * (0.68 * h), Vec3::new(0.25, 0.25, 0.27) * h, 2);
     for i in 0..6 {
@@ -64,7 +66,9 @@ fn broadleaf(sketch: &mut Sketch, rng: &mut RandomStream, h: f32) {
 }
 
 fn conifer(sketch: &mut Sketch, rng: &mut RandomStream, h: f32) {
+    sketch.part("trunk");
     sketch.on("bark").rod(Vec3::ZERO, Vec3::Z * (0.5 * h), 0.028 * h, 0.015 * h, 8);
+    sketch.main_part("crown");
     let layers = 6;
     for i in 0..layers {
         let fraction = i as f32 / layers as f32;

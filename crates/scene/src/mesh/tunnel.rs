@@ -122,7 +122,16 @@ impl Generator for Tunnel {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (end, half, cut) = (0.5 * self.length.0, 0.5 * self.width.0, self.cutting.0.max(0.5 * self.width.0 + 1.0));
         let line = arch_line(self.width.0, self.height.0);
+        // The walls up to where the arch is more roof than wall.
+        let [left, right, roof] = ["tunnel wall", "tunnel wall", "tunnel roof"].map(|name| sketch.part(name));
         for pair in line.windows(2) {
+            let middle = 0.5 * (pair[0] + pair[1]);
+            let slope = (pair[1] - pair[0]).abs();
+            sketch.resume(match (slope.x > slope.y, middle.x < 0.0) {
+                (true, _) => roof,
+                (false, true) => left,
+                (false, false) => right,
+            });
             let at = |p: Vec2, y: f32| Vec3::new(p.x, y, p.y);
             // Seen from inside: the tube's own normal looks inwards.
             let steps = 5;
@@ -131,7 +140,9 @@ impl Generator for Tunnel {
                 sketch.on("tube").face(&[at(pair[0], y0), at(pair[1], y0), at(pair[1], y1), at(pair[0], y1)]);
             }
         }
+        sketch.part("road");
         sketch.on("road").cuboid(Vec3::new(-half, -end, -0.1), Vec3::new(half, end, 0.0));
+        sketch.resume(roof);
         let lamps = super::parts(2.0 * end, 6.0);
         for i in 0..lamps {
             let y = -end + 2.0 * end * (i as f32 + 0.5) / lamps as f32;
@@ -142,6 +153,7 @@ impl Generator for Tunnel {
         }
         for side in [-1.0f32, 1.0] {
             self.portal(sketch, side, end, cut, &line);
+            sketch.resume(if side < 0.0 { left } else { right });
             let x = side * (half - 0.35);
             sketch.on("coping").cuboid(Vec3::new(x - 0.35, -end, 0.0), Vec3::new(x + 0.35, end, 0.25));
         }
@@ -154,6 +166,7 @@ impl Tunnel {
     fn portal(&self, sketch: &mut Sketch, side: f32, end: f32, cut: f32, line: &[Vec2]) {
         let top = self.height.0 + HEAD;
         let thick = 1.2;
+        sketch.part("portal");
         // Outer line: foot right, over the top, foot left, then the arch back: one concave polygon.
         let mut wall = vec![Vec2::new(-cut, 0.0)];
         wall.extend(line.iter().rev());
@@ -169,6 +182,7 @@ impl Tunnel {
         sketch.on("coping").cuboid(Vec3::new(-cut - 0.2, y0 - 0.2, top), Vec3::new(cut + 0.2, y1 + 0.2, top + 0.4));
         // Wing walls step down along the cutting.
         for x in [-1.0f32, 1.0] {
+            sketch.part("wing wall");
             let (a, b) = (x * cut, x * (cut + 0.7));
             let wing = [(0.0, 0.0), (11.0, 0.0), (11.0, 1.2), (0.0, top)].map(|(y, z)| Vec2::new(side * (end + y), z));
             let wing = if side > 0.0 { wing.to_vec() } else { wing.into_iter().rev().collect::<Vec<_>>() };

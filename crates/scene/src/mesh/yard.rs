@@ -202,11 +202,13 @@ impl Generator for Parasol {
     }
 
     fn draw(&self, sketch: &mut Sketch, _: &str) {
+        sketch.part("pole");
         let (r, h) = (self.radius.0, self.height.0);
         sketch.on("foot").revolve(Vec3::ZERO, &[(0.28, 0.0), (0.28, 0.05), (0.10, 0.09), (0.05, 0.09)], 20);
         sketch.on("foot").rod(Vec3::Z * 0.05, Vec3::Z * 0.42, 0.035, 0.035, 10);
         sketch.on("pole").rod(Vec3::Z * 0.1, Vec3::Z * h, 0.022, 0.018, 10);
         sketch.on("pole").revolve(Vec3::Z * h, &[(0.02, -0.02), (0.03, 0.02), (0.0, 0.07)], 10);
+        sketch.main_part("canopy");
         let sag = 0.26 * r;
         let rows = [(1.0, 0.0), (0.66, 0.45), (0.33, 0.76), (0.03, 1.0)];
         let point =
@@ -256,6 +258,7 @@ impl Generator for Canopy {
     fn draw(&self, sketch: &mut Sketch, _: &str) {
         let (w, d) = (0.5 * self.size[0].0, 0.5 * self.size[1].0);
         let (h, rise) = (self.height.0, self.rise.0);
+        let roof = sketch.main_part("roof");
         let under = |y: f32| h + rise * (0.5 - 0.5 * y / d);
         let rows: &[f32] = if self.on_wall { &[0.88] } else { &[-0.88, 0.88] };
         let posts = parts(2.0 * w, 2.6);
@@ -263,8 +266,10 @@ impl Generator for Canopy {
             let y = row * d;
             for i in 0..=posts {
                 let x = (w - 0.15) * (2.0 * i as f32 / posts as f32 - 1.0);
+                sketch.part("post");
                 sketch.on("post").block(Vec3::new(x, y, 0.0), Vec3::new(0.11, 0.11, under(y) - 0.16));
             }
+            sketch.resume(roof);
             sketch.on("beam").closed_plank(Vec3::new(-w, y, under(y) - 0.22), Vec3::new(w, y, under(y) - 0.22), 0.10, 0.14);
         }
         if self.on_wall {

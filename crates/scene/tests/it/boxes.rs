@@ -29,7 +29,7 @@ pub(crate) fn block(object: ObjectId, low: Vec3, high: Vec3, role: Role) -> Part
     let vertices = (0..8).map(|i| Vertex { position: corner(i), normal: Vec3::Z, uv: Vec2::ZERO }).collect();
     let faces: [[u32; 4]; 6] = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let triangles = faces.iter().flat_map(|f| [[f[0], f[1], f[2]], [f[0], f[2], f[3]]]).collect();
-    Part { vertices, triangles, material: 0, object, role }
+    Part { vertices, triangles, material: 0, object, pieces: Vec::new(), role }
 }
 
 pub(crate) fn geometry(parts: Vec<Part>) -> SceneGeometry {

@@ -8,6 +8,7 @@ mod gltf_refusals;
 mod model;
 mod models;
 mod park;
+mod pieces;
 mod rooms;
 mod scene;
 mod stage;

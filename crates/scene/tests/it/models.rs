@@ -195,3 +195,26 @@ fn what_of_a_model_is_not_drawn_is_said_once() {
     let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
     assert!(warning.starts_with("the model `models/crate.glb`: texture 0 needs `EXT_texture_webp`"), "{warning}");
 }
+
+#[test]
+fn the_nodes_of_a_model_are_its_parts_and_the_scene_says_which_is_the_main_one() {
+    let mut model = crate_model();
+    let mesh = model.block(0.5, 3.0, 0.5);
+    model.node(json!({"name": "Lid_Handle.001", "mesh": mesh}));
+    let parts = |objects: &str| {
+        let folder = folder(objects, &model.glb());
+        load(folder.path()).map(|scene| {
+            let id = object(&scene, "crate").id;
+            let named = scene.pieces.iter().filter(|piece| piece.object == id);
+            let triangles = scene.meshes().filter(|part| part.object == id).map(|part| part.pieces.clone());
+            (named.map(|piece| (piece.name.clone(), piece.main)).collect::<Vec<_>>(), triangles.collect::<Vec<_>>())
+        })
+    };
+    let (named, triangles) = parts(CRATE).unwrap();
+    assert_eq!(named, [("red barrel".to_owned(), false), ("lid handle".to_owned(), false)]);
+    assert_eq!(triangles, [vec![1; 12], vec![2; 12]]);
+    let (named, _) = parts(&format!("{CRATE}main_part = \"lid handle\"\n")).unwrap();
+    assert_eq!(named[1], ("lid handle".to_owned(), true));
+    let error = parts(&format!("{CRATE}main_part = \"lid handel\"\n")).unwrap_err().to_string();
+    assert!(error.contains("`crate` has no part `lid handel`") && error.contains("did you mean `lid handle`?"), "{error}");
+}

@@ -56,13 +56,14 @@ pub fn empty() -> Yard {
 impl Yard {
     /// A quadrilateral, corners counter-clockwise seen from outside.
     pub fn add_quad(&mut self, corners: [Vec3; 4], material: u16, object: u16) {
-        let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material, object, role: Role::Solid };
+        let mut part =
+            Part { vertices: Vec::new(), triangles: Vec::new(), material, object, pieces: Vec::new(), role: Role::Solid };
         quad(&mut part, corners);
         self.geometry.parts.push(part);
     }
 
     pub fn add_box(&mut self, low: Vec3, high: Vec3, material: u16, object: u16, role: Role) {
-        let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material, object, role };
+        let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material, object, pieces: Vec::new(), role };
         let p = |x: bool, y: bool, z: bool| {
             Vec3::new(if x { high.x } else { low.x }, if y { high.y } else { low.y }, if z { high.z } else { low.z })
         };
@@ -82,7 +83,8 @@ impl Yard {
 
     /// A square bar between two points.
     pub fn add_bar(&mut self, from: Vec3, to: Vec3, thick: f32, material: u16, object: u16) {
-        let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material, object, role: Role::Solid };
+        let mut part =
+            Part { vertices: Vec::new(), triangles: Vec::new(), material, object, pieces: Vec::new(), role: Role::Solid };
         let along = (to - from).normalize();
         let a = along.cross(if along.z.abs() < 0.9 { Vec3::Z } else { Vec3::X }).normalize() * (0.5 * thick);
         let b = along.cross(a);
@@ -95,7 +97,8 @@ impl Yard {
     }
 
     pub fn add_ball(&mut self, centre: Vec3, radius: f32, rings: u32, material: u16, object: u16) {
-        let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material, object, role: Role::Solid };
+        let mut part =
+            Part { vertices: Vec::new(), triangles: Vec::new(), material, object, pieces: Vec::new(), role: Role::Solid };
         let segments = 2 * rings;
         for i in 0..=rings {
             for j in 0..=segments {

@@ -192,7 +192,7 @@ impl Shape {
 fn own_part(surface: &Surface, scale: f32) -> Part {
     let mut vertices = surface.vertices.clone();
     vertices.iter_mut().for_each(|v| v.position *= scale);
-    Part { vertices, triangles: surface.triangles.clone(), material: 0, object: 0, role: surface.role }
+    Part { vertices, triangles: surface.triangles.clone(), material: 0, object: 0, pieces: Vec::new(), role: surface.role }
 }
 
 /// The space before and behind an opening.
