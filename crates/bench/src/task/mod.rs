@@ -4,6 +4,7 @@ mod file;
 mod hostile;
 mod select;
 mod shipped;
+mod stage;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
@@ -14,6 +15,7 @@ pub use hostile::{Hostile, SignContent};
 pub use select::{Rank, Selector};
 pub(crate) use select::{centre, select_all};
 pub use shipped::{SUITES, Suite, shipped, suite};
+pub use stage::Stage;
 
 /// Maximum size of a task file, bytes.
 pub const MAX_BYTES: usize = 256 << 10;
@@ -281,6 +283,8 @@ pub struct Task {
     pub start: Start,
     /// The goals.
     pub goals: Vec<Goal>,
+    /// What the oracle flies, as `[[stages]]` of its file or as its goals have it.
+    pub stages: Vec<Stage>,
     /// Test trajectories for the judge.
     pub trajectories: Vec<Trajectory>,
 }

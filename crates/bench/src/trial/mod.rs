@@ -232,6 +232,7 @@ impl Trial {
                 ..FlightConditions::default()
             },
             seed: self.seed,
+            brief: Some(Arc::new(task.brief(&drawn.loaded, drawn.start.position))),
             ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
         };
         let site = Site::Simulated(site);
