@@ -87,12 +87,13 @@ enum Step {
     Keep,
 }
 
-/// The table of stages for each verb.
-fn steps(verb: Verb) -> Vec<Step> {
+/// The table of stages for each verb. Nothing is flown straight on for long to what comes next: there may be something in between.
+fn steps(verb: Verb, is_last: bool) -> Vec<Step> {
     use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Summit, Turn};
     match verb {
         Verb::GoTo => vec![Approach(1.0)],
-        Verb::Through => vec![Opening, Pass, Beyond, On, On, On, On],
+        Verb::Through if is_last => vec![Opening, Pass, Beyond, On, On, On, On],
+        Verb::Through => vec![Opening, Pass, Beyond, On],
         Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
         Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
         // An object that leaves the image at the bottom is still between the craft and the far side.
@@ -145,8 +146,9 @@ struct Stage<'a> {
 
 /// The index of the clause that a stage belongs to.
 pub(super) fn clause_of(instruction: &Instruction, stage: u32) -> usize {
-    let ends = instruction.clauses.iter().scan(0, |end, clause| {
-        *end += steps(clause.verb).len();
+    let last = instruction.clauses.len().saturating_sub(1);
+    let ends = instruction.clauses.iter().enumerate().scan(0, |end, (at, clause)| {
+        *end += steps(clause.verb, at == last).len();
         Some(*end)
     });
     let at = stage.max(1) as usize;
@@ -160,7 +162,7 @@ fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
         let later = target.other || target.ordinal.is_some_and(|ordinal| ordinal.number != 1 && ordinal.from.is_none());
         later && clauses[..at].iter().any(|before| target.is_like(&before.target))
     };
-    let of = |at: usize| steps(clauses[at].verb).into_iter().map(move |step| (at, step));
+    let of = |at: usize| steps(clauses[at].verb, at + 1 == clauses.len()).into_iter().map(move |step| (at, step));
     (0..clauses.len()).flat_map(of).map(|(at, step)| Stage { clause: &clauses[at], step, another: another(at) }).collect()
 }
 

@@ -409,6 +409,11 @@ fn through_goes_by_the_opening() {
     assert_eq!(ask(&oracle, &out, &query).stage, Some(4));
     query.memory.stage = 7;
     assert_eq!(ask(&oracle, &out, &query).status, Status::Done);
+    // If something else follows, one move is enough: it may be in the way of the others.
+    query.instruction = "fly through the tunnel and then to the tree".to_owned();
+    query.memory.stage = 4;
+    let reply = ask(&oracle, &out, &query);
+    assert_eq!((reply.status, reply.stage, reply.target.as_deref()), (Status::Navigating, Some(5), Some("green tree")));
 }
 
 #[test]
