@@ -67,6 +67,15 @@ impl TaskSet {
         }
     }
 
+    /// The least distance at which the paper's appendix scores a success, metres.
+    #[must_use]
+    pub fn nearest(self) -> f64 {
+        match self {
+            Self::Simulation => 1.0,
+            Self::RealWorld => 0.0,
+        }
+    }
+
     /// Display text.
     #[must_use]
     pub fn words(self) -> &'static str {
