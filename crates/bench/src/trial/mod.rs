@@ -223,6 +223,7 @@ impl Trial {
             }
             Ok(Box::new(Timed { vlm, fixed, delay, seed }))
         });
+        let brief = Arc::new(task.brief(&drawn.loaded, drawn.start.position));
         let site = Simulated {
             start: Some(drawn.start),
             kind: task.craft,
@@ -232,13 +233,13 @@ impl Trial {
                 ..FlightConditions::default()
             },
             seed: self.seed,
-            brief: Some(Arc::new(task.brief(&drawn.loaded, drawn.start.position))),
+            brief: Some(brief.clone()),
             ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
         };
         let site = Site::Simulated(site);
         FlightPlan {
             limits: Limits { brake: self.brake(), ..site.limits() },
-            policy: Arc::new(self.method.policy()),
+            policy: self.method.policy_maker(&brief),
             preset: self.method.preset(),
             settings: self.method.settings(task),
             detector: self.detector(),
