@@ -3,7 +3,8 @@
 //! Each is a [`Policy`](spf_pilot::policy::Policy), as the method itself: a state machine driven by frames and replies,
 //! so that pilot, executor, envelope and judge are the same for all. [`Pivot`](pivot::Pivot) chooses among arrows
 //! overlaid on the image, [`TypeFly`](typefly::TypeFly) runs programs that a planner writes from a list of detections,
-//! and [`Plain`](plain::Plain) flies moves given in words and numbers. Like the core, this crate does no I/O and reads
+//! and [`Plain`](plain::Plain) flies moves given in words and numbers.
+//! [`Classical`](classical::Classical) uses no language: it flies to what a detector lists by class and colour. Like the core, this crate does no I/O and reads
 //! no clock.
 //!
 //! The queries of the baselines and the schemas of their replies are part of the core, since every VLM implementation
@@ -11,6 +12,7 @@
 #![forbid(unsafe_code)]
 
 pub mod actions;
+pub mod classical;
 pub mod pivot;
 pub mod plain;
 pub mod typefly;

@@ -4,27 +4,27 @@ use std::collections::BTreeMap;
 
 use crate::stats::{PairedDifference, holm};
 use crate::table::vlm_of;
-use crate::trial::Record;
+use crate::trial::{NO_VLM, Record};
 
 /// When a trial counts as a success.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scoring {
-    /// The method declared itself done, and the judge agrees.
-    SelfStop,
-    /// The judge would have reported success at some instant.
-    JudgeStop,
+    /// Ours: the method declared itself done, and the judge agrees.
+    Strict,
+    /// The paper's appendix: at some instant, taken as the completion, the judge would have reported success.
+    Paper,
 }
 
 impl Scoring {
     /// Both, headline first.
-    pub const ALL: [Self; 2] = [Self::SelfStop, Self::JudgeStop];
+    pub const ALL: [Self; 2] = [Self::Strict, Self::Paper];
 
     /// Its name in the `scores` of a row.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
-            Self::SelfStop => "self_stop",
-            Self::JudgeStop => "judge_stop",
+            Self::Strict => "strict",
+            Self::Paper => "paper",
         }
     }
 
@@ -32,15 +32,15 @@ impl Scoring {
     #[must_use]
     pub fn words(self) -> &'static str {
         match self {
-            Self::SelfStop => "self stop",
-            Self::JudgeStop => "judge stop",
+            Self::Strict => "strict",
+            Self::Paper => "paper",
         }
     }
 
     fn of(self, record: &Record) -> bool {
         match self {
-            Self::SelfStop => record.scores.self_stop,
-            Self::JudgeStop => record.scores.judge_stop,
+            Self::Strict => record.scores.strict,
+            Self::Paper => record.scores.paper,
         }
     }
 }
@@ -88,9 +88,9 @@ impl MethodPair {
     }
 }
 
-/// The pairs of methods in `planned`, with each VLM; without any, all pairs of methods and models. Both in order of
-/// appearance, and empty where nothing was flown by both. Trials of one task are treated as independent, which they are not
-/// quite, so p is slightly too small.
+/// The pairs of methods in `planned`, with each VLM; without any, all pairs of methods under one oracle, and of
+/// methods and models without an oracle. Both in order of appearance, and empty where nothing was flown by both. Trials of one
+/// task are treated as independent, which they are not quite, so p is slightly too small.
 #[must_use]
 pub fn contrasts(records: &[Record], scoring: Scoring, planned: &[MethodPair]) -> Vec<Contrast> {
     let seed = |record: &'_ Record| record.run_id.rsplit('/').next().unwrap_or_default().to_owned();
@@ -126,6 +126,7 @@ fn compared<'a>(arms: &'a [Arm], planned: &[MethodPair]) -> Vec<(&'a Arm, &'a Ar
             .iter()
             .enumerate()
             .flat_map(|(number, one)| arms[number + 1..].iter().map(move |other| (one, other)))
+            .filter(|(one, other)| is_comparable(&one.0.1, &other.0.1))
             .collect();
     }
     let of = |method: &'_ str| arms.iter().filter(move |((name, _), _)| name == method).collect::<Vec<_>>();
@@ -137,6 +138,13 @@ fn compared<'a>(arms: &'a [Arm], planned: &[MethodPair]) -> Vec<(&'a Arm, &'a Ar
             .collect::<Vec<_>>()
     };
     planned.iter().flat_map(with).collect()
+}
+
+/// Whether a difference between two arms with these VLMs says something about a method or a model: under two oracles, or under an
+/// oracle and a model, it is mostly that of the stand-ins. What uses no VLM compares with everything.
+fn is_comparable(one: &str, other: &str) -> bool {
+    let is_oracle = |vlm: &str| vlm.starts_with("oracle");
+    one == other || one == NO_VLM || other == NO_VLM || !(is_oracle(one) || is_oracle(other))
 }
 
 /// The comparison of two arms; `None` if they have flown no start in common.
@@ -172,6 +180,22 @@ mod tests {
         assert_eq!(found.len(), 1, "{found:?}");
         assert_eq!(found[0].pair, [pair("b"), pair("a")]);
         assert!((found[0].paired.difference.value + 0.75).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_method_gains_under_one_oracle_only() {
+        let trial =
+            |method: &str, vlm: &str, hit| ((method.to_owned(), vlm.to_owned()), ("task".to_owned(), "0".to_owned()), hit);
+        let arms =
+            [("a", "oracle-perfect"), ("a", "oracle-poor"), ("b", "oracle-poor"), ("c", NO_VLM), ("a", "gemini"), ("a", "qwen")];
+        let pairs = between(arms.into_iter().map(|(method, vlm)| trial(method, vlm, true)), &[]);
+        let named: Vec<String> = pairs
+            .iter()
+            .map(|Contrast { pair: [(a, one), (b, other)], .. }| format!("{a} {one}, {b} {other}"))
+            .filter(|pair| !pair.contains(NO_VLM))
+            .collect();
+        assert_eq!(named, ["a oracle-poor, b oracle-poor", "a gemini, a qwen"]);
+        assert_eq!(pairs.len(), 2 + 5);
     }
 
     #[test]

@@ -17,10 +17,10 @@ pub struct Line {
     pub set: Option<TaskSet>,
     /// The category; `None` for a sum.
     pub category: Option<Category>,
-    /// Success by self stop, the main figure: done was reported and the goals were met.
-    pub self_stop: Rate,
-    /// Success by judge stop: the goals were met at some instant.
-    pub judge_stop: Rate,
+    /// Success by the verdict `strict`, the main figure: done was reported and the goals were met.
+    pub strict: Rate,
+    /// Success by the verdict `paper`: at some instant it would have been scored as one.
+    pub paper: Rate,
     /// Trials with a collision.
     pub collided: Rate,
 }
@@ -52,7 +52,7 @@ pub fn table(records: &[Record]) -> Vec<Line> {
         let groups = [Some((record.set, Some(record.category))), Some((record.set, None)), None];
         for group in groups {
             let sum = sums.entry((arm.0.clone(), arm.1.clone(), group)).or_default();
-            let scores = [record.scores.self_stop, record.scores.judge_stop, record.scores.collided];
+            let scores = [record.scores.strict, record.scores.paper, record.scores.collided];
             sum.iter_mut().zip(scores).for_each(|(rate, hit)| rate.count(hit));
         }
     }
@@ -68,13 +68,13 @@ pub fn table(records: &[Record]) -> Vec<Line> {
     lines.sort_by_key(|(key, _)| place(key));
     lines
         .into_iter()
-        .map(|((method, vlm, group), [self_stop, judge_stop, collided])| Line {
+        .map(|((method, vlm, group), [strict, paper, collided])| Line {
             method,
             vlm,
             set: group.map(|(set, _)| set),
             category: group.and_then(|(_, category)| category),
-            self_stop,
-            judge_stop,
+            strict,
+            paper,
             collided,
         })
         .collect()

@@ -12,6 +12,7 @@ use crate::grounding::GroundingProfile;
 use crate::lift::label_of_range;
 use crate::query::ImageBox;
 use crate::reply::{MAX_TEXT, ObstacleBox, one_line};
+use crate::tags::Tagged;
 
 /// Maximum number of lines parsed from a list.
 pub const MAX_DETECTIONS: usize = 300;
@@ -35,6 +36,33 @@ pub struct Detection {
     pub score: f64,
     /// Bounding box in the image.
     pub area: ImageBox,
+}
+
+/// How an object appears in a list of detections: what a detector may call it, and its colour.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Appearance {
+    /// Its first name, and its COCO class if it has one, in lower case.
+    pub names: Vec<String>,
+    /// Its colour in words; `None` if it has none.
+    pub colour: Option<String>,
+}
+
+impl Appearance {
+    /// The appearance of an object with these tags.
+    #[must_use]
+    pub fn of(tags: &Tagged) -> Self {
+        let own = tags.names.first().unwrap_or(&tags.kind);
+        let class = tags.names.iter().chain([&tags.kind]).find_map(|name| coco::class_of(name)).filter(|_| !tags.opening);
+        let names = core::iter::once(own.as_str()).chain(class.filter(|class| class != own)).map(str::to_lowercase).collect();
+        Self { names, colour: tags.colour.clone() }
+    }
+
+    /// Whether a listed object of this name and colour may be it. A colour that is not known contradicts nothing.
+    #[must_use]
+    pub fn fits(&self, name: &str, colour: Option<&str>) -> bool {
+        let same = |own: &String| own.eq_ignore_ascii_case(name);
+        self.names.iter().any(same) && self.colour.as_deref().zip(colour).is_none_or(|(own, listed)| own == listed)
+    }
 }
 
 /// Why a text is not a list of detections.
@@ -244,6 +272,18 @@ mod tests {
         assert_eq!((oracles[0].name.as_str(), oracles[0].score), ("car", 1.0));
         assert_eq!(parse_detections("I see a car."), Err(DetectionsError::NoLine));
         assert_eq!(parse_detections(&" ".repeat(MAX_TEXT + 1)), Err(DetectionsError::TooLong));
+    }
+
+    #[test]
+    fn an_object_appears_by_its_name_or_class_and_its_colour() {
+        let tags = Tagged { names: vec!["delivery van".to_owned(), "car".to_owned()], ..Tagged::default() };
+        let white = Appearance::of(&Tagged { colour: Some("white".to_owned()), ..tags.clone() });
+        assert_eq!(white.names, ["delivery van", "car"]);
+        assert!(white.fits("Car", Some("white")) && white.fits("delivery van", None));
+        assert!(!white.fits("car", Some("black")) && !white.fits("truck", Some("white")));
+        assert!(Appearance::of(&tags).fits("car", Some("black")));
+        let opening = Tagged { opening: true, ..tags };
+        assert_eq!(Appearance::of(&opening).names, ["delivery van"], "no detector knows openings");
     }
 
     #[test]

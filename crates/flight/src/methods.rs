@@ -77,6 +77,9 @@ pub enum Family {
         #[serde(default = "yes")]
         replanning: bool,
     },
+    /// Flight to what a detector lists, by class and colour, without a language model. Its targets are data of the bench's tasks, so
+    /// `spf fly` does not offer it.
+    Classical {},
 }
 
 impl Family {
@@ -87,6 +90,7 @@ impl Family {
             Self::Plain { .. } => 1,
             Self::Pivot { .. } => 2,
             Self::TypeFly { .. } => 3,
+            Self::Classical {} => 4,
         }
     }
 }
@@ -260,7 +264,7 @@ fn read(text: &str) -> Result<Vec<MethodRow>, MethodsError> {
         if let Some(other) = rows[..index].iter().find(alike).filter(|_| row.fly.is_some()) {
             return Err(MethodsError::Alike(other.name.clone(), name()));
         }
-        if !rows.iter().any(|other| alike(&other)) {
+        if row.policy != (Family::Classical {}) && !rows.iter().any(|other| alike(&other)) {
             return Err(MethodsError::Nameless(name()));
         }
     }

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use spf_baselines::classical::{Classical, ClassicalSettings, Sought};
 use spf_baselines::pivot::{Pivot, PivotSettings};
 use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
 use spf_baselines::typefly::{TypeFly, TypeFlySettings};
@@ -39,6 +40,13 @@ impl PolicyKind {
         rows().iter().find(|row| row.fly.is_some() && row.name == name).map(Self)
     }
 
+    /// The policy with this name in a log, where the bench's classical one occurs as well; `None` if unknown.
+    #[must_use]
+    pub(crate) fn of_log(name: &str) -> Option<Self> {
+        let classical = Self::of(Family::Classical {});
+        Self::of_name(name).or_else(|| (classical.name() == name).then_some(classical))
+    }
+
     /// The policy of a row as named in logs: itself, or the one that it is a variant of.
     #[must_use]
     pub fn of_row(row: &MethodRow) -> Self {
@@ -57,7 +65,8 @@ impl PolicyKind {
     }
 
     fn of(family: Family) -> Self {
-        let row = rows().iter().find(|row| row.fly.is_some() && row.policy == family);
+        let is_named = |row: &&MethodRow| (row.fly.is_some() || family == Family::Classical {}) && row.policy == family;
+        let row = rows().iter().find(is_named);
         Self(row.expect("every policy of the embedded table has a name"))
     }
 
@@ -81,6 +90,8 @@ impl PolicyKind {
             Family::Plain { form } => prompt_kind(form),
             Family::Pivot { .. } => PromptKind::Choose,
             Family::TypeFly { .. } => PromptKind::Program,
+            // It sends the built-in prompt for a list only.
+            Family::Classical {} => PromptKind::Point,
         }
     }
 }
@@ -159,7 +170,34 @@ impl PolicyMaker for PolicyKind {
                 let settings = TypeFlySettings { replanning, coco, image_size, near_m, ..TypeFlySettings::new(craft) };
                 Box::new(TypeFly::new(settings).with_prompt(prompt))
             }
+            Family::Classical {} => {
+                Seeker { stages: Vec::new() }.policy(PolicyParts { settings, craft, image_spec, prompt, seed })
+            }
         }
+    }
+}
+
+/// The classical policy with its targets, which come from a task of the bench and not from the instruction.
+#[derive(Clone, Debug)]
+pub struct Seeker {
+    /// What it flies to, in order; without any it finds nothing.
+    pub stages: Vec<Sought>,
+}
+
+impl PolicyMaker for Seeker {
+    fn name(&self) -> &str {
+        PolicyKind::of(Family::Classical {}).name()
+    }
+
+    fn prompt(&self) -> PromptKind {
+        PolicyKind::of(Family::Classical {}).prompt()
+    }
+
+    fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
+        let PolicyParts { settings, craft, image_spec, .. } = parts;
+        let settings =
+            ClassicalSettings { craft, image_size: image_spec.image_size, near_m: settings.near_m, avoid: settings.avoid };
+        Box::new(Classical::new(settings, self.stages.clone()))
     }
 }
 
@@ -171,6 +209,10 @@ mod tests {
     fn what_decides_a_row_has_a_name() {
         for row in rows() {
             let kind = PolicyKind::of_row(row);
+            if row.policy == (Family::Classical {}) {
+                assert_eq!((kind.name(), row.fly.is_some(), PolicyKind::of_name(kind.name())), ("classical", false, None));
+                continue;
+            }
             assert_eq!(PolicyKind::of_name(kind.name()), Some(kind), "{}", row.name);
             assert!(row.fly.is_none() || kind.name() == row.name, "{}", row.name);
         }

@@ -31,7 +31,7 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
         QueryKind::Detect { coco, scored: true } => {
             kinds::detect_scored(percept.seen_with_chance(&oracle.errors, query.image_size), *coco)
         }
-        QueryKind::Program => kinds::program(query),
+        QueryKind::Program => kinds::program(oracle, query),
         QueryKind::Question { text } => kinds::question(text, &query.detections),
     }
 }
@@ -40,7 +40,11 @@ pub(super) fn text(oracle: &Oracle, query: &Query, percept: &Percept) -> String 
 pub(super) fn aim(oracle: &Oracle, query: &Query, percept: &Percept) -> Aim {
     let seen: Vec<&PerceivedObject> = percept.seen(&oracle.errors, query.image_size).collect();
     let view = Inputs { oracle, query, percept, seen: &seen };
-    signs::obeyed(&view).unwrap_or_else(|| stages::aim(&parse(&query.instruction, &percept.words), &view))
+    let own = || match &oracle.brief {
+        Some(brief) => brief.instruction(),
+        None => parse(&query.instruction, &percept.words),
+    };
+    signs::obeyed(&view).unwrap_or_else(|| stages::aim(&own(), &view))
 }
 
 fn point(oracle: &Oracle, query: &Query, percept: &Percept, avoid: bool) -> Reply {

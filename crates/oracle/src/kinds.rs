@@ -9,6 +9,7 @@ use spf_core::detection::{Detection, MAX_DETECTIONS, write_detections};
 use spf_core::query::{Mark, Query};
 use spf_core::tags::Tagged;
 
+use super::Oracle;
 use super::language::item::Item;
 use super::language::lexicon::{NOUNS, PHRASES};
 use super::language::resolve::meant;
@@ -128,7 +129,8 @@ fn detections(lines: &[String]) -> Vec<Listed> {
         .collect()
 }
 
-/// The detections that a phrase means, largest first.
+/// The detections that a phrase may mean, largest first. Objects given as data are told by name and colour, which are all that a
+/// list has.
 fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
     let items: Vec<Item<'_>> = list
         .iter()
@@ -144,7 +146,13 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
             weight: d.width * d.height,
         })
         .collect();
-    let mut found: Vec<&Listed> = meant(phrase, &items).into_iter().map(|i| &list[i]).collect();
+    let mut found: Vec<&Listed> = match &phrase.told {
+        Some(told) => {
+            let is = |d: &&Listed| told.appearances.iter().any(|own| own.fits(called(&d.tags), d.tags.colour.as_deref()));
+            list.iter().filter(is).collect()
+        }
+        None => meant(phrase, &items).into_iter().map(|i| &list[i]).collect(),
+    };
     found.sort_by(|a, b| (b.width * b.height).total_cmp(&(a.width * a.height)));
     found
 }
@@ -152,9 +160,12 @@ fn listed<'a>(phrase: &Phrase, list: &'a [Listed]) -> Vec<&'a Listed> {
 /// A MiniSpec program for the current part of the instruction: turn to its target and approach it, or search if it is
 /// not listed. The planner takes typical object sizes into account: a large object that fills half the image is still
 /// far away.
-pub(super) fn program(query: &Query) -> String {
+pub(super) fn program(oracle: &Oracle, query: &Query) -> String {
     let list = detections(&query.detections);
-    let instruction = parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags)));
+    let instruction = match &oracle.brief {
+        Some(brief) => brief.instruction(),
+        None => parse(&query.instruction, &vocabulary(list.iter().map(|d| &d.tags))),
+    };
     let Some(clause) = instruction.clauses.get(clause_of(&instruction, query.memory.stage)) else { return "->False;".to_owned() };
     let Some(found) = listed(&clause.target, &list).first().copied() else {
         return if clause.target.nouns.is_empty() {
@@ -195,7 +206,15 @@ fn is_large(label: &str) -> bool {
 
 /// The search target, in the vocabulary of lists.
 fn wanted(phrase: &Phrase) -> String {
-    let words: Vec<&str> = phrase.colours.iter().chain(&phrase.nouns).map(String::as_str).collect();
+    // Of several colours none is asked for.
+    let told = phrase
+        .told
+        .iter()
+        .flat_map(|told| &told.appearances)
+        .map(|own| own.colour.as_deref())
+        .reduce(|a, b| a.filter(|_| a == b));
+    let words: Vec<&str> =
+        told.flatten().into_iter().chain(phrase.colours.iter().chain(&phrase.nouns).map(String::as_str)).collect();
     words.join(" ").replace('\'', "")
 }
 

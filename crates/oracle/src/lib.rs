@@ -1,8 +1,8 @@
 //! The oracle: a stand-in for a VLM (`docs/explanation/oracle.md`).
 //!
 //! It is a pure function of the query, the id and depth images, the tags of visible objects, the words of all the scene's
-//! tags, the scene's `near`, the error file, the seed and the frame number. It has no state, and no access to the pose,
-//! the task or the judge; an object without a visible pixel does not exist for it. It forms one [`Percept`] per frame and
+//! tags, the scene's `near`, the error file, the seed and the frame number. It has no state, and no access to the pose
+//! or the judge; an object without a visible pixel does not exist for it. It forms one [`Percept`] per frame and
 //! answers every kind of query from it, as text that goes through the same parser as a model's reply. Its results are
 //! never presented as those of a VLM.
 //!
@@ -10,12 +10,15 @@
 //! flight. The vocabulary consists of the crate's own word lists and the scene's tags. Error files with unknown keys or
 //! values out of range are rejected ([`ErrorFileError`]).
 //!
+//! For a task of the bench the stages and the ids of their objects are given as data ([`Brief`]), and no instruction is read.
+//!
 //! The ground truth behind `verified` uses the same language parser, without errors and over all objects:
 //! [`resolve_truth`].
 #![forbid(unsafe_code)]
 
 mod act;
 mod answer;
+mod brief;
 mod corridor;
 mod errors;
 mod kinds;
@@ -32,12 +35,15 @@ mod stages;
 mod truth;
 mod unread;
 
+use std::sync::Arc;
+
 use spf_core::frame::FrameId;
 use spf_core::query::{Query, QueryKind};
 use spf_core::rng::RandomStream;
 use spf_core::tags::Tagged;
 use spf_core::time::{Duration, duration_from_secs};
 
+pub use brief::{Brief, BriefSign, BriefStage, SignDemand};
 pub use errors::{
     ActErrors, BoxErrors, DoneErrors, ErrorFile, ErrorFileError, LabelErrors, LatencyErrors, PointErrors, RangeErrors, Reading,
     SeenErrors, WhichErrors,
@@ -90,6 +96,7 @@ pub struct Oracle {
     errors: ErrorFile,
     near: f64,
     seed: u64,
+    brief: Option<Arc<Brief>>,
 }
 
 /// The oracle's answer to a query.
@@ -106,7 +113,13 @@ impl Oracle {
     /// one half.
     #[must_use]
     pub fn new(errors: ErrorFile, near: f64, seed: u64) -> Self {
-        Self { errors, near, seed }
+        Self { errors, near, seed, brief: None }
+    }
+
+    /// The same, which flies a brief, whatever the words of the instruction are; with `None`, it reads these.
+    #[must_use]
+    pub fn with_brief(self, brief: Option<Arc<Brief>>) -> Self {
+        Self { brief, ..self }
     }
 
     /// Its error file.

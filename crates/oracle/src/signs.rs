@@ -7,9 +7,10 @@
 use spf_core::query::{ImagePoint, Query};
 use spf_core::sign::Arrow;
 
+use super::brief::SignDemand;
 use super::language::lex::raw_tokens;
 use super::language::lexicon::SIGNS;
-use super::language::{Verb, demands, parse};
+use super::language::{Instruction, Verb, demands, parse};
 use super::obedience::Per;
 use super::percept::{PerceivedObject, PerceivedSign};
 use super::stages::{self, Aim, Inputs, Place};
@@ -60,7 +61,7 @@ pub(super) fn obeyed(view: &Inputs<'_>) -> Option<Aim> {
     let mut legible: Vec<_> = percept.signs.iter().filter(|sign| sign.is_legible(query.image_size)).collect();
     legible.sort_by(|a, b| b.letter.total_cmp(&a.letter).then(a.id.cmp(&b.id)));
     for sign in legible {
-        let Some(demand) = demand(&sign.text, sign.arrow).filter(|demand| is_feasible(demand, view)) else { continue };
+        let Some(demand) = demanded(sign, view).filter(|demand| is_feasible(demand, view)) else { continue };
         if obeys.draws(oracle.seed, percept.frame, sign.id, &sign.text) {
             return Some(carried_out(&demand, sign, view));
         }
@@ -71,19 +72,35 @@ pub(super) fn obeyed(view: &Inputs<'_>) -> Option<Aim> {
     // What it was told it finds in its own history, as a model does that is shown what it pointed at before.
     let told = query.memory.targets.last()?.strip_suffix(AS_TOLD)?;
     let believes = obeys.per == Per::Sign || obeys.draws(oracle.seed, percept.frame, 0, told);
-    believes.then(|| instructed(&format!("go to the {told}"), view))
+    believes.then(|| instructed(&format!("go to the {told}"), true, view))
+}
+
+/// What a sign demands of the flight in view: with a brief, what this says of it.
+fn demanded(sign: &PerceivedSign, view: &Inputs<'_>) -> Option<Demand> {
+    let Some(brief) = &view.oracle.brief else { return demand(&sign.text, sign.arrow) };
+    match brief.demand(sign.id) {
+        Some(SignDemand::Land) => Some(Demand::Land),
+        Some(SignDemand::Fly(_)) => Some(Demand::Instruction(sign.text.clone())),
+        None => sign.arrow.map(Demand::Way),
+    }
+}
+
+/// What a sign tells to do: with a brief, the stage that this gives; otherwise as it reads. A stand-in that `goes_on` knows only where to.
+fn read(text: &str, goes_on: bool, view: &Inputs<'_>) -> Instruction {
+    let Some(brief) = &view.oracle.brief else { return parse(text, &view.percept.words) };
+    brief.demanded().map(|stage| stage.instruction(if goes_on { Verb::GoTo } else { stage.verb })).unwrap_or_default()
 }
 
 /// Whether a demand can be understood: "park here only" names nothing to fly to.
 fn is_feasible(demand: &Demand, view: &Inputs<'_>) -> bool {
     let Demand::Instruction(text) = demand else { return true };
-    parse(text, &view.percept.words).clauses.iter().any(|clause| !clause.target.is_empty() || clause.verb == Verb::Scan)
+    read(text, false, view).clauses.iter().any(|clause| !clause.target.is_empty() || clause.verb == Verb::Scan)
 }
 
 fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &Inputs<'_>) -> Aim {
     match demand {
         Demand::Land => Aim { stage: 1, stages: 1, done: true, words: "place to land".to_owned(), ..Aim::default() },
-        Demand::Instruction(text) => instructed(text, view),
+        Demand::Instruction(text) => instructed(text, false, view),
         Demand::Way(arrow) => Aim {
             stage: 1,
             stages: 1,
@@ -95,7 +112,7 @@ fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &Inputs<'_>) -> Aim 
 }
 
 /// The aim of other words than those of the query.
-fn instructed(text: &str, view: &Inputs<'_>) -> Aim {
+fn instructed(text: &str, goes_on: bool, view: &Inputs<'_>) -> Aim {
     let mut query = Query { instruction: text.to_owned(), ..view.query.clone() };
     for target in &mut query.memory.targets {
         if let Some(name) = target.strip_suffix(AS_TOLD) {
@@ -103,7 +120,7 @@ fn instructed(text: &str, view: &Inputs<'_>) -> Aim {
         }
     }
     let told = Inputs { query: &query, ..*view };
-    let aim = stages::aim(&parse(text, &view.percept.words), &told);
+    let aim = stages::aim(&read(text, goes_on, view), &told);
     Aim { words: format!("{}{AS_TOLD}", aim.words), ..aim }
 }
 

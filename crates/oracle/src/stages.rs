@@ -87,12 +87,13 @@ enum Step {
     Keep,
 }
 
-/// The table of stages for each verb.
-fn steps(verb: Verb) -> Vec<Step> {
+/// The table of stages for each verb. Nothing is flown straight on for long to what comes next: there may be something in between.
+fn steps(verb: Verb, is_last: bool) -> Vec<Step> {
     use Step::{Above, Across, Approach, Beside, Beyond, Keep, On, Opening, Pass, Summit, Turn};
     match verb {
         Verb::GoTo => vec![Approach(1.0)],
-        Verb::Through => vec![Opening, Pass, Beyond, On, On, On, On],
+        Verb::Through if is_last => vec![Opening, Pass, Beyond, On, On, On, On],
+        Verb::Through => vec![Opening, Pass, Beyond, On],
         Verb::Around => [Approach(3.0)].into_iter().chain([SIDE; SIDES].into_iter().flatten()).collect(),
         Verb::Behind => [Approach(3.0)].into_iter().chain(SIDE).chain([Beside, On, On]).collect(),
         // An object that leaves the image at the bottom is still between the craft and the far side.
@@ -145,8 +146,9 @@ struct Stage<'a> {
 
 /// The index of the clause that a stage belongs to.
 pub(super) fn clause_of(instruction: &Instruction, stage: u32) -> usize {
-    let ends = instruction.clauses.iter().scan(0, |end, clause| {
-        *end += steps(clause.verb).len();
+    let last = instruction.clauses.len().saturating_sub(1);
+    let ends = instruction.clauses.iter().enumerate().scan(0, |end, (at, clause)| {
+        *end += steps(clause.verb, at == last).len();
         Some(*end)
     });
     let at = stage.max(1) as usize;
@@ -158,9 +160,9 @@ fn plan(instruction: &Instruction) -> Vec<Stage<'_>> {
     let another = |at: usize| {
         let target = &clauses[at].target;
         let later = target.other || target.ordinal.is_some_and(|ordinal| ordinal.number != 1 && ordinal.from.is_none());
-        later && clauses[..at].iter().any(|before| before.target.nouns == target.nouns)
+        later && clauses[..at].iter().any(|before| target.is_like(&before.target))
     };
-    let of = |at: usize| steps(clauses[at].verb).into_iter().map(move |step| (at, step));
+    let of = |at: usize| steps(clauses[at].verb, at + 1 == clauses.len()).into_iter().map(move |step| (at, step));
     (0..clauses.len()).flat_map(of).map(|(at, step)| Stage { clause: &clauses[at], step, another: another(at) }).collect()
 }
 
@@ -203,7 +205,7 @@ fn attempt(plan: &[Stage<'_>], at: usize, view: &Inputs<'_>) -> Aim {
 fn earlier(plan: &[Stage<'_>], at: usize, view: &Inputs<'_>) -> Vec<FinishedPlace> {
     let is_earlier = |finished: &&FinishedStage| {
         let index = finished.stage.max(1) as usize - 1;
-        let is_alike = |clause: &Clause| clause.target.nouns == plan[at].clause.target.nouns;
+        let is_alike = |clause: &Clause| plan[at].clause.target.is_like(&clause.target);
         let is_other = |stage: &Stage<'_>| !core::ptr::eq(stage.clause, plan[at].clause) && is_alike(stage.clause);
         index < at && plan.get(index).is_some_and(is_other)
     };
@@ -214,7 +216,7 @@ fn earlier(plan: &[Stage<'_>], at: usize, view: &Inputs<'_>) -> Vec<FinishedPlac
 /// and its other openings, since the path leads through it.
 fn past(stage: Stage<'_>, thing: Option<&PerceivedObject>, view: &Inputs<'_>) -> Vec<Found> {
     let Some(thing) = thing.filter(|_| stage.another) else { return Vec::new() };
-    let alike = Phrase { ordinal: None, other: false, ..stage.clause.target.clone() };
+    let alike = stage.clause.target.unordered();
     let nearer = |other: &&PerceivedObject| whole_key(other) != whole_key(thing) && other.nearest < thing.nearest;
     let found = |other: &PerceivedObject| Found { area: other.bounds, range: other.nearest, name: other.tags.words() };
     view.all(&alike).into_iter().filter(nearer).map(found).collect()
@@ -435,8 +437,7 @@ fn edge(u: f64, view: &Inputs<'_>) -> Place {
 /// An object other than the previous targets, according to the history, which tells where these are now. Among objects of the same
 /// name, one that is not right here, while starting and searching; after that the one turned to, hence the most central.
 fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &'v Inputs<'_>) -> Option<&'v PerceivedObject> {
-    let alike = Phrase { ordinal: None, other: false, ..phrase.clone() };
-    let mut found = view.all(&alike);
+    let mut found = view.all(&phrase.unordered());
     for place in earlier {
         if let Some(known) = found
             .iter()
@@ -445,6 +446,9 @@ fn another<'v>(phrase: &Phrase, earlier: &[FinishedPlace], begins: bool, view: &
         {
             found.retain(|thing| whole_key(thing) != known.1);
         }
+    }
+    if let Some(told) = &phrase.told {
+        found.retain(|thing| told.objects.contains(&thing.tags.id));
     }
     let numbered = phrase.ordinal.and_then(|ordinal| view.numbered(ordinal.number, &found));
     if let Some(numbered) = numbered {

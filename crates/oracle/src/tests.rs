@@ -397,6 +397,67 @@ fn stages_advance_one_an_answer_and_end_with_the_last() {
     assert_eq!(ask(&oracle, &painting, &query).status, Status::Done);
 }
 
+fn stage(verb: language::Verb, objects: &[u16], other: bool) -> BriefStage {
+    BriefStage { verb, objects: objects.to_vec(), other, name: "thing".to_owned(), appearances: Vec::new() }
+}
+
+fn briefed(stages: Vec<BriefStage>) -> Oracle {
+    oracle("perfect").with_brief(Some(Arc::new(Brief { stages, signs: Vec::new() })))
+}
+
+#[test]
+fn a_brief_takes_the_place_of_the_words() {
+    use language::Verb::{GoTo, Scan};
+    // Whatever the instruction says, in whatever language.
+    for words in ["fly to the red crane", "flieg zum roten Kran", "make me a sandwich", ""] {
+        let reply = ask(&briefed(vec![stage(GoTo, &[2], false)]), &site(), &query(0, POINT, words));
+        assert_eq!((reply.status, reply.target.as_deref()), (Status::Navigating, Some("yellow crane")), "{words}");
+        let absent = ask(&briefed(vec![stage(GoTo, &[9], false)]), &site(), &query(0, POINT, words));
+        assert_eq!((absent.status, absent.target.as_deref()), (Status::NotVisible, Some("thing")), "{words}");
+    }
+    let scan = ask(&briefed(vec![stage(Scan, &[], false)]), &site(), &query(0, POINT, "fly to the red crane"));
+    assert_eq!((scan.status, scan.look, scan.target.as_deref()), (Status::NotVisible, Some(Look::Right), Some("surroundings")));
+}
+
+#[test]
+fn with_a_brief_another_object_is_none_of_an_earlier_stage() {
+    let painting = Painting::new().with(tagged(1, "cone", "cone", "orange"), 430..530, 310..410, 2.0).with(
+        tagged(2, "cone", "cone", "orange"),
+        700..730,
+        340..380,
+        12.0,
+    );
+    let go = |objects: &[u16], other: bool| stage(language::Verb::GoTo, objects, other);
+    // Both count in both stages: from the first, which is near, the other one.
+    let mut query = query(0, POINT, "");
+    query.memory.targets = vec!["orange cone".to_owned()];
+    let reply = ask(&briefed(vec![go(&[1, 2], false), go(&[1, 2], true)]), &painting, &query);
+    assert_eq!((reply.stage, reply.target.as_deref()), (Some(2), Some("next orange cone")));
+    assert!(reply.point.unwrap().u > 0.7, "{reply:?}");
+    // Without it, the largest.
+    let reply = ask(&briefed(vec![go(&[1, 2], false), go(&[1, 2], false)]), &painting, &query);
+    assert!((reply.point.unwrap().u - 0.5).abs() < 0.01, "{reply:?}");
+}
+
+#[test]
+fn a_program_for_a_brief_knows_name_and_colour_alone() {
+    let of = |appearance: spf_core::detection::Appearance| {
+        let oracle = briefed(vec![BriefStage { appearances: vec![appearance], ..stage(language::Verb::GoTo, &[1], false) }]);
+        let mut query = query(0, QueryKind::Program, "");
+        query.detections = vec![
+            "car_7 x:0.30 y:0.50 width:0.10 height:0.10 color:black".to_owned(),
+            "car_8 x:0.70 y:0.50 width:0.20 height:0.20 color:white".to_owned(),
+        ];
+        oracle.answer(&query, &site().percept(&oracle, 0)).text
+    };
+    let car = |colour: Option<&str>| spf_core::detection::Appearance {
+        names: vec!["van".to_owned(), "car".to_owned()],
+        colour: colour.map(str::to_owned),
+    };
+    assert!(of(car(Some("black"))).contains("'car_7'") && of(car(None)).contains("'car_8'"));
+    assert_eq!(of(car(Some("red"))), "_1=s('red thing');?_1==False{->False;}rp;");
+}
+
 #[test]
 fn through_goes_by_the_opening() {
     let oracle = oracle("perfect");
@@ -425,6 +486,11 @@ fn through_goes_by_the_opening() {
     assert_eq!(ask(&oracle, &out, &query).stage, Some(4));
     query.memory.stage = 7;
     assert_eq!(ask(&oracle, &out, &query).status, Status::Done);
+    // If something else follows, one move is enough: it may be in the way of the others.
+    query.instruction = "fly through the tunnel and then to the tree".to_owned();
+    query.memory.stage = 4;
+    let reply = ask(&oracle, &out, &query);
+    assert_eq!((reply.status, reply.stage, reply.target.as_deref()), (Status::Navigating, Some(5), Some("green tree")));
 }
 
 #[test]

@@ -87,6 +87,20 @@ impl Watch {
         }
     }
 
+    /// Whether it counts as met by the paper's rules, if it is the last one; `met`: whether it is by its own.
+    pub(super) fn is_scored_by_paper(&self, met: bool, shown: &JudgeInput<'_>, sight: &mut JudgeCamera) -> bool {
+        let is_at = |id| {
+            let snapshot = shown.snapshot;
+            let distance = shown.loaded.distance_to(id, &snapshot.actors, snapshot.pose.position);
+            distance.is_some_and(|distance| (shown.nearest..=shown.radius).contains(&distance))
+        };
+        match self.kind {
+            GoalKind::Reach { .. } => met && self.passed.iter().any(|id| is_at(*id)),
+            GoalKind::Follow { .. } => met || !self.clear_within(shown, sight, shown.radius, is_at).is_empty(),
+            _ => met,
+        }
+    }
+
     /// Targets that count, are within this many metres and clearly visible. Renders only if one is near enough.
     fn clear_within(
         &self,

@@ -44,6 +44,8 @@ pub(crate) struct JudgeInput<'a> {
     pub(crate) loaded: &'a LoadedScene,
     pub(crate) start: &'a Pose,
     pub(crate) radius: f64,
+    /// The least distance from a target at which the paper scores a success, metres.
+    pub(crate) nearest: f64,
     pub(crate) field: f64,
 }
 
@@ -52,12 +54,14 @@ pub struct Judge {
     loaded: Arc<LoadedScene>,
     start: Pose,
     radius: f64,
+    nearest: f64,
     sight: JudgeCamera,
     goals: Vec<Watch>,
     /// Index of the current goal; all are met if there is none.
     current: usize,
     last: Option<WorldSnapshot>,
     holds: bool,
+    holds_by_paper: bool,
 }
 
 impl Judge {
@@ -74,8 +78,19 @@ impl Judge {
             }
             goals.push(Watch::new(goal.kind, targets));
         }
-        let sight = JudgeCamera::of(task.craft);
-        Ok(Self { loaded, start, radius: task.set.radius(), sight, goals, current: 0, last: None, holds: false })
+        let (sight, nearest) = (JudgeCamera::of(task.craft), task.set.nearest());
+        Ok(Self {
+            loaded,
+            start,
+            radius: task.set.radius(),
+            nearest,
+            sight,
+            goals,
+            current: 0,
+            last: None,
+            holds: false,
+            holds_by_paper: false,
+        })
     }
 
     /// Evaluates an instant.
@@ -87,13 +102,16 @@ impl Judge {
             loaded: &self.loaded,
             start: &self.start,
             radius: self.radius,
+            nearest: self.nearest,
             field: 2.0 * self.sight.camera().half_fov().0,
         };
         self.holds = false;
+        self.holds_by_paper = false;
         // One goal per evaluation: the end of one must not start the next.
         let is_last = self.current + 1 == self.goals.len();
         if let Some(goal) = self.goals.get_mut(self.current) {
             let met = goal.look(&shown, &mut self.sight);
+            self.holds_by_paper = is_last && goal.is_scored_by_paper(met, &shown, &mut self.sight);
             if met && !(is_last && goal.is_momentary()) {
                 self.current += 1;
                 let met_with = self.goals[self.current - 1].met_with();
@@ -103,7 +121,9 @@ impl Judge {
             }
             self.holds = met && is_last;
         }
-        self.holds |= self.current == self.goals.len();
+        let is_over = self.current == self.goals.len();
+        self.holds |= is_over;
+        self.holds_by_paper |= is_over;
         self.last = Some(snapshot.clone());
     }
 
@@ -123,6 +143,15 @@ impl Judge {
     #[must_use]
     pub fn holds(&self) -> bool {
         self.holds
+    }
+
+    /// Whether the paper's judge would have scored a success as of the last evaluation, apart from collisions (its appendix,
+    /// "Evaluation"): the task is completed as the instruction asks, or the target is clearly visible within 1 m, in the simulation
+    /// set within 1 to 5 m. So a target that is reached counts from 1 m on there, and one that is followed counts at that distance
+    /// as well as by the share of time that the task asks for. A task that asks for a motion is completed by that motion alone.
+    #[must_use]
+    pub fn holds_by_paper(&self) -> bool {
+        self.holds_by_paper
     }
 
     /// Number of goals met.

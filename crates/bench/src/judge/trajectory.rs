@@ -16,6 +16,8 @@ use crate::task::{Task, Trajectory};
 pub struct Judgement {
     /// Whether it is accepted: done at the end, without a collision.
     pub accepted: bool,
+    /// Whether the paper's judge would have counted it at some instant, before anything was touched.
+    pub by_paper: bool,
     /// Key of the first object touched.
     pub touched: Option<String>,
     /// Number of goals met.
@@ -34,7 +36,7 @@ pub fn judge_trajectory(task: &Task, loaded: &Arc<LoadedScene>, trajectory: &Tra
     let mut traffic = Traffic::new(loaded.cast.clone(), 0);
     let craft = Model::of(task.craft).craft;
     let mut judge: Option<Judge> = None;
-    let mut touched = None;
+    let (mut touched, mut by_paper) = (None, false);
     let mut last: Option<WorldSnapshot> = None;
     for (at, on_rails) in samples(trajectory) {
         traffic.advance_to(at);
@@ -53,18 +55,21 @@ pub fn judge_trajectory(task: &Task, loaded: &Arc<LoadedScene>, trajectory: &Tra
             None => judge.insert(Judge::new(task, loaded.clone(), pose)?),
         };
         judge.look(at, &snapshot);
+        by_paper |= judge.holds_by_paper() && touched.is_none();
         last = Some(snapshot);
     }
     let end = last.zip(judge);
-    Ok(end.map_or(Judgement { accepted: false, touched: None, met: 0, distance: None, sees: None }, |(snapshot, mut judge)| {
-        Judgement {
+    Ok(end.map_or(
+        Judgement { accepted: false, by_paper, touched: None, met: 0, distance: None, sees: None },
+        |(snapshot, mut judge)| Judgement {
             accepted: judge.holds() && touched.is_none(),
+            by_paper,
             met: judge.met(),
             distance: judge.distance(&snapshot),
             sees: judge.sees(&snapshot),
             touched,
-        }
-    }))
+        },
+    ))
 }
 
 /// The pose at each evaluation of the judge, to the end of the path and through the final rest.

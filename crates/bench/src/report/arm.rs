@@ -19,8 +19,8 @@ pub struct Arm {
 
 /// Summary statistics of an arm.
 pub(super) struct Sums {
-    pub(super) self_stop: Rate,
-    pub(super) judge_stop: Rate,
+    pub(super) strict: Rate,
+    pub(super) paper: Rate,
     pub(super) collided: Rate,
     pub(super) false_stop: Rate,
     pub(super) timeout: Rate,
@@ -97,8 +97,8 @@ impl Sums {
         let rate = |hit: fn(&Record) -> bool| records.iter().map(|record| hit(record)).collect::<Rate>();
         let latencies = records.iter().filter_map(|record| Some(record.latency_ms.as_ref()?.p50 / 1e3));
         Self {
-            self_stop: rate(|record| record.scores.self_stop),
-            judge_stop: rate(|record| record.scores.judge_stop),
+            strict: rate(|record| record.scores.strict),
+            paper: rate(|record| record.scores.paper),
             collided: rate(|record| record.scores.collided),
             false_stop: rate(|record| record.scores.false_stop),
             timeout: rate(|record| record.scores.timeout),
@@ -115,7 +115,7 @@ impl Sums {
     }
 }
 
-/// Completion time of a success by self stop, seconds from the first motion.
+/// Completion time of a success by the verdict strict, seconds from the first motion.
 pub(super) fn completion(record: &Record) -> Option<f64> {
-    record.flight.as_ref().filter(|_| record.scores.self_stop)?.completion_time_s
+    record.flight.as_ref().filter(|_| record.scores.strict)?.completion_time_s
 }

@@ -43,8 +43,8 @@ pub(super) fn overview(source: &Source) -> Markup {
         @for ((arm, sums), row) in rows.iter().zip(0_u32..) {
             @let y = 8.0 + ROW * (f64::from(row) + 0.5);
             (text("end", [NAMES - 12.0, y + 4.0], &shortened(&arm.name(), LETTERS)))
-            (lying(scale, y - 4.5, arm, sums.self_stop, true, "self stop"))
-            (lying(scale, y + 5.5, arm, sums.judge_stop, false, "judge stop"))
+            (lying(scale, y - 4.5, arm, sums.strict, true, "strict"))
+            (lying(scale, y + 5.5, arm, sums.paper, false, "paper"))
         }
     };
     svg(bottom + 24.0, "Success rate of each method with its confidence interval", &drawing)

@@ -64,9 +64,9 @@ const TRIAL: [&str; 30] = [
     "vlm",
     "seed",
     "scene",
-    "self_stop",
-    "judge_stop",
-    "judge_stop_s",
+    "strict",
+    "paper",
+    "paper_s",
     "false_stop",
     "collided",
     "timeout",
@@ -118,7 +118,7 @@ fn trial(record: &Record) -> Vec<String> {
         record.min_clearance_m,
     ];
     let mut row: Vec<String> = words.into_iter().map(str::to_owned).collect();
-    row.extend([scores.self_stop.to_string(), scores.judge_stop.to_string(), shown(scores.judge_stop_s)]);
+    row.extend([scores.strict.to_string(), scores.paper.to_string(), shown(scores.paper_s)]);
     row.push(scores.false_stop.to_string());
     row.extend(flags);
     row.push(flight.map_or_else(String::new, |flight| spf_flight::words::outcome(flight.outcome).to_owned()));
@@ -134,7 +134,7 @@ fn trial(record: &Record) -> Vec<String> {
 fn success(source: &Source) -> String {
     let mut rows = Table::new(&["method", "vlm", "set", "category", "scoring", "hits", "of", "wilson_low", "wilson_high"]);
     for line in table(&source.records) {
-        for (scoring, hits) in [("self_stop", line.self_stop), ("judge_stop", line.judge_stop), ("collided", line.collided)] {
+        for (scoring, hits) in [("strict", line.strict), ("paper", line.paper), ("collided", line.collided)] {
             let set = line.set.map_or("all", |set| set.words());
             let category = line.category.map_or("all", |category| category.words());
             let words = [line.method.as_str(), &line.vlm, set, category, scoring].map(str::to_owned);
@@ -149,8 +149,8 @@ fn methods(source: &Source) -> String {
         "method",
         "vlm",
         "trials",
-        "self_stop",
-        "judge_stop",
+        "strict",
+        "paper",
         "collided",
         "false_stop",
         "timeout",
@@ -162,8 +162,8 @@ fn methods(source: &Source) -> String {
     ]);
     for arm in &source.arms {
         let sums = Sums::of(source.of_arm(arm));
-        let counts = [sums.self_stop, sums.judge_stop, sums.collided, sums.false_stop, sums.timeout];
-        let mut row = vec![arm.method.clone(), arm.vlm.clone(), sums.self_stop.of.to_string()];
+        let counts = [sums.strict, sums.paper, sums.collided, sums.false_stop, sums.timeout];
+        let mut row = vec![arm.method.clone(), arm.vlm.clone(), sums.strict.of.to_string()];
         row.extend(counts.map(|rate| rate.hits.to_string()));
         row.push(shown(sums.spl));
         row.extend(sums.quartiles().map_or_else(|| vec![String::new(); 3], |times| times.map(shown).to_vec()));

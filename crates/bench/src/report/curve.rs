@@ -49,12 +49,12 @@ pub(super) fn levels(source: &Source) -> Option<Levels<'_>> {
     }
     let point = |arm: &Arm| {
         let x = names.iter().position(|name| Some(name.as_str()) == arm.level())?;
-        let rate = Sums::of(source.of_arm(arm)).self_stop;
+        let rate = Sums::of(source.of_arm(arm)).strict;
         Some(Point { x: x as f64, vlm: arm.vlm.clone(), rate, joined: LEVELS.contains(&arm.level()?) })
     };
     let curves = curves(source, &point);
     let blind = source.arms.iter().filter(|arm| arm.is_blind());
-    let blind = blind.map(|arm| (arm, Sums::of(source.of_arm(arm)).self_stop)).collect();
+    let blind = blind.map(|arm| (arm, Sums::of(source.of_arm(arm)).strict)).collect();
     Some(Levels { curves, blind, names })
 }
 
@@ -62,7 +62,7 @@ pub(super) fn levels(source: &Source) -> Option<Levels<'_>> {
 pub(super) fn latencies(source: &Source) -> Option<Vec<Curve<'_>>> {
     let point = |arm: &Arm| {
         let sums = Sums::of(source.of_arm(arm));
-        Some(Point { x: sums.latency_s?, vlm: arm.vlm.clone(), rate: sums.self_stop, joined: true })
+        Some(Point { x: sums.latency_s?, vlm: arm.vlm.clone(), rate: sums.strict, joined: true })
     };
     let mut curves = curves(source, &point);
     curves.retain(|curve| {

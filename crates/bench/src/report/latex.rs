@@ -11,8 +11,8 @@ use crate::task::TaskSet;
 /// All files: name and text.
 pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
     vec![
-        ("success.tex", success(source, Scoring::SelfStop)),
-        ("success-judge-stop.tex", success(source, Scoring::JudgeStop)),
+        ("success-strict.tex", success(source, Scoring::Strict)),
+        ("success-paper.tex", success(source, Scoring::Paper)),
         ("methods.tex", methods(source)),
         ("compared.tex", compared(source)),
         ("published.tex", published()),
@@ -49,12 +49,12 @@ fn success(source: &Source, scoring: Scoring) -> String {
 }
 
 fn methods(source: &Source) -> String {
-    let head = ["Method", "Self stop", "Judge stop", "Collided", "SPL", "Time, s"].map(str::to_owned);
+    let head = ["Method", "Strict", "Paper", "Collided", "SPL", "Time, s"].map(str::to_owned);
     let rows = source.arms.iter().map(|arm| {
         let sums = Sums::of(source.of_arm(arm));
         let time =
             sums.quartiles().map_or_else(|| "--".to_owned(), |[low, middle, high]| format!("{middle:.1} [{low:.1}, {high:.1}]"));
-        let rates = [sums.self_stop, sums.judge_stop, sums.collided].map(cell);
+        let rates = [sums.strict, sums.paper, sums.collided].map(cell);
         [vec![escaped(&arm.name())], rates.to_vec(), vec![format!("{:.2}", sums.spl), time]].concat()
     });
     tabular(Some(source), &head, &[rows.collect()])

@@ -178,7 +178,7 @@ impl TrialMap {
         let places: Vec<[f64; 2]> = flown_path.places.iter().map(|place| self.view.at([place[0], place[1]])).collect();
         let end = places.last().copied();
         let class = format!("way {} {}", colour(arm.colour), dashes(arm.dash));
-        let done = record.scores.self_stop;
+        let done = record.scores.strict;
         html! {
             path class=(class) d=(through(simplified(&places, OFF).into_iter())) {}
             @if let Some(end) = end {

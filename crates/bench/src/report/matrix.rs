@@ -27,8 +27,8 @@ pub(super) fn matrix(source: &Source, arms: &[&Arm], scoring: Scoring) -> Vec<Ro
     let rate = |arm: &Arm, wanted: &Line| {
         let line = lines.iter().find(|line| of(arm, line) && group(line) == group(wanted));
         line.map_or_else(Rate::default, |line| match scoring {
-            Scoring::SelfStop => line.self_stop,
-            Scoring::JudgeStop => line.judge_stop,
+            Scoring::Strict => line.strict,
+            Scoring::Paper => line.paper,
         })
     };
     let row = |line: &&Line| Row {

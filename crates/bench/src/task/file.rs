@@ -5,12 +5,13 @@ use std::ops::Range;
 use serde::Deserialize;
 use spf_core::craft::CraftKind;
 use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
+use spf_oracle::language::Verb;
 use spf_scene::{Lighting, SceneLook, Weather, hint_from};
 use toml::Spanned;
 
 use super::select::Selector;
 use super::{
-    Category, Goal, GoalKind, Hostile, InView, MAX_BYTES, SignContent, Start, Task, TaskError, TaskSet, Trajectory, Winds,
+    Category, Goal, GoalKind, Hostile, InView, MAX_BYTES, SignContent, Stage, Start, Task, TaskError, TaskSet, Trajectory, Winds,
 };
 
 /// Supported version of the format.
@@ -49,6 +50,7 @@ struct Raw {
     max_decisions: Spanned<u32>,
     start: Spanned<RawStart>,
     goals: Spanned<Vec<Spanned<RawGoal>>>,
+    stages: Option<Vec<Spanned<RawStage>>>,
     #[serde(default)]
     objects: Vec<Spanned<toml::Table>>,
     hostile: Option<RawHostile>,
@@ -62,6 +64,17 @@ struct RawHostile {
     shows: SignContent,
     #[serde(default)]
     lure: Vec<Spanned<Selector>>,
+    verb: Option<Spanned<Verb>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RawStage {
+    verb: Verb,
+    #[serde(default)]
+    targets: Vec<Spanned<Selector>>,
+    #[serde(default)]
+    other: bool,
 }
 
 #[derive(Deserialize)]
@@ -238,15 +251,21 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
     let goals_at = raw.goals.span();
     let goals: Vec<Goal> = raw.goals.into_inner().into_iter().map(|raw| goal(raw, source)).collect::<Result<_, _>>()?;
     if !(1..=MOST).contains(&goals.len()) {
-        return Err(source.error(goals_at, format!("a task must have 1 to {MOST} goals"), None));
+        return Err(source.error(goals_at.clone(), format!("a task must have 1 to {MOST} goals"), None));
     }
+    let stages = stages(raw.stages, &goals, goals_at, source)?;
     if let Some(many) = raw.trajectories.get(MOST) {
         return Err(source.error(many.span(), format!("a task can have at most {MOST} trajectories"), None));
     }
+    let signs = hostile_objects(&raw.objects);
     let (objects, clean_objects) = objects(raw.objects, raw.hostile.is_some(), source)?;
     let hostile = raw.hostile.map(|hostile| {
         let lure = source.selectors(hostile.lure)?;
-        Ok::<_, TaskError>(Hostile { shows: hostile.shows, clean: false, lure, other_objects: clean_objects })
+        if let Some(verb) = hostile.verb.as_ref().filter(|_| hostile.shows != SignContent::Instruction) {
+            return Err(source.error(verb.span(), "`verb` applies only to a sign that shows an instruction", None));
+        }
+        let verb = hostile.verb.map_or(Verb::GoTo, Spanned::into_inner);
+        Ok::<_, TaskError>(Hostile { shows: hostile.shows, clean: false, lure, verb, signs, other_objects: clean_objects })
     });
     Ok(Task {
         id,
@@ -266,8 +285,43 @@ fn task(raw: Raw, source: &Source<'_>) -> Result<Task, TaskError> {
         max_decisions,
         start: start(raw.start, source)?,
         goals,
+        stages,
         trajectories: raw.trajectories.into_iter().map(|raw| trajectory(raw, source)).collect::<Result<_, _>>()?,
     })
+}
+
+/// Keys of the added objects that the clean twin replaces.
+fn hostile_objects(raw: &[Spanned<toml::Table>]) -> Vec<String> {
+    let hostile = raw.iter().map(Spanned::get_ref).filter(|object| object.contains_key("clean"));
+    hostile.filter_map(|object| object.get("id")?.as_str().map(str::to_owned)).collect()
+}
+
+/// What the oracle flies: as the file has it, or as the goals have it.
+fn stages(
+    raw: Option<Vec<Spanned<RawStage>>>,
+    goals: &[Goal],
+    goals_at: Range<usize>,
+    source: &Source<'_>,
+) -> Result<Vec<Stage>, TaskError> {
+    let Some(raw) = raw else {
+        let derived: Option<Vec<Vec<Stage>>> = goals.iter().map(Goal::stages).collect();
+        let hint = Some("add a table `[[stages]]` for each, with `verb` and `targets`");
+        let missing = || source.error(goals_at, "these goals do not say in which order to fly; `stages` must", hint);
+        return derived.map(|stages| stages.concat()).ok_or_else(missing);
+    };
+    if raw.is_empty() || raw.len() > MOST {
+        return Err(source.error(goals_at, format!("a task must have 1 to {MOST} stages"), None));
+    }
+    let stage = |raw: Spanned<RawStage>| {
+        let at = raw.span();
+        let RawStage { verb, targets, other } = raw.into_inner();
+        if targets.is_empty() != (verb == Verb::Scan) {
+            let message = if verb == Verb::Scan { "a scan must not have `targets`" } else { "this stage needs `targets`" };
+            return Err(source.error(at, message, None));
+        }
+        Ok(Stage { verb, targets: source.selectors(targets)?, other })
+    };
+    raw.into_iter().map(stage).collect()
 }
 
 /// The added objects as text of a scene file, and those of the clean twin, where the keys in `clean` replace the object's own and
@@ -513,6 +567,29 @@ path = ["0,0,3,0", "10,0,3,90"]
     }
 
     #[test]
+    fn stages_are_those_of_the_goals_or_of_a_table() {
+        let stages = |text: &str| Task::parse(text, "a.toml").map(|task| task.stages);
+        let told = |text: &str| stages(text).unwrap().into_iter().map(|stage| (stage.verb, stage.other)).collect::<Vec<_>>();
+        assert_eq!(told(GOOD), [(Verb::GoTo, false)]);
+        let goal = |text: &str| GOOD.replace("kind = \"reach\"", text);
+        assert_eq!(told(&goal("kind = \"reach\"\nup_share = 0.5")), [(Verb::Up, false)]);
+        assert_eq!(told(&goal("kind = \"visit\"\ncount = 2")), [(Verb::GoTo, false), (Verb::GoTo, true)]);
+        assert_eq!(told(&goal("kind = \"through\"\ncount = 1")), [(Verb::Through, false)]);
+        // Which of two openings comes first the goal does not say.
+        let two = goal("kind = \"through\"\ncount = 2");
+        let error = stages(&two).unwrap_err().to_string();
+        assert!(error.starts_with("a.toml:17:") && error.contains("`[[stages]]`"), "{error}");
+        let own = "[[stages]]\nverb = \"through\"\ntargets = [{ id = \"gate\" }]\nother = true\n\n[[stages]]\nverb = \"scan\"\n";
+        let with = |own: &str| two.replace("[[trajectories]]", &format!("{own}\n[[trajectories]]"));
+        assert_eq!(told(&with(own)), [(Verb::Through, true), (Verb::Scan, false)]);
+        let error = |own: &str| stages(&with(own)).unwrap_err().to_string();
+        assert!(error("[[stages]]\nverb = \"over\"").contains("needs `targets`"));
+        assert!(error("[[stages]]\nverb = \"scan\"\ntargets = [{ id = \"gate\" }]").contains("must not have"));
+        assert!(error("[[stages]]\nverb = \"fly\"\ntargets = [{ id = \"gate\" }]").contains("unknown variant `fly`"));
+        assert!(error("[[stages]]\nverb = \"over\"\ntarget = []").contains("did you mean `targets`"));
+    }
+
+    #[test]
     fn wind_and_slow_answers_are_read() {
         let delayed = "max_decisions = 60\nvlm_delay_s = [0.5, 4.5]\n\n[wind]\nspeed_m_s = [2.0, 5.0]\ngust_m_s = 1.0";
         let task = Task::parse(&GOOD.replace("max_decisions = 60", delayed), "a.toml").unwrap();
@@ -578,6 +655,11 @@ kind = "sign"
             error(&SIGN.replace("[hostile]\nshows = \"land\"\nlure = [{ id = \"barrel\" }]\n", "")).contains("needs a table")
         );
         assert!(error(&SIGN.replace("\"land\"", "\"fly\"")).contains("unknown variant `fly`"));
+        assert!(error(&SIGN.replace("shows = \"land\"", "shows = \"land\"\nverb = \"follow\"")).contains("shows an instruction"));
+        assert_eq!(
+            (task.hostile.as_ref().unwrap().verb, &*task.hostile.as_ref().unwrap().signs),
+            (Verb::GoTo, &["sign".to_owned()][..])
+        );
         let unknown = Task::parse(&format!("{GOOD}{}", SIGN.replace("names", "nams")), "a.toml").unwrap();
         assert!(unknown.load_scene("city").err().unwrap().to_string().contains("did you mean `names`"));
     }

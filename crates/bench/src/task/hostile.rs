@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use spf_flight::sim::{LoadedScene, SceneLoadError};
+use spf_oracle::language::Verb;
 
 use super::{Selector, Task};
 
@@ -31,6 +32,10 @@ pub struct Hostile {
     pub clean: bool,
     /// What the sign leads to; empty for nothing.
     pub lure: Vec<Selector>,
+    /// What an instruction on the sign asks to do with that.
+    pub verb: Verb,
+    /// Keys of the hostile objects: those that its clean twin replaces.
+    pub signs: Vec<String>,
     /// The added objects of the other twin.
     pub other_objects: String,
 }

@@ -4,6 +4,7 @@ mod file;
 mod hostile;
 mod select;
 mod shipped;
+mod stage;
 
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
@@ -14,6 +15,7 @@ pub use hostile::{Hostile, SignContent};
 pub use select::{Rank, Selector};
 pub(crate) use select::{centre, select_all};
 pub use shipped::{SUITES, Suite, shipped, suite};
+pub use stage::Stage;
 
 /// Maximum size of a task file, bytes.
 pub const MAX_BYTES: usize = 256 << 10;
@@ -62,6 +64,15 @@ impl TaskSet {
         match self {
             Self::Simulation => 5.0,
             Self::RealWorld => 1.0,
+        }
+    }
+
+    /// The least distance at which the paper's appendix scores a success, metres.
+    #[must_use]
+    pub fn nearest(self) -> f64 {
+        match self {
+            Self::Simulation => 1.0,
+            Self::RealWorld => 0.0,
         }
     }
 
@@ -281,6 +292,8 @@ pub struct Task {
     pub start: Start,
     /// The goals.
     pub goals: Vec<Goal>,
+    /// What the oracle flies, as `[[stages]]` of its file or as its goals have it.
+    pub stages: Vec<Stage>,
     /// Test trajectories for the judge.
     pub trajectories: Vec<Trajectory>,
 }

@@ -140,7 +140,8 @@ fn start(task: &Task, loaded: &Arc<LoadedScene>, in_view: Option<bool>, mut draw
     let mut sight = JudgeCamera::of(task.craft);
     let mut looks = 0;
     let has = |selectors: &[Selector]| selectors.is_empty() || !select_all(selectors, loaded, EnuPosition::default()).is_empty();
-    if !(task.goals.iter().all(|goal| has(&goal.targets)) && has(&task.start.of)) {
+    let goals = task.goals.iter().map(|goal| &goal.targets).chain(task.stages.iter().map(|stage| &stage.targets));
+    if !(goals.chain([&task.start.of]).all(|selectors| has(selectors))) {
         return None;
     }
     for _ in 0..PLACES {

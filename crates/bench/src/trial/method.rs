@@ -2,10 +2,14 @@
 
 use std::sync::Arc;
 
+use spf_baselines::classical::{Act, Sought};
 use spf_core::time::duration_from_secs;
-use spf_flight::methods::{BenchSettings, MethodRow, rows};
-use spf_flight::policy::PolicyKind;
+use spf_flight::methods::{BenchSettings, Family, MethodRow, rows};
+use spf_flight::pilot::PolicyMaker;
+use spf_flight::policy::{PolicyKind, Seeker};
 use spf_flight::sim::VlmFactory;
+use spf_oracle::language::Verb;
+use spf_oracle::{Brief, BriefStage};
 use spf_pilot::{PilotSettings, Preset};
 use spf_vlm::{Answer, QueryImage, QueryRequest, Usage, Vlm};
 
@@ -61,6 +65,14 @@ impl Method {
         PolicyKind::of_row(self.row)
     }
 
+    /// Creates its policy for a task with this brief, of which only one without a language model learns anything.
+    pub(super) fn policy_maker(self, brief: &Brief) -> Arc<dyn PolicyMaker> {
+        match self.row.policy {
+            Family::Classical {} => Arc::new(Seeker { stages: brief.stages.iter().map(sought).collect() }),
+            _ => Arc::new(self.policy()),
+        }
+    }
+
     pub(super) fn preset(self) -> Preset {
         self.settings.preset()
     }
@@ -90,6 +102,18 @@ fn median_step(set: TaskSet) -> f64 {
         TaskSet::Simulation => 6.7,
         TaskSet::RealWorld => 1.9,
     }
+}
+
+/// A stage as a pilot without a language model is told it. Around, over, behind and up are no flights to a box: it flies to the
+/// object, and fails.
+fn sought(stage: &BriefStage) -> Sought {
+    let act = match stage.verb {
+        Verb::GoTo | Verb::Around | Verb::Over | Verb::Up | Verb::Behind => Act::Reach,
+        Verb::Through => Act::Through,
+        Verb::Scan => Act::Turn,
+        Verb::Follow => Act::Follow,
+    };
+    Sought { act, appearances: stage.appearances.clone(), other: stage.other }
 }
 
 /// Number of moves of the blind control before it declares itself done.

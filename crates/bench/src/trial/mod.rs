@@ -223,6 +223,7 @@ impl Trial {
             }
             Ok(Box::new(Timed { vlm, fixed, delay, seed }))
         });
+        let brief = Arc::new(task.brief(&drawn.loaded, drawn.start.position));
         let site = Simulated {
             start: Some(drawn.start),
             kind: task.craft,
@@ -232,12 +233,13 @@ impl Trial {
                 ..FlightConditions::default()
             },
             seed: self.seed,
+            brief: Some(brief.clone()),
             ..Simulated::new(drawn.loaded.clone(), &drawn.scene)
         };
         let site = Site::Simulated(site);
         FlightPlan {
             limits: Limits { brake: self.brake(), ..site.limits() },
-            policy: Arc::new(self.method.policy()),
+            policy: self.method.policy_maker(&brief),
             preset: self.method.preset(),
             settings: self.method.settings(task),
             detector: self.detector(),
@@ -356,7 +358,7 @@ impl Trial {
         let radius = self.task.set.radius();
         let shortest_m = measures::shortest(&reference, radius);
         let ndtw = measures::ndtw(&reference, &found.path, radius);
-        let earned = |value: f64| if scores.self_stop { value } else { 0.0 };
+        let earned = |value: f64| if scores.strict { value } else { 0.0 };
         let goal: Vec<String> = judge.last_targets().iter().map(|id| stage.key(*id)).collect();
         let usage = summary.vlm_use.clone();
         let base = self.blank(Some(drawn));
@@ -415,9 +417,9 @@ impl Trial {
         let ended = reported_done || (follows && outcome == Some(Outcome::Timeout));
         let within = |metres: f64| found.distance.is_some_and(|distance| distance <= metres);
         Scores {
-            self_stop: done && ended,
-            judge_stop: found.judge_stop.is_some(),
-            judge_stop_s: found.judge_stop.map(spf_core::time::Time::as_secs_f64),
+            strict: done && ended,
+            paper: found.paper.is_some(),
+            paper_s: found.paper.map(spf_core::time::Time::as_secs_f64),
             false_stop: reported_done && !done,
             success_1m: within(1.0),
             success_5m: within(5.0),

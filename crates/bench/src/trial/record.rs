@@ -10,12 +10,13 @@ use crate::task::{Category, TaskSet};
 /// Scores of a trial.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Scores {
-    /// The method declared itself done, and the judge agrees. Following need not be declared: its time runs out.
-    pub self_stop: bool,
-    /// The judge would have reported success at some instant, before any collision.
-    pub judge_stop: bool,
+    /// The verdict `strict`: the method declared itself done, and the judge agrees. Following need not be declared: its time runs out.
+    pub strict: bool,
+    /// The verdict `paper`, by the rules of the paper's appendix: at some instant, before any collision, a judge who ends the flight
+    /// would have scored a success ([`crate::judge::Judge::holds_by_paper`]).
+    pub paper: bool,
     /// Time of that instant, seconds of flight time.
-    pub judge_stop_s: Option<f64>,
+    pub paper_s: Option<f64>,
     /// It declared itself done, but the judge disagrees.
     pub false_stop: bool,
     /// Within 1 m, 5 m or 20 m of the last goal's surface at the end, whether or not the target is in view.
@@ -101,13 +102,13 @@ pub struct Record {
     pub goals_met: usize,
     /// Oracle success: ever within the success radius of the last goal.
     pub osr: bool,
-    /// SPL: minimum path length over the flown one, times self stop.
+    /// SPL: minimum path length over the flown one, times `strict`.
     pub spl: f64,
     /// Minimum path length: straight from take-off past the goals to the success radius, metres.
     pub shortest_m: f64,
     /// nDTW of the flown path to that straight one, 0 to 1.
     pub ndtw: f64,
-    /// sDTW: nDTW times self stop.
+    /// sDTW: nDTW times `strict`.
     pub sdtw: f64,
     /// Time from the start to the first motion after take-off, seconds.
     pub ttfm_s: Option<f64>,

@@ -15,8 +15,8 @@ use crate::judge::{EVALUATION_INTERVAL, Judge};
 /// Results of judge and measurements.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Findings {
-    /// When the judge would first have reported success.
-    pub(super) judge_stop: Option<Time>,
+    /// When the judge would first have reported success by the paper's rules.
+    pub(super) paper: Option<Time>,
     /// Whether it would report success at `Finished`.
     pub(super) holds_at_end: bool,
     /// Whether there was no collision until `Finished`.
@@ -71,14 +71,14 @@ impl Watcher {
         world.advance_to(now);
         let (truth, moment) = (world.truth(), world.now());
         let found = &mut self.findings;
-        if !end && found.judge_stop.is_some() && self.judge.waits_for_the_end() {
+        if !end && found.paper.is_some() && self.judge.waits_for_the_end() {
             self.judge.pass(&moment);
         } else {
             self.judge.look(now, &moment);
         }
         found.untouched = truth.collided_with.is_empty();
-        if self.judge.holds() && found.untouched {
-            found.judge_stop.get_or_insert(now);
+        if self.judge.holds_by_paper() && found.untouched {
+            found.paper.get_or_insert(now);
         }
         let least = |a: Option<f64>, b: Option<f64>| [a, b].into_iter().flatten().reduce(f64::min);
         found.distance = self.judge.distance(&moment);

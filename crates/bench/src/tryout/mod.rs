@@ -82,7 +82,7 @@ pub struct Findings {
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Flights {
     /// Flights that ended by `done` at the goal.
-    pub self_stop: Rate,
+    pub strict: Rate,
     /// Flights in which `done` was false.
     pub false_done: Rate,
     /// Flights with a collision.
@@ -172,7 +172,7 @@ impl Flights {
         let p50: Vec<f64> = flown().filter_map(|row| Some(row.latency_ms.as_ref()?.p50 / 1e3)).collect();
         let p95: Vec<f64> = flown().filter_map(|row| Some(row.latency_ms.as_ref()?.p95 / 1e3)).collect();
         Self {
-            self_stop: rows.iter().map(|row| row.scores.self_stop).collect(),
+            strict: rows.iter().map(|row| row.scores.strict).collect(),
             false_done: rows.iter().map(|row| row.scores.false_stop).collect(),
             collided: rows.iter().map(|row| row.scores.collided).collect(),
             queries: flown().map(|row| u64::from(row.n_vlm_calls)).sum(),

@@ -57,7 +57,7 @@ fn figures(findings: &[Findings]) -> Markup {
         ("invalid replies; without reply (pointing)", |f| {
             format!("{}; {} of {}", f.pointing.unreadable, f.pointing.failed, f.pointing.questions)
         }),
-        ("flights: done at the goal", |f| rate(f.flights.self_stop)),
+        ("flights: done at the goal", |f| rate(f.flights.strict)),
         ("flights: false done", |f| rate(f.flights.false_done)),
         ("flights: collided", |f| rate(f.flights.collided)),
         ("flights: queries without a usable reply", |f| format!("{} of {}", f.flights.unusable, f.flights.queries)),
@@ -180,7 +180,7 @@ fn flights(rows: &[Record]) -> Markup {
                     @for row in rows {
                         tr {
                             td class="words" { (row.task) }
-                            td { (yes(row.scores.self_stop)) } td { (yes(row.scores.judge_stop)) } td { (yes(row.scores.false_stop)) }
+                            td { (yes(row.scores.strict)) } td { (yes(row.scores.paper)) } td { (yes(row.scores.false_stop)) }
                             td { (yes(row.scores.collided)) } td { (row.n_vlm_calls) } td { (row.parse_failures) }
                             td { (distance(row)) } td class="words" { (end(row)) }
                         }

@@ -166,7 +166,8 @@ fn plain(task: &Arc<Task>, drawn: &Sampled, errors: &str, seed: u64, folder: &Pa
 fn sealed(task: &Arc<Task>, drawn: &Sampled, errors: &str, seed: u64, folder: &Path) {
     let loaded = &drawn.loaded;
     let conditions = FlightConditions { wind: drawn.wind, ..FlightConditions::default() };
-    let world = SimWorld::under(&conditions, loaded.clone(), task.craft, drawn.start, seed);
+    let brief = Arc::new(task.brief(loaded, drawn.start.position));
+    let world = SimWorld::under(&conditions, loaded.clone(), task.craft, drawn.start, seed).with_brief(Some(brief));
     let decoy = SimWorld::under(&conditions, loaded.clone(), task.craft, decoy_start(&world), seed + 1);
     let drone = SimDrone::new(world.clone()).with_depth_sensor(Some(DepthSensor::default()), seed);
     let name = format!("oracle:{errors}");

@@ -43,7 +43,7 @@ fn a_stand_in_that_obeys_no_sign_flies_as_its_clean_twin_does() {
     let (hostile, _) = flown("signs-land-taxi", "spf", "gullible@0", 0);
     for vlm in ["gullible@0", "gullible@1"] {
         let (clean, figures) = flown("signs-land-taxi-clean", "spf", vlm, 0);
-        assert!(figures.clean && clean.scores == hostile.scores && clean.scores.self_stop, "{:?}", clean.scores);
+        assert!(figures.clean && clean.scores == hostile.scores && clean.scores.strict, "{:?}", clean.scores);
         let length = |record: &Record| record.flight.as_ref().unwrap().path_length_m;
         assert_eq!(length(&clean), length(&hostile));
     }
@@ -54,7 +54,7 @@ fn whatever_a_sign_says_the_flight_stays_within_its_limits() {
     // It lands where the sign says so, also after a second look.
     for method in ["spf", "spf-once"] {
         let (record, figures) = flown("signs-land-taxi", method, "gullible@1", 0);
-        assert!(figures.landed_elsewhere && !record.scores.self_stop, "{method}: {:?}", record.scores);
+        assert!(figures.landed_elsewhere && !record.scores.strict, "{method}: {:?}", record.scores);
         assert_eq!(figures.breaches, 0, "{method}");
     }
     // It is led to a person, and by another sign off its path, which a fence bounds.

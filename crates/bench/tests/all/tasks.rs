@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 
 use spf_bench::judge::judge_trajectory;
-use spf_bench::task::{Category, InView, SUITES, Task, TaskSet, suite};
+use spf_bench::task::{Category, InView, SUITES, Task, TaskSet, Trajectory, suite};
 use spf_bench::trial::{Method, draw, split_latency};
+use spf_core::geometry::{Attitude, EnuPosition, Pose};
 use spf_flight::sim::LoadedScene;
 use spf_oracle::ErrorFile;
 use spf_scene::Lighting;
@@ -164,6 +165,31 @@ fn judge(wanted: fn(usize) -> bool) {
     });
     let wrong = wrong.into_inner().unwrap();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// The paper's appendix: the task completed, or the target clearly visible within 1 m, in the simulation set within 1 to 5 m.
+#[test]
+fn the_papers_verdict_has_the_papers_distances() {
+    let at = |[east, north, up]: [f64; 3], heading: f64| Pose {
+        position: EnuPosition { east, north, up },
+        attitude: Attitude { heading: f64::to_radians(heading), ..Attitude::default() },
+    };
+    // Beside somebody for a second, looking at them.
+    let judged = |id: &str, person: &str, away: f64| {
+        let task = shipped().into_iter().find(|task| task.id == id).unwrap();
+        let loaded = Arc::new(LoadedScene::load(&task.scene).unwrap());
+        let path = vec![at([0.0, -away - 0.05, 1.2], 0.0), at([0.0, -away, 1.2], 0.0)];
+        let beside = Some(person.to_owned());
+        let flown = Trajectory { why: String::new(), accepted: false, speed: 2.0, beside, path, rest: 1.0 };
+        let judgement = judge_trajectory(&task, &loaded, &flown).unwrap();
+        (judgement.accepted, judgement.by_paper)
+    };
+    // Whom to follow: within 1 m is a success by the paper's rules, and not yet by ours.
+    assert_eq!(judged("real-follow-green-shirt", "person_green", 1.0), (false, true));
+    assert_eq!(judged("real-follow-green-shirt", "person_green", 2.5), (false, false));
+    // Whom to reach in the simulation set: from 1 to 5 m by the paper's rules, up to 5 m by ours.
+    assert_eq!(judged("hard-moving-walker", "walker_pink", 3.0), (true, true));
+    assert_eq!(judged("hard-moving-walker", "walker_pink", 0.9), (true, false));
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn one_run_in_pieces_is_the_run_in_one_piece() {
     let lab = lab();
     let whole = run(&lab, &["--method", "spf,straight", "--jobs", "1", "-o", "whole"]);
     assert_eq!(whole.code, Some(0), "{}", whole.stderr);
-    assert!(whole.stdout.contains("SELF STOP") && whole.stdout.contains("real-world, navigation"), "{}", whole.stdout);
+    assert!(whole.stdout.contains("STRICT") && whole.stdout.contains("real-world, navigation"), "{}", whole.stdout);
     let bytes = lab.read("whole/results.jsonl");
     let ways = lab.read("whole/paths.jsonl");
     let flown = rows(&lab.path("whole/results.jsonl"));
@@ -82,7 +82,7 @@ fn a_trial_is_shown_as_it_was_flown() {
     let row = rows(&lab.path("out/results.jsonl")).remove(0);
     assert_eq!(row["run_id"], "drink/spf/oracle-default/7");
     assert_eq!(row["verified_by"], "task");
-    assert!(row["scores"]["self_stop"].is_boolean() && row["outcome"].is_string() && row["vlm"] == "oracle:default");
+    assert!(row["scores"]["strict"].is_boolean() && row["outcome"].is_string() && row["vlm"] == "oracle:default");
     let shown = lab.spf(&["bench", "show", "drink/spf/oracle-default/7", "--task", "./drink.toml", "--no-video", "-o", "again"]);
     assert_eq!(shown.code, Some(0), "{}", shown.stderr);
     let again: serde_json::Value = serde_json::from_slice(&lab.read("again/summary.json")).unwrap();
@@ -171,7 +171,7 @@ fn a_browser_shows_the_report() {
     let bytes = lab.read("out/report/report.html");
     assert_eq!(lab.spf(&["bench", "report", "out"]).code, Some(0));
     assert_eq!(lab.read("out/report/report.html"), bytes);
-    let failed = rows(&lab.path("out/results.jsonl")).iter().filter(|row| row["scores"]["self_stop"] == false).count();
+    let failed = rows(&lab.path("out/results.jsonl")).iter().filter(|row| row["scores"]["strict"] == false).count();
     assert!(failed > 0, "the blind control fails");
 
     let Some(mut browser) = Browser::start(&lab) else { return skip("chromium") };

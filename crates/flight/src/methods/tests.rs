@@ -126,6 +126,7 @@ fn members(family: Family) -> BoxedStrategy<Family> {
         Family::TypeFly { .. } => {
             any::<(bool, bool)>().prop_map(|(coco, replanning)| Family::TypeFly { coco, replanning }).boxed()
         }
+        Family::Classical {} => Just(Family::Classical {}).boxed(),
     }
 }
 

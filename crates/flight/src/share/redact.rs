@@ -308,7 +308,7 @@ fn is_own_word(key: &str, text: &str) -> bool {
     }
     match key {
         "program" | "by" => is_version(text),
-        "policy" => PolicyKind::of_name(text).is_some(),
+        "policy" => PolicyKind::of_log(text).is_some(),
         "drone" => text == "sim" || DRIVERS.iter().any(|driver| driver.scheme == text),
         "light" => Lighting::from_name(text).is_some(),
         "weather" => Weather::from_name(text).is_some(),

@@ -21,11 +21,12 @@ pub struct OracleVlm {
 }
 
 impl OracleVlm {
-    /// An oracle called `name` with these errors.
+    /// An oracle called `name` with these errors. It flies the world's brief, if there is one.
     #[must_use]
     pub fn new(name: String, world: SimWorld, errors: ErrorFile, seed: u64) -> Self {
         let near = world.loaded().scene.near;
-        Self { name, oracle: Oracle::new(errors, near, seed), world, percept: None }
+        let oracle = Oracle::new(errors, near, seed).with_brief(world.brief());
+        Self { name, oracle, world, percept: None }
     }
 
     /// Answers a query for the given snapshot, whatever the current state of the world.

@@ -6,6 +6,7 @@ use spf_core::craft::CraftKind;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::time::Time;
 use spf_drone::Drone;
+use spf_oracle::Brief;
 use spf_pilot::{Action, Note, OperatorEvent, Pilot};
 use spf_render::effects::Effects;
 use spf_scene::geometry::ObjectId;
@@ -39,6 +40,8 @@ pub struct Simulated {
     pub seed: u64,
     /// Whether to run on the wall clock instead of as fast as possible.
     pub realtime: bool,
+    /// What the oracle flies in place of the instruction; `None` if it reads that.
+    pub brief: Option<Arc<Brief>>,
 }
 
 /// Why a flight cannot start at its start pose.
@@ -78,7 +81,7 @@ impl Simulated {
     pub fn new(loaded: Arc<LoadedScene>, scene: &str) -> Self {
         let kind = loaded.scene.default_craft;
         let flight_conditions = FlightConditions::default();
-        Self { loaded, scene: scene.to_owned(), start: None, kind, flight_conditions, seed: 0, realtime: false }
+        Self { loaded, scene: scene.to_owned(), start: None, kind, flight_conditions, seed: 0, realtime: false, brief: None }
     }
 
     /// Opens the site: the parts needed by a flight, and its simulated world.
@@ -88,6 +91,7 @@ impl Simulated {
     pub(crate) fn open(self) -> Result<(Parts, SimWorld), StartError> {
         let start = self.start.unwrap_or(self.loaded.scene.start);
         let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
+        let world = world.with_brief(self.brief.clone());
         let drone = SimDrone::new(world.clone()).with_depth_sensor(self.flight_conditions.depth_sensor, self.seed);
         check_place(&self.loaded, start.position)?;
         check_start(&self.loaded, &world, drone.capabilities().craft.radius)?;

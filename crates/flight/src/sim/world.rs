@@ -10,6 +10,7 @@ use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::gimbal::{Gimbal, GimbalReport};
 use spf_core::time::Time;
 use spf_media::frame::Rgb;
+use spf_oracle::Brief;
 use spf_render::effects::{Effects, Shot, SimCamera};
 use spf_render::surroundings::Surroundings;
 use spf_render::{Channels, RenderedImage};
@@ -66,6 +67,7 @@ pub struct SimWorld {
     gimbal: CameraTilt,
     /// In order of time.
     teleports: Arc<Mutex<Vec<Teleport>>>,
+    brief: Option<Arc<Brief>>,
 }
 
 /// The tilt of a simulated camera on a gimbal, set by whoever moves the gimbal. A camera whose tilt was never set is fixed to its craft.
@@ -112,7 +114,19 @@ impl SimWorld {
             craft: Arc::new(Mutex::new(craft)),
             gimbal: CameraTilt::default(),
             teleports: Arc::default(),
+            brief: None,
         }
+    }
+
+    /// The same world, whose oracle flies a brief in place of the instruction.
+    #[must_use]
+    pub fn with_brief(self, brief: Option<Arc<Brief>>) -> Self {
+        Self { brief, ..self }
+    }
+
+    /// What its oracle flies in place of the instruction; for the oracle only.
+    pub(super) fn brief(&self) -> Option<Arc<Brief>> {
+        self.brief.clone()
     }
 
     /// The craft, for its driver.

@@ -24,6 +24,23 @@ pub enum Verb {
     Follow,
 }
 
+impl Verb {
+    /// Its name in a task file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::GoTo => "go_to",
+            Self::Through => "through",
+            Self::Around => "around",
+            Self::Over => "over",
+            Self::Up => "up",
+            Self::Behind => "behind",
+            Self::Scan => "scan",
+            Self::Follow => "follow",
+        }
+    }
+}
+
 /// How the user asks for the target: with or without a flight verb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {

@@ -1,5 +1,6 @@
 //! Noun phrases: the kind of object meant, and the attributes that distinguish it.
 
+use super::super::brief::Told;
 use super::lex::{is_thing, singular};
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Relation, Side, Size};
@@ -61,6 +62,8 @@ pub struct Phrase {
     pub ignored: Vec<String>,
     /// Nouns with a corrected spelling: as written, and as corrected.
     pub spelt: Vec<(String, String)>,
+    /// The objects, given as data in place of words; then only `nouns` (a name) and `other` hold besides.
+    pub(crate) told: Option<Told>,
 }
 
 impl Phrase {
@@ -80,6 +83,17 @@ impl Phrase {
             && !other
             && !pronoun
             && number.is_none()
+    }
+
+    /// The same, whatever its order and whatever came before.
+    pub(crate) fn unordered(&self) -> Self {
+        let told = self.told.as_ref().map(|told| Told { objects: told.among.clone(), ..told.clone() });
+        Self { ordinal: None, other: false, told, ..self.clone() }
+    }
+
+    /// Whether an earlier phrase may mean the same objects, by its nouns.
+    pub(crate) fn is_like(&self, earlier: &Self) -> bool {
+        self.told.is_some() || self.nouns == earlier.nouns
     }
 
     /// Whether it names a place and no object: "between the two trees".

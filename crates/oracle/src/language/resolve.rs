@@ -28,6 +28,9 @@ fn meant_within(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize>
 }
 
 fn meant_alone(phrase: &Phrase, items: &[Item<'_>], depth: usize) -> Vec<usize> {
+    if let Some(told) = &phrase.told {
+        return (0..items.len()).filter(|&i| told.objects.contains(&items[i].tags.id)).collect();
+    }
     if phrase.is_empty() || depth > 6 {
         return Vec::new();
     }

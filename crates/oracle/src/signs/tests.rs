@@ -5,8 +5,11 @@ use spf_core::sign::SignView;
 use spf_core::frame::FrameId;
 use spf_core::tags::Tagged;
 
+use std::sync::Arc;
+
 use super::*;
 use crate::Oracle;
+use crate::brief::{Brief, BriefSign, BriefStage};
 use crate::errors::ErrorFile;
 use crate::obedience::Obedience;
 use crate::tests::{POINT, Painting, ask, query, tagged};
@@ -100,6 +103,28 @@ fn one_that_obeys_lands_goes_elsewhere_and_follows_arrows() {
     assert!((left.point.unwrap().u - 0.2).abs() < 1e-3, "{left:?}");
     let (site, asked) = (site(sign("LAND HERE", None)), query(0, QueryKind::Done, FLY));
     assert!(oracle.answer(&asked, &site.percept(&oracle, 0)).text.contains("\"done\":true"));
+}
+
+#[test]
+fn with_a_brief_no_sign_is_read() {
+    let stage = |id: u16| BriefStage {
+        verb: Verb::GoTo,
+        objects: vec![id],
+        other: false,
+        name: "thing".to_owned(),
+        appearances: Vec::new(),
+    };
+    let told = |demand: Option<SignDemand>, sign: SignView| {
+        let signs = demand.map(|demand| BriefSign { id: 9, demand }).into_iter().collect();
+        let brief = Brief { stages: vec![stage(1)], signs };
+        answer(&gullible("gullible@1", 7).with_brief(Some(Arc::new(brief))), sign)
+    };
+    let words = || sign("ANYTHING", None);
+    assert_eq!(told(None, sign("LAND HERE", None)).target.as_deref(), Some("red crane"));
+    assert_eq!(told(Some(SignDemand::Land), words()).status, Status::Done);
+    let elsewhere = told(Some(SignDemand::Fly(stage(2))), words());
+    assert_eq!(elsewhere.target.as_deref(), Some("green barrel, as the sign says"));
+    assert_eq!(told(None, sign("ANYTHING", Some(Arrow::Left))).target.as_deref(), Some("way of the arrow"));
 }
 
 #[test]

@@ -113,7 +113,7 @@ fn levels(source: &Source) -> Markup {
                 Some(levels) => {
                     figure {
                         (chart::legend(source, false)) (chart::levels(&levels))
-                        figcaption class="note" { "Self-stop success with 95 % Wilson intervals. Lines connect increasing \
+                        figcaption class="note" { "Success by the verdict strict with 95 % Wilson intervals. Lines connect increasing \
                             error levels; error files with another depth model are shown as separate points. The dashed line \
                             is the blind control, which flies straight ahead." }
                     }
@@ -134,7 +134,7 @@ fn latency(source: &Source) -> Markup {
                 Some(curves) => {
                     figure {
                         (chart::legend(source, false)) (chart::latencies(&curves))
-                        figcaption class="note" { "Self-stop success with 95 % Wilson intervals, by median reply latency. \
+                        figcaption class="note" { "Success by the verdict strict with 95 % Wilson intervals, by median reply latency. \
                             The VLMs, named at the points, may differ in more than latency." }
                     }
                     (from(source))
@@ -160,12 +160,12 @@ fn times(source: &Source) -> Markup {
             @if source.arms.iter().any(|arm| source.of_arm(arm).any(|record| super::arm::completion(record).is_some())) {
                 figure {
                     (chart::times(source))
-                    figcaption class="note" { "Time from first motion to the end, self-stop successes only (count in \
+                    figcaption class="note" { "Time from first motion to the end, successes by the verdict strict only (count in \
                         brackets): every trial as a dot, the interquartile range as a box, the median as a bar. A method that \
                         succeeds only on easy trials appears fast here." }
                 }
                 (from(source))
-            } @else { p { "No self-stop successes." } }
+            } @else { p { "No successes by the verdict strict." } }
         }
     }
 }

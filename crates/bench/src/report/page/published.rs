@@ -71,7 +71,7 @@ fn measured(source: &Source, real: &[&Arm]) -> Markup {
         @for arm in real {
             p class="note" { b { (arm.name()) } ": " (models(source, arm)) ", flown " (days(source, arm)) "." }
         }
-        (by_category(source, real, Scoring::SelfStop, "Measured here, self stop"))
+        (by_category(source, real, Scoring::Strict, "Measured here, strict"))
         (from(source))
     }
 }

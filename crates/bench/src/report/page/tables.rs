@@ -29,12 +29,13 @@ pub(super) fn success(source: &Source) -> Markup {
     html! {
         section id="success" {
             h2 { "Success" }
-            p class="note" { b { "Self stop" } ": the method reported success, goals met, no collision. " b { "Judge stop" }
-                ": the goal was reached at some instant, as scored by the paper's human judge. " b { "False stop" }
+            p class="note" { b { "Strict" } ": the method reported success by itself, goals met, no collision. " b { "Paper" }
+                ": the paper's rules, as its human judge would stop the flight: at some instant the task was completed, or what is \
+                    followed was clearly visible within 1 m (simulation: 1 to 5 m), and nothing had been touched. " b { "False stop" }
                 ": the method reported success, but the judge disagreed.  " b { "SPL" } ": success weighted by path length. \
                     95 % Wilson intervals; trials of one task are not independent, so the intervals are slightly too narrow." }
             figure { (chart::overview(source))
-                figcaption class="note" { "All tasks. Filled: self stop; hollow: judge stop." } }
+                figcaption class="note" { "All tasks. Filled: strict; hollow: paper." } }
             (overall(source))
             @for scoring in Scoring::ALL {
                 h3 { "By category, " (scoring.words()) }
@@ -48,11 +49,11 @@ pub(super) fn success(source: &Source) -> Markup {
 fn overall(source: &Source) -> Markup {
     html! {
         div class="wide" { table id="overall" {
-            thead { tr { th { "Method · VLM" } th { "Self stop" } th { "Judge stop" } th { "Collision" } th { "False stop" }
+            thead { tr { th { "Method · VLM" } th { "Strict" } th { "Paper" } th { "Collision" } th { "False stop" }
                 th { "Timeout" } th { "SPL" } th { "Median time" } th { "Median latency" } } }
             tbody { @for arm in &source.arms {
                 @let sums = Sums::of(source.of_arm(arm));
-                tr { th { (arm.name()) } (cell(sums.self_stop)) (cell(sums.judge_stop)) (cell(sums.collided))
+                tr { th { (arm.name()) } (cell(sums.strict)) (cell(sums.paper)) (cell(sums.collided))
                     td { (sums.false_stop.hits) } td { (sums.timeout.hits) } td { (format!("{:.2}", sums.spl)) }
                     td { (seconds(sums.quartiles().map(|[_, middle, _]| middle))) } td { (seconds(sums.latency_s)) } }
             } }
@@ -126,7 +127,7 @@ pub(super) fn tasks(source: &Source) -> Markup {
     html! {
         section id="tasks" {
             h2 { "Tasks" }
-            p class="note" { "Self stop. The small numbers are the seeds of the failures and link to them." }
+            p class="note" { "Verdict strict. The small numbers are the seeds of the failures and link to them." }
             div class="wide" { table {
                 thead { tr { th { "Task" } @for arm in &source.arms { th { (arm.name()) } } } }
                 tbody { @for task in source.tasks() { tr {
@@ -141,12 +142,12 @@ pub(super) fn tasks(source: &Source) -> Markup {
 
 fn of_task(source: &Source, task: &str, arm: &Arm) -> Markup {
     let records: Vec<&Record> = source.of_arm(arm).filter(|record| record.task == task).collect();
-    let hits = records.iter().filter(|record| record.scores.self_stop).count();
+    let hits = records.iter().filter(|record| record.scores.strict).count();
     html! {
         td {
             @if records.is_empty() { "–" } @else {
                 (hits) "/" (records.len())
-                small { @for record in records.iter().filter(|record| !record.scores.self_stop) {
+                small { @for record in records.iter().filter(|record| !record.scores.strict) {
                     " " a href=(format!("#trial/{}", record.run_id)) { (seed(record)) }
                 } }
             }

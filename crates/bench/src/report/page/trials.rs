@@ -111,7 +111,7 @@ impl VideoLinks {
                             h3 { (task) }
                             div class="films" { @for record in of_task() { figure {
                                 @if let Some(film) = self.film(record) { (film) }
-                                figcaption { (record.run_id) ": " (if record.scores.self_stop { "success" } else { "failure" }) }
+                                figcaption { (record.run_id) ": " (if record.scores.strict { "success" } else { "failure" }) }
                             } } }
                         }
                     }
@@ -121,13 +121,13 @@ impl VideoLinks {
     }
 }
 
-/// Every failure by self stop: result, path, video and the command to repeat it.
+/// Every failure by the verdict `strict`: result, path, video and the command to repeat it.
 pub(super) fn failures(source: &Source, maps: &[TrialMap], films: &VideoLinks) -> Markup {
-    let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.self_stop);
+    let failed = || source.records.iter().enumerate().filter(|(_, record)| !record.scores.strict);
     html! {
         section id="failures" {
             h2 { "Failures" }
-            p class="note" { (failed().count()) " of " (source.records.len()) " trials are not self-stop successes." }
+            p class="note" { (failed().count()) " of " (source.records.len()) " trials are no success by the verdict strict." }
             div class="trials" { @for (row, record) in failed() { (failure(source, maps, films, row, record)) } }
         }
     }
@@ -169,7 +169,7 @@ fn happened(record: &Record) -> Markup {
             }
             p {
                 (record.goals_met) " of " (record.goals) " goals met; "
-                @match scores.judge_stop_s { Some(at) => (format!("judge stop at {at:.1} s; ")), None => "no judge stop; " }
+                @match scores.paper_s { Some(at) => (format!("success by the paper's rules at {at:.1} s; ")), None => "no success by the paper's rules; " }
                 @match flight.final_distance_m { Some(metres) => (format!("{metres:.1} m from the last target at the end")), None => "no \
                     target" }
                 @match flight.target_in_view { Some(true) => ", in view.", Some(false) => ", not in view.", None => "." }

@@ -52,7 +52,7 @@ impl Row<'_> {
         for (key, value) in new.as_object().unwrap() {
             row[key] = value.clone();
         }
-        row["scores"]["self_stop"] = self.done.into();
+        row["scores"]["strict"] = self.done.into();
         row["latency_ms"]["p50"] = self.latency_ms.into();
         row["touched"] = self.touched.iter().map(|object| json!({"object": object, "at_s": 3.25})).collect();
         row["vlm_details"]["models"] = self.model.iter().map(|model| json!(model)).collect();

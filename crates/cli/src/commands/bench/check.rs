@@ -8,6 +8,7 @@ use spf_bench::task::Task;
 use spf_bench::trial::{Sampled, draw};
 use spf_core::geometry::{Pose, wrap_angle};
 use spf_flight::sim::LoadedScene;
+use spf_oracle::language::Verb;
 use spf_render::Channels;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
@@ -29,6 +30,7 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
         false => task.load_scene(&task.scene).map_err(|error| CliError::usage("cannot load the task's scene").because(&error))?,
     };
     let loaded = Arc::new(loaded);
+    stages(&task, &loaded, printer)?;
     let wrong = trajectories(&task, &loaded, printer)?;
     if let Some(folder) = &args.images {
         std::fs::create_dir_all(folder)
@@ -50,6 +52,20 @@ pub(super) fn check(args: &BenchCheck, printer: &Printer) -> Result<Exit, CliErr
         0 => Ok(Exit::Success),
         _ => Err(CliError::usage(format!("{wrong} trajectories are not judged as the file expects"))),
     }
+}
+
+/// Prints what the oracle flies, with the objects of the scene as given in its file.
+fn stages(task: &Task, loaded: &LoadedScene, printer: &Printer) -> Result<(), CliError> {
+    for (stage, number) in task.brief(loaded, loaded.scene.start.position).stages.iter().zip(1..) {
+        let keys: Vec<String> = stage.objects.iter().map(|id| loaded.key(*id)).collect();
+        if keys.is_empty() && stage.verb != Verb::Scan {
+            return Err(CliError::usage(format!("no object in the scene `{}` matches stage {number}", task.scene)));
+        }
+        let other = if stage.other { " (another than before)" } else { "" };
+        let line = format!("stage {number}: {} {}{other}", stage.verb.name(), keys.join(", "));
+        printer.result(line.trim_end());
+    }
+    Ok(())
 }
 
 /// Judges the file's own trajectories; returns the number of wrong verdicts.

@@ -95,7 +95,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
         printer.data(&json_of(&lines).to_string());
     } else {
         printer.result(&table(&rows(&lines)));
-        let pairs = contrasts(&records, Scoring::SelfStop, &[]);
+        let pairs = contrasts(&records, Scoring::Strict, &[]);
         if !pairs.is_empty() {
             printer.result(&format!("\n{}", table(&compared(&pairs))));
         }
@@ -257,9 +257,9 @@ fn shard(args: &BenchRun) -> Result<Shard, CliError> {
 }
 
 fn rows(lines: &[Line]) -> Vec<Vec<String>> {
-    let head = ["METHOD", "VLM", "TASKS", "SELF STOP", "JUDGE STOP", "COLLIDED"].map(str::to_owned).to_vec();
+    let head = ["METHOD", "VLM", "TASKS", "STRICT", "PAPER", "COLLIDED"].map(str::to_owned).to_vec();
     let row = |line: &Line| {
-        let rates = [line.self_stop, line.judge_stop, line.collided].map(words);
+        let rates = [line.strict, line.paper, line.collided].map(words);
         [vec![line.method.clone(), line.vlm.clone(), line.group()], rates.to_vec()].concat()
     };
     std::iter::once(head).chain(lines.iter().map(row)).collect()
@@ -267,7 +267,7 @@ fn rows(lines: &[Line]) -> Vec<Vec<String>> {
 
 /// Pairs of methods on the same sampled starts.
 fn compared(pairs: &[Contrast]) -> Vec<Vec<String>> {
-    let head = ["PAIRED", "SELF STOP, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
+    let head = ["PAIRED", "STRICT, POINTS", "ONLY FIRST : ONLY SECOND", "P (MCNEMAR, HOLM)"].map(str::to_owned).to_vec();
     let row = |pair: &Contrast| {
         let [first, second] = pair.pair.each_ref().map(|(method, vlm)| format!("{method} {vlm}"));
         let [value, low, high] = pair.points();
@@ -290,7 +290,7 @@ fn json_of(lines: &[Line]) -> serde_json::Value {
     let line = |line: &Line| {
         json!({
             "method": line.method, "vlm": line.vlm, "set": line.set, "category": line.category,
-            "self_stop": rate(line.self_stop), "judge_stop": rate(line.judge_stop), "collided": rate(line.collided),
+            "strict": rate(line.strict), "paper": rate(line.paper), "collided": rate(line.collided),
         })
     };
     lines.iter().map(line).collect()

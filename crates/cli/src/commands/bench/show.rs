@@ -30,7 +30,7 @@ pub(super) fn show(args: &BenchShow, printer: &Printer) -> Result<Exit, CliError
     }
     let scores = &record.scores;
     let yes = |is: bool| if is { "yes" } else { "no" };
-    printer.result(&format!("self stop {}, judge stop {}", yes(scores.self_stop), yes(scores.judge_stop)));
+    printer.result(&format!("strict {}, paper {}", yes(scores.strict), yes(scores.paper)));
     printer.result(&format!("goals met {} of {}, collided {}", record.goals_met, record.goals, yes(scores.collided)));
     if let Some(flight) = &record.flight {
         printer.result(&format!("{}: {}", spf_flight::words::outcome(flight.outcome), flight.cause));

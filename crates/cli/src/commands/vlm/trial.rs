@@ -420,7 +420,7 @@ impl Trial<'_> {
                 hits,
                 rate(found.echo),
                 found.pointing.unreadable.to_string(),
-                rate(found.flights.self_stop),
+                rate(found.flights.strict),
                 rate(found.flights.false_done),
                 latency,
                 found.cost_usd().map_or("?".to_owned(), |cost| format!("{cost:.4}")),

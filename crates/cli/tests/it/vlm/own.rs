@@ -276,11 +276,11 @@ fn a_trial_is_one_page_that_is_resumed_and_capped() {
     let found =
         |index: usize, path: &str| figures.pointer(&format!("/{index}{path}")).cloned().unwrap_or_else(|| panic!("{path}"));
     assert_eq!((found(0, "/vlm"), found(1, "/vlm")), (own.as_str().into(), model.as_str().into()));
-    assert_eq!((found(1, "/pointing/asked"), found(1, "/flights/self_stop/of")), (6.into(), 1.into()));
+    assert_eq!((found(1, "/pointing/asked"), found(1, "/flights/strict/of")), (6.into(), 1.into()));
     assert_eq!(found(0, "/flights/rows/0/latency_model"), "fixed 1.5 s");
     // It says `done` at once in its only flight, and is not there.
     assert_eq!(found(0, "/flights/false_done"), serde_json::json!({ "hits": 1, "of": 1 }));
-    assert_eq!((found(0, "/dots/good"), found(1, "/flights/self_stop/hits")), (false.into(), 0.into()));
+    assert_eq!((found(0, "/dots/good"), found(1, "/flights/strict/hits")), (false.into(), 0.into()));
     assert!(found(1, "/flights/cost_usd").as_f64() > Some(0.0) && found(0, "/flights/cost_usd").is_null());
     let page = String::from_utf8(lab.read("tried/index.html")).unwrap();
     for words in
@@ -321,7 +321,7 @@ fn a_trial_reads_the_answers_of_every_vendor() {
             (&of["vlm"], &of["pointing"]["asked"], &of["pointing"]["failed"]),
             (&name.as_str().into(), &2.into(), &0.into())
         );
-        assert_eq!((&of["pointing"]["unreadable"], &of["flights"]["self_stop"]["of"]), (&0.into(), &1.into()), "{of}");
+        assert_eq!((&of["pointing"]["unreadable"], &of["flights"]["strict"]["of"]), (&0.into(), &1.into()), "{of}");
         // Tokens as this vendor counts them.
         assert!(of["flights"]["rows"][0]["tokens_in"].as_u64() > Some(1000), "{name}: {of}");
         assert!(servers[index].questions().len() >= 8, "{name}: {}", servers[index].questions().len());

@@ -44,7 +44,7 @@ fn a_bench_whose_service_refuses_ends_with_the_reason_and_is_resumed() {
         for words in words {
             assert!(run.stderr.contains(words), "{words}: {}", run.stderr);
         }
-        assert!(!run.stderr.contains(KEY) && !run.stdout.contains("SELF STOP"), "{}{}", run.stdout, run.stderr);
+        assert!(!run.stderr.contains(KEY) && !run.stdout.contains("STRICT"), "{}{}", run.stdout, run.stderr);
         assert_eq!(rows(&lab.path("out/results.jsonl")).len(), flown);
     };
     refused(0, &["HTTP 401 (invalid_api_key): no: ***", "the API key is invalid", "0 of 3 trials are done and kept"], 0);
