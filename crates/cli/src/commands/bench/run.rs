@@ -51,7 +51,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
+    let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files, asked: None };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: per_trial };
     let head = plan.head(shard, vlms);
     let total = plan.draws().iter().flatten().count();
