@@ -202,6 +202,17 @@ pub enum VlmError {
         /// Cost limit, US dollars.
         limit: f64,
     },
+    /// The folder of questions and answers cannot be used, or does not fit the flight.
+    #[error("`{path}` {reason}")]
+    Folder {
+        /// The file.
+        path: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The question has no answer yet, and is not waited for.
+    #[error("the question is not answered yet")]
+    Postponed,
     /// The recording does not contain this query.
     #[error("cannot replay the recording: {0}")]
     Replay(String),
@@ -242,6 +253,8 @@ impl VlmError {
             Self::TooLong { .. } => "too_long",
             Self::Recorded { code, .. } => code,
             Self::Spent { .. } => "spent",
+            Self::Folder { .. } => "folder",
+            Self::Postponed => "postponed",
             Self::Replay(_) => "replay",
         }
     }
@@ -311,7 +324,7 @@ impl VlmError {
         match self {
             Self::Network { .. } | Self::BrokenOff { .. } | Self::ContentType { .. } => Some(Trouble::Passing),
             Self::WebPage { status: 200..=299 | 500..=599, .. } => Some(Trouble::Passing),
-            Self::WebPage { .. } => Some(Trouble::Lasting),
+            Self::WebPage { .. } | Self::Folder { .. } => Some(Trouble::Lasting),
             Self::Vendor { .. } if self.is_exhausted() || self.is_context() => Some(Trouble::Lasting),
             Self::Vendor { status: 400 | 403 | 422, .. } if self.says(&MODERATED) => None,
             Self::Vendor { status: 408 | 409 | 425 | 429 | 500..=599, .. } => Some(Trouble::Passing),

@@ -154,7 +154,7 @@ pub enum Pointed {
 }
 
 /// Reads a typed line about an image of this size, pixels.
-fn typed(line: &str, (width, height): (u32, u32)) -> Result<Pointed, String> {
+pub(crate) fn typed(line: &str, (width, height): (u32, u32)) -> Result<Pointed, String> {
     const LOOKS: [(&str, Look); 5] =
         [("left", Look::Left), ("right", Look::Right), ("up", Look::Up), ("down", Look::Down), ("behind", Look::Behind)];
     let words: Vec<&str> = line.split([' ', '\t', ',']).filter(|word| !word.is_empty()).collect();

@@ -15,6 +15,7 @@ mod day;
 mod destination;
 mod error;
 pub mod exec;
+pub mod folder;
 mod hedge;
 pub mod human;
 mod image;

@@ -154,7 +154,7 @@ enum Next {
     Use,
     /// The query is asked again.
     Again,
-    /// The run has ended.
+    /// The run has ended, or the flight will be flown again later.
     End,
 }
 
@@ -295,6 +295,8 @@ impl Service {
                 return Next::Use;
             }
             Err(_) if state.ended.is_some() => return Next::End,
+            // The flight ends here, and the others go on.
+            Err(VlmError::Postponed) => return Next::End,
             Err(VlmError::Cancelled) => return Next::Use,
             Err(error) => error,
         };

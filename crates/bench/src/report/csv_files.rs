@@ -6,6 +6,7 @@ use super::map::seed;
 use super::published::{METHODS, TABLE};
 use super::source::Source;
 use crate::contrast::{Contrast, Scoring};
+use crate::run::asked as answered;
 use crate::stats::Rate;
 use crate::table::{table, vlm_of};
 use crate::trial::Record;
@@ -34,7 +35,7 @@ impl Table {
 
 /// All files: name and text.
 pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
-    vec![
+    let mut files = vec![
         ("trials.csv", trials(source)),
         ("success.csv", success(source)),
         ("methods.csv", methods(source)),
@@ -43,7 +44,11 @@ pub(super) fn files(source: &Source) -> Vec<(&'static str, String)> {
         ("latency.csv", curves("latency_s", curve::latencies(source).unwrap_or_default(), source)),
         ("made.csv", made(source)),
         ("published.csv", published()),
-    ]
+    ];
+    if !source.answered.is_empty() {
+        files.push(("answered.csv", answered::csv(&source.answered)));
+    }
+    files
 }
 
 fn shown(value: impl Into<Option<f64>>) -> String {

@@ -29,6 +29,8 @@ pub struct Source {
     pub runs: Vec<Run>,
     /// Their rows, by folder, each in plan order.
     pub records: Vec<Record>,
+    /// The rows that somebody answered in place of a VLM, which no comparison has.
+    pub answered: Vec<Record>,
     /// Flown paths, by trial.
     pub paths: BTreeMap<String, FlownPath>,
     /// The arms, in order of appearance.
@@ -59,6 +61,7 @@ impl Source {
         let mut source = Self {
             runs: Vec::new(),
             records: Vec::new(),
+            answered: Vec::new(),
             paths: BTreeMap::new(),
             arms: Vec::new(),
             planned: Vec::new(),
@@ -79,12 +82,14 @@ impl Source {
                 }
             }
             source.paths.extend(read_paths(folder)?);
-            source.of.extend(records.iter().map(|_| number));
             let made = RunManifest::read(folder)?;
             source.runs.push(Run { folder: folder.clone(), head, made, records: records.len() });
+            let (answered, records): (Vec<_>, Vec<_>) = records.into_iter().partition(|record| record.answered_by.is_some());
+            source.of.extend(records.iter().map(|_| number));
             source.records.extend(records);
+            source.answered.extend(answered);
         }
-        if source.records.is_empty() {
+        if source.records.is_empty() && source.answered.is_empty() {
             let named: Vec<String> = folders.iter().map(|folder| format!("`{}`", folder.display())).collect();
             return Err(ReportError::Empty { folders: named.join(", ") });
         }
@@ -140,7 +145,7 @@ impl Source {
     /// Incomplete plans; shards of one plan are counted together.
     #[must_use]
     pub fn missing(&self) -> Vec<Missing> {
-        let there: BTreeSet<&str> = self.records.iter().map(|record| record.run_id.as_str()).collect();
+        let there: BTreeSet<&str> = self.records.iter().chain(&self.answered).map(|record| record.run_id.as_str()).collect();
         let mut plans: Vec<(&RunHeader, Vec<PathBuf>)> = Vec::new();
         for run in &self.runs {
             let same = |(head, _): &&mut (&RunHeader, _)| head.trials == run.head.trials && head.plan == run.head.plan;

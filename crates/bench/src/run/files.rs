@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use spf_vlm::VlmError;
 use thiserror::Error;
 
 /// Why results cannot be stored.
@@ -40,6 +41,9 @@ pub enum StoreError {
         /// The line, from 1.
         line: usize,
     },
+    /// The questions of a flight and their answers.
+    #[error("the questions and answers cannot be used")]
+    Questions(#[source] VlmError),
     /// Shards that do not form a complete plan.
     #[error("incomplete shards: {0}")]
     Shards(String),

@@ -1,5 +1,6 @@
 //! Runs many trials on several threads into a folder, and resumes interrupted runs.
 
+pub mod asked;
 mod files;
 mod film;
 mod manifest;
@@ -15,6 +16,7 @@ use std::sync::mpsc::channel;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use spf_vlm::service::Service;
 
+use asked::Asked;
 pub use files::StoreError;
 pub use film::video_of;
 pub use manifest::{RunManifest, shell_word};
@@ -87,7 +89,7 @@ pub struct Progress {
 }
 
 /// How a plan is run, without effect on its rows.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct RunOptions {
     /// Number of parallel trials.
     pub jobs: usize,
@@ -97,6 +99,8 @@ pub struct RunOptions {
     pub command: String,
     /// Tasks that are not built in: id and file.
     pub files: BTreeMap<String, String>,
+    /// The folder to which the questions are written, if somebody answers them; not with videos.
+    pub asked: Option<Asked>,
 }
 
 /// Runs the missing trials of one shard. `on_progress` receives the progress. Once the `service` has ended, its trials end without
@@ -114,6 +118,7 @@ pub fn run(
 ) -> Result<Progress, StoreError> {
     let (mut store, there) = Store::open(folder, head)?;
     let made = RunManifest::begin(folder, &options.command, &options.files)?;
+    options.asked.as_ref().map_or(Ok(()), Asked::begin)?;
     let is_there = |trial: &Trial| there.binary_search(&trial.run_id()).is_ok();
     let own = plan.draws().into_iter().enumerate().filter(|(number, _)| head.shard.has(*number)).map(|(_, trials)| trials);
     let own: Vec<Vec<Trial>> = own.collect();
@@ -136,8 +141,7 @@ pub fn run(
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     let Some(trials) = left.get(number) else { return };
-                    let film = options.videos.then_some(folder);
-                    let fly = || fly_draw(trials, film, service, &mut |flown| rows.send(flown).is_ok());
+                    let fly = || fly_draw(trials, folder, options, service, &mut |flown| rows.send(flown).is_ok());
                     // Towards the end some jobs have finished: the others may use all threads.
                     let is_last = number + options.jobs > left.len();
                     if !own.as_ref().filter(|_| !is_last).map_or_else(fly, |own| own.install(fly)) {
@@ -180,10 +184,11 @@ fn threads(jobs: usize) -> Option<ThreadPool> {
     ThreadPoolBuilder::new().num_threads((rayon::current_num_threads() / jobs.max(1)).max(1)).build().ok()
 }
 
-/// Flies the trials from one sampled start, recorded into the folder `film` if given; false if the run is to end.
+/// Flies the trials from one sampled start; false if the run is to end.
 fn fly_draw(
     trials: &[Trial],
-    film: Option<&Path>,
+    folder: &Path,
+    options: &RunOptions,
     service: &Arc<Service>,
     send: &mut dyn FnMut(Result<Result<Flown, Lost>, StoreError>) -> bool,
 ) -> bool {
@@ -193,9 +198,10 @@ fn fly_draw(
         if service.is_ended() {
             return false;
         }
-        let flown = match (drawn.get_or_insert_with(|| draw(&first.task, first.seed)), film) {
+        let flown = match (drawn.get_or_insert_with(|| draw(&first.task, first.seed)), &options.asked) {
+            (Ok(drawn), Some(asked)) => asked.fly(trial, drawn, service),
+            (Ok(drawn), None) if options.videos => film::fly(trial, drawn, folder, service),
             (Ok(drawn), None) => Ok(trial.fly_served(drawn, None, service)),
-            (Ok(drawn), Some(folder)) => film::fly(trial, drawn, folder, service),
             (Err(error), _) => Ok(Ok(trial.failed(None, error))),
         };
         if !send(flown) {

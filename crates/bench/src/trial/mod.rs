@@ -131,8 +131,22 @@ impl Trial {
     /// # Errors
     /// [`Lost`] if the run ended in it, or none of its queries was answered, which ends the run.
     pub fn fly_served(&self, drawn: &Sampled, record: Option<RecordPlan>, service: &Arc<Service>) -> Result<Flown, Lost> {
+        self.fly_served_observed(drawn, record, &mut [], service)
+    }
+
+    /// The same, with observers beside the judge.
+    ///
+    /// # Errors
+    /// [`Lost`] as for [`Self::fly_served`].
+    pub fn fly_served_observed(
+        &self,
+        drawn: &Sampled,
+        record: Option<RecordPlan>,
+        others: &mut [&mut dyn Observer],
+        service: &Arc<Service>,
+    ) -> Result<Flown, Lost> {
         let fate = Fate::default();
-        let flown = self.fly_guarded(drawn, record, &mut [], Some((service, &fate)));
+        let flown = self.fly_guarded(drawn, record, others, Some((service, &fate)));
         let lost = Lost { cost_usd: fate.cost_usd() };
         if let Some(error) = fate.unanswered() {
             service.end(RunEnd::Unanswered { vlm: self.vlm().to_owned(), error });
@@ -319,6 +333,7 @@ impl Trial {
             method: self.method.name().to_owned(),
             params_hash: self.params_hash(),
             latency_model: self.latency_model(),
+            answered_by: None,
             scores: Scores::default(),
             error: None,
             scene_id: drawn.map_or_else(|| task.scene.clone(), |drawn| drawn.scene.clone()),

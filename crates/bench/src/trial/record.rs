@@ -81,6 +81,9 @@ pub struct Record {
     /// Source of the reply latency: `log-normal` (the oracle's error file), `measured`, `fixed 3 s`, and any addition
     /// by the task.
     pub latency_model: String,
+    /// Who answered, if the questions were written to a folder for somebody: the row belongs in no table of VLMs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub answered_by: Option<String>,
     /// The scores.
     pub scores: Scores,
     /// Why the trial could not be flown; it then counts as a failure.

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test that cannot go on fails; the tables are for people")]
 
 mod anchor_consistency;
+mod asked;
 mod follow_range;
 mod night;
 mod pinned;

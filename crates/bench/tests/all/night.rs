@@ -113,7 +113,7 @@ fn night(
         max_cost_usd: None,
     };
     let head = plan.head(Shard::WHOLE, "oracle:default");
-    let options = RunOptions { jobs: 1, videos: false, command: "spf bench run".to_owned(), files: BTreeMap::new() };
+    let options = RunOptions { jobs: 1, videos: false, command: "spf bench run".to_owned(), files: BTreeMap::new(), asked: None };
     let waits = Arc::new(Mutex::new(Vec::new()));
     let heard = waits.clone();
     let service = Service::new(clock.clone(), max_cost, move |wait| heard.lock().unwrap().push(wait.clone()));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 
 use super::methods;
-use super::taken::{OfBenchRun, OfBenchShow};
+use super::taken::{OfBenchAsk, OfBenchRun, OfBenchShow};
 use crate::settings::Flags;
 
 /// Default folder of results.
@@ -15,6 +15,8 @@ const RESULTS: &str = "bench-results";
 pub(crate) enum Bench {
     /// Fly a suite of tasks with many trials each, and report success rates
     Run(Box<BenchRun>),
+    /// Let somebody answer in place of a VLM: write the questions of chosen trials to a folder, and fly on with the answers
+    Ask(Box<BenchAsk>),
     /// Check a task: whether its file is valid, whether its example trajectories are judged as expected, and where flights start
     Check(BenchCheck),
     /// Merge the shards of a run flown on several machines
@@ -83,6 +85,70 @@ pub(crate) struct BenchRun {
     /// Output folder for the results
     #[arg(short, long, value_name = "DIR", default_value = RESULTS)]
     pub(crate) output: PathBuf,
+    /// Print only the table, as one JSON array, on standard output
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Flies trials whose questions a person or a model answers that sees prompt and picture only.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  spf bench ask asked --task sim-nav-red-crane --trials 1 --seed 41 --who 'Ada Lovelace' --terminal
+  spf bench ask asked --suite paper --trials 1 --who 'a model that reads pictures'
+  spf bench ask asked --suite paper --trials 1 --who 'a model that reads pictures' --no-wait
+
+Each question of a trial is written to DIR/RUN_ID: q0001.txt is the prompt as a VLM gets it, q0001.png the picture. Whoever \
+answers looks at these two alone, and writes the reply to a0001.txt beside them: the JSON object that the prompt asks for, as \
+{\"status\": \"navigating\", \"point\": [412, 300], \"depth\": 6, ...}. The flight goes on as soon as the file holds a complete \
+object; any other text is taken once it has not changed for 5 s, and handled as a VLM's reply. DIR/open.txt lists the open \
+questions, one per line: prompt, picture, answer, separated by tabs. The flight's clock stands still meanwhile, and counts each \
+answer as --vlm-latency seconds (1.5).
+
+Ctrl-C stops; the same command goes on at the first question without an answer. It flies the trials again with the answers that \
+are there, and ends with an error if a question differs from the one on the disk. To take back an answer, delete it, all later \
+questions and answers of its trial, and its log.jsonl. With --no-wait the command does not wait for answers, but \
+writes the next question of every trial and ends: answer, and repeat it.
+
+results.jsonl has the rows of `spf bench run` and who answered (`answered_by`). table.md and table.csv are the table, \
+index.html leads to a page of each flight with pictures, prompts, answers, and what followed. `spf bench report` shows such \
+rows apart from those of VLMs. Exit code 0 when all trials were flown; 2 if the folder does not fit; 5 when questions are open.")]
+pub(crate) struct BenchAsk {
+    /// Folder for questions, answers and results
+    #[arg(value_name = "DIR")]
+    pub(crate) folder: PathBuf,
+    /// Who answers; stated with every result
+    #[arg(long, value_name = "NAME")]
+    pub(crate) who: String,
+    /// Suite of tasks (see `spf bench list`)
+    #[arg(long, value_name = "NAME")]
+    pub(crate) suite: Option<String>,
+    /// Task name or file; can be repeated
+    #[arg(long, value_name = "ID|FILE")]
+    pub(crate) task: Vec<String>,
+    #[arg(long, value_name = "LIST", help = methods::methods())]
+    pub(crate) method: Option<String>,
+    #[command(flatten)]
+    pub(crate) settings: Flags<OfBenchAsk>,
+    /// Trials per task
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub(crate) trials: u64,
+    /// Seed of the first trial; later trials count up from it
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Trials that are under way, each with one open question [default: 4; with --terminal: 1]
+    #[arg(long, value_name = "N", conflicts_with = "terminal", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub(crate) jobs: Option<u16>,
+    /// How points are asked for: [x, y] in pixels of the picture or in thousandths of its sides, or [y, x] in thousandths
+    #[arg(long, value_name = "UNIT", default_value = "pixels", value_parser = ["pixels", "thousandths", "yx-thousandths"])]
+    pub(crate) points: String,
+    /// Show each prompt here and read the answer here: one line, either the JSON object, or `u v DEPTH`, `left`, `right`, `up`, `down`,
+    /// `behind` or `done` (no obstacles are listed then)
+    #[arg(long, conflicts_with = "no_wait")]
+    pub(crate) terminal: bool,
+    /// Do not wait for answers: end once every trial has an open question
+    #[arg(long)]
+    pub(crate) no_wait: bool,
     /// Print only the table, as one JSON array, on standard output
     #[arg(long)]
     pub(crate) json: bool,

@@ -22,7 +22,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
 
-pub(crate) use bench::{Bench, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
+pub(crate) use bench::{Bench, BenchAsk, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
 pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
@@ -121,6 +121,7 @@ impl Command {
             Self::Ground(ground) => ground.json,
             Self::Vlm(Vlm::List(list)) => list.json,
             Self::Bench(Bench::Run(run)) => run.json,
+            Self::Bench(Bench::Ask(ask)) => ask.json,
             Self::Bench(_)
             | Self::Sim(_)
             | Self::Tello(_)

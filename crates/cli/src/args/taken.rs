@@ -81,6 +81,11 @@ takes! {
         ),
         _ => arg,
     };
+    /// `spf bench ask`.
+    OfBenchAsk: ["--vlm-latency"] with |flag: &str, arg: Arg| match flag {
+        "--vlm-latency" => arg.help("What each answer counts as in the flight's time, seconds, however long it takes [default: 1.5]"),
+        _ => arg,
+    };
     /// `spf bench show`.
     OfBenchShow: ["--send-key-to"];
 }

@@ -212,3 +212,63 @@ fn folders_that_are_none_of_results_are_reported() {
         assert!(run.code == Some(2) && run.stderr.contains(message), "{}", run.stderr);
     }
 }
+
+/// Whoever answers says at once that all is done, through files or at the terminal; what does not fit is refused.
+#[test]
+fn somebody_answers_a_trial() {
+    const RUN: &str = "drink/spf/asked-Ada-L./0";
+    let lab = lab();
+    let args = ["bench", "ask", "asked", "--task", "./drink.toml", "--who", "Ada L.", "--no-wait"];
+    for number in 1..=2 {
+        let open = lab.spf(&args);
+        assert_eq!(open.code, Some(5), "{}", open.stderr);
+        assert!(open.stderr.contains("open.txt lists the open questions"), "{}", open.stderr);
+        let list = String::from_utf8(lab.read("asked/open.txt")).unwrap();
+        assert_eq!(list, format!("{RUN}/q000{number}.txt\t{RUN}/q000{number}.png\t{RUN}/a000{number}.txt\n"));
+        lab.write(&format!("asked/{RUN}/a000{number}.txt"), r#"{"status": "done", "point": null, "depth": null}"#);
+    }
+    let whole = lab.spf(&args);
+    assert_eq!(whole.code, Some(0), "{}", whole.stderr);
+    assert!(whole.stdout.contains("answered by Ada L., seeing prompt and picture only"), "{}", whole.stdout);
+    let row = rows(&lab.path("asked/results.jsonl")).remove(0);
+    assert!(row["answered_by"] == "Ada L." && row["scores"]["false_stop"] == true && row["n_vlm_calls"] == 2, "{row}");
+    let bytes = lab.read("asked/results.jsonl");
+
+    // Other settings are another run; a typed flight has the same row.
+    let other = lab.spf(&[&args[..], &["--points", "thousandths"]].concat());
+    assert!(other.code == Some(2) && other.stderr.contains("different settings"), "{}", other.stderr);
+    let typed = ["bench", "ask", "typed", "--task", "./drink.toml", "--who", "Ada L.", "--terminal"];
+    let mut child = lab.command(&typed).stdin(std::process::Stdio::piped()).spawn().unwrap();
+    use std::io::Write as _;
+    child.stdin.take().unwrap().write_all(b"done\ndone\n").unwrap();
+    assert!(child.wait().unwrap().success());
+    assert_eq!(lab.read("typed/results.jsonl"), bytes);
+
+    // In a report it stands apart, beside the trials of an oracle.
+    let oracle = run(&lab, &["-o", "oracle"]);
+    assert_eq!(oracle.code, Some(0), "{}", oracle.stderr);
+    for (folders, trials) in [(vec!["asked"], "0 trials"), (vec!["asked", "oracle"], "4 trials")] {
+        let report = lab.spf(&[&["bench", "report"][..], &folders, &["-o", "report"]].concat());
+        assert_eq!(report.code, Some(0), "{}", report.stderr);
+        let page = String::from_utf8(lab.read("report/report.html")).unwrap();
+        assert!(page.contains("answered by Ada L., seeing prompt and picture only") && page.contains(trials), "{page}");
+        assert!(!String::from_utf8(lab.read("report/csv/trials.csv")).unwrap().contains("asked"));
+        assert!(String::from_utf8(lab.read("report/csv/answered.csv")).unwrap().contains(RUN));
+    }
+
+    // A question that is another one, and names that are none.
+    lab.write(&format!("asked/{RUN}/q0001.txt"), "something else");
+    fs::remove_file(lab.path("asked/results.jsonl")).unwrap();
+    let differs = lab.spf(&args);
+    assert!(differs.code == Some(2) && differs.stderr.contains("q0001.txt` differs"), "{}", differs.stderr);
+    for (more, why) in [
+        (vec!["--who", "\n"], "--who must be a name"),
+        (vec!["--who", "x", "--method", "straight"], "asks nothing"),
+        (vec!["--who", "x", "--vlm-latency", "20"], "a pilot waits no longer"),
+        (vec!["--who", "x", "--jobs", "2", "--terminal"], "cannot be used with"),
+    ] {
+        let refused = lab.spf(&[&["bench", "ask", "other", "--task", "./drink.toml"][..], &more].concat());
+        assert!(refused.code == Some(2) && refused.stderr.contains(why), "{}", refused.stderr);
+    }
+    assert!(!lab.path("other").exists());
+}

@@ -101,6 +101,8 @@ fn exempt(args: &[String]) -> Option<&'static str> {
         Some("runs until it is ended; modules serve and view do that")
     } else if has(&["--cockpit"]) || starts(&["cockpit"]) {
         Some("waits for its page; module cockpit opens that")
+    } else if starts(&["bench", "ask"]) {
+        Some("waits for answers; module bench gives them")
     } else if has(&["yolov8n.onnx", "depth_anything_v2_vits.onnx"]) {
         Some("needs the feature onnx and a model; the tests of the crate detect have small ones")
     } else if has(&["results/part*"]) {

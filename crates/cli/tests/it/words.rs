@@ -75,6 +75,11 @@ fn help_of_sim_dataset() {
 }
 
 #[test]
+fn help_of_bench_ask() {
+    insta::assert_snapshot!(help(&["bench", "ask", "--help"]));
+}
+
+#[test]
 fn help_of_bench_run() {
     insta::assert_snapshot!(help(&["bench", "run", "--help"]));
 }

@@ -25,7 +25,11 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
     let body = html! {
         h1 { "SPF benchmark report" }
         p class="note" { (counted(source.records.len(), "trial")) " of " (counted(source.tasks().len(), "task")) " by "
-            (counted(source.arms.len(), "method and VLM pair")) ". Written by spf " (env!("CARGO_PKG_VERSION")) "." }
+            (counted(source.arms.len(), "method and VLM pair")) ". "
+            @if !source.answered.is_empty() {
+                (counted(source.answered.len(), "further trial")) " that somebody answered, " a href="#answered" { "apart" } ". "
+            }
+            "Written by spf " (env!("CARGO_PKG_VERSION")) "." }
         (unfinished(source))
         nav {
             a href="#made" { "Provenance" } a href="#success" { "Success" } a href="#compared" { "Pairwise comparisons" }
@@ -43,6 +47,7 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
         (trials::paths(source, &maps))
         (films.gallery(source))
         (trials::failures(source, &maps, &films))
+        (tables::answered(source))
         (published::published(source))
     };
     let page = html! {

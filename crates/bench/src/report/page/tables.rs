@@ -9,6 +9,7 @@ use super::super::matrix::matrix;
 use super::super::source::Source;
 use super::from;
 use crate::contrast::{Contrast, Scoring};
+use crate::run::asked;
 use crate::stats::Rate;
 use crate::table::words;
 use crate::trial::Record;
@@ -138,6 +139,40 @@ pub(super) fn tasks(source: &Source) -> Markup {
             (from(source))
         }
     }
+}
+
+/// Trials that somebody answered in place of a VLM, who is named with each; nothing if there are none.
+pub(super) fn answered(source: &Source) -> Markup {
+    let lines = asked::lines(&source.answered);
+    let mut who: Vec<&str> = Vec::new();
+    for line in &lines {
+        if !who.contains(&line.who.as_str()) {
+            who.push(&line.who);
+        }
+    }
+    html! { @if !lines.is_empty() {
+        section id="answered" {
+            h2 { "Answered by somebody" }
+            p class="note" { (asked::APART) " These trials are in no other table or figure of this page." }
+            @for who in who {
+                h3 { (asked::said(who)) }
+                (verified(source, who))
+                div class="wide" { table {
+                    thead { tr { @for head in asked::HEADS { th { (head) } } } }
+                    tbody { @for line in lines.iter().filter(|line| line.who == who) {
+                        tr { @for cell in asked::cells(line) { td { (cell) } } }
+                    } }
+                } }
+            }
+        }
+    } }
+}
+
+/// The success of those that one has answered.
+fn verified(source: &Source, who: &str) -> Markup {
+    let own = source.answered.iter().filter(|record| record.answered_by.as_deref() == Some(who));
+    let rate = own.map(|record| record.scores.self_stop).collect::<Rate>();
+    html! { p { "Verified (self stop): " (words(rate)) } }
 }
 
 fn of_task(source: &Source, task: &str, arm: &Arm) -> Markup {

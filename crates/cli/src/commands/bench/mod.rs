@@ -1,5 +1,6 @@
 //! `spf bench`: runs tasks in trials and reports success rates (docs/guide/bench.md).
 
+mod ask;
 mod check;
 mod report;
 mod run;
@@ -22,6 +23,7 @@ use crate::settings::Settings;
 pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliError> {
     match command {
         Bench::Run(args) => run::run(args, printer),
+        Bench::Ask(args) => ask::ask(args, printer),
         Bench::Check(args) => check::check(args, printer),
         Bench::Merge(args) => merge_shares(args, printer),
         Bench::Report(args) => report::report(args, printer),
@@ -63,13 +65,14 @@ pub(crate) fn store_error(error: &StoreError) -> CliError {
     match error {
         StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
             .because(error)
-            .hint("use another folder with -o, or repeat the command that created this one"),
+            .hint("use another folder, or repeat the command that created this one"),
         StoreError::InUse(_) => {
-            CliError::usage("the folder is in use").because(error).hint("wait for that run to end, or use another folder with -o")
+            CliError::usage("the folder is in use").because(error).hint("wait for that run to end, or use another folder")
         }
         StoreError::Replaced(_) => CliError::internal("the rows of this run are lost")
             .because(error)
             .hint("repeat the command with another folder, -o DIR; end a run with Ctrl-C before its folder is deleted"),
+        StoreError::Questions(_) => CliError::usage("cannot go on with the questions and answers").because(error),
         StoreError::Shards(_) => CliError::usage("cannot merge the shards").because(error).hint(
             "give the folders of all \
             shards, each finished",

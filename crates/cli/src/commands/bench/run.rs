@@ -28,7 +28,7 @@ const MOST_USD: f64 = 1e6;
 /// Flies tasks and prints success rates.
 pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliError> {
     let mut settings = Settings::of(&args.settings, printer)?;
-    let (tasks, files) = tasks(args)?;
+    let (tasks, files) = tasks(args.suite.as_deref(), &args.task, "spf bench run --suite paper -o out")?;
     let max_cost = settings.fly.max_cost_usd.get()?;
     let per_trial = args.max_cost_per_trial;
     if per_trial.is_some_and(|cost| !(0.0..=MOST_USD).contains(&cost)) {
@@ -51,7 +51,7 @@ pub(super) fn run(args: &BenchRun, printer: &mut Printer) -> Result<Exit, CliErr
     }
     let shard = shard(args)?;
     let jobs = args.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files };
+    let options = RunOptions { jobs, videos: args.videos, command: command(args, vlms), files, asked: None };
     let plan = Plan { tasks, methods, pointers, trials: args.trials, seed: args.seed, max_cost_usd: per_trial };
     let head = plan.head(shard, vlms);
     let total = plan.draws().iter().flatten().count();
@@ -199,12 +199,12 @@ fn is_of(record: &Record, vlm: &str) -> bool {
 }
 
 /// Tasks that are not built in: id and file.
-type Files = BTreeMap<String, String>;
+pub(super) type Files = BTreeMap<String, String>;
 
-/// All selected tasks, and the files of those that are not built in.
-fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
+/// All selected tasks, and the files of those that are not built in; `example` selects some.
+pub(super) fn tasks(suite_name: Option<&str>, names: &[String], example: &str) -> Result<(Vec<Arc<Task>>, Files), CliError> {
     let (mut tasks, mut files) = (Vec::new(), Files::new());
-    if let Some(name) = &args.suite {
+    if let Some(name) = suite_name {
         let suite = suite(name).ok_or_else(|| {
             let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
             let error = CliError::usage(format!("unknown suite `{name}`"));
@@ -215,7 +215,7 @@ fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
         })?;
         tasks = suite.tasks().map_err(|error| CliError::internal("invalid built-in task").because(&error))?;
     }
-    for name in &args.task {
+    for name in names {
         let task = task_of(name)?;
         if *name != task.id {
             files.insert(task.id.clone(), name.clone());
@@ -228,12 +228,13 @@ fn tasks(args: &BenchRun) -> Result<(Vec<Arc<Task>>, Files), CliError> {
         return Err(CliError::usage(format!("duplicate task id `{}`", twice[0])).hint("task ids must be unique in a run"));
     }
     if tasks.is_empty() {
-        return Err(CliError::usage("no task given").hint("spf bench run --suite paper -o out"));
+        return Err(CliError::usage("no task given").hint(example));
     }
     Ok((tasks, files))
 }
 
-fn method(name: &str) -> Result<Method, CliError> {
+/// The method with this name.
+pub(super) fn method(name: &str) -> Result<Method, CliError> {
     Method::of_name(name).ok_or_else(|| {
         let known: Vec<&str> = Method::all().map(Method::name).collect();
         let error = CliError::usage(format!("--method: unknown method `{name}`"));

@@ -26,7 +26,7 @@ use spf_vlm::{Remote, RequestOptions, Vlm, today};
 pub(crate) use check::{advice, check};
 pub(crate) use estimate::{Estimate, agreed};
 pub(crate) use list::list;
-pub(crate) use own::{Pace, console, exec, is_human, listed, paced};
+pub(crate) use own::{LATENCY_S, Pace, console, exec, is_human, listed, paced};
 pub(crate) use served::{dollars, failure, service};
 pub(crate) use trial::trial;
 

@@ -16,7 +16,7 @@ use crate::error::CliError;
 use crate::settings::{Origin, Row, Settings};
 
 /// Latency of people and programs in virtual time, seconds: the oracle's median.
-pub(super) const LATENCY_S: f64 = 1.5;
+pub(crate) const LATENCY_S: f64 = 1.5;
 
 /// The clock that determines how long an answer takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -346,7 +346,7 @@ impl Trial<'_> {
         };
         let head = plan.head(Shard::WHOLE, &self.args.names);
         let (jobs, command) = (usize::from(self.args.parallel), self.command());
-        let options = RunOptions { jobs, videos: false, command, files: BTreeMap::new() };
+        let options = RunOptions { jobs, videos: false, command, files: BTreeMap::new(), asked: None };
         let mut begun = false;
         let ended = run_plan(&plan, &head, &folder, &options, self.service, &mut |progress, _| {
             if !core::mem::replace(&mut begun, true) {
