@@ -19,7 +19,8 @@ fn main() {
 
 /// A tower of `floors` storeys, each divided into small quads like a lattice or a façade.
 fn tower(object: ObjectId, east: f32, north: f32, floors: u32) -> Part {
-    let mut part = Part { vertices: Vec::new(), triangles: Vec::new(), material: 0, object, pieces: Vec::new(), role: Role::Solid };
+    let mut part =
+        Part { vertices: Vec::new(), triangles: Vec::new(), material: 0, object, pieces: Vec::new(), role: Role::Solid };
     for floor in 0..floors {
         for side in 0..4 {
             for cell in 0..10 {

@@ -171,7 +171,7 @@ pub(super) fn answered(source: &Source) -> Markup {
 /// The success of those that one has answered.
 fn verified(source: &Source, who: &str) -> Markup {
     let own = source.answered.iter().filter(|record| record.answered_by.as_deref() == Some(who));
-    let rate = own.map(|record| record.scores.self_stop).collect::<Rate>();
+    let rate = own.map(|record| record.scores.strict).collect::<Rate>();
     html! { p { "Verified (self stop): " (words(rate)) } }
 }
 

@@ -116,7 +116,7 @@ impl Observer for Followed {
                     asked: Some(decision.queried_at),
                     pointed: reading.reply.as_ref().and_then(|reply| reply.point),
                     flown_to: reading.waypoint,
-                    boxes: reading.listed.clone().unwrap_or_default(),
+                    boxes: reading.reply.as_ref().map(|reply| reply.boxes.clone()).unwrap_or_default(),
                     lines: Vec::new(),
                 });
                 words::decision(decision)

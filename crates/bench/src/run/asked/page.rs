@@ -70,7 +70,7 @@ fn result(record: Option<&Record>) -> String {
     });
     let is = |is: bool| if is { "yes" } else { "no" };
     let scores = &record.scores;
-    format!("{ended}Verified: {}; touched something: {}.", is(scores.self_stop), is(scores.collided))
+    format!("{ended}Verified: {}; touched something: {}.", is(scores.strict), is(scores.collided))
 }
 
 fn question(row: &Answered, prompt: &str, effect: Option<&Effect>) -> Markup {

@@ -58,7 +58,7 @@ pub fn lines(records: &[Record]) -> Vec<Line> {
             task: task.to_owned(),
             method: method.to_owned(),
             reached: rate(is_reached),
-            verified: rate(|record| record.scores.self_stop),
+            verified: rate(|record| record.scores.strict),
             touched: rate(|record| record.scores.collided),
             questions: rows.iter().map(|record| f64::from(record.n_vlm_calls)).sum::<f64>() / rows.len() as f64,
             seconds: (!seconds.is_empty()).then(|| seconds.iter().sum::<f64>() / seconds.len() as f64),
@@ -75,8 +75,8 @@ fn is_reached(record: &Record) -> bool {
 pub(super) fn sums(records: &[Record]) -> [(&'static str, Rate); 4] {
     let rate = |hit: fn(&Record) -> bool| records.iter().map(hit).collect::<Rate>();
     [
-        ("Verified (self stop)", rate(|record| record.scores.self_stop)),
-        ("Fulfilled at some time (judge stop)", rate(|record| record.scores.judge_stop)),
+        ("Fulfilled, strict verdict", rate(|record| record.scores.strict)),
+        ("Fulfilled, paper verdict", rate(|record| record.scores.paper)),
         ("Reported done", rate(is_reached)),
         ("Touched something", rate(|record| record.scores.collided)),
     ]
@@ -152,8 +152,8 @@ pub fn csv(records: &[Record]) -> String {
             record.answered_by.clone().unwrap_or_default(),
             flight.map_or_else(String::new, |flight| spf_flight::words::outcome(flight.outcome).to_owned()),
             is_reached(record).to_string(),
-            scores.self_stop.to_string(),
-            scores.judge_stop.to_string(),
+            scores.strict.to_string(),
+            scores.paper.to_string(),
             scores.collided.to_string(),
             record.n_vlm_calls.to_string(),
             flight.map_or_else(String::new, |flight| flight.decisions.to_string()),

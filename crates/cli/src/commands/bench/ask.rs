@@ -136,7 +136,7 @@ fn flown(record: &Record, progress: Progress) -> String {
         return format!("{done} of {of}: cannot fly {}: {why}", record.run_id);
     }
     let ended = record.flight.as_ref().map_or_else(String::new, |flight| spf_flight::words::outcome(flight.outcome).to_owned());
-    let verified = if record.scores.self_stop { "verified" } else { "not verified" };
+    let verified = if record.scores.strict { "verified" } else { "not verified" };
     let touched = if record.scores.collided { ", something was touched" } else { "" };
     format!("{done} of {of}: {}: {ended}, {verified}{touched}", record.run_id)
 }
@@ -176,7 +176,7 @@ fn show(args: &BenchAsk, who: &str, records: &[Record], printer: &Printer) {
         [vec![line.task.clone(), line.method.clone()], rates.to_vec(), figures].concat()
     };
     printer.result(&table(&std::iter::once(head).chain(found.iter().map(row)).collect::<Vec<_>>()));
-    let verified = records.iter().map(|record| record.scores.self_stop).collect::<Rate>();
+    let verified = records.iter().map(|record| record.scores.strict).collect::<Rate>();
     printer.result(&format!("\nverified {}, {}", words(verified), said(who)));
     printer.result(&args.folder.join("index.html").display().to_string());
 }
