@@ -74,8 +74,10 @@ pub struct PerceivedObject {
     pub nearest: f64,
     /// Distance to the surface visible at `deepest` in the ordinary image, metres: for an opening, what is behind it.
     pub beyond: f64,
-    /// Whether it counts as in view: tall enough, and enough of it inside the frame.
+    /// Whether it counts as in view: tall enough and enough of it inside the frame, or a large part of the image.
     pub in_view: bool,
+    /// Whether it is so in view that one may say to have reached it: enough of it inside the frame, or most of what one sees.
+    pub clearly: bool,
     /// The edge of the image that cuts off most of it.
     pub cut: Option<Look>,
     /// Square root of its visible pixels at [`SIZE_SENT`], reduced by darkness.
@@ -271,8 +273,9 @@ fn thing(
         nearest: (nearest * slip).min(range),
         beyond: if past > 0.0 && past.is_finite() { past * stretch(sight.camera, deepest) } else { f64::INFINITY },
         // `docs/explanation/oracle.md`, "In view": at least 0.8 % of the frame high and a quarter inside it, or filling a
-        // tenth of it.
-        in_view: (bounds.bottom - bounds.top >= 0.008 && fraction >= 0.25) || area >= 0.1 * w * h,
+        // fiftieth of it: of a tower that large a part is named and pointed at, however much of it is outside.
+        in_view: (bounds.bottom - bounds.top >= 0.008 && fraction >= 0.25) || area >= 0.02 * w * h,
+        clearly: fraction >= 0.25 || area >= 0.1 * w * h,
         cut: mask.cut(sight.width, sight.height),
         size: size(mask.area),
         luck,

@@ -301,7 +301,11 @@ fn take<'v>(
 fn in_view(step: Step, thing: &PerceivedObject, view: &Inputs<'_>) -> Met {
     let here = place(thing);
     match step {
-        Step::Approach(times) if view.arrived(thing.nearest, times * view.near()) => Met::Yes(Some(here)),
+        // Of what is near and cut off, the rest is looked for: whoever has reached it sees it.
+        Step::Approach(times) if view.arrived(thing.nearest, times * view.near()) => match thing.cut {
+            Some(cut) if !thing.clearly => Met::Look(cut),
+            _ => Met::Yes(Some(here)),
+        },
         Step::Summit if view.arrived(thing.nearest, view.near()) => Met::Yes(Some(here)),
         Step::Summit => Met::Go(summit(thing)),
         Step::Regain => Met::Yes(Some(here)),
