@@ -39,13 +39,15 @@ pub use walking::{AHEAD_OF_FRAME, Motion, Walk, Walkers};
 /// Added to the body's radius, metres: at 10 m, 2 % of the width of a 90° image, the box error of a good model.
 pub const BODY_MARGIN: f64 = 0.25;
 /// Added to that around a person, who may step aside, metres.
-pub const PERSON_MARGIN: f64 = 0.5;
+pub const PERSON_MARGIN: f64 = 0.3;
 /// A detour keeps this far away where the image has room for it, metres: boxes are loose, and an obstacle is passed only once.
 pub const DETOUR_CLEARANCE: f64 = 0.8;
 /// A direction is not lower than another if it ends less than this below it, metres.
 const LEVEL: f64 = 0.02;
 /// Maximum angle by which a point is shifted from the planned direction, degrees.
 pub const MAX_SHIFT_DEG: u32 = 60;
+/// Up to this angle, degrees, a way to the side comes before any over or under: a craft that climbs over each thing comes ever higher.
+const ASIDE_DEG: u32 = 35;
 /// Shortest step worth flying, metres: the paper's `d_min`.
 pub const MIN_STEP: f64 = 0.1;
 
@@ -54,6 +56,8 @@ pub const MIN_STEP: f64 = 0.1;
 const EDGE: f64 = 0.02;
 /// Minimum lateral distance per metre forward for a path to count as leading along an edge: 14°.
 const ASIDE: f64 = 0.25;
+/// Number of the first of them that lead to a side, at most an eighth of a circle up or down.
+const LEVEL_WAYS: usize = 6;
 /// Directions tried on each ring around the planned one, half a circle's worth.
 const HALF_RING: u32 = 8;
 /// Part to the side below which a direction counts as straight up or down, which is on either side.
@@ -280,9 +284,11 @@ fn nearest_free(plan: &PlannedStep<'_>, side: Option<Side>, free: impl Fn(ImageP
     let right = DVec3::new(ahead.y, -ahead.x, 0.0).normalize();
     let up = right.cross(ahead);
     let inside = EDGE..=1.0 - EDGE;
-    for ring in 1..=MAX_SHIFT_DEG {
+    let level = (1..=ASIDE_DEG).flat_map(|ring| around().take(LEVEL_WAYS).map(move |way| (ring, way)));
+    let all = (1..=MAX_SHIFT_DEG).flat_map(|ring| around().map(move |way| (ring, way)));
+    for (ring, (aside, tip)) in level.chain(all) {
         let (sin, cos) = sin_cos(f64::from(ring).to_radians());
-        for (aside, tip) in around() {
+        {
             let wrong = match side {
                 None => false,
                 Some(Side::Left) => aside > STRAIGHT_UP,

@@ -177,6 +177,16 @@ impl Reader {
             let last = self.past.last().ok_or("there was no image")?;
             return motion(text, last.pose, decision.pose).map(|()| "since");
         }
+        if let Some(text) = line.strip_prefix("By all your answers the target is ") {
+            let (range, rest) = text.split_once(" ± ").ok_or("no range")?;
+            let (error, near) = rest.split_once(" m away; within ").ok_or("no error")?;
+            let near: f64 = near.strip_suffix(" m counts.").ok_or("no end")?.parse().map_err(|_| "no number")?;
+            let anchor = self.past.iter().rev().find_map(|past| past.decision.anchor).ok_or("its place is not known")?;
+            let away = decision.pose.position.distance(anchor.sight.position);
+            metres_are(range, away)?;
+            let error: f64 = error.parse().map_err(|_| "no number")?;
+            return if away - error > near - 0.1 { Ok("reckoned") } else { Err(format!("it is {away:.1} m away")) };
+        }
         if let Some(text) = line.strip_prefix("You have answered \"blocked\" ") {
             let (times, _) = text.split_once(" times in a row.").ok_or("unknown sentence")?;
             return same("blocked", times, &self.blocked().to_string());
@@ -337,9 +347,9 @@ impl Reader {
         }
         if past.decision.reading.avoidance.is_some_and(|avoidance| avoidance != Avoidance::Clear) && !said.contains("because of")
         {
-            let Some(Avoidance::Hold { by: None }) = past.decision.reading.avoidance else {
+            if past.decision.reading.because.is_some() {
                 return Err("what avoidance did is not told".to_owned());
-            };
+            }
         }
         motion(flown.strip_suffix('.').ok_or("no end")?, past.at_reply, next).map(|()| "answer")
     }
@@ -422,9 +432,9 @@ impl Reader {
 fn detour(part: &str, past: &Past) -> Result<(), String> {
     let avoidance = past.decision.reading.avoidance.ok_or("no avoidance")?;
     let (how, because) = part.split_once(" because of ").map_or((part, None), |(how, because)| (how, Some(because)));
-    let (meant, by) = match avoidance {
+    let meant = match avoidance {
         Avoidance::Clear => return Err("the way was clear".to_owned()),
-        Avoidance::Shifted { point, by } => {
+        Avoidance::Shifted { point } => {
             let planned = past.reply.point.or(past.reply.open_way.map(|way| way.point)).ok_or("no point")?;
             let (right, down) = (point.u - planned.u, point.v - planned.v);
             let fits = match how {
@@ -437,14 +447,16 @@ fn detour(part: &str, past: &Past) -> Result<(), String> {
             if !fits {
                 return Err(format!("it went from {planned:?} to {point:?}"));
             }
-            (how, Some(by))
+            how
         }
-        Avoidance::Shortened { by, .. } => ("cut short", Some(by)),
-        Avoidance::Hold { by } => ("held back", by),
+        Avoidance::Shortened { .. } => "cut short",
+        Avoidance::Hold => "held back",
     };
     same("detour", how, meant)?;
-    let obstacle = by.and_then(|by| past.reply.boxes.get(by));
-    let meant = obstacle.map(|obstacle| format!("\"{}\"", obstacle.name));
+    let meant = past.decision.reading.because.as_ref().map(|because| {
+        let seen = because.seen_before_s.map_or(String::new(), |s| format!(", seen {} s before", s.round().max(1.0)));
+        format!("\"{}\"{seen}{}", because.name, if because.walks { ", who walks there" } else { "" })
+    });
     if because.map(str::to_owned) == meant { Ok(()) } else { Err(format!("because of {meant:?}")) }
 }
 

@@ -488,6 +488,8 @@ fn every_row_of_the_documentation_has_its_test() {
         include_str!("../../../pilot/src/policy/spf/tests.rs"),
         include_str!("../../../pilot/src/policy/spf/aside/tests.rs"),
         include_str!("../../../pilot/src/policy/spf/retreat/tests.rs"),
+        include_str!("../../../pilot/src/policy/spf/beside.rs"),
+        include_str!("../../../space/src/views.rs"),
         include_str!("../../../follow/tests/it/follower.rs"),
         include_str!("../../../space/src/avoid/tests.rs"),
         include_str!("../../../space/src/avoid/vertical.rs"),

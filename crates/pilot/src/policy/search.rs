@@ -118,6 +118,12 @@ impl Sweep {
         }
     }
 
+    /// A turn by just so many radians.
+    fn turn_by(&mut self, yaw: f64) -> f64 {
+        (self.turning, self.turns) = (true, self.turns + 1);
+        yaw
+    }
+
     /// The next turn, at best by `wished` radians. Whatever the replies ask for, each shows something new: left and right in turn
     /// are not a full circle.
     fn turn(&mut self, heading: f64, wished: f64) -> f64 {
@@ -246,7 +252,8 @@ impl Search {
             (None, Look::Behind) => PI,
             (None, _) => self.pattern.turn,
         };
-        let yaw = self.sweep.turn(heading, wished);
+        // Whoever says by how much to turn has seen a reason for it.
+        let yaw = if turn.is_some() && !other_side { self.sweep.turn_by(wished) } else { self.sweep.turn(heading, wished) };
         self.turn_by(yaw)
     }
 

@@ -311,7 +311,7 @@ impl Spf {
 
     /// No free direction: hold and query again; if that repeats, the policy looks from higher up, goes around, or turns away.
     fn blocked(&mut self, plan: &Plan<'_>, reading: &mut Reading) -> Step {
-        if self.passage.waits() {
+        if self.passage.waits(plan) {
             return Step::Look;
         }
         let camera = plan.view().camera;
@@ -405,5 +405,7 @@ impl Policy for Spf {
     }
 }
 
+#[cfg(test)]
+mod beside;
 #[cfg(test)]
 mod tests;

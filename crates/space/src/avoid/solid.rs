@@ -15,6 +15,9 @@ const BEYOND: f64 = 5.0;
 /// A thing is at most this much deeper than its label tells, metres, a person this much; less if it is narrower.
 const DEEPEST: f64 = 3.0;
 const PERSON_DEPTH: f64 = 0.6;
+/// Beside something of the lowest label that is not somebody, this much of the clearance is given up, metres: it stands somewhere in
+/// that label, seldom at its near end, and with a narrow image all of it would leave no direction at all.
+const SPARED: f64 = 0.15;
 /// Step with which a path is followed where it grazes the distance to keep, metres.
 const GRAZE: f64 = 0.02;
 
@@ -36,6 +39,7 @@ pub(super) struct Solid {
     moved: Option<(DMat3, DVec3)>,
     /// The lowest label also covers anything closer, so no path may lead towards such a box, however short.
     is_here: bool,
+    is_person: bool,
 }
 
 impl Solid {
@@ -48,8 +52,13 @@ impl Solid {
         };
         let ((left, right), (top, bottom)) =
             (wide(listed.area.left, listed.area.right), wide(listed.area.top, listed.area.bottom));
+        // Later images have shown what is beyond the edges of an earlier one.
+        let is_own = obstacle.from.pose == view.pose;
         let corners = [(left, top), (left, bottom), (right, bottom), (right, top)].map(|(u, v)| {
             let mut ray = camera.ray(ImagePoint { u, v });
+            if !is_own {
+                return DVec3::new(ray.right, 1.0, ray.up).normalize();
+            }
             if u < ImageBox::CUT {
                 ray.right = ray.right.min(-BEYOND);
             } else if u > 1.0 - ImageBox::CUT {
@@ -69,10 +78,10 @@ impl Solid {
         });
         let is_person = is_person(&listed.name);
         let (near, far) = range(obstacle, is_person);
-        let moved = (obstacle.from.pose != view.pose).then(|| into_axes_of(view, &obstacle.from));
+        let moved = (!is_own).then(|| into_axes_of(view, &obstacle.from));
         let clearance = clearance + if is_person { PERSON_MARGIN } else { 0.0 };
         let is_here = listed.depth <= 1 && moved.is_none();
-        let mut solid = Self { index, corners, normals, near, far, clearance, moved, is_here };
+        let mut solid = Self { index, corners, normals, near, far, clearance, moved, is_here, is_person };
         // A wide craft may already be closer than its clearance; it may leave but must not come closer.
         solid.clearance = clearance.min(0.95 * solid.distance(solid.own(DVec3::ZERO)));
         solid
@@ -126,7 +135,8 @@ impl Solid {
     fn is_towards(&self, end: DVec3) -> bool {
         let length = end.length();
         let (cos, sin) = if length > 0.0 { self.angle(end / length) } else { return false };
-        cos > 0.0 && self.near * sin < self.clearance
+        let clearance = if self.is_person { self.clearance } else { self.clearance - SPARED };
+        cos > 0.0 && self.near * sin < clearance
     }
 
     /// Whether a straight path, in its own axes, comes closer than the clearance. The distance changes by no more than what is flown.

@@ -5,6 +5,7 @@ use super::aside::Aside;
 use super::plan::{Before, Plan, Refusal, TurnedFirst};
 use super::rules::Rules;
 use crate::policy::{Reading, Step, View};
+use spf_core::direction::Direction;
 use spf_core::geometry::wrap_angle;
 use spf_core::query::ImagePoint;
 use spf_space::avoid::{self, Avoidance, PassingSide, Side};
@@ -16,6 +17,8 @@ const BLOCKED_AGAIN: u32 = 2;
 /// Number of clear paths in a row after which a detour is over.
 const DETOUR_OVER: u32 = 2;
 
+/// A reply that points farther than this from the last one points elsewhere, radians: 6°.
+const ELSEWHERE: f64 = 6.0 / 180.0 * core::f64::consts::PI;
 /// Two ways within this angle are the same, radians: 20°.
 const SAME_WAY: f64 = 20.0 / 180.0 * core::f64::consts::PI;
 
@@ -52,8 +55,10 @@ impl DetourSide {
 #[derive(Clone, Debug)]
 pub(super) struct Passage {
     detour: DetourSide,
-    /// Replies in a row that left no direction free.
+    /// Replies in a row that point there and leave no direction free.
     blocked: u32,
+    /// The bearing of the last of them, radians clockwise from north.
+    blocked_at: f64,
     /// Ways around that are out of view; `None` without guidance.
     aside: Option<Aside>,
     /// The turn towards the path that was flown instead of the last step.
@@ -65,7 +70,7 @@ pub(super) struct Passage {
 impl Passage {
     pub(super) fn new(rules: &Rules) -> Self {
         let aside = rules.keeps_place.then(Aside::default);
-        Self { detour: DetourSide::default(), blocked: 0, aside, turned: None, open: None }
+        Self { detour: DetourSide::default(), blocked: 0, blocked_at: 0.0, aside, turned: None, open: None }
     }
 
     /// What the decisions before leave for the next plan. Only the very next one follows the turn that was made for it.
@@ -108,8 +113,15 @@ impl Passage {
         }
     }
 
-    /// Notes that no direction is free; returns whether the craft waits for another reply.
-    pub(super) fn waits(&mut self) -> bool {
+    /// Notes that no direction is free; returns whether the craft waits for another reply. Whoever points elsewhere is waited for anew: a
+    /// model that sees finds a way by itself.
+    pub(super) fn waits(&mut self, plan: &Plan<'_>) -> bool {
+        let View { camera, pose, .. } = plan.view();
+        let bearing = Direction::of_point(camera, *pose, plan.point).bearing;
+        if wrap_angle(bearing - self.blocked_at).abs() > ELSEWHERE {
+            self.blocked = 0;
+        }
+        self.blocked_at = bearing;
         self.blocked += 1;
         let looks = if self.aside.is_some_and(|aside| aside.was_tried()) { BLOCKED_AGAIN } else { BLOCKED_LOOKS };
         if self.blocked >= looks {

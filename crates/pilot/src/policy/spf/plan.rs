@@ -22,6 +22,13 @@ const LONGER_STEPS: u32 = 8;
 const TURNS_FIRST: u32 = 2;
 /// Nearer than this multiple of the distance to keep, the craft is beside who is followed.
 const BESIDE: f64 = 1.6;
+/// Words for what is flown through.
+const THROUGH: [&str; 4] = ["through", "opening", "openings", "gap"];
+/// Depth label up to which an opening is flown through in one step, 4.6 m; how far beyond, metres; and how far off the heading it may be,
+/// radians: 12°.
+const OPENING: f64 = 4.0;
+const BEYOND: f64 = 1.5;
+const CENTRED: f64 = 12.0 / 180.0 * core::f64::consts::PI;
 /// A way this far off the heading is still in sight, as a part of half the field of view.
 const IN_SIGHT: f64 = 0.8;
 /// Angle below which a target is not below the craft, radians: 6°.
@@ -76,6 +83,8 @@ pub(super) struct Plan<'a> {
     step: f64,
     /// The most that a person leaves who walks towards the craft, metres, where it is less.
     yields_to: Option<f64>,
+    /// Whether it leads to beyond an opening.
+    leads_through: bool,
 }
 
 /// What a check makes of a plan.
@@ -153,18 +162,51 @@ fn leads_along_edge(plan: &Plan<'_>, _: &Views) -> Verdict {
     next.map_or(Verdict::Fly, |turn| Verdict::Refused(Refusal::TurnFirst(turn)))
 }
 
+/// Whether a reply of a guided craft leads through an opening that is near and straight ahead: a step that ends in it would be followed
+/// by one from between its sides.
+fn leads_through(answer: &Answered<'_>, point: ImagePoint, label: f64) -> bool {
+    let Answered { rules, reply, .. } = answer;
+    let is_named = |name: &String| {
+        let mut words = name.split(|c: char| !c.is_alphanumeric());
+        words.any(|word| THROUGH.iter().any(|through| word.eq_ignore_ascii_case(through)))
+    };
+    let is_opening = reply.target.as_ref().is_some_and(is_named) && reply.status == Status::Navigating;
+    let aside = libm::atan(answer.view().camera.ray(point).right).abs();
+    is_opening && rules.keeps_place && rules.kept_clear == KeptClear::ByBoxes && label <= OPENING && aside < CENTRED
+}
+
 impl<'a> Plan<'a> {
     /// The step towards a point, led around what the obstacles of the reply leave no room for.
     pub(super) fn new(answer: Answered<'a>, (point, label): (ImagePoint, f64), before: Before, views: &Views) -> Self {
         let step = answer.rules.settings.step.length_of(label);
         let from = answer.view().viewpoint();
-        let plan = Self { answer, point, label, before, from, avoidance: None, by: None, waypoint: point, step, yields_to: None };
+        let plan = Self {
+            answer,
+            point,
+            label,
+            before,
+            from,
+            avoidance: None,
+            by: None,
+            waypoint: point,
+            step,
+            yields_to: None,
+            leads_through: false,
+        };
         if answer.rules.kept_clear != KeptClear::ByBoxes && !views.has_keep_out() {
             return plan;
         }
         let planned = plan.answer.rules.planned(&plan.from, point, step);
         let (target, obstacles) = (answer.reply.target.as_deref(), plan.counted());
-        let (outcome, by) = avoid::avoid(&planned, answer.rules.clearance(), obstacles, target, before.passing);
+        let check =
+            |planned: &PlannedStep<'_>| avoid::avoid(planned, answer.rules.clearance(), obstacles, target, before.passing);
+        if leads_through(&answer, point, label) {
+            let step = step.max(lift::range_of_label(label) + BEYOND);
+            if check(&PlannedStep { step, ..planned }).0 == Avoidance::Clear {
+                return Self { step, avoidance: Some(Avoidance::Clear), leads_through: true, ..plan };
+            }
+        }
+        let (outcome, by) = check(&planned);
         let (waypoint, step) = match outcome {
             Avoidance::Shifted { point } => (point, step),
             Avoidance::Shortened { step: shorter } => (point, shorter),
@@ -293,7 +335,9 @@ impl<'a> Plan<'a> {
         let is_on_target = reply.target_box.is_some_and(|area| area.contains(self.point)) && !is_at_edge(self.point);
         // Of a point without its depth only the direction is known.
         let is_placed = reply.label().is_some();
-        is_placed && (rules.follows(reply) || reply.status == Status::Navigating && rules.keeps_place && is_on_target)
+        !self.leads_through
+            && is_placed
+            && (rules.follows(reply) || reply.status == Status::Navigating && rules.keeps_place && is_on_target)
     }
 
     /// The step with the sighting of the target, of this stage. `stays`: it comes no nearer.

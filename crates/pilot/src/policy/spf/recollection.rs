@@ -1,7 +1,7 @@
 //! What each query recalls of the flight so far, for the VLM.
 
 use super::history::History;
-use crate::policy::{Reading, Reckoned, View};
+use crate::policy::{Expected, Reading, Reckoned, View};
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 use spf_core::query::{ImageBox, ImagePoint, Look, Memory, ReckonedRange};
@@ -40,13 +40,18 @@ impl Recollection {
         kept_out: Vec<ImageBox>,
     ) -> Memory {
         self.history.fill(view, &mut self.memory);
-        let reckoned = view.reckoned.zip(near).filter(|_| confirming).and_then(|(reckoned, near)| self.too_far(reckoned, near));
+        let reckoned = view
+            .reckoned
+            .zip(near)
+            .filter(|_| confirming)
+            .and_then(|(reckoned, near)| self.too_far(reckoned, near, matches!(view.expected, Expected::InView { .. })));
         Memory { confirming, turned, kept_out, reckoned, ..self.memory.clone() }
     }
 
     /// What contradicts a `done`: the target is farther away than what counts by more than is uncertain.
-    fn too_far(&self, Reckoned { stage, range, sd }: Reckoned, near: f64) -> Option<ReckonedRange> {
-        let is_far = stage == self.memory.stage && range - sd > near;
+    fn too_far(&self, Reckoned { stage, range, sd }: Reckoned, near: f64, in_view: bool) -> Option<ReckonedRange> {
+        // Of what was passed, as an opening, the distance says nothing.
+        let is_far = stage == self.memory.stage && in_view && range - sd > near;
         is_far.then_some(ReckonedRange { range_m: range, sd_m: sd, near_m: near })
     }
 

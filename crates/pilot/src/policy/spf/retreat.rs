@@ -97,8 +97,7 @@ pub(super) fn target_person(reply: &Reply) -> Option<ObstacleBox> {
 
 /// Whether a reply lists somebody within 3 m ahead to whom it does not lead.
 pub(super) fn is_before_person(view: &View, reply: &Reply) -> bool {
-    let target = target_person(reply);
-    let is_other = |person: &&ObstacleBox| target.as_ref().is_none_or(|target| !same_name(&target.name, &person.name));
+    let is_other = |person: &&ObstacleBox| reply.target.as_ref().is_none_or(|target| !same_name(target, &person.name));
     let persons = reply.boxes.iter().filter(|listed| listed.depth <= NEAR && is_person(&listed.name));
     persons.filter(is_other).any(|person| is_ahead(view, person))
 }
