@@ -5,6 +5,7 @@
 
 use spf_core::detection::Appearance;
 
+use super::language::told::Told;
 use super::language::{Clause, Instruction, Order, Phrase, Verb};
 
 /// The stages of a flight, and what the hostile signs on its way demand.
@@ -48,17 +49,6 @@ pub enum SignDemand {
     Land,
     /// To do something else.
     Fly(BriefStage),
-}
-
-/// Takes the place of the words of a [`Phrase`].
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Told {
-    /// Ids of the objects that count.
-    pub(crate) objects: Vec<u16>,
-    /// The same, and those of earlier stages for which they may be mistaken.
-    pub(crate) among: Vec<u16>,
-    /// How they appear in a list of detections.
-    pub(crate) appearances: Vec<Appearance>,
 }
 
 impl Brief {

@@ -23,6 +23,7 @@ mod settle;
 pub(crate) mod spelling;
 pub(crate) mod table;
 mod times;
+pub(crate) mod told;
 mod turns;
 mod verbs;
 

@@ -42,10 +42,10 @@ Examples:
   spf bench run --suite paper --shard 0/4 -o part0
 
 The same command in the same folder resumes an interrupted run. In the table, STRICT counts the trials in which the method \
-reported success at the goal, PAPER those that the paper's judge would have counted: the goal was reached at any \
-time. results.jsonl has one row per trial and no wall-clock times; docs/guide/bench.md describes it. A VLM's service that fails is waited for, up to two hours; a wrong key \
-or no credit ends the run. Exit code 0 when all trials were flown, whatever their outcome; 5 when interrupted, declined, or \
---max-cost is reached; 6 when the VLM's service failed.")]
+reported success at the goal, PAPER those that the paper's judge would have counted: the goal was reached at any time. \
+results.jsonl has one row per trial and no wall-clock times; docs/guide/bench.md describes it. A VLM's service that fails is \
+waited for, up to two hours; a wrong key or no credit ends the run. Exit code 0 when all trials were flown, whatever their \
+outcome; 5 when interrupted, declined, or --max-cost is reached; 6 when the VLM's service failed.")]
 pub(crate) struct BenchRun {
     /// Suite of tasks (see `spf bench list`)
     #[arg(long, value_name = "NAME")]

@@ -1,9 +1,9 @@
 //! Noun phrases: the kind of object meant, and the attributes that distinguish it.
 
-use super::super::brief::Told;
 use super::lex::{is_thing, singular};
 use super::lexicon::{ADJECTIVES, NOUNS, PHRASES, SPELLING, VERBS};
 use super::meaning::{Relation, Side, Size};
+use super::told::Told;
 use super::turns::{
     ARTICLES, alternatives, apposition, beside_it, clothes, describes_person, ends_description, ends_phrase, has_noun,
     is_adjective, is_colour, number, place, surroundings,
