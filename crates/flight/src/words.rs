@@ -144,9 +144,9 @@ pub fn decision(decision: &Decision) -> String {
         None | Some(Avoidance::Clear) => {}
         Some(Avoidance::Shifted { .. }) => line.push_str(", shifted clear of an obstacle"),
         Some(Avoidance::Shortened { .. }) => line.push_str(", shortened before an obstacle"),
-        Some(Avoidance::Hold { .. }) => line.push_str(", path blocked"),
+        Some(Avoidance::Hold) => line.push_str(", path blocked"),
     }
-    let held = matches!(reading.avoidance, Some(Avoidance::Hold { .. }));
+    let held = matches!(reading.avoidance, Some(Avoidance::Hold));
     if reading.waypoint.is_some() && reading.step.is_none() && reading.primitives.is_some() && !held {
         line.push_str(", yaw first");
     }

@@ -6,7 +6,8 @@ use spf_core::query::{ActForm, Query};
 use spf_core::reply::Look;
 
 use super::Oracle;
-use super::percept::{Percept, slopes};
+use super::percept::Percept;
+use super::sight::slopes;
 use super::stages::{Aim, Place};
 
 /// A motion suggested by the percept.

@@ -5,8 +5,9 @@ use spf_core::query::{ImageBox, ImagePoint};
 use spf_core::rng::RandomStream;
 
 use super::Oracle;
-use super::obstacles::Obstacle;
-use super::percept::{PerceivedObject, Percept};
+use super::extent::Obstacle;
+use super::percept::Percept;
+use super::sight::PerceivedObject;
 
 /// Maximum number of boxes reported, besides a spurious one.
 const MOST_BOXES: usize = 8;

@@ -15,7 +15,8 @@ use super::language::lexicon::{NOUNS, PHRASES};
 use super::language::resolve::meant;
 use super::language::score::vocabulary;
 use super::language::{Phrase, Verb, parse};
-use super::percept::{PerceivedObject, Percept};
+use super::percept::Percept;
+use super::sight::PerceivedObject;
 use super::stages::{Aim, clause_of};
 
 /// Farther than this fraction of the width from the percept's point, no candidate is chosen (`docs/explanation/oracle.md`).

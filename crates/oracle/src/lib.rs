@@ -21,6 +21,7 @@ mod answer;
 mod brief;
 mod corridor;
 mod errors;
+mod extent;
 mod kinds;
 pub mod language;
 mod masks;
@@ -29,6 +30,7 @@ mod obstacles;
 mod percept;
 mod place;
 mod reading;
+mod sight;
 mod signs;
 mod slope;
 mod stages;
@@ -50,9 +52,10 @@ pub use errors::{
 };
 pub use masks::{Mask, masks};
 pub use obedience::{Obedience, Per};
-pub use percept::{GroundTruthView, LETTER_PX, PerceivedObject, PerceivedSign, Percept, SIZE_SENT};
+pub use percept::{LETTER_PX, PerceivedSign, Percept};
 pub use place::{Place, Placed, Viewpoint};
 pub use reading::{Correction, InstructionReading, ReadStep, UnknownWord, read_instruction};
+pub use sight::{GroundTruthView, PerceivedObject, SIZE_SENT};
 pub use truth::{TruthTarget, resolve_truth};
 pub use unread::unread;
 

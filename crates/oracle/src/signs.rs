@@ -12,7 +12,8 @@ use super::language::lex::raw_tokens;
 use super::language::lexicon::SIGNS;
 use super::language::{Instruction, Verb, demands, parse};
 use super::obedience::Per;
-use super::percept::{PerceivedObject, PerceivedSign};
+use super::percept::PerceivedSign;
+use super::sight::PerceivedObject;
 use super::stages::{self, Aim, Inputs, Place};
 
 /// Follows the target's name in a reply that obeys a sign, so that the history shows where it came from.

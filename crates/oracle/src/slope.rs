@@ -6,8 +6,8 @@ use spf_core::lift::{CameraDisplacement, Lifting, lift};
 use spf_core::query::{ImageBox, ImagePoint};
 
 use super::errors::ErrorFile;
-use super::obstacles::{Distances, Hole, Obstacle, band, obstacle_of, side, surrounded};
-use super::percept::{GroundTruthView, PerceivedObject};
+use super::extent::{Distances, Hole, Obstacle, band, obstacle_of, side, surrounded};
+use super::sight::{GroundTruthView, PerceivedObject};
 
 /// Ground counts as rising from this far above the lowest ground before it in the same column of the image, metres: more than a kerb
 /// or a step.
@@ -116,7 +116,7 @@ fn rising(sight: &GroundTruthView<'_>, things: &[PerceivedObject]) -> BTreeMap<u
         for row in (0..h).step_by(STEP.1).rev() {
             let at = row * w + column;
             let (id, depth) = (sight.ids[at], f64::from(sight.depth[at]));
-            if !is_ground.get(usize::from(id)).is_some_and(|is| *is) || !(depth > 0.0 && depth.is_finite()) {
+            if !(is_ground.get(usize::from(id)).is_some_and(|is| *is) && depth > 0.0 && depth.is_finite()) {
                 continue;
             }
             let height = depth * (along + across * distances.aside[column] + up * distances.up[row]);

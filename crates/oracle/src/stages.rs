@@ -10,7 +10,8 @@ use super::language::lexicon::NOUNS;
 use super::language::resolve::entrances;
 use super::language::score::knows;
 use super::language::{Clause, Instruction, Phrase, Verb};
-use super::percept::{PerceivedObject, Percept};
+use super::percept::Percept;
+use super::sight::PerceivedObject;
 
 /// The inputs of an answer.
 pub(super) struct Inputs<'a> {

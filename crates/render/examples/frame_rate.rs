@@ -32,7 +32,7 @@ const COVERED: f64 = 0.6;
 
 const FULL: Channels = Channels::RGB;
 const LIVE: Channels = Channels { quality: Quality::Live, ..Channels::RGB };
-const TRUTH: Channels = Channels { rgb: false, depth: true, ids: true, openings: false, quality: Quality::Full };
+const TRUTH: Channels = Channels { rgb: false, depth: true, ids: true, openings: false, pieces: false, quality: Quality::Full };
 const PRESETS: [(&str, Channels); 3] = [("full", FULL), ("live", LIVE), ("ids and depth", TRUTH)];
 
 fn camera(width: u32) -> Camera {

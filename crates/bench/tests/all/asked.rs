@@ -113,6 +113,8 @@ fn anonymous(mut record: Record) -> Record {
     record.answered_by = None;
     record.vlm_details.provider.clear();
     record.vlm_details.models.clear();
+    // Of a query that is open as the flight ends, only a folder has the answer by then.
+    record.n_vlm_calls = 0;
     let flight = record.flight.as_mut().unwrap();
     flight.vlm.clear();
     flight.vlm_use = None;

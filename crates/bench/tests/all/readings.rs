@@ -49,7 +49,7 @@ fn tasks_state_what_their_instructions_ask_for() {
             false => &mut task.load_scene(&task.scene).unwrap(),
         };
         let reading = read_instruction(&task.instruction, &loaded.placed(&loaded.cast.starts()), Some(loaded.scene.start));
-        let brief = task.brief(&loaded, loaded.scene.start.position);
+        let brief = task.brief(loaded, loaded.scene.start.position);
         let verbs: (Vec<_>, Vec<_>) =
             (reading.steps.iter().map(|step| step.verb).collect(), brief.stages.iter().map(|stage| stage.verb).collect());
         assert_eq!(verbs.0, verbs.1, "{}", task.id);

@@ -345,11 +345,9 @@ impl Reader {
                 detour(part, past)?;
             }
         }
-        if past.decision.reading.avoidance.is_some_and(|avoidance| avoidance != Avoidance::Clear) && !said.contains("because of")
-        {
-            if past.decision.reading.because.is_some() {
-                return Err("what avoidance did is not told".to_owned());
-            }
+        let has_reason = past.decision.reading.because.is_some();
+        if has_reason && !said.contains("because of") {
+            return Err("what avoidance did is not told".to_owned());
         }
         motion(flown.strip_suffix('.').ok_or("no end")?, past.at_reply, next).map(|()| "answer")
     }

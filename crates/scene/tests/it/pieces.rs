@@ -16,7 +16,7 @@ const THIN: f32 = 1.5;
 const CELLS: usize = 60;
 
 fn scenes() -> impl Iterator<Item = Scene> {
-    ["city", "park", "office", "yard"].into_iter().map(|name| Scene::load(name).unwrap())
+    ["city", "park", "office", "yard"].into_iter().map(|name| Scene::load(name).expect("it is built in"))
 }
 
 /// The fraction of an object's bounding rectangle, seen along x or along y, that it fills: what its triangles cover, and what lies

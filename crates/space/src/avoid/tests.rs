@@ -348,7 +348,7 @@ fn whatever_leads_away_is_free() {
     let chair = Obstacle { from: here, listed: boxed(0.3, 0.3, 0.7, 1.0, 1, "chair") };
     let pose = Pose { attitude: Attitude { heading: 2.1, ..Attitude::default() }, ..here.pose };
     let away = Viewpoint { pose, ..here };
-    assert_eq!(super::avoid(&plan(&away, 3.0), CLEARANCE, &[chair.clone()], None, None).0, Avoidance::Clear);
+    assert_eq!(super::avoid(&plan(&away, 3.0), CLEARANCE, core::slice::from_ref(&chair), None, None).0, Avoidance::Clear);
     assert_ne!(super::avoid(&plan(&here, 3.0), CLEARANCE, &[chair], None, None).0, Avoidance::Clear);
 }
 
