@@ -79,10 +79,11 @@ fn the_oracle_is_graded_as_its_error_files_state() {
     assert_eq!(report(&resumed), found);
     assert_eq!(rows(&lab.path("graded/answers.jsonl")).len(), 180);
 
-    // The perfect oracle reports boxes of objects, which have true ones. Its points keep clear of them.
+    // The perfect oracle reports boxes of objects, which have true ones, and of long ones the near piece, which is smaller. Its points
+    // keep clear of them.
     let run = lab.spf(&["ground", "--dataset", "data", "--vlm", "oracle:perfect", "-o", "boxes", "--json", "--avoid"]);
     let boxes = report(&run);
-    assert!(of(&boxes, "oracle:perfect")["box_iou"]["value"].as_f64().unwrap() > 0.9, "{boxes}");
+    assert!(of(&boxes, "oracle:perfect")["box_iou"]["value"].as_f64().unwrap() > 0.8, "{boxes}");
     assert!(of(&boxes, "oracle:perfect")["hits_expected"].is_null(), "{boxes}");
 }
 

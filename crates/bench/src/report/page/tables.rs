@@ -172,7 +172,7 @@ pub(super) fn answered(source: &Source) -> Markup {
 fn verified(source: &Source, who: &str) -> Markup {
     let own = source.answered.iter().filter(|record| record.answered_by.as_deref() == Some(who));
     let rate = own.map(|record| record.scores.strict).collect::<Rate>();
-    html! { p { "Verified (self stop): " (words(rate)) } }
+    html! { p { "Fulfilled, strict verdict: " (words(rate)) } }
 }
 
 fn of_task(source: &Source, task: &str, arm: &Arm) -> Markup {

@@ -15,7 +15,7 @@ pub struct Line {
     pub method: String,
     /// Trials that the pilot took to be fulfilled.
     pub reached: Rate,
-    /// Of all trials, those of which the judge says so too: self stop.
+    /// Of all trials, those of which the judge says so too: the strict verdict.
     pub verified: Rate,
     /// Trials in which something was touched.
     pub touched: Rate,
@@ -131,7 +131,7 @@ pub fn csv(records: &[Record]) -> String {
         "outcome",
         "reached",
         "verified",
-        "judge_stop",
+        "paper",
         "collided",
         "questions",
         "decisions",
