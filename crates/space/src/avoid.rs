@@ -3,7 +3,7 @@
 //!
 //! The paper relies on the model to choose a point clear of the boxes it reports. Models do not always do so, so the
 //! geometry is checked here. What counts is what may come within the clearance of the path up to where the craft would rest without
-//! another answer. A box with its depth label is treated as a [solid](solid) that starts at the near edge of the
+//! another answer. A box with its depth label is treated as a solid that starts at the near edge of the
 //! label's range interval (for the lowest label, anywhere before it) and is as deep as it is wide; a box that an image edge cuts off
 //! extends beyond that edge. It stands where the view that showed it saw it: what has left the image counts as well. Where
 //! path and solid come closer than the clearance, the point is shifted to the nearest free direction; failing that, the
