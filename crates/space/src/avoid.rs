@@ -56,7 +56,7 @@ pub const MIN_STEP: f64 = 0.1;
 const EDGE: f64 = 0.02;
 /// Minimum lateral distance per metre forward for a path to count as leading along an edge: 14°.
 const ASIDE: f64 = 0.25;
-/// Number of the first of them that lead to a side, at most an eighth of a circle up or down.
+/// Number of the first of them that lead to a side, at most a sixteenth of a circle up or down.
 const LEVEL_WAYS: usize = 6;
 /// Directions tried on each ring around the planned one, half a circle's worth.
 const HALF_RING: u32 = 8;
@@ -284,24 +284,25 @@ fn nearest_free(plan: &PlannedStep<'_>, side: Option<Side>, free: impl Fn(ImageP
     let right = DVec3::new(ahead.y, -ahead.x, 0.0).normalize();
     let up = right.cross(ahead);
     let inside = EDGE..=1.0 - EDGE;
-    let level = (1..=ASIDE_DEG).flat_map(|ring| around().take(LEVEL_WAYS).map(move |way| (ring, way)));
-    let all = (1..=MAX_SHIFT_DEG).flat_map(|ring| around().map(move |way| (ring, way)));
-    for (ring, (aside, tip)) in level.chain(all) {
+    let aside = (1..=ASIDE_DEG).flat_map(|ring| around().take(LEVEL_WAYS).map(move |way| (ring, way)));
+    let rest = (1..=MAX_SHIFT_DEG).flat_map(|ring| {
+        let tried = if ring <= ASIDE_DEG { LEVEL_WAYS } else { 0 };
+        around().skip(tried).map(move |way| (ring, way))
+    });
+    for (ring, (aside, tip)) in aside.chain(rest) {
+        let wrong = match side {
+            None => false,
+            Some(Side::Left) => aside > STRAIGHT_UP,
+            Some(Side::Right) => aside < -STRAIGHT_UP,
+        };
+        if wrong {
+            continue;
+        }
         let (sin, cos) = sin_cos(f64::from(ring).to_radians());
-        {
-            let wrong = match side {
-                None => false,
-                Some(Side::Left) => aside > STRAIGHT_UP,
-                Some(Side::Right) => aside < -STRAIGHT_UP,
-            };
-            if wrong {
-                continue;
-            }
-            let toward = ahead * cos + (right * aside + up * tip) * sin;
-            let Some(point) = plan.view.camera.project(toward.x, toward.y, toward.z) else { continue };
-            if inside.contains(&point.u) && inside.contains(&point.v) && free(point) {
-                return Some(point);
-            }
+        let toward = ahead * cos + (right * aside + up * tip) * sin;
+        let Some(point) = plan.view.camera.project(toward.x, toward.y, toward.z) else { continue };
+        if inside.contains(&point.u) && inside.contains(&point.v) && free(point) {
+            return Some(point);
         }
     }
     None

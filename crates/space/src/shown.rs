@@ -7,11 +7,11 @@
 use std::collections::VecDeque;
 
 use crate::avoid::is_person;
-use crate::viewpoint::Viewpoint;
+use crate::viewpoint::{Obstacle, Viewpoint};
 use spf_core::geometry::EnuPosition;
 use spf_core::lift::{Lifting, project_displacement, range_of_label};
 use spf_core::query::ImageBox;
-use spf_core::reply::Reply;
+use spf_core::reply::{ObstacleBox, Reply};
 use spf_core::time::{Duration, Time};
 use spf_motion::odometry::Odometry;
 
@@ -25,8 +25,6 @@ const SIGHT: f64 = 8.0;
 const FULL_LIST: usize = 8;
 /// Part of the body and the space around it that must lie within the image, from its middle on.
 const INSIDE: f64 = 0.5;
-/// A thing is at most this deep, metres.
-const DEEPEST: f64 = 3.0;
 /// Where a person was seen is taken for this long; after that they may have walked on.
 const STOOD: Duration = Duration::from_secs(15);
 
@@ -96,19 +94,13 @@ impl Shown {
     /// Takes a reply to a query that asked for what is near.
     pub(crate) fn reply(&mut self, from: Viewpoint, odometry: Odometry, reply: &Reply) {
         self.expire(from.captured);
-        let boxes: Vec<Thing> = reply
-            .boxes
-            .iter()
-            .map(|found| {
-                let label = f64::from(found.depth);
-                let (nearest, farthest) = (range_of_label(label - 0.5), range_of_label(label + 0.5));
-                // The lowest label means anything that is nearer, too.
-                let nearest = if found.depth <= 1 { 0.0 } else { nearest };
-                let wide = (found.area.right - found.area.left) * f64::from(from.camera.width) / from.camera.fx * farthest;
-                let is_person = is_person(&found.name);
-                Thing { area: found.area, nearest, farthest: farthest + wide.min(DEEPEST), is_person }
-            })
-            .collect();
+        let boxes = Obstacle::of(&from, &reply.boxes).map(|obstacle| {
+            let (nearest, farthest) = obstacle.extent();
+            let ObstacleBox { area, depth, name } = obstacle.listed;
+            // The lowest label means anything that is nearer, too.
+            Thing { area, nearest: if depth <= 1 { 0.0 } else { nearest }, farthest, is_person: is_person(&name) }
+        });
+        let boxes = boxes.collect();
         let is_full = reply.boxes.len() >= FULL_LIST;
         let farthest = reply
             .boxes

@@ -5,8 +5,7 @@
 
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
-use spf_core::lift::{label_of_range, range_of_label};
-use spf_core::panel::Panel;
+use spf_core::lift::range_of_label;
 use spf_core::query::ImageBox;
 use spf_core::reply::ObstacleBox;
 use spf_core::time::{Duration, Time};
@@ -68,9 +67,10 @@ impl Views {
     }
 
     /// The keep-out volumes as obstacles of an image ([`KeepOut::tiles_in`]).
-    pub fn keep_out_tiles(&self, at: &Viewpoint) -> impl Iterator<Item = Obstacle> {
-        let tiles: Vec<_> = self.kept_out.iter().flat_map(|volume| volume.tiles_in(&at.camera, at.pose)).collect();
-        Obstacle::of(at, &tiles).collect::<Vec<_>>().into_iter()
+    #[must_use]
+    pub fn keep_out_tiles(&self, at: &Viewpoint) -> Vec<Obstacle> {
+        let tiles = self.kept_out.iter().flat_map(|volume| volume.tiles_in(&at.camera, at.pose));
+        tiles.map(|listed| Obstacle { from: *at, listed }).collect()
     }
 
     /// Learns of the persons whom a reply about the image lists, or to whom it leads.
@@ -87,7 +87,7 @@ impl Views {
         self.missed.clear();
         let known = core::mem::take(&mut self.obstacles);
         for obstacle in known {
-            match obstacle.standing(at, boxes, until) {
+            match standing(&obstacle, at, boxes, until) {
                 Standing::Counts => self.obstacles.push(obstacle),
                 Standing::LeftOut => self.missed.push(obstacle),
                 Standing::Over => {}
@@ -107,7 +107,7 @@ impl Views {
         let is_own = |obstacle: &&Obstacle| obstacle.from.captured == at.captured;
         let own = self.obstacles.iter().filter(is_own);
         // What is older hangs over the craft at most.
-        let is_beside = |obstacle: &&Obstacle| !is_own(obstacle) && obstacle.is_new(at);
+        let is_beside = |obstacle: &&Obstacle| !is_own(obstacle) && is_new(obstacle, at);
         let others = self.obstacles.iter().filter(is_beside);
         own.chain(others).chain(&self.missed).cloned().chain(self.walkers.ahead(at, except)).collect()
     }
@@ -154,47 +154,34 @@ enum Standing {
     Over,
 }
 
-impl Obstacle {
-    /// What becomes of it where an image is taken in which these boxes, and everything else up to the depth label `until`, are listed.
-    fn standing(&self, at: &Viewpoint, boxes: &[ObstacleBox], until: Option<u8>) -> Standing {
-        if !self.counts(at, until) {
-            let Some(seen) = self.in_view(at) else { return Standing::Over };
-            let is_it = |listed: &ObstacleBox| {
-                let (a, b) = (listed.area, seen.area);
-                let overlaps = a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
-                overlaps && listed.depth.abs_diff(seen.depth) <= SAME_DEPTH
-            };
-            let is_near = seen.depth <= NEAR && !boxes.iter().any(is_it);
-            let is_new = at.captured.since(self.from.captured) <= PERSON_REMEMBERED;
-            return if is_near && is_new { Standing::LeftOut } else { Standing::Over };
-        }
-        Standing::Counts
+/// What becomes of an obstacle where an image is taken in which these boxes, and everything else up to the depth label `until`, are
+/// listed.
+fn standing(obstacle: &Obstacle, at: &Viewpoint, boxes: &[ObstacleBox], until: Option<u8>) -> Standing {
+    if !is_new(obstacle, at) {
+        let away = obstacle.from.pose.position.horizontal_distance(at.pose.position);
+        let may_hang = !is_person(&obstacle.listed.name) && hangs_over(&obstacle.listed, away);
+        return if may_hang { Standing::Counts } else { Standing::Over };
     }
+    // What the image shows a part of, it shows: the rest is of the same thing.
+    let is_shown = |seen: &ObstacleBox| {
+        let ImageBox { left, top, right, bottom } = seen.area;
+        right - left >= SHOWN && bottom - top >= SHOWN && until.is_none_or(|until| seen.depth < until)
+    };
+    let Some(seen) = obstacle.in_view(at).filter(is_shown) else { return Standing::Counts };
+    let is_it = |listed: &ObstacleBox| {
+        let (a, b) = (listed.area, seen.area);
+        let overlaps = a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+        overlaps && listed.depth.abs_diff(seen.depth) <= SAME_DEPTH
+    };
+    let is_recent = at.captured.since(obstacle.from.captured) <= PERSON_REMEMBERED;
+    let is_missed = seen.depth <= NEAR && is_recent && !boxes.iter().any(is_it);
+    if is_missed { Standing::LeftOut } else { Standing::Over }
+}
 
-    /// Its box in the image taken there; `None` if it lies outside.
-    fn in_view(&self, at: &Viewpoint) -> Option<ObstacleBox> {
-        let panel = Panel::new(&self.from.camera, self.from.pose, self.listed.area, self.listed.depth);
-        let (area, range) = panel.seen_from(&at.camera, at.pose)?;
-        Some(ObstacleBox { area, depth: label_of_range(range), name: self.listed.name.clone() })
-    }
-
-    /// Whether it still counts where an image is taken in which everything up to the depth label `until` is listed.
-    fn counts(&self, at: &Viewpoint, until: Option<u8>) -> bool {
-        if !self.is_new(at) {
-            let away = self.from.pose.position.horizontal_distance(at.pose.position);
-            return !is_person(&self.listed.name) && hangs_over(&self.listed, away);
-        }
-        // What the image shows a part of, it shows: the rest is of the same thing.
-        let Some(seen) = self.in_view(at) else { return true };
-        let is_shown = seen.area.right - seen.area.left >= SHOWN && seen.area.bottom - seen.area.top >= SHOWN;
-        !is_shown || until.is_some_and(|until| seen.depth >= until)
-    }
-
-    /// Whether it is so new that it still stands where it was seen.
-    fn is_new(&self, at: &Viewpoint) -> bool {
-        let remembered = if is_person(&self.listed.name) { PERSON_REMEMBERED } else { REMEMBERED };
-        at.captured.since(self.from.captured) <= remembered
-    }
+/// Whether an obstacle is so new that it still stands where it was seen.
+fn is_new(obstacle: &Obstacle, at: &Viewpoint) -> bool {
+    let remembered = if is_person(&obstacle.listed.name) { PERSON_REMEMBERED } else { REMEMBERED };
+    at.captured.since(obstacle.from.captured) <= remembered
 }
 
 /// Whether a climb on the spot stays clear of an obstacle.

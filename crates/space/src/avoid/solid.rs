@@ -4,17 +4,13 @@ use glam::{DMat3, DVec3};
 
 use super::{PERSON_MARGIN, Path, axes, is_person};
 use crate::viewpoint::{Obstacle, Viewpoint};
-use spf_core::lift::{CameraDisplacement, Lifting, lift, lower, range_of_label};
+use spf_core::lift::{CameraDisplacement, Lifting, lift, lower};
 use spf_core::query::{ImageBox, ImagePoint};
-use spf_core::reply::DEPTH_LABELS;
 
 /// A box thinner than this fraction of the image is taken to be this thick.
 const MIN_BOX: f64 = 0.002;
 /// Tangent of the angle from the optical axis up to which an object that is cut off extends: 79°.
 const BEYOND: f64 = 5.0;
-/// A thing is at most this much deeper than its label tells, metres, a person this much; less if it is narrower.
-const DEEPEST: f64 = 3.0;
-const PERSON_DEPTH: f64 = 0.6;
 /// Beside something of the lowest label that is not somebody, this much of the clearance is given up, metres: it stands somewhere in
 /// that label, seldom at its near end, and with a narrow image all of it would leave no direction at all.
 const SPARED: f64 = 0.15;
@@ -77,7 +73,7 @@ impl Solid {
             if normal.dot(middle) < 0.0 { -normal } else { normal }
         });
         let is_person = is_person(&listed.name);
-        let (near, far) = range(obstacle, is_person);
+        let (near, far) = obstacle.extent();
         let moved = (!is_own).then(|| into_axes_of(view, &obstacle.from));
         let clearance = clearance + if is_person { PERSON_MARGIN } else { 0.0 };
         let is_here = listed.depth <= 1 && moved.is_none();
@@ -163,18 +159,6 @@ impl Solid {
             || (self.is_here && (self.is_towards(corner) || self.is_towards(end)))
             || (corner != end && self.meets(corner, end))
     }
-}
-
-/// The ranges at which an obstacle begins and ends, metres.
-fn range(obstacle: &Obstacle, is_person: bool) -> (f64, f64) {
-    let Obstacle { from: Viewpoint { camera, .. }, listed } = obstacle;
-    let label = f64::from(listed.depth);
-    let (near, far) = (range_of_label(label - 0.5), range_of_label(label + 0.5));
-    if listed.depth >= DEPTH_LABELS {
-        return (near, f64::INFINITY);
-    }
-    let wide = (listed.area.right - listed.area.left) * f64::from(camera.width) / camera.fx * far;
-    (near, far + if is_person { PERSON_DEPTH } else { wide.min(DEEPEST) })
 }
 
 /// The rotation and the translation from the camera axes of one view into those of another.
