@@ -3,6 +3,7 @@
 //! Nothing here ends an instruction by itself: what does is returned ([`Ended`]), and the [pilot](crate::Pilot) concludes.
 
 use super::Pilot;
+use crate::admissible::{Admitted, Way};
 use crate::course::{AT_PLACE, Aim, Course, PLAN_PERIOD, Renewed};
 use crate::event::{Action, Decision, Ending, Note, Outcome, Phase};
 use crate::following::{TrackNews, walks};
@@ -32,10 +33,6 @@ const STEPS_AT_ONCE: usize = 16;
 const WORTH_TURNING: f64 = 5.0 / 180.0 * core::f64::consts::PI;
 /// A target is not turned to whose place is nearer than this, metres: its direction is not known.
 const BESIDE: f64 = 1.0;
-/// A motion back by less than this is a correction, metres.
-const BACK: f64 = 0.05;
-/// A vertical search move shorter than this shows nothing new, metres.
-const WORTH_LOOKING: f64 = 0.05;
 /// The position's drift within this time counts as its error relative to the map.
 const DRIFTING: Duration = Duration::from_secs(3);
 /// Deceleration that plans count on, as a fraction of the craft's limit.
@@ -378,17 +375,11 @@ impl Pilot {
         let mut output = output;
         for _ in 0..STEPS_AT_ONCE {
             let (is_second_look, before_person) = (output.reading.is_done(), output.reading.is_before_person);
+            self.leg.centre = output.step.place(view);
             match output.step {
                 Step::Ask(query) => self.ask(now, query, *view),
-                Step::Move(motion) => {
-                    self.leg.centre = None;
-                    self.begin_move(now, motion);
-                }
-                Step::Goto(goto) => {
-                    let lead = self.lead(now, &goto);
-                    self.leg.centre = Some(goto.place(view));
-                    self.begin_lead(now, lead);
-                }
+                Step::Move(motion) => self.begin_move(now, motion),
+                Step::Goto(goto) => self.begin_lead(now, self.lead(now, &goto)),
                 Step::Follow(goto) => self.begin_following(now, &goto),
                 Step::Keep => self.keep_on(now, view),
                 // A second look at somebody who walks: at rest, the craft would lose them.
@@ -406,7 +397,8 @@ impl Pilot {
                 }
                 Step::Fail(reason) => return Some(Ending::given_up(reason)),
             }
-            self.leg.rest.is_needed |= before_person;
+            // Who stays with somebody who walks never rests.
+            self.leg.rest.is_needed |= before_person && !self.leg.is_following();
             output = self.policy.handle(PolicyEvent::Continue);
         }
         None
@@ -594,63 +586,20 @@ impl Pilot {
 
     // ---- What a move must not do ----
 
-    /// Why what is remembered forbids a vertical search move; `None` if nothing does. The camera sees neither up nor down.
-    fn barred(&self, at: EnuPosition, climb: f64) -> Option<&'static str> {
-        if self.space.bars_climb(at, climb) {
-            return Some("no vertical search move: the map has an obstacle above or below, or beside the way there");
-        }
-        self.target.is_beside_lost(at, climb).then_some("no vertical search move: the target was last seen beside the way there")
+    /// What is known of the way of a move that begins now.
+    fn way(&self, now: Time) -> Way<'_> {
+        let (senses, space, target, envelope) = (&self.senses, &self.space, &self.target, &self.envelope);
+        Way { now, pose: senses.known(now).pose(), senses, space, target, envelope, avoid: self.settings.avoid }
     }
 
     /// The part of a move that may be flown; `None` if nothing is left of it.
     fn admissible(&mut self, now: Time, motion: Move) -> Option<Move> {
-        let mut primitives = motion.primitives;
-        let pose = self.senses.known(now).pose();
-        let path = [pose.position, Goal::of_primitives(pose, primitives).position];
-        let camera = self.senses.camera;
-        if primitives.forward < -BACK && !self.space.shows_back(now, &camera, path) {
-            let odometry = self.senses.odometry_at(now);
-            let may_lead_aside = motion.then_rest && primitives.right == 0.0;
-            let way = self.space.way_back(now, &camera, odometry, pose, primitives).filter(|_| may_lead_aside);
-            if way.is_none() {
-                self.limited("no motion backwards: not flown through in the last 12 s, and no frame of the last 3 s shows it");
-            }
-            primitives = way.unwrap_or(Primitives { forward: 0.0, ..primitives });
+        let Admitted { motion, limited, climb } = self.way(now).admits(motion);
+        limited.into_iter().for_each(|why| self.limited(why));
+        if let Some((wanted, left)) = climb {
+            self.answers.refused.climb(wanted, left);
         }
-        let looks = motion.then_rest && primitives.forward == 0.0 && primitives.right == 0.0 && primitives.climb != 0.0;
-        if looks {
-            primitives.climb = self.admissible_climb(now, pose, primitives);
-        }
-        let nothing = primitives != motion.primitives && primitives == Primitives::default();
-        (!nothing).then_some(Move { primitives, ..motion })
-    }
-
-    /// How much of a vertical search move may be flown, metres.
-    fn admissible_climb(&mut self, now: Time, pose: Pose, primitives: Primitives) -> f64 {
-        let mut climb = primitives.climb;
-        // A forward camera does not see what is below. Boxes tell nothing of it, and neither does the height above the
-        // take-off point.
-        if climb < 0.0 && self.settings.avoid && !self.envelope.measures_clearance() {
-            let path = [pose.position, Goal::of_primitives(pose, primitives).position];
-            if !self.space.shows_below(now, &self.senses.camera, path) {
-                climb = 0.0;
-                self.limited("no descent: no frame of the last 3 s shows what is below, and nothing measures it");
-            }
-        }
-        if let Some(why) = self.barred(pose.position, climb) {
-            climb = 0.0;
-            self.limited(why);
-        }
-        if climb == 0.0 {
-            return climb;
-        }
-        let (down, up) = self.envelope.vertical_room();
-        let within = climb.clamp(-down.max(0.0), up.max(0.0));
-        self.answers.refused.climb(climb, within);
-        if within != climb {
-            self.limited("vertical search move limited: it stays 0.5 m from floor and ceiling");
-        }
-        if within.abs() < WORTH_LOOKING { 0.0 } else { within }
+        motion
     }
 
     fn limited(&mut self, why: &'static str) {
@@ -662,12 +611,11 @@ impl Pilot {
     pub(crate) fn bring_into_view(&mut self, now: Time, target: EnuPosition) -> bool {
         let pose = self.senses.known(now).pose();
         let Some(Correction { climb, back }) = correction(&self.senses.tilted_camera(), pose, target) else { return false };
-        let climb = climb.clamp(-AT_MOST, AT_MOST);
-        let (down, up) = self.envelope.vertical_room();
-        let room = climb.clamp(-down.max(0.0), up.max(0.0));
+        let way = self.way(now);
+        let room = way.within_room(climb.clamp(-AT_MOST, AT_MOST));
         // Boxes do not show what reaches over or under them.
         let is_safe = self.settings.method.measures_view() || !may_overhang(target, pose.position, room);
-        let primitives = if room.abs() > WORTH_FLYING && is_safe && self.barred(pose.position, room).is_none() {
+        let primitives = if room.abs() > WORTH_FLYING && is_safe && way.barred(room).is_none() {
             Primitives { climb: room, ..Primitives::default() }
         } else {
             Primitives { forward: -back.clamp(0.0, AT_MOST), ..Primitives::default() }

@@ -12,6 +12,7 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod admissible;
 pub mod anchor;
 mod answers;
 mod course;

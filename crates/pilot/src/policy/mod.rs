@@ -168,6 +168,14 @@ pub enum Step {
 }
 
 impl Step {
+    /// The place that the reply pointed at in this view, at the range of its depth label; `None` of a step that leads to no target.
+    #[must_use]
+    pub fn place(&self, view: &View) -> Option<EnuPosition> {
+        let (Self::Goto(goto) | Self::Follow(goto)) = self else { return None };
+        let toward = Direction::of_point(&view.camera, view.pose, goto.point);
+        Some(toward.place(view.pose.position, range_of_label(goto.label)))
+    }
+
     /// Its name in a record of decisions.
     #[must_use]
     pub fn word(&self) -> &'static str {
@@ -245,15 +253,6 @@ pub struct Goto {
     pub is_detour: bool,
     /// How far the reply's boxes leave the straight path to the point clear, metres; at least as far as the motion leads.
     pub clear: f64,
-}
-
-impl Goto {
-    /// The place that the reply pointed at in this view, at the range of its depth label.
-    #[must_use]
-    pub fn place(&self, view: &View) -> EnuPosition {
-        let toward = Direction::of_point(&view.camera, view.pose, self.point);
-        toward.place(view.pose.position, range_of_label(self.label))
-    }
 }
 
 /// A policy's interpretation of a reply. It travels with the step: the pilot learns from it, and it is displayed and recorded.

@@ -14,7 +14,7 @@ use spf_core::grounding::GroundingProfile;
 use spf_core::lift::{Lifting, exact_label_of_range};
 use spf_core::primitives::Primitives;
 use spf_core::prompt::{PromptKind, PromptText};
-use spf_core::query::{DepthAs, ImagePoint};
+use spf_core::query::{DepthAs, ImagePoint, Memory, ReckonedRange};
 use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::step::StepRule;
 use spf_space::Obstacle;
@@ -133,10 +133,16 @@ impl Spf {
     }
 
     fn ask(&mut self, view: &View) -> Step {
-        let kept_out = self.views.keep_out_areas(&view.viewpoint());
         let confirming = self.asking.purpose == Purpose::Confirm;
-        let ending = (confirming, self.rules.settings.near_m);
-        let memory = self.recollection.about(view, ending, self.visibility.turned(), kept_out);
+        let memory = self.recollection.until(view);
+        let too_far = self.rules.settings.near_m.filter(|_| confirming).and_then(|near| too_far(view, memory.stage, near));
+        let memory = Memory {
+            confirming,
+            turned: self.visibility.turned(),
+            kept_out: self.views.keep_out_areas(&view.viewpoint()),
+            reckoned: too_far,
+            ..memory
+        };
         self.asking.ask(&self.rules, view, memory, self.visibility.close_up(&self.rules, view))
     }
 
@@ -169,7 +175,7 @@ impl Spf {
     /// and what a step must keep clear of.
     fn learn(&mut self, view: &View, reply: &mut Reply, reading: &mut Reading) -> (Option<Step>, Vec<Obstacle>) {
         let (rules, at) = (&self.rules, view.viewpoint());
-        let mut obstacles: Vec<Obstacle> = self.views.keep_out_tiles(&at).collect();
+        let mut obstacles = self.views.keep_out_tiles(&at);
         if rules.kept_clear == KeptClear::Unchecked {
             return (None, obstacles);
         }
@@ -331,6 +337,14 @@ impl Spf {
         reading.actions.push(format!("turns instead of climbing: {why}"));
         moves::turn(plan.view(), camera.half_fov().0, reading)
     }
+}
+
+/// What contradicts a `done`: the target of this stage is farther away than what counts, `near` metres, by more than is uncertain. Of
+/// one that is out of view, as an opening that was passed, the distance says nothing.
+fn too_far(view: &View, stage: u32, near: f64) -> Option<ReckonedRange> {
+    let reckoned = view.reckoned.filter(|reckoned| reckoned.stage == stage && reckoned.range - reckoned.sd > near)?;
+    let in_view = matches!(view.expected, Expected::InView { .. });
+    in_view.then_some(ReckonedRange { range_m: reckoned.range, sd_m: reckoned.sd, near_m: near })
 }
 
 /// The depth label of a point whose reply has none: of the target's place if that is known and is where the reply points, else the

@@ -127,6 +127,23 @@ fn a_walking_person_is_followed_at_the_distance_to_keep() {
 }
 
 #[test]
+fn beside_somebody_else_a_craft_that_follows_goes_on_asking() {
+    let mut setup = follows();
+    setup.settings.avoid = true;
+    let mut flight = setup.fly(|query: &Query, seen: &Seen| {
+        let Answer::After(latency, text) = sees_the_person(1.0)(query, seen) else { panic!("it answers") };
+        // A bystander to the right of the way, within 3 m.
+        let woman = r#""boxes":[{"box":[200,620,900,700],"depth":3,"name":"woman"}]"#;
+        Answer::After(latency, text.replace(r#""boxes":[]"#, woman))
+    });
+    Tracker::new(1000.0).fly(&mut flight, 40.0);
+    let late = |decision: &&Decision| decision.answered.as_secs_f64() > 25.0;
+    let follows = flight.decisions().filter(late).filter(|decision| decision.step == "follow").count();
+    assert!(follows >= 4, "{follows}");
+    assert!(flight.decisions().any(|decision| decision.reading.is_before_person));
+}
+
+#[test]
 fn without_its_track_the_craft_stops_closing_within_half_a_second_and_ends_within_three() {
     let blind = 20.0;
     let mut flight = follows().fly(move |query: &Query, seen: &Seen| {

@@ -1,8 +1,9 @@
-//! Tests of what obstacle mode does beside somebody, on dodges and in openings.
+//! What obstacle mode does beside somebody, on dodges and in openings, and what the second look is told.
 
 use crate::method::Method;
 use crate::policy::spf::tests::{Rig, told_from, view};
-use crate::policy::{Goto, Move, Step, View};
+use crate::policy::{Expected, Goto, Move, Reckoned, Step, View};
+use spf_core::query::ImagePoint;
 use spf_core::time::{Duration, Time};
 use spf_space::avoid::Avoidance;
 
@@ -101,4 +102,23 @@ fn whoever_points_elsewhere_is_waited_for_anew() {
     let mut spf = Rig::with(true, Method::Boxes);
     let acts = [500, 600, 500, 600, 500, 505, 500].map(|u| (u, flown(&mut spf, u64::from(u), &wall(u)).is_some()));
     assert_eq!(acts.map(|(_, acts)| acts), [false, false, false, false, false, false, true]);
+}
+
+#[test]
+fn the_second_look_is_told_of_a_distance_that_contradicts_it() {
+    // What counts is 3 m.
+    let told = |range: f64, stage: u32, expected: Expected| {
+        let mut spf = Rig::with(true, Method::Boxes);
+        told_from(&mut spf, &at(0), r#"{"status":"done","stage":1,"target":"crane","boxes":[]}"#);
+        let reckoned = Some(Reckoned { stage, range, sd: 0.5 });
+        let (query, step) = told_from(&mut spf, &View { reckoned, expected, ..at(1) }, r#"{"status":"done","boxes":[]}"#);
+        assert_eq!(step, Step::Done, "the model has the last word");
+        let is_told = query.prompt.contains("By all your answers the target is 4.1 ± 0.5 m away; within 3 m counts.");
+        assert_eq!(is_told, query.memory.reckoned.is_some(), "{}", query.prompt);
+        is_told
+    };
+    let in_view = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 4.1 };
+    assert!(told(4.1, 1, in_view));
+    // Within what is uncertain, of another stage, and what was passed.
+    assert!(!told(3.4, 1, in_view) && !told(4.1, 2, in_view) && !told(4.1, 1, Expected::Aside));
 }

@@ -1,10 +1,10 @@
 //! What each query recalls of the flight so far, for the VLM.
 
 use super::history::History;
-use crate::policy::{Expected, Reading, Reckoned, View};
+use crate::policy::{Reading, View};
 use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
-use spf_core::query::{ImageBox, ImagePoint, Look, Memory, ReckonedRange};
+use spf_core::query::{ImagePoint, Look, Memory};
 use spf_core::reply::{Reply, ReplyError, Status};
 
 /// Number of earlier targets that are recalled.
@@ -30,29 +30,10 @@ impl Recollection {
         self.memory.last_seen
     }
 
-    /// The memory of a query about a view. `turned`: by how much the search has turned, radians clockwise.
-    /// `near`: what counts as reached, metres.
-    pub(super) fn about(
-        &mut self,
-        view: &View,
-        (confirming, near): (bool, Option<f64>),
-        turned: f64,
-        kept_out: Vec<ImageBox>,
-    ) -> Memory {
+    /// What has happened until this view.
+    pub(super) fn until(&mut self, view: &View) -> Memory {
         self.history.fill(view, &mut self.memory);
-        let reckoned = view
-            .reckoned
-            .zip(near)
-            .filter(|_| confirming)
-            .and_then(|(reckoned, near)| self.too_far(reckoned, near, matches!(view.expected, Expected::InView { .. })));
-        Memory { confirming, turned, kept_out, reckoned, ..self.memory.clone() }
-    }
-
-    /// What contradicts a `done`: the target is farther away than what counts by more than is uncertain.
-    fn too_far(&self, Reckoned { stage, range, sd }: Reckoned, near: f64, in_view: bool) -> Option<ReckonedRange> {
-        // Of what was passed, as an opening, the distance says nothing.
-        let is_far = stage == self.memory.stage && in_view && range - sd > near;
-        is_far.then_some(ReckonedRange { range_m: range, sd_m: sd, near_m: near })
+        self.memory.clone()
     }
 
     /// Notes whether a reply could be read: what was wrong is stated until there is another reply. A missing depth is asked for
