@@ -6,6 +6,7 @@
 //! p values, with bootstrap samples that depend only on a seed.
 
 pub mod contrast;
+mod document;
 pub mod ground;
 pub mod judge;
 pub mod report;

@@ -1,16 +1,15 @@
 //! The page of a trial: self-contained, without scripts.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use spf_core::reply::DEPTH_LABELS;
 
 use super::habit::described;
 use super::{Findings, Group, LabelCalibration};
+use crate::document;
 use crate::ground::measure::Measures;
 use crate::stats::{Estimate, Rate};
 use crate::trial::Record;
 
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
-const STYLE: &str = include_str!("../report/page/style.css");
 /// The chart of depth labels, in units of its drawing.
 const WIDTH: f64 = 460.0;
 const HEIGHT: f64 = 300.0;
@@ -21,27 +20,15 @@ const FARTHEST: f64 = 200.0;
 /// The page: `command` wrote it, and `notes` are about everything.
 #[must_use]
 pub fn page(findings: &[Findings], command: &str, notes: &[String]) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "SPF: trial of " (findings.iter().map(|f| f.vlm.as_str()).collect::<Vec<_>>().join(", ")) }
-                // Our own style sheet, without external text.
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { "Trial of vision-language models" }
-                p class="from" { "Written by spf " (env!("CARGO_PKG_VERSION")) ": " code { (command) } }
-                @for note in notes { p class="note" { (note) } }
-                (figures(findings))
-                @for found in findings { (one(found)) }
-            }
-        }
+    let body = html! {
+        h1 { "Trial of vision-language models" }
+        p class="from" { "Written by spf " (env!("CARGO_PKG_VERSION")) ": " code { (command) } }
+        @for note in notes { p class="note" { (note) } }
+        (figures(findings))
+        @for found in findings { (one(found)) }
     };
-    page.into_string()
+    let title = format!("SPF: trial of {}", findings.iter().map(|f| f.vlm.as_str()).collect::<Vec<_>>().join(", "));
+    document::page(&title, "", "", &body)
 }
 
 /// A figure of the table: its name, and its words for a VLM.

@@ -7,16 +7,13 @@ mod trials;
 
 use std::path::Path;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use spf_flight::words::counted;
 
 use super::map::TrialMap;
 use super::source::Source;
 use super::{chart, curve};
-
-/// Only videos from the same origin, and no scripts.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; media-src 'self' file:";
-const STYLE: &str = include_str!("style.css");
+use crate::document;
 
 /// The complete page, to be placed in the folder `into`.
 pub(super) fn page(source: &Source, into: &Path) -> String {
@@ -50,21 +47,7 @@ pub(super) fn page(source: &Source, into: &Path) -> String {
         (tables::answered(source))
         (published::published(source))
     };
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { "SPF benchmark report" }
-                // Our own style sheet, without external text.
-                style { (PreEscaped(STYLE)) }
-            }
-            body { (body) }
-        }
-    };
-    page.into_string()
+    document::page("SPF benchmark report", "; media-src 'self' file:", "", &body)
 }
 
 /// The origin of a figure.

@@ -1,6 +1,6 @@
 //! Pages to look through questions and answers: self-contained but for the pictures, without scripts.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 use spf_core::query::ImagePoint;
 use spf_core::reply::ObstacleBox;
 use spf_core::time::Time;
@@ -8,11 +8,10 @@ use spf_vlm::folder::Answered;
 
 use super::Effect;
 use super::table::{APART, HEADS, cells, lines, said, sums};
+use crate::document;
 use crate::table::words;
 use crate::trial::Record;
 
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src 'self' file:";
-const STYLE: &str = include_str!("../../report/page/style.css");
 /// Besides: pictures with the answer's point, beside the answer.
 const OWN: &str = "
 .question { border-top: 1px solid #8888; padding-top: .5em; }
@@ -25,21 +24,7 @@ pre { white-space: pre-wrap; overflow-wrap: anywhere; }
 ";
 
 fn page(title: &str, body: &Markup) -> String {
-    let page = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                // Our own style sheets, without external text.
-                style { (PreEscaped(STYLE)) (PreEscaped(OWN)) }
-            }
-            body { (body) }
-        }
-    };
-    page.into_string()
+    document::page(title, "; img-src 'self' file:", OWN, body)
 }
 
 /// The page of a flight: pictures, prompts (the text beside each row), answers, and what followed.
