@@ -30,9 +30,7 @@ const LARGE: f64 = 0.5;
 const INSIDE: f64 = 0.7;
 /// Longest step, and the step towards something at an unknown range, in seconds at cruise speed.
 const LONGEST_S: f64 = 3.0;
-const UNKNOWN_S: f64 = 0.7;
-/// Part of the range that one step covers at most.
-const PART: f64 = 0.5;
+const UNKNOWN_S: f64 = 1.3;
 /// Shortest step, metres.
 const SHORTEST_M: f64 = 0.3;
 /// A box within this angle of an earlier target's place is that target, radians: 15°.
@@ -200,7 +198,7 @@ impl Classical {
             search.reset();
         }
         self.side = if found.x < 0.5 { Look::Left } else { Look::Right };
-        let range = self.reckon(stage, found, view);
+        let range = self.reckon(found, view);
         let near = self.near();
         let far = range.map_or_else(|| "at an unknown range".to_owned(), |range| format!("at {range:.1} m"));
         self.reading.actions = vec![format!("{} {far}", found.name)];
@@ -220,7 +218,7 @@ impl Classical {
             };
         }
         let cruise = self.settings.craft.cruise_speed;
-        let step = range.map_or(UNKNOWN_S * cruise, |range| (range - INSIDE * ends).min(PART * range));
+        let step = range.map_or(UNKNOWN_S * cruise, |range| range - INSIDE * ends);
         let step = step.clamp(SHORTEST_M, LONGEST_S * cruise);
         let point = ImagePoint { u: found.x, v: found.y };
         self.reading.waypoint = Some(point);
@@ -238,32 +236,24 @@ impl Classical {
 
     /// The range of the target, metres: by the usual height of its class; else by how its box grew on the way; else by what was
     /// reckoned before and how far the craft has come since.
-    fn reckon(&mut self, stage: &Sought, found: &Sighting, view: &View) -> Option<f64> {
+    fn reckon(&mut self, found: &Sighting, view: &View) -> Option<f64> {
         let (camera, here) = (&view.camera, view.pose.position);
         let uncut = |centre: f64, size: f64| {
             (centre - 0.5 * size > EDGE && centre + 0.5 * size < 1.0 - EDGE && size > 0.0).then_some(size)
         };
         let seen = Seen { pose: view.pose, size: [uncut(found.x, found.width), uncut(found.y, found.height)] };
-        let (across, down) = (f64::from(camera.width), f64::from(camera.height));
-        let fitting = stage.appearances.iter().filter(|own| own.fits(&found.name, found.colour.as_deref()));
-        let class = fitting.flat_map(|own| &own.names).find_map(|name| coco::class_of(name));
-        // Somebody who lies is as long as others are tall.
-        let length = match (class, seen.size) {
-            (Some("person"), [Some(width), Some(height)]) => Some((width * across / camera.fx).max(height * down / camera.fy)),
-            (_, [_, height]) => height.map(|height| height * down / camera.fy),
-        };
-        let by_height = class.and_then(coco::height).zip(length).map(|(metres, slope)| metres / slope);
+        let height = coco::class_of(&found.name).and_then(coco::height);
+        let by_height = height.zip(seen.size[1]).map(|(metres, size)| metres * camera.fy / (size * f64::from(camera.height)));
         let by_growth = || {
             let before = self.seen?;
-            // What the craft has come nearer: a climb or a move aside makes no box grow.
-            let ahead = placed(view, found, 1.0);
-            let (from, to) = (before.pose.position, here);
-            let come = (to.east - from.east) * (ahead.east - here.east)
-                + (to.north - from.north) * (ahead.north - here.north)
-                + (to.up - from.up) * (ahead.up - here.up);
-            let sizes = before.size.into_iter().zip(seen.size);
-            let growth = sizes.filter_map(|(old, new)| Some(new? / old.filter(|size| *size >= MEASURABLE)?)).fold(0.0, f64::max);
-            (growth >= GROWN && come > 0.0).then(|| come / (growth - 1.0))
+            let come = here.distance(before.pose.position);
+            let both = before
+                .size
+                .into_iter()
+                .zip(seen.size)
+                .filter_map(|(before, now)| Some(now? / before.filter(|size| *size >= MEASURABLE)?));
+            let growth = both.fold(0.0, f64::max);
+            (growth >= GROWN).then(|| come / (growth - 1.0))
         };
         let measured = by_height.or_else(by_growth);
         if let Some(range) = measured {
