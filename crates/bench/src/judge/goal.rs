@@ -165,7 +165,10 @@ impl Watch {
         let objects = || self.targets.iter().filter_map(|id| shown.loaded.scene.object(*id));
         let above = objects().any(|object| {
             let top = shown.loaded.bounds(object, &shown.snapshot.actors).max.up;
-            at.up >= top && inside(&shown.loaded.outline(object, &shown.snapshot.actors), at)
+            // A mast on its roof does not make the way over the roof a way past it.
+            let highest_here = shown.loaded.collider.ground_below(EnuPosition { up: top + 0.1, ..at });
+            let is_above = highest_here.is_some_and(|surface| surface.object == object.id && surface.up <= at.up);
+            (at.up >= top || is_above) && inside(&shown.loaded.outline(object, &shown.snapshot.actors), at)
         });
         if above {
             self.entered.get_or_insert(at);
