@@ -1,7 +1,7 @@
 //! From verb to stages to where to point: the table of docs/explanation/oracle.md, advanced from percepts and the query's history
 //! alone.
 
-use spf_core::query::{FinishedPlace, FinishedStage, ImageBox, ImagePoint, Query, REMEMBERED_ANSWERS};
+use spf_core::query::{FinishedPlace, FinishedStage, ImageBox, ImagePoint, Query, REMEMBERED_ANSWERS, Said};
 use spf_core::reply::Look;
 
 use super::Oracle;
@@ -285,7 +285,8 @@ fn take<'v>(
         }
         Step::Pass => match opening(phrase, view, true) {
             Some(thing) if thing.in_view => (Met::Go(through(thing)), Some(thing)),
-            _ => (Met::Yes(Some(ahead(view))), None),
+            // Whoever has turned away from it has not passed it.
+            _ => (turned_from(view).map_or_else(|| Met::Yes(Some(ahead(view))), Met::Look), None),
         },
         step => {
             let begun = if matches!(step, Step::Regain | Step::Beside) { gone_round(phrase, view) } else { None };
@@ -393,6 +394,16 @@ fn is_within(found: Option<&PerceivedObject>, view: &Inputs<'_>) -> bool {
     let is_here = found.is_none_or(|thing| thing.nearest < 2.0 * view.near());
     memory.turned == 0.0 && memory.targets.last().is_some_and(is_opening) && is_here
 }
+
+/// The side on which what the last answer pointed at is looked for, if the craft has turned away from it instead.
+fn turned_from(view: &Inputs<'_>) -> Option<Look> {
+    let last = view.query.memory.answers.last().filter(|last| last.said == Said::Pointed)?;
+    let turned = last.motion.turned_deg;
+    (turned.abs() > TURNED_AWAY).then_some(if turned > 0.0 { Look::Left } else { Look::Right })
+}
+
+/// Nobody turns so far on the way through an opening that is pointed at, degrees.
+const TURNED_AWAY: f64 = 20.0;
 
 /// The nearest or the farthest opening in view that the phrase names, directly or through its object.
 fn opening<'v>(phrase: &Phrase, view: &'v Inputs<'_>, farthest: bool) -> Option<&'v PerceivedObject> {

@@ -81,6 +81,21 @@ fn a_program_for_a_brief_knows_name_and_colour_alone() {
     assert_eq!(of(car(Some("red"))), "_1=s('red thing');?_1==False{->False;}rp;");
 }
 
+/// An answer after which the craft has turned.
+fn answered(said: Said, turned_deg: f64) -> PastAnswer {
+    PastAnswer {
+        said,
+        target: None,
+        bearing_deg: None,
+        range_m: None,
+        asked_deg: None,
+        planned_m: None,
+        planned_deg: None,
+        detour: None,
+        motion: Motion { turned_deg, ..Motion::default() },
+    }
+}
+
 #[test]
 fn through_goes_by_the_opening() {
     let oracle = oracle("perfect");
@@ -105,6 +120,15 @@ fn through_goes_by_the_opening() {
     // Out of it nothing of the tunnel is in view: straight on for four moves more, then done.
     let out = Painting::new().with(tagged(5, "tree", "tree", "green"), 700..800, 100..400, 30.0);
     assert_eq!(ask(&oracle, &out, &query).stage, Some(3));
+    // Whoever has turned away from it instead looks back, once.
+    for (said, turned_deg, look) in
+        [(Said::Pointed, -36.0, Some(Look::Right)), (Said::Pointed, 36.0, Some(Look::Left)), (Said::NotSeen, 36.0, None)]
+    {
+        query.memory.answers = vec![answered(said, turned_deg)];
+        let reply = ask(&oracle, &out, &query);
+        assert_eq!((reply.look, reply.stage), (look, Some(if look.is_some() { 2 } else { 3 })), "{said:?} {turned_deg}");
+    }
+    query.memory.answers.clear();
     query.memory.stage = 3;
     assert_eq!(ask(&oracle, &out, &query).stage, Some(4));
     query.memory.stage = 7;
@@ -233,15 +257,10 @@ fn a_move_straight_on_counts_once_it_is_flown() {
     // The first of ten moves behind the building.
     query.memory.stage = 3;
     let answer = |planned_m: Option<f64>, moved_m: f64| PastAnswer {
-        said: Said::Pointed,
         target: Some("straight on".to_owned()),
-        bearing_deg: Some(0.0),
-        range_m: Some(12.9),
-        asked_deg: None,
         planned_m,
-        planned_deg: Some(0.0),
-        detour: None,
         motion: Motion { moved_m, ..Motion::default() },
+        ..answered(Said::Pointed, 0.0)
     };
     let mut stage = |answers: Vec<PastAnswer>, answers_ago: u32| {
         query.memory.answers = answers;
