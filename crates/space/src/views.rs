@@ -24,8 +24,10 @@ const OVERHEAD_LABEL: u8 = 3;
 /// Depth label up to which an obstacle in the image counts once more although it is not listed: a model misses one box in twenty, and
 /// what is farther away is listed again before it matters.
 const NEAR: u8 = 3;
-/// A listed box that overlaps an obstacle is that obstacle, whatever its name, if their depth labels differ by no more than this.
+/// Listed boxes are an obstacle that was listed before, whatever their names, if their depth labels differ by no more than this and they
+/// cover this part of it: a large thing whose one edge is listed has been left out.
 const SAME_DEPTH: u8 = 2;
+const EXPLAINED: f64 = 0.3;
 /// The part of the image's width and height from which on it shows an obstacle.
 const SHOWN: f64 = 0.05;
 /// Number of boxes from which on a list may leave out what is farther away.
@@ -168,13 +170,16 @@ fn standing(obstacle: &Obstacle, at: &Viewpoint, boxes: &[ObstacleBox], until: O
         right - left >= SHOWN && bottom - top >= SHOWN && until.is_none_or(|until| seen.depth < until)
     };
     let Some(seen) = obstacle.in_view(at).filter(is_shown) else { return Standing::Counts };
-    let is_it = |listed: &ObstacleBox| {
+    let size = |area: ImageBox| (area.right - area.left) * (area.bottom - area.top);
+    let covered = |listed: &ObstacleBox| {
         let (a, b) = (listed.area, seen.area);
-        let overlaps = a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
-        overlaps && listed.depth.abs_diff(seen.depth) <= SAME_DEPTH
+        let (width, height) = (a.right.min(b.right) - a.left.max(b.left), a.bottom.min(b.bottom) - a.top.max(b.top));
+        width.max(0.0) * height.max(0.0)
     };
+    let alike = boxes.iter().filter(|listed| listed.depth.abs_diff(seen.depth) <= SAME_DEPTH);
+    let is_explained = alike.map(covered).sum::<f64>() >= EXPLAINED * size(seen.area);
     let is_recent = at.captured.since(obstacle.from.captured) <= PERSON_REMEMBERED;
-    let is_missed = seen.depth <= NEAR && is_recent && !boxes.iter().any(is_it);
+    let is_missed = seen.depth <= NEAR && is_recent && !is_explained;
     if is_missed { Standing::LeftOut } else { Standing::Over }
 }
 
@@ -252,6 +257,15 @@ mod tests {
         // Still in the image, and not listed: once that may be a miss, and then it was no chair. Listed by another name it is that.
         assert!(counts(at(1, 0.5), &[], None));
         assert!(!counts(at(1, 0.5), &[listed(0.45, 0.9, 3, "seat")], None));
+        // Of a wall that fills half of the image, its far edge is not all.
+        let area = |left: f64| ImageBox { left, top: 0.0, right: if left > 0.5 { 0.62 } else { 1.0 }, bottom: 1.0 };
+        let wall = |left: f64, depth: u8| ObstacleBox { area: area(left), depth, name: "wall".to_owned() };
+        for (again, counts) in [(wall(0.6, 3), true), (wall(0.5, 2), false)] {
+            let mut views = Views::default();
+            views.learn(&at(0, 0.0), &[wall(0.5, 1)], None);
+            views.learn(&at(1, 0.0), &[again], None);
+            assert_eq!(views.obstacles(&at(1, 0.0), None).iter().any(|obstacle| obstacle.listed.depth == 1), counts);
+        }
         let mut views = Views::default();
         views.learn(&at(0, 0.0), core::slice::from_ref(&chair), None);
         views.learn(&at(1, 0.0), &[], None);
