@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use crate::policy::{Reading, View};
+use crate::policy::{Expected, Reading, View};
 use spf_core::camera::Camera;
 use spf_core::geometry::{EnuPosition, Pose, wrap_angle};
 use spf_core::lift::range_of_label;
@@ -140,11 +140,17 @@ impl Place {
     fn new(view: &View, reply: &Reply, flown: f64) -> Option<Self> {
         let area = reply.target_box.filter(|area| reply.point.is_some_and(|point| area.contains(point)))?;
         let target = reply.target.clone().filter(|name| !avoid::is_person(name) && reply.status != Status::Following)?;
-        let (range, range_error) = match (reply.range_m, reply.depth?) {
+        let by_label = match (reply.range_m, reply.depth?) {
             (Some(range), _) => (range, LABEL_ERROR * range),
             (None, 0 | 1) => (NEAREST, NEAREST),
             (None, label) => (range_of_label(f64::from(label)), LABEL_ERROR * range_of_label(f64::from(label))),
         };
+        // By all the answers about it that is known better than by one.
+        let known = match (view.expected, view.reckoned) {
+            (Expected::InView { at, range }, Some(reckoned)) if area.contains(at) => Some((range, reckoned.sd)),
+            _ => None,
+        };
+        let (range, range_error) = known.filter(|known| known.1 < by_label.1).unwrap_or(by_label);
         Some(Self {
             panel: Panel::at_range(&view.camera, view.pose, area, range),
             from: view.pose.position,

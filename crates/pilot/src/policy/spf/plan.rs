@@ -29,6 +29,8 @@ const THROUGH: [&str; 4] = ["through", "opening", "openings", "gap"];
 const OPENING: f64 = 4.0;
 const BEYOND: f64 = 1.5;
 const CENTRED: f64 = 12.0 / 180.0 * core::f64::consts::PI;
+/// By how much less is kept clear between the sides of an opening, metres: each is seen beside the way, and only its range is uncertain.
+const SPARED_BETWEEN: f64 = 0.15;
 /// A way this far off the heading is still in sight, as a part of half the field of view.
 const IN_SIGHT: f64 = 0.8;
 /// Angle below which a target is not below the craft, radians: 6°.
@@ -162,17 +164,15 @@ fn leads_along_edge(plan: &Plan<'_>, _: &Views) -> Verdict {
     next.map_or(Verdict::Fly, |turn| Verdict::Refused(Refusal::TurnFirst(turn)))
 }
 
-/// Whether a reply of a guided craft leads through an opening that is near and straight ahead: a step that ends in it would be followed
-/// by one from between its sides.
-fn leads_through(answer: &Answered<'_>, point: ImagePoint, label: f64) -> bool {
+/// Whether a reply of a guided craft leads through an opening.
+fn is_opening(answer: &Answered<'_>) -> bool {
     let Answered { rules, reply, .. } = answer;
     let is_named = |name: &String| {
         let mut words = name.split(|c: char| !c.is_alphanumeric());
         words.any(|word| THROUGH.iter().any(|through| word.eq_ignore_ascii_case(through)))
     };
     let is_opening = reply.target.as_ref().is_some_and(is_named) && reply.status == Status::Navigating;
-    let aside = libm::atan(answer.view().camera.ray(point).right).abs();
-    is_opening && rules.keeps_place && rules.kept_clear == KeptClear::ByBoxes && label <= OPENING && aside < CENTRED
+    is_opening && rules.keeps_place && rules.kept_clear == KeptClear::ByBoxes
 }
 
 impl<'a> Plan<'a> {
@@ -198,9 +198,12 @@ impl<'a> Plan<'a> {
         }
         let planned = plan.answer.rules.planned(&plan.from, point, step);
         let (target, obstacles) = (answer.reply.target.as_deref(), plan.counted());
-        let check =
-            |planned: &PlannedStep<'_>| avoid::avoid(planned, answer.rules.clearance(), obstacles, target, before.passing);
-        if leads_through(&answer, point, label) {
+        let is_opening = is_opening(&answer);
+        let clearance = answer.rules.clearance() - if is_opening { SPARED_BETWEEN } else { 0.0 };
+        let check = |planned: &PlannedStep<'_>| avoid::avoid(planned, clearance, obstacles, target, before.passing);
+        // A step that ends in it would be followed by one from between its sides.
+        let is_centred = libm::atan(answer.view().camera.ray(point).right).abs() < CENTRED;
+        if is_opening && label <= OPENING && is_centred {
             let step = step.max(lift::range_of_label(label) + BEYOND);
             if check(&PlannedStep { step, ..planned }).0 == Avoidance::Clear {
                 return Self { step, avoidance: Some(Avoidance::Clear), leads_through: true, ..plan };

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::method::Measured;
-use crate::policy::{Expected, Move};
+use crate::policy::{Expected, Move, Reckoned};
 use crate::steering::DEFAULT_KEEP;
 use spf_core::camera::Camera;
 use spf_core::frame::{FrameId, FrameMeta};
@@ -420,6 +420,21 @@ fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
     let (query, _) = told_from(&mut spf, &turned(0.0, 1.8), &cone("next cone", 2));
     assert_eq!(query.memory.finished[0].place, None);
     assert!(query.prompt.contains(r#"target "orange cone"."#), "{}", query.prompt);
+
+    // Of what is within a metre, one label tells too little from 0.4 m further on, but all answers together do.
+    for (reckoned, is_told) in [(None, false), (Some(Reckoned { stage: 1, range: 0.9, sd: 0.2 }), true)] {
+        let mut spf = policy(false);
+        let expected = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 0.9 };
+        told_from(
+            &mut spf,
+            &View { expected, reckoned, ..view(0) },
+            &cone("orange cone", 1).replace(r#""depth":3"#, r#""depth":1"#),
+        );
+        told(&mut spf, 1, &cone("next cone", 2));
+        let (query, _) = told_from(&mut spf, &aside(0.3, 0.3), &cone("next cone", 2));
+        let range = query.memory.finished[0].place.map(|place| place.range_m);
+        assert_eq!(range.is_some_and(|range| (range - 0.67).abs() < 0.02), is_told, "{range:?}");
+    }
 
     // Somebody may have walked on, and a point beside something is no place of it.
     let beside =
