@@ -15,6 +15,9 @@ const WORTH_TELLING_SLOPE_DEG: f64 = 15.0;
 const WORTH_TELLING_CLIMB_M: f64 = 0.3;
 /// A turn that is planned this differently from what was asked for is told, degrees.
 const OTHER_TURN_DEG: f64 = 5.0;
+/// A motion this far off the heading is told to lead to a side, and this far off backwards, degrees.
+const ASIDE_DEG: f64 = 45.0;
+const BACKWARDS_DEG: f64 = 135.0;
 /// More room than this upwards is not worth telling, metres.
 const FAR_UP_M: f64 = 20.0;
 /// What was flown since the last image is told if it differs by this from what was flown since its answer, metres.
@@ -128,7 +131,12 @@ fn flown(motion: &Motion) -> String {
         } else {
             String::new()
         };
-        parts.push(format!("{} m flown{of_it}", metres(motion.moved_m)));
+        let toward = match motion.toward_deg.unwrap_or_default() {
+            toward if toward.abs() >= BACKWARDS_DEG => " backwards".to_owned(),
+            toward if toward.abs() >= ASIDE_DEG => format!(" to the {}", side(toward)),
+            _ => String::new(),
+        };
+        parts.push(format!("{} m flown{toward}{of_it}", metres(motion.moved_m)));
     }
     if motion.turned_deg.abs() >= WORTH_TELLING_DEG {
         parts.push(format!("{} turned {}", degrees(motion.turned_deg), side(motion.turned_deg)));

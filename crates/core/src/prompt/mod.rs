@@ -260,7 +260,7 @@ mod tests {
                 seen_before_s: Some(4.2),
                 walks: false,
             }),
-            motion: Motion { moved_m: 2.13, climbed_m: -0.4, turned_deg: 12.2 },
+            motion: Motion { moved_m: 2.13, climbed_m: -0.4, toward_deg: Some(60.0), turned_deg: 12.2 },
         };
         let unseen = PastAnswer {
             said: Said::NotSeen,
@@ -271,7 +271,7 @@ mod tests {
             planned_m: None,
             planned_deg: Some(-72.0),
             detour: None,
-            motion: Motion { moved_m: 0.03, climbed_m: 0.0, turned_deg: -71.8 },
+            motion: Motion { moved_m: 0.03, toward_deg: Some(170.0), turned_deg: -71.8, ..Motion::default() },
         };
         let ended = |target: &str, area: Option<ImageBox>| FinishedStage {
             stage: 1,
@@ -294,7 +294,7 @@ mod tests {
             refused: Some("could not be used: it lacked boxes".to_owned()),
             room: Some(VerticalRoom { height: 3.12, error: Some(1.2), down: 2.3, up: 26.4 }),
             blocked: 2,
-            since_image: Some(Motion { moved_m: 3.3, climbed_m: 0.4, turned_deg: -80.0 }),
+            since_image: Some(Motion { moved_m: 3.3, climbed_m: 0.4, toward_deg: Some(-150.0), turned_deg: -80.0 }),
             confirming: true,
             ..Memory::default()
         };
@@ -308,9 +308,9 @@ mod tests {
 Stage 2 is being worked on.
 Stage 1 ended with your answer 4 answers ago, target "the gate". It is now about 2 m away, 124° left, 31° below the horizon, outside this image.
 Stage 1 ended with your answer 4 answers ago, target "the door". It is now about 2 m away, 124° left, 31° below the horizon.
-2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person", seen 4 s before; then 2.1 m flown (0.4 m down), 12° turned right.
+2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person", seen 4 s before; then 2.1 m flown to the right (0.4 m down), 12° turned right.
 1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned, since that was seen; so far 72° turned left.
-Since your last image: 3.3 m flown (0.4 m up), 80° turned left.
+Since your last image: 3.3 m flown backwards (0.4 m up), 80° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. That direction is now 64° right, outside this image.
 It is about 3.1 ± 1.2 m above take-off, and can go 2.3 m lower.
 You have answered "blocked" 2 times in a row. If it is still so, give an open_way; "waiting" is for somebody who moves, "navigating" for a way that is free now.

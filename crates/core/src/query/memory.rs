@@ -128,6 +128,9 @@ pub struct Motion {
     pub moved_m: f64,
     /// Of this the height gained, metres, negative if lost.
     pub climbed_m: f64,
+    /// Its direction on the ground, degrees right of the heading at its beginning, within ±180; `None` if it hardly led anywhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub toward_deg: Option<f64>,
     /// Turn, degrees, clockwise positive.
     pub turned_deg: f64,
 }

@@ -265,12 +265,12 @@ const ZERO: f64 = 0.2;
 /// only centres the sticks.
 #[test]
 fn failing_8_an_override_ends_motion_and_answer_and_an_emergency_cuts_the_motors() {
-    let events = "[[event]]\nat_s = 9.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"cut_motors\"";
+    let events = "[[event]]\nat_s = 10.0\ndo = \"hold\"\n[[event]]\nat_s = 16.0\ndo = \"cut_motors\"";
     let flight = fly_in("office", GOAL, FaultPlan::default(), Some(Duration::from_secs(3)), settings(), events);
-    let (hold, stop) = (Time::from_millis(9000), Time::from_millis(16_000));
+    let (hold, stop) = (Time::from_millis(10_000), Time::from_millis(16_000));
     let moved = |from: Time| flight.sticks().iter().any(|(at, sticks)| (from..hold).contains(at) && *sticks != [0; 4]);
-    assert!(moved(Time::from_millis(8700)), "a command was in execution");
-    assert_stopped(&flight, 9.0 + ZERO);
+    assert!(moved(Time::from_millis(9700)), "a command was in execution");
+    assert_stopped(&flight, 10.0 + ZERO);
     assert!(flight.seen.late_replies.iter().any(|at| *at > hold), "an answer was out, came, and moved nothing");
     let emergencies: Vec<Time> = flight.sent.iter().filter(|(_, text)| text == "emergency").map(|(at, _)| *at).collect();
     let first = emergencies.iter().filter(|at| at.since(stop) <= Duration::from_millis(100)).count();

@@ -21,6 +21,8 @@ const HALF_TURN: f64 = 0.9 * core::f64::consts::PI;
 const NEAREST: f64 = 0.7;
 /// Half the interval of a depth label, as a fraction of its range.
 const LABEL_ERROR: f64 = 0.29;
+/// A motion on the ground shorter than this has no direction, metres.
+const MOVED: f64 = 0.1;
 /// Drift of the position per metre flown.
 const DRIFT: f64 = 0.05;
 /// A place is told while the drift since is below this, metres …
@@ -60,8 +62,11 @@ struct Start {
 impl Start {
     /// The motion from there; `turned`: until then, radians.
     fn motion_to(&self, pose: Pose, turned: f64) -> Motion {
+        let ahead = self.pose.position.displacement_to(pose.position, self.pose.attitude.heading);
+        let has_moved = libm::hypot(ahead.forward, ahead.right) >= MOVED;
         Motion {
             moved_m: self.pose.position.distance(pose.position),
+            toward_deg: has_moved.then(|| libm::atan2(ahead.right, ahead.forward).to_degrees()),
             climbed_m: pose.position.up - self.pose.position.up,
             turned_deg: (turned - self.turned).to_degrees(),
         }
