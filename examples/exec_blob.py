@@ -26,10 +26,10 @@ COLOURS = {
 WIDTH = 320  # Images are searched at this width.
 GAP = 3  # Pixels at most this far apart belong together: a lattice is one thing.
 LEAST = 8  # Number of pixels in the smallest blob that counts.
-ROWS = 12  # Rows around the aim in which the width is measured ...
+ROWS = 12  # Rows around the aim in which the width is measured, where it is narrow: a jib is wider than its mast ...
 WIDTH_M = 2.0  # ... of things, which are assumed to be this wide so that their distance can be guessed.
 HALF_WIDTH = 1.0  # Tangent of half the camera's horizontal field of view.
-HIGH = 0.25  # Aim this far below the image's upper edge (fraction of its height): low things block the way lower down.
+HIGH = 0.2  # Aim this far below the image's upper edge (fraction of its height): low things block the way lower down.
 NEAR_M = 4.0  # A thing that seems to be this near counts as reached.
 
 
@@ -74,7 +74,7 @@ def aim(blob, height):
             rows.setdefault(y, []).append(x)
     widths = sorted(max(xs) - min(xs) + 1 for xs in rows.values())
     xs = sorted(rows[row])
-    return xs[len(xs) // 2], row, widths[len(widths) // 2]
+    return xs[len(xs) // 2], row, widths[len(widths) // 4]
 
 
 def reply(query, **known):

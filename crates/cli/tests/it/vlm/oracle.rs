@@ -115,7 +115,7 @@ fn carry_a_flight(vendors: &[Vendor]) {
             let size = if vendor == Vendor::Gemini { (960, 720) } else { (768, 576) };
             assert_eq!((image.width(), image.height()), size, "{vendor:?}");
             assert!(
-                request.body.len() < if vendor == Vendor::Gemini { 140_000 } else { 90_000 },
+                request.body.len() < if vendor == Vendor::Gemini { 140_000 } else { 100_000 },
                 "{vendor:?}: {} bytes sent",
                 request.body.len()
             );
