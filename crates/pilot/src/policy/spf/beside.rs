@@ -89,7 +89,7 @@ fn an_opening_that_is_near_and_centred_is_flown_through_in_one_step() {
     };
     assert!(length("opening of the gate", 500, &posts(340, 660)) > 4.0);
     assert!(length("opening of the gate", 500, &posts(440, 560)) < 1.5);
-    // 0.43 m are enough between them, and not beside other things.
+    // 0.43 m to each side are enough, and 0.39 m are not.
     assert!(length("opening of the gate", 500, &posts(400, 600)) > 4.0 && length("gap", 500, &posts(410, 590)) < 1.5);
 }
 

@@ -142,7 +142,7 @@ struct Place {
 impl Place {
     /// What the reply's box shows, if it holds the point: a point beside, above or behind something is no place of it. None for a
     /// person, who may walk on, and for whatever is followed.
-    fn new(view: &View, reply: &Reply, flown: f64) -> Option<Self> {
+    fn new(view: &View, reply: &Reply, stage: u32, flown: f64) -> Option<Self> {
         let area = reply.target_box.filter(|area| reply.point.is_some_and(|point| area.contains(point)))?;
         let target = reply.target.clone().filter(|name| !avoid::is_person(name) && reply.status != Status::Following)?;
         let by_label = match (reply.range_m, reply.depth?) {
@@ -152,7 +152,9 @@ impl Place {
         };
         // By all the answers about it that is known better than by one.
         let known = match (view.expected, view.reckoned) {
-            (Expected::InView { at, range }, Some(reckoned)) if area.contains(at) => Some((range, reckoned.sd)),
+            (Expected::InView { at, range }, Some(reckoned)) if area.contains(at) && reckoned.stage == stage => {
+                Some((range, reckoned.sd))
+            }
             _ => None,
         };
         let (range, range_error) = known.filter(|known| known.1 < by_label.1).unwrap_or(by_label);
@@ -222,7 +224,7 @@ impl History {
         let said = said(reply);
         match (said, reply.point) {
             (Said::Pointed, Some(point)) => {
-                self.place = Place::new(view, reply, self.path.flown);
+                self.place = Place::new(view, reply, reply.stage.unwrap_or(stage).max(1), self.path.flown);
                 let bearing = view.pose.attitude.heading + libm::atan(view.camera.ray(point).right);
                 self.seen = Seen::At(PointedAt { answer: self.count, bearing, turned, lost: None });
             }

@@ -422,7 +422,8 @@ fn the_next_query_tells_where_the_target_of_an_ended_stage_is() {
     assert!(query.prompt.contains(r#"target "orange cone"."#), "{}", query.prompt);
 
     // Of what is within a metre, one label tells too little from 0.4 m further on, but all answers together do.
-    for (reckoned, is_told) in [(None, false), (Some(Reckoned { stage: 1, range: 0.9, sd: 0.2 }), true)] {
+    let reckoned = |stage: u32| Some(Reckoned { stage, range: 0.9, sd: 0.2 });
+    for (reckoned, is_told) in [(None, false), (reckoned(2), false), (reckoned(1), true)] {
         let mut spf = policy(false);
         let expected = Expected::InView { at: ImagePoint { u: 0.5, v: 0.5 }, range: 0.9 };
         told_from(
