@@ -136,6 +136,13 @@ impl OutDir {
         &self.path
     }
 
+    /// Gives back the folder of a flight that did not start, so that it can be taken again.
+    pub fn give_back(&self) {
+        // Files that cannot be removed stay; the error to come matters more.
+        drop(fs::remove_file(self.file(CLAIM)));
+        drop(fs::remove_dir(self.path()));
+    }
+
     /// Path of the file `name` in it.
     #[must_use]
     pub fn file(&self, name: &str) -> PathBuf {

@@ -90,11 +90,8 @@ impl Simulated {
     /// [`StartError`] if the start pose is blocked or outside the scene.
     pub(crate) fn open(self) -> Result<(Parts, SimWorld), StartError> {
         let start = self.start.unwrap_or(self.loaded.scene.start);
-        let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
-        let world = world.with_brief(self.brief.clone());
+        let world = self.world()?.with_brief(self.brief.clone());
         let drone = SimDrone::new(world.clone()).with_depth_sensor(self.flight_conditions.depth_sensor, self.seed);
-        check_place(&self.loaded, start.position)?;
-        check_start(&self.loaded, &world, drone.capabilities().craft.radius)?;
         let parts = Parts {
             drone: Box::new(drone),
             clock: if self.realtime { Clock::Wall } else { Clock::Virtual },
@@ -117,12 +114,19 @@ impl Simulated {
     /// # Errors
     /// [`StartError`] if the start pose is blocked or outside the scene.
     pub fn craft(&self) -> Result<Box<dyn Drone>, StartError> {
+        Ok(Box::new(SimDrone::new(self.world()?)))
+    }
+
+    /// The craft in its scene, on the ground below its start, for whoever flies it without a pilot.
+    ///
+    /// # Errors
+    /// [`StartError`] if the start pose is blocked or outside the scene.
+    pub fn world(&self) -> Result<SimWorld, StartError> {
         let start = self.start.unwrap_or(self.loaded.scene.start);
         let world = SimWorld::under(&self.flight_conditions, self.loaded.clone(), self.kind, start, self.seed);
-        let drone = SimDrone::new(world.clone());
         check_place(&self.loaded, start.position)?;
-        check_start(&self.loaded, &world, drone.capabilities().craft.radius)?;
-        Ok(Box::new(drone))
+        check_start(&self.loaded, &world, SimDrone::new(world.clone()).capabilities().craft.radius)?;
+        Ok(world)
     }
 
     fn head(&self, start: Pose) -> SimHead {

@@ -19,7 +19,7 @@ use foxglove::messages::{
 use serde::Serialize;
 use serde_json::Value;
 use spf_core::camera::Camera;
-use spf_core::geometry::{Attitude, EnuPosition, Pose};
+use spf_core::geometry::{Attitude, EnuPosition, Pose, wrap_angle};
 use spf_core::query::{ImageBox, ImagePoint, Mark};
 use spf_core::time::Time;
 
@@ -255,6 +255,14 @@ pub fn pose(at: Time, pose: &Pose) -> PoseInFrame {
     PoseInFrame { timestamp: Some(stamp(at)), frame_id: WORLD.to_owned(), pose: Some(pose) }
 }
 
+/// The pose of a message that [`pose`] made; `None` if it is none.
+#[must_use]
+pub fn read_pose(data: &[u8]) -> Option<Pose> {
+    let foxglove::messages::Pose { position, orientation } = PoseInFrame::decode(data).ok()?.pose?;
+    let Vector3 { x: east, y: north, z: up } = position?;
+    Some(Pose { position: EnuPosition { east, north, up }, attitude: attitude(orientation?) })
+}
+
 /// An object of the scene as a prism: closed polygons of east and north, from one height to another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prism {
@@ -398,6 +406,19 @@ fn flu_rotation(attitude: Attitude) -> Quaternion {
     turn_z(yaw, turn_y(-attitude.pitch, turn_x(attitude.roll)))
 }
 
+/// The inverse of [`flu_rotation`], for a rotation of unit length. Straight up and down, roll and heading are the same turn: it counts
+/// as heading.
+fn attitude(Quaternion { x, y, z, w }: Quaternion) -> Attitude {
+    // Elements of the rotation matrix: its first column is the nose in the world.
+    let (nose_east, nose_north, nose_up) = (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y));
+    let pitch = libm::asin(nose_up.clamp(-1.0, 1.0));
+    Attitude {
+        heading: wrap_angle(core::f64::consts::FRAC_PI_2 - libm::atan2(nose_north, nose_east)),
+        pitch,
+        roll: libm::atan2(2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    }
+}
+
 /// Rotation from the optical frame to FLU, tilted downwards.
 fn optical_rotation(tilt: f64) -> Quaternion {
     let level = Quaternion { x: -0.5, y: 0.5, z: -0.5, w: 0.5 };
@@ -471,6 +492,20 @@ mod tests {
         assert!((up[2] - 0.5).abs() < 1e-9, "{up:?}");
         let left = turned(flu_rotation(attitude(0.0, 0.0, 30f64.to_radians())), [0.0, 1.0, 0.0]);
         assert!((left[2] - 0.5).abs() < 1e-9, "{left:?}");
+    }
+
+    #[test]
+    fn a_pose_is_read_back() {
+        for (heading, pitch, roll) in [(0.0, 0.0, 0.0), (1.2, -0.3, 0.2), (-2.9, 0.7, -1.1), (3.1, 1.4, 2.0)] {
+            let position = EnuPosition { east: 1.5, north: -2.0, up: 30.25 };
+            let written = Pose { position, attitude: super::Attitude { heading, pitch, roll } };
+            let read = read_pose(&encode(&pose(Time::from_millis(1500), &written))).unwrap();
+            let (a, b) = (read.attitude, written.attitude);
+            assert_eq!(read.position, position);
+            let apart = [a.heading - b.heading, a.pitch - b.pitch, a.roll - b.roll];
+            assert!(apart.iter().all(|angle| angle.abs() < 1e-12), "{a:?} {b:?}");
+        }
+        assert_eq!(read_pose(b"no message"), None);
     }
 
     #[test]
