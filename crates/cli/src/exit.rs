@@ -3,6 +3,8 @@
 use spf_pilot::Outcome;
 use std::process::ExitCode;
 
+use crate::error::{CliError, ErrorKind};
+
 /// Exit codes of commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Exit {
@@ -32,6 +34,16 @@ impl Exit {
             Outcome::Collision => Self::Collision,
             Outcome::Aborted => Self::Aborted,
             Outcome::Failed => Self::Failed,
+        }
+    }
+
+    /// The exit code of an error.
+    pub(crate) fn of_error(error: &CliError) -> Self {
+        match error.kind() {
+            ErrorKind::Usage => Self::Usage,
+            ErrorKind::Failed => Self::Failed,
+            ErrorKind::Aborted => Self::Aborted,
+            ErrorKind::Internal => Self::Internal,
         }
     }
 }

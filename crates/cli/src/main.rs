@@ -70,8 +70,8 @@ fn main() -> ExitCode {
         Ok(Ok(exit)) => exit.into(),
         Err(_) => Exit::Internal.into(),
         Ok(Err(error)) => {
-            Printer::new(false).log(&error.to_string());
-            error.exit.into()
+            Printer::new(false).log(&format!("error: {error}"));
+            Exit::of_error(&error).into()
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Output: data to standard output, messages to standard error. The only module that prints.
 
+pub(crate) use spf_api::error::{one_line, quoted};
+
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -208,16 +210,6 @@ fn harmless(text: &str) -> String {
 /// Characters that make a terminal show text in another order than it has (Unicode Bidirectional Algorithm, explicit formatting).
 pub(crate) fn turns_direction(letter: char) -> bool {
     matches!(letter, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{200e}' | '\u{200f}' | '\u{061c}')
-}
-
-/// Reduces external text to one line, so that it cannot pass for other output.
-pub(crate) fn one_line(text: &str) -> String {
-    text.replace(['\n', '\r'], " ")
-}
-
-/// External texts in quotation marks, as one list.
-pub(crate) fn quoted(texts: &[String]) -> String {
-    texts.iter().map(|text| format!("\"{}\"", one_line(text))).collect::<Vec<_>>().join(", ")
 }
 
 /// Formats rows of cells in columns separated by two spaces; the last column is not padded.

@@ -38,8 +38,9 @@ pub(crate) fn cockpit(args: &Cockpit, printer: &Printer) -> Result<Exit, CliErro
         match flown {
             Ok(code) => exit = code,
             Err(error) => {
-                printer.log(&error.to_string());
-                cockpit.refuse(&error.to_string());
+                let told = format!("error: {error}");
+                printer.log(&told);
+                cockpit.refuse(&told);
             }
         }
         settings = with_cockpit(args, printer)?;

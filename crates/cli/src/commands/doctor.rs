@@ -119,8 +119,7 @@ const PICTURE: &str = "depth-model.png";
 /// The check result for something unusable.
 fn refused(what: &'static str, error: &CliError) -> Check {
     let text = error.to_string();
-    let text = text.strip_prefix("error: ").unwrap_or(&text);
-    let (found, advice) = text.split_once("\n\nhint: ").map_or((text, None), |(found, hint)| (found, Some(hint)));
+    let (found, advice) = text.split_once("\n\nhint: ").map_or((text.as_str(), None), |(found, hint)| (found, Some(hint)));
     Check {
         what,
         finding: Finding::Bad,

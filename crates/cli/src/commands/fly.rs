@@ -6,7 +6,6 @@ mod drill;
 mod manual;
 mod opening;
 pub(crate) mod page;
-mod reading;
 pub(crate) mod real;
 pub(crate) mod settings;
 pub(crate) mod signals;
@@ -18,12 +17,14 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 
 use serde::Serialize;
+use spf_api::flight::{checked_instruction, not_started, out_dir};
+use spf_api::reading::Reader;
 use spf_bench::run::shell_word;
 use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_drone::frames::Frames;
 use spf_envelope::Cause;
-use spf_flight::flight::{FlightError, FlightPlan};
+use spf_flight::flight::FlightPlan;
 use spf_flight::frame_age::GlassToDecision;
 use spf_flight::keys::HELP;
 use spf_flight::recorder::RecordPlan;
@@ -32,11 +33,9 @@ use spf_flight::summary::{Summary, Touch};
 use spf_flight::words;
 use spf_pilot::Outcome;
 use spf_record::live::Live;
-use spf_record::out_dir::OutDir;
 use spf_scene::SceneLook;
 
 use self::manual::Manual;
-use self::reading::Reader;
 use crate::args::Fly;
 use crate::background::PrintThread;
 use crate::commands::load_scene;
@@ -46,9 +45,6 @@ use crate::exit::Exit;
 use crate::printer::{Printer, quoted};
 use crate::progress::{Control, Progress};
 use crate::settings::{DroneName, Settings};
-
-/// Maximum length of an instruction, characters, as in prompts.
-const MAX_INSTRUCTION: usize = 2000;
 
 /// Flies an instruction.
 pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
@@ -60,11 +56,7 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
 
 /// Flies an instruction with these settings; a cockpit shows and controls the flight.
 pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpit>, printer: Printer) -> Result<Exit, CliError> {
-    let instruction = args.instruction.trim();
-    if instruction.is_empty() || instruction.chars().count() > MAX_INSTRUCTION {
-        return Err(CliError::usage(format!("the instruction must have 1 to {MAX_INSTRUCTION} characters"))
-            .hint("spf fly \"Take off and fly to the red crane\""));
-    }
+    let instruction = checked_instruction(&args.instruction)?;
     let ready = opening::ready(args, &mut settings, instruction, cockpit, &printer)?;
     take_off(ready, &settings, instruction, cockpit, printer)
 }
@@ -115,14 +107,14 @@ fn take_off(
     // A flight on the wall clock never waits for a terminal.
     let paced = by_hand.is_some();
     let view = settings.fly.live.get()?.map(|address| live_view(address, settings.fly.live_origin.get()?)).transpose()?;
-    let out = out_dir(settings, instruction)?;
+    let out = out_dir(settings.fly.out.text().map(Path::new), instruction)?;
     // Who types answers types no keys: standard input is read by lines, orders to the drone included.
     let typing = is_human(&plan.vlm) && cockpit.is_none();
     let unattended = settings.fly.unattended.is_on()?;
     if let Some(cockpit) = cockpit
         && !page::wait_for_pilot(cockpit, &plan.interrupts, &printer)
     {
-        give_back(&out);
+        out.give_back();
         return Err(CliError::aborted("ended before take-off: nobody opened the page"));
     }
     let (send, inputs) = channel();
@@ -136,7 +128,7 @@ fn take_off(
     let somebody = manual.is_on() || cockpit.is_some();
     let operator = if typing { console() } else { somebody.then_some(inputs) };
     if attended && !manual.is_on() && !typing && cockpit.is_none() {
-        give_back(&out);
+        out.give_back();
         return Err(no_keys());
     }
     let record = RecordPlan { out: out.clone(), video: settings.fly.video.is_on()?, view: view.as_ref().map(Live::sender) };
@@ -167,14 +159,8 @@ fn take_off(
     let mut printer = talk.finish();
     printer.end_live();
     let flown = flown.map_err(|error| {
-        give_back(&out);
-        match error {
-            FlightError::Start(_) => {
-                CliError::usage("cannot start the flight").because(&error).hint("use another start with --start")
-            }
-            FlightError::Vlm(_) => CliError::usage("cannot start the flight").because(&error),
-            _ => CliError::internal("cannot start the flight").because(&error),
-        }
+        out.give_back();
+        not_started(&error)
     })?;
     for problem in &flown.recording_problems {
         printer.log(&format!("warning: recording failed: {problem}"));
@@ -204,13 +190,6 @@ fn no_keys() -> CliError {
     )
 }
 
-/// Creates the output folder of the flight.
-fn out_dir(settings: &Settings, instruction: &str) -> Result<OutDir, CliError> {
-    OutDir::create(settings.fly.out.text().map(Path::new), instruction).map_err(|error| {
-        CliError::usage("cannot use the output folder").because(&error).hint("give a new or empty folder with --out DIR")
-    })
-}
-
 /// Starts the live view, if requested.
 fn live_view(address: SocketAddr, origin: Option<String>) -> Result<Live, CliError> {
     let origins: Vec<String> = origin.into_iter().collect();
@@ -227,13 +206,6 @@ fn print_live_address(view: &Live, printer: &Printer) {
     if !address.ip().is_loopback() {
         printer.log("warning: anyone who can reach this address can watch the flight");
     }
-}
-
-/// Removes the folder of a flight that did not start, so that the command can be repeated.
-fn give_back(out: &OutDir) {
-    // Files that cannot be removed stay; the error to come matters more.
-    drop(std::fs::remove_file(out.file("decisions.jsonl")));
-    drop(std::fs::remove_dir(out.path()));
 }
 
 /// The output of `--json`: the summary and the paths of the files.

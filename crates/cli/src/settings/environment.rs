@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::Path;
 
+use spf_api::environment::dotenv;
 use spf_bench::run::Shard;
 
 use super::Settings;
@@ -68,32 +68,4 @@ impl Settings {
         };
         unknown.map(warning).collect()
     }
-}
-
-/// The variables of `.env`, if there is one.
-fn dotenv() -> Result<BTreeMap<String, String>, CliError> {
-    let mut variables = BTreeMap::new();
-    if Path::new(".env").exists() {
-        let text =
-            spf_input::read_text(Path::new(".env")).map_err(|error| CliError::usage("cannot read .env").because(&error))?;
-        for line in dotenvy::from_read_iter(text.as_bytes()) {
-            // The error would quote the line, and with it perhaps a key.
-            let (name, value) = line.map_err(|_| {
-                CliError::usage("invalid line in .env").hint("use NAME=value, one per line; quote values with spaces")
-            })?;
-            variables.insert(name, value);
-        }
-    }
-    Ok(variables)
-}
-
-/// Looks up other variables, such as vendors' keys; the environment overrides `.env`.
-pub(crate) fn variables() -> Result<impl Fn(&str) -> Option<String>, CliError> {
-    let dotenv = dotenv()?;
-    Ok(move |name: &str| environment(name).or_else(|| dotenv.get(name).cloned()))
-}
-
-/// Looks up other variables in the environment alone.
-pub(crate) fn environment(name: &str) -> Option<String> {
-    std::env::var(name).ok()
 }

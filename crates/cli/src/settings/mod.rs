@@ -27,11 +27,11 @@ use std::time::Duration;
 
 use spf_core::time::duration_from_secs;
 
-pub(crate) use environment::{environment, variables};
 pub(crate) use flags::{Flags, Takes};
 pub(crate) use keys::{COCKPIT, Settings};
 pub(crate) use reading::DroneName;
 pub(crate) use setting::{Origin, Row, Setting};
+pub(crate) use spf_api::environment::{environment, variables};
 
 use crate::error::CliError;
 use crate::printer::Printer;

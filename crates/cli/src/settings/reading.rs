@@ -173,6 +173,11 @@ impl Switch {
     pub(crate) fn or(self, auto: bool) -> bool {
         self.0.unwrap_or(auto)
     }
+
+    /// What somebody says; `None` for `auto`.
+    pub(crate) fn chosen(self) -> Option<bool> {
+        self.0
+    }
 }
 
 impl Words for Switch {

@@ -14,6 +14,7 @@ mod disk;
 mod documents;
 mod edges;
 mod errors;
+mod facade;
 mod flights;
 mod gltf;
 mod ground;

@@ -7,7 +7,7 @@ use spf_drone::frames::Frames;
 use spf_envelope::Limits;
 use spf_flight::flight::Site;
 
-use super::reading::Reader;
+use spf_api::reading::Reader;
 
 /// A craft, ready to take off.
 pub(super) struct Aboard {

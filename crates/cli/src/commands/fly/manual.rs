@@ -5,7 +5,7 @@ use std::sync::mpsc::Sender;
 use spf_core::craft::Craft;
 use spf_pilot::OperatorEvent;
 
-use super::reading::Reader;
+use spf_api::reading::Reader;
 
 /// A terminal that passes single keys; its modes are restored when this is dropped.
 pub(super) struct Manual(Option<platform::Raw>);
@@ -51,7 +51,7 @@ mod platform {
     use spf_pilot::OperatorEvent;
 
     use crate::background;
-    use crate::commands::fly::reading::Reader;
+    use spf_api::reading::Reader;
 
     /// The original modes of the terminal.
     static BEFORE: Mutex<Option<Termios>> = Mutex::new(None);
@@ -228,7 +228,7 @@ mod platform {
     use spf_core::craft::Craft;
     use spf_pilot::OperatorEvent;
 
-    use crate::commands::fly::reading::Reader;
+    use spf_api::reading::Reader;
 
     pub(super) struct Raw;
 

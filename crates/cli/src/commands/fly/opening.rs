@@ -143,7 +143,7 @@ pub(super) fn ready(
         lists_boxes: pointing.lists_boxes,
         flies_moves: aboard.flies_moves,
         is_attended,
-        pace,
+        on_wall_clock: pace == Pace::Wall,
     };
     // A program is asked where the answer changes anything.
     let facts = match &pointing.program {

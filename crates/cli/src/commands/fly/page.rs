@@ -19,12 +19,12 @@ use spf_pilot::OperatorEvent;
 use spf_vlm::Vlm;
 use spf_vlm::human::HUMAN;
 
-use super::reading::Reader;
 use crate::background;
 use crate::commands::vlm::{Pace, Pointing, is_human, pointing as of_settings};
 use crate::error::CliError;
 use crate::printer::Printer;
 use crate::settings::Settings;
+use spf_api::reading::Reader;
 
 /// The folder in which flights are recorded if nothing else is said.
 pub(crate) const FLIGHTS: &str = "flights";

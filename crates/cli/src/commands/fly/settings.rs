@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use spf_api::method::Choices;
+pub(super) use spf_api::method::Facts;
 use spf_core::prompt::PromptText;
 use spf_core::query::DepthAs;
-use spf_core::time::{Duration, duration_from_secs};
+use spf_core::time::duration_from_secs;
 use spf_drone::mavlink::settings::{FencePlan, GimbalUse, MavlinkSettings};
 use spf_drone::options::Options;
 use spf_drone::tello::TelloSettings;
@@ -15,26 +17,13 @@ use spf_envelope::{BrakeLimits, Limits};
 use spf_flight::policy::PolicyKind;
 use spf_flight::sim::FlightConditions;
 use spf_flight::world::Script;
-use spf_motion::executor::{Ending, Motion};
-use spf_pilot::method::{Method, Sensed};
-use spf_pilot::{AtEnd, Counted, PilotSettings, Preset, QueryTiming};
+use spf_pilot::PilotSettings;
 use spf_vlm::exec::EXEC;
 
 use crate::commands::read;
-use crate::commands::vlm::{Pace, is_human};
+use crate::commands::vlm::is_human;
 use crate::error::CliError;
 use crate::settings::{Setting, Settings};
-
-/// Age at which the brake no longer takes a network's depth for what is there, seconds.
-const NETWORK_AGE_S: f64 = 1.5;
-/// Flight time: enough for twenty answers of a model that takes 10 s for each, while the craft holds.
-const FLIGHT_TIME: Duration = Duration::from_secs(300);
-/// Answers in a row without progress: more than a search needs between two places, of two circles with looks up and down.
-const WITHOUT_PROGRESS: u32 = 30;
-/// Queries of a flight, each of which may cost money.
-const MAX_QUERIES: u32 = 120;
-/// Time that a person may take: longer than any battery lasts.
-const LEISURE: Duration = Duration::from_secs(86_400);
 
 /// The method of a flight in words.
 pub(super) fn method_words(settings: &Settings, policy: PolicyKind) -> String {
@@ -87,108 +76,43 @@ pub(super) fn flight_conditions(settings: &Settings) -> Result<FlightConditions,
     Ok(flight_conditions)
 }
 
-/// What the method depends on besides the settings; known once the craft is.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Facts {
-    /// Whether sensors around the craft measure ranges.
-    pub(super) has_ranges: bool,
-    /// Whether the VLM can be expected to list obstacles.
-    pub(super) lists_boxes: bool,
-    /// Whether the craft flies each move by itself to its end, so that a later answer could not change it.
-    pub(super) flies_moves: bool,
-    /// Whether somebody is there who may give the next instruction.
-    pub(super) is_attended: bool,
-    /// The clock of the flight.
-    pub(super) pace: Pace,
-}
-
-/// What measures the depth of what is around the craft.
-fn sensed(settings: &Settings, facts: &Facts) -> Result<Sensed, CliError> {
-    Ok(Sensed {
-        depth_sensor: settings.fly.depth_sensor.or_default()?.0.is_some(),
-        depth_network: settings.fly.depth_model.text().is_some(),
-        ranges: facts.has_ranges,
+/// What the settings choose of the method.
+fn choices(settings: &Settings, policy: PolicyKind) -> Result<Choices, CliError> {
+    let fly = &settings.fly;
+    // A default gives way to what a person needs.
+    let given = |setting: &Setting<f64>| if setting.is_given() { setting.get() } else { Ok(None) };
+    Ok(Choices {
+        preset: fly.preset.or_default()?,
+        policy,
+        step: fly.step.get()?,
+        motion: fly.motion.get()?,
+        think: fly.think.get()?,
+        track: fly.track.or_default()?.chosen(),
+        avoid: fly.avoid.or_default()?.chosen(),
+        brake: fly.brake.or_default()?.chosen(),
+        depth_as: fly.depth_as.get()?,
+        close_up: fly.close_up.is_on()?,
+        near_m: fly.near_m.get()?,
+        keep_m: fly.keep_m.get()?,
+        follow_time_s: fly.follow_time_s.get()?,
+        rate_hz: fly.rate_hz.get()?,
+        max_time_s: given(&fly.max_time_s)?,
+        reply_timeout_s: given(&fly.reply_timeout_s)?,
+        max_reply_age_s: fly.max_reply_age_s.get()?,
+        max_decisions: fly.max_decisions.get()?,
+        max_queries: fly.max_queries.get()?,
+        at_end: fly.at_end.get()?,
+        depth_sensor: fly.depth_sensor.or_default()?.0.is_some(),
+        depth_network: fly.depth_model.text().is_some(),
+        detector: fly.detector.text().is_some(),
+        own_prompt: fly.prompt.text().is_some(),
+        person: is_human(fly.vlm.text_or_default()),
     })
 }
 
-/// The pilot's settings: those of the preset, with the changes from the settings. A function of these and the facts alone; nothing
-/// changes them afterwards.
+/// The pilot's settings: those of the preset, with the changes from the settings.
 pub(super) fn method(settings: &Settings, policy: PolicyKind, facts: &Facts) -> Result<PilotSettings, CliError> {
-    let fly = &settings.fly;
-    let preset = fly.preset.or_default()?;
-    let is_person = facts.pace == Pace::Wall && is_human(fly.vlm.text_or_default());
-    let mut method = PilotSettings::preset(preset);
-    if let Some(step) = fly.step.get()? {
-        method.step = step;
-    }
-    if let Some(motion) = fly.motion.get()? {
-        method.motion = motion;
-        // Timed primitives are the paper's queue; blended ones have no durations of their own.
-        if motion == Motion::Blended {
-            method.ending = Ending::Measured;
-        }
-    }
-    let track = fly.track.or_default()?;
-    // The drone holds while a person thinks, unless it is to follow somebody meanwhile.
-    let holds = is_person && !track.or(false);
-    if let Some(think) = fly.think.get()?.or(holds.then_some(QueryTiming::Stop)) {
-        method.think = think;
-    }
-    if facts.flies_moves {
-        (method.motion, method.think) = (Motion::Manoeuvres, QueryTiming::Stop);
-    }
-    let sensed = sensed(settings, facts)?;
-    let lists_boxes =
-        preset == Preset::Default && !sensed.depth_sensor && policy == PolicyKind::spf() && fly.prompt.text().is_none();
-    method.avoid = fly.avoid.or_default()?.or(lists_boxes && facts.lists_boxes) || fly.detector.text().is_some();
-    let is_guided = method.is_guided();
-    if track.or(false) && !is_guided {
-        return Err(CliError::usage("--track needs --think continuous and --motion blended")
-            .hint("leave it out with the preset paper, and with --tello-motion go"));
-    }
-    if sensed.depth_network && !is_guided {
-        return Err(CliError::usage("--depth-model is for the map, through which a craft is led between two answers")
-            .hint("it needs --think continuous and --motion blended"));
-    }
-    method.track = track.or(policy == PolicyKind::spf() && is_guided && !is_person);
-    method.method = Method::for_craft(is_guided, method.avoid, sensed);
-    if let Some(depth) = fly.depth_as.get()? {
-        method.depth = depth;
-    }
-    method.close_up = fly.close_up.is_on()?;
-    method.near_m = fly.near_m.get()?;
-    if let Some(keep) = fly.keep_m.get()? {
-        method.keep_m = keep;
-    }
-    method.follow_time = fly.follow_time_s.get()?.map(duration_from_secs);
-    if let Some(rate) = fly.rate_hz.get()? {
-        method.rate_hz = rate;
-    }
-    let time = |setting: &Setting<f64>, most: Duration| {
-        // For as long as the battery allows.
-        if is_person && !setting.is_given() { Ok(LEISURE) } else { Ok(setting.get()?.map_or(most, duration_from_secs)) }
-    };
-    method.max_time = time(&fly.max_time_s, if preset == Preset::Default { FLIGHT_TIME } else { method.max_time })?;
-    method.reply_timeout = time(&fly.reply_timeout_s, method.reply_timeout)?;
-    let at_end = fly.at_end.get()?.or(facts.is_attended.then_some(AtEnd::Hover));
-    method.at_end = at_end.unwrap_or(method.at_end);
-    if let Some(seconds) = fly.max_reply_age_s.get()? {
-        method.max_reply_age = duration_from_secs(seconds);
-    }
-    count_answers(settings, preset, &mut method)?;
-    Ok(method)
-}
-
-/// Sets the limits on decisions and queries.
-fn count_answers(settings: &Settings, preset: Preset, method: &mut PilotSettings) -> Result<(), CliError> {
-    // The paper's flights count every decision.
-    if preset == Preset::Default {
-        (method.counted, method.max_decisions) = (Counted::WithoutProgress, WITHOUT_PROGRESS);
-        method.max_queries = Some(MAX_QUERIES);
-    }
-    method.max_decisions = settings.fly.max_decisions.get()?.unwrap_or(method.max_decisions);
-    method.max_queries = settings.fly.max_queries.get()?.or(method.max_queries);
-    Ok(())
+    spf_api::method::settings(&choices(settings, policy)?, facts)
 }
 
 /// Whether obstacle mode is on if the VLM lists obstacles, and off if it does not.
@@ -214,16 +138,8 @@ pub(super) fn without_boxes(settings: &Settings, policy: PolicyKind, facts: &Fac
 
 /// The brake of the envelope, if there is one.
 pub(super) fn brake(settings: &Settings, method: &PilotSettings, facts: &Facts) -> Result<Option<BrakeLimits>, CliError> {
-    let sensed = sensed(settings, facts)?;
-    if !settings.fly.brake.or_default()?.or(sensed != Sensed::default() || method.track) {
-        return Ok(None);
-    }
-    Ok(Some(match sensed {
-        Sensed { depth_sensor: true, .. } => BrakeLimits::with_sensor(),
-        // A network's depth comes seldom and late, and a craft whose network has no scale flies on as one without.
-        Sensed { depth_network: true, .. } => BrakeLimits { max_depth_age: NETWORK_AGE_S, ..BrakeLimits::without_sensor() },
-        Sensed { .. } => BrakeLimits::without_sensor(),
-    }))
+    // Whatever the policy is: the brake depends on what is measured and followed alone.
+    Ok(spf_api::method::brake(&choices(settings, PolicyKind::spf())?, method, facts))
 }
 
 /// Refuses settings that contradict one another, whatever craft flies.
@@ -331,10 +247,16 @@ pub(crate) fn options(settings: &Settings) -> Result<Options, CliError> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use spf_pilot::method::Measured;
+    use spf_api::method::LEISURE;
+    use spf_core::time::Duration;
+    use spf_motion::executor::Motion;
+    use spf_pilot::method::{Measured, Method};
+    use spf_pilot::{AtEnd, Counted, QueryTiming};
 
-    const PLAIN: Facts = Facts { has_ranges: false, lists_boxes: true, flies_moves: false, is_attended: false, pace: Pace::Wall };
+    use super::*;
+
+    const PLAIN: Facts =
+        Facts { has_ranges: false, lists_boxes: true, flies_moves: false, is_attended: false, on_wall_clock: true };
 
     /// The settings with these texts in the place of their defaults.
     fn with(change: impl Fn(&mut Settings)) -> Settings {
@@ -346,6 +268,19 @@ mod tests {
 
     fn flown(settings: &Settings, facts: &Facts) -> PilotSettings {
         method(settings, settings.fly.policy.or_default().unwrap(), facts).unwrap()
+    }
+
+    #[test]
+    fn without_flags_the_choices_are_those_of_the_facade() {
+        let choices = choices(&Settings::default(), PolicyKind::spf()).unwrap();
+        for on_wall_clock in [false, true] {
+            let facts = Facts { on_wall_clock, ..PLAIN };
+            let of = |choices: &Choices| spf_api::method::settings(choices, &facts).unwrap();
+            let (ours, theirs) = (of(&choices), of(&Choices::default()));
+            assert_eq!(ours, theirs);
+            let of = |choices| spf_api::method::brake(choices, &ours, &facts);
+            assert_eq!(of(&choices), of(&Choices::default()));
+        }
     }
 
     #[test]

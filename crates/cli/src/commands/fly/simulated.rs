@@ -15,7 +15,6 @@ use spf_scene::SceneLook;
 use spf_sim::model::Model;
 
 use super::aboard::Aboard;
-use super::reading::{self, Given, Reader};
 use super::settings::{flight_conditions, limits, options};
 use crate::args::CameraArgs;
 use crate::commands::vlm::Pace;
@@ -23,6 +22,7 @@ use crate::commands::{camera, load_scene};
 use crate::error::CliError;
 use crate::printer::Printer;
 use crate::settings::Settings;
+use spf_api::reading::{self, Given, Reader};
 
 /// The scene, as the settings light it, and the craft in it.
 fn scene(settings: &Settings) -> Result<(Arc<LoadedScene>, CraftKind), CliError> {

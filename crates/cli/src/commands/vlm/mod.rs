@@ -10,6 +10,8 @@ mod trial;
 use std::path::Path;
 use std::sync::Arc;
 
+pub(crate) use spf_api::vlm::{LATENCY_S, oracle_named};
+use spf_api::vlm::{not_replayed, price_unknown};
 use spf_bench::trial::split_latency;
 use spf_core::camera::Camera;
 use spf_core::prompt::PromptText;
@@ -20,18 +22,18 @@ use spf_vlm::cassette::{Recording, Replay};
 use spf_vlm::exec::Exec;
 use spf_vlm::human::HUMAN;
 use spf_vlm::setup::{self, AUTO, Access, Name, SetupError};
-use spf_vlm::table::{SelectError, Table};
+use spf_vlm::table::Table;
 use spf_vlm::{Remote, RequestOptions, Vlm, today};
 
 pub(crate) use check::{advice, check};
 pub(crate) use estimate::{Estimate, agreed};
 pub(crate) use list::list;
-pub(crate) use own::{LATENCY_S, Pace, console, exec, is_human, listed, paced};
+pub(crate) use own::{Pace, console, exec, is_human, listed, paced};
 pub(crate) use served::{dollars, failure, service};
 pub(crate) use trial::trial;
 
 use crate::commands::read;
-use crate::error::{CliError, nearest};
+use crate::error::CliError;
 use crate::settings::{Row, Settings, environment, variables};
 
 /// The VLM of a flight.
@@ -88,11 +90,7 @@ fn and_recorded(settings: &Settings, pointing: Pointing) -> Pointing {
 
 /// The replies of a recording, under the name of the recorded VLM.
 fn replay(file: &str) -> Result<Pointing, CliError> {
-    let replay = Replay::open(Path::new(file)).map_err(|error| {
-        CliError::usage(format!("cannot replay the recording `{file}`"))
-            .because(&error)
-            .hint("create a recording with --vlm-record FILE (docs/guide/vlm.md)")
-    })?;
+    let replay = Replay::open(Path::new(file)).map_err(|error| not_replayed(file, &error))?;
     let name = replay.name().to_owned();
     let sentence = format!("VLM: replies of {name}, replayed from {file}.");
     let vlm_factory: VlmFactory = Arc::new(move |_, _| Ok(Box::new(replay.clone())));
@@ -110,43 +108,6 @@ fn recorded(pointing: Pointing, path: String) -> Pointing {
     };
     Pointing { vlm_factory: Arc::new(record), ..pointing }
 }
-
-/// The oracle's name and error file; `wrong` creates the error for another name, from the expected forms and a similar name.
-pub(crate) fn oracle_named(
-    name: &str,
-    wrong: impl FnOnce(&str, Option<&str>) -> CliError,
-) -> Result<(String, ErrorFile), CliError> {
-    if let (oracle, Some(seconds)) = split_latency(name)
-        && oracle.starts_with("oracle")
-    {
-        return Err(CliError::usage(format!("`{name}`: only `spf bench` takes a latency in the name"))
-            .hint(format!("spf fly --vlm {oracle} --vlm-latency {seconds}")));
-    }
-    let errors = match name.split_once(':') {
-        None if name == "oracle" => ErrorFile::named("default"),
-        Some(("oracle", which)) if which.contains(['/', '.']) && !which.starts_with(GULLIBLE) => {
-            ErrorFile::from_toml(&read(Path::new(which), "error")?)
-        }
-        Some(("oracle", which)) => ErrorFile::named(which),
-        other => {
-            let near = nearest(other.map_or(name, |(scheme, _)| scheme), ["oracle"]);
-            return Err(wrong("oracle, oracle:NAME or oracle:FILE", near));
-        }
-    };
-    let errors = errors.map_err(|error| {
-        let which = name.split_once(':').map_or("", |(_, which)| which);
-        let hint = match nearest(which, ErrorFile::shipped().iter().copied()) {
-            _ if which.starts_with(GULLIBLE) => "docs/explanation/oracle.md describes this stand-in".to_owned(),
-            Some(near) if near != which => format!("did you mean `oracle:{near}`?"),
-            _ => "the path of an error file must contain a `/` or a `.`; docs/explanation/oracle.md lists its keys".to_owned(),
-        };
-        CliError::usage(format!("invalid oracle `{name}`")).because(&error).hint(hint)
-    })?;
-    Ok((name.to_owned(), errors))
-}
-
-/// What begins the name of a stand-in that obeys signs.
-const GULLIBLE: &str = "gullible";
 
 /// Says that an oracle is no VLM, and what else a reader of its results must know.
 pub(crate) fn oracle_sentence(name: &str, errors: &ErrorFile) -> String {
@@ -255,8 +216,7 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
             ""
         };
         if settings.fly.max_cost_usd.text().is_some() && model.price_on(&today).is_none() && strategy.price.is_none() {
-            return Err(CliError::usage(format!("--max-cost requires a known price, and `{name}` has none"))
-                .hint("give its price with --vlm-price IN,OUT or --vlm-models (docs/guide/vlm.md); use 0 for a local model"));
+            return Err(price_unknown(name));
         }
         let ends = model.ends_soon(&today).map_or(String::new(), |(day, successor, left)| {
             let then = successor.map_or(String::new(), |successor| format!("; its successor is {successor}"));
@@ -280,78 +240,8 @@ pub(crate) fn remote(settings: &Settings, name: &str, prompt: Option<Arc<PromptT
     Ok(Chosen { name, remote, sentence: format!("VLM: {}.{steps_in}", chosen[0]), lists_boxes: lists_boxes.unwrap_or(true) })
 }
 
-/// The complete name of a model of which only the model's own part, or only its series, is given: `VENDOR#MODEL`, or the vendor.
-fn complete_name(table: &Table, name: &str) -> Option<String> {
-    let last = |id: &str| id.rsplit('/').next().unwrap_or(id).to_ascii_lowercase();
-    let series = |id: &str| {
-        let last = last(id);
-        last[..last.find(|c: char| !c.is_ascii_alphabetic()).unwrap_or(last.len())].to_owned()
-    };
-    if let Some(row) = table.models().iter().find(|row| last(&row.id) == last(name)) {
-        return Some(format!("{}#{}", row.vendor, row.id));
-    }
-    let wanted = Some(series(name)).filter(|wanted| wanted.len() >= 3)?;
-    let row = table.models().iter().find(|row| series(&row.id) == wanted)?;
-    if !name.contains(|c: char| c.is_ascii_digit()) {
-        return Some(row.vendor.clone());
-    }
-    // Who serves the models of others names them by their maker too.
-    let maker = row.id.rsplit_once('/').filter(|_| !name.contains('/')).map_or(String::new(), |(maker, _)| format!("{maker}/"));
-    Some(format!("{}#{maker}{name}", row.vendor))
-}
-
 /// The error for a model that cannot be used, with a hint.
 pub(crate) fn refused(settings: &Settings, name: &str, error: &SetupError) -> CliError {
-    let failure = CliError::usage(format!("cannot use the VLM `{name}`")).because(error);
-    match error {
-        SetupError::Select(SelectError::Unknown { name: vendor, known }) => {
-            // On a server of one's own, no vendor is needed.
-            if let Some((_, url)) = name.split_once("@http") {
-                let model = name.split('@').next().unwrap_or_default().trim_start_matches('#');
-                return failure.hint(format!("the server comes first: `--vlm http{url}#{model}`"));
-            }
-            let name = vendor;
-            if name.starts_with("oracle") {
-                return failure.hint(
-                    "the oracle answers in the simulator only: spf fly --vlm oracle, spf ground --dataset, spf sim serve --vlm",
-                );
-            }
-            if let Some(complete) = table(settings).ok().as_ref().and_then(|table| complete_name(table, name)) {
-                return failure.hint(format!("a vendor comes first: `--vlm {complete}`"));
-            }
-            let words = known.iter().map(String::as_str).chain(["oracle", AUTO]);
-            match nearest(name, words) {
-                Some(near) => failure.hint(format!("did you mean `{near}`? `spf vlm list` lists all")),
-                None => failure.hint(format!("use oracle, {AUTO}, {}, or a server URL: see `spf vlm list`", known.join(", "))),
-            }
-        }
-        SetupError::Select(SelectError::NoModel { .. }) if name.starts_with("http") => failure.hint(format!("use {name}#MODEL")),
-        SetupError::Select(SelectError::NoModel { vendor }) => failure.hint(format!("use --vlm {vendor}#MODEL")),
-        SetupError::SecretInUrl => {
-            CliError::usage("invalid URL of the VLM").because(error).hint("set API keys in the environment (docs/guide/vlm.md)")
-        }
-        SetupError::Select(SelectError::Retired { successor, .. }) => {
-            let vendor = name.split(['#', '@']).next().unwrap_or(name);
-            failure.hint(format!("use --vlm {vendor}#{successor}"))
-        }
-        SetupError::KeyElsewhere { variable, server, .. } => failure.hint(format!(
-            "if that server may have the key, add --send-key-to {server}; to query it without a key, unset {variable}"
-        )),
-        SetupError::KeyInClear { .. } => failure.hint("use the URL with https://"),
-        SetupError::UrlFromFile { variable } => {
-            let vendor = name.split(['#', '@']).next().unwrap_or(name);
-            failure.hint(format!("remove it from .env and export {variable} in the environment, or use --vlm {vendor}@URL"))
-        }
-        SetupError::NoKey { variables, page, .. } => {
-            let page = page.as_deref().map_or(String::new(), |page| format!("; create a key at {page}"));
-            failure.hint(format!("set {} in the environment or in .env{page}", variables.join(" or ")))
-        }
-        SetupError::NoKeyAtAll { variables } => {
-            failure.hint(format!("set one of {} in the environment or in .env", variables.join(", ")))
-        }
-        SetupError::Url(_) | SetupError::Select(SelectError::Url(_)) => {
-            failure.hint("use NAME[#MODEL]@http://host:port/v1, or http://host:port/v1#MODEL")
-        }
-        _ => failure.hint(settings.fly.vlm.hint()),
-    }
+    let table = table(settings).unwrap_or_else(|_| Table::shipped());
+    spf_api::vlm::refused(&table, name, error, &settings.fly.vlm.hint())
 }

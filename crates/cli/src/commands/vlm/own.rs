@@ -10,13 +10,10 @@ use spf_vlm::exec::{EXEC, Exec, ExecOptions};
 use spf_vlm::human::{HELP, HUMAN, Human, ORDERS};
 use spf_vlm::{Paced, Vlm};
 
-use super::Pointing;
+use super::{LATENCY_S, Pointing};
 use crate::background;
 use crate::error::CliError;
 use crate::settings::{Origin, Row, Settings};
-
-/// Latency of people and programs in virtual time, seconds: the oracle's median.
-pub(crate) const LATENCY_S: f64 = 1.5;
 
 /// The clock that determines how long an answer takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

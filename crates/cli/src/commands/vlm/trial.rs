@@ -21,7 +21,7 @@ use spf_vlm::exec::EXEC;
 use spf_vlm::service::{Fate, RunEnd, Service};
 use spf_vlm::{Cancel, Paced, Vlm};
 
-use super::own::LATENCY_S;
+use super::LATENCY_S;
 use super::served::{dollars, failure, service, stoppable};
 use super::{Estimate, agreed, exec, is_human, listed, remote};
 use crate::args::{Dataset, VlmTrial};

@@ -1,4 +1,4 @@
-//! Prints how the oracle reads an instruction: before take-off, and in flight when a new one is given.
+//! How the oracle reads an instruction: before take-off, and in flight when a new one is given.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -12,15 +12,14 @@ use spf_oracle::language::Verb;
 use spf_oracle::{InstructionReading, ReadStep, UnknownWord, read_instruction, unread};
 use spf_pilot::OperatorEvent;
 
-use crate::error::CliError;
-use crate::printer::{one_line, quoted};
+use crate::error::{Error, one_line, quoted};
 
 /// Maximum number of scene objects listed if no word matches.
 const EXAMPLES: usize = 8;
 
 /// Where an instruction is given, and so how one lands and flies by hand there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Given {
+pub enum Given {
     /// On the command line, for a flight in virtual time.
     AsArgument,
     /// Typed in the terminal in flight, or on the command line for a flight that has its keys.
@@ -31,7 +30,7 @@ pub(super) enum Given {
 
 impl Given {
     /// For an instruction on the command line.
-    pub(super) fn for_flight(cockpit: bool, realtime: bool) -> Self {
+    pub fn for_flight(cockpit: bool, realtime: bool) -> Self {
         match (cockpit, realtime) {
             (true, _) => Self::OnPage,
             (false, true) => Self::ByKeys,
@@ -53,7 +52,7 @@ impl Given {
 ///
 /// # Errors
 /// Nothing in the instruction is understood, so that the flight could only end in a fruitless search.
-pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>, given: Given) -> Result<Vec<String>, CliError> {
+pub fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>, given: Given) -> Result<Vec<String>, Error> {
     let objects = loaded.placed(&loaded.cast.starts());
     let from = Some(start.unwrap_or(loaded.scene.start));
     let reading = read_instruction(instruction, &objects, from);
@@ -85,27 +84,29 @@ pub(super) fn lines(instruction: &str, loaded: &LoadedScene, start: Option<Pose>
 
 /// Reads the instructions that are given in flight.
 #[derive(Clone)]
-pub(super) struct Reader {
+pub struct Reader {
     loaded: Arc<LoadedScene>,
     start: Option<Pose>,
 }
 
 impl Reader {
     /// A reader for a scene. The objects are those that are there at the start of the flight, seen from there.
-    pub(super) fn new(loaded: &Arc<LoadedScene>, start: Option<Pose>) -> Self {
+    pub fn new(loaded: &Arc<LoadedScene>, start: Option<Pose>) -> Self {
         Self { loaded: loaded.clone(), start }
     }
 
     /// How an instruction of the page is read, one line; or why it is not flown, in words for a person.
-    pub(super) fn understood(&self, text: &str) -> Result<String, String> {
-        lines(text, &self.loaded, self.start, Given::OnPage).map(|lines| lines.join("; ")).map_err(|error| error.to_string())
+    pub fn understood(&self, text: &str) -> Result<String, String> {
+        lines(text, &self.loaded, self.start, Given::OnPage)
+            .map(|lines| lines.join("; "))
+            .map_err(|error| format!("error: {error}"))
     }
 
     /// The lines for an instruction that a script gives at this time.
     ///
     /// # Errors
     /// As for [`lines`].
-    pub(super) fn scripted(&self, at: Time, text: &str) -> Result<Vec<String>, CliError> {
+    pub fn scripted(&self, at: Time, text: &str) -> Result<Vec<String>, Error> {
         let lines = lines(text, &self.loaded, self.start, Given::AsArgument)?;
         let at = at.since(Time::ZERO).as_secs_f64();
         Ok(lines.into_iter().map(|line| format!("new instruction at {at} s {line}")).collect())
@@ -113,7 +114,7 @@ impl Reader {
 
     /// Of what was typed, what is passed to the pilot, and the lines to print. An instruction of which nothing is understood is
     /// not passed on, and the drone goes on holding.
-    pub(super) fn admit(&self, pressed: Pressed) -> (Vec<OperatorEvent>, Vec<String>) {
+    pub fn admit(&self, pressed: Pressed) -> (Vec<OperatorEvent>, Vec<String>) {
         let mut printed: Vec<String> = pressed.hint.map(str::to_owned).into_iter().collect();
         let mut admitted = Vec::with_capacity(pressed.events.len());
         let mut refused = false;
@@ -125,7 +126,7 @@ impl Reader {
                     Ok(lines) => printed.extend(lines),
                     Err(error) => {
                         printed.push(format!(
-                            "{error}\nThe drone holds position: T resumes the last instruction, Enter opens the prompt again."
+                            "error: {error}\nThe drone holds position: T resumes the last instruction, Enter opens the prompt again."
                         ));
                         refused = true;
                         continue;
@@ -140,10 +141,10 @@ impl Reader {
     }
 }
 
-fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene, given: Given) -> CliError {
+fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &LoadedScene, given: Given) -> Error {
     if reading.is_foreign {
         let what = format!("the oracle reads English only, and cannot parse \"{}\"", one_line(instruction));
-        return CliError::usage(what).hint(
+        return Error::usage(what).hint(
             "give the instruction in English, or let a real model read it, as with `--vlm gemini` or `--vlm ollama#MODEL` \
              (`spf vlm list` lists all)",
         );
@@ -168,7 +169,7 @@ fn not_understood(instruction: &str, reading: &InstructionReading, loaded: &Load
     let mut seen = BTreeSet::new();
     let things = loaded.tags.iter().filter(|tags| !tags.opening && !tags.is_surface()).map(Tagged::words);
     let examples: Vec<String> = things.filter(|words| seen.insert(words.clone())).take(EXAMPLES).collect();
-    CliError::usage(format!("the oracle{language} cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
+    Error::usage(format!("the oracle{language} cannot parse \"{}\": {why}", one_line(instruction))).hint(format!(
         "{advice}objects in {} include: {}",
         loaded.scene.name,
         examples.join(", ")

@@ -1,0 +1,42 @@
+//! What a user names by a path: scenes and other files.
+
+use std::path::Path;
+
+use spf_bench::task::shipped;
+use spf_flight::sim::LoadedScene;
+use spf_scene::{Scene, SceneLook};
+
+use crate::error::Error;
+
+/// Loads a built-in scene or a scene file, or as in a log of the bench `SCENE+TASK`, with the objects that a built-in task adds;
+/// errors name the scenes that there are. Warns of what of a model
+/// is not drawn.
+///
+/// # Errors
+/// A usage error if there is no such scene, or its file is invalid.
+pub fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, Error> {
+    let task = name.rsplit_once('+').and_then(|(scene, task)| Some((scene, shipped(task).ok()??.objects)));
+    let (scene, objects) = task.as_ref().map_or((name, ""), |(scene, objects)| (*scene, objects));
+    let loaded = LoadedScene::load_adding(scene, conditions, objects).map_err(|error| {
+        let built_in = Scene::built_in().join(", ");
+        Error::usage(format!("cannot load the scene `{name}`"))
+            .because(&error)
+            .hint(format!("built-in scenes: {built_in}; or a scene file (docs/reference/scene-format.md)"))
+    })?;
+    for warning in &loaded.scene.warnings {
+        tracing::warn!("{name}: {warning}");
+    }
+    Ok(loaded)
+}
+
+/// Reads a file named by the user; `what` is its content in a word or two, for messages.
+///
+/// # Errors
+/// A usage error if it cannot be read.
+pub fn read(path: &Path, what: &str) -> Result<String, Error> {
+    spf_input::read_text(path).map_err(|error| {
+        Error::usage(format!("cannot read the {what} file `{}`", path.display()))
+            .because(&error)
+            .hint("relative paths are resolved from the working directory")
+    })
+}

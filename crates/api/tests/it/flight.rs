@@ -1,0 +1,98 @@
+//! Flights whose queries the caller answers.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use spf_api::flight::{Answerer, Flying, Happening, Request, fly, start};
+use spf_api::log::read_log;
+use spf_pilot::Outcome;
+
+const AHEAD: &str = r#"{"status": "navigating", "point": [480, 360], "depth": 2}"#;
+const DONE: &str = r#"{"status": "done"}"#;
+
+/// A flight in the office, in a folder, answered by the caller.
+fn asked(folder: &Path) -> Request {
+    let mut request = Request::new("fly to the door");
+    request.scene = "office".to_owned();
+    request.answerer = Answerer::caller("test");
+    request.out = Some(folder.join("flight"));
+    request
+}
+
+/// What happens next, which must not take long.
+fn next(flying: &mut Flying) -> Happening {
+    flying.wait(Duration::from_secs(60)).unwrap()
+}
+
+#[test]
+fn a_callers_answers_fly_and_count_as_having_taken_their_latency() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut request = asked(folder.path());
+    request.answerer = Answerer::Caller { name: "test".to_owned(), latency_s: 0.5 };
+    let mut count = 0;
+    let answer = |question: &spf_api::Question| {
+        count += 1;
+        assert_eq!((question.image().width(), question.image().height()), (960, 720));
+        assert!(question.query().prompt.contains("fly to the door") && question.schema().is_some());
+        Ok(if count > 3 { DONE } else { AHEAD }.to_owned())
+    };
+    let flight = fly(request, answer, |_| {}).unwrap();
+    assert_eq!((flight.summary.outcome, flight.summary.vlm.as_str()), (Outcome::Reached, "test"));
+    assert!(flight.summary.path_length_m > 0.5, "{}", flight.summary.path_length_m);
+    assert!(flight.record.decisions.iter().all(|decision| (decision.latency_s - 0.5).abs() < 1e-9));
+    assert!(!flight.summary.settings.avoid, "a function is not expected to list obstacles");
+    assert!(std::fs::read_to_string(flight.map_path()).unwrap().contains("<svg"));
+}
+
+#[test]
+fn landing_gives_the_open_question_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut flying = start(asked(folder.path())).unwrap();
+    let Happening::Question(question) = next(&mut flying) else { panic!("a question is first") };
+    let began = Instant::now();
+    flying.land();
+    assert!(matches!(next(&mut flying), Happening::Ended));
+    assert!(began.elapsed() < Duration::from_secs(10), "{:?}", began.elapsed());
+    question.answer(Ok(AHEAD.to_owned()));
+    let flight = flying.finish().unwrap();
+    assert_eq!(flight.summary.outcome, Outcome::Aborted, "{}", flight.summary.cause);
+    assert!(flight.record.summary.is_some() && !flight.record.is_truncated);
+}
+
+#[test]
+fn questions_without_an_answer_are_failed_queries_and_end_the_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut flying = start(asked(folder.path())).unwrap();
+    while let Happening::Question(question) = next(&mut flying) {
+        drop(question);
+    }
+    assert_eq!(flying.finish().unwrap().summary.outcome, Outcome::Failed);
+}
+
+#[test]
+fn a_start_inside_of_something_gives_the_folder_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut request = asked(folder.path());
+    request.start = Some(spf_flight::pose::parse_pose("5000,0,1,0").unwrap());
+    let error = fly(request, |_| Ok(DONE.to_owned()), |_| {}).unwrap_err();
+    assert!(error.to_string().contains("not above the ground") && error.advice().is_some(), "{error}");
+    assert!(!folder.path().join("flight").exists());
+}
+
+#[test]
+fn a_log_that_is_cut_off_is_read_as_far_as_it_goes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut request = asked(folder.path());
+    request.choices.max_time_s = Some(8.0);
+    let flight = fly(request, |_| Ok(AHEAD.to_owned()), |_| {}).unwrap();
+    let bytes = std::fs::read(flight.log_path()).unwrap();
+    let cut = folder.path().join("cut.mcap");
+    // The end of a log is its index.
+    std::fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
+    let record = read_log(&cut).unwrap();
+    assert!(record.is_truncated && record.summary.is_none());
+    assert_eq!(record.header, flight.record.header);
+    assert!(record.trajectory.len() <= flight.record.trajectory.len());
+    let error = read_log(&folder.path().join("none.mcap")).unwrap_err();
+    assert!(error.to_string().contains("none.mcap") && error.advice().is_some(), "{error}");
+}

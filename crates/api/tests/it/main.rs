@@ -1,0 +1,6 @@
+//! Tests of the façade from its user's side.
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
+mod flight;
+mod point;
+mod simulator;

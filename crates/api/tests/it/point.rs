@@ -1,0 +1,60 @@
+//! The method's functions give the values of a flight.
+
+use spf_api::flight::{Request, fly};
+use spf_api::point::{LiftSettings, PromptSettings, grounding, lift, parse_reply, prompt};
+
+#[test]
+fn prompt_reply_and_lift_are_those_of_a_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut request = Request::new("fly to the red crane");
+    (request.out, request.choices.max_time_s) = (Some(folder.path().join("flight")), Some(20.0));
+    let flight = fly(request, |_| Err("the oracle answers".to_owned()), |_| {}).unwrap();
+    let (header, settings) = (&flight.record.header, &flight.record.header.settings);
+
+    let first = &flight.record.decisions[0].query;
+    let profile = grounding("oracle", (960, 720)).unwrap();
+    assert_eq!(profile, header.grounding);
+    let (near_m, keep_m, field_deg) = (first.near_m, first.keep_m, first.field_deg);
+    let words = PromptSettings { profile, avoid: settings.avoid, near_m, keep_m, field_deg };
+    // A flight adds what has happened so far, one sentence about its height at first.
+    let height = first.prompt.lines().find(|line| line.starts_with("It is about ")).unwrap();
+    assert_eq!(prompt("fly to the red crane", &words), first.prompt.replace(&format!("{height}\n"), ""));
+
+    let mut lifted = 0;
+    for decision in &flight.record.decisions {
+        let Some(reply) = &decision.reading.reply else { continue };
+        assert_eq!(&parse_reply(&decision.reply, &profile, settings.avoid).unwrap(), reply);
+        let reading = &decision.reading;
+        if let (Some(point), Some(label), Some(there), None) =
+            (reading.waypoint, reply.label(), reading.displacement, &reading.avoidance)
+        {
+            let settings = LiftSettings {
+                camera: header.camera,
+                attitude: decision.pose.attitude,
+                step: settings.step,
+                lifting: settings.lifting,
+            };
+            let ours = lift(point, label, &settings).unwrap();
+            // Another rule may have shortened the step afterwards, along the same line.
+            let scale = there.length() / ours.displacement.length();
+            let apart = [
+                ours.displacement.right * scale - there.right,
+                ours.displacement.forward * scale - there.forward,
+                ours.displacement.up * scale - there.up,
+            ];
+            assert!(apart.iter().all(|metres| metres.abs() < 1e-6), "{apart:?}");
+            lifted += 1;
+        }
+    }
+    assert!(lifted > 0, "a decision that flies to its point");
+}
+
+#[test]
+fn names_of_families_are_read_and_wrong_ones_refused() {
+    let (gemini, oracle) = (grounding("gemini", (960, 720)).unwrap(), grounding("oracle:poor", (1, 1)).unwrap());
+    assert_eq!((gemini.order, gemini.scale), (oracle.order, oracle.scale));
+    let error = grounding("gemni", (960, 720)).unwrap_err();
+    assert!(error.advice().unwrap().contains("did you mean `gemini`?"), "{error}");
+    let error = parse_reply("I cannot see it.", &gemini, false).unwrap_err();
+    assert!(error.to_string().starts_with("the reply cannot be used"), "{error}");
+}
