@@ -1,0 +1,170 @@
+//! `spf.fly`: a flight in a thread of its own, while the caller's thread answers and watches.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use spf_api::Question;
+use spf_api::error::Error;
+use spf_api::flight::{Answerer, Flying, Happening, Request, start};
+use spf_pilot::Preset;
+
+use crate::convert;
+use crate::errors::{raised, wrong};
+use crate::flight::Flight;
+use crate::query::Query;
+use crate::record::Decision;
+
+/// How often a wait looks for Ctrl-C.
+const LOOK_UP: Duration = Duration::from_millis(50);
+
+/// Flies an instruction in the simulator, as the command `spf fly` does: the same seed gives the same files.
+///
+/// instruction: what is to be flown, in any words that the VLM understands. The oracle reads English.
+/// scene: a built-in scene or the path of a scene file. seed: of all random choices. craft: quad or tello; the scene's own by default.
+/// start: east, north and up in metres, heading and perhaps pitch in degrees; the scene's own by default.
+/// vlm: a name as of `--vlm`, or a function that is given a spf.Query and returns the reply, a dict or its text. It is called in this
+/// thread, while the flight stands still; its answer counts as having taken vlm_latency_s.
+/// drone: sim. Real drones are not offered from Python yet.
+/// on_decision: a function that is given each spf.Decision.
+/// avoid: obstacle mode. None: on if the VLM lists obstacles, which a function is not expected to do.
+/// depth_sensor: whether the craft measures the depth of what it sees. preset: default or paper.
+/// max_time_s, max_decisions, max_queries, max_cost_usd: limits; None: the program's.
+/// video: whether to write a video, which takes longer than the flight. out: the folder for the flight's files, new or empty; by default
+/// flights/NNN-… in the working directory.
+///
+/// An exception of a function lands the craft and is raised; so does Ctrl-C. Raises spf.UsageError for what is wrong in the arguments,
+/// and spf.Error for other failures, each with a hint where one is known.
+#[pyfunction]
+#[pyo3(signature = (
+    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, drone = "sim", on_decision = None, avoid = None,
+    depth_sensor = false, preset = "default", max_time_s = None, max_decisions = None, max_queries = None, max_cost_usd = None,
+    vlm_latency_s = 1.5, video = false, out = None
+))]
+#[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
+pub(crate) fn fly(
+    py: Python<'_>,
+    instruction: &str,
+    scene: &str,
+    seed: u64,
+    craft: Option<&str>,
+    start: Option<Vec<f64>>,
+    vlm: Option<Bound<'_, PyAny>>,
+    drone: &str,
+    on_decision: Option<Bound<'_, PyAny>>,
+    avoid: Option<bool>,
+    depth_sensor: bool,
+    preset: &str,
+    max_time_s: Option<f64>,
+    max_decisions: Option<u32>,
+    max_queries: Option<u32>,
+    max_cost_usd: Option<f64>,
+    vlm_latency_s: f64,
+    video: bool,
+    out: Option<PathBuf>,
+) -> PyResult<Flight> {
+    if drone != "sim" {
+        let message = format!("`{drone}` is not offered from Python yet, only the simulator (`drone=\"sim\"`)");
+        return Err(wrong(py, message, &format!("the program flies real drones: spf fly --drone {drone}")));
+    }
+    let mut request = Request::new(instruction);
+    request.scene = scene.to_owned();
+    request.seed = seed;
+    request.craft = convert::craft(py, craft)?;
+    request.start = convert::start(py, start)?;
+    request.choices.preset = match preset {
+        "default" => Preset::Default,
+        "paper" => Preset::Paper,
+        _ => return Err(wrong(py, format!("unknown preset `{preset}`"), "use default or paper")),
+    };
+    request.choices.avoid = avoid;
+    request.choices.depth_sensor = depth_sensor;
+    request.choices.max_time_s = max_time_s;
+    request.choices.max_decisions = max_decisions;
+    request.choices.max_queries = max_queries;
+    request.max_cost_usd = max_cost_usd;
+    request.video = video;
+    request.out = out;
+    request.watched = on_decision.is_some();
+    let function = match vlm {
+        None => None,
+        Some(vlm) if vlm.is_callable() => {
+            request.answerer = Answerer::Caller { name: name_of(&vlm), latency_s: vlm_latency_s };
+            Some(vlm)
+        }
+        Some(vlm) => {
+            let Ok(name) = vlm.cast::<PyString>() else {
+                return Err(wrong(
+                    py,
+                    "vlm must be the name of a VLM or a function",
+                    "vlm=\"oracle\", or a function of a spf.Query",
+                ));
+            };
+            request.answerer = Answerer::Named(name.to_str()?.to_owned());
+            None
+        }
+    };
+    let mut flying = py.detach(|| self::start(request)).map_err(|error| raised(py, &error))?;
+    let mut failure: Option<PyErr> = None;
+    loop {
+        let happened = match py.detach(|| flying.wait(LOOK_UP)) {
+            Some(Happening::Ended) => break,
+            // Whatever happens until the craft has landed.
+            _ if failure.is_some() => Ok(()),
+            Some(Happening::Question(question)) => answered(py, function.as_ref(), question),
+            Some(Happening::Decision(decision)) => shown(py, on_decision.as_ref(), *decision),
+            None => Ok(()),
+        };
+        // A second Ctrl-C does not wait for the landing, which goes on without anyone.
+        if let Err(error) = py.check_signals() {
+            if failure.is_some() {
+                return Err(error);
+            }
+            failure = Some(landing(&flying, error));
+        }
+        if let (Err(error), None) = (happened, &failure) {
+            failure = Some(landing(&flying, error));
+        }
+    }
+    let ended: Result<_, Error> = py.detach(|| flying.finish());
+    match failure {
+        Some(error) => Err(error),
+        None => ended.map(Flight::new).map_err(|error| raised(py, &error)),
+    }
+}
+
+fn landing(flying: &Flying, error: PyErr) -> PyErr {
+    flying.land();
+    error
+}
+
+/// The name of a function, for logs.
+fn name_of(function: &Bound<'_, PyAny>) -> String {
+    let name = function.getattr("__name__").or_else(|_| function.get_type().getattr("__name__"));
+    let name = name.and_then(|name| name.extract::<String>()).unwrap_or_else(|_| "function".to_owned());
+    format!("python:{name}")
+}
+
+/// Has a query answered by the user's function.
+fn answered(py: Python<'_>, function: Option<&Bound<'_, PyAny>>, question: Question) -> PyResult<()> {
+    let Some(function) = function else { return Ok(()) };
+    let question = Arc::new(question);
+    let query = Py::new(py, Query::new(question.clone()))?;
+    let reply = function.call1((query,))?;
+    let text = match reply.cast::<PyString>() {
+        Ok(text) => text.to_str()?.to_owned(),
+        Err(_) => py.import("json")?.call_method1("dumps", (reply,))?.extract()?,
+    };
+    question.answer(Ok(text));
+    Ok(())
+}
+
+/// Shows a decision to the user's function.
+fn shown(py: Python<'_>, function: Option<&Bound<'_, PyAny>>, decision: spf_pilot::Decision) -> PyResult<()> {
+    match function {
+        Some(function) => function.call1((Py::new(py, Decision::new(decision))?,)).map(drop),
+        None => Ok(()),
+    }
+}
