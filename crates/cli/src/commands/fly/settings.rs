@@ -167,9 +167,8 @@ pub(super) fn limits(settings: &Settings, mut limits: Limits) -> Result<Limits, 
     let set = |limit: &mut f64, setting: &Setting<f64>| setting.get().map(|value| *limit = value.unwrap_or(*limit));
     set(&mut limits.max_speed, &envelope.max_speed_m_s)?;
     set(&mut limits.max_climb, &envelope.max_climb_m_s)?;
-    let mut yaw_deg = limits.max_yaw_rate.to_degrees();
-    set(&mut yaw_deg, &envelope.max_yaw_rate_deg_s)?;
-    limits.max_yaw_rate = yaw_deg.to_radians();
+    // A limit that nobody sets stays as it is, to the bit: degrees would round it.
+    limits.max_yaw_rate = envelope.max_yaw_rate_deg_s.get()?.map_or(limits.max_yaw_rate, f64::to_radians);
     set(&mut limits.min_altitude, &envelope.min_altitude_m)?;
     set(&mut limits.max_altitude, &envelope.max_altitude_m)?;
     set(&mut limits.max_distance, &envelope.max_distance_m)?;
