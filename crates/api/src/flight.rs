@@ -163,7 +163,7 @@ impl Flying {
                 Some(Happening::Decision(decision))
             }
             Ok(Sent::Ended(result)) => {
-                self.ended = Some(result);
+                self.ended = Some(*result);
                 Some(Happening::Ended)
             }
             Err(RecvTimeoutError::Timeout) => None,
@@ -259,7 +259,7 @@ pub fn start(request: Request) -> Result<Flying, Error> {
     let settings = method::settings(&request.choices, &facts)?;
     let brake = method::brake(&request.choices, &settings, &facts);
     let limits = Limits { brake, ..loaded.limits(kind) };
-    let sensor = request.choices.depth_sensor.then(|| DepthSensor { fault: None });
+    let sensor = request.choices.depth_sensor.then_some(DepthSensor { fault: None });
     let site = Site::Simulated(Simulated {
         start: request.start,
         kind,
@@ -287,7 +287,7 @@ pub fn start(request: Request) -> Result<Flying, Error> {
             observers.push(watching);
         }
         // Nobody may be there any more.
-        drop(send.send(Sent::Ended(spf_flight::flight::fly(plan, &mut observers))));
+        drop(send.send(Sent::Ended(Box::new(spf_flight::flight::fly(plan, &mut observers)))));
     };
     if let Err(error) = Builder::new().name("flight".to_owned()).spawn(flight) {
         out.give_back();

@@ -59,7 +59,7 @@ pub(crate) enum Sent {
     Asked(Question),
     /// A decision, and whom to tell that it has been looked at.
     Decided(Box<Decision>, Sender<()>),
-    Ended(Result<Flown, FlightError>),
+    Ended(Box<Result<Flown, FlightError>>),
 }
 
 /// A VLM that hands its queries to the caller of the flight.

@@ -498,7 +498,7 @@ mod tests {
     fn a_pose_is_read_back() {
         for (heading, pitch, roll) in [(0.0, 0.0, 0.0), (1.2, -0.3, 0.2), (-2.9, 0.7, -1.1), (3.1, 1.4, 2.0)] {
             let position = EnuPosition { east: 1.5, north: -2.0, up: 30.25 };
-            let written = Pose { position, attitude: super::Attitude { heading, pitch, roll } };
+            let written = Pose { position, attitude: Attitude { heading, pitch, roll } };
             let read = read_pose(&encode(&pose(Time::from_millis(1500), &written))).unwrap();
             let (a, b) = (read.attitude, written.attitude);
             assert_eq!(read.position, position);
