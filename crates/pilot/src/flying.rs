@@ -421,9 +421,9 @@ impl Pilot {
 
     /// The consequence of a sighting that has been taken.
     fn lead(&self, now: Time, goto: &Goto) -> Lead {
-        // No farther than the reply's boxes leave the straight path clear.
-        let most = if self.settings.avoid && !self.settings.method.measures_view() { goto.clear } else { f64::INFINITY };
-        self.not_back(now, self.target.lead(goto, self.here(now), most))
+        // A craft that measures what is in view is led by its planner.
+        let by_boxes = self.settings.avoid && !self.settings.method.measures_view();
+        self.not_back(now, self.target.lead(goto, self.here(now), by_boxes))
     }
 
     /// A goal that has been passed is only turned to.

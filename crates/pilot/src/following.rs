@@ -106,7 +106,7 @@ impl Following {
         if self.held.is_none() {
             self.steering.start(self.keep);
         }
-        self.held.get_or_insert_default().is_barred = goto.clear <= 0.0;
+        self.held.get_or_insert_default().is_barred = goto.corridor.is_none();
         let range = range_of_label(goto.label);
         let answer = Answer { captured: view.frame.captured, pose: view.pose, area, range, is_person };
         self.steering.answer(&view.camera, &answer);

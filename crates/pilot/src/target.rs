@@ -130,8 +130,8 @@ impl Target {
         Some(self.anchor()?.seen_from(from.at, from.odometry))
     }
 
-    /// The consequence of a sighting that has been taken; `most`: how far the way to it may be flown at once, metres.
-    pub(crate) fn lead(&self, goto: &Goto, here: Here, most: f64) -> Lead {
+    /// The consequence of a sighting that has been taken; `by_boxes`: the way to it keeps clear of what the reply's boxes show.
+    pub(crate) fn lead(&self, goto: &Goto, here: Here, by_boxes: bool) -> Lead {
         let anchor = self.anchor().filter(|_| !goto.is_detour);
         let (Some(anchor), Some(from)) = (anchor, goto.motion.anchor) else { return Lead::Step(goto.motion) };
         match self.gate {
@@ -140,7 +140,12 @@ impl Target {
             Some(Gate::EarlierStage | Gate::Invalid) | None => return Lead::Step(goto.motion),
         }
         let own = libm::hypot(goto.motion.primitives.forward, goto.motion.primitives.climb);
-        self.lead_from(anchor, here, from.position, own, most)
+        match (by_boxes, &goto.corridor) {
+            (false, _) => self.lead_from(anchor, here, from.position, own, |_, reach| Some(reach)),
+            (true, Some(corridor)) => self.lead_from(anchor, here, from.position, own, |to, reach| corridor.clear(to, own, reach)),
+            (true, None) => self.lead_from(anchor, here, from.position, own, |_, _| Some(0.0)),
+        }
+        .unwrap_or(Lead::Step(goto.motion))
     }
 
     /// The way on to a target that a frame taken at `from` does not show; `None` if its place is not known well enough for that.
@@ -149,21 +154,29 @@ impl Target {
         anchor
             .seen_from(from, here.odometry)
             .may_approach_unseen(self.stop)
-            .then(|| self.lead_from(anchor, here, from, 0.0, f64::INFINITY))
+            .then(|| self.lead_from(anchor, here, from, 0.0, |_, reach| Some(reach)))?
     }
 
-    /// How far to fly from `from` to the anchor, at most `most` metres; `unsure` metres if its range is not known.
-    fn lead_from(&self, anchor: &Anchor, here: Here, from: EnuPosition, unsure: f64, most: f64) -> Lead {
+    /// How far to fly from `from` to the anchor, as much as is `clear` of so many metres on the way to it; `unsure` metres if its range is
+    /// not known. `None` if nothing of it is clear.
+    fn lead_from(
+        &self,
+        anchor: &Anchor,
+        here: Here,
+        from: EnuPosition,
+        unsure: f64,
+        clear: impl Fn(EnuPosition, f64) -> Option<f64>,
+    ) -> Option<Lead> {
         let sight = anchor.seen_from(from, here.odometry);
         let heading = from.bearing_to(sight.position);
         let step = if sight.is_sure() { sight.step_limit() } else { unsure };
-        let reach = step.min(most).min(sight.range - self.stop).max(0.0);
+        let reach = clear(sight.position, step.min(sight.range - self.stop).max(0.0))?;
         let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
         let bearing = here.at.bearing_to(sight.position);
         if reach < FLOWN || anchor.is_passed(here.at, here.odometry) {
-            return Lead::Turn(bearing);
+            return Some(Lead::Turn(bearing));
         }
-        Lead::Fly { from, reach, goal, bearing }
+        Some(Lead::Fly { from, reach, goal, bearing })
     }
 
     /// The target is given up, or it is another.

@@ -25,6 +25,7 @@ use spf_core::reply::ObstacleBox;
 
 use crate::viewpoint::{Obstacle, Viewpoint};
 
+mod corridor;
 mod people;
 mod solid;
 mod vertical;
@@ -32,6 +33,7 @@ mod walking;
 
 use solid::Solid;
 
+pub use corridor::Corridor;
 pub use people::{is_grown_up, is_person};
 pub use vertical::is_clear_vertically;
 pub use walking::{AHEAD_OF_FRAME, Motion, Walk, Walkers};
@@ -154,10 +156,7 @@ pub fn avoid(
     passing: Option<PassingSide>,
 ) -> (Avoidance, Option<usize>) {
     let Some(path) = plan.path(plan.point, plan.step) else { return (Avoidance::Hold, None) };
-    let counts = |obstacle: &Obstacle| obstacle.from.pose != plan.view.pose || !is_target(&obstacle.listed, plan.point, target);
-    let mut solids: Vec<Solid> = (obstacles.iter().enumerate().filter(|(_, obstacle)| counts(obstacle)))
-        .map(|(index, obstacle)| Solid::new(plan.view, obstacle, index, clearance))
-        .collect();
+    let mut solids = solids(plan.view, clearance, obstacles, (plan.point, target));
     let Some(by) = solids.iter().find(|solid| solid.blocks(&path)).map(|solid| solid.index) else {
         return (Avoidance::Clear, None);
     };
@@ -189,6 +188,13 @@ pub fn avoid(
     let shortened = (1..SHORTENINGS).rev().map(|part| plan.step * f64::from(part) / f64::from(SHORTENINGS));
     let shorter = shortened.take_while(|&step| step >= MIN_STEP).find(|&step| free(&narrow, plan.point, step));
     (shorter.map_or(Avoidance::Hold, |step| Avoidance::Shortened { step }), Some(by))
+}
+
+/// The obstacles as seen from a view, without those of its own boxes that are the target, pointed at.
+fn solids(view: &Viewpoint, clearance: f64, obstacles: &[Obstacle], (point, target): (ImagePoint, Option<&str>)) -> Vec<Solid> {
+    let counts = |obstacle: &Obstacle| obstacle.from.pose != view.pose || !is_target(&obstacle.listed, point, target);
+    let counted = obstacles.iter().enumerate().filter(|(_, obstacle)| counts(obstacle));
+    counted.map(|(index, obstacle)| Solid::new(view, obstacle, index, clearance)).collect()
 }
 
 /// The side of the planned point on which another one lies; `None` if it lies above or below it.

@@ -27,7 +27,7 @@ use spf_core::primitives::Primitives;
 use spf_core::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
 use spf_core::reply::{Reply, Status};
 use spf_space::Viewpoint;
-use spf_space::avoid::Avoidance;
+use spf_space::avoid::{Avoidance, Corridor};
 
 /// A frame with the pilot's estimates for its capture time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -234,7 +234,7 @@ pub struct Move {
 }
 
 /// A sighting of the target, and the motion that follows from this sighting alone.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Goto {
     /// The query that was answered; orders sightings of the same frame.
     pub id: QueryId,
@@ -251,8 +251,8 @@ pub struct Goto {
     pub motion: Move,
     /// Whether the motion leads around an obstacle and not to the target.
     pub is_detour: bool,
-    /// How far the reply's boxes leave the straight path to the point clear, metres; at least as far as the motion leads.
-    pub clear: f64,
+    /// What the path to the target must keep clear of; `None` if it must come no nearer.
+    pub corridor: Option<Corridor>,
 }
 
 /// A policy's interpretation of a reply. It travels with the step: the pilot learns from it, and it is displayed and recorded.

@@ -67,6 +67,23 @@ fn an_anchored_flight_reaches_its_target_and_reports_where_it_is() {
     assert!(flight.decisions().all(|decision| decision.anchor.is_none()));
 }
 
+/// What is flown leads to the place that all answers give, and not to the point of the last one, beside which nothing may be.
+#[test]
+fn the_way_to_where_all_answers_have_the_target_is_what_must_be_clear() {
+    let (low, high, ball) = (target(0.0, 40.0, 3.0), target(0.0, 40.0, 14.0), target(0.2, 14.0, 3.0));
+    let mut setup = guided(true, false);
+    setup.settings.avoid = true;
+    // It points at the foot of a tower, then higher, past the ball.
+    let (mut at_foot, mut higher, mut asked) = (with_ball(low, ball, 1.5), with_ball(high, ball, 1.5), 0);
+    let mut flight = setup.fly(move |query, seen| {
+        asked += 1;
+        if asked <= 2 { at_foot(query, seen) } else { higher(query, seen) }
+    });
+    flight.at(Time::from_secs_f64(20.0));
+    assert!(least_distance(&flight, ball) > BALL + 0.3, "{}", least_distance(&flight, ball));
+    assert!(flight.decisions().filter(|decision| decision.anchor.is_some()).count() > 4);
+}
+
 #[test]
 fn a_mapped_flight_goes_around_what_an_answer_has_named_and_never_touches_it() {
     let (goal, ball) = (target(0.0, 26.0, 3.0), target(0.2, 11.0, 3.0));

@@ -19,7 +19,7 @@ const GRAZE: f64 = 0.02;
 
 /// The volume that a box and its label may occupy, in the camera axes of the view that showed it: what is seen through the box from
 /// the label's near edge on, to the depth of a thing as wide as it.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Solid {
     pub(super) index: usize,
     /// Directions of the corners, in order around the box.

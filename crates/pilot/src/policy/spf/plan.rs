@@ -10,14 +10,12 @@ use spf_core::lift::{self, UnprojectError};
 use spf_core::primitives::Primitives;
 use spf_core::query::ImagePoint;
 use spf_core::reply::Status;
-use spf_space::avoid::{self, Avoidance, MIN_STEP, PassingSide, PathShape, PlannedStep, Side};
+use spf_space::avoid::{self, Avoidance, Corridor, MIN_STEP, PassingSide, PathShape, PlannedStep, Side};
 use spf_space::views::Views;
 use spf_space::{Obstacle, Viewpoint};
 
 /// Climb with which the craft looks over what blocks its path, metres.
 pub(super) const BLOCKED_CLIMB: f64 = 1.0;
-/// Steps longer than the planned one whose path is compared with the boxes.
-const LONGER_STEPS: u32 = 8;
 /// Most turns in a row towards paths along the image edges; the second only towards the other edge.
 const TURNS_FIRST: u32 = 2;
 /// Nearer than this multiple of the distance to keep, the craft is beside who is followed.
@@ -198,12 +196,11 @@ impl<'a> Plan<'a> {
         }
         let planned = plan.answer.rules.planned(&plan.from, point, step);
         let (target, obstacles) = (answer.reply.target.as_deref(), plan.counted());
-        let is_opening = is_opening(&answer);
-        let clearance = answer.rules.clearance() - if is_opening { SPARED_BETWEEN } else { 0.0 };
+        let clearance = plan.clearance();
         let check = |planned: &PlannedStep<'_>| avoid::avoid(planned, clearance, obstacles, target, before.passing);
         // A step that ends in it would be followed by one from between its sides.
         let is_centred = libm::atan(answer.view().camera.ray(point).right).abs() < CENTRED;
-        if is_opening && label <= OPENING && is_centred {
+        if label <= OPENING && is_centred && is_opening(&answer) {
             let step = step.max(lift::range_of_label(label) + BEYOND);
             if check(&PlannedStep { step, ..planned }).0 == Avoidance::Clear {
                 return Self { step, avoidance: Some(Avoidance::Clear), leads_through: true, ..plan };
@@ -302,6 +299,11 @@ impl<'a> Plan<'a> {
         Move { primitives, anchor: Some(self.view().pose), then_rest, looks: false }
     }
 
+    /// The distance to keep from what counts, metres.
+    fn clearance(&self) -> f64 {
+        self.answer.rules.clearance() - if is_opening(&self.answer) { SPARED_BETWEEN } else { 0.0 }
+    }
+
     /// The obstacles that count.
     fn counted(&self) -> &'a [Obstacle] {
         self.answer.obstacles
@@ -315,20 +317,13 @@ impl<'a> Plan<'a> {
         Some(Because { name: listed.name.clone(), seen_before_s: (age > 0.0).then_some(age), walks })
     }
 
-    /// How far the obstacles leave the straight path clear, metres along the optical axis: the longest step towards the point, up
-    /// to half of the range that the label states; at least the planned one, which is.
-    fn clear(&self) -> f64 {
-        if self.yields_to.is_some() || self.avoidance != Some(Avoidance::Clear) {
-            return self.length();
-        }
-        let (boxes, clearance) = (self.counted(), self.answer.rules.clearance());
-        let half = 0.5 * lift::range_of_label(self.label);
-        let longer = (0..LONGER_STEPS).map(|nth| half + (self.step - half) * f64::from(nth) / f64::from(LONGER_STEPS));
-        let is_clear = |step: f64| {
-            let planned = PlannedStep { step, ..self.straight() };
-            avoid::avoid(&planned, clearance, boxes, self.answer.reply.target.as_deref(), None).0 == Avoidance::Clear
-        };
-        longer.take_while(|&step| step > self.step).find(|&step| is_clear(step)).unwrap_or(self.step)
+    /// What the way to the target must keep clear of, up to half of the range that the label states.
+    fn corridor(&self, motion: &Move) -> Corridor {
+        let Primitives { forward, climb, .. } = motion.primitives;
+        let half = 0.5 * lift::range_of_label(self.label) * libm::hypot(forward, climb) / self.length();
+        let (checked, target) = (self.avoidance.is_some(), self.answer.reply.target.as_deref());
+        let obstacles = if checked { self.answer.obstacles } else { &[] };
+        Corridor::new(&self.from, self.clearance(), obstacles, (self.point, target), half)
     }
 
     /// Whether the reply's point tells the pilot where the target is: a point beside, above or behind it, or straight on, does
@@ -347,7 +342,6 @@ impl<'a> Plan<'a> {
     pub(super) fn sighting(&self, motion: Move, stage: u32, stays: bool) -> Step {
         let Answered { rules, query, reply, .. } = self.answer;
         let is_clear = stays || self.avoidance.is_none_or(|outcome| outcome == Avoidance::Clear);
-        let Primitives { forward, climb, .. } = motion.primitives;
         let goto = Goto {
             id: query.id,
             point: self.point,
@@ -356,7 +350,7 @@ impl<'a> Plan<'a> {
             stage,
             motion,
             is_detour: self.waypoint != self.point || !is_clear,
-            clear: if stays { 0.0 } else { libm::hypot(forward, climb) * self.clear() / self.length() },
+            corridor: (!stays).then(|| self.corridor(&motion)),
         };
         if rules.follows(reply) { Step::Follow(goto) } else { Step::Goto(goto) }
     }
@@ -421,13 +415,21 @@ mod tests {
     }
 
     #[test]
-    fn of_a_shortened_step_as_much_is_clear_as_is_flown_and_of_a_free_one_up_to_half_the_range() {
+    fn the_way_to_a_target_is_clear_up_to_half_of_its_range_and_up_to_what_is_in_it() {
         // The label 6 is 12.9 m, and the paper's step for it 3.99 m.
-        let (length, clear) = checked(AHEAD, &[], |plan, _| (plan.length(), plan.clear()));
-        assert!((length - 3.99).abs() < 0.01 && (clear - 6.46).abs() < 0.05, "{length} {clear}");
-        // A wall from 3.6 m on.
-        let (length, clear) = checked(AHEAD, &[wall(4)], |plan, _| (plan.length(), plan.clear()));
-        assert!(length < 3.5 && clear == length, "{length} {clear}");
+        let clear = |boxes: &[ObstacleBox], up: f64| {
+            checked(AHEAD, boxes, |plan, _| {
+                let motion = plan.motion(plan.read(false, &mut Reading::default()).unwrap());
+                let ahead = BodyDisplacement { right: 0.0, forward: 20.0, up };
+                let View { pose, .. } = plan.view();
+                plan.corridor(&motion).clear(pose.position.displaced(ahead, pose.attitude.heading), 3.9, 20.0)
+            })
+        };
+        assert!((clear(&[], 0.0).unwrap() - 6.46).abs() < 0.05, "{:?}", clear(&[], 0.0));
+        assert_eq!(clear(&[wall(4)], 0.0), None, "a wall from 3.6 m on");
+        // The lower half of the image: the way up leads over it, another one to the same target, lower, does not.
+        let hedge = ObstacleBox { area: ImageBox { left: 0.0, top: 0.52, right: 1.0, bottom: 1.0 }, ..wall(4) };
+        assert!(clear(&[hedge.clone()], 8.0).is_some_and(|clear| clear > 6.0) && clear(&[hedge], -2.0).is_none());
     }
 
     #[test]

@@ -571,7 +571,7 @@ fn something_in_the_way_of_somebody_tracked_ends_no_following() {
         told_expecting(&mut spf, 0, Expected::Followed { at, range: 3.2, is_tracked }, &answer)
     };
     let Step::Follow(goto) = step(true) else { panic!("{:?}", step(true)) };
-    assert!(!goto.is_detour && goto.clear == 0.0 && goto.motion.primitives.forward == 0.0, "{goto:?}");
+    assert!(!goto.is_detour && goto.corridor.is_none() && goto.motion.primitives.forward == 0.0, "{goto:?}");
     assert_eq!(step(false), Step::Look);
 }
 

@@ -95,7 +95,7 @@ fn from_the_side_it_flies_to_a_target_that_is_free() {
     flight.frames += 1;
     let view = crate::policy::View { pose: flight.pose, ..view(flight.frames) };
     let (_, step) = told_from(&mut flight.spf, &view, free);
-    assert!(matches!(step, Step::Goto(goto) if goto.motion.primitives.forward > 1.0), "{step:?}");
+    assert!(matches!(&step, Step::Goto(goto) if goto.motion.primitives.forward > 1.0), "{step:?}");
 }
 
 #[test]
