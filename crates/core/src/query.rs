@@ -267,6 +267,10 @@ pub struct Query {
     /// Field of view of the image from left to right and from top to bottom, degrees, as stated in the prompt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub field_deg: Option<[f64; 2]>,
+    /// Where in the middle of the image the horizon is, as a fraction of its height from the top, perhaps outside, as stated in the
+    /// prompt.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<f64>,
 }
 
 impl Query {
@@ -289,6 +293,7 @@ impl Query {
             measures: false,
             close_up: None,
             field_deg: None,
+            horizon: None,
         }
     }
 }

@@ -156,7 +156,9 @@ fn decide(spf: &mut Spf, vlm: &mut dyn Vlm, mut frame: Frame<'_>, camera: &Camer
     };
     let Step::Ask(query) = spf.handle(PolicyEvent::Frame(&view)).step else { return Err("the policy did not ask".into()) };
     let text = vlm.answer(&QueryRequest::new(&query, Duration::from_secs(10)), &mut frame).text?;
-    let Step::Move(motion) = spf.handle(PolicyEvent::Reply { id: query.id, text: &text, pose: Pose::default() }).step else {
+    let Step::Move(motion) =
+        spf.handle(PolicyEvent::Reply { id: query.id, text: &text, arrived: Time::ZERO, pose: Pose::default() }).step
+    else {
         return Err(format!("no motion came of {text}").into());
     };
     let mut executor = Executor::new(Craft::tello(), Motion::Blended, Ending::Measured);

@@ -398,7 +398,7 @@ fn is_within(found: Option<&PerceivedObject>, view: &Inputs<'_>) -> bool {
 /// The side on which what the last answer pointed at is looked for, if the craft has turned away from it instead.
 fn turned_from(view: &Inputs<'_>) -> Option<Look> {
     let last = view.query.memory.answers.last().filter(|last| last.said == Said::Pointed)?;
-    let turned = last.motion.turned_deg;
+    let turned = last.motion?.turned_deg;
     (turned.abs() > TURNED_AWAY).then_some(if turned > 0.0 { Look::Left } else { Look::Right })
 }
 
@@ -520,7 +520,7 @@ fn has_moved_on(view: &Inputs<'_>) -> bool {
     let memory = &view.query.memory;
     let began = memory.finished.last().filter(|last| last.stage + 1 == memory.stage).map(|last| last.answers_ago as usize);
     let Some(since) = began.and_then(|began| memory.answers.get(memory.answers.len().checked_sub(began)?..)) else { return true };
-    let moved: f64 = since.iter().map(|answer| answer.motion.moved_m).sum();
+    let moved: f64 = since.iter().filter_map(|answer| answer.motion).map(|motion| motion.moved_m).sum();
     since.iter().find_map(|answer| answer.planned_m).is_some_and(|planned| moved >= FLOWN * planned)
         || since.len() == REMEMBERED_ANSWERS
 }

@@ -166,7 +166,7 @@ impl Pilot {
             return self.set_aside(now, id, &asked.view, reason);
         }
         let pose = self.senses.known(now).pose();
-        let output = self.policy.handle(PolicyEvent::Reply { id, text, pose });
+        let output = self.policy.handle(PolicyEvent::Reply { id, text, arrived: now, pose });
         self.envelope.observe_reply(now, !matches!(output.step, Step::Reject(_)));
         if decides(&output.step, &asked.query) && !asked.has_decided {
             self.answers.decided(&self.senses.known(now));

@@ -67,11 +67,21 @@ fn begun(pivot: &mut Pivot) -> Query {
 fn begun_towards(pivot: &mut Pivot, heading: f64) -> Query {
     let sent = query(pivot.step(PolicyEvent::Frame(&view_towards(1, heading))));
     assert_eq!(sent.kind, QueryKind::Done);
-    query(pivot.step(PolicyEvent::Reply { id: sent.id, text: r#"{"done":false,"stage":1}"#, pose: Pose::default() }))
+    query(pivot.step(PolicyEvent::Reply {
+        id: sent.id,
+        text: r#"{"done":false,"stage":1}"#,
+        arrived: Time::ZERO,
+        pose: Pose::default(),
+    }))
 }
 
 fn answer(pivot: &mut Pivot, to: &Query, points: &[u32]) -> Step {
-    pivot.step(PolicyEvent::Reply { id: to.id, text: &format!("{{\"points\":{points:?}}}"), pose: Pose::default() })
+    pivot.step(PolicyEvent::Reply {
+        id: to.id,
+        text: &format!("{{\"points\":{points:?}}}"),
+        arrived: Time::ZERO,
+        pose: Pose::default(),
+    })
 }
 
 #[test]
@@ -207,11 +217,17 @@ fn parallel_runs_vote() {
 fn done_is_believed_at_the_second_look() {
     let mut pivot = pivot(|_| ());
     let first = query(pivot.step(PolicyEvent::Frame(&view(1))));
-    assert_eq!(pivot.step(PolicyEvent::Reply { id: first.id, text: r#"{"done":true}"#, pose: Pose::default() }), Step::Look);
+    assert_eq!(
+        pivot.step(PolicyEvent::Reply { id: first.id, text: r#"{"done":true}"#, arrived: Time::ZERO, pose: Pose::default() }),
+        Step::Look
+    );
     assert_eq!(pivot.step(PolicyEvent::Frame(&View { at_rest: false, ..view(2) })), Step::Wait);
     let second = query(pivot.step(PolicyEvent::Frame(&view(3))));
     assert!(second.memory.confirming && second.prompt.contains("second look"));
-    assert_eq!(pivot.step(PolicyEvent::Reply { id: second.id, text: r#"{"done":true}"#, pose: Pose::default() }), Step::Done);
+    assert_eq!(
+        pivot.step(PolicyEvent::Reply { id: second.id, text: r#"{"done":true}"#, arrived: Time::ZERO, pose: Pose::default() }),
+        Step::Done
+    );
 }
 
 #[test]
@@ -219,7 +235,8 @@ fn what_cannot_be_parsed_is_refused_and_queried_again() {
     let mut pivot = pivot(|settings| settings.runs = 2);
     let first = begun(&mut pivot);
     let second = query(pivot.step(PolicyEvent::Continue));
-    let refused = pivot.step(PolicyEvent::Reply { id: first.id, text: "the left one", pose: Pose::default() });
+    let refused =
+        pivot.step(PolicyEvent::Reply { id: first.id, text: "the left one", arrived: Time::ZERO, pose: Pose::default() });
     assert!(matches!(refused, Step::Reject(_)) && pivot.reading.clone().refused.is_some());
     assert_eq!(answer(&mut pivot, &second, &[1]), Step::Wait, "the other run's answer is void");
     assert_eq!(query(pivot.step(PolicyEvent::Frame(&view(2)))).kind, QueryKind::Done);

@@ -46,7 +46,7 @@ impl Instructed {
     }
 
     fn reply(&mut self, to: &Query, text: &str) -> Step {
-        self.policy.step(PolicyEvent::Reply { id: to.id, text, pose: Pose::default() })
+        self.policy.step(PolicyEvent::Reply { id: to.id, text, arrived: Time::ZERO, pose: Pose::default() })
     }
 
     /// Passes a frame with these detections; returns the policy's response.

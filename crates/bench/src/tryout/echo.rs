@@ -137,7 +137,7 @@ pub fn ask(
             account: row.account,
         });
         let Some(text) = row.text else { break };
-        policy.handle(PolicyEvent::Reply { id: query.id, text: &text, pose: shown.pose });
+        policy.handle(PolicyEvent::Reply { id: query.id, text: &text, arrived: Time::ZERO, pose: shown.pose });
     }
     Ok(rows)
 }

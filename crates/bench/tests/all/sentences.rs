@@ -12,8 +12,8 @@ use spf_bench::task::{Task, suite};
 use spf_bench::trial::draw;
 use spf_core::camera::Camera;
 use spf_core::command::Setpoint;
-use spf_core::geometry::{Pose, wrap_angle};
-use spf_core::lift::{CameraDisplacement, Lifting, lift, range_of_label};
+use spf_core::geometry::{BodyDisplacement, Pose, wrap_angle};
+use spf_core::lift::{CameraDisplacement, Lifting, lift, project_displacement, range_of_label};
 use spf_core::query::{DepthAs, ImagePoint, QueryId, QueryKind};
 use spf_core::reply::{Reply, Status};
 use spf_core::telemetry::Telemetry;
@@ -208,6 +208,16 @@ impl Reader {
         if told != (avoid, !avoid) {
             self.wrong.push(format!("obstacle mode is {avoid}: {prompt}"));
         }
+        let level = BodyDisplacement { forward: 1.0, ..BodyDisplacement::default() };
+        let horizon = project_displacement(level, &camera, decision.pose.attitude, Lifting::Levelled).map(|point| point.v);
+        let horizon = match horizon.expect("the camera looks ahead") {
+            ..0.0 => "above this image".to_owned(),
+            v if v > 1.0 => "below this image".to_owned(),
+            v => format!("at y = {} in the middle of this image", (1000.0 * v).round()),
+        };
+        if !prompt.contains(&format!("\nThe horizon is {horizon}.\n")) {
+            self.wrong.push(format!("the horizon is {horizon}: {prompt}"));
+        }
         let (across, down) = camera.half_fov();
         let tall = (100.0 * 0.5 * 1.7 / 5.0 / down.tan()).round();
         let field = format!(
@@ -307,10 +317,15 @@ impl Reader {
         let at = self.back(ago)?;
         let past = &self.past[at];
         let next = self.past.get(at + 1).map_or(decision.pose, |next| next.at_reply);
+        // An image that was taken before the answer arrived shows nothing of what followed.
+        let is_before = ago == 1 && decision.captured < past.decision.answered;
         let then = if ago == 1 { "; so far " } else { "; then " };
-        let (said, flown) = text.rsplit_once(then).ok_or("no motion is told")?;
-        let mut parts = said.split("; ");
-        let claim = parts.next().unwrap_or_default();
+        let (said, flown) = match (text.rsplit_once(then), is_before) {
+            (Some((said, flown)), false) => (said, Some(flown.strip_suffix('.').ok_or("no end")?)),
+            (None, true) => (text.strip_suffix('.').ok_or("no end")?, None),
+            (told, _) => return Err(format!("what was flown is told: {}", told.is_some())),
+        };
+        let claim = said.split("; ").next().unwrap_or_default();
         let reply = &past.reply;
         let target = reply.target.as_deref().map_or("the target".to_owned(), |target| format!("\"{target}\""));
         let turn = |degrees: f64| format!("{}° {}", degrees.abs().round(), if degrees > 0.0 { "right" } else { "left" });
@@ -334,8 +349,14 @@ impl Reader {
             }
         };
         same("answer", claim, &meant)?;
+        let actions = &past.decision.reading.actions;
+        let parts = said.split("; ").skip(1);
         for part in parts {
-            if let Some(planned) = part.strip_suffix(" planned, since that was seen") {
+            let why = if actions.is_empty() { " planned, since that was seen" } else { " planned" };
+            if actions.iter().any(|action| action == part) {
+                continue;
+            }
+            if let Some(planned) = part.strip_suffix(why) {
                 let yaw = past.decision.reading.primitives.ok_or("nothing was planned")?.yaw.to_degrees();
                 turn_is(planned, yaw, 360.0)?;
                 if asked.is_none_or(|asked| (asked - yaw).abs() <= 5.0) {
@@ -349,7 +370,7 @@ impl Reader {
         if has_reason && !said.contains("because of") {
             return Err("what avoidance did is not told".to_owned());
         }
-        motion(flown.strip_suffix('.').ok_or("no end")?, past.at_reply, next).map(|()| "answer")
+        flown.map_or(Ok(()), |flown| motion(flown, past.at_reply, next)).map(|()| "answer")
     }
 
     /// The last pointing of this stage, if a later answer did not see the target, and none has asked for a turn towards it: its number

@@ -31,9 +31,20 @@ const KINDS: [Kind; 7] = [
         ending: "the next or another one: never that of the stage before.",
     },
     Kind {
-        words: &["scan", "survey", "rotate", "spin", "panorama", "surroundings"],
-        phrases: &["look around", "turn around", "look round", "turn round", "full circle", "full turn"],
-        ending: "looking around: a full circle turned.",
+        words: &["scan", "survey", "rotate", "spin", "panorama", "surroundings", "explore"],
+        phrases: &[
+            "look around",
+            "turn around",
+            "look round",
+            "turn round",
+            "full circle",
+            "full turn",
+            "search the environment",
+            "search the area",
+            "search the place",
+            "search the room",
+        ],
+        ending: "looking around or searching a place: a full circle turned there.",
     },
     Kind {
         words: &["follow", "following", "track", "tracking", "chase", "pursue", "accompany", "escort"],
@@ -57,17 +68,30 @@ struct Kind {
     ending: &'static str,
 }
 
-/// What "done" means, a line each. `near`: the distance at which a target counts as reached, metres; `None` for [`NEAR`].
-/// `keep`: the distance that the drone keeps by itself from what it follows, metres; `None` if it does not.
-pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -> String {
-    let near = near.unwrap_or(NEAR);
+/// The kinds of instruction that the words may be, and whether something may be meant that is to be reached.
+fn kinds(instruction: &str) -> (Vec<&'static Kind>, bool) {
     let words: Vec<String> =
         instruction.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty()).map(str::to_lowercase).collect();
     let line = format!(" {} ", words.join(" "));
     let has = |word: &&str| line.contains(&format!(" {word} "));
     let special: Vec<&Kind> = KINDS.iter().filter(|kind| kind.words.iter().any(&has) || kind.phrases.iter().any(&has)).collect();
+    let is_reaching = special.is_empty() || REACHING.iter().any(has);
+    (special, is_reaching)
+}
+
+/// Whether an instruction may ask for something that is fulfilled at a distance from its target: what is flown through or over is not.
+#[must_use]
+pub fn ends_near_target(instruction: &str) -> bool {
+    kinds(instruction).1
+}
+
+/// What "done" means, a line each. `near`: the distance at which a target counts as reached, metres; `None` for [`NEAR`].
+/// `keep`: the distance that the drone keeps by itself from what it follows, metres; `None` if it does not.
+pub(super) fn endings(instruction: &str, near: Option<f64>, keep: Option<f64>) -> String {
+    let near = near.unwrap_or(NEAR);
+    let (special, is_reaching) = kinds(instruction);
     let mut lines = Vec::new();
-    if special.is_empty() || REACHING.iter().any(has) {
+    if is_reaching {
         lines.push(format!("going to or finding something: it is in view, its nearest part within {near} m."));
     }
     lines.extend(special.iter().map(|kind| match keep {
@@ -102,8 +126,10 @@ mod tests {
         assert!(kept.contains("ends it. The drone stays 2.5 m away by itself: say how far"), "{kept}");
         assert_eq!(endings("go to the door", None, Some(2.5)), endings("go to the door", None, None));
         assert!(endings("Look around.", None, None).contains("full circle"));
+        assert_eq!(lines("fly over the building and search the environment behind it"), 5);
         assert_eq!(lines("fly through the tunnel, then to the church"), 3);
         assert_eq!(lines("fly over the bridge"), 1);
+        assert!(ends_near_target("fly to the bridge") && !ends_near_target("fly through the bridge"));
         // A word within another one is none.
         assert_eq!(lines("go to the overpass"), 1);
     }

@@ -100,8 +100,9 @@ fn answer(number: u32, past: &PastAnswer) -> String {
         Said::Blocked => "you answered \"blocked\"".to_owned(),
     };
     let other = past.planned_deg.filter(|planned| asked.is_some_and(|asked| (planned - asked).abs() > OTHER_TURN_DEG));
-    let other =
-        other.map_or(String::new(), |planned| format!("; {} {} planned, since that was seen", degrees(planned), side(planned)));
+    // Where nothing else explains it, the search has turned to what it has not seen.
+    let why = if past.actions.is_empty() { ", since that was seen" } else { "" };
+    let other = other.map_or(String::new(), |planned| format!("; {} {} planned{why}", degrees(planned), side(planned)));
     let detour = past.detour.as_ref().map_or(String::new(), |detour| {
         let how = match detour.how {
             DetourKind::Left => "dodged to the left",
@@ -116,9 +117,11 @@ fn answer(number: u32, past: &PastAnswer) -> String {
         let walks = if detour.walks { ", who walks there" } else { "" };
         format!("; {how}{because}{seen}{walks}")
     });
+    let actions: String = past.actions.iter().map(|action| format!("; {action}")).collect();
     // The motion after the last one goes on.
     let then = if number == 1 { "so far" } else { "then" };
-    format!("{}: {said}{other}{detour}; {then} {}.", ago(number), flown(&past.motion))
+    let motion = past.motion.map_or(String::new(), |motion| format!("; {then} {}", flown(&motion)));
+    format!("{}: {said}{other}{detour}{actions}{motion}.", ago(number))
 }
 
 /// A motion in words.
@@ -147,7 +150,7 @@ fn flown(motion: &Motion) -> String {
 /// What was flown since the last image, if that is more than what was flown since its answer: what one sees of it, where the craft
 /// flies on while it asks.
 fn since_image(memory: &Memory) -> Option<String> {
-    let (since, last) = (memory.since_image?, memory.answers.last()?.motion);
+    let (since, last) = (memory.since_image?, memory.answers.last()?.motion.unwrap_or_default());
     let is_more = (since.moved_m - last.moved_m).abs() >= MORE_M || (since.turned_deg - last.turned_deg).abs() >= OTHER_TURN_DEG;
     is_more.then(|| format!("Since your last image: {}.", flown(&since)))
 }

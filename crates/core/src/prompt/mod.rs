@@ -10,10 +10,11 @@ mod template;
 use core::fmt::Write as _;
 use std::sync::{Arc, LazyLock};
 
+pub use endings::ends_near_target;
 pub use template::{PromptError, PromptKind, PromptText};
 
 use crate::detection::{self, parse_detections};
-use crate::grounding::GroundingProfile;
+use crate::grounding::{AxisOrder, GroundingProfile};
 use crate::lift::range_of_label;
 use crate::query::{DepthAs, ImageBox, ImagePoint, Memory, Query, QueryKind};
 use crate::reply::{DEPTH_LABELS, MAX_ACTIONS, MOVE_METRES, ObstacleBox, Reply, Status, TURN_DEGREES, one_line};
@@ -48,15 +49,30 @@ pub struct PromptInput<'a> {
     pub close_up: Option<ImageBox>,
     /// Field of view of the image from left to right and from top to bottom, degrees; `None` if it is not known.
     pub field_deg: Option<[f64; 2]>,
+    /// Where in the middle of the image the horizon is, as a fraction of its height from the top, perhaps outside; `None` if it is not
+    /// known.
+    pub horizon: Option<f64>,
 }
 
 impl<'a> PromptInput<'a> {
     /// The inputs of a prompt without obstacle boxes, with depth labels.
     #[must_use]
     pub fn new(instruction: &'a str, memory: &'a Memory, profile: &'a GroundingProfile) -> Self {
-        let (near_m, keep_m, close_up, field_deg) = (None, None, None, None);
+        let (near_m, keep_m, close_up, field_deg, horizon) = (None, None, None, None, None);
         let (avoid, measures) = (false, false);
-        Self { instruction, memory, profile, avoid, measures, depth: DepthAs::Labels, near_m, keep_m, close_up, field_deg }
+        Self {
+            instruction,
+            memory,
+            profile,
+            avoid,
+            measures,
+            depth: DepthAs::Labels,
+            near_m,
+            keep_m,
+            close_up,
+            field_deg,
+            horizon,
+        }
     }
 }
 
@@ -115,9 +131,9 @@ impl PromptText {
             QueryKind::Point { avoid, depth } => (avoid, depth),
             _ => (false, DepthAs::Labels),
         };
-        let Query { near_m, keep_m, measures, close_up, field_deg, .. } = *query;
+        let Query { near_m, keep_m, measures, close_up, field_deg, horizon, .. } = *query;
         let new = PromptInput::new(&query.instruction, &query.memory, profile);
-        let input = PromptInput { avoid, measures, depth, near_m, keep_m, close_up, field_deg, ..new };
+        let input = PromptInput { avoid, measures, depth, near_m, keep_m, close_up, field_deg, horizon, ..new };
         self.write_with(&input, |place| {
             let listed = place == "detected" && !query.detections.is_empty();
             // Invalid lines were already dropped when the list arrived.
@@ -145,6 +161,7 @@ impl PromptText {
                 "measures" => yes_if(input.measures && !input.avoid),
                 "unguarded" => yes_if(!input.avoid && !input.measures),
                 "field" => input.field_deg.map_or(String::new(), field),
+                "horizon" => input.horizon.map_or(String::new(), |v| horizon(v, input.profile)),
                 "memory" => memory::remembered(input.memory, input.profile),
                 "close_up" => input.close_up.map_or(String::new(), |area| {
                     format!("[{}]", input.profile.area_numbers(area).map(|number| number.to_string()).join(", "))
@@ -187,6 +204,20 @@ fn field([across, down]: [f64; 2]) -> String {
     let share = 0.5 * PERSON_M / PERSON_AT_M / libm::tan(0.5 * down.to_radians());
     let tall = libm::round(100.0 * share);
     format!("The image is {}° wide: a standing person {PERSON_AT_M} m away fills {tall} % of its height.", libm::round(across))
+}
+
+/// Where the horizon is: the image tips with the drone, as it speeds up and slows down.
+fn horizon(v: f64, profile: &GroundingProfile) -> String {
+    if v < 0.0 {
+        return "The horizon is above this image.".to_owned();
+    }
+    if v > 1.0 {
+        return "The horizon is below this image.".to_owned();
+    }
+    let area = ImageBox { left: 0.0, top: v, right: 1.0, bottom: 1.0 };
+    let [first, second, ..] = profile.area_numbers(area);
+    let y = if profile.order == AxisOrder::Yx { first } else { second };
+    format!("The horizon is at y = {y} in the middle of this image.")
 }
 
 /// `1=1 m or less, 2=1.7, …, 10=100 or more`.
@@ -260,7 +291,8 @@ mod tests {
                 seen_before_s: Some(4.2),
                 walks: false,
             }),
-            motion: Motion { moved_m: 2.13, climbed_m: -0.4, toward_deg: Some(60.0), turned_deg: 12.2 },
+            actions: vec!["looks for a way around on the left: the path is blocked".to_owned()],
+            motion: Some(Motion { moved_m: 2.13, climbed_m: -0.4, toward_deg: Some(60.0), turned_deg: 12.2 }),
         };
         let unseen = PastAnswer {
             said: Said::NotSeen,
@@ -271,7 +303,8 @@ mod tests {
             planned_m: None,
             planned_deg: Some(-72.0),
             detour: None,
-            motion: Motion { moved_m: 0.03, toward_deg: Some(170.0), turned_deg: -71.8, ..Motion::default() },
+            actions: Vec::new(),
+            motion: Some(Motion { moved_m: 0.03, toward_deg: Some(170.0), turned_deg: -71.8, ..Motion::default() }),
         };
         let ended = |target: &str, area: Option<ImageBox>| FinishedStage {
             stage: 1,
@@ -308,7 +341,7 @@ mod tests {
 Stage 2 is being worked on.
 Stage 1 ended with your answer 4 answers ago, target "the gate". It is now about 2 m away, 124° left, 31° below the horizon, outside this image.
 Stage 1 ended with your answer 4 answers ago, target "the door". It is now about 2 m away, 124° left, 31° below the horizon.
-2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person", seen 4 s before; then 2.1 m flown to the right (0.4 m down), 12° turned right.
+2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person", seen 4 s before; looks for a way around on the left: the path is blocked; then 2.1 m flown to the right (0.4 m down), 12° turned right.
 1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned, since that was seen; so far 72° turned left.
 Since your last image: 3.3 m flown backwards (0.4 m up), 80° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. That direction is now 64° right, outside this image.

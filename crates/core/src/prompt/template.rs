@@ -81,6 +81,7 @@ impl PromptKind {
                 "detected",
                 "close_up",
                 "memory",
+                "horizon",
                 "confirming",
                 "example",
             ],

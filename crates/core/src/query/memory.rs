@@ -116,9 +116,13 @@ pub struct PastAnswer {
     /// What obstacle mode did to the plan.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub detour: Option<Detour>,
-    /// What was flown from when it arrived until the next one did.
-    #[serde(flatten)]
-    pub motion: Motion,
+    /// What else was made of it, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actions: Vec<String>,
+    /// What was flown from when it arrived until the next one did; `None` of the last one if the present image was taken before it
+    /// arrived.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
 }
 
 /// A motion between two times.

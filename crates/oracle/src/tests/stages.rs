@@ -92,7 +92,8 @@ fn answered(said: Said, turned_deg: f64) -> PastAnswer {
         planned_m: None,
         planned_deg: None,
         detour: None,
-        motion: Motion { turned_deg, ..Motion::default() },
+        actions: Vec::new(),
+        motion: Some(Motion { turned_deg, ..Motion::default() }),
     }
 }
 
@@ -259,7 +260,8 @@ fn a_move_straight_on_counts_once_it_is_flown() {
     let answer = |planned_m: Option<f64>, moved_m: f64| PastAnswer {
         target: Some("straight on".to_owned()),
         planned_m,
-        motion: Motion { moved_m, ..Motion::default() },
+        actions: Vec::new(),
+        motion: Some(Motion { moved_m, ..Motion::default() }),
         ..answered(Said::Pointed, 0.0)
     };
     let mut stage = |answers: Vec<PastAnswer>, answers_ago: u32| {

@@ -22,10 +22,11 @@ use spf_core::direction::Direction;
 use spf_core::frame::FrameMeta;
 use spf_core::geometry::{BodyDisplacement, EnuPosition, Pose};
 use spf_core::keep_out::KeepOut;
-use spf_core::lift::range_of_label;
+use spf_core::lift::{Lifting, project_displacement, range_of_label};
 use spf_core::primitives::Primitives;
 use spf_core::query::{ImageBox, ImagePoint, Query, QueryId, VerticalRoom};
 use spf_core::reply::{Reply, Status};
+use spf_core::time::Time;
 use spf_space::Viewpoint;
 use spf_space::avoid::{Avoidance, Corridor};
 
@@ -64,6 +65,14 @@ impl View {
     #[must_use]
     pub fn viewpoint(&self) -> Viewpoint {
         Viewpoint { camera: self.camera, pose: self.pose, captured: self.frame.captured }
+    }
+
+    /// Where in the middle of the image what is level with the craft is, as a fraction of its height from the top, perhaps outside;
+    /// `None` if it is behind the camera.
+    #[must_use]
+    pub fn horizon(&self) -> Option<f64> {
+        let ahead = BodyDisplacement { forward: 1.0, right: 0.0, up: 0.0 };
+        project_displacement(ahead, &self.camera, self.pose.attitude, Lifting::Levelled).map(|point| point.v)
     }
 }
 
@@ -113,7 +122,9 @@ pub enum PolicyEvent<'a> {
         id: QueryId,
         /// The reply text.
         text: &'a str,
-        /// Estimated pose of the craft as it arrives: what was flown before is not its doing.
+        /// When it arrives, and the estimated pose of the craft then: what was flown before is not its doing.
+        arrived: Time,
+        /// The pose.
         pose: Pose,
     },
     /// Part of the streamed reply to an open query; the complete text follows as [`PolicyEvent::Reply`].

@@ -17,6 +17,7 @@ use spf_core::prompt::{PromptKind, PromptText};
 use spf_core::query::{DepthAs, ImagePoint, Memory, ReckonedRange};
 use spf_core::reply::{Reply, Status, parse_reply};
 use spf_core::step::StepRule;
+use spf_core::time::Time;
 use spf_space::Obstacle;
 use spf_space::avoid::{self, PathShape};
 use spf_space::views::Views;
@@ -135,7 +136,8 @@ impl Spf {
     fn ask(&mut self, view: &View) -> Step {
         let confirming = self.asking.purpose == Purpose::Confirm;
         let memory = self.recollection.until(view);
-        let too_far = self.rules.settings.near_m.filter(|_| confirming).and_then(|near| too_far(view, memory.stage, near));
+        let near = self.rules.settings.near_m.filter(|_| confirming && self.asking.ends_near_target());
+        let too_far = near.and_then(|near| too_far(view, memory.stage, near));
         let memory = Memory {
             confirming,
             turned: self.visibility.turned(),
@@ -147,7 +149,7 @@ impl Spf {
     }
 
     /// The step that follows from a reply.
-    fn answered(&mut self, query: OpenQuery, (text, pose): (&str, Pose), reading: &mut Reading) -> Step {
+    fn answered(&mut self, query: OpenQuery, (text, arrived): (&str, (Time, Pose)), reading: &mut Reading) -> Step {
         let before = self.passage.before();
         let parsed = parse_reply(text, &self.rules.settings.grounding, self.rules.settings.avoid);
         self.recollection.parsed(&parsed);
@@ -155,12 +157,16 @@ impl Spf {
             Ok(reply) => reply,
             Err(error) => return refuse(&error, reading),
         };
-        if reply.status != Status::Done {
+        if reply.status == Status::Done {
+            // After the last stage there is no next one.
+            let last = self.recollection.stage().max(1);
+            reply.stage = reply.stage.map(|stage| stage.min(last));
+        } else {
             self.asking.purpose = Purpose::Decide;
         }
         let (retreat, obstacles) = self.learn(&query.view, &mut reply, reading);
         reading.reply = Some(reply.clone());
-        if self.recollection.answered(&query.view, pose, &reply) {
+        if self.recollection.answered(&query.view, arrived, &reply) {
             self.visibility.began_stage();
         }
         self.visibility.answered(&query.view, &reply);
@@ -391,10 +397,10 @@ impl Policy for Spf {
             PolicyEvent::Frame(view) if self.asking.is_due(view) => {
                 self.passage.turn_back(view).unwrap_or_else(|| self.ask(view))
             }
-            PolicyEvent::Reply { id, text, pose } => {
+            PolicyEvent::Reply { id, text, arrived, pose } => {
                 let Some(query) = self.asking.close(id) else { return Step::Wait.into() };
                 let mut reading = Reading::default();
-                let step = self.answered(query, (text, pose), &mut reading);
+                let step = self.answered(query, (text, (arrived, pose)), &mut reading);
                 return Output { step, reading };
             }
             PolicyEvent::ReplyFailed { id } => {

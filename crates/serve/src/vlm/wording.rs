@@ -100,7 +100,8 @@ mod tests {
             planned_m: Some(2.9),
             planned_deg: Some(0.0),
             detour: None,
-            motion: Motion { moved_m: 2.5, turned_deg: 10.0, ..Motion::default() },
+            actions: Vec::new(),
+            motion: Some(Motion { moved_m: 2.5, turned_deg: 10.0, ..Motion::default() }),
         };
         let unseen = PastAnswer { said: Said::NotSeen, target: None, ..pointed("") };
         let lost = LostTarget { answers_ago: 2, left_on: Some(Look::Left), bearing_deg: 30.0, in_frame: true, turned_deg: -72.0 };

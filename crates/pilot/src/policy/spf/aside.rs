@@ -8,8 +8,8 @@ use super::moves;
 use super::plan::Plan;
 use crate::policy::{Reading, Step, View};
 use spf_core::direction::Direction;
-use spf_core::geometry::{BodyDisplacement, EnuPosition, wrap_angle};
-use spf_core::lift::{Lifting, lift, project_displacement, range_of_label, unproject};
+use spf_core::geometry::{EnuPosition, wrap_angle};
+use spf_core::lift::{lift, range_of_label, unproject};
 use spf_core::primitives::Primitives;
 use spf_core::query::ImagePoint;
 use spf_core::reply::{ObstacleBox, Reply, Status};
@@ -156,7 +156,7 @@ fn way_ahead(answer: &Answered<'_>) -> Option<(ImagePoint, f64)> {
 /// in its open direction, since a reply that sees no target need not list more than what stands before that.
 fn open_ahead(view: &View, reply: &Reply) -> Option<(ImagePoint, f64)> {
     if reply.status == Status::Navigating {
-        return Some((ImagePoint { u: 0.5, v: level(view) }, WAY));
+        return Some((ImagePoint { u: 0.5, v: view.horizon().map_or(0.5, |v| v.clamp(0.1, 0.9)) }, WAY));
     }
     let way = reply.open_way.filter(|way| libm::atan(view.camera.ray(way.point).right).abs() < AHEAD)?;
     (way.depth >= ROOM).then(|| (way.point, WAY.min(0.5 * range_of_label(f64::from(way.depth)))))
@@ -182,12 +182,6 @@ fn roomier(boxes: &[ObstacleBox], point: ImagePoint) -> Side {
 
 fn opposite(side: Side) -> Side {
     if side == Side::Left { Side::Right } else { Side::Left }
-}
-
-/// The height in the image of what is level with the craft straight ahead.
-fn level(view: &View) -> f64 {
-    let ahead = BodyDisplacement { forward: 1.0, right: 0.0, up: 0.0 };
-    project_displacement(ahead, &view.camera, view.pose.attitude, Lifting::Levelled).map_or(0.5, |point| point.v.clamp(0.1, 0.9))
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::rules::Rules;
 use crate::policy::{Step, View};
-use spf_core::prompt::PromptText;
+use spf_core::prompt::{PromptText, ends_near_target};
 use spf_core::query::{ImageBox, Mark, Memory, Query, QueryId};
 
 /// What a query is for.
@@ -58,6 +58,11 @@ impl Asking {
         (self.open, self.purpose) = (None, Purpose::default());
     }
 
+    /// Whether a distance may contradict a `done`.
+    pub(super) fn ends_near_target(&self) -> bool {
+        ends_near_target(&self.instruction)
+    }
+
     /// Whether a query about this view can be sent: none is open, and a `done` is confirmed at rest.
     pub(super) fn is_due(&self, view: &View) -> bool {
         self.open.is_none() && (view.at_rest || self.purpose == Purpose::Decide)
@@ -77,6 +82,7 @@ impl Asking {
             image_size: settings.image_size,
             close_up,
             field_deg: Some(field_deg(view)),
+            horizon: view.horizon(),
             marks: memory.kept_out.iter().map(|area| Mark::Box { area: *area, label: "keep away".to_owned() }).collect(),
             memory,
             ..Query::new(id, view.frame.id, rules.kind())

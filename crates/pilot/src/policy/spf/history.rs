@@ -12,6 +12,7 @@ use spf_core::query::{
     Detour, DetourKind, FinishedPlace, FinishedStage, Look, LostTarget, Memory, Motion, PastAnswer, REMEMBERED_ANSWERS, Said,
 };
 use spf_core::reply::{Reply, Status};
+use spf_core::time::Time;
 use spf_space::avoid::{self, Avoidance};
 
 /// Beyond this angle, radians, two frames do not tell whether the turn between them was left or right.
@@ -54,6 +55,7 @@ pub(super) struct History {
 /// Where the craft was as an answer arrived, or as its image was taken.
 #[derive(Clone, Copy, Debug)]
 struct Start {
+    at: Time,
     pose: Pose,
     /// Turned until then, radians.
     turned: f64,
@@ -209,11 +211,11 @@ struct PointedAt {
 }
 
 impl History {
-    /// Notes a usable answer about a view, which arrives as the craft is at `pose`; `stage` is the one before it.
-    pub(super) fn answered(&mut self, (view, pose): (&View, Pose), reply: &Reply, stage: u32) {
+    /// Notes a usable answer about a view, which arrives at this time as the craft is at `pose`; `stage` is the one before it.
+    pub(super) fn answered(&mut self, view: &View, (at, pose): (Time, Pose), reply: &Reply, stage: u32) {
         let turned = self.path.turned;
-        self.image = Some(Start { pose: view.pose, turned });
-        self.moved_to(pose);
+        self.image = Some(Start { at: view.frame.captured, pose: view.pose, turned });
+        self.moved_to(at, pose);
         self.count += 1;
         if let Some(next) = reply.stage {
             self.at_stage(next, stage, turned);
@@ -232,7 +234,7 @@ impl History {
             (Said::NotSeen, _) => self.lost_in(view),
             _ => {}
         }
-        push_last(&mut self.answers, (past(view, reply, said), Start { pose, turned: self.path.turned }));
+        push_last(&mut self.answers, (past(view, reply, said), Start { at, pose, turned: self.path.turned }));
         self.path.yaw = 0.0;
     }
 
@@ -274,19 +276,20 @@ impl History {
             past.planned_deg = Some(primitives.yaw.to_degrees());
             self.path.yaw = primitives.yaw;
         }
+        past.actions.clone_from(&reading.actions);
         past.detour = reading.avoidance.and_then(|avoidance| detour(camera, avoidance, reading));
     }
 
-    /// Measures the motion after the last answer to where the craft is now.
-    fn moved_to(&mut self, pose: Pose) {
+    /// Measures the motion after the last answer to where the craft is at this time.
+    fn moved_to(&mut self, at: Time, pose: Pose) {
         self.path.to(pose);
         let Some((past, from)) = self.answers.back_mut() else { return };
-        past.motion = from.motion_to(pose, self.path.turned);
+        past.motion = (at >= from.at).then(|| from.motion_to(pose, self.path.turned));
     }
 
     /// Fills the memory of a query about `view`.
     pub(super) fn fill(&mut self, view: &View, memory: &mut Memory) {
-        self.moved_to(view.pose);
+        self.moved_to(view.frame.captured, view.pose);
         memory.answers = self.answers.iter().map(|(past, _)| past.clone()).collect();
         let ago = |answer: u32| self.count + 1 - answer;
         let finished = |Finished { stage, answer, target, place }: &Finished| FinishedStage {
@@ -350,7 +353,8 @@ fn past(view: &View, reply: &Reply, said: Said) -> PastAnswer {
         planned_m: None,
         planned_deg: None,
         detour: None,
-        motion: Motion::default(),
+        actions: Vec::new(),
+        motion: Some(Motion::default()),
     }
 }
 

@@ -6,6 +6,7 @@ use spf_core::camera::Camera;
 use spf_core::geometry::Pose;
 use spf_core::query::{ImagePoint, Look, Memory};
 use spf_core::reply::{Reply, ReplyError, Status};
+use spf_core::time::Time;
 
 /// Number of earlier targets that are recalled.
 const TARGETS: usize = 8;
@@ -49,9 +50,9 @@ impl Recollection {
         };
     }
 
-    /// Notes a usable reply about a view, which arrives at `pose`; returns whether it has gone on to another stage.
-    pub(super) fn answered(&mut self, view: &View, pose: Pose, reply: &Reply) -> bool {
-        self.history.answered((view, pose), reply, self.memory.stage);
+    /// Notes a usable reply about a view, which arrives at this time, as the craft is at `pose`; returns whether it has gone on to another stage.
+    pub(super) fn answered(&mut self, view: &View, arrived: (Time, Pose), reply: &Reply) -> bool {
+        self.history.answered(view, arrived, reply, self.memory.stage);
         let is_stuck = reply.status == Status::Blocked && reply.open_way.is_none();
         self.memory.blocked = if is_stuck { self.memory.blocked + 1 } else { 0 };
         let stage = reply.stage.unwrap_or(self.memory.stage);

@@ -75,7 +75,7 @@ fn told(spf: &mut Rig, frame: u64, answer: &str) -> (Query, Step) {
 
 pub(super) fn told_from(spf: &mut Rig, view: &View, answer: &str) -> (Query, Step) {
     let query = sent_query(spf.step(PolicyEvent::Frame(view)));
-    let step = spf.step(PolicyEvent::Reply { id: query.id, text: answer, pose: view.pose });
+    let step = spf.step(PolicyEvent::Reply { id: query.id, text: answer, arrived: Time::ZERO, pose: view.pose });
     (query, step)
 }
 
@@ -182,7 +182,7 @@ fn along_the_edge_it_turns_before_it_flies_and_does_so_once() {
     // Outside obstacle mode it flies as in the paper.
     let mut spf = policy(false);
     let query = sent_query(spf.step(PolicyEvent::Frame(&view(0))));
-    let step = spf.step(PolicyEvent::Reply { id: query.id, text: aside, pose: Pose::default() });
+    let step = spf.step(PolicyEvent::Reply { id: query.id, text: aside, arrived: Time::ZERO, pose: Pose::default() });
     assert!(matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward > 1.0), "{step:?}");
 }
 
@@ -196,7 +196,7 @@ fn the_climbs_of_a_blocked_path_count_towards_the_three_metres() {
         let query = sent_query(spf.step(PolicyEvent::Frame(&view(number))));
         number += 1;
         let text = format!(r#"{{"status":"navigating","point":[500,500],"depth":9,"target":"crane","boxes":[{boxes}]}}"#);
-        match spf.step(PolicyEvent::Reply { id: query.id, text: &text, pose: Pose::default() }) {
+        match spf.step(PolicyEvent::Reply { id: query.id, text: &text, arrived: Time::ZERO, pose: Pose::default() }) {
             Step::Move(Move { primitives, .. }) => Some(primitives),
             _ => None,
         }
@@ -366,7 +366,7 @@ fn anchored(avoid: bool) -> Rig {
 /// The policy's response to a reply on a frame that is expected to show the target.
 fn told_expecting(spf: &mut Rig, frame: u64, expected: Expected, answer: &str) -> Step {
     let query = sent_query(spf.step(PolicyEvent::Frame(&View { expected, ..view(frame) })));
-    spf.step(PolicyEvent::Reply { id: query.id, text: answer, pose: Pose::default() })
+    spf.step(PolicyEvent::Reply { id: query.id, text: answer, arrived: Time::ZERO, pose: Pose::default() })
 }
 
 #[test]
@@ -486,6 +486,23 @@ fn a_target_behind_a_box_is_waited_for() {
     // Beside it, and behind it.
     assert_eq!(kept(r#"[{"box":[0,0,300,300],"depth":6,"name":"building"}]"#), (1, 0));
     assert_eq!(kept(r#"[{"box":[300,300,700,700],"depth":9,"name":"building"}]"#), (1, 0));
+}
+
+#[test]
+fn a_turn_that_is_stated_is_made_whatever_place_is_known() {
+    let place = ImagePoint { u: 0.5, v: 0.5 };
+    for expected in [Expected::Aside, Expected::InView { at: place, range: 4.0 }] {
+        let seen = r#"{"target":"man","status":"navigating","stage":1,"target_box":[400,400,600,600],"point":[500,500],"depth":4,"boxes":[]}"#;
+        let lost = |turn: &str| format!(r#"{{"target":"man","status":"not_visible","stage":1,"look":"right"{turn},"boxes":[]}}"#);
+        let flown = |turn: &str| {
+            let mut spf = anchored(true);
+            told(&mut spf, 0, seen);
+            told_expecting(&mut spf, 1, expected, &lost(turn))
+        };
+        assert_eq!(flown(""), Step::Keep, "a model misses one in twenty");
+        let Step::Move(motion) = flown(r#","turn_deg":55"#) else { panic!("{:?}", flown(r#","turn_deg":55"#)) };
+        assert!((motion.primitives.yaw.to_degrees() - 55.0).abs() < 1e-9, "{motion:?}");
+    }
 }
 
 /// A reply that points at something else, and one that does not show the target, are two that contradict what is known.
@@ -627,4 +644,37 @@ fn a_new_stage_has_another_target_and_a_turn_has_seen_it() {
     told(&mut spf, 5, r#"{"status":"not_visible","stage":2,"target":"bridge","look":"left"}"#);
     let (query, _) = told(&mut spf, 6, "{}");
     assert_eq!(query.memory.lost.map(|lost| lost.answers_ago), Some(2));
+}
+
+/// What was flown after an answer is shown by images of after it alone; and the record says where the horizon is, and that after the last
+/// stage there is none.
+#[test]
+fn the_record_tells_what_the_image_shows() {
+    let mut spf = Rig::with(true, Method::Boxes);
+    let ahead = |north: f64| Pose { position: EnuPosition { north, ..EnuPosition::default() }, ..Pose::default() };
+    let at = |id: u64, captured: Time, pose: Pose| {
+        let mut view = view(id);
+        (view.frame.captured, view.pose) = (captured, pose);
+        view
+    };
+    let answer = |spf: &mut Rig, view: &View, text: &str| {
+        let query = sent_query(spf.step(PolicyEvent::Frame(view)));
+        spf.step(PolicyEvent::Reply { id: query.id, text, arrived: Time::from_millis(1500), pose: ahead(4.0) });
+        query
+    };
+    let on = r#"{"status":"navigating","stage":1,"point":[500,500],"depth":7,"target":"crane","boxes":[]}"#;
+    answer(&mut spf, &at(1, Time::ZERO, ahead(0.0)), on);
+    // The craft flew on while the answer came, and the next image was taken just before it did.
+    let query = answer(&mut spf, &at(2, Time::from_millis(1400), ahead(3.7)), on);
+    assert_eq!(query.memory.answers[0].motion, None);
+    assert!(!query.prompt.contains("so far") && query.prompt.contains("Since your last image: 3.7 m flown."), "{}", query.prompt);
+    let done = r#"{"status":"done","stage":2,"boxes":[]}"#;
+    let query = answer(&mut spf, &at(3, Time::from_millis(1600), ahead(4.3)), done);
+    assert!(query.prompt.contains("; so far 0.3 m flown."), "{}", query.prompt);
+    let tipped = Pose { attitude: Attitude { pitch: -0.3, ..Attitude::default() }, ..ahead(4.3) };
+    let query = answer(&mut spf, &at(4, Time::from_millis(1700), tipped), on);
+    assert!(query.prompt.contains("Stage 1 is being worked on."), "{}", query.prompt);
+    let horizon: f64 = query.prompt.split_once("The horizon is at y = ").unwrap().1.split(' ').next().unwrap().parse().unwrap();
+    // 17° of nose down and a camera that looks 5° down, of 74°.
+    assert!((horizon - 500.0 + 500.0 * (0.3 + 5_f64.to_radians()).tan() / 0.75).abs() < 3.0, "{horizon}");
 }

@@ -124,6 +124,8 @@ impl Visibility {
         const KNOWN: &str = "flies on: the target's position is known";
         // For how many replies it flies on, why, and where it then waits for what is occluded.
         let (patience, why, waits_at) = match view.expected {
+            // Whoever states a turn has seen a reason for it: a person who was the target has walked on.
+            Expected::Unknown | Expected::InView { .. } | Expected::Aside if reply.turn_deg.is_some() => (0, KNOWN, None),
             Expected::Unknown if self.is_missed(rules, view) => (MISSES_SMALL, SMALL, None),
             Expected::Unknown | Expected::Left { .. } => (0, KNOWN, None),
             Expected::InView { at, range } => (MISSES_IN_VIEW, KNOWN, Some((at, range))),

@@ -27,7 +27,7 @@ fn guided_persons_while(method: Method, status: &str, labels: &[u8], left: u32, 
         let mut view = view(frame as u64);
         view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
         let query = sent_query(spf.step(PolicyEvent::Frame(&view)));
-        let step = spf.step(PolicyEvent::Reply { id: query.id, text: &answer, pose: view.pose });
+        let step = spf.step(PolicyEvent::Reply { id: query.id, text: &answer, arrived: Time::ZERO, pose: view.pose });
         matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
     };
     labels.iter().enumerate().map(&mut backs_off).collect()
