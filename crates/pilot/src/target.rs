@@ -19,6 +19,9 @@ use spf_space::Viewpoint;
 const BESIDE_TARGET: f64 = 1.5;
 /// One at the craft's height or above it reaches farther over a climb, metres: towers have platforms, trees crowns.
 const UNDER_TARGET: f64 = 3.0;
+/// The last steps are no shorter than this, metres, where that much is left with 98 % probability: half of what is left, and then half of
+/// that, takes eight answers for two metres.
+const LAST_STEP: f64 = 0.5;
 /// A target at most this far below the craft counts as at its height, metres.
 const LEVEL_WITH: f64 = 0.5;
 
@@ -142,7 +145,9 @@ impl Target {
         let own = libm::hypot(goto.motion.primitives.forward, goto.motion.primitives.climb);
         match (by_boxes, &goto.corridor) {
             (false, _) => self.lead_from(anchor, here, from.position, own, |_, reach| Some(reach)),
-            (true, Some(corridor)) => self.lead_from(anchor, here, from.position, own, |to, reach| corridor.clear(to, own, reach)),
+            (true, Some(corridor)) => {
+                self.lead_from(anchor, here, from.position, own, |to, reach| corridor.clear(to, own, reach))
+            }
             (true, None) => self.lead_from(anchor, here, from.position, own, |_, _| Some(0.0)),
         }
         .unwrap_or(Lead::Step(goto.motion))
@@ -169,7 +174,8 @@ impl Target {
     ) -> Option<Lead> {
         let sight = anchor.seen_from(from, here.odometry);
         let heading = from.bearing_to(sight.position);
-        let step = if sight.is_sure() { sight.step_limit() } else { unsure };
+        let last = LAST_STEP.min(sight.range - 2.0 * sight.range_sd - self.stop);
+        let step = if sight.is_sure() { sight.step_limit().max(last) } else { unsure };
         let reach = clear(sight.position, step.min(sight.range - self.stop).max(0.0))?;
         let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
         let bearing = here.at.bearing_to(sight.position);

@@ -244,8 +244,8 @@ fn a_climb_is_kept_clear_of_what_was_seen_from_here() {
         ("beam", 11.0, 30.0, vec![]),
         // A person walks on.
         ("woman", 0.1, 3.0, vec![]),
-        ("woman", 3.0, 10.0, vec![]),
-        ("woman", 9.0, 30.0, vec![1.0]),
+        ("woman", 1.5, 5.0, vec![]),
+        ("woman", 6.0, 30.0, vec![1.0]),
     ] {
         let (apart, climbed) = flown(name, latency);
         assert!(apart < secs(apart_at_most) && climbed == climbs, "{name} {latency}: {apart:?} {climbed:?}");

@@ -10,7 +10,7 @@ use spf_core::lift::{self, UnprojectError};
 use spf_core::primitives::Primitives;
 use spf_core::query::ImagePoint;
 use spf_core::reply::Status;
-use spf_space::avoid::{self, Avoidance, Corridor, MIN_STEP, PassingSide, PathShape, PlannedStep, Side};
+use spf_space::avoid::{self, Avoidance, Corridor, MIN_STEP, PassingSide, PathShape, PlannedStep, Side, is_person};
 use spf_space::views::Views;
 use spf_space::{Obstacle, Viewpoint};
 
@@ -27,8 +27,11 @@ const THROUGH: [&str; 4] = ["through", "opening", "openings", "gap"];
 const OPENING: f64 = 4.0;
 const BEYOND: f64 = 1.5;
 const CENTRED: f64 = 12.0 / 180.0 * core::f64::consts::PI;
-/// By how much less is kept clear between the sides of an opening, metres: each is seen beside the way, and only its range is uncertain.
+/// By how much less is kept clear between the sides of an opening, or of a door that is nowhere named, metres: each is seen beside the way,
+/// and only its range is uncertain.
 const SPARED_BETWEEN: f64 = 0.15;
+/// How far a way is flown at once that leaves no more than that, metres.
+const NARROW: f64 = 0.5;
 /// A way this far off the heading is still in sight, as a part of half the field of view.
 const IN_SIGHT: f64 = 0.8;
 /// Angle below which a target is not below the craft, radians: 6°.
@@ -197,7 +200,8 @@ impl<'a> Plan<'a> {
         let planned = plan.answer.rules.planned(&plan.from, point, step);
         let (target, obstacles) = (answer.reply.target.as_deref(), plan.counted());
         let clearance = plan.clearance();
-        let check = |planned: &PlannedStep<'_>| avoid::avoid(planned, clearance, obstacles, target, before.passing);
+        let check_at = |planned: &PlannedStep<'_>, clearance| avoid::avoid(planned, clearance, obstacles, target, before.passing);
+        let check = |planned: &PlannedStep<'_>| check_at(planned, clearance);
         // A step that ends in it would be followed by one from between its sides.
         let is_centred = libm::atan(answer.view().camera.ray(point).right).abs() < CENTRED;
         if label <= OPENING && is_centred && is_opening(&answer) {
@@ -206,13 +210,24 @@ impl<'a> Plan<'a> {
                 return Self { step, avoidance: Some(Avoidance::Clear), leads_through: true, ..plan };
             }
         }
-        let (outcome, by) = check(&planned);
+        let (mut outcome, by) = check(&planned);
+        let by = by.and_then(|by| obstacles.get(by));
+        let mut step = step;
+        if outcome == Avoidance::Hold && by.is_some_and(|by| !is_person(&by.listed.name)) {
+            let narrow = PlannedStep { step: step.min(NARROW), ..planned };
+            let through = check_at(&narrow, answer.rules.clearance() - SPARED_BETWEEN).0;
+            (outcome, step) = match through {
+                Avoidance::Clear => (Avoidance::Shortened { step: narrow.step }, step),
+                Avoidance::Shifted { .. } => (through, narrow.step),
+                Avoidance::Shortened { .. } | Avoidance::Hold => (outcome, step),
+            };
+        }
         let (waypoint, step) = match outcome {
             Avoidance::Shifted { point } => (point, step),
             Avoidance::Shortened { step: shorter } => (point, shorter),
             Avoidance::Clear | Avoidance::Hold => (point, step),
         };
-        let plan = Self { avoidance: Some(outcome), by: by.and_then(|by| obstacles.get(by)), ..plan };
+        let plan = Self { avoidance: Some(outcome), by, ..plan };
         // Beside somebody, the craft keeps looking at them.
         if stays_beside(&plan, views) == Verdict::Fly { Self { waypoint, step, ..plan } } else { plan }
     }
@@ -430,6 +445,20 @@ mod tests {
         // The lower half of the image: the way up leads over it, another one to the same target, lower, does not.
         let hedge = ObstacleBox { area: ImageBox { left: 0.0, top: 0.52, right: 1.0, bottom: 1.0 }, ..wall(4) };
         assert!(clear(&[hedge.clone()], 8.0).is_some_and(|clear| clear > 6.0) && clear(&[hedge], -2.0).is_none());
+    }
+
+    #[test]
+    fn between_the_posts_of_a_door_a_little_is_flown_and_between_persons_nothing() {
+        let sides = |name: &str| {
+            [(0.0, 0.23), (0.77, 1.0)].map(|(left, right)| ObstacleBox {
+                area: ImageBox { left, top: 0.0, right, bottom: 1.0 },
+                depth: 1,
+                name: name.to_owned(),
+            })
+        };
+        let flown = |name: &str| checked(AHEAD, &sides(name), |plan, refusal| (plan.length(), plan.avoidance, refusal));
+        assert_eq!(flown("door post"), (NARROW, Some(Avoidance::Shortened { step: NARROW }), None));
+        assert_eq!(flown("man").1, Some(Avoidance::Hold));
     }
 
     #[test]
