@@ -99,9 +99,12 @@ pub(crate) fn parse_reply<'py>(
 ///
 /// family and size: as of spf.parse_reply. avoid: whether obstacles are asked for. near_m: distance from the target at which the
 /// instruction counts as fulfilled. keep_m: distance that the craft keeps by itself from somebody whom it follows. field_deg: the
-/// horizontal and vertical field of view of the image. What is None is not mentioned.
+/// horizontal and vertical field of view of the image. horizon: where in the middle of the image the horizon is, as a fraction of its height
+/// from the top. What is None is not mentioned.
 #[pyfunction]
-#[pyo3(signature = (instruction, *, family = "oracle", size = None, avoid = false, near_m = None, keep_m = None, field_deg = None))]
+#[pyo3(signature = (
+    instruction, *, family = "oracle", size = None, avoid = false, near_m = None, keep_m = None, field_deg = None, horizon = None
+))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn prompt(
     py: Python<'_>,
@@ -112,8 +115,9 @@ pub(crate) fn prompt(
     near_m: Option<f64>,
     keep_m: Option<f64>,
     field_deg: Option<(f64, f64)>,
+    horizon: Option<f64>,
 ) -> PyResult<String> {
     let profile = grounding(family, size.unwrap_or(CAMERA)).map_err(|error| raised(py, &error))?;
     let field_deg = field_deg.map(|(across, down)| [across, down]);
-    Ok(spf_api::point::prompt(instruction, &PromptSettings { profile, avoid, near_m, keep_m, field_deg }))
+    Ok(spf_api::point::prompt(instruction, &PromptSettings { profile, avoid, near_m, keep_m, field_deg, horizon }))
 }

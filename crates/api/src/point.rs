@@ -107,12 +107,14 @@ pub struct PromptSettings {
     pub keep_m: Option<f64>,
     /// Field of view of the image from left to right and from top to bottom, degrees.
     pub field_deg: Option<[f64; 2]>,
+    /// Where in the middle of the image the horizon is, as a fraction of its height from the top, perhaps outside.
+    pub horizon: Option<f64>,
 }
 
 /// The built-in prompt of a query without a history; a flight adds what it has flown, from its height on.
 #[must_use]
 pub fn prompt(instruction: &str, settings: &PromptSettings) -> String {
-    let PromptSettings { profile, avoid, near_m, keep_m, field_deg } = *settings;
+    let PromptSettings { profile, avoid, near_m, keep_m, field_deg, horizon } = *settings;
     let memory = Memory::default();
-    point_prompt(&PromptInput { avoid, near_m, keep_m, field_deg, ..PromptInput::new(instruction, &memory, &profile) })
+    point_prompt(&PromptInput { avoid, near_m, keep_m, field_deg, horizon, ..PromptInput::new(instruction, &memory, &profile) })
 }

@@ -203,4 +203,5 @@ def prompt(
     near_m: float | None = None,
     keep_m: float | None = None,
     field_deg: tuple[float, float] | None = None,
+    horizon: float | None = None,
 ) -> str: ...

@@ -16,8 +16,8 @@ fn prompt_reply_and_lift_are_those_of_a_flight() {
     let first = &flight.record.decisions[0].query;
     let profile = grounding("oracle", (960, 720)).unwrap();
     assert_eq!(profile, header.grounding);
-    let (near_m, keep_m, field_deg) = (first.near_m, first.keep_m, first.field_deg);
-    let words = PromptSettings { profile, avoid: settings.avoid, near_m, keep_m, field_deg };
+    let (near_m, keep_m, field_deg, horizon) = (first.near_m, first.keep_m, first.field_deg, first.horizon);
+    let words = PromptSettings { profile, avoid: settings.avoid, near_m, keep_m, field_deg, horizon };
     // A flight adds what has happened so far, one sentence about its height at first.
     let height = first.prompt.lines().find(|line| line.starts_with("It is about ")).unwrap();
     assert_eq!(prompt("fly to the red crane", &words), first.prompt.replace(&format!("{height}\n"), ""));

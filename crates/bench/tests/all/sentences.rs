@@ -62,7 +62,7 @@ struct Reader {
 const PHRASES: [&str; 11] = [
     "you saw ",
     "and asked for a turn of",
-    " planned, since that was seen",
+    "; so far ",
     "Since your last image: ",
     "you answered \"blocked\"",
     "you answered \"waiting\"",
@@ -169,6 +169,10 @@ impl Reader {
             }
             let turned = self.turned_since(began, decision.pose);
             return turn_is(text.strip_suffix(" in all.").ok_or("no end")?, turned, 360.0).map(|()| "unseen");
+        }
+        if line.starts_with("The horizon is ") {
+            // What it must say is looked at with what else is told of the camera.
+            return Ok("horizon");
         }
         if let Some(text) = line.strip_prefix("It is ") {
             return self.height(text, decision);
@@ -352,11 +356,10 @@ impl Reader {
         let actions = &past.decision.reading.actions;
         let parts = said.split("; ").skip(1);
         for part in parts {
-            let why = if actions.is_empty() { " planned, since that was seen" } else { " planned" };
             if actions.iter().any(|action| action == part) {
                 continue;
             }
-            if let Some(planned) = part.strip_suffix(why) {
+            if let Some(planned) = part.strip_suffix(" planned") {
                 let yaw = past.decision.reading.primitives.ok_or("nothing was planned")?.yaw.to_degrees();
                 turn_is(planned, yaw, 360.0)?;
                 if asked.is_none_or(|asked| (asked - yaw).abs() <= 5.0) {
@@ -489,6 +492,7 @@ fn motion(text: &str, from: Pose, to: Pose) -> Result<(), String> {
         if let Some((metres, rest)) = part.split_once(" m flown") {
             told_move = true;
             metres_are(metres, moved)?;
+            let rest = toward(rest, from, to)?;
             if let Some(climb) = between(rest, " (", ")") {
                 let (metres, way) = climb.split_once(" m ").ok_or("no climb")?;
                 metres_are(metres, climbed.abs())?;
@@ -509,6 +513,26 @@ fn motion(text: &str, from: Pose, to: Pose) -> Result<(), String> {
         return Err(format!("it moved {moved:.2} m and turned {turned:.1}°"));
     }
     Ok(())
+}
+
+/// What follows the direction in which a motion led, which must be told where that was not ahead.
+fn toward(text: &str, from: Pose, to: Pose) -> Result<&str, String> {
+    let ahead = from.position.displacement_to(to.position, from.attitude.heading);
+    let led = libm::atan2(ahead.right, ahead.forward).to_degrees();
+    let ways = [(" backwards", 135.0..=180.0), (" to the ", 45.0..=135.0), ("", 0.0..=45.0)];
+    let (word, range) = ways.into_iter().find(|(word, _)| text.starts_with(word)).ok_or("no direction")?;
+    let rest = &text[word.len()..];
+    // At a border the sums of the pilot and of this test differ in their last digits.
+    let is_true =
+        (range.start() - 0.1..=range.end() + 0.1).contains(&led.abs()) || libm::hypot(ahead.forward, ahead.right) < 0.101;
+    if !is_true {
+        return Err(format!("it led {led:.0}° to the right"));
+    }
+    if word != " to the " {
+        return Ok(rest);
+    }
+    let side = if led > 0.0 { "right" } else { "left" };
+    rest.strip_prefix(side).ok_or_else(|| format!("it led {led:.0}° to the right"))
 }
 
 fn between<'a>(text: &'a str, before: &str, after: &str) -> Option<&'a str> {

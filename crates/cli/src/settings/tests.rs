@@ -180,10 +180,7 @@ fn a_wrong_value_is_reported_where_it_is_used_and_nowhere_else() {
     let settings = read("[fly]\nscene = 3\nseed = -1\n").unwrap();
     assert_eq!(settings.fly.scene.get().unwrap().as_deref(), Some("3"));
     let error = settings.fly.seed.get().unwrap_err().to_string();
-    assert!(
-        error.starts_with("error: spf.toml:3: expected a whole number from 0 to 18446744073709551615, found `-1`"),
-        "{error}"
-    );
+    assert!(error.starts_with("spf.toml:3: expected a whole number from 0 to 18446744073709551615, found `-1`"), "{error}");
 }
 
 #[test]

@@ -100,9 +100,7 @@ fn answer(number: u32, past: &PastAnswer) -> String {
         Said::Blocked => "you answered \"blocked\"".to_owned(),
     };
     let other = past.planned_deg.filter(|planned| asked.is_some_and(|asked| (planned - asked).abs() > OTHER_TURN_DEG));
-    // Where nothing else explains it, the search has turned to what it has not seen.
-    let why = if past.actions.is_empty() { ", since that was seen" } else { "" };
-    let other = other.map_or(String::new(), |planned| format!("; {} {} planned{why}", degrees(planned), side(planned)));
+    let other = other.map_or(String::new(), |planned| format!("; {} {} planned", degrees(planned), side(planned)));
     let detour = past.detour.as_ref().map_or(String::new(), |detour| {
         let how = match detour.how {
             DetourKind::Left => "dodged to the left",

@@ -342,7 +342,7 @@ Stage 2 is being worked on.
 Stage 1 ended with your answer 4 answers ago, target "the gate". It is now about 2 m away, 124° left, 31° below the horizon, outside this image.
 Stage 1 ended with your answer 4 answers ago, target "the door". It is now about 2 m away, 124° left, 31° below the horizon.
 2 answers ago: "the 'red' crane" 12° left, about 13 m; dodged to the right because of "person", seen 4 s before; looks for a way around on the left: the path is blocked; then 2.1 m flown to the right (0.4 m down), 12° turned right.
-1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned, since that was seen; so far 72° turned left.
+1 answer ago: you did not see the target, and asked for a turn of 165° left; 72° left planned; so far 72° turned left.
 Since your last image: 3.3 m flown backwards (0.4 m up), 80° turned left.
 You last pointed at the target 2 answers ago. It then left the image on the left. Since then the drone has turned 60° left. That direction is now 64° right, outside this image.
 It is about 3.1 ± 1.2 m above take-off, and can go 2.3 m lower.

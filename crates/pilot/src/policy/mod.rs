@@ -263,7 +263,7 @@ pub struct Goto {
     /// Whether the motion leads around an obstacle and not to the target.
     pub is_detour: bool,
     /// What the path to the target must keep clear of; `None` if it must come no nearer.
-    pub corridor: Option<Corridor>,
+    pub corridor: Option<Box<Corridor>>,
 }
 
 /// A policy's interpretation of a reply. It travels with the step: the pilot learns from it, and it is displayed and recorded.

@@ -365,7 +365,7 @@ impl<'a> Plan<'a> {
             stage,
             motion,
             is_detour: self.waypoint != self.point || !is_clear,
-            corridor: (!stays).then(|| self.corridor(&motion)),
+            corridor: (!stays).then(|| Box::new(self.corridor(&motion))),
         };
         if rules.follows(reply) { Step::Follow(goto) } else { Step::Goto(goto) }
     }
@@ -444,7 +444,7 @@ mod tests {
         assert_eq!(clear(&[wall(4)], 0.0), None, "a wall from 3.6 m on");
         // The lower half of the image: the way up leads over it, another one to the same target, lower, does not.
         let hedge = ObstacleBox { area: ImageBox { left: 0.0, top: 0.52, right: 1.0, bottom: 1.0 }, ..wall(4) };
-        assert!(clear(&[hedge.clone()], 8.0).is_some_and(|clear| clear > 6.0) && clear(&[hedge], -2.0).is_none());
+        assert!(clear(core::slice::from_ref(&hedge), 8.0).is_some_and(|clear| clear > 6.0) && clear(&[hedge], -2.0).is_none());
     }
 
     #[test]
