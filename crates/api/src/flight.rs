@@ -243,6 +243,7 @@ impl Flight {
 /// A usage error for what can be wrong in the request: scene, start, VLM, instruction, folder.
 pub fn start(request: Request) -> Result<Flying, Error> {
     let instruction = checked_instruction(&request.instruction)?;
+    check(&request)?;
     let (cancel, (send, sent)) = (Cancel::default(), channel());
     let Named { name, vlm_factory, is_oracle, lists_boxes } = match &request.answerer {
         Answerer::Named(name) => named(name, request.max_cost_usd.is_some())?,
@@ -294,6 +295,28 @@ pub fn start(request: Request) -> Result<Flying, Error> {
         return Err(Error::internal("cannot start a thread for the flight").because(&error));
     }
     Ok(Flying { sent, seen: None, ended: None, interrupts, cancel, out, announcements })
+}
+
+/// Refuses limits that limit nothing, and choices that need what only the program has.
+fn check(request: &Request) -> Result<(), Error> {
+    let Choices { max_time_s, max_decisions, max_queries, depth_network, detector, own_prompt, person, .. } = request.choices;
+    let is_within = |value: Option<f64>, least: f64, most: f64| value.is_none_or(|value| (least..=most).contains(&value));
+    if !is_within(max_time_s, 1.0, 86_400.0) {
+        return Err(Error::usage("the flight time must be limited to 1 to 86400 seconds").hint("max_time_s"));
+    }
+    if !is_within(request.max_cost_usd, 0.0, 1e6) {
+        return Err(Error::usage("the cost must be limited to 0 to 1000000 US dollars").hint("max_cost_usd"));
+    }
+    if max_decisions == Some(0) || max_queries == Some(0) {
+        return Err(Error::usage("a flight has at least one decision and one query").hint("max_decisions, max_queries"));
+    }
+    if depth_network || detector || own_prompt || person {
+        return Err(Error::usage(
+            "depth networks, detectors, prompts of one's own and persons as the VLM are the program's alone",
+        )
+        .hint("spf fly"));
+    }
+    Ok(())
 }
 
 /// Creates the output folder of a flight.

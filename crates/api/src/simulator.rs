@@ -102,7 +102,7 @@ impl Simulator {
             time_s: truth.time.as_secs_f64(),
             pose: truth.pose,
             velocity: truth.velocity,
-            is_airborne: !matches!(truth.phase, FlightPhase::OnGround),
+            is_airborne: !matches!(truth.phase, FlightPhase::OnGround | FlightPhase::Stopped),
             touched,
             limited: self.limited.clone(),
             view: View {
@@ -171,8 +171,10 @@ impl Simulator {
         let end = self.now + PATIENCE;
         while self.now < end {
             self.pass_until(self.now + PERIOD);
-            if done(self.world.truth().phase) {
-                return Ok(self.observe());
+            match self.world.truth().phase {
+                phase if done(phase) => return Ok(self.observe()),
+                FlightPhase::Stopped => return Err(Error::failed("the craft has crashed: its motors have stopped for good")),
+                _ => {}
             }
         }
         Err(Error::failed(format!("the craft did not {what} within {} s", PATIENCE.as_secs())))

@@ -10,6 +10,7 @@ use crate::steering::Steering;
 use spf_core::craft::Craft;
 use spf_core::geometry::{EnuPosition, Pose};
 use spf_core::lift::Lifting;
+use spf_core::primitives::Primitives;
 use spf_core::time::Time;
 use spf_motion::executor::Goal;
 use spf_motion::odometry::Odometry;
@@ -150,7 +151,7 @@ impl Target {
             }
             (true, None) => self.lead_from(anchor, here, from.position, own, |_, _| Some(0.0)),
         }
-        .unwrap_or(Lead::Step(goto.motion))
+        .unwrap_or_else(|| Lead::Step(self.short_of(anchor, here, from.position, goto.motion)))
     }
 
     /// The way on to a target that a frame taken at `from` does not show; `None` if its place is not known well enough for that.
@@ -176,13 +177,24 @@ impl Target {
         let heading = from.bearing_to(sight.position);
         let last = LAST_STEP.min(sight.range - 2.0 * sight.range_sd - self.stop);
         let step = if sight.is_sure() { sight.step_limit().max(last) } else { unsure };
-        let reach = clear(sight.position, step.min(sight.range - self.stop).max(0.0))?;
-        let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
         let bearing = here.at.bearing_to(sight.position);
-        if reach < FLOWN || anchor.is_passed(here.at, here.odometry) {
+        let wanted = step.min(sight.range - self.stop).max(0.0);
+        if wanted < FLOWN || anchor.is_passed(here.at, here.odometry) {
             return Some(Lead::Turn(bearing));
         }
-        Some(Lead::Fly { from, reach, goal, bearing })
+        let reach = clear(sight.position, wanted)?;
+        let goal = Goal { position: from.towards(sight.position, reach / sight.range.max(1e-6)), heading };
+        Some(if reach < FLOWN { Lead::Turn(bearing) } else { Lead::Fly { from, reach, goal, bearing } })
+    }
+
+    /// The part of a motion that comes no nearer to the anchor than the craft may.
+    fn short_of(&self, anchor: &Anchor, here: Here, from: EnuPosition, motion: Move) -> Move {
+        let sight = anchor.seen_from(from, here.odometry);
+        let Primitives { forward, right, climb, .. } = motion.primitives;
+        let own = libm::hypot(libm::hypot(forward, right), climb);
+        let part = if sight.is_sure() { ((sight.range - self.stop).max(0.0) / own.max(1e-6)).min(1.0) } else { 1.0 };
+        let primitives = Primitives { forward: part * forward, right: part * right, climb: part * climb, ..motion.primitives };
+        Move { primitives, ..motion }
     }
 
     /// The target is given up, or it is another.

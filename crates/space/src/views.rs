@@ -16,7 +16,8 @@ use crate::viewpoint::{Obstacle, Viewpoint};
 /// How long an obstacle counts that has left the image: a person, who walks on, and whatever else there is.
 const PERSON_REMEMBERED: Duration = Duration::from_secs(5);
 const REMEMBERED: Duration = Duration::from_secs(20);
-/// How long it counts once more if it is in the image and not listed.
+/// How long it counts once more if it is in the image and not listed: a person, who walks on, and whatever else there is.
+const PERSON_MISSED: Duration = Duration::from_secs(2);
 const MISSED: Duration = Duration::from_secs(8);
 /// What reaches beyond the upper edge of an image may hang over where the image was taken, or ahead of it. However old it is, it
 /// counts until the craft is this much farther from there, horizontally, than its label says, metres.
@@ -24,7 +25,7 @@ const OVERHEAD: f64 = 2.5;
 /// Farther than this label, 2.8 m, it does not hang over a craft that stays where it is.
 const OVERHEAD_LABEL: u8 = 3;
 /// Depth label up to which an obstacle in the image counts once more although it is not listed: a model misses one box in twenty, and
-/// what is farther away is listed again before it matters. A person has walked on.
+/// what is farther away is listed again before it matters.
 const NEAR: u8 = 3;
 /// Listed boxes are an obstacle that was listed before, whatever their names, if their depth labels differ by no more than this and they
 /// cover this part of it: a large thing whose one edge is listed has been left out.
@@ -180,8 +181,9 @@ fn standing(obstacle: &Obstacle, at: &Viewpoint, boxes: &[ObstacleBox], until: O
     };
     let alike = boxes.iter().filter(|listed| listed.depth.abs_diff(seen.depth) <= SAME_DEPTH);
     let is_explained = alike.map(covered).sum::<f64>() >= EXPLAINED * size(seen.area);
-    let is_recent = at.captured.since(obstacle.from.captured) <= MISSED;
-    let is_missed = seen.depth <= NEAR && is_recent && !is_explained && !is_person(&obstacle.listed.name);
+    let counts_for = if is_person(&obstacle.listed.name) { PERSON_MISSED } else { MISSED };
+    let is_recent = at.captured.since(obstacle.from.captured) <= counts_for;
+    let is_missed = seen.depth <= NEAR && is_recent && !is_explained;
     if is_missed { Standing::LeftOut } else { Standing::Over }
 }
 
@@ -259,10 +261,12 @@ mod tests {
         // Still in the image, and not listed: once that may be a miss, and then it was no chair. Listed by another name it is that.
         assert!(counts(at(1, 0.5), &[], None));
         assert!(!counts(at(1, 0.5), &[listed(0.45, 0.9, 3, "seat")], None));
-        let mut views = Views::default();
-        views.learn(&at(0, 0.0), &[listed(0.4, 0.9, 3, "man")], None);
-        views.learn(&at(1, 0.5), &[], None);
-        assert!(views.obstacles(&at(1, 0.5), None).is_empty(), "he has walked on");
+        for (seconds, counts) in [(1, 1), (3, 0)] {
+            let mut views = Views::default();
+            views.learn(&at(0, 0.0), &[listed(0.4, 0.9, 3, "man")], None);
+            views.learn(&at(seconds, 0.5), &[], None);
+            assert_eq!(views.obstacles(&at(seconds, 0.5), None).len(), counts, "after 3 s he has walked on");
+        }
         // Of a wall that fills half of the image, its far edge is not all.
         let area = |left: f64| ImageBox { left, top: 0.0, right: if left > 0.5 { 0.62 } else { 1.0 }, bottom: 1.0 };
         let wall = |left: f64, depth: u8| ObstacleBox { area: area(left), depth, name: "wall".to_owned() };

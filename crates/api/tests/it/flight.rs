@@ -92,7 +92,23 @@ fn a_log_that_is_cut_off_is_read_as_far_as_it_goes() {
     let record = read_log(&cut).unwrap();
     assert!(record.is_truncated && record.summary.is_none());
     assert_eq!(record.header, flight.record.header);
-    assert!(record.trajectory.len() <= flight.record.trajectory.len());
+    assert!(!record.trajectory.is_empty() && flight.record.trajectory.starts_with(&record.trajectory));
+    assert!(record.trajectory.len() < flight.record.trajectory.len());
     let error = read_log(&folder.path().join("none.mcap")).unwrap_err();
     assert!(error.to_string().contains("none.mcap") && error.advice().is_some(), "{error}");
+}
+
+#[test]
+fn limits_that_limit_nothing_and_what_only_the_program_has_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |change: fn(&mut Request)| {
+        let mut request = asked(folder.path());
+        change(&mut request);
+        start(request).expect_err("it is refused").to_string()
+    };
+    assert!(refused(|request| request.max_cost_usd = Some(f64::NAN)).contains("cost"));
+    assert!(refused(|request| request.choices.max_time_s = Some(-1.0)).contains("flight time"));
+    assert!(refused(|request| request.choices.max_queries = Some(0)).contains("one query"));
+    assert!(refused(|request| request.choices.depth_network = true).contains("program"));
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is left of them");
 }

@@ -329,6 +329,10 @@ impl Reader {
             (None, true) => (text.strip_suffix('.').ok_or("no end")?, None),
             (told, _) => return Err(format!("what was flown is told: {}", told.is_some())),
         };
+        // Actions are told last, in their own words, which may have a semicolon.
+        let actions = &past.decision.reading.actions;
+        let told: String = actions.iter().map(|action| format!("; {action}")).collect();
+        let said = said.strip_suffix(told.as_str()).ok_or_else(|| format!("not told: {actions:?}"))?;
         let claim = said.split("; ").next().unwrap_or_default();
         let reply = &past.reply;
         let target = reply.target.as_deref().map_or("the target".to_owned(), |target| format!("\"{target}\""));
@@ -353,12 +357,7 @@ impl Reader {
             }
         };
         same("answer", claim, &meant)?;
-        let actions = &past.decision.reading.actions;
-        let parts = said.split("; ").skip(1);
-        for part in parts {
-            if actions.iter().any(|action| action == part) {
-                continue;
-            }
+        for part in said.split("; ").skip(1) {
             if let Some(planned) = part.strip_suffix(" planned") {
                 let yaw = past.decision.reading.primitives.ok_or("nothing was planned")?.yaw.to_degrees();
                 turn_is(planned, yaw, 360.0)?;

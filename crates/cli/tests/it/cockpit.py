@@ -51,8 +51,14 @@ def fly(browser):
     print(f"held {1000 * (time.monotonic() - began):.0f} ms after the key, {page.locator('#ack').inner_text()!r}")
     shot(page, "laptop-dark-held")
     accessible(page, "held")
-    page.locator("#list button").first.click()
-    expect(page.locator("#opened-detail")).to_contain_text("Prompt")
+    # The newest answer with a point: one that misses the target has none.
+    answers = page.locator("#list button")
+    for answer in range(answers.count()):
+        answers.nth(answer).click()
+        expect(page.locator("#opened-detail")).to_contain_text("Prompt")
+        page.wait_for_timeout(300)
+        if "White cross" in page.locator("#opened-picture p").inner_text():
+            break
     # The point of the answer, and what is flown to: what the list says, and what the live picture shows.
     expect(page.locator("#opened-picture p")).to_contain_text("White cross")
     expect(page.locator("#opened-picture p")).to_contain_text("as in the live picture")

@@ -3,6 +3,7 @@
 use crate::method::Method;
 use crate::policy::spf::tests::{Rig, sent_query, told_from, view};
 use crate::policy::{Move, PolicyEvent, Step};
+use spf_core::geometry::EnuPosition;
 use spf_core::lift::label_of_range;
 use spf_core::time::{Duration, Time};
 use spf_space::avoid::Avoidance;
@@ -100,7 +101,12 @@ fn the_craft_does_not_go_to_meet_a_person_who_walks_towards_it() {
             );
             match told_from(&mut spf, &view, &answer).1 {
                 Step::Move(motion) => motion.primitives.forward,
-                Step::Goto(goto) => goto.motion.primitives.forward,
+                // Whatever is known of where he is, the craft is led no farther.
+                Step::Goto(goto) => {
+                    let own = goto.motion.primitives.forward;
+                    let ahead = EnuPosition { north: 20.0, ..EnuPosition::default() };
+                    goto.corridor.unwrap().clear(ahead, own, 20.0).unwrap_or(own)
+                }
                 Step::Look => 0.0,
                 other => panic!("{other:?}"),
             }
