@@ -59,6 +59,7 @@ def fly(browser):
         page.wait_for_timeout(300)
         if "White cross" in page.locator("#opened-picture p").inner_text():
             break
+        page.get_by_role("button", name="Close", exact=True).click()
     # The point of the answer, and what is flown to: what the list says, and what the live picture shows.
     expect(page.locator("#opened-picture p")).to_contain_text("White cross")
     expect(page.locator("#opened-picture p")).to_contain_text("as in the live picture")
