@@ -37,8 +37,8 @@ const BEARING_ERROR: f64 = 15.0 / 180.0 * core::f64::consts::PI;
 /// The events of a flight.
 #[derive(Clone, Debug, Default)]
 pub(super) struct History {
-    /// The last usable answers, and from where what followed was flown.
-    answers: VecDeque<(PastAnswer, Start)>,
+    /// The last usable answers, when they arrived, and from where what followed was flown.
+    answers: VecDeque<(PastAnswer, Time, Start)>,
     /// Number of usable answers.
     count: u32,
     seen: Seen,
@@ -55,7 +55,6 @@ pub(super) struct History {
 /// Where the craft was as an answer arrived, or as its image was taken.
 #[derive(Clone, Copy, Debug)]
 struct Start {
-    at: Time,
     pose: Pose,
     /// Turned until then, radians.
     turned: f64,
@@ -214,7 +213,7 @@ impl History {
     /// Notes a usable answer about a view, which arrives at this time as the craft is at `pose`; `stage` is the one before it.
     pub(super) fn answered(&mut self, view: &View, (at, pose): (Time, Pose), reply: &Reply, stage: u32) {
         let turned = self.path.turned;
-        self.image = Some(Start { at: view.frame.captured, pose: view.pose, turned });
+        self.image = Some(Start { pose: view.pose, turned });
         self.moved_to(at, pose);
         self.count += 1;
         if let Some(next) = reply.stage {
@@ -234,7 +233,7 @@ impl History {
             (Said::NotSeen, _) => self.lost_in(view),
             _ => {}
         }
-        push_last(&mut self.answers, (past(view, reply, said), Start { at, pose, turned: self.path.turned }));
+        push_last(&mut self.answers, (past(view, reply, said), at, Start { pose, turned: self.path.turned }));
         self.path.yaw = 0.0;
     }
 
@@ -269,7 +268,7 @@ impl History {
 
     /// Notes what follows from the last answer.
     pub(super) fn planned(&mut self, camera: &Camera, reading: &Reading) {
-        let Some((past, _)) = self.answers.back_mut() else { return };
+        let Some((past, ..)) = self.answers.back_mut() else { return };
         if let Some(primitives) = reading.primitives {
             let metres = libm::hypot(libm::hypot(primitives.forward, primitives.right), primitives.climb);
             past.planned_m = Some(metres).filter(|metres| *metres > 0.0);
@@ -283,14 +282,14 @@ impl History {
     /// Measures the motion after the last answer to where the craft is at this time.
     fn moved_to(&mut self, at: Time, pose: Pose) {
         self.path.to(pose);
-        let Some((past, from)) = self.answers.back_mut() else { return };
-        past.motion = (at >= from.at).then(|| from.motion_to(pose, self.path.turned));
+        let Some((past, arrived, from)) = self.answers.back_mut() else { return };
+        past.motion = (at >= *arrived).then(|| from.motion_to(pose, self.path.turned));
     }
 
     /// Fills the memory of a query about `view`.
     pub(super) fn fill(&mut self, view: &View, memory: &mut Memory) {
         self.moved_to(view.frame.captured, view.pose);
-        memory.answers = self.answers.iter().map(|(past, _)| past.clone()).collect();
+        memory.answers = self.answers.iter().map(|(past, ..)| past.clone()).collect();
         let ago = |answer: u32| self.count + 1 - answer;
         let finished = |Finished { stage, answer, target, place }: &Finished| FinishedStage {
             stage: *stage,
@@ -312,7 +311,7 @@ impl History {
                     turned_deg: (self.path.turned - turned).to_degrees(),
                 });
             }
-            Seen::Never { turned } if self.answers.back().is_some_and(|(past, _)| past.said == Said::NotSeen) => {
+            Seen::Never { turned } if self.answers.back().is_some_and(|(past, ..)| past.said == Said::NotSeen) => {
                 memory.searched_deg = Some((self.path.turned - turned).to_degrees());
             }
             Seen::At(_) | Seen::Somewhere | Seen::Never { .. } => {}
