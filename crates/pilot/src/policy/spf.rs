@@ -190,7 +190,7 @@ impl Spf {
         }
         let retreat = self.retreat.is_due(rules, view, reply, &self.views);
         reading.is_before_person = retreat::is_before_person(view, reply);
-        let retreat = retreat.then(|| moves::back_off(view, "backs off from a person who comes nearer", reading));
+        let retreat = retreat.then(|| retreat::step(view, reading));
         if reply.status != Status::Done {
             // What is farther away than the target is not listed.
             let until = reply.label().filter(|_| reply.status.leads_to_a_point()).map(|label| libm::floor(label) as u8);
@@ -321,7 +321,8 @@ impl Spf {
         plan.sighting(motion, self.recollection.stage(), stays)
     }
 
-    /// No free direction: hold and query again; if that repeats, the policy looks from higher up, goes around, or turns away.
+    /// No free direction: hold and query again; if that repeats, the policy looks from higher up or goes around. Without an anchor
+    /// it turns away instead.
     fn blocked(&mut self, plan: &Plan<'_>, reading: &mut Reading) -> Step {
         if self.passage.waits(plan) {
             return Step::Look;
@@ -383,7 +384,7 @@ fn held_up(answer: Answered<'_>, reading: &mut Reading) -> Step {
         reading.actions.push("holds: the way is blocked".to_owned());
         return Step::Look;
     }
-    moves::back_off(answer.view(), "backs off: the way is blocked", reading)
+    moves::back_off(answer.view(), moves::BACK_OFF, "backs off: the way is blocked", reading)
 }
 
 impl Policy for Spf {

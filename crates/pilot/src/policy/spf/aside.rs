@@ -59,16 +59,21 @@ impl Aside {
         *self = Self::default();
     }
 
-    /// Begins a way around what blocks the path of a plan, on the side on which it was being passed; `None` if all that could be
-    /// tried has been.
+    /// Begins a way around what blocks the path of a plan, on the side on which it was being passed, and holds once all that
+    /// could be tried has been; `None` for a reply that does not lead to a target.
     pub(super) fn begin(&mut self, plan: &Plan<'_>, passed: Option<Side>, reading: &mut Reading) -> Option<Step> {
         let (view, reply) = (plan.view(), plan.answer.reply);
         if reply.status != Status::Navigating {
             return None;
         }
         if self.attempts >= ATTEMPTS {
-            let first = !core::mem::replace(&mut self.backed_off, true);
-            return first.then(|| moves::back_off(view, "backs off: the path is blocked, and so are its sides", reading));
+            if !core::mem::replace(&mut self.backed_off, true) {
+                let why = "backs off: the path is blocked, and so are its sides";
+                return Some(moves::back_off(view, moves::BACK_OFF, why, reading));
+            }
+            // A turn away would lose the target; who sees points elsewhere, or says where to look.
+            reading.actions.push("holds: the path is blocked, and so are its sides".to_owned());
+            return Some(Step::Look);
         }
         let first = *self.first.get_or_insert_with(|| passed.unwrap_or_else(|| roomier(&reply.boxes, plan.point)));
         let side = if self.attempts < ON_ONE_SIDE { first } else { opposite(first) };

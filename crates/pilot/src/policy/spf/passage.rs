@@ -130,7 +130,8 @@ impl Passage {
         self.blocked > 0
     }
 
-    /// Begins a way around that is out of view; `None` if there is none, or all that could be tried has been.
+    /// Begins a way around that is out of view, or holds once all that could be tried has been; `None` without guidance, and for a reply
+    /// that does not lead to a target.
     pub(super) fn go_aside(&mut self, plan: &Plan<'_>, reading: &mut Reading) -> Option<Step> {
         let passed = self.detour.passing.map(|passing| passing.side);
         self.aside.as_mut()?.begin(plan, passed, reading)

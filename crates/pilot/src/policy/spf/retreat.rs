@@ -1,8 +1,9 @@
 //! Persons who walk: the craft backs off from those who come, since holding still would let them walk into it, keeps clear of
 //! where they are about to be, and does not go to meet them.
 
+use super::moves;
 use super::rules::{KeptClear, Rules};
-use crate::policy::View;
+use crate::policy::{Reading, Step, View};
 use spf_core::lift::range_of_label;
 use spf_core::query::ImagePoint;
 use spf_core::reply::{ObstacleBox, Reply, Status};
@@ -24,6 +25,8 @@ const AHEAD: f64 = 35.0 / 180.0 * core::f64::consts::PI;
 const KEPT: f64 = 1.0;
 /// Number of times in a row that the craft backs off; after that it holds.
 const RETREATS: u32 = 4;
+/// How far it backs off each time, metres: as far as a person walks slowly from one answer to the next.
+const METRES: f64 = 2.0;
 
 /// The steps back from persons who are about to walk into the craft.
 #[derive(Clone, Copy, Debug, Default)]
@@ -70,6 +73,11 @@ impl Retreat {
             Motion::StaysAbeam => is_near && closing() > Some(CREEPS),
         }
     }
+}
+
+/// The step back from a person who comes nearer.
+pub(super) fn step(view: &View, reading: &mut Reading) -> Step {
+    moves::back_off(view, METRES, "backs off from a person who comes nearer", reading)
 }
 
 /// The persons whom a reply lists, and the one to whom it leads.
