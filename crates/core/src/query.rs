@@ -303,6 +303,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_detour_is_read_back_from_a_log() {
+        let detour = Detour { how: DetourKind::Left, name: None, seen_before_s: None, walks: false };
+        let text = serde_json::to_string(&detour).unwrap();
+        assert_eq!(serde_json::from_str::<Detour>(&text).unwrap(), detour, "{text}");
+    }
+
+    #[test]
     fn boxes_overlap_by_their_shares() {
         let at = |left: f64, right: f64| ImageBox { left, top: 0.2, right, bottom: 0.4 };
         assert_eq!(at(0.0, 0.5).iou(&at(0.0, 0.5)), 1.0);

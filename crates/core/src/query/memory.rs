@@ -150,7 +150,7 @@ pub struct Detour {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub seen_before_s: Option<f64>,
     /// Whether it is where somebody is about to walk.
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub walks: bool,
 }
 
