@@ -9,6 +9,7 @@ use pyo3::types::PyString;
 use spf_api::Question;
 use spf_api::error::Error;
 use spf_api::flight::{Answerer, Flying, Happening, Request, start};
+use spf_api::vlm::LATENCY_S;
 use spf_pilot::Preset;
 
 use crate::convert;
@@ -17,6 +18,8 @@ use crate::flight::Flight;
 use crate::query::Query;
 use crate::record::Decision;
 
+/// Time that a step of a policy counts as having taken, seconds.
+pub(crate) const POLICY_LATENCY_S: f64 = 0.1;
 /// How often a wait looks for Ctrl-C.
 const LOOK_UP: Duration = Duration::from_millis(50);
 
@@ -25,8 +28,11 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// instruction: what is to be flown, in any words that the VLM understands. The oracle reads English.
 /// scene: a built-in scene or the path of a scene file. seed: of all random choices. craft: quad or tello; the scene's own by default.
 /// start: east, north and up in metres, heading and perhaps pitch in degrees; the scene's own by default.
-/// vlm: a name as of `--vlm`, or a function that is given a spf.Query and returns the reply, a dict or its text. It is called in this
-/// thread, while the flight stands still; its answer counts as having taken vlm_latency_s.
+/// vlm: a name as of `--vlm`, or a function that is given a spf.Query and returns the reply, a dict or its text.
+/// policy: a function in the place of method and VLM, or an object whose method handle is one: it is given a spf.Query about each frame,
+/// taken at rest, and returns a step: spf.Point, spf.Move, spf.Hold or spf.Done.
+/// Functions are called in this thread, while the flight stands still; an answer counts as having taken vlm_latency_s, by default 1.5 s for
+/// a VLM and 0.1 s for a policy.
 /// drone: sim. Real drones are not offered from Python yet.
 /// on_decision: a function that is given each spf.Decision.
 /// avoid: obstacle mode. None: on if the VLM lists obstacles, which a function is not expected to do.
@@ -39,9 +45,9 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// and spf.Error for other failures, each with a hint where one is known.
 #[pyfunction]
 #[pyo3(signature = (
-    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, drone = "sim", on_decision = None, avoid = None,
+    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, policy = None, drone = "sim", on_decision = None, avoid = None,
     depth_sensor = false, preset = "default", max_time_s = None, max_decisions = None, max_queries = None, max_cost_usd = None,
-    vlm_latency_s = 1.5, video = false, out = None
+    vlm_latency_s = None, video = false, out = None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn fly(
@@ -52,6 +58,7 @@ pub(crate) fn fly(
     craft: Option<&str>,
     start: Option<Vec<f64>>,
     vlm: Option<Bound<'_, PyAny>>,
+    policy: Option<Bound<'_, PyAny>>,
     drone: &str,
     on_decision: Option<Bound<'_, PyAny>>,
     avoid: Option<bool>,
@@ -61,7 +68,7 @@ pub(crate) fn fly(
     max_decisions: Option<u32>,
     max_queries: Option<u32>,
     max_cost_usd: Option<f64>,
-    vlm_latency_s: f64,
+    vlm_latency_s: Option<f64>,
     video: bool,
     out: Option<PathBuf>,
 ) -> PyResult<Flight> {
@@ -88,13 +95,21 @@ pub(crate) fn fly(
     request.video = video;
     request.out = out;
     request.watched = on_decision.is_some();
-    let function = match vlm {
-        None => None,
-        Some(vlm) if vlm.is_callable() => {
-            request.answerer = Answerer::Caller { name: name_of(&vlm), latency_s: vlm_latency_s };
-            Some(vlm)
+    let answers = match (vlm, policy) {
+        (None, None) => None,
+        (Some(_), Some(_)) => {
+            return Err(wrong(py, "a policy queries no VLM", "give vlm or policy; a policy may ask models of its own"));
         }
-        Some(vlm) => {
+        (None, Some(policy)) => {
+            let latency_s = vlm_latency_s.unwrap_or(POLICY_LATENCY_S);
+            request.answerer = Answerer::Policy { name: name_of(&policy), latency_s };
+            Some(Answers::step(py, policy)?)
+        }
+        (Some(vlm), None) if vlm.is_callable() => {
+            request.answerer = Answerer::Caller { name: name_of(&vlm), latency_s: vlm_latency_s.unwrap_or(LATENCY_S) };
+            Some(Answers::reply(vlm))
+        }
+        (Some(vlm), None) => {
             let Ok(name) = vlm.cast::<PyString>() else {
                 return Err(wrong(
                     py,
@@ -113,7 +128,7 @@ pub(crate) fn fly(
             Some(Happening::Ended) => break,
             // Whatever happens until the craft has landed.
             _ if failure.is_some() => Ok(()),
-            Some(Happening::Question(question)) => answered(py, function.as_ref(), question),
+            Some(Happening::Question(question)) => answers.as_ref().map_or(Ok(()), |answers| answers.answer(py, question)),
             Some(Happening::Decision(decision)) => shown(py, on_decision.as_ref(), *decision),
             None => Ok(()),
         };
@@ -141,24 +156,55 @@ fn landing(flying: &Flying, error: PyErr) -> PyErr {
 }
 
 /// The name of a function, for logs.
-fn name_of(function: &Bound<'_, PyAny>) -> String {
+pub(crate) fn name_of(function: &Bound<'_, PyAny>) -> String {
     let name = function.getattr("__name__").or_else(|_| function.get_type().getattr("__name__"));
     let name = name.and_then(|name| name.extract::<String>()).unwrap_or_else(|_| "function".to_owned());
     format!("python:{name}")
 }
 
-/// Has a query answered by the user's function.
-fn answered(py: Python<'_>, function: Option<&Bound<'_, PyAny>>, question: Question) -> PyResult<()> {
-    let Some(function) = function else { return Ok(()) };
-    let question = Arc::new(question);
-    let query = Py::new(py, Query::new(question.clone()))?;
-    let reply = function.call1((query,))?;
-    let text = match reply.cast::<PyString>() {
-        Ok(text) => text.to_str()?.to_owned(),
-        Err(_) => py.import("json")?.call_method1("dumps", (reply,))?.extract()?,
-    };
-    question.answer(Ok(text));
-    Ok(())
+/// A function of the user's that answers questions.
+pub(crate) enum Answers<'py> {
+    /// As the VLM, with a reply.
+    Reply(Bound<'py, PyAny>),
+    /// As the policy, with a step.
+    Step(Bound<'py, PyAny>),
+}
+
+impl<'py> Answers<'py> {
+    /// A function that is the VLM.
+    pub(crate) fn reply(function: Bound<'py, PyAny>) -> Self {
+        Self::Reply(function)
+    }
+
+    /// A policy: a function, or an object whose method `handle` is one.
+    pub(crate) fn step(py: Python<'py>, policy: Bound<'py, PyAny>) -> PyResult<Self> {
+        let handle = policy.getattr("handle").unwrap_or(policy);
+        if handle.is_callable() {
+            return Ok(Self::Step(handle));
+        }
+        Err(wrong(py, "policy must be a function, or have a method handle", "a function of a spf.Query"))
+    }
+
+    /// Answers a question.
+    pub(crate) fn answer(&self, py: Python<'_>, question: Question) -> PyResult<()> {
+        let question = Arc::new(question);
+        let query = Py::new(py, Query::new(question.clone()))?;
+        match self {
+            Self::Reply(function) => {
+                let reply = function.call1((query,))?;
+                let text = match reply.cast::<PyString>() {
+                    Ok(text) => text.to_str()?.to_owned(),
+                    Err(_) => py.import("json")?.call_method1("dumps", (reply,))?.extract()?,
+                };
+                question.answer(Ok(text));
+                Ok(())
+            }
+            Self::Step(function) => {
+                let step = function.call1((query.clone_ref(py),))?;
+                query.get().step(py, &step)
+            }
+        }
+    }
 }
 
 /// Shows a decision to the user's function.

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod arrays;
+mod bench;
 mod convert;
 mod errors;
 mod flight;
@@ -19,6 +20,8 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
+    use super::bench::{bench_pairs, bench_rates, bench_rows, bench_run};
+    #[pymodule_export]
     use super::flight::Flight;
     #[pymodule_export]
     use super::flying::fly;
@@ -29,5 +32,5 @@ mod _native {
     #[pymodule_export]
     use super::record::{Decision, FlightLog, read_log};
     #[pymodule_export]
-    use super::simulator::{Observation, Simulator};
+    use super::simulator::{Observation, Simulator, step_all};
 }

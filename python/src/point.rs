@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use spf_api::error::Error;
-use spf_api::point::{LiftSettings, PromptSettings, grounding};
+use spf_api::point::{LiftSettings, Lifted, PromptSettings, grounding};
 use spf_core::camera::Camera;
 use spf_core::lift::Lifting;
 use spf_core::query::ImagePoint;
@@ -60,6 +60,11 @@ pub(crate) fn lift<'py>(
     }
     let lifted = spf_api::point::lift(ImagePoint { u, v }, label, &settings)
         .map_err(|error| raised(py, &Error::usage("the point leads nowhere").because(&error)))?;
+    leads(py, &lifted)
+}
+
+/// Where a point leads, as a dict.
+pub(crate) fn leads<'py>(py: Python<'py>, lifted: &Lifted) -> PyResult<Bound<'py, PyAny>> {
     let (displacement, primitives) = (lifted.displacement, lifted.primitives);
     json(
         py,

@@ -7,10 +7,11 @@ use pyo3::prelude::*;
 use spf_api::error::Error;
 use spf_api::simulator::SimulatorSettings;
 use spf_core::command::Setpoint;
+use spf_core::query::ImagePoint;
 
 use crate::arrays::shared;
 use crate::convert::{craft, json, pose, start};
-use crate::errors::raised;
+use crate::errors::{raised, wrong};
 
 /// A simulated craft in a scene, flown by velocities; on the ground at first. Time stands still between calls.
 ///
@@ -82,6 +83,23 @@ impl Simulator {
         self.flown(py, move |simulator| simulator.step(setpoint, dt))
     }
 
+    /// Flies the step that the method takes towards a point of the image with a depth label, as spf.lift gives it, until the craft is at
+    /// rest. Returns a spf.Observation.
+    ///
+    /// point: (u, v), fractions of the image from its upper left corner. label: 1 to 10, need not be whole. Nothing stops the craft
+    /// before an obstacle. Raises spf.UsageError for another point or label, and if the craft does not fly.
+    fn point(&self, py: Python<'_>, point: (f64, f64), label: f64) -> PyResult<Observation> {
+        let point = ImagePoint { u: point.0, v: point.1 };
+        self.flown(py, move |simulator| simulator.point(point, label))
+    }
+
+    /// The centres of the scene's objects now by their keys: metres east, north and up.
+    #[getter]
+    fn places(&self, py: Python<'_>) -> BTreeMap<String, (f64, f64, f64)> {
+        let places = py.detach(|| self.locked().places());
+        places.into_iter().map(|(key, at)| (key, (at.east, at.north, at.up))).collect()
+    }
+
     /// What is there now, without any time passing. Returns a spf.Observation.
     fn observe(&self, py: Python<'_>) -> PyResult<Observation> {
         self.flown(py, |simulator| Ok(simulator.observe()))
@@ -92,6 +110,20 @@ impl Simulator {
     fn camera<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let camera = py.detach(|| *self.locked().camera());
         json(py, &camera)
+    }
+
+    /// The preset speeds, at which flights cruise: forward, right and up in m/s, yaw in degrees per second. The envelope lets half as much
+    /// again pass.
+    #[getter]
+    fn speeds(&self, py: Python<'_>) -> (f64, f64, f64, f64) {
+        let craft = py.detach(|| self.locked().craft());
+        (craft.cruise_speed, craft.cruise_speed, craft.climb_speed, craft.yaw_rate.to_degrees())
+    }
+
+    /// Distance from an object's surface at which the scene counts it as reached, metres.
+    #[getter]
+    fn near_m(&self, py: Python<'_>) -> f64 {
+        py.detach(|| self.locked().scene().scene.success_radius)
     }
 
     /// The keys of the scene's objects by the ids of spf.Observation.ids.
@@ -106,6 +138,33 @@ impl Simulator {
             format!("<spf.Simulator {}: {:.1} s>", simulator.scene().scene.name, simulator.observe().time_s)
         })
     }
+}
+
+/// Steps many simulators at once, in threads, and renders their images: the same as Simulator.step of each, in less time. Returns the
+/// spf.Observations in order.
+///
+/// simulators: each at most once. actions: (N, 4), rows of forward, right, up in m/s and the yaw rate in degrees per second.
+/// dt: seconds. Raises spf.UsageError for a wrong number of actions, before anything moves, and what the first that failed would raise,
+/// after all others have been stepped.
+#[pyfunction]
+#[pyo3(signature = (simulators, actions, *, dt = 0.1))]
+pub(crate) fn step_all(
+    py: Python<'_>,
+    simulators: Vec<Py<Simulator>>,
+    actions: Vec<[f64; 4]>,
+    dt: f64,
+) -> PyResult<Vec<Observation>> {
+    if simulators.len() != actions.len() {
+        let message = format!("{} simulators and {} actions", simulators.len(), actions.len());
+        return Err(wrong(py, message, "actions has one row of four numbers for each simulator"));
+    }
+    let setpoint = |[forward, right, up, yaw]: [f64; 4]| Setpoint { right, forward, up, yaw_rate: yaw.to_radians() };
+    let stepped = py.detach(|| {
+        let craft: Vec<_> = simulators.iter().map(|one| &one.get().simulator).zip(actions.into_iter().map(setpoint)).collect();
+        spf_api::simulator::step_all(&craft, dt)
+    });
+    let observation = |one: Result<_, Error>| one.map(|observation| Observation { observation });
+    stepped.into_iter().map(observation).collect::<Result<_, _>>().map_err(|error| raised(py, &error))
 }
 
 /// What is there at an instant, by ground truth. Images are rendered when they are first read, and show this instant.
@@ -180,6 +239,11 @@ impl Observation {
     #[getter]
     fn touched(&self) -> Vec<String> {
         self.observation.touched.clone()
+    }
+
+    /// Distance from the craft to the nearest surface of an object, metres, by its key. Raises spf.UsageError for an unknown one.
+    fn distance_to(&self, py: Python<'_>, key: &str) -> PyResult<f64> {
+        self.observation.distance_to(key).map_err(|error| raised(py, &error))
     }
 
     /// Why the safety envelope did not fly the last step as given, or None.

@@ -178,3 +178,67 @@ def test_the_program_is_in_the_wheel() -> None:
     program = shutil.which("spf", path=str(Path(sys.executable).parent))
     assert program is not None
     assert subprocess.run([program, "--version"], capture_output=True, text=True, check=True).stdout.startswith("spf ")
+
+
+class Square:
+    """A policy that flies a square, and says what it has seen of it."""
+
+    def __init__(self) -> None:
+        self.sides = 0
+        self.moves: list[str] = []
+
+    def handle(self, event: spf.Query) -> spf.Step:
+        self.moves = event.moves
+        if self.sides == 4:
+            return spf.Done()
+        self.sides += 1
+        return spf.Move(forward=1.0, turn_deg=90)
+
+
+def test_a_policy_flies_and_its_done_is_believed(tmp_path: Path) -> None:
+    square = Square()
+    flight = spf.fly("fly a square", scene="office", policy=square, out=tmp_path / "flight")
+    assert flight.outcome == "reached" and len(flight.decisions) == 5
+    assert square.moves[-1] == "dx 1, dy 0, dz 0, dyaw 90"
+    assert flight.summary["policy"] == "python:Square"
+    _, poses = flight.true_trajectory
+    up = poses[poses[:, 2] > 0.9 * poses[:, 2].max()]
+    assert np.hypot(*(up[-1, :2] - up[0, :2])) < 0.3
+    assert 4.0 < np.hypot(*np.diff(up[:, :2], axis=0).T).sum() < 5.0
+
+
+def test_a_policy_points_as_the_method_lifts(tmp_path: Path) -> None:
+    def ahead(event: spf.Query) -> spf.Step:
+        height, width, _ = event.image.shape
+        assert event.lift((width / 2, height / 2), 4)["step_m"] == pytest.approx(1.92, abs=0.01)
+        if event.number == 0:
+            return spf.Point(width / 2, height / 2, 4)
+        return spf.Hold() if event.number == 1 else spf.Done()
+
+    flight = spf.fly("ahead", scene="office", policy=ahead, vlm_latency_s=0.5, out=tmp_path / "flight")
+    assert [decision.to_dict()["latency_s"] for decision in flight.decisions] == [0.5] * 3
+    _, poses = flight.true_trajectory
+    # It drifts a little while it hovers.
+    assert np.hypot(*(poses[-1, :2] - poses[0, :2])) == pytest.approx(1.92, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("step", "words"),
+    [
+        (spf.Move(forward=6.0), "at most 5 m"),
+        (spf.Move(turn_deg=float("nan")), "at most 180"),
+        (spf.Point(-5, 10, 3), "lifted"),
+        ("forward", "spf.Move"),
+    ],
+)
+def test_a_wrong_step_lands_and_is_raised(step: spf.Step, words: str, tmp_path: Path) -> None:
+    with pytest.raises(spf.UsageError, match=words):
+        spf.fly("ahead", scene="office", policy=lambda _: step, out=tmp_path / "flight")
+    assert spf.read_log(tmp_path / "flight" / "flight.mcap").summary is not None
+
+
+def test_policy_and_vlm_exclude_each_other() -> None:
+    with pytest.raises(spf.UsageError, match="queries no VLM"):
+        spf.fly("ahead", policy=lambda _: spf.Done(), vlm="oracle")
+    with pytest.raises(spf.UsageError, match="method handle"):
+        spf.fly("ahead", policy=5)  # type: ignore[arg-type]

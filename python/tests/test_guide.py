@@ -17,3 +17,5 @@ def test_the_examples_of_the_guide() -> None:
         exec(compile(block, str(GUIDE), "exec"), names)
     assert names["flight"].summary["vlm"] == "python:reddest"
     assert names["flight"].summary["path_length_m"] > 5
+    assert names["own"].summary["policy"] == "python:TowardsTheReddest"
+    assert names["own"].summary["path_length_m"] > 5

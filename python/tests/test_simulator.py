@@ -62,3 +62,33 @@ def test_two_threads_with_two_simulators() -> None:
     for thread in threads:
         thread.join()
     assert images["one"] == images["two"]
+
+
+def test_a_point_is_flown_to() -> None:
+    sim = spf.Simulator("office", seed=1, size=(64, 48))
+    with pytest.raises(spf.UsageError, match="take off"):
+        sim.point((0.5, 0.5), 4)
+    up = sim.takeoff()
+    there = sim.point((0.5, 0.5), 4)
+    assert np.linalg.norm(np.subtract(there.pose[:3], up.pose[:3])) == pytest.approx(1.92, abs=0.15)
+    key = next(key for key in sim.places if "whiteboard" in key)
+    centre = np.subtract(sim.places[key], there.pose[:3])
+    assert 0 < there.distance_to(key) <= np.linalg.norm(centre)
+    with pytest.raises(spf.UsageError, match="no object"):
+        there.distance_to("unicorn")
+
+
+def test_many_step_at_once_as_one_after_another() -> None:
+    def fleet() -> list[spf.Simulator]:
+        sims = [spf.Simulator("office", seed=seed, size=(64, 48)) for seed in range(3)]
+        for sim in sims:
+            sim.takeoff()
+        return sims
+
+    actions = np.array([[0.4, 0.0, 0.0, 10.0], [0.0, 0.2, 0.1, 0.0], [0.3, 0.0, 0.0, -20.0]])
+    together = spf.step_all(fleet(), actions, dt=0.5)
+    for sim, (forward, right, up, yaw), one in zip(fleet(), actions, together, strict=True):
+        alone = sim.step(forward=forward, right=right, up=up, yaw_rate_deg_s=yaw, dt=0.5)
+        assert alone.pose == one.pose and (alone.rgb == one.rgb).all()
+    with pytest.raises(spf.UsageError, match="3 simulators"):
+        spf.step_all(fleet(), actions[:2])

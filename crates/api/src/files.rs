@@ -1,6 +1,8 @@
 //! What a user names by a path: scenes and other files.
 
+use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use spf_bench::task::shipped;
 use spf_flight::sim::LoadedScene;
@@ -27,6 +29,23 @@ pub fn load_scene(name: &str, conditions: &SceneLook) -> Result<LoadedScene, Err
         tracing::warn!("{name}: {warning}");
     }
     Ok(loaded)
+}
+
+/// The same in its own light, shared by all who use it at once: a built-in scene is loaded once while somebody has it. A file may change,
+/// and is loaded each time.
+pub(crate) fn shared_scene(name: &str) -> Result<Arc<LoadedScene>, Error> {
+    static SHARED: Mutex<BTreeMap<String, Weak<LoadedScene>>> = Mutex::new(BTreeMap::new());
+    if name.contains(['/', '.']) || Path::new(name).exists() {
+        return load_scene(name, &SceneLook::default()).map(Arc::new);
+    }
+    let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
+    shared.retain(|_, scene| scene.strong_count() > 0);
+    if let Some(scene) = shared.get(name).and_then(Weak::upgrade) {
+        return Ok(scene);
+    }
+    let scene = Arc::new(load_scene(name, &SceneLook::default())?);
+    shared.insert(name.to_owned(), Arc::downgrade(&scene));
+    Ok(scene)
 }
 
 /// Reads a file named by the user; `what` is its content in a word or two, for messages.

@@ -6,23 +6,27 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::Builder;
 
+use spf_baselines::plain::{Plain, PlainSettings, prompt_kind};
 use spf_core::craft::CraftKind;
 use spf_core::geometry::Pose;
+use spf_core::prompt::PromptKind;
+use spf_core::query::ActForm;
 use spf_core::time::{Duration, Time};
 use spf_envelope::Limits;
 use spf_flight::flight::{FlightError, FlightPlan, Flown, Site};
+use spf_flight::pilot::{PolicyMaker, PolicyParts};
 use spf_flight::recorder::RecordPlan;
 use spf_flight::run::Observer;
 use spf_flight::sim::{FlightConditions, Simulated};
 use spf_flight::summary::Summary;
-use spf_pilot::{Action, Decision, Note, Pilot};
+use spf_pilot::policy::Policy;
+use spf_pilot::{Action, Decision, Note, Pilot, PilotSettings};
 use spf_record::OutDir;
-use spf_scene::SceneLook;
 use spf_sim::depth_sensor::DepthSensor;
 use spf_vlm::Cancel;
 
 use crate::error::Error;
-use crate::files::load_scene;
+use crate::files::shared_scene;
 use crate::log::{FlightRecord, read_log};
 use crate::method::{self, Choices, Facts};
 use crate::question::{Question, Sent, asking, cancellable};
@@ -40,6 +44,15 @@ pub enum Answerer {
     Named(String),
     /// The caller: each query comes out of [`Flying::wait`] as a [`Question`]. The flight stands still meanwhile.
     Caller {
+        /// The name in logs.
+        name: String,
+        /// The time in seconds that an answer counts as having taken.
+        latency_s: f64,
+    },
+    /// The caller is the policy: each frame that it decides about, taken at rest, comes out of [`Flying::wait`] as a [`Question`], and the
+    /// answer is a move ([`Question::answer_move`]) or that the instruction is fulfilled, which is believed at once. No VLM is queried.
+    /// A policy that is slow leaves the craft holding.
+    Policy {
         /// The name in logs.
         name: String,
         /// The time in seconds that an answer counts as having taken.
@@ -129,7 +142,7 @@ pub fn not_started(error: &FlightError) -> Error {
 /// What a flight needs of its caller.
 #[derive(Debug)]
 pub enum Happening {
-    /// A query; only with [`Answerer::Caller`].
+    /// A query; only with [`Answerer::Caller`] and [`Answerer::Policy`].
     Question(Question),
     /// A decision; only if the flight is [watched](Request::watched).
     Decision(Box<Decision>),
@@ -247,9 +260,16 @@ pub fn start(request: Request) -> Result<Flying, Error> {
     let (cancel, (send, sent)) = (Cancel::default(), channel());
     let Named { name, vlm_factory, is_oracle, lists_boxes } = match &request.answerer {
         Answerer::Named(name) => named(name, request.max_cost_usd.is_some())?,
-        Answerer::Caller { name, latency_s } => asking(name, *latency_s, &send)?,
+        Answerer::Caller { name, latency_s } | Answerer::Policy { name, latency_s } => {
+            let send = send.clone();
+            asking(name, *latency_s, Arc::new(move |question| send.send(Sent::Asked(question)).is_ok()))?
+        }
     };
-    let loaded = Arc::new(load_scene(&request.scene, &SceneLook::default())?);
+    let own_policy = match &request.answerer {
+        Answerer::Policy { name, .. } => Some(ByCaller { name: name.clone() }),
+        Answerer::Named(_) | Answerer::Caller { .. } => None,
+    };
+    let loaded = shared_scene(&request.scene)?;
     let kind = request.craft.unwrap_or(loaded.scene.default_craft);
     let mut announcements = Vec::new();
     if is_oracle {
@@ -257,7 +277,10 @@ pub fn start(request: Request) -> Result<Flying, Error> {
         announcements.extend(lines(instruction, &loaded, request.start, Given::AsArgument)?);
     }
     let facts = Facts { has_ranges: false, lists_boxes, flies_moves: false, is_attended: false, on_wall_clock: false };
-    let settings = method::settings(&request.choices, &facts)?;
+    let mut settings = method::settings(&request.choices, &facts)?;
+    if own_policy.is_some() {
+        (settings.avoid, settings.confirm_done) = (false, false);
+    }
     let brake = method::brake(&request.choices, &settings, &facts);
     let limits = Limits { brake, ..loaded.limits(kind) };
     let sensor = request.choices.depth_sensor.then_some(DepthSensor { fault: None });
@@ -271,8 +294,12 @@ pub fn start(request: Request) -> Result<Flying, Error> {
     let out = out_dir(request.out.as_deref(), instruction)?;
     let interrupts = Arc::new(AtomicU32::new(0));
     let vlm_factory = if is_oracle { vlm_factory } else { cancellable(vlm_factory, &cancel) };
+    let policy: Arc<dyn PolicyMaker> = match own_policy {
+        Some(own) => Arc::new(own),
+        None => Arc::new(request.choices.policy),
+    };
     let plan = FlightPlan {
-        policy: Arc::new(request.choices.policy),
+        policy,
         preset: request.choices.preset,
         settings,
         limits,
@@ -295,6 +322,28 @@ pub fn start(request: Request) -> Result<Flying, Error> {
         return Err(Error::internal("cannot start a thread for the flight").because(&error));
     }
     Ok(Flying { sent, seen: None, ended: None, interrupts, cancel, out, announcements })
+}
+
+/// The caller of a flight as its policy: its moves are those of text actions in numbers.
+struct ByCaller {
+    name: String,
+}
+
+impl PolicyMaker for ByCaller {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn prompt(&self) -> PromptKind {
+        prompt_kind(ActForm::Numeric)
+    }
+
+    fn policy(&self, parts: PolicyParts) -> Box<dyn Policy> {
+        let PolicyParts { settings, image_spec, prompt, .. } = parts;
+        let PilotSettings { confirm_done, near_m, .. } = settings;
+        let settings = PlainSettings { form: ActForm::Numeric, confirm_done, near_m, image_size: image_spec.image_size };
+        Box::new(Plain::new(settings).with_prompt(prompt))
+    }
 }
 
 /// Refuses limits that limit nothing, and choices that need what only the program has.

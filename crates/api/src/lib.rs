@@ -3,6 +3,7 @@
 //! - [`flight::fly`] flies an instruction in the simulator, as `spf fly` does: the same seed gives the same files. [`flight::start`] does
 //!   so in a thread of its own, for a caller that answers queries, watches, or may want to land.
 //! - [`simulator::Simulator`] is a craft that is flown by velocities.
+//! - [`bench::start`] flies suites of tasks, and gives success rates.
 //! - [`log::read_log`] reads the log of a flight.
 //! - [`point`] has the method's own functions: prompt, reply, lift.
 //!
@@ -12,6 +13,7 @@
 //! [reads](reading) an instruction, and [errors](error) with hints.
 #![forbid(unsafe_code)]
 
+pub mod bench;
 pub mod environment;
 pub mod error;
 pub mod files;

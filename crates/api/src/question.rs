@@ -3,8 +3,12 @@
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 
+use serde_json::json;
+use spf_core::camera::Camera;
 use spf_core::grounding::{AxisOrder, GroundingProfile, Scale};
-use spf_core::query::Query;
+use spf_core::primitives::Primitives;
+use spf_core::query::{ImagePoint, Query};
+use spf_core::reply::{MOVE_METRES, TURN_DEGREES};
 use spf_core::time::{Duration, duration_from_secs};
 use spf_flight::flight::{FlightError, Flown};
 use spf_flight::sim::VlmFactory;
@@ -14,6 +18,7 @@ use spf_vlm::wire::reply_schema;
 use spf_vlm::{Answer, Cancel, ImageSpec, Paced, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
 use crate::error::Error;
+use crate::point::{LiftSettings, Lifted, lift};
 use crate::vlm::Named;
 
 /// How often a wait for an answer looks at the cancellation.
@@ -24,6 +29,7 @@ const LOOK_UP: Duration = Duration::from_millis(10);
 pub struct Question {
     query: Arc<Query>,
     image: Arc<Rgb>,
+    camera: Camera,
     reply: Sender<Result<String, String>>,
 }
 
@@ -47,12 +53,63 @@ impl Question {
         reply_schema(&self.query.kind)
     }
 
+    /// Where a point of the image leads with a depth label, 1 to 10, in level flight, by the paper's rule of steps. `point` is in
+    /// fractions of the image from its upper left corner.
+    ///
+    /// # Errors
+    /// A usage error for a point outside the image.
+    pub fn lift(&self, point: ImagePoint, label: f64) -> Result<Lifted, Error> {
+        let settings = LiftSettings { camera: self.camera, ..LiftSettings::default() };
+        lift(point, label, &settings).map_err(|error| Error::usage("the point cannot be lifted").because(&error))
+    }
+
+    /// Answers a question to a [policy](crate::flight::Answerer::Policy) with a move: up to 5 m along each axis, and half a turn.
+    ///
+    /// # Errors
+    /// A usage error for a move that is longer, or of numbers that are not finite. The question is then still open.
+    pub fn answer_move(&self, flown: Primitives) -> Result<(), Error> {
+        let Primitives { yaw, forward, right, climb } = flown;
+        let (metres, degrees) = ([forward, right, climb], yaw.to_degrees());
+        if !metres.iter().all(|metres| metres.abs() <= MOVE_METRES.1) {
+            return Err(Error::usage(format!("a move is at most {} m along each axis, not {metres:?}", MOVE_METRES.1)));
+        }
+        if degrees.is_nan() || degrees.abs() > TURN_DEGREES.1 {
+            return Err(Error::usage(format!("a turn is at most {}°, not {degrees}", TURN_DEGREES.1)));
+        }
+        self.answer(Ok(json!({ "dx": forward, "dy": right, "dz": climb, "dyaw": degrees }).to_string()));
+        Ok(())
+    }
+
+    /// Answers a question to a policy with the step towards a point ([`Question::lift`]), of which at most 5 m are flown.
+    ///
+    /// # Errors
+    /// A usage error for a point outside the image. The question is then still open.
+    pub fn answer_point(&self, point: ImagePoint, label: f64) -> Result<(), Error> {
+        let flown = self.lift(point, label)?.primitives;
+        let longest = flown.forward.abs().max(flown.climb.abs());
+        let part = if longest > MOVE_METRES.1 { MOVE_METRES.1 / longest } else { 1.0 };
+        self.answer_move(Primitives { forward: part * flown.forward, climb: part * flown.climb, ..flown })
+    }
+
+    /// Answers a question to a policy: hold, and look again.
+    pub fn answer_hold(&self) {
+        self.answer(Ok(json!({ "dx": 0.0 }).to_string()));
+    }
+
+    /// Answers a question to a policy: the instruction is fulfilled.
+    pub fn answer_done(&self) {
+        self.answer(Ok(json!({ "dx": 0.0, "done": true }).to_string()));
+    }
+
     /// Answers it with the reply's text, or with why there is none. Only the first answer counts.
     pub fn answer(&self, text: Result<String, String>) {
         // An error means that the flight has given the query up.
         drop(self.reply.send(text));
     }
 }
+
+/// Hands a question to the caller; false if nobody is there any more.
+pub(crate) type Ask = Arc<dyn Fn(Question) -> bool + Send + Sync>;
 
 /// What the flight's thread sends.
 pub(crate) enum Sent {
@@ -65,16 +122,20 @@ pub(crate) enum Sent {
 /// A VLM that hands its queries to the caller of the flight.
 struct Asking {
     name: String,
-    send: Sender<Sent>,
+    camera: Camera,
+    ask: Ask,
 }
 
 impl Asking {
     fn ask(&self, request: &QueryRequest<'_>, image: &mut dyn QueryImage) -> Result<String, VlmError> {
         let failed = |reason: String| VlmError::Program { program: self.name.clone(), reason };
         let (reply, answer) = channel();
-        let question = Question { query: Arc::new(request.query.clone()), image: Arc::new(image.pixels()?), reply };
+        let question =
+            Question { query: Arc::new(request.query.clone()), image: Arc::new(image.pixels()?), camera: self.camera, reply };
         let gone = || failed("nobody answers any more".to_owned());
-        self.send.send(Sent::Asked(question)).map_err(|_gone| gone())?;
+        if !(self.ask)(question) {
+            return Err(gone());
+        }
         answered(&answer, &request.cancel).ok_or(VlmError::Cancelled)?.ok_or_else(gone)?.map_err(failed)
     }
 }
@@ -108,13 +169,14 @@ impl Vlm for Asking {
 }
 
 /// The caller as a VLM of this name, whose answers count as having taken `latency_s`.
-pub(crate) fn asking(name: &str, latency_s: f64, send: &Sender<Sent>) -> Result<Named, Error> {
+pub(crate) fn asking(name: &str, latency_s: f64, ask: Ask) -> Result<Named, Error> {
     if !(0.0..=600.0).contains(&latency_s) {
         return Err(Error::usage(format!("the latency must be from 0 to 600 seconds, not {latency_s}")));
     }
-    let (shown, send, latency) = (name.to_owned(), send.clone(), duration_from_secs(latency_s));
-    let vlm_factory: VlmFactory = Arc::new(move |_, _| {
-        let asking = Asking { name: shown.clone(), send: send.clone() };
+    let (shown, latency) = (name.to_owned(), duration_from_secs(latency_s));
+    let vlm_factory: VlmFactory = Arc::new(move |world, _| {
+        let camera = world.map_or(Camera::quad(), |world| *world.camera());
+        let asking = Asking { name: shown.clone(), camera, ask: ask.clone() };
         Ok(Box::new(Paced::new(Box::new(asking), Some(latency), true)))
     });
     Ok(Named { name: name.to_owned(), vlm_factory, is_oracle: false, lists_boxes: false })

@@ -1,21 +1,27 @@
-//! A craft in a scene that its user flies by velocities, and looks through.
+//! A craft in a scene that its user flies by velocities or by points of its image, and looks through.
 
-use std::sync::{Arc, OnceLock};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use spf_core::camera::Camera;
 use spf_core::command::{Command, Setpoint};
-use spf_core::craft::CraftKind;
-use spf_core::geometry::{EnuVelocity, Pose};
+use spf_core::craft::{Craft, CraftKind};
+use spf_core::geometry::{EnuPosition, EnuVelocity, Pose, wrap_angle};
+use spf_core::motion::MotionEstimate;
+use spf_core::query::ImagePoint;
 use spf_core::telemetry::FlightPhase;
 use spf_core::time::{Duration, Time, duration_from_secs};
 use spf_drone::{Drone, DroneEvent};
 use spf_envelope::{Cleared, Envelope};
 use spf_flight::sim::{LoadedScene, SimDrone, SimWorld, Simulated, WorldSnapshot};
+use spf_motion::executor::{Ending, Executor, Motion};
 use spf_render::{Channels, RenderedImage};
-use spf_scene::SceneLook;
 
-use crate::error::Error;
-use crate::files::load_scene;
+use crate::error::{Error, nearest};
+use crate::files::shared_scene;
+use crate::point::{LiftSettings, lift};
 
 /// Interval of setpoints, well within their validity: that of a pilot.
 const PERIOD: Duration = Duration::from_millis(100);
@@ -61,7 +67,7 @@ impl Simulator {
     /// A usage error if the scene cannot be loaded, the start is blocked or outside of it, or the size is no image's.
     pub fn new(settings: &SimulatorSettings) -> Result<Self, Error> {
         let SimulatorSettings { scene, craft, seed, start, size } = settings;
-        let loaded = Arc::new(load_scene(scene, &SceneLook::default())?);
+        let loaded = shared_scene(scene)?;
         let kind = craft.unwrap_or(loaded.scene.default_craft);
         let site = Simulated { start: *start, kind, seed: *seed, ..Simulated::new(loaded.clone(), scene) };
         let world = site.world().map_err(|error| {
@@ -85,6 +91,12 @@ impl Simulator {
     #[must_use]
     pub fn scene(&self) -> &LoadedScene {
         self.world.loaded()
+    }
+
+    /// The parameters of the craft: its preset speeds, its size, how it responds.
+    #[must_use]
+    pub fn craft(&self) -> Craft {
+        self.drone.capabilities().craft
     }
 
     /// The camera, at the size of the images.
@@ -154,14 +166,69 @@ impl Simulator {
         self.limited = None;
         let end = self.now + duration_from_secs(dt_s);
         while self.now < end {
-            let cleared = self.envelope.clear_manual(self.now, setpoint);
-            if let Some(cause) = cleared.changed {
-                self.limited = Some(cause.to_string());
-            }
-            self.apply(&cleared.cleared)?;
+            self.command(setpoint)?;
             self.pass_until((self.now + PERIOD).min(end));
         }
         Ok(self.observe())
+    }
+
+    /// Flies the step that the method takes towards a point of the image with a depth label, 1 to 10 ([`lift`]), until the craft is at
+    /// rest: turn, flight and climb at once, as an autonomous flight does, from the true motion. The camera's tilt and the attitude
+    /// count, the distance to what is there does not: nothing stops the craft before an obstacle.
+    ///
+    /// # Errors
+    /// A usage error for a point outside the image, a label outside 1 to 10, and on the ground.
+    pub fn point(&mut self, point: ImagePoint, label: f64) -> Result<Observation, Error> {
+        if !(1.0..=10.0).contains(&label) {
+            return Err(Error::usage(format!("a depth label is from 1 to 10, not {label}")));
+        }
+        let truth = self.world.truth();
+        if truth.phase != FlightPhase::Flying {
+            return Err(Error::usage("the craft does not fly").hint("take off first; a craft that has crashed stays where it is"));
+        }
+        let settings = LiftSettings { camera: self.camera, attitude: truth.pose.attitude, ..LiftSettings::default() };
+        let lifted =
+            lift(point, label, &settings).map_err(|error| Error::usage("the point cannot be flown to").because(&error))?;
+        self.limited = None;
+        let mut executor = Executor::new(self.craft(), Motion::Blended, Ending::Measured);
+        let mut known = self.known(None);
+        executor.start(self.now, known, lifted.primitives);
+        loop {
+            let tick = executor.tick(self.now, known);
+            self.command(tick.setpoint)?;
+            if tick.finished {
+                return Ok(self.observe());
+            }
+            self.pass_until(self.now + PERIOD);
+            if self.world.truth().phase != FlightPhase::Flying {
+                return Ok(self.observe());
+            }
+            known = self.known(Some(known));
+        }
+    }
+
+    /// The true motion; `before`: one [`PERIOD`] ago.
+    fn known(&self, before: Option<MotionEstimate>) -> MotionEstimate {
+        let truth = self.world.truth();
+        let turned = before.map_or(0.0, |before| wrap_angle(truth.pose.attitude.heading - before.attitude.heading));
+        let Pose { position, attitude } = truth.pose;
+        MotionEstimate { position, attitude, velocity: truth.velocity, yaw_rate: turned / PERIOD.as_secs_f64() }
+    }
+
+    /// Sends velocities for one [`PERIOD`], as far as the envelope lets them pass.
+    fn command(&mut self, setpoint: Setpoint) -> Result<(), Error> {
+        let cleared = self.envelope.clear_manual(self.now, setpoint);
+        if let Some(cause) = cleared.changed {
+            self.limited = Some(cause.to_string());
+        }
+        self.apply(&cleared.cleared)
+    }
+
+    /// The centres of the scene's objects now, by their keys; metres in the world frame.
+    #[must_use]
+    pub fn places(&self) -> BTreeMap<String, EnuPosition> {
+        let placed = self.world.loaded().placed(&self.world.now().actors);
+        placed.into_iter().filter_map(|object| Some((object.tags.key.clone(), object.place?.centre))).collect()
     }
 
     /// Carries out a command until the craft is in a phase.
@@ -200,6 +267,20 @@ impl Simulator {
     }
 }
 
+/// Steps each craft with its velocities by [`Simulator::step`], in threads of a pool, and renders the images. The results are in the order
+/// of the craft, the same as one after another, and each for itself: one that fails leaves the others flying.
+#[must_use]
+pub fn step_all(craft: &[(&Mutex<Simulator>, Setpoint)], dt_s: f64) -> Vec<Result<Observation, Error>> {
+    let step = |(simulator, setpoint): &(&Mutex<Simulator>, Setpoint)| {
+        // It is valid between calls.
+        let observation = simulator.lock().unwrap_or_else(PoisonError::into_inner).step(*setpoint, dt_s)?;
+        // Renders it.
+        let _ = observation.rgb();
+        Ok(observation)
+    };
+    craft.par_iter().map(step).collect()
+}
+
 /// What is there at an instant, by ground truth.
 #[derive(Clone, Debug)]
 pub struct Observation {
@@ -236,6 +317,23 @@ impl Observation {
     #[must_use]
     pub fn ids(&self) -> &[u16] {
         self.view.truth().ids.as_deref().unwrap_or_default()
+    }
+
+    /// Distance from the craft to the nearest surface of an object, metres.
+    ///
+    /// # Errors
+    /// A usage error if the scene has no object of this key.
+    pub fn distance_to(&self, key: &str) -> Result<f64, Error> {
+        let View { loaded, snapshot, .. } = &self.view;
+        let object = loaded.tags.iter().find(|tags| tags.key == key).ok_or_else(|| {
+            let error = Error::usage(format!("the scene has no object `{key}`"));
+            match nearest(key, loaded.tags.iter().map(|tags| tags.key.as_str())) {
+                Some(near) => error.hint(format!("did you mean `{near}`?")),
+                None => error.hint("`spf sim scenes NAME` lists a scene's objects"),
+            }
+        })?;
+        let distance = loaded.distance_to(object.id, &snapshot.actors, self.pose.position);
+        distance.ok_or_else(|| Error::internal(format!("the object `{key}` has no surface")))
     }
 
     /// Width and height of the images, pixels.

@@ -93,10 +93,22 @@ impl MethodPair {
 /// task are treated as independent, which they are not quite, so p is slightly too small.
 #[must_use]
 pub fn contrasts(records: &[Record], scoring: Scoring, planned: &[MethodPair]) -> Vec<Contrast> {
-    let seed = |record: &'_ Record| record.run_id.rsplit('/').next().unwrap_or_default().to_owned();
-    let trial =
-        |record: &Record| ((record.method.clone(), vlm_of(record)), (record.task.clone(), seed(record)), scoring.of(record));
-    between(records.iter().map(trial), planned)
+    between(records.iter().map(|record| trial(record, scoring)), planned)
+}
+
+/// Every method and VLM of `first` against every one of `second`, whatever they are: what a difference says is for whoever asks to judge.
+/// Empty where no start was flown by both.
+#[must_use]
+pub fn across(first: &[Record], second: &[Record], scoring: Scoring) -> Vec<Contrast> {
+    let (ones, others) =
+        (arms(first.iter().map(|record| trial(record, scoring))), arms(second.iter().map(|record| trial(record, scoring))));
+    corrected(ones.iter().flat_map(|one| others.iter().filter_map(move |other| contrast(one, other))).collect())
+}
+
+/// Method and VLM of a trial, its start, and whether it succeeded.
+fn trial(record: &Record, scoring: Scoring) -> ((String, String), TrialKey, bool) {
+    let seed = record.run_id.rsplit('/').next().unwrap_or_default().to_owned();
+    ((record.method.clone(), vlm_of(record)), (record.task.clone(), seed), scoring.of(record))
 }
 
 /// Task and seed.
@@ -106,6 +118,11 @@ type TrialKey = (String, String);
 type Arm = ((String, String), BTreeMap<TrialKey, bool>);
 
 fn between(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>, planned: &[MethodPair]) -> Vec<Contrast> {
+    let arms = arms(trials);
+    corrected(compared(&arms, planned).into_iter().filter_map(|(one, other)| contrast(one, other)).collect())
+}
+
+fn arms(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>) -> Vec<Arm> {
     let mut arms: Vec<Arm> = Vec::new();
     for (pair, of, hit) in trials {
         match arms.iter_mut().find(|(arm, _)| *arm == pair) {
@@ -113,7 +130,11 @@ fn between(trials: impl Iterator<Item = ((String, String), TrialKey, bool)>, pla
             None => arms.push((pair, BTreeMap::from([(of, hit)]))),
         }
     }
-    let mut found: Vec<Contrast> = compared(&arms, planned).into_iter().filter_map(|(one, other)| contrast(one, other)).collect();
+    arms
+}
+
+/// The same with p values corrected over all of them.
+fn corrected(mut found: Vec<Contrast>) -> Vec<Contrast> {
     let adjusted = holm(&found.iter().map(|contrast| contrast.paired.p).collect::<Vec<_>>());
     found.iter_mut().zip(adjusted).for_each(|(contrast, p)| contrast.p_holm = p);
     found

@@ -5,11 +5,12 @@
     flight = spf.fly("fly to the red crane", scene="city", seed=7)
     print(flight.outcome, flight.verified)
 
-``fly`` flies an instruction, ``Simulator`` is flown by velocities, ``read_log`` reads the log of a flight, and ``prompt``,
-``parse_reply`` and ``lift`` are the method's own functions. Lengths are in metres, times in seconds, angles in degrees; the
+``fly`` flies an instruction, ``Simulator`` is flown by velocities or points, ``bench`` flies many tasks and tells success rates,
+``read_log`` reads the log of a flight, and ``prompt``, ``parse_reply`` and ``lift`` are the method's own functions. Lengths are in metres, times in seconds, angles in degrees; the
 world frame is east, north, up, and headings are clockwise from north.
 """
 
+from spf import bench
 from spf._native import (
     Decision,
     Flight,
@@ -22,23 +23,31 @@ from spf._native import (
     parse_reply,
     prompt,
     read_log,
+    step_all,
 )
-from spf._types import Error, Pose, Trajectory, UsageError
+from spf._types import Done, Error, Hold, Move, Point, Pose, Step, Trajectory, UsageError
 
 __all__ = [
     "Decision",
+    "Done",
     "Error",
     "Flight",
     "FlightLog",
+    "Hold",
+    "Move",
     "Observation",
+    "Point",
     "Pose",
     "Query",
     "Simulator",
+    "Step",
     "Trajectory",
     "UsageError",
+    "bench",
     "fly",
     "lift",
     "parse_reply",
     "prompt",
     "read_log",
+    "step_all",
 ]

@@ -1,12 +1,12 @@
 from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any, Literal, final
+from typing import Any, Literal, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from spf._types import Pose, Trajectory
+from spf._types import Pose, Step, Trajectory
 
 __all__ = [
     "Decision",
@@ -15,11 +15,16 @@ __all__ = [
     "Observation",
     "Query",
     "Simulator",
+    "bench_pairs",
+    "bench_rates",
+    "bench_rows",
+    "bench_run",
     "fly",
     "lift",
     "parse_reply",
     "prompt",
     "read_log",
+    "step_all",
 ]
 
 @final
@@ -36,6 +41,9 @@ class Query:
     def confirming(self) -> bool: ...
     @property
     def number(self) -> int: ...
+    @property
+    def moves(self) -> list[str]: ...
+    def lift(self, point: tuple[float, float], label: float) -> dict[str, float]: ...
 
 @final
 class Decision:
@@ -124,6 +132,7 @@ class Observation:
     def touched(self) -> list[str]: ...
     @property
     def limited(self) -> str | None: ...
+    def distance_to(self, key: str) -> float: ...
 
 @final
 class Simulator:
@@ -147,11 +156,21 @@ class Simulator:
         yaw_rate_deg_s: float = 0.0,
         dt: float = 0.1,
     ) -> Observation: ...
+    def point(self, point: tuple[float, float], label: float) -> Observation: ...
     def observe(self) -> Observation: ...
     @property
     def camera(self) -> dict[str, Any]: ...
     @property
+    def speeds(self) -> tuple[float, float, float, float]: ...
+    @property
+    def near_m(self) -> float: ...
+    @property
     def objects(self) -> dict[int, str]: ...
+    @property
+    def places(self) -> dict[str, tuple[float, float, float]]: ...
+
+class _Policy(Protocol):
+    def handle(self, event: Query, /) -> Step: ...
 
 def fly(
     instruction: str,
@@ -161,6 +180,7 @@ def fly(
     craft: Literal["quad", "tello"] | None = None,
     start: Sequence[float] | None = None,
     vlm: str | Callable[[Query], str | dict[str, Any]] | None = None,
+    policy: Callable[[Query], Step] | _Policy | None = None,
     drone: str = "sim",
     on_decision: Callable[[Decision], object] | None = None,
     avoid: bool | None = None,
@@ -170,7 +190,7 @@ def fly(
     max_decisions: int | None = None,
     max_queries: int | None = None,
     max_cost_usd: float | None = None,
-    vlm_latency_s: float = 1.5,
+    vlm_latency_s: float | None = None,
     video: bool = False,
     out: str | PathLike[str] | None = None,
 ) -> Flight: ...
@@ -205,3 +225,31 @@ def prompt(
     field_deg: tuple[float, float] | None = None,
     horizon: float | None = None,
 ) -> str: ...
+def step_all(
+    simulators: Sequence[Simulator],
+    actions: Sequence[Sequence[float]] | NDArray[np.float64],
+    *,
+    dt: float = 0.1,
+) -> list[Observation]: ...
+def bench_run(
+    suite: str | None,
+    tasks: list[str],
+    methods: list[str],
+    vlms: list[str],
+    function: Callable[[Query], str | dict[str, Any]] | None,
+    policy: Callable[[Query], Step] | _Policy | None,
+    trials: int,
+    seed: int,
+    folder: str | PathLike[str],
+    jobs: int | None,
+    max_cost_usd: float | None,
+    vlm_latency_s: float | None,
+    on_progress: Callable[[int, int], object] | None,
+) -> list[dict[str, Any]]: ...
+def bench_rows(folder: str | PathLike[str]) -> list[dict[str, Any]]: ...
+def bench_rates(rows: list[dict[str, Any]]) -> list[dict[str, Any]]: ...
+def bench_pairs(
+    first: list[dict[str, Any]],
+    second: list[dict[str, Any]],
+    verdict: Literal["strict", "paper"],
+) -> list[dict[str, Any]]: ...

@@ -41,3 +41,39 @@ class Trajectory(NamedTuple):
     """(N,), seconds of flight time."""
     poses: NDArray[np.float64]
     """(N, 6): the fields of a Pose."""
+
+
+class Point(NamedTuple):
+    """A step of a policy: towards a point of the image, as far as the paper's rule of steps says, at most 5 m."""
+
+    x: float
+    """Pixels from the left edge of the image."""
+    y: float
+    """Pixels from its upper edge."""
+    label: float
+    """Depth label, 1 to 10, which need not be whole."""
+
+
+class Move(NamedTuple):
+    """A step of a policy: a move to rest, at most 5 m along each axis. Turn and flight are blended."""
+
+    forward: float = 0.0
+    """Metres."""
+    right: float = 0.0
+    """Metres."""
+    up: float = 0.0
+    """Metres."""
+    turn_deg: float = 0.0
+    """Degrees, clockwise positive, at most 180."""
+
+
+class Hold(NamedTuple):
+    """A step of a policy: hold, and look again."""
+
+
+class Done(NamedTuple):
+    """A step of a policy: the instruction is fulfilled, and the flight ends."""
+
+
+Step = Point | Move | Hold | Done
+"""What a policy returns."""

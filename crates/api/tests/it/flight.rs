@@ -5,6 +5,8 @@ use std::time::{Duration, Instant};
 
 use spf_api::flight::{Answerer, Flying, Happening, Request, fly, start};
 use spf_api::log::read_log;
+use spf_core::primitives::Primitives;
+use spf_core::query::ImagePoint;
 use spf_pilot::Outcome;
 
 const AHEAD: &str = r#"{"status": "navigating", "point": [480, 360], "depth": 2}"#;
@@ -42,6 +44,41 @@ fn a_callers_answers_fly_and_count_as_having_taken_their_latency() {
     assert!(flight.record.decisions.iter().all(|decision| (decision.latency_s - 0.5).abs() < 1e-9));
     assert!(!flight.summary.settings.avoid, "a function is not expected to list obstacles");
     assert!(std::fs::read_to_string(flight.map_path()).unwrap().contains("<svg"));
+}
+
+#[test]
+fn a_caller_that_is_the_policy_flies_moves_from_rest_and_its_done_is_believed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut request = asked(folder.path());
+    request.answerer = Answerer::Policy { name: "mine".to_owned(), latency_s: 0.1 };
+    let mut flying = start(request).unwrap();
+    for number in 0..4 {
+        let Happening::Question(question) = next(&mut flying) else { panic!("question {number}") };
+        assert_eq!(question.query().instruction, "fly to the door");
+        let lifted = question.lift(ImagePoint { u: 0.5, v: 0.5 }, 3.0).unwrap();
+        assert!((lifted.step_m - 1.145).abs() < 0.01 && question.lift(ImagePoint { u: 2.0, v: 0.5 }, 3.0).is_err());
+        match number {
+            0 => {
+                let too_far = Primitives { forward: 5.5, ..Primitives::default() };
+                assert!(
+                    question.answer_move(too_far).is_err()
+                        && question.answer_move(Primitives { yaw: f64::NAN, ..too_far }).is_err()
+                );
+                question.answer_move(Primitives { yaw: 0.3, forward: 1.0, ..Primitives::default() }).unwrap();
+            }
+            1 => question.answer_hold(),
+            2 => {
+                assert_eq!(question.query().memory.actions.len(), 2);
+                question.answer_move(Primitives { climb: 0.5, ..Primitives::default() }).unwrap();
+            }
+            _ => question.answer_done(),
+        }
+    }
+    assert!(matches!(next(&mut flying), Happening::Ended));
+    let summary = flying.finish().unwrap().summary;
+    assert_eq!((summary.outcome, summary.policy.as_str(), summary.vlm.as_str()), (Outcome::Reached, "mine", "mine"));
+    // With the take-off.
+    assert!((2.0..2.7).contains(&summary.path_length_m), "{}", summary.path_length_m);
 }
 
 #[test]

@@ -1,7 +1,10 @@
 //! A craft that is flown by velocities.
 
-use spf_api::simulator::{Observation, Simulator, SimulatorSettings};
+use std::sync::Mutex;
+
+use spf_api::simulator::{Observation, Simulator, SimulatorSettings, step_all};
 use spf_core::command::Setpoint;
+use spf_core::query::ImagePoint;
 
 fn office(seed: u64) -> Simulator {
     let size = Some((64, 48));
@@ -69,4 +72,50 @@ fn the_same_seed_flies_the_same_and_images_keep_their_instant() {
     // The first is rendered before the second flight has gone on, and long after it.
     assert!(one[0].rgb() == two[0].rgb() && one[1].rgb() == two[1].rgb());
     assert!(one[0].rgb() != one[1].rgb(), "it has turned");
+}
+
+#[test]
+fn a_point_is_flown_to_as_the_method_lifts_it() {
+    let mut simulator = office(1);
+    let middle = ImagePoint { u: 0.5, v: 0.5 };
+    assert!(simulator.point(middle, 4.0).is_err(), "it stands on the ground");
+    let up = simulator.takeoff().unwrap();
+    for (point, label) in [(middle, 0.9), (middle, f64::NAN), (ImagePoint { u: 1.2, v: 0.5 }, 4.0)] {
+        assert!(simulator.point(point, label).is_err(), "{point:?} {label}");
+    }
+    // 10 m · (4/10)^1.8 = 1.92 m ahead, then 60 % of the half image to the right.
+    let ahead = simulator.point(middle, 4.0).unwrap();
+    let metres = ahead.pose.position.distance(up.pose.position);
+    assert!((metres - 1.92).abs() < 0.15 && ahead.velocity.east.hypot(ahead.velocity.north) < 0.15, "{metres} {ahead:?}");
+    let aside = simulator.point(ImagePoint { u: 0.8, v: 0.5 }, 3.0).unwrap();
+    assert!(aside.pose.attitude.heading > ahead.pose.attitude.heading + 0.2, "it turns to the right: {aside:?}");
+    assert!(aside.touched.is_empty() && aside.limited.is_none(), "{aside:?}");
+}
+
+#[test]
+fn distances_are_to_surfaces() {
+    let mut simulator = office(0);
+    let up = simulator.takeoff().unwrap();
+    let places = simulator.places();
+    let (key, centre) = places.iter().find(|(key, _)| key.contains("whiteboard")).expect("the office has one");
+    let near = up.distance_to(key).unwrap();
+    assert!(near <= centre.distance(up.pose.position) && near > 0.0, "{near}");
+    assert!(up.distance_to("vending machin").unwrap_err().to_string().contains("vending machin"));
+}
+
+#[test]
+fn many_fly_at_once_as_each_does_alone() {
+    let all: Vec<Mutex<Simulator>> = (0..3).map(|seed| Mutex::new(office(seed))).collect();
+    all.iter().for_each(|one| drop(one.lock().unwrap().takeoff().unwrap()));
+    let setpoints = [ahead(0.4), ahead(f64::NAN), Setpoint { yaw_rate: 0.5, ..ahead(0.2) }];
+    let craft: Vec<_> = all.iter().zip(setpoints).collect();
+    let together = step_all(&craft, 1.0);
+    assert!(together[1].is_err(), "of numbers that are none");
+    for seed in [0, 2] {
+        let mut alone = office(seed as u64);
+        alone.takeoff().unwrap();
+        let one = alone.step(setpoints[seed], 1.0).unwrap();
+        let same = together[seed].as_ref().unwrap();
+        assert!(same.pose == one.pose && same.rgb() == one.rgb(), "{seed}");
+    }
 }

@@ -75,8 +75,9 @@ pub struct Lost {
     pub cost_usd: f64,
 }
 
-/// Revision of the source from which the program was built.
-const GIT_REV: &str = git_version::git_version!(args = ["--always", "--dirty=+", "--abbrev=12", "--exclude=*"], fallback = "");
+/// Revision of the source from which the program was built, with a `+` if files differed from it; empty if it is not known.
+pub const GIT_REV: &str =
+    git_version::git_version!(args = ["--always", "--dirty=+", "--abbrev=12", "--exclude=*"], fallback = "");
 
 /// How the VLM is queried.
 #[derive(Clone, Copy)]

@@ -18,9 +18,11 @@ mod tello;
 mod track;
 
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use clap::{Args, Parser, Subcommand};
 use clap_complete::Shell;
+use spf_bench::trial::GIT_REV;
 
 pub(crate) use bench::{Bench, BenchAsk, BenchCheck, BenchMerge, BenchReport, BenchRun, BenchShow};
 pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
@@ -38,6 +40,23 @@ pub(crate) use track::Track;
 use self::taken::{OfDoctor, OfFlight, OfVlmCheck, OfVlmList, OfVlmTrial};
 use crate::settings::Flags;
 
+/// Version, revision and features, for reports of problems.
+fn long_version() -> &'static str {
+    static TEXT: LazyLock<String> = LazyLock::new(|| {
+        let revision = if GIT_REV.is_empty() { "an unknown revision" } else { GIT_REV };
+        let all = [
+            ("onnx", cfg!(feature = "onnx")),
+            ("parquet", cfg!(feature = "parquet")),
+            ("gstreamer", cfg!(feature = "gstreamer")),
+            ("screen-native", cfg!(feature = "screen-native")),
+        ];
+        let on: Vec<&str> = all.into_iter().filter_map(|(name, on)| on.then_some(name)).collect();
+        let features = if on.is_empty() { "none".to_owned() } else { on.join(", ") };
+        format!("{}\nrevision: {revision}\nfeatures: {features}", env!("CARGO_PKG_VERSION"))
+    });
+    &TEXT
+}
+
 /// See, Point, Fly: fly a drone by natural-language instructions.
 /// A vision-language model picks a waypoint in the camera image, geometry lifts it to a 3D displacement, a controller flies
 /// it, and the loop repeats until the instruction is fulfilled.
@@ -45,6 +64,7 @@ use crate::settings::Flags;
 #[command(
     name = "spf",
     version,
+    long_version = long_version(),
     max_term_width = 110,
     after_help = "\
 Start here, no key and no GPU needed:

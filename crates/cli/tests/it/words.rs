@@ -96,7 +96,11 @@ fn help_of_track() {
 
 #[test]
 fn version() {
-    assert_eq!(help(&["--version"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
+    assert_eq!(help(&["-V"]), concat!("spf ", env!("CARGO_PKG_VERSION"), "\n"));
+    let long = help(&["--version"]);
+    let lines: Vec<&str> = long.lines().collect();
+    assert!(lines[0] == concat!("spf ", env!("CARGO_PKG_VERSION")) && lines[1].starts_with("revision: "), "{long}");
+    assert!(lines[2].starts_with("features: ") && lines.len() == 3, "{long}");
 }
 
 #[test]

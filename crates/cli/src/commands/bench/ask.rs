@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 
 use serde_json::json;
+use spf_api::bench::{method, tasks};
 use spf_bench::run::asked::{Asked, Line, lines, said, write};
 use spf_bench::run::{Plan, Progress, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
@@ -17,7 +18,6 @@ use spf_vlm::VlmError;
 use spf_vlm::folder::{FolderOptions, OPEN, Points, QuestionFolder};
 use spf_vlm::service::RunEnd;
 
-use super::run::{method, tasks};
 use super::store_error;
 use crate::args::BenchAsk;
 use crate::commands::fly::signals::interrupts;

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use spf_api::bench::task_of;
 use spf_bench::judge::{JudgeCamera, Judgement, judge_trajectory};
 use spf_bench::task::Task;
 use spf_bench::trial::{Sampled, draw};
@@ -13,7 +14,6 @@ use spf_render::Channels;
 use spf_sim::model::Model;
 use spf_sim::wind::Wind;
 
-use super::task_of;
 use crate::args::BenchCheck;
 use crate::commands::load_scene;
 use crate::commands::sim::{colour, write};

@@ -6,15 +6,14 @@ mod report;
 mod run;
 mod show;
 
-use std::path::Path;
-
-use spf_bench::run::{StoreError, merge};
-use spf_bench::task::{SUITES, Task, TaskError, shipped};
+pub(crate) use spf_api::bench::store_error;
+use spf_bench::run::merge;
+use spf_bench::task::SUITES;
 use spf_bench::trial::{VlmUnderTest, split_latency};
 
 use crate::args::{Bench, BenchMerge};
 use crate::commands::vlm::{Pace, is_human, pointing};
-use crate::error::{CliError, nearest};
+use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::Printer;
 use crate::settings::Settings;
@@ -32,22 +31,6 @@ pub(crate) fn bench(command: &Bench, printer: &mut Printer) -> Result<Exit, CliE
     }
 }
 
-/// A task by its file, or a built-in one by its name.
-fn task_of(name: &str) -> Result<Task, CliError> {
-    let refused = |error: &TaskError| CliError::usage(format!("invalid task `{name}`")).because(error);
-    if name.contains(['/', '.']) || Path::new(name).exists() {
-        return Task::load(name).map_err(|error| refused(&error));
-    }
-    shipped(name).map_err(|error| refused(&error))?.ok_or_else(|| {
-        let known = SUITES.iter().flat_map(|suite| suite.names());
-        let hint = match nearest(name, known) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => "`spf bench list` lists the built-in tasks; a file path must contain a `/` or a `.`".to_owned(),
-        };
-        CliError::usage(format!("unknown task `{name}`")).hint(hint)
-    })
-}
-
 /// The VLM for a name as in `spf fly --vlm`; an oracle's latency may be fixed.
 pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<VlmUnderTest, CliError> {
     let (vlm, latency) = split_latency(name);
@@ -58,27 +41,6 @@ pub(crate) fn pointer(settings: &mut Settings, name: &str) -> Result<VlmUnderTes
     let pointing = pointing(settings, None, Pace::Virtual)?;
     let latency = latency.or(pointing.latency.map(|latency| latency.as_secs_f64()));
     Ok(VlmUnderTest { name: name.to_owned(), vlm_factory: pointing.vlm_factory, latency })
-}
-
-/// The error if results cannot be stored, with a remedy.
-pub(crate) fn store_error(error: &StoreError) -> CliError {
-    match error {
-        StoreError::Other { .. } => CliError::usage("the folder holds results of a run with different settings")
-            .because(error)
-            .hint("use another folder, or repeat the command that created this one"),
-        StoreError::InUse(_) => {
-            CliError::usage("the folder is in use").because(error).hint("wait for that run to end, or use another folder")
-        }
-        StoreError::Replaced(_) => CliError::internal("the rows of this run are lost")
-            .because(error)
-            .hint("repeat the command with another folder, -o DIR; end a run with Ctrl-C before its folder is deleted"),
-        StoreError::Questions(_) => CliError::usage("cannot go on with the questions and answers").because(error),
-        StoreError::Shards(_) => CliError::usage("cannot merge the shards").because(error).hint(
-            "give the folders of all \
-            shards, each finished",
-        ),
-        _ => CliError::internal("cannot store the results").because(error),
-    }
 }
 
 fn merge_shares(args: &BenchMerge, printer: &Printer) -> Result<Exit, CliError> {

@@ -1,23 +1,22 @@
 //! `spf bench run`.
 
-use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use serde_json::json;
+use spf_api::bench::{method, tasks};
 use spf_bench::contrast::{Contrast, Scoring, contrasts};
 use spf_bench::run::{Plan, Progress, RunManifest, RunOptions, Shard, read_records, run as run_plan, shell_word};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table as lines, words};
-use spf_bench::task::{SUITES, Task, suite};
-use spf_bench::trial::{Method, Record, VlmUnderTest, run_id};
+use spf_bench::task::suite;
+use spf_bench::trial::{Record, VlmUnderTest, run_id};
 use spf_vlm::service::{RunEnd, Service};
 
-use super::{pointer, store_error, task_of};
+use super::{pointer, store_error};
 use crate::args::BenchRun;
 use crate::commands::fly::signals::interrupts;
 use crate::commands::vlm::{Estimate, agreed, dollars, failure, listed, obeying, service};
-use crate::error::{CliError, nearest};
+use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
 use crate::settings::Settings;
@@ -196,53 +195,6 @@ fn estimates(plan: &Plan, vlms: &str, total: usize, settings: &Settings, before:
 fn is_of(record: &Record, vlm: &str) -> bool {
     let of = run_id(&record.task, &record.method, vlm, 0);
     record.run_id.rsplit_once('/').map(|(whole, _)| whole) == of.rsplit_once('/').map(|(whole, _)| whole)
-}
-
-/// Tasks that are not built in: id and file.
-pub(super) type Files = BTreeMap<String, String>;
-
-/// All selected tasks, and the files of those that are not built in; `example` selects some.
-pub(super) fn tasks(suite_name: Option<&str>, names: &[String], example: &str) -> Result<(Vec<Arc<Task>>, Files), CliError> {
-    let (mut tasks, mut files) = (Vec::new(), Files::new());
-    if let Some(name) = suite_name {
-        let suite = suite(name).ok_or_else(|| {
-            let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
-            let error = CliError::usage(format!("unknown suite `{name}`"));
-            match nearest(name, names.iter().copied()) {
-                Some(near) => error.hint(format!("did you mean `{near}`?")),
-                None => error.hint(format!("suites: {}", names.join(", "))),
-            }
-        })?;
-        tasks = suite.tasks().map_err(|error| CliError::internal("invalid built-in task").because(&error))?;
-    }
-    for name in names {
-        let task = task_of(name)?;
-        if *name != task.id {
-            files.insert(task.id.clone(), name.clone());
-        }
-        tasks.push(Arc::new(task));
-    }
-    let mut ids: Vec<&str> = tasks.iter().map(|task| task.id.as_str()).collect();
-    ids.sort_unstable();
-    if let Some(twice) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(CliError::usage(format!("duplicate task id `{}`", twice[0])).hint("task ids must be unique in a run"));
-    }
-    if tasks.is_empty() {
-        return Err(CliError::usage("no task given").hint(example));
-    }
-    Ok((tasks, files))
-}
-
-/// The method with this name.
-pub(super) fn method(name: &str) -> Result<Method, CliError> {
-    Method::of_name(name).ok_or_else(|| {
-        let known: Vec<&str> = Method::all().map(Method::name).collect();
-        let error = CliError::usage(format!("--method: unknown method `{name}`"));
-        match nearest(name, known.iter().copied()) {
-            Some(near) => error.hint(format!("did you mean `{near}`?")),
-            None => error.hint(format!("methods: {}", known.join(", "))),
-        }
-    })
 }
 
 fn shard(args: &BenchRun) -> Result<Shard, CliError> {

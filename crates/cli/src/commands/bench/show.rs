@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use spf_api::bench::task_of;
 use spf_bench::trial::{Method, Trial, draw, run_id};
 use spf_flight::recorder::RecordPlan;
 use spf_oracle::ErrorFile;
 use spf_record::out_dir::OutDir;
 
-use super::{pointer, task_of};
+use super::pointer;
 use crate::args::BenchShow;
 use crate::error::CliError;
 use crate::exit::Exit;
