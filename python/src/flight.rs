@@ -100,12 +100,29 @@ impl Flight {
         self.flight.recording_problems.clone()
     }
 
-    fn _repr_html_(&self) -> PyResult<String> {
+    /// The video, MP4; None if none was asked for.
+    #[getter]
+    fn video_path(&self) -> Option<PathBuf> {
+        let video = self.flight.folder.join("video.mp4");
+        video.exists().then_some(video)
+    }
+
+    fn _repr_html_(&self, py: Python<'_>) -> PyResult<String> {
         let map = std::fs::read_to_string(self.flight.map_path())?;
         // What stands before the picture belongs to a file.
         let picture = map.find("<svg").map_or("", |at| &map[at..]);
         let told = self.__repr__().replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-        Ok(format!("<div><div style=\"max-width:720px\">{picture}</div><p>{told}</p></div>"))
+        // In the cell itself: a notebook's page may not read files.
+        let film = match self.video_path() {
+            Some(video) => {
+                let bytes = pyo3::types::PyBytes::new(py, &std::fs::read(video)?);
+                let text: String =
+                    py.import("base64")?.call_method1("b64encode", (bytes,))?.call_method1("decode", ("ascii",))?.extract()?;
+                format!("<video controls style=\"max-width:720px\" src=\"data:video/mp4;base64,{text}\"></video>")
+            }
+            None => String::new(),
+        };
+        Ok(format!("<div><div style=\"max-width:720px\">{picture}</div>{film}<p>{told}</p></div>"))
     }
 
     fn __repr__(&self) -> String {

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use pyo3::types::PyString;
+use pyo3::types::{PyDict, PyString};
 use spf_api::Question;
 use spf_api::error::Error;
-use spf_api::flight::{Answerer, Flying, Happening, Request, start};
+use spf_api::flight::{Answerer, Flying, Happening, Request, out_dir, read_flight, start};
 use spf_api::vlm::LATENCY_S;
 use spf_pilot::Preset;
 
@@ -33,7 +33,9 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// taken at rest, and returns a step: spf.Point, spf.Move, spf.Hold or spf.Done.
 /// Functions are called in this thread, while the flight stands still; an answer counts as having taken vlm_latency_s, by default 1.5 s for
 /// a VLM and 0.1 s for a policy.
-/// drone: sim. Real drones are not offered from Python yet.
+/// drone: sim, or a real one as of `--drone`: it is flown by the program `spf` that comes with the module, which has the terminal
+/// meanwhile, with its keys; without a terminal, as in a notebook, it refuses unless unattended is True. Ctrl-C lands. Functions, craft,
+/// start and depth_sensor are then refused, scene and seed do not matter. flags: further ones of `spf fly`.
 /// on_decision: a function that is given each spf.Decision.
 /// avoid: obstacle mode. None: on if the VLM lists obstacles, which a function is not expected to do.
 /// depth_sensor: whether the craft measures the depth of what it sees. preset: default or paper.
@@ -45,7 +47,7 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// and spf.Error for other failures, each with a hint where one is known.
 #[pyfunction]
 #[pyo3(signature = (
-    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, policy = None, drone = "sim", on_decision = None, avoid = None,
+    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, policy = None, drone = "sim", unattended = false, flags = Vec::new(), on_decision = None, avoid = None,
     depth_sensor = false, preset = "default", max_time_s = None, max_decisions = None, max_queries = None, max_cost_usd = None,
     vlm_latency_s = None, video = false, out = None
 ))]
@@ -60,6 +62,8 @@ pub(crate) fn fly(
     vlm: Option<Bound<'_, PyAny>>,
     policy: Option<Bound<'_, PyAny>>,
     drone: &str,
+    unattended: bool,
+    flags: Vec<String>,
     on_decision: Option<Bound<'_, PyAny>>,
     avoid: Option<bool>,
     depth_sensor: bool,
@@ -73,8 +77,37 @@ pub(crate) fn fly(
     out: Option<PathBuf>,
 ) -> PyResult<Flight> {
     if drone != "sim" {
-        let message = format!("`{drone}` is not offered from Python yet, only the simulator (`drone=\"sim\"`)");
-        return Err(wrong(py, message, &format!("the program flies real drones: spf fly --drone {drone}")));
+        let is_simulators = craft.is_some() || start.is_some() || depth_sensor;
+        let is_callers = policy.is_some() || on_decision.is_some() || vlm.as_ref().is_some_and(|vlm| vlm.is_callable());
+        if is_simulators || is_callers {
+            let message = "a real drone is flown by the program, without functions, and with no craft, start or depth sensor of the simulator";
+            return Err(wrong(
+                py,
+                message,
+                "name a VLM; `exec:COMMAND` runs a program of yours that answers (docs/guide/vlm.md)",
+            ));
+        }
+        let out = out_dir(out.as_deref(), instruction).map_err(|error| raised(py, &error))?;
+        let options = PyDict::new(py);
+        options.set_item("drone", drone)?;
+        options.set_item("vlm", vlm)?;
+        options.set_item("out", out.path())?;
+        options.set_item("avoid", avoid)?;
+        options.set_item("preset", preset)?;
+        options.set_item("video", video)?;
+        options.set_item("unattended", unattended)?;
+        options.set_item("flags", flags)?;
+        options.set_item("max_time_s", max_time_s)?;
+        options.set_item("max_decisions", max_decisions)?;
+        options.set_item("max_queries", max_queries)?;
+        options.set_item("max_cost_usd", max_cost_usd)?;
+        // The program takes it.
+        out.give_back();
+        py.import("spf._program")?.getattr("fly")?.call((instruction,), Some(&options))?;
+        return read_flight(out.path()).map(Flight::new).map_err(|error| raised(py, &error));
+    }
+    if unattended || !flags.is_empty() {
+        return Err(wrong(py, "unattended and flags are for real drones", "drone=\"tello\""));
     }
     let mut request = Request::new(instruction);
     request.scene = scene.to_owned();

@@ -250,6 +250,18 @@ impl Flight {
     }
 }
 
+/// A flight of the program, by the folder of its files.
+///
+/// # Errors
+/// A usage error if there is no log in it, or one that ends before the flight did.
+pub fn read_flight(folder: &Path) -> Result<Flight, Error> {
+    let record = read_log(&folder.join("flight.mcap"))?;
+    let summary = record.summary.clone().ok_or_else(|| {
+        Error::failed(format!("the log in `{}` ends before the flight did", folder.display())).hint("spf log repair")
+    })?;
+    Ok(Flight { summary, recording_problems: Vec::new(), record, folder: folder.to_owned(), announcements: Vec::new() })
+}
+
 /// Starts a flight.
 ///
 /// # Errors

@@ -25,6 +25,7 @@ from spf._native import (
     read_log,
     step_all,
 )
+from spf._program import ground
 from spf._types import Done, Error, Hold, Move, Point, Pose, Step, Trajectory, UsageError
 
 __all__ = [
@@ -45,6 +46,7 @@ __all__ = [
     "UsageError",
     "bench",
     "fly",
+    "ground",
     "lift",
     "parse_reply",
     "prompt",

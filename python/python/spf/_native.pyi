@@ -90,6 +90,8 @@ class Flight:
     @property
     def map_path(self) -> Path: ...
     @property
+    def video_path(self) -> Path | None: ...
+    @property
     def announcements(self) -> list[str]: ...
     @property
     def recording_problems(self) -> list[str]: ...
@@ -182,6 +184,8 @@ def fly(
     vlm: str | Callable[[Query], str | dict[str, Any]] | None = None,
     policy: Callable[[Query], Step] | _Policy | None = None,
     drone: str = "sim",
+    unattended: bool = False,
+    flags: Sequence[str] = (),
     on_decision: Callable[[Decision], object] | None = None,
     avoid: bool | None = None,
     depth_sensor: bool = False,
