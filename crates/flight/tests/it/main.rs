@@ -1,11 +1,10 @@
-//! Whole flights, the examples, and tests of oracle and scenes together: this is the lowest crate that may use both.
+//! Whole flights, and tests of oracle and scenes together: this is the lowest crate that may use both.
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod camera;
 mod clips;
 mod depth;
 mod depth_network;
-mod examples;
 #[path = "../../../detect/tests/made/mod.rs"]
 mod made;
 mod observers;

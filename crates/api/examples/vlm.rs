@@ -1,7 +1,7 @@
 //! A custom vision-language model: it receives a query and an image, and returns text. This one points at the brightest
 //! place in the image.
 //!
-//! `cargo run -p spf-flight --example vlm`
+//! `cargo run -p spf-api --example vlm`
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 

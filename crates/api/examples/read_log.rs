@@ -1,6 +1,6 @@
 //! The decisions of a flight, read from its log `flight.mcap` (topics: docs/reference/flight-log.md).
 //!
-//! `cargo run -p spf-flight --example read_log [flight.mcap]`; without a log it makes a short flight first.
+//! `cargo run -p spf-api --example read_log [flight.mcap]`; without a log it makes a short flight first.
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 

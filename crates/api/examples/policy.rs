@@ -1,7 +1,7 @@
 //! A custom policy, flown in the simulator: a square of three metres. It sends no query; a policy that does answers a
 //! frame with `Step::Ask` and a reply with a move.
 //!
-//! `cargo run -p spf-flight --example policy`
+//! `cargo run -p spf-api --example policy`
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 

@@ -1,7 +1,7 @@
 //! A custom drone (`toy/mod.rs`) flown by the unmodified library: pilot, policy, envelope and log are those of every
 //! flight. The VLM is a few lines that look for red.
 //!
-//! `cargo run -p spf-flight --example drone`
+//! `cargo run -p spf-api --example drone`
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 

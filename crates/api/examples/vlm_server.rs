@@ -2,7 +2,7 @@
 //! While nothing is red, it points straight ahead three times and then replies that the instruction is fulfilled. It
 //! implements OpenAI's chat completions, and answers queries for points only (`--policy spf`).
 //!
-//! `cargo run -p spf-flight --example vlm_server`, then `spf fly "…" --drone … --vlm http://127.0.0.1:8090/v1#red`
+//! `cargo run -p spf-api --example vlm_server`, then `spf fly "…" --drone … --vlm http://127.0.0.1:8090/v1#red`
 
 #![allow(clippy::print_stdout, reason = "an example's output")]
 
