@@ -175,12 +175,28 @@ pub fn log(folder: &Path) -> Result<Vec<Answered>, VlmError> {
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(failed(&path, &error)),
     };
-    let rows = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
-    let rows = rows.zip(1..).map(|(line, number)| {
-        let row: Option<Answered> = serde_json::from_str(line).ok().filter(|row: &Answered| row.question == number);
-        row.ok_or_else(|| wrong(&path, format!("line {number} is no row of this log: restore or delete the file")))
-    });
-    rows.collect()
+    rows(&text).map_err(|line| wrong(&path, format!("line {line} is no row of this log: restore or delete the file")))
+}
+
+/// The rows of a log's text, without a last line that was not written completely.
+///
+/// # Errors
+/// The number of the first line that is no row, or not the next one.
+pub fn rows(text: &str) -> Result<Vec<Answered>, u32> {
+    let whole = text.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+    let row = |(line, number)| serde_json::from_str(line).ok().filter(|row: &Answered| row.question == number).ok_or(number);
+    whole.zip(1..).map(row).collect()
+}
+
+/// What the bytes of an answer's file say, and whether nobody can be writing it any more: it is a whole JSON object, which no part of
+/// one is.
+#[must_use]
+pub fn answer_of(bytes: &[u8]) -> (String, bool) {
+    // Some editors put a mark first.
+    let text = String::from_utf8_lossy(bytes);
+    let text = text.trim_start_matches(|first: char| first == '\u{feff}' || first.is_whitespace()).trim_end().to_owned();
+    let is_whole = serde_json::from_str::<serde_json::Map<String, serde_json::Value>>(&text).is_ok();
+    (text, is_whole)
 }
 
 fn failed(path: &Path, error: &io::Error) -> VlmError {
@@ -309,13 +325,14 @@ impl FolderVlm {
         loop {
             let bytes = read(answer)?.filter(|bytes| !bytes.trim_ascii().is_empty());
             if let Some(bytes) = bytes {
-                if is_complete(&bytes) || is_old(answer) {
-                    return Ok(text(&bytes));
+                let (text, is_whole) = answer_of(&bytes);
+                if is_whole || is_old(answer) {
+                    return Ok(text);
                 }
                 match &seen {
                     Some((before, since)) if *before == bytes => {
                         if since.elapsed() >= SETTLED {
-                            return Ok(text(&bytes));
+                            return Ok(text);
                         }
                     }
                     _ => seen = Some((bytes, Instant::now())),
@@ -431,21 +448,10 @@ fn png(jpeg: &[u8]) -> Result<Vec<u8>, VlmError> {
     spf_media::png::encode(&image).map_err(|error| VlmError::Image(error.to_string()))
 }
 
-/// Whether these bytes are a whole JSON object, which no part of one is.
-fn is_complete(bytes: &[u8]) -> bool {
-    serde_json::from_slice::<serde_json::Map<String, serde_json::Value>>(text(bytes).as_bytes()).is_ok()
-}
-
 /// Whether a file was last written so long ago that nobody is writing it any more.
 fn is_old(path: &Path) -> bool {
     let written = fs::metadata(path).and_then(|data| data.modified()).ok();
     written.and_then(|written| SystemTime::now().duration_since(written).ok()).is_some_and(|age| age >= SETTLED)
-}
-
-/// An answer's text, without the mark that some editors put first.
-fn text(bytes: &[u8]) -> String {
-    let text = String::from_utf8_lossy(bytes);
-    text.trim_start_matches('\u{feff}').trim().to_owned()
 }
 
 #[cfg(test)]
@@ -512,6 +518,23 @@ mod tests {
         let error = texts.last().unwrap().clone().unwrap_err();
         assert_eq!((error.code(), error.trouble()), ("folder", Some(crate::Trouble::Lasting)));
         error.to_string()
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn any_bytes_are_read_as_a_log_and_as_an_answer(bytes: Vec<u8>, cut in 0_usize..80) {
+            let (text, is_whole) = answer_of(&bytes);
+            let begins = text.as_bytes().first() == Some(&b'{');
+            proptest::prop_assert!(text.trim() == text && (!is_whole || begins));
+            drop(rows(&String::from_utf8_lossy(&bytes)));
+            let row = |question| Answered {
+                question, query: 0, prompt: "q0001.txt".to_owned(), pictures: Vec::new(), answer: "{}".to_owned(),
+            };
+            let log: String = [row(1), row(2)].iter().map(|row| serde_json::to_string(row).unwrap() + "\n").collect();
+            // A log that is cut off has the rows before.
+            let whole = rows(&log[..cut.min(log.len())]).unwrap().len();
+            proptest::prop_assert_eq!(whole, usize::from(cut >= log.len() / 2));
+        }
     }
 
     #[test]
