@@ -106,7 +106,6 @@ def test_errors_have_the_programs_words_and_a_hint() -> None:
         ({"vlm": "oracle:perfekt"}, "invalid oracle", "did you mean `oracle:perfect`?"),
         ({"vlm": "gemni"}, "cannot use the VLM `gemni`", "did you mean `gemini`?"),
         ({"vlm": "human"}, "for the program alone", "spf fly --vlm"),
-        ({"drone": "tello"}, "not offered from Python yet", "spf fly --drone tello"),
         ({"craft": "plane"}, "unknown craft", "quad or tello"),
         ({"start": (1, 2)}, "start must be", "start="),
         ({"start": (0, 9000, 3, 0)}, "not above the ground", "--start"),

@@ -46,6 +46,8 @@ use retreat::Retreat;
 use rules::{KeptClear, Rules};
 use visibility::{Searched, Unseen, Visibility};
 
+/// How far the craft backs off to hold farther away from what is in the way, metres.
+const ROOM: f64 = 0.6;
 /// Depth label up to which a person counts as standing in front: 4.6 m.
 const PERSON_IN_FRONT: u8 = 4;
 
@@ -321,10 +323,13 @@ impl Spf {
         plan.sighting(motion, self.recollection.stage(), stays)
     }
 
-    /// No free direction: hold and query again; if that repeats, the policy looks from higher up or goes around. Without an anchor
-    /// it turns away instead.
+    /// No free direction: hold and query again, a little back from what is within a metre, since a craft that holds drifts; if that
+    /// repeats, the policy looks from higher up or goes around. Without an anchor it turns away instead.
     fn blocked(&mut self, plan: &Plan<'_>, reading: &mut Reading) -> Step {
         if self.passage.waits(plan) {
+            if plan.is_here() && self.passage.makes_room() {
+                return moves::back_off(plan.view(), ROOM, "backs off to hold farther away from what is in the way", reading);
+            }
             return Step::Look;
         }
         let camera = plan.view().camera;

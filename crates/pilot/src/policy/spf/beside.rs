@@ -103,7 +103,8 @@ fn whoever_points_elsewhere_is_waited_for_anew() {
     };
     let mut spf = Rig::with(true, Method::Boxes);
     let acts = [500, 600, 500, 600, 500, 505, 500].map(|u| (u, flown(&mut spf, u64::from(u), &wall(u)).is_some()));
-    assert_eq!(acts.map(|(_, acts)| acts), [false, false, false, false, false, false, true]);
+    // It backs off a little first.
+    assert_eq!(acts.map(|(_, acts)| acts), [true, false, false, false, false, false, true]);
 }
 
 #[test]

@@ -61,6 +61,8 @@ pub(super) struct Passage {
     blocked_at: f64,
     /// Ways around that are out of view; `None` without guidance.
     aside: Option<Aside>,
+    /// Whether it has backed off from what is in the way, to hold farther away.
+    made_room: bool,
     /// The turn towards the path that was flown instead of the last step.
     turned: Option<TurnedFirst>,
     /// Where the last reply left a way open although somebody was near, radians clockwise from north.
@@ -70,7 +72,7 @@ pub(super) struct Passage {
 impl Passage {
     pub(super) fn new(rules: &Rules) -> Self {
         let aside = rules.keeps_place.then(Aside::default);
-        Self { detour: DetourSide::default(), blocked: 0, blocked_at: 0.0, aside, turned: None, open: None }
+        Self { detour: DetourSide::default(), blocked: 0, blocked_at: 0.0, aside, made_room: false, turned: None, open: None }
     }
 
     /// What the decisions before leave for the next plan. Only the very next one follows the turn that was made for it.
@@ -108,9 +110,16 @@ impl Passage {
             Avoidance::Shifted { point } => self.detour.shifted(avoid::side_of(&plan.straight(), point)),
             Avoidance::Shortened { .. } | Avoidance::Hold => return,
         }
+        self.made_room = false;
         if let Some(aside) = &mut self.aside {
             aside.clear();
         }
+    }
+
+    /// Whether the craft is to back off from what is in the way, to hold farther away from it: once until its path is free again. Never without
+    /// guidance.
+    pub(super) fn makes_room(&mut self) -> bool {
+        self.aside.is_some() && !core::mem::replace(&mut self.made_room, true)
     }
 
     /// Notes that no direction is free; returns whether the craft waits for another reply. Whoever points elsewhere is waited for anew: a

@@ -324,6 +324,11 @@ impl<'a> Plan<'a> {
         !self.counted().iter().any(|obstacle| is_here(obstacle) || is_person(&obstacle.listed.name))
     }
 
+    /// Whether something within a metre, which the image shows, is in the way. Of persons the retreat decides.
+    pub(super) fn is_here(&self) -> bool {
+        self.by.is_some_and(|by| by.listed.depth <= 1 && by.from.pose == self.from.pose && !is_person(&by.listed.name))
+    }
+
     /// The obstacles that count.
     fn counted(&self) -> &'a [Obstacle] {
         self.answer.obstacles
