@@ -22,7 +22,7 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// Flies a suite, or tasks; returns the rows. The documentation is that of `spf.bench.run`.
 #[pyfunction]
 #[pyo3(signature = (
-    suite, tasks, methods, vlms, function, policy, trials, seed, folder, jobs, max_cost_usd, vlm_latency_s, on_progress
+    suite, tasks, methods, vlms, function, name, policy, trials, seed, folder, jobs, max_cost_usd, vlm_latency_s, on_progress
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments of Python")]
 pub(crate) fn bench_run<'py>(
@@ -32,6 +32,7 @@ pub(crate) fn bench_run<'py>(
     methods: Vec<String>,
     vlms: Vec<String>,
     function: Option<Bound<'py, PyAny>>,
+    name: Option<String>,
     policy: Option<Bound<'py, PyAny>>,
     trials: u64,
     seed: u64,
@@ -43,10 +44,12 @@ pub(crate) fn bench_run<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut request = BenchRequest { suite, tasks, methods, vlms, caller: None, trials, seed, folder, jobs, max_cost_usd };
     let answers = match (function, policy) {
+        (None, None) if name.is_some() => return Err(wrong(py, "name is that of a function or policy", "leave it out")),
         (None, None) => None,
         (Some(_), Some(_)) => return Err(wrong(py, "a policy queries no VLM", "give a function as vlm, or policy")),
         (Some(function), None) => {
-            request.caller = Some(Caller { name: name_of(&function), latency_s: vlm_latency_s.unwrap_or(LATENCY_S) });
+            request.caller =
+                Some(Caller { name: name.unwrap_or_else(|| name_of(&function)), latency_s: vlm_latency_s.unwrap_or(LATENCY_S) });
             Some(Answers::reply(function))
         }
         (None, Some(policy)) => {
@@ -58,7 +61,10 @@ pub(crate) fn bench_run<'py>(
                 ));
             }
             request.methods = vec![CALLERS_METHOD.to_owned()];
-            request.caller = Some(Caller { name: name_of(&policy), latency_s: vlm_latency_s.unwrap_or(POLICY_LATENCY_S) });
+            request.caller = Some(Caller {
+                name: name.unwrap_or_else(|| name_of(&policy)),
+                latency_s: vlm_latency_s.unwrap_or(POLICY_LATENCY_S),
+            });
             Some(Answers::step(py, policy)?)
         }
     };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PyString, PyType};
 use spf_api::Question;
 use spf_api::error::Error;
 use spf_api::flight::{Answerer, Flying, Happening, Request, out_dir, read_flight, start};
@@ -87,6 +87,9 @@ pub(crate) fn fly(
                 "name a VLM; `exec:COMMAND` runs a program of yours that answers (docs/guide/vlm.md)",
             ));
         }
+        if vlm.as_ref().is_some_and(|vlm| !vlm.is_instance_of::<PyString>()) {
+            return Err(wrong(py, "vlm must be the name of a VLM", "vlm=\"gemini\""));
+        }
         let out = out_dir(out.as_deref(), instruction).map_err(|error| raised(py, &error))?;
         let options = PyDict::new(py);
         options.set_item("drone", drone)?;
@@ -132,6 +135,13 @@ pub(crate) fn fly(
         (None, None) => None,
         (Some(_), Some(_)) => {
             return Err(wrong(py, "a policy queries no VLM", "give vlm or policy; a policy may ask models of its own"));
+        }
+        (None, Some(_)) if avoid == Some(true) => {
+            return Err(wrong(
+                py,
+                "a policy decides itself what it keeps clear of",
+                "depth_sensor=True brakes before obstacles, whatever flies",
+            ));
         }
         (None, Some(policy)) => {
             let latency_s = vlm_latency_s.unwrap_or(POLICY_LATENCY_S);
@@ -211,6 +221,10 @@ impl<'py> Answers<'py> {
 
     /// A policy: a function, or an object whose method `handle` is one.
     pub(crate) fn step(py: Python<'py>, policy: Bound<'py, PyAny>) -> PyResult<Self> {
+        if policy.is_instance_of::<PyType>() {
+            let name = policy.cast::<PyType>()?.name()?.to_string();
+            return Err(wrong(py, format!("policy is the class `{name}`"), &format!("give an object of it: {name}()")));
+        }
         let handle = policy.getattr("handle").unwrap_or(policy);
         if handle.is_callable() {
             return Ok(Self::Step(handle));
@@ -227,7 +241,13 @@ impl<'py> Answers<'py> {
                 let reply = function.call1((query,))?;
                 let text = match reply.cast::<PyString>() {
                     Ok(text) => text.to_str()?.to_owned(),
-                    Err(_) => py.import("json")?.call_method1("dumps", (reply,))?.extract()?,
+                    Err(_) if reply.is_instance_of::<PyDict>() => {
+                        py.import("json")?.call_method1("dumps", (reply,))?.extract()?
+                    }
+                    Err(_) => {
+                        let message = format!("the function that is the VLM returned `{}`", reply.get_type().name()?);
+                        return Err(wrong(py, message, "return the reply: a dict, or its text (docs/reference/reply.md)"));
+                    }
                 };
                 question.answer(Ok(text));
                 Ok(())

@@ -41,6 +41,9 @@ pub(crate) fn lift<'py>(
     fixed_step_m: Option<f64>,
     levelled: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
+    if !(1.0..=10.0).contains(&label) {
+        return Err(wrong(py, format!("a depth label is from 1 to 10, not {label}"), "label=5"));
+    }
     let kind = self::craft(py, Some(craft))?.unwrap_or_default();
     let (mut settings, (u, v)) = (LiftSettings { camera: kind.camera(), ..LiftSettings::default() }, point);
     if let Some((width, height, across, down)) = camera {

@@ -25,8 +25,11 @@ def test_a_function_is_the_vlm_of_trials_and_a_second_call_flies_nothing(tmp_pat
     assert {row["vlm"] for row in run.rates} == {"python-counted"}
     assert run.rates[-1]["strict"]["of"] == 2 and "python-counted" in repr(run) and "<td>" in run._repr_html_()
     before = len(told)
-    again = spf.bench.run(tasks=[TASK], vlm=counted, trials=2, seed=3, out=tmp_path / "run")
+    with pytest.warns(UserWarning, match="2 of 2 trials are those"):
+        again = spf.bench.run(tasks=TASK, vlm=counted, trials=2, seed=3, out=tmp_path / "run")
     assert again.rows == run.rows == spf.bench.read(tmp_path / "run").rows and len(told) == before
+    with pytest.raises(spf.UsageError, match="different settings"):
+        spf.bench.run(tasks=[TASK], vlm=counted, name="changed", trials=2, seed=3, out=tmp_path / "run")
     with pytest.raises(spf.UsageError, match="different settings"):
         spf.bench.run(tasks=[TASK], vlm=counted, trials=3, seed=3, out=tmp_path / "run")
 

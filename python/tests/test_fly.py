@@ -225,8 +225,10 @@ def test_a_policy_points_as_the_method_lifts(tmp_path: Path) -> None:
     ("step", "words"),
     [
         (spf.Move(forward=6.0), "at most 5 m"),
-        (spf.Move(turn_deg=float("nan")), "at most 180"),
-        (spf.Point(-5, 10, 3), "lifted"),
+        (spf.Move(turn_deg=float("nan")), "finite"),
+        (spf.Move(turn_deg=200), "at most 180"),
+        (spf.Point(-5, 10, 3), "outside the image of 960"),
+        (spf.Point(5, 10, 11), "from 1 to 10"),
         ("forward", "spf.Move"),
     ],
 )
@@ -241,3 +243,15 @@ def test_policy_and_vlm_exclude_each_other() -> None:
         spf.fly("ahead", policy=lambda _: spf.Done(), vlm="oracle")
     with pytest.raises(spf.UsageError, match="method handle"):
         spf.fly("ahead", policy=5)  # type: ignore[arg-type]
+    with pytest.raises(spf.UsageError, match="Square\\(\\)"):
+        spf.fly("ahead", policy=Square)  # type: ignore[arg-type]
+    with pytest.raises(spf.UsageError, match="depth_sensor"):
+        spf.fly("ahead", policy=Square(), avoid=True)
+    assert spf.Hold() != spf.Done()
+
+
+def test_what_is_no_reply_is_refused(tmp_path: Path) -> None:
+    for reply in ([1, 2], None, spf.Done()):
+        with pytest.raises(spf.UsageError, match="the function that is the VLM returned"):
+            spf.fly("ahead", scene="office", vlm=lambda _, reply=reply: reply, out=tmp_path / "flight")
+        shutil.rmtree(tmp_path / "flight")

@@ -1,6 +1,7 @@
 """Real drones, flown by the program: here a virtual Tello, at the ports of a real one."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -12,7 +13,7 @@ import PIL.Image
 import pytest
 
 import spf
-from spf._program import program
+from spf._program import _Foreground, program
 
 # The VLM of the virtual Tello answers about its frames alone.
 UNCHECKED = ["--no-vlm-check"]
@@ -21,7 +22,9 @@ UNCHECKED = ["--no-vlm-check"]
 @pytest.fixture
 def tello(tmp_path: Path) -> Iterator[tuple[str, str]]:
     """Address and VLM of a virtual Tello in the office."""
-    command = [program(), "sim", "serve", "--tello", "--scene", "office", "--listen", "127.0.0.1", "--vlm", "--quality", "draft"]
+    # An address of its own, for runs beside each other.
+    own = f"127.{os.getpid() % 200 + 20}.{time.monotonic_ns() // 1000 % 250}.1"
+    command = [program(), "sim", "serve", "--tello", "--scene", "office", "--listen", own, "--vlm", "--quality", "draft"]
     with (tmp_path / "served.txt").open("w") as told:
         server = subprocess.Popen(command, stdout=told, stderr=subprocess.STDOUT)
     try:
@@ -81,10 +84,31 @@ for line in sys.stdin:
     [picture] = spf.ground([image], "the door", vlm=f"exec:{sys.executable} {answers}", out=tmp_path / "grounded")
     assert picture["picture"].endswith("frame.png") and Path(picture["annotated"]).exists()
     [answer] = picture["answers"]
-    print(answer)
     assert answer["said"]["reply"]["target"] == "door"
     with pytest.raises(spf.UsageError, match="oracl"):
         spf.ground([image], "the door", vlm="oracl")
+
+
+class Alarm(Exception):
+    """Of another signal's handler."""
+
+
+def test_whatever_is_raised_the_program_lands_before_it_goes_on(tmp_path: Path) -> None:
+    # A program that takes a second to land.
+    lands = "import signal, sys, time; signal.signal(signal.SIGINT, lambda *_: (time.sleep(1), print('landed'), sys.exit(5))); time.sleep(60)"
+
+    def alarm(*_: object) -> None:
+        raise Alarm
+
+    before = signal.signal(signal.SIGALRM, alarm)
+    signal.setitimer(signal.ITIMER_REAL, 1.5)
+    began = time.monotonic()
+    try:
+        with pytest.raises(Alarm), _Foreground() as foreground:
+            foreground.run([sys.executable, "-c", lands], dict(os.environ))
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert foreground.child is not None and foreground.child.poll() == 5 and 2.4 < time.monotonic() - began < 50
 
 
 def test_functions_are_for_the_simulator() -> None:
@@ -109,6 +133,8 @@ def test_in_a_terminal_the_program_has_the_keys_and_ctrl_c_lands(tello: tuple[st
         os.execv(sys.executable, [sys.executable, "-c", script])
     told, pressed, end = b"", False, time.monotonic() + 90
     while time.monotonic() < end:
+        if not select.select([terminal], [], [], 1)[0]:
+            continue
         try:
             told += os.read(terminal, 4096)
         except OSError:
@@ -116,6 +142,8 @@ def test_in_a_terminal_the_program_has_the_keys_and_ctrl_c_lands(tello: tuple[st
         if not pressed and (out / "flight.mcap").exists() and b"decision" in told:
             pressed = True
             os.write(terminal, b"\x03")
+    if time.monotonic() >= end:
+        os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     assert pressed and b"ended aborted True" in told, told.decode(errors="replace")
     assert b"KeyboardInterrupt" not in told

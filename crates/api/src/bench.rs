@@ -36,7 +36,7 @@ pub struct BenchRequest {
     pub suite: Option<String>,
     /// Tasks by their names or files, in addition.
     pub tasks: Vec<String>,
-    /// Methods; without any `spf-default`, or [`CALLERS_METHOD`] for a caller that is the policy.
+    /// Methods; without any `spf-default`. A caller that is the policy is flown as [`CALLERS_METHOD`].
     pub methods: Vec<String>,
     /// VLMs by their names; without any the caller, or else `oracle:default`.
     pub vlms: Vec<String>,
@@ -177,7 +177,8 @@ pub fn start(request: &BenchRequest) -> Result<Benching, Error> {
         pointers.push(pointer("oracle:default", None)?);
     }
     let names: Vec<&str> = pointers.iter().map(|pointer| pointer.name.as_str()).collect();
-    let shown = names.join(",");
+    let latency = request.caller.as_ref().map_or(String::new(), |caller| format!("@{}", caller.latency_s));
+    let shown = names.join(",") + &latency;
     let plan = Plan { tasks, methods, pointers, trials, seed, max_cost_usd: None };
     let head = plan.head(Shard::WHOLE, &shown);
     let jobs = request.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
@@ -269,7 +270,7 @@ pub fn task_of(name: &str) -> Result<Task, Error> {
 pub fn method(name: &str) -> Result<Method, Error> {
     Method::of_name(name).ok_or_else(|| {
         let known: Vec<&str> = Method::all().map(Method::name).collect();
-        let error = Error::usage(format!("--method: unknown method `{name}`"));
+        let error = Error::usage(format!("unknown method `{name}`"));
         match nearest(name, known.iter().copied()) {
             Some(near) => error.hint(format!("did you mean `{near}`?")),
             None => error.hint(format!("methods: {}", known.join(", "))),
@@ -289,7 +290,7 @@ pub fn store_error(error: &StoreError) -> Error {
         }
         StoreError::Replaced(_) => Error::internal("the rows of this run are lost")
             .because(error)
-            .hint("repeat the command with another folder, -o DIR; end a run with Ctrl-C before its folder is deleted"),
+            .hint("repeat it with another folder; end a run with Ctrl-C before its folder is deleted"),
         StoreError::Questions(_) => Error::usage("cannot go on with the questions and answers").because(error),
         StoreError::Shards(_) => {
             Error::usage("cannot merge the shards").because(error).hint("give the folders of all shards, each finished")

@@ -57,8 +57,17 @@ impl Question {
     /// fractions of the image from its upper left corner.
     ///
     /// # Errors
-    /// A usage error for a point outside the image.
+    /// A usage error for a point outside the image, and a label outside 1 to 10.
     pub fn lift(&self, point: ImagePoint, label: f64) -> Result<Lifted, Error> {
+        if !(1.0..=10.0).contains(&label) {
+            return Err(Error::usage(format!("a depth label is from 1 to 10, not {label}")));
+        }
+        let ImagePoint { u, v } = point;
+        if !(0.0..=1.0).contains(&u) || !(0.0..=1.0).contains(&v) {
+            let (width, height) = (self.image.width(), self.image.height());
+            let (x, y) = (u * f64::from(width), v * f64::from(height));
+            return Err(Error::usage(format!("the point ({x}, {y}) is outside the image of {width}×{height} pixels")));
+        }
         let settings = LiftSettings { camera: self.camera, ..LiftSettings::default() };
         lift(point, label, &settings).map_err(|error| Error::usage("the point cannot be lifted").because(&error))
     }
@@ -70,10 +79,13 @@ impl Question {
     pub fn answer_move(&self, flown: Primitives) -> Result<(), Error> {
         let Primitives { yaw, forward, right, climb } = flown;
         let (metres, degrees) = ([forward, right, climb], yaw.to_degrees());
+        if [forward, right, climb, degrees].iter().any(|number| !number.is_finite()) {
+            return Err(Error::usage("a move consists of finite numbers"));
+        }
         if !metres.iter().all(|metres| metres.abs() <= MOVE_METRES.1) {
             return Err(Error::usage(format!("a move is at most {} m along each axis, not {metres:?}", MOVE_METRES.1)));
         }
-        if degrees.is_nan() || degrees.abs() > TURN_DEGREES.1 {
+        if degrees.abs() > TURN_DEGREES.1 {
             return Err(Error::usage(format!("a turn is at most {}°, not {degrees}", TURN_DEGREES.1)));
         }
         self.answer(Ok(json!({ "dx": forward, "dy": right, "dz": climb, "dyaw": degrees }).to_string()));
@@ -83,7 +95,7 @@ impl Question {
     /// Answers a question to a policy with the step towards a point ([`Question::lift`]), of which at most 5 m are flown.
     ///
     /// # Errors
-    /// A usage error for a point outside the image. The question is then still open.
+    /// A usage error for a point outside the image, and a label outside 1 to 10. The question is then still open.
     pub fn answer_point(&self, point: ImagePoint, label: f64) -> Result<(), Error> {
         let flown = self.lift(point, label)?.primitives;
         let longest = flown.forward.abs().max(flown.climb.abs());

@@ -278,6 +278,11 @@ pub fn step_all(craft: &[(&Mutex<Simulator>, Setpoint)], dt_s: f64) -> Vec<Resul
         let _ = observation.rgb();
         Ok(observation)
     };
+    // Not in those threads, which would wait for each other.
+    for (simulator, _) in craft {
+        let scene = simulator.lock().unwrap_or_else(PoisonError::into_inner).world.loaded().clone();
+        scene.prepare();
+    }
     craft.par_iter().map(step).collect()
 }
 

@@ -279,6 +279,12 @@ impl Renderer {
         }
     }
 
+    /// Makes what the first image would make. It works in all threads of the pool, so that it must not be made in a task of that pool while
+    /// others wait for it: whoever renders in such tasks calls this before.
+    pub fn prepare(&self) {
+        self.palette();
+    }
+
     fn palette(&self) -> &Palette {
         // Materials are validated when a scene is created; a part without one is black.
         let black = Paint::new(Vec3::ZERO, Vec3::ZERO, Pattern::Plain, Vec3::ZERO);

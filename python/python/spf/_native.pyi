@@ -241,6 +241,7 @@ def bench_run(
     methods: list[str],
     vlms: list[str],
     function: Callable[[Query], str | dict[str, Any]] | None,
+    name: str | None,
     policy: Callable[[Query], Step] | _Policy | None,
     trials: int,
     seed: int,

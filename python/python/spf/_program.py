@@ -16,8 +16,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from spf._types import UsageError
+from spf._types import Error, UsageError
 
+# Looked up before any fork: the child of a process with threads may not load a library.
+_PRCTL = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
 _FLAGS = {"max_time_s": "--max-time", "max_decisions": "--max-decisions", "max_queries": "--max-queries", "max_cost_usd": "--max-cost"}
 
 
@@ -53,7 +55,7 @@ def fly(
     """Flies, and returns when the drone has landed and the files are written; those of the folder `out` tell how it went.
 
     The program has the terminal meanwhile, with its keys; Ctrl-C there lands. Each interrupt of this process, as of a notebook's kernel,
-    is one of the program: the first lands. If this process ends, the program lands as well.
+    is one of the program: the first lands. On Linux, if this process ends, the program lands as well.
     """
     command = [program(), "fly", f"--drone={drone}", f"--out={out}", f"--preset={preset}"]
     if vlm is not None:
@@ -63,16 +65,17 @@ def fly(
     command += [f"{_FLAGS[name]}={value}" for name, value in limits.items() if value is not None]
     if not video:
         command.append("--no-video")
-    if unattended:
-        command.append("--unattended")
     command += [*flags, "--", instruction]
+    # Whoever calls says it, whatever file and environment say.
+    environment = {**os.environ, "SPF_UNATTENDED": "true" if unattended else "false"}
     with _Foreground() as foreground:
-        child = subprocess.Popen(command, preexec_fn=foreground.begin if os.name == "posix" else None)
-        code, interrupt = _wait(child)
-    if interrupt is not None:
-        raise interrupt
-    if code == 2 or not (Path(out) / "summary.json").exists():
-        raise _wrong(f"the drone was not flown (exit status {code})", "the reason stands above, in the program's own words")
+        code = foreground.run(command, environment)
+    if foreground.interrupts > 0:
+        raise KeyboardInterrupt
+    if code == 2:
+        raise _wrong("the drone was not flown", "the reason stands above, in the program's own words")
+    if not (Path(out) / "summary.json").exists():
+        raise Error(f"the program ended with status {code} and without its files: look at the drone, and into {out}")
 
 
 def ground(
@@ -91,7 +94,7 @@ def ground(
     own. out: the folder for the annotated images; without one they are deleted. avoid: obstacle boxes are requested as well.
     max_cost_usd: limit of the cost. flags: further ones of ``spf ground``.
 
-    Returns a dict for each image: picture, annotated (path) and answers, in each of which ``said`` has ``reply`` with target, point (u and
+    Returns a dict for each image: picture, annotated (path, or None without out) and answers, in each of which ``said`` has ``reply`` with target, point (u and
     v, fractions from the upper left corner) and depth, or ``nothing`` with the reason. Raises spf.UsageError for what the program refuses.
     """
     with TemporaryDirectory() as temporary:
@@ -110,45 +113,69 @@ def ground(
         told = asked.stderr.strip().removeprefix("error: ")
         message, _, hint = told.partition("\n\nhint: ")
         raise _wrong(message or f"exit status {asked.returncode}", hint or "spf ground --help") from None
+    if out is None:
+        for picture in pictures:
+            picture["annotated"] = None
     return pictures
 
 
-def _wait(child: "subprocess.Popen[bytes]") -> tuple[int, KeyboardInterrupt | None]:
-    interrupt = None
-    while True:
-        try:
-            return child.wait(), interrupt
-        except KeyboardInterrupt as pressed:
-            interrupt = pressed
-            child.send_signal(signal.SIGINT)
-
-
 class _Foreground:
-    """The terminal, lent to the program: it reads keys there, and Ctrl-C reaches it alone."""
+    """The terminal, lent to the program: it reads keys there, and Ctrl-C reaches it alone. Interrupts of this process are passed on, and
+    raise nothing until the program has ended."""
 
     def __init__(self) -> None:
         # Only the main thread may say what a signal does, and only there an interrupt is seen.
-        self.is_main = threading.current_thread() is threading.main_thread()
-        self.is_lent = self.is_main and os.name == "posix" and os.isatty(0) and os.tcgetpgrp(0) == os.getpgrp()
+        self.is_main = threading.current_thread() is threading.main_thread() and os.name == "posix"
+        self.is_lent = self.is_main and os.isatty(0) and os.tcgetpgrp(0) == os.getpgrp()
+        self.parent = os.getpid()
+        self.interrupts = 0
+        self.child: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> "_Foreground":
+        if self.is_main:
+            self.interrupted = signal.signal(signal.SIGINT, self._interrupt)
         if self.is_lent:
             # To lend it, and to take it back from behind.
-            self.before = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
+            self.stopped = signal.signal(signal.SIGTTOU, signal.SIG_IGN)
         return self
 
-    def begin(self) -> None:
+    def _interrupt(self, *_: object) -> None:
+        self.interrupts += 1
+        if self.child is not None:
+            self.child.send_signal(signal.SIGINT)
+
+    def run(self, command: list[str], environment: dict[str, str]) -> int:
+        """Runs the program to its end, whatever is raised meanwhile; returns its exit status."""
+        child = subprocess.Popen(command, env=environment, preexec_fn=self._begin if os.name == "posix" else None)
+        try:
+            self.child = child
+            # Those that came before there was a program.
+            for _ in range(self.interrupts):
+                child.send_signal(signal.SIGINT)
+            return child.wait()
+        except BaseException:
+            # As of a handler of another signal: the drone lands before it goes on.
+            if os.name == "posix":
+                child.send_signal(signal.SIGINT)
+            child.wait()
+            raise
+
+    def _begin(self) -> None:
         """What the program's process does first: it is a group of its own with the terminal, and lands if this process ends."""
         if self.is_main:
             os.setpgid(0, 0)
         if self.is_lent:
             os.tcsetpgrp(0, os.getpid())
             signal.signal(signal.SIGTTOU, signal.SIG_DFL)
-        if sys.platform == "linux":
+        if _PRCTL is not None:
             # PR_SET_PDEATHSIG
-            ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+            _PRCTL(1, signal.SIGTERM)
+            if os.getppid() != self.parent:
+                os._exit(1)
 
     def __exit__(self, *_: object) -> None:
         if self.is_lent:
             os.tcsetpgrp(0, os.getpgrp())
-            signal.signal(signal.SIGTTOU, self.before)
+            signal.signal(signal.SIGTTOU, self.stopped)
+        if self.is_main:
+            signal.signal(signal.SIGINT, self.interrupted)

@@ -1,5 +1,6 @@
 """Types that need no native code."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -43,7 +44,8 @@ class Trajectory(NamedTuple):
     """(N, 6): the fields of a Pose."""
 
 
-class Point(NamedTuple):
+@dataclass(frozen=True)
+class Point:
     """A step of a policy: towards a point of the image, as far as the paper's rule of steps says, at most 5 m."""
 
     x: float
@@ -54,8 +56,10 @@ class Point(NamedTuple):
     """Depth label, 1 to 10, which need not be whole."""
 
 
-class Move(NamedTuple):
-    """A step of a policy: a move to rest, at most 5 m along each axis. Turn and flight are blended."""
+@dataclass(frozen=True)
+class Move:
+    """A step of a policy: a move to rest, at most 5 m along each axis. The craft turns while it flies: forward and right are of the
+    heading after the turn."""
 
     forward: float = 0.0
     """Metres."""
@@ -67,11 +71,13 @@ class Move(NamedTuple):
     """Degrees, clockwise positive, at most 180."""
 
 
-class Hold(NamedTuple):
+@dataclass(frozen=True)
+class Hold:
     """A step of a policy: hold, and look again."""
 
 
-class Done(NamedTuple):
+@dataclass(frozen=True)
+class Done:
     """A step of a policy: the instruction is fulfilled, and the flight ends."""
 
 

@@ -5,9 +5,11 @@
     mine = spf.bench.run("paper", vlm=my_vlm, trials=3, out="mine")
     print(mine)
 
-Tasks, methods and verdicts are those of ``spf bench``. The same seeds give the same starts, whoever flies from them.
+Tasks, methods and verdicts are those of ``spf bench``. The same seeds give the same starts, whoever
+flies from them; tasks of the suite ``trials`` all start where their scene does.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from html import escape
 from importlib import import_module
@@ -75,10 +77,11 @@ def run(
     suite: str | None = None,
     *,
     out: str | PathLike[str],
-    tasks: Sequence[str] = (),
+    tasks: str | Sequence[str] = (),
     methods: Sequence[str] = (),
     vlm: str | Sequence[str] | Callable[[Query], str | dict[str, Any]] | None = None,
     policy: "Callable[[Query], Step] | _Policy | None" = None,
+    name: str | None = None,
     trials: int = 5,
     seed: int = 0,
     jobs: int | None = None,
@@ -91,10 +94,12 @@ def run(
     suite: its tasks, such as ``"paper"``; tasks: names or files, in addition. ``spf bench list`` lists them.
     methods: by their names, by default ``spf-default``, the method as ``spf fly`` flies it. vlm: names, by default ``oracle:default``, or
     a function as of ``spf.fly``. policy: a policy of one's own in the place of methods and VLM, as of ``spf.fly``; its ``Done`` is asked
-    for twice. Functions are called in this thread, from several flights in turn.
+    for twice (``query.confirming``). In the rows it is the method ``plain-numeric``, whose answers are such moves.
+    name: of the function or policy in the rows, by default its own.
     trials: of each task, from seeds seed, seed + 1, …. out: the folder for the rows. If it has trials of the same call, only the missing
-    ones are flown.
-    jobs: how many are flown at once, by default one for each core. max_cost_usd: limit of the whole run.
+    ones are flown; a function or policy is known by its name alone, so give another name or folder when it has changed.
+    jobs: how many are flown at once, by default one for each core, but 1 with a function or policy: it is called in this thread, and with
+    more jobs from several flights in turn. A flight begins with ``query.number == 0``. max_cost_usd: limit of the whole run.
     vlm_latency_s: the time that an answer of a function counts as having taken, by default 1.5 s, of a policy 0.1 s.
     progress: shows a bar, if tqdm is installed.
 
@@ -103,28 +108,33 @@ def run(
     """
     function = vlm if callable(vlm) else None
     names = [] if vlm is None or callable(vlm) else [vlm] if isinstance(vlm, str) else list(vlm)
+    is_mine = function is not None or policy is not None
     bar = _bar() if progress else None
-    tell = None
+    began = False
 
-    if bar is not None:
-
-        def shown(done: int, of: int) -> None:
+    def tell(done: int, of: int) -> None:
+        nonlocal began
+        if not began and done > 0 and is_mine:
+            kept = f"{done} of {of} trials are those that {out} has already; a function or policy is known by its name alone"
+            warnings.warn(kept, stacklevel=3)
+        began = True
+        if bar is not None:
             bar.total = of
             bar.update(done - bar.n)
 
-        tell = shown
     try:
         rows = bench_run(
             suite,
-            list(tasks),
+            [tasks] if isinstance(tasks, str) else list(tasks),
             list(methods),
             names,
             function,
+            name,
             policy,
             trials,
             seed,
             Path(out),
-            jobs,
+            1 if jobs is None and is_mine else jobs,
             max_cost_usd,
             vlm_latency_s,
             tell,

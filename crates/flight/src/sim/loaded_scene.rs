@@ -143,6 +143,12 @@ impl LoadedScene {
         WorldSnapshot { pose, actors: self.cast.starts() }
     }
 
+    /// Makes what the first image of the scene would make, for whoever renders in tasks of the thread pool
+    /// ([`Renderer::prepare`](spf_render::Renderer::prepare)).
+    pub fn prepare(&self) {
+        self.renderer.prepare();
+    }
+
     /// Renders an image of a snapshot.
     #[must_use]
     pub fn render(&self, camera: &Camera, snapshot: &WorldSnapshot, channels: Channels) -> RenderedImage {

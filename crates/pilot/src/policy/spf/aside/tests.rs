@@ -54,6 +54,8 @@ fn a_blocked_craft_goes_around_the_side_that_has_room_and_turns_back() {
     let mut flight = Flight::begin(Method::Boxes);
     assert_eq!(flight.told(WALL).unwrap().forward, -0.6, "it holds farther away, since it drifts");
     assert_eq!(flight.told(WALL), None, "and looks again");
+    let person = WALL.replace("wall", "person in red");
+    assert_ne!(Flight::begin(Method::Boxes).told(&person).map(|step| step.forward), Some(-0.6), "the retreat decides of people");
     let turn = flight.told(WALL);
     assert!((degrees(turn) + 60.0).abs() < 0.1, "to the left: {turn:?}");
     let aside = flight.told(OPEN).unwrap();

@@ -29,7 +29,7 @@ fn guided_persons_while(method: Method, status: &str, labels: &[u8], left: u32, 
         view.frame.captured = Time::ZERO + Duration::from_secs(frame as u64);
         let query = sent_query(spf.step(PolicyEvent::Frame(&view)));
         let step = spf.step(PolicyEvent::Reply { id: query.id, text: &answer, arrived: Time::ZERO, pose: view.pose });
-        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
+        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward == -2.0)
     };
     labels.iter().enumerate().map(&mut backs_off).collect()
 }
@@ -74,7 +74,7 @@ fn before_a_man(ranges: &[f64], stride: f64, seconds: u64) -> Vec<bool> {
             label_of_range(*range)
         );
         let (_, step) = told_from(&mut spf, &view, &answer);
-        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward < -0.5)
+        matches!(step, Step::Move(Move { primitives, .. }) if primitives.forward == -2.0)
     };
     ranges.iter().enumerate().map(&mut backs_off).collect()
 }
