@@ -47,7 +47,7 @@ const LOOK_UP: Duration = Duration::from_millis(50);
 /// and spf.Error for other failures, each with a hint where one is known.
 #[pyfunction]
 #[pyo3(signature = (
-    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, policy = None, drone = "sim", unattended = false, flags = Vec::new(), on_decision = None, avoid = None,
+    instruction, *, scene = "city", seed = 0, craft = None, start = None, vlm = None, policy = None, drone = "sim", unattended = false, flags = None, on_decision = None, avoid = None,
     depth_sensor = false, preset = "default", max_time_s = None, max_decisions = None, max_queries = None, max_cost_usd = None,
     vlm_latency_s = None, video = false, out = None
 ))]
@@ -63,7 +63,7 @@ pub(crate) fn fly(
     policy: Option<Bound<'_, PyAny>>,
     drone: &str,
     unattended: bool,
-    flags: Vec<String>,
+    flags: Option<Vec<String>>,
     on_decision: Option<Bound<'_, PyAny>>,
     avoid: Option<bool>,
     depth_sensor: bool,
@@ -76,6 +76,7 @@ pub(crate) fn fly(
     video: bool,
     out: Option<PathBuf>,
 ) -> PyResult<Flight> {
+    let flags = flags.unwrap_or_default();
     if drone != "sim" {
         let is_simulators = craft.is_some() || start.is_some() || depth_sensor;
         let is_callers = policy.is_some() || on_decision.is_some() || vlm.as_ref().is_some_and(|vlm| vlm.is_callable());

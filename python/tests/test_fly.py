@@ -247,11 +247,16 @@ def test_policy_and_vlm_exclude_each_other() -> None:
         spf.fly("ahead", policy=Square)  # type: ignore[arg-type]
     with pytest.raises(spf.UsageError, match="depth_sensor"):
         spf.fly("ahead", policy=Square(), avoid=True)
-    assert spf.Hold() != spf.Done()
+    hold: object = spf.Hold()
+    assert hold != spf.Done()
 
 
 def test_what_is_no_reply_is_refused(tmp_path: Path) -> None:
-    for reply in ([1, 2], None, spf.Done()):
+    replies: list[Any] = [[1, 2], None, spf.Done()]
+    for number, reply in enumerate(replies):
+
+        def wrong(query: spf.Query, reply: Any = reply) -> Any:
+            return reply
+
         with pytest.raises(spf.UsageError, match="the function that is the VLM returned"):
-            spf.fly("ahead", scene="office", vlm=lambda _, reply=reply: reply, out=tmp_path / "flight")
-        shutil.rmtree(tmp_path / "flight")
+            spf.fly("ahead", scene="office", vlm=wrong, out=tmp_path / f"flight-{number}")

@@ -69,7 +69,8 @@ def test_unattended_it_flies_and_an_interrupt_lands(tello: tuple[str, str], tmp_
     os.kill(child.pid, signal.SIGINT)
     _, told = child.communicate(timeout=60)
     assert b"KeyboardInterrupt" in told
-    assert spf.read_log(log).summary["outcome"] == "aborted"
+    summary = spf.read_log(log).summary
+    assert summary is not None and summary["outcome"] == "aborted"
 
 
 def test_images_are_asked_about(tmp_path: Path) -> None:

@@ -185,7 +185,7 @@ def fly(
     policy: Callable[[Query], Step] | _Policy | None = None,
     drone: str = "sim",
     unattended: bool = False,
-    flags: Sequence[str] = (),
+    flags: Sequence[str] | None = None,
     on_decision: Callable[[Decision], object] | None = None,
     avoid: bool | None = None,
     depth_sensor: bool = False,

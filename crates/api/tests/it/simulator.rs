@@ -6,9 +6,12 @@ use spf_api::simulator::{Observation, Simulator, SimulatorSettings, step_all};
 use spf_core::command::Setpoint;
 use spf_core::query::ImagePoint;
 
+fn office_settings() -> SimulatorSettings {
+    SimulatorSettings { scene: "office".to_owned(), craft: None, seed: 0, start: None, size: Some((64, 48)) }
+}
+
 fn office(seed: u64) -> Simulator {
-    let size = Some((64, 48));
-    Simulator::new(&SimulatorSettings { scene: "office".to_owned(), craft: None, seed, start: None, size }).unwrap()
+    Simulator::new(&SimulatorSettings { seed, ..office_settings() }).unwrap()
 }
 
 fn ahead(forward: f64) -> Setpoint {
@@ -101,6 +104,18 @@ fn distances_are_to_surfaces() {
     let near = up.distance_to(key).unwrap();
     assert!(near <= centre.distance(up.pose.position) && near > 0.0, "{near}");
     assert!(up.distance_to("vending machin").unwrap_err().to_string().contains("vending machin"));
+}
+
+#[test]
+fn the_first_image_of_a_scene_is_made_in_one_thread_while_many_are_stepped_in_others() {
+    let yard = |seed| Simulator::new(&SimulatorSettings { scene: "yard".to_owned(), seed, ..office_settings() }).unwrap();
+    let all: Vec<Mutex<Simulator>> = (0..4).map(|seed| Mutex::new(yard(seed))).collect();
+    let craft: Vec<_> = all.iter().map(|one| (one, Setpoint::HOLD)).collect();
+    // They would wait for each other for ever, had the scene to be made ready in the pool's own tasks.
+    std::thread::scope(|scope| {
+        scope.spawn(|| assert!(!yard(9).observe().rgb().is_empty()));
+        assert!(step_all(&craft, 0.1).iter().all(|one| one.as_ref().is_ok_and(|seen| !seen.rgb().is_empty())));
+    });
 }
 
 #[test]
