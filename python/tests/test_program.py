@@ -5,6 +5,7 @@ import select
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -95,21 +96,36 @@ class Alarm(Exception):
 
 
 def test_whatever_is_raised_the_program_lands_before_it_goes_on(tmp_path: Path) -> None:
-    # A program that takes a second to land.
-    lands = "import signal, sys, time; signal.signal(signal.SIGINT, lambda *_: (time.sleep(1), print('landed'), sys.exit(5))); time.sleep(60)"
+    ready, landed = tmp_path / "ready", tmp_path / "landed"
+    # A program that takes a moment to land.
+    lands = f"""import pathlib, signal, sys, time
+def land(*_):
+    time.sleep(0.5)
+    pathlib.Path({str(landed)!r}).touch()
+    sys.exit(5)
+signal.signal(signal.SIGINT, land)
+pathlib.Path({str(ready)!r}).touch()
+time.sleep(300)
+"""
 
     def alarm(*_: object) -> None:
         raise Alarm
 
+    def alarms() -> None:
+        while not ready.exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGALRM)
+
     before = signal.signal(signal.SIGALRM, alarm)
-    signal.setitimer(signal.ITIMER_REAL, 1.5)
-    began = time.monotonic()
+    thread = threading.Thread(target=alarms)
     try:
         with pytest.raises(Alarm), _Foreground() as foreground:
+            thread.start()
             foreground.run([sys.executable, "-c", lands], dict(os.environ))
     finally:
+        thread.join()
         signal.signal(signal.SIGALRM, before)
-    assert foreground.child is not None and foreground.child.poll() == 5 and 2.4 < time.monotonic() - began < 50
+    assert landed.exists() and foreground.child is not None and foreground.child.poll() == 5
 
 
 def test_functions_are_for_the_simulator() -> None:
