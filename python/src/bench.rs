@@ -10,6 +10,7 @@ use spf_api::vlm::LATENCY_S;
 use spf_bench::contrast::{Contrast, Scoring, across};
 use spf_bench::stats::Rate;
 use spf_bench::table::{Line, table};
+use spf_bench::task::SUITES;
 use spf_bench::trial::Record;
 
 use crate::convert;
@@ -96,6 +97,12 @@ pub(crate) fn bench_run<'py>(
         Some(error) => Err(error),
         None => convert::json(py, &ended.map_err(|error| raised(py, &error))?),
     }
+}
+
+/// The names of the tasks of each suite, in order.
+#[pyfunction]
+pub(crate) fn bench_suites() -> Vec<(&'static str, Vec<&'static str>)> {
+    SUITES.iter().map(|suite| (suite.name, suite.names().collect())).collect()
 }
 
 /// The rows in a folder, as dicts.

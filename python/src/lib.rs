@@ -20,7 +20,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _native {
     #[pymodule_export]
-    use super::bench::{bench_pairs, bench_rates, bench_rows, bench_run};
+    use super::bench::{bench_pairs, bench_rates, bench_rows, bench_run, bench_suites};
     #[pymodule_export]
     use super::flight::Flight;
     #[pymodule_export]
@@ -32,5 +32,5 @@ mod _native {
     #[pymodule_export]
     use super::record::{Decision, FlightLog, read_log};
     #[pymodule_export]
-    use super::simulator::{Observation, Simulator, step_all};
+    use super::simulator::{Observation, Simulator, scenes, step_all};
 }

@@ -140,6 +140,12 @@ impl Simulator {
     }
 }
 
+/// The names of the built-in scenes.
+#[pyfunction]
+pub(crate) fn scenes() -> Vec<&'static str> {
+    spf_api::simulator::scenes()
+}
+
 /// Steps many simulators at once, in threads, and renders their images: the same as Simulator.step of each, in less time. Returns the
 /// spf.Observations in order.
 ///

@@ -47,6 +47,11 @@ def test_a_policy_is_compared_with_spf_on_the_same_starts(tmp_path: Path) -> Non
     assert pair["points"] <= 0 and pair["low"] <= pair["points"] <= pair["high"]
 
 
+def test_suites_have_their_tasks() -> None:
+    assert TASK in spf.bench.suites()["trials"] and len(spf.bench.suites()["paper"]) == 34
+    assert {"city", "office"} <= set(spf.scenes())
+
+
 def test_exceptions_stop_a_run_and_wrong_names_are_refused(tmp_path: Path) -> None:
     def fails(query: spf.Query) -> str:
         raise KeyError(query.instruction)

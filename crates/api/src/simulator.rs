@@ -18,6 +18,7 @@ use spf_envelope::{Cleared, Envelope};
 use spf_flight::sim::{LoadedScene, SimDrone, SimWorld, Simulated, WorldSnapshot};
 use spf_motion::executor::{Ending, Executor, Motion};
 use spf_render::{Channels, RenderedImage};
+use spf_scene::Scene;
 
 use crate::error::{Error, nearest};
 use crate::files::shared_scene;
@@ -31,6 +32,12 @@ const LONGEST_STEP_S: f64 = 60.0;
 const PATIENCE: Duration = Duration::from_secs(60);
 /// Largest image, pixels.
 const MOST_PIXELS: u64 = 1 << 24;
+
+/// The names of the built-in scenes.
+#[must_use]
+pub fn scenes() -> Vec<&'static str> {
+    Scene::built_in()
+}
 
 /// What a simulator is made of.
 #[derive(Clone, Debug)]

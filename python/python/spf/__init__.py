@@ -23,6 +23,7 @@ from spf._native import (
     parse_reply,
     prompt,
     read_log,
+    scenes,
     step_all,
 )
 from spf._program import ground
@@ -51,5 +52,6 @@ __all__ = [
     "parse_reply",
     "prompt",
     "read_log",
+    "scenes",
     "step_all",
 ]

@@ -19,11 +19,13 @@ __all__ = [
     "bench_rates",
     "bench_rows",
     "bench_run",
+    "bench_suites",
     "fly",
     "lift",
     "parse_reply",
     "prompt",
     "read_log",
+    "scenes",
     "step_all",
 ]
 
@@ -258,3 +260,5 @@ def bench_pairs(
     second: list[dict[str, Any]],
     verdict: Literal["strict", "paper"],
 ) -> list[dict[str, Any]]: ...
+def bench_suites() -> list[tuple[str, list[str]]]: ...
+def scenes() -> list[str]: ...

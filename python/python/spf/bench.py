@@ -17,13 +17,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from spf._native import Query, bench_pairs, bench_rates, bench_rows, bench_run
+from spf._native import Query, bench_pairs, bench_rates, bench_rows, bench_run, bench_suites
 from spf._types import Step
 
 if TYPE_CHECKING:
     from spf._native import _Policy
 
-__all__ = ["Run", "compare", "read", "run"]
+__all__ = ["Run", "compare", "read", "run", "suites"]
 
 HEAD = ("method", "VLM", "tasks", "strict", "paper", "collided")
 
@@ -166,3 +166,8 @@ def compare(first: Run, second: Run, *, verdict: Literal["strict", "paper"] = "s
     about what a model would do.
     """
     return bench_pairs(first.rows, second.rows, verdict)
+
+
+def suites() -> dict[str, list[str]]:
+    """The names of the tasks of each suite. ``spf bench list`` has their instructions too."""
+    return dict(bench_suites())
