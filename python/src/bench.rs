@@ -51,7 +51,7 @@ pub(crate) fn bench_run<'py>(
         (Some(function), None) => {
             request.caller =
                 Some(Caller { name: name.unwrap_or_else(|| name_of(&function)), latency_s: vlm_latency_s.unwrap_or(LATENCY_S) });
-            Some(Answers::reply(function))
+            Some(Answers::Reply(function))
         }
         (None, Some(policy)) => {
             if !request.methods.is_empty() || !request.vlms.is_empty() {

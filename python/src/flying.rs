@@ -151,7 +151,7 @@ pub(crate) fn fly(
         }
         (Some(vlm), None) if vlm.is_callable() => {
             request.answerer = Answerer::Caller { name: name_of(&vlm), latency_s: vlm_latency_s.unwrap_or(LATENCY_S) };
-            Some(Answers::reply(vlm))
+            Some(Answers::Reply(vlm))
         }
         (Some(vlm), None) => {
             let Ok(name) = vlm.cast::<PyString>() else {
@@ -215,11 +215,6 @@ pub(crate) enum Answers<'py> {
 }
 
 impl<'py> Answers<'py> {
-    /// A function that is the VLM.
-    pub(crate) fn reply(function: Bound<'py, PyAny>) -> Self {
-        Self::Reply(function)
-    }
-
     /// A policy: a function, or an object whose method `handle` is one.
     pub(crate) fn step(py: Python<'py>, policy: Bound<'py, PyAny>) -> PyResult<Self> {
         if policy.is_instance_of::<PyType>() {

@@ -42,9 +42,9 @@ pub struct BenchRequest {
     pub vlms: Vec<String>,
     /// The caller as a VLM, in addition.
     pub caller: Option<Caller>,
-    /// Number of trials of each task, and the seed of the first.
+    /// Number of trials of each task.
     pub trials: u64,
-    /// That seed.
+    /// Seed of the first of them; the others follow.
     pub seed: u64,
     /// The folder of the rows: a new one, or that of the same request.
     pub folder: PathBuf,
