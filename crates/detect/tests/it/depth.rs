@@ -179,26 +179,19 @@ proptest! {
     }
 }
 
-/// How long a network of the size of Depth Anything V2-Small takes, with the file left in `target` for `spf doctor --depth-model`.
+/// A network of the size of Depth Anything V2-Small in two sizes of image, the files left in `target` for
+/// `spf doctor --depth-model`, which says how long they take: here, without optimisation, an image takes half a minute.
 #[test]
-#[ignore = "a file of 90 MB, and seconds per image without optimisation"]
-#[allow(clippy::print_stdout, reason = "it says how long it takes")]
+#[ignore = "files of 90 MB, and half a minute for an image without optimisation"]
 fn a_network_of_real_size_runs() {
-    for size in [(252, 196), (336, 252)] {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"));
+    for size in [(336, 252), (252, 196)] {
         let bytes = made::vit::vit(size);
-        let network = open_bytes(&bytes, options(OutputKind::Relative)).unwrap();
-        assert_eq!((network.input(), network.output()), (size, size));
-        let image = image(|z| z / 16.0);
-        let mut times: Vec<f64> = (0..9)
-            .map(|_| {
-                let began = std::time::Instant::now();
-                network.estimate(FRAME, &Camera::quad(), &image).unwrap();
-                began.elapsed().as_secs_f64()
-            })
-            .collect();
-        times.sort_by(f64::total_cmp);
-        println!("{}×{}: {:.3} s (median of 9), {:.0} MB", size.0, size.1, times[4], bytes.len() as f64 * 1e-6);
-        let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"));
-        std::fs::write(folder.join(format!("vit-{}x{}.onnx", size.0, size.1)), bytes).unwrap();
+        std::fs::write(folder.join(format!("vit-{}x{}.onnx", size.0, size.1)), &bytes).unwrap();
+        if size == (252, 196) {
+            let network = open_bytes(&bytes, options(OutputKind::Relative)).unwrap();
+            assert_eq!((network.input(), network.output()), (size, size));
+            network.estimate(FRAME, &Camera::quad(), &image(|z| z / 16.0)).unwrap();
+        }
     }
 }
