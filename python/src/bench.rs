@@ -45,6 +45,13 @@ pub(crate) fn bench_run<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let mut request = BenchRequest { suite, tasks, methods, vlms, caller: None, trials, seed, folder, jobs, max_cost_usd };
     let answers = match (function, policy) {
+        (None, None) if vlm_latency_s.is_some() => {
+            return Err(wrong(
+                py,
+                "vlm_latency_s is that of a function or policy",
+                "an oracle's stands in its name, as in vlm=\"oracle:default@2s\"; a vendor's is measured",
+            ));
+        }
         (None, None) if name.is_some() => return Err(wrong(py, "name is that of a function or policy", "leave it out")),
         (None, None) => None,
         (Some(_), Some(_)) => return Err(wrong(py, "a policy queries no VLM", "give a function as vlm, or policy")),

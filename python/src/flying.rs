@@ -132,6 +132,10 @@ pub(crate) fn fly(
     request.video = video;
     request.out = out;
     request.watched = on_decision.is_some();
+    if vlm_latency_s.is_some() && policy.is_none() && !vlm.as_ref().is_some_and(|vlm| vlm.is_callable()) {
+        let hint = "leave it out: a vendor's is measured, and an oracle draws its own";
+        return Err(wrong(py, "vlm_latency_s is that of a function or policy", hint));
+    }
     let answers = match (vlm, policy) {
         (None, None) => None,
         (Some(_), Some(_)) => {

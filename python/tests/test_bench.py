@@ -1,5 +1,6 @@
 """Trials of many tasks."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,9 @@ def test_a_function_is_the_vlm_of_trials_and_a_second_call_flies_nothing(tmp_pat
     assert [row["seed"] for row in run.rows] == [3, 4] and len(told) >= 6
     assert {row["vlm"] for row in run.rates} == {"python-counted"}
     assert run.rates[-1]["strict"]["of"] == 2 and "python-counted" in repr(run) and "<td>" in run._repr_html_()
+    head = json.loads((tmp_path / "run" / "run.json").read_text())
+    called = 'spf.bench.run(tasks=["trial-office-armchair"], name="python:counted", vlm_latency_s=1.5, trials=2, seed=3)'
+    assert called in head.values()
     before = len(told)
     with pytest.warns(UserWarning, match="2 of 2 trials are those"):
         again = spf.bench.run(tasks=TASK, vlm=counted, trials=2, seed=3, out=tmp_path / "run")
@@ -63,6 +67,7 @@ def test_exceptions_stop_a_run_and_wrong_names_are_refused(tmp_path: Path) -> No
         ({"suite": "papr"}, "did you mean `paper`"),
         ({"tasks": ["trial-office-armchar"]}, "did you mean `trial-office-armchair`"),
         ({"tasks": [TASK], "methods": ["spf-defult"]}, "did you mean `spf-default`"),
+        ({"tasks": [TASK], "vlm": "oracle:default", "vlm_latency_s": 2}, "oracle:default@2s"),
         ({}, "no task"),
     ]:
         with pytest.raises(spf.UsageError, match=words):

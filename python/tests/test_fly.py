@@ -245,6 +245,8 @@ def test_policy_and_vlm_exclude_each_other() -> None:
         spf.fly("ahead", policy=5)  # type: ignore[arg-type]
     with pytest.raises(spf.UsageError, match="Square\\(\\)"):
         spf.fly("ahead", policy=Square)  # type: ignore[arg-type]
+    with pytest.raises(spf.UsageError, match="vlm_latency_s is that of a function"):
+        spf.fly("ahead", vlm="oracle", vlm_latency_s=3)
     with pytest.raises(spf.UsageError, match="depth_sensor"):
         spf.fly("ahead", policy=Square(), avoid=True)
     hold: object = spf.Hold()

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import PIL.Image
@@ -164,3 +165,11 @@ def test_in_a_terminal_the_program_has_the_keys_and_ctrl_c_lands(tello: tuple[st
     os.waitpid(child, 0)
     assert pressed and b"ended aborted True" in told, told.decode(errors="replace")
     assert b"KeyboardInterrupt" not in told
+
+
+def test_the_licences_of_others_come_along() -> None:
+    files = [file for file in metadata.files("spf-fly") or [] if file.name == "LICENSE-THIRD-PARTY"]
+    assert len(files) == 1
+    text = files[0].read_text()
+    # The module's own binding, the program's video, and the text of one that asks for it.
+    assert "\npyo3 " in text and "\nopenh264-sys2 " in text and "Cisco Systems" in text

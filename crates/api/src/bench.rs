@@ -54,6 +54,18 @@ pub struct BenchRequest {
     pub max_cost_usd: Option<f64>,
 }
 
+impl BenchRequest {
+    /// The call, for the head of the results: what tells the trials of one run from those of another.
+    fn in_words(&self) -> String {
+        let Self { suite, tasks, methods, vlms, caller, trials, seed, .. } = self;
+        let lists = [("tasks", tasks), ("methods", methods), ("vlm", vlms)];
+        let mut said: Vec<String> = suite.iter().map(|name| format!("{name:?}")).collect();
+        said.extend(lists.iter().filter(|(_, names)| !names.is_empty()).map(|(key, names)| format!("{key}={names:?}")));
+        said.extend(caller.iter().map(|Caller { name, latency_s }| format!("name={name:?}, vlm_latency_s={latency_s}")));
+        format!("spf.bench.run({}, trials={trials}, seed={seed})", said.join(", "))
+    }
+}
+
 /// What a run needs of its caller, or tells it.
 #[derive(Debug)]
 pub enum BenchHappening {
@@ -182,7 +194,7 @@ pub fn start(request: &BenchRequest) -> Result<Benching, Error> {
     let plan = Plan { tasks, methods, pointers, trials, seed, max_cost_usd: None };
     let head = plan.head(Shard::WHOLE, &shown);
     let jobs = request.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1);
-    let options = RunOptions { jobs, videos: false, command: "spf.bench.run".to_owned(), files, asked: None };
+    let options = RunOptions { jobs, videos: false, command: request.in_words(), files, asked: None };
     let service = Service::new(Arc::new(WallClock::default()), request.max_cost_usd, |wait| {
         tracing::warn!(vlm = wait.vlm, error = %wait.error, "no answer; asked again");
     });
