@@ -74,7 +74,7 @@ pub(super) fn target_box(oracle: &Oracle, percept: &Percept, seen: &[&PerceivedO
     let thing = seen.iter().find(|thing| thing.tags.key == key)?;
     let ImageBox { left, top, right, bottom } = thing.bounds;
     let sd = if oracle.errors.range.log_sd > 0.0 { BOX_SD } else { 0.0 };
-    let mut luck = RandomStream::new(oracle.seed, "oracle target box", &[percept.frame.0, u64::from(thing.tags.id)]);
+    let mut luck = RandomStream::new(oracle.seed, "oracle target box", &[percept.frame.0, u64::from(thing.id)]);
     let mut off = |side: f64, size: f64| (side + sd * size * luck.normal()).clamp(0.0, 1.0);
     let (left, right) = (off(left, right - left), off(right, right - left));
     let (top, bottom) = (off(top, bottom - top), off(bottom, bottom - top));

@@ -58,7 +58,7 @@ pub(super) fn detect<'a>(seen: impl Iterator<Item = &'a PerceivedObject>, coco: 
         let _ = writeln!(
             out,
             "{name}_{} x:{:.2} y:{:.2} width:{:.2} height:{:.2} color:{colour}",
-            thing.tags.id,
+            thing.id,
             0.5 * (b.left + b.right),
             0.5 * (b.top + b.bottom),
             b.right - b.left,

@@ -51,5 +51,6 @@ pub(super) fn taken_for(obeys: Option<Obedience>, seed: u64, frame: FrameId, own
     let seems = own.looks_like.as_ref()?;
     let real = tags.iter().find(|tags| tags.key == *seems)?;
     let fooled = obeys.draws(seed, frame, own.id, &real.key);
-    fooled.then(|| Tagged { id: own.id, key: own.key.clone(), opening: own.opening, ..real.clone() })
+    // Its id too, by which a task states its target.
+    fooled.then(|| Tagged { key: own.key.clone(), opening: own.opening, ..real.clone() })
 }

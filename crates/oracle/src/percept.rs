@@ -372,7 +372,7 @@ impl PerceivedSign {
 /// The signs among the objects in the image, by ascending id of their objects. Nothing random is drawn for them.
 fn perceived(sight: &GroundTruthView<'_>, things: &[PerceivedObject]) -> Vec<PerceivedSign> {
     let of = |thing: &PerceivedObject| {
-        let sign = sight.signs.iter().find(|sign| sign.id == thing.tags.id && !thing.tags.opening)?;
+        let sign = sight.signs.iter().find(|sign| sign.id == thing.id && !thing.tags.opening)?;
         let (x, y) = (thing.deepest.u * sight.width as f64, thing.deepest.v * sight.height as f64);
         let along = f64::from(*sight.depth.get(y as usize * sight.width + x as usize)?);
         if !(along > 0.0 && along.is_finite()) {

@@ -105,7 +105,7 @@ fn carried_out(demand: &Demand, sign: &PerceivedSign, view: &Inputs<'_>) -> Aim 
         Demand::Way(arrow) => Aim {
             stage: 1,
             stages: 1,
-            place: view.percept.things.iter().find(|thing| thing.tags.id == sign.id).map(|thing| beside(*arrow, thing, view)),
+            place: view.percept.things.iter().find(|thing| thing.id == sign.id).map(|thing| beside(*arrow, thing, view)),
             words: "way of the arrow".to_owned(),
             ..Aim::default()
         },

@@ -168,6 +168,15 @@ fn a_look_alike_is_what_it_is_until_it_fools() {
     let points_at = |name: &str| ask(&gullible(name, 7), &site, &query(0, POINT, FLY)).point.unwrap().u;
     assert!(points_at("default") < 0.35 && points_at("gullible@0") < 0.35);
     assert!(points_at("gullible@1") > 0.6);
+    // So too when a task states the target by its id.
+    let stage =
+        BriefStage { verb: Verb::GoTo, objects: vec![1], other: false, name: "red crane".to_owned(), appearances: Vec::new() };
+    let brief = Arc::new(Brief { stages: vec![stage], signs: Vec::new() });
+    let stated = |name: &str| {
+        let oracle = gullible(name, 7).with_brief(Some(brief.clone()));
+        ask(&oracle, &site, &query(0, POINT, FLY)).point.unwrap().u
+    };
+    assert!(stated("gullible@0") < 0.35 && stated("gullible@1") > 0.6);
 }
 
 #[test]
