@@ -38,6 +38,8 @@ pub struct Human {
     lines: Arc<Mutex<Receiver<String>>>,
     say: Say,
     folder: Arc<TempDir>,
+    /// Whether a line may be older than the image that it answers.
+    takes_earlier_lines: bool,
 }
 
 impl Human {
@@ -47,7 +49,13 @@ impl Human {
     /// The operating system's error if there is no folder for the images.
     pub fn new(lines: Receiver<String>, say: Say) -> std::io::Result<Self> {
         let folder = tempfile::Builder::new().prefix("spf-human-").tempdir()?;
-        Ok(Self { lines: Arc::new(Mutex::new(lines)), say, folder: Arc::new(folder) })
+        Ok(Self { lines: Arc::new(Mutex::new(lines)), say, folder: Arc::new(folder), takes_earlier_lines: false })
+    }
+
+    /// The same, for lines that nobody types while looking, as those of a pipe: one answers each query, in their order.
+    #[must_use]
+    pub fn from_a_pipe(self) -> Self {
+        Self { takes_earlier_lines: true, ..self }
     }
 
     fn ask(&self, request: &QueryRequest<'_>, image: &mut dyn QueryImage, size: (u32, u32)) -> Result<String, VlmError> {
@@ -67,7 +75,7 @@ impl Human {
         };
         let lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         // What was typed before the image was there is not about it.
-        while lines.try_recv().is_ok() {}
+        while !self.takes_earlier_lines && lines.try_recv().is_ok() {}
         let (width, height) = size;
         let confirm = if query.memory.confirming { " You answered `done`. Look again, and confirm or correct it." } else { "" };
         (self.say)(&format!(
@@ -296,6 +304,9 @@ mod tests {
         assert!(text.contains("[240.0,360.0]"), "{text}");
         let (send, _seen) = typist.join().unwrap();
         assert_eq!(ask(&mut human, Duration::ZERO).unwrap_err().code(), "deadline");
+        send.send("0.5 0.5 2".to_owned()).unwrap();
+        let mut piped = human.clone().from_a_pipe();
+        assert!(ask(&mut piped, Duration::from_secs(20)).unwrap().contains("[480.0,360.0]"));
         drop(send);
         assert_eq!(ask(&mut human, Duration::from_secs(20)).unwrap_err().to_string(), "`human` failed: standard input has ended");
     }

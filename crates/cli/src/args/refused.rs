@@ -6,6 +6,8 @@ use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Command, CommandFactory};
 
+use spf_api::error::nearest;
+
 use super::Cli;
 
 /// The parser's `error` about the command `line`, with what is known of the flags that it names.
@@ -28,6 +30,14 @@ pub(crate) fn explained(mut error: clap::Error, line: &[OsString]) -> clap::Erro
                 && let Some(takes) = help(&command, flag)
             {
                 error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(takes)]));
+            }
+        }
+        ErrorKind::InvalidSubcommand => {
+            if error.get(ContextKind::SuggestedSubcommand).is_none()
+                && let Some(ContextValue::String(word)) = error.get(ContextKind::InvalidSubcommand)
+                && let Some(near) = nearest(word, command.get_subcommands().map(Command::get_name))
+            {
+                error.insert(ContextKind::SuggestedSubcommand, ContextValue::Strings(vec![near.to_owned()]));
             }
         }
         _ => {}
@@ -91,6 +101,17 @@ mod tests {
         assert!(!message("spf fly x --model m").contains("'--drone-model'"));
         assert!(message("spf fly x --sceen city").contains("'--scene'"));
         assert!(!message("spf fly x --check").contains("'--no-vlm-check'"));
+    }
+
+    #[test]
+    fn a_misspelt_command_is_recognised() {
+        for (line, meant) in
+            [("spf fyl x", "fly"), ("spf bnech run", "bench"), ("spf log exprot x", "export"), ("spf sim scens", "scenes")]
+        {
+            let message = message(line);
+            assert!(message.contains(&format!("similar subcommand exists: '{meant}'")), "{message}");
+        }
+        assert!(!message("spf qqqqqqq").contains("similar"));
     }
 
     #[test]

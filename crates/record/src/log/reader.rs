@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 use bytes::Bytes;
@@ -84,9 +84,15 @@ impl LogReader<BufReader<File>> {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`ReadError::Read`] if it cannot be opened.
+    /// [`ReadError::Read`] if it cannot be opened, [`ReadError::Broken`] if it does not begin as an MCAP file does: one that is shorter
+    /// than that would be a log of which the rest is missing.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        spf_input::open(path).map(|file| Self::new(BufReader::new(file))).map_err(ReadError::Read)
+        let mut file = BufReader::new(spf_input::open(path).map_err(ReadError::Read)?);
+        let begin = file.fill_buf().map_err(ReadError::Read)?;
+        if begin.iter().zip(mcap::MAGIC).any(|(found, expected)| found != expected) {
+            return Err(ReadError::Broken(McapError::BadMagic));
+        }
+        Ok(Self::new(file))
     }
 }
 

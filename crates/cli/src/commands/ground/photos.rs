@@ -52,6 +52,10 @@ pub(super) fn ask(args: &Ground, settings: &Settings, options: AskOptions, print
         return Err(CliError::usage("an image and an instruction are required")
             .hint("spf ground photo.jpg \"the blue door\" --vlm gemini"));
     };
+    // A wrong path is told before a wrong model.
+    for image in images {
+        found(image)?;
+    }
     let (answerers, sentences) = answerers(args, settings)?;
     if answerers.iter().any(is_oracle) {
         return Err(CliError::usage("the oracle cannot read photographs: it needs the simulator's ID and depth images").hint(
@@ -159,12 +163,23 @@ fn open(image: &str, args: &Ground, printer: &Printer) -> Result<Vec<ImageInput>
     files.iter().map(|path| file(path, args)).collect::<Result<Vec<_>, _>>().map(|found| found.into_iter().flatten().collect())
 }
 
+/// An error for a path at which there is nothing.
+fn found(image: &str) -> Result<(), CliError> {
+    if CameraUrl::is_one(image) || image == "-" {
+        return Ok(());
+    }
+    let path = Path::new(image);
+    std::fs::metadata(path).map(drop).map_err(|error| unreadable(path, &error))
+}
+
+fn unreadable(path: &Path, error: &std::io::Error) -> CliError {
+    CliError::usage(format!("cannot read the image `{}`", path.display()))
+        .because(error)
+        .hint("give images first and the instruction last: spf ground photo.jpg \"the blue door\"")
+}
+
 fn file(path: &Path, args: &Ground) -> Result<Vec<ImageInput>, CliError> {
-    let open = spf_input::open(path).map_err(|error| {
-        CliError::usage(format!("cannot read the image `{}`", path.display()))
-            .because(&error)
-            .hint("give images first and the instruction last: spf ground photo.jpg \"the blue door\"")
-    })?;
+    let open = spf_input::open(path).map_err(|error| unreadable(path, &error))?;
     let name = path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
     decoded(&name, &bytes(open, &path.display().to_string())?, args)
 }

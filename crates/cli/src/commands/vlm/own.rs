@@ -1,6 +1,6 @@
 //! Who else may answer: a program of the user's own (`exec:COMMAND`), and the user (`human`).
 
-use std::io::BufRead as _;
+use std::io::{BufRead as _, IsTerminal as _};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
@@ -115,6 +115,7 @@ static CONSOLE: LazyLock<Result<Console, String>> = LazyLock::new(|| {
     let (send, lines) = channel();
     let (order, operator) = channel();
     let human = Human::new(lines, Arc::new(background::say)).map_err(|error| error.to_string())?;
+    let human = if std::io::stdin().is_terminal() { human } else { human.from_a_pipe() };
     let read = move || read(&send, &order);
     std::thread::Builder::new().name("human".to_owned()).spawn(read).map_err(|error| error.to_string())?;
     Ok(Console { human, operator: Mutex::new(Some(operator)) })
