@@ -133,7 +133,7 @@ pub(crate) fn fly(
     request.out = out;
     request.watched = on_decision.is_some();
     if vlm_latency_s.is_some() && policy.is_none() && !vlm.as_ref().is_some_and(|vlm| vlm.is_callable()) {
-        let hint = "leave it out: a vendor's is measured, and an oracle draws its own";
+        let hint = "leave it out: a vendor's is measured, and an oracle draws its own; in spf.bench.run an oracle's may stand in its name";
         return Err(wrong(py, "vlm_latency_s is that of a function or policy", hint));
     }
     let answers = match (vlm, policy) {

@@ -52,5 +52,5 @@ pub(super) fn taken_for(obeys: Option<Obedience>, seed: u64, frame: FrameId, own
     let real = tags.iter().find(|tags| tags.key == *seems)?;
     let fooled = obeys.draws(seed, frame, own.id, &real.key);
     // Its id too, by which a task states its target.
-    fooled.then(|| Tagged { key: own.key.clone(), opening: own.opening, ..real.clone() })
+    fooled.then(|| Tagged { key: own.key.clone(), opening: own.opening, opening_of: own.opening_of.clone(), ..real.clone() })
 }

@@ -84,8 +84,8 @@ impl LogReader<BufReader<File>> {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`ReadError::Read`] if it cannot be opened, [`ReadError::Broken`] if it does not begin as an MCAP file does: one that is shorter
-    /// than that would be a log of which the rest is missing.
+    /// [`ReadError::Read`] if it cannot be opened, [`ReadError::Broken`] if it does not begin as an MCAP file does. An empty file, and
+    /// one that ends within these first bytes, is a log of which the rest is missing.
     pub fn open(path: &Path) -> Result<Self, ReadError> {
         let mut file = BufReader::new(spf_input::open(path).map_err(ReadError::Read)?);
         let begin = file.fill_buf().map_err(ReadError::Read)?;

@@ -109,6 +109,11 @@ fn other_files_are_refused() {
         let refused = LogReader::open(&path).map(drop);
         assert!(matches!(refused, Err(ReadError::Broken(_))), "{refused:?}");
     }
+    for begun in [&b""[..], b"\x89MCA"] {
+        std::fs::write(&path, begun).unwrap();
+        let (entries, trouble) = read(&path);
+        assert!(entries.is_empty() && matches!(trouble, Some(ReadError::Torn)), "{trouble:?}");
+    }
 }
 
 /// A log of some chunks, as bytes.

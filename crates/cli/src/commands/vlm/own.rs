@@ -123,6 +123,7 @@ static CONSOLE: LazyLock<Result<Console, String>> = LazyLock::new(|| {
 
 /// Reads standard input to its end: orders to the drone, and all else as answers.
 fn read(answers: &Sender<String>, orders: &Sender<OperatorEvent>) {
+    let is_typed = std::io::stdin().is_terminal();
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let order = match line.trim() {
             word if word == ORDERS[0] => Some(OperatorEvent::Hold),
@@ -130,9 +131,9 @@ fn read(answers: &Sender<String>, orders: &Sender<OperatorEvent>) {
             word if word == ORDERS[2] => Some(OperatorEvent::Land),
             _ => None,
         };
-        // An error means that the flight is over.
+        // An error means that the flight is over. An order ends the query of whoever typed it; what stands in a pipe was written before.
         let sent = match order {
-            Some(order) => orders.send(order).is_ok() && answers.send(line).is_ok(),
+            Some(order) => orders.send(order).is_ok() && (!is_typed || answers.send(line).is_ok()),
             None => answers.send(line).is_ok(),
         };
         if !sent {
