@@ -115,15 +115,15 @@ static CONSOLE: LazyLock<Result<Console, String>> = LazyLock::new(|| {
     let (send, lines) = channel();
     let (order, operator) = channel();
     let human = Human::new(lines, Arc::new(background::say)).map_err(|error| error.to_string())?;
-    let human = if std::io::stdin().is_terminal() { human } else { human.from_a_pipe() };
-    let read = move || read(&send, &order);
+    let is_typed = std::io::stdin().is_terminal();
+    let human = if is_typed { human } else { human.from_a_pipe() };
+    let read = move || read(is_typed, &send, &order);
     std::thread::Builder::new().name("human".to_owned()).spawn(read).map_err(|error| error.to_string())?;
     Ok(Console { human, operator: Mutex::new(Some(operator)) })
 });
 
 /// Reads standard input to its end: orders to the drone, and all else as answers.
-fn read(answers: &Sender<String>, orders: &Sender<OperatorEvent>) {
-    let is_typed = std::io::stdin().is_terminal();
+fn read(is_typed: bool, answers: &Sender<String>, orders: &Sender<OperatorEvent>) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let order = match line.trim() {
             word if word == ORDERS[0] => Some(OperatorEvent::Hold),
