@@ -115,15 +115,14 @@ static CONSOLE: LazyLock<Result<Console, String>> = LazyLock::new(|| {
     let (send, lines) = channel();
     let (order, operator) = channel();
     let human = Human::new(lines, Arc::new(background::say)).map_err(|error| error.to_string())?;
-    let is_typed = std::io::stdin().is_terminal();
-    let human = if is_typed { human } else { human.from_a_pipe() };
-    let read = move || read(is_typed, &send, &order);
+    let human = if std::io::stdin().is_terminal() { human } else { human.from_a_pipe() };
+    let read = move || read(&send, &order);
     std::thread::Builder::new().name("human".to_owned()).spawn(read).map_err(|error| error.to_string())?;
     Ok(Console { human, operator: Mutex::new(Some(operator)) })
 });
 
 /// Reads standard input to its end: orders to the drone, and all else as answers.
-fn read(is_typed: bool, answers: &Sender<String>, orders: &Sender<OperatorEvent>) {
+fn read(answers: &Sender<String>, orders: &Sender<OperatorEvent>) {
     for line in std::io::stdin().lock().lines().map_while(Result::ok) {
         let order = match line.trim() {
             word if word == ORDERS[0] => Some(OperatorEvent::Hold),
@@ -131,9 +130,10 @@ fn read(is_typed: bool, answers: &Sender<String>, orders: &Sender<OperatorEvent>
             word if word == ORDERS[2] => Some(OperatorEvent::Land),
             _ => None,
         };
-        // An error means that the flight is over. An order ends the query of whoever typed it; what stands in a pipe was written before.
+        // An error means that the flight is over. An order also ends the query that reads it: a simulated world stands still for its
+        // answer, and carries out no order meanwhile.
         let sent = match order {
-            Some(order) => orders.send(order).is_ok() && (!is_typed || answers.send(line).is_ok()),
+            Some(order) => orders.send(order).is_ok() && answers.send(line).is_ok(),
             None => answers.send(line).is_ok(),
         };
         if !sent {
