@@ -5,6 +5,8 @@ use std::path::Path;
 
 use spf_flight::doctor::{self, Check, Finding};
 use spf_scene::SceneLook;
+use spf_vlm::setup::has_key;
+use spf_vlm::table::VendorRow;
 
 use super::fly::real::{CAMERA_EXAMPLE, NO_ORACLE};
 use super::fly::settings::options;
@@ -15,7 +17,7 @@ use crate::args::Doctor;
 use crate::error::CliError;
 use crate::exit::Exit;
 use crate::printer::{Printer, table};
-use crate::settings::{DroneName, Settings};
+use crate::settings::{DroneName, Settings, variables};
 
 /// Runs all checks and prints their results with advice.
 pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError> {
@@ -43,6 +45,9 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
         checks.extend(camera::check(url, &args.camera, options(&settings)?.tello)?);
     }
     checks.extend(vlm(&settings)?);
+    if simulated.is_some() && settings.fly.vlm.text().is_none_or(|name| name == "oracle") {
+        checks.push(stand_in(&settings).unwrap_or_else(|error| refused("VLM", &error)));
+    }
     // It renders for seconds: what is wrong in the command is said before.
     if let Some(loaded) = simulated {
         checks.insert(0, doctor::simulator(&loaded));
@@ -61,6 +66,23 @@ pub(crate) fn doctor(args: &Doctor, printer: &Printer) -> Result<Exit, CliError>
     }
     let bad = checks.iter().any(|check| check.finding == Finding::Bad);
     Ok(if bad { Exit::Failed } else { Exit::Success })
+}
+
+/// Who answers a simulated flight unless it names a VLM, and which vendors could.
+fn stand_in(settings: &Settings) -> Result<Check, CliError> {
+    let (models, variables) = (super::vlm::table(settings)?, variables()?);
+    let is_usable = |vendor: &VendorRow| {
+        let model = models.models().iter().filter(|row| row.vendor == vendor.name).find_map(|row| models.row_model(row));
+        vendor.key_needed && model.is_some_and(|model| has_key(&model, &variables))
+    };
+    let vendors: Vec<&str> =
+        models.vendors().iter().filter(|vendor| is_usable(vendor)).map(|vendor| vendor.name.as_str()).collect();
+    let keys = if vendors.is_empty() {
+        "no vendor's key is set (`spf vlm list` has the vendors)".to_owned()
+    } else {
+        format!("a key is set for {}: --vlm {}", vendors.join(", "), vendors[0])
+    };
+    Ok(Check::new("VLM", Finding::Good, format!("the oracle, in place of one; {keys}"), None))
 }
 
 fn is_oracle(vlm: &str) -> bool {

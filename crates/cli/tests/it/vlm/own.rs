@@ -87,6 +87,16 @@ fn only_the_command_line_may_name_a_program() {
 }
 
 #[test]
+fn the_doctor_without_a_drone_tells_who_answers_and_whose_keys_are_set() {
+    let lab = Lab::new();
+    let run = lab.spf(&["doctor"]);
+    assert_eq!(run.code, Some(0), "{}", run.stdout);
+    assert!(run.stdout.contains("the oracle, in place of one; no vendor's key is set"), "{}", run.stdout);
+    let run = Run::of(&lab.command(&["doctor"]).env("GEMINI_API_KEY", KEY).output().unwrap());
+    assert!(run.stdout.contains("a key is set for gemini: --vlm gemini") && !run.stdout.contains(KEY), "{}", run.stdout);
+}
+
+#[test]
 fn a_program_that_cannot_answer_is_named_with_its_reason() {
     let lab = Lab::new();
     let missing = lab.spf(&["fly", "fly to the red crane", "--vlm", "exec:/no/such/program x", "--no-video"]);
