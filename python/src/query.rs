@@ -106,6 +106,20 @@ impl Query {
         leads(py, &lifted)
     }
 
+    /// The distance from the target within which the instruction counts as fulfilled, metres; None if none is stated.
+    #[getter]
+    fn near_m(&self) -> Option<f64> {
+        self.question.query().near_m
+    }
+
+    /// What is known of the flight so far, as numbers: a dict as `memory` in the topic /query of the flight log. For a function that is
+    /// the VLM it has the last answers and what was flown since the last image (since_image); always the height above the take-off
+    /// point and how far the craft may climb and sink (room), metres.
+    #[getter]
+    fn history<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        json(py, &self.question.query().memory)
+    }
+
     /// The number of the query, from 0.
     #[getter]
     fn number(&self) -> u64 {

@@ -74,6 +74,10 @@ def test_a_function_answers_and_its_image_is_not_copied() -> None:
     assert query.instruction == "fly to the door" and query.instruction in query.prompt
     assert query.schema is not None and query.number == 0 and not query.confirming
     assert any(query.confirming for query in queries)
+    assert query.near_m is not None and query.near_m > 0 and "answers" not in query.history
+    later = queries[2].history
+    assert later["answers"][-1]["said"] == "pointed" and later["since_image"]["moved_m"] > 0.1
+    assert 0.3 < later["room"]["height"] < 3 and later["room"]["up"] > 0
     total = int(image.sum())
     queries.clear()
     del query
@@ -159,7 +163,9 @@ LONG = "print('asked', flush=True)\n    while True: spf.fly('fly to the red cran
 
 @pytest.mark.parametrize("flying", [SLOW, LONG])
 def test_ctrl_c_lands_at_once(flying: str) -> None:
-    code = f"import spf, time\nseed = 0\ntry:\n    {flying}\nexcept KeyboardInterrupt: print('interrupted', flush=True)"
+    # What a shell starts in the background ignores the signal, and so would the child.
+    heeds = "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code = f"{heeds}import spf, time\nseed = 0\ntry:\n    {flying}\nexcept KeyboardInterrupt: print('interrupted', flush=True)"
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None and process.stdout.readline() == "asked\n"
     time.sleep(0.5)
@@ -188,6 +194,7 @@ class Square:
 
     def handle(self, event: spf.Query) -> spf.Step:
         self.moves = event.moves
+        assert event.near_m is not None and 0.3 < event.history["room"]["height"] < 3
         if self.sides == 4:
             return spf.Done()
         self.sides += 1

@@ -91,7 +91,9 @@ impl Plain {
         });
         Step::Ask(Box::new(Query {
             instruction: self.instruction.clone(),
-            memory: self.memory.clone(),
+            // The prompt does not tell it; a policy of the caller's own needs it.
+            memory: Memory { room: Some(view.room), ..self.memory.clone() },
+            near_m: self.settings.near_m,
             prompt,
             image_size: self.settings.image_size,
             ..Query::new(id, view.frame.id, QueryKind::Act { form: self.settings.form })
