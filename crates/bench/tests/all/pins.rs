@@ -182,7 +182,7 @@ fn a_tenth_of_the_pinned_flights_is_the_same_as_before() {
 }
 
 #[test]
-#[ignore = "flies 60 flights: see the head of the file"]
+#[ignore = "flies 48 flights: see the head of the file"]
 fn all_pinned_flights_are_the_same_as_before() {
     let flown = rows(|_| true);
     if std::env::var_os("SPF_PINS").is_some_and(|what| what == "renew") {

@@ -159,7 +159,7 @@ fn table(flown: &[Outcome]) -> String {
     text
 }
 
-/// Two cells, the beginning of a flight and the middle of a step.
+/// One cell, the middle of a step.
 #[test]
 fn a_panic_during_a_step_lands_the_drone() {
     let cells = [(Fault::Panic, Phase::Executing)];
