@@ -7,6 +7,8 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use serde_json::json;
+use spf_core::query::Query;
+use spf_flight::pointing::{Pointer, Pointing, Waiting};
 use spf_media::Rgb;
 use spf_vlm::Vlm;
 use tokio::sync::{Semaphore, watch};
@@ -16,7 +18,6 @@ use crate::flight_controls::{FlightControls, FlightEnd, ReadInstruction};
 use crate::flights::Flights;
 use crate::hub::{Hub, Kept};
 use crate::instruments::Instruments;
-use crate::pointing::{Pointer, Pointing};
 use crate::server;
 use crate::shared::Shared;
 use crate::tls::Tls;
@@ -136,13 +137,22 @@ impl Cockpit {
     /// A VLM that answers with what is pointed at in the page; where nobody points, `other` answers, if there is one.
     #[must_use]
     pub fn pointer(&self, other: Option<Box<dyn Vlm>>) -> Pointer {
-        Pointer::new(self.pointing.clone(), self.hub.clone(), other)
+        self.pointers()(other)
     }
 
     /// The same as a function, which outlives this borrow.
     pub fn pointers(&self) -> impl Fn(Option<Box<dyn Vlm>>) -> Pointer + Send + Sync + 'static {
         let (pointing, hub) = (self.pointing.clone(), self.hub.clone());
-        move |other| Pointer::new(pointing.clone(), hub.clone(), other)
+        let waiting: Waiting = Arc::new(move |query| {
+            let question = query.map_or_else(
+                || json!({"type": "question"}),
+                |Query { id, frame, memory, .. }| {
+                    json!({"type": "question", "query": id.0, "frame": frame.0, "confirm": memory.confirming})
+                },
+            );
+            hub.tell(Kept::Question, &question);
+        });
+        move |other| Pointer::new(pointing.clone(), waiting.clone(), other)
     }
 
     /// Whether the page is open that flies, and was heard a moment ago.

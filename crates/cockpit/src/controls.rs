@@ -14,13 +14,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use spf_core::command::Setpoint;
+use spf_flight::pointing::{Given, Pointing};
 use spf_pilot::OperatorEvent;
 use tokio::sync::mpsc;
 
 use crate::flight_controls::{FlightControls, ReadInstruction};
 use crate::hub::Hub;
 use crate::message::{Hello, Order};
-use crate::pointing::{Given, Pointing};
 pub(crate) use keys::{Keys, May, Refused};
 use lost::Lost;
 use ticks::Ticks;
@@ -248,7 +248,7 @@ impl Controls {
                 vec![OperatorEvent::KeepOut(self.pointing.avoid(*area, *depth, *frame)?)]
             }
             Order::Unavoid(id) => vec![OperatorEvent::KeepOut(self.pointing.unavoid(*id)?)],
-            Order::Look(side) => return self.point(&mut inner, Given::look(*side), now),
+            Order::Look(side) => return self.point(&mut inner, Given::look((*side).into()), now),
             Order::Done => return self.point(&mut inner, Given::done(), now),
             Order::Instruction(_) | Order::Ask | Order::Give { .. } => Vec::new(),
         };
@@ -269,7 +269,7 @@ impl Controls {
         if inner.stopped.is_some_and(|at| now.duration_since(at) < STOPPED) {
             return Err("the drone was just ordered to stop: Resume first".to_owned());
         }
-        if self.pointing.answer(given)? {
+        if self.pointing.answer(given) {
             return Ok("answered".to_owned());
         }
         self.pointing.correct(given)?;

@@ -12,6 +12,7 @@ use spf_core::telemetry::Telemetry;
 use spf_core::time::{Duration, Time};
 use spf_flight::log::FlightHeader;
 use spf_flight::odometer::Odometer;
+use spf_flight::pointing::Pointing;
 use spf_flight::run::Observer;
 use spf_flight::sight::Sight;
 use spf_flight::words;
@@ -20,7 +21,6 @@ use spf_vlm::human::HUMAN;
 
 use crate::hub::{Hub, Kept, json};
 use crate::overlay::Drawn;
-use crate::pointing::Pointing;
 use crate::worker::{Job, LivePicture, Worker};
 
 /// Intervals of states, of points of the flown path, and of the obstacle map.

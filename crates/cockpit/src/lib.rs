@@ -16,7 +16,6 @@ mod instruments;
 mod message;
 mod overlay;
 mod page;
-mod pointing;
 mod secret;
 mod server;
 mod shared;
@@ -29,7 +28,6 @@ pub use cockpit::{Announce, Cockpit, CockpitError};
 pub use flight_controls::{FlightControls, FlightEnd, ReadInstruction};
 pub use flights::Flights;
 pub use instruments::Instruments;
-pub use pointing::Pointer;
 
 /// Reads a message of the page, for fuzzing; whether it is one.
 #[doc(hidden)]

@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 use serde_json::error::Category;
+use spf_core::query::Look;
 
 /// Maximum length of a message, bytes.
 pub(crate) const LONGEST: usize = 16 * 1024;
@@ -143,6 +144,18 @@ pub(crate) enum ToWatch {
     Shown(u64),
     /// Everything about the decision on this query.
     Open(u64),
+}
+
+impl From<Side> for Look {
+    fn from(side: Side) -> Self {
+        match side {
+            Side::Left => Self::Left,
+            Side::Right => Self::Right,
+            Side::Up => Self::Up,
+            Side::Down => Self::Down,
+            Side::Behind => Self::Behind,
+        }
+    }
 }
 
 impl Order {

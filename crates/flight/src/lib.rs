@@ -21,6 +21,7 @@ pub mod log;
 pub mod methods;
 pub mod odometer;
 pub mod pilot;
+pub mod pointing;
 pub mod policy;
 pub mod pose;
 mod problems;

@@ -1,10 +1,10 @@
-//! A person who points in the picture: as the one who answers (`--vlm human`), or as a correction that outranks a model once.
+//! Somebody outside who points in the picture, a person in the cockpit or an assistant: as the one who answers (`--vlm human`), or
+//! as a correction that outranks a model once.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use serde_json::json;
 use spf_core::camera::Camera;
 use spf_core::frame::FrameId;
 use spf_core::geometry::Pose;
@@ -17,9 +17,6 @@ use spf_pilot::Phase;
 use spf_vlm::human::{HUMAN, Pointed, pixels, reply_to};
 use spf_vlm::{Answer, ImageSpec, QueryImage, QueryRequest, Usage, Vlm, VlmError};
 
-use crate::hub::{Hub, Kept};
-use crate::message::Side;
-
 /// A correction that no query has taken by then is forgotten.
 const FRESH: Duration = Duration::from_secs(20);
 /// How often a wait looks at the cancellation.
@@ -29,31 +26,30 @@ const POSES: usize = 1000;
 /// So many frames asked about are remembered besides, for a person may think for long.
 const ASKED: usize = 16;
 
-/// What a person has given.
+/// What somebody has given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Given {
+pub struct Given {
     pointed: Pointed,
     /// The frame in which it was pointed.
     frame: Option<FrameId>,
 }
 
 impl Given {
-    pub(crate) fn point(u: f64, v: f64, depth: u8, frame: u64) -> Self {
+    /// Fly towards this point of a frame, from the left and from the top in fractions; the depth label is from 1 to 10.
+    #[must_use]
+    pub fn point(u: f64, v: f64, depth: u8, frame: u64) -> Self {
         Self { pointed: Pointed::Point(ImagePoint { u, v }, depth), frame: Some(FrameId(frame)) }
     }
 
-    pub(crate) fn look(side: Side) -> Self {
-        let look = match side {
-            Side::Left => Look::Left,
-            Side::Right => Look::Right,
-            Side::Up => Look::Up,
-            Side::Down => Look::Down,
-            Side::Behind => Look::Behind,
-        };
+    /// The target is out of view, on this side.
+    #[must_use]
+    pub fn look(look: Look) -> Self {
         Self { pointed: Pointed::Look(look), frame: None }
     }
 
-    pub(crate) fn done() -> Self {
+    /// The instruction is fulfilled.
+    #[must_use]
+    pub fn done() -> Self {
         Self { pointed: Pointed::Done, frame: None }
     }
 }
@@ -81,7 +77,7 @@ struct Inner {
 
 /// What is pointed, between the page and whoever answers the pilot.
 #[derive(Default)]
-pub(crate) struct Pointing {
+pub struct Pointing {
     inner: Mutex<Inner>,
     answered: Condvar,
 }
@@ -92,26 +88,30 @@ impl Pointing {
         self.inner.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(crate) fn begin(&self, camera: Camera, human: bool) {
-        *self.inner() = Inner { camera: Some(camera), human, ..Inner::default() };
+    /// A flight begins; whether a person answers `every` query.
+    pub fn begin(&self, camera: Camera, every: bool) {
+        *self.inner() = Inner { camera: Some(camera), human: every, ..Inner::default() };
     }
 
-    pub(crate) fn forget(&self) {
+    /// The flight is over.
+    pub fn forget(&self) {
         *self.inner() = Inner::default();
     }
 
     /// The phase of the flight.
-    pub(crate) fn phase(&self, phase: Phase) {
+    pub fn phase(&self, phase: Phase) {
         self.inner().phase = Some(phase);
     }
 
     /// Whether the craft waits on the ground for take-off.
-    pub(crate) fn is_on_ground(&self) -> bool {
+    #[must_use]
+    pub fn is_on_ground(&self) -> bool {
         self.inner().phase == Some(Phase::Ground)
     }
 
     /// Why nothing can be pointed at now. A person who answers every query clicks often, and a click must not undo a hold.
-    pub(crate) fn refusal(&self) -> Option<&'static str> {
+    #[must_use]
+    pub fn refusal(&self) -> Option<&'static str> {
         let inner = self.inner();
         match inner.phase? {
             Phase::Ended => Some("the flight is over"),
@@ -123,7 +123,7 @@ impl Pointing {
     }
 
     /// Remembers from where a frame was taken.
-    pub(crate) fn frame(&self, id: FrameId, pose: Pose) {
+    pub fn frame(&self, id: FrameId, pose: Pose) {
         let mut inner = self.inner();
         if inner.poses.len() >= POSES {
             inner.poses.pop_front();
@@ -132,7 +132,7 @@ impl Pointing {
     }
 
     /// Takes when the position last jumped: places and poses of before are void.
-    pub(crate) fn lost_track(&self, lost: Option<Time>) {
+    pub fn lost_track(&self, lost: Option<Time>) {
         let mut inner = self.inner();
         if inner.lost != lost {
             inner.lost = lost;
@@ -143,7 +143,7 @@ impl Pointing {
     }
 
     /// A frame is asked about.
-    pub(crate) fn asked(&self, id: FrameId, pose: Pose) {
+    pub fn asked(&self, id: FrameId, pose: Pose) {
         let mut inner = self.inner();
         if inner.asked.len() >= ASKED {
             inner.asked.pop_front();
@@ -152,19 +152,24 @@ impl Pointing {
     }
 
     /// The instruction with which the pilot must start afresh for a correction to count, if it keeps the target's place.
-    pub(crate) fn anchored(&self, instruction: Option<&str>) {
+    pub fn anchored(&self, instruction: Option<&str>) {
         let mut inner = self.inner();
         if inner.anchored.as_deref() != instruction {
             inner.anchored = instruction.map(str::to_owned);
         }
     }
 
-    pub(crate) fn instruction_to_repeat(&self) -> Option<String> {
+    /// The instruction to give once more for a correction to count; `None` if the pilot keeps no place.
+    #[must_use]
+    pub fn instruction_to_repeat(&self) -> Option<String> {
         self.inner().anchored.clone()
     }
 
-    /// Marks a place to keep out of; all of them.
-    pub(crate) fn avoid(&self, [left, top, right, bottom]: [f64; 4], depth: u8, frame: u64) -> Result<Vec<KeepOut>, String> {
+    /// Marks a place to keep out of, the edges of its box in fractions of the frame; all of them.
+    ///
+    /// # Errors
+    /// Why it cannot be marked, for the person.
+    pub fn avoid(&self, [left, top, right, bottom]: [f64; 4], depth: u8, frame: u64) -> Result<Vec<KeepOut>, String> {
         let mut inner = self.inner();
         let Some(camera) = inner.camera else { return Err("no flight is under way".to_owned()) };
         let Some(pose) = inner.pose(FrameId(frame)) else { return Err("that picture is too old: mark it again".to_owned()) };
@@ -178,7 +183,10 @@ impl Pointing {
     }
 
     /// Removes one of them; those that are left.
-    pub(crate) fn unavoid(&self, id: u32) -> Result<Vec<KeepOut>, String> {
+    ///
+    /// # Errors
+    /// It is not marked.
+    pub fn unavoid(&self, id: u32) -> Result<Vec<KeepOut>, String> {
         let mut inner = self.inner();
         let before = inner.kept_out.len();
         inner.kept_out.retain(|place| place.id != id);
@@ -186,18 +194,20 @@ impl Pointing {
     }
 
     /// Answers the open query; false if none waits for a person.
-    pub(crate) fn answer(&self, given: Given) -> Result<bool, String> {
+    pub fn answer(&self, given: Given) -> bool {
         let mut inner = self.inner();
-        if !inner.open {
-            return Ok(false);
+        if inner.open {
+            inner.answer = Some(given);
+            self.answered.notify_all();
         }
-        inner.answer = Some(given);
-        self.answered.notify_all();
-        Ok(true)
+        inner.open
     }
 
     /// The next query is answered with this, whoever else would answer.
-    pub(crate) fn correct(&self, given: Given) -> Result<(), String> {
+    ///
+    /// # Errors
+    /// No flight is under way.
+    pub fn correct(&self, given: Given) -> Result<(), String> {
         let mut inner = self.inner();
         if inner.camera.is_none() {
             return Err("no flight is under way".to_owned());
@@ -243,28 +253,31 @@ fn moved(point: ImagePoint, depth: u8, camera: &Camera, from: Pose, to: Pose) ->
     }
 }
 
-/// Answers the pilot with what a person points at in the cockpit, and else with what another VLM says.
+/// Told of the query that waits for somebody to point, and of `None` when it waits no longer.
+pub type Waiting = Arc<dyn Fn(Option<&Query>) + Send + Sync>;
+
+/// Answers the pilot with what somebody points at, and else with what another VLM says.
 pub struct Pointer {
     shared: Arc<Pointing>,
-    hub: Arc<Hub>,
+    waiting: Waiting,
     other: Option<Box<dyn Vlm>>,
 }
 
 impl Pointer {
-    pub(crate) fn new(shared: Arc<Pointing>, hub: Arc<Hub>, other: Option<Box<dyn Vlm>>) -> Self {
-        Self { shared, hub, other }
+    /// Answers with what is given to `shared`; without another VLM every query waits for it.
+    #[must_use]
+    pub fn new(shared: Arc<Pointing>, waiting: Waiting, other: Option<Box<dyn Vlm>>) -> Self {
+        Self { shared, waiting, other }
     }
 
-    /// Waits for a person's answer.
+    /// Waits for somebody's answer.
     fn wait(&self, request: &QueryRequest<'_>) -> Result<Pointed, VlmError> {
         let query = request.query;
-        let confirm = query.memory.confirming;
-        let question = json!({"type": "question", "query": query.id.0, "frame": query.frame.0, "confirm": confirm});
         let began = Instant::now();
         // Open before anybody is told.
         let mut inner = self.shared.inner();
         (inner.open, inner.answer) = (true, None);
-        self.hub.tell(Kept::Question, &question);
+        (self.waiting)(Some(query));
         let result = loop {
             if let Some(given) = inner.answer.take() {
                 break Ok(inner.about(given, query.frame));
@@ -280,7 +293,7 @@ impl Pointer {
         };
         inner.open = false;
         drop(inner);
-        self.hub.tell(Kept::Question, &json!({"type": "question"}));
+        (self.waiting)(None);
         result
     }
 }
