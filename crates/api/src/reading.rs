@@ -26,6 +26,8 @@ pub enum Given {
     ByKeys,
     /// On the page, or on the command line for a flight that has one.
     OnPage,
+    /// By an assistant, in a call of a tool.
+    ByAssistant,
 }
 
 impl Given {
@@ -43,6 +45,7 @@ impl Given {
         match self {
             Self::AsArgument => "the drone lands by itself at the end; to fly manually, use --realtime",
             Self::ByKeys => "to land, press L; to fly manually, the arrow keys, W, A, S and D",
+            Self::ByAssistant => "to land, call `land`; to fly by yourself, call `take_off`, `look` and `point`",
             Self::OnPage => "to land, press Land; to fly manually, open Fly by hand",
         }
     }

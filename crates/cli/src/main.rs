@@ -80,6 +80,10 @@ fn run(cli: &Cli, mut printer: Printer) -> Result<Exit, CliError> {
     match &cli.command {
         Command::Fly(args) => commands::fly::fly(args, printer),
         Command::Cockpit(args) => commands::cockpit::cockpit(args, &printer),
+        #[cfg(feature = "mcp")]
+        Command::Mcp(args) => commands::mcp::mcp(args, &printer),
+        #[cfg(not(feature = "mcp"))]
+        Command::Mcp(_) => Err(commands::without_mcp()),
         Command::Doctor(args) => commands::doctor(args, &printer),
         Command::Tello(command) => commands::tello(command, &printer),
         Command::Camera(command) => commands::camera::camera(command, &printer),

@@ -142,6 +142,7 @@ function role(message) {
   byId("ask").hidden = message.pilot;
   byId("ask").disabled = message.asking;
   byId("ask").textContent = message.asking ? "Asked …" : message.someone ? "Ask for the controls" : "Take the controls";
+  byId("assistant").hidden = !message.arms;
   // What is answered is about the page that was shown to ask.
   if (message.asked !== asked) byId("handover").close();
   asked = message.asked;
@@ -193,6 +194,14 @@ const handlers = {
     byId("phase").textContent = "ready";
     byId("step").textContent = "";
     if (body.dataset.role === "pilot" && !byId("ended").open) byId("instruction").focus();
+  },
+  assistant({ about }) {
+    body.dataset.flight = "none";
+    keepAwake();
+    byId("send").textContent = "Change";
+    picture.clear(`An assistant flies here: ${about}.`);
+    byId("phase").textContent = "ready";
+    byId("step").textContent = "";
   },
   state,
   opened: (message) => decisions.detail(message),
@@ -328,6 +337,8 @@ byId("instruction").addEventListener("keydown", (event) => {
   event.target.value = earlier[at] ?? "";
 });
 
+byId("arm").onclick = () => orders.give({ assistant: 10 });
+byId("disarm").onclick = () => orders.give({ assistant: 0 });
 byId("ask").onclick = () => orders.give("ask");
 byId("give").onclick = () => orders.give({ give: { page: asked, yes: true } });
 byId("keep").onclick = () => orders.give({ give: { page: asked, yes: false } });

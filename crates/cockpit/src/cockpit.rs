@@ -13,7 +13,7 @@ use spf_media::Rgb;
 use spf_vlm::Vlm;
 use tokio::sync::{Semaphore, watch};
 
-use crate::controls::{CHECK, Controls, Keys};
+use crate::controls::{ArmAssistant, CHECK, Controls, Keys};
 use crate::flight_controls::{FlightControls, FlightEnd, ReadInstruction};
 use crate::flights::Flights;
 use crate::hub::{Hub, Kept};
@@ -159,6 +159,14 @@ impl Cockpit {
     #[must_use]
     pub fn has_pilot(&self) -> bool {
         self.controls.has_pilot()
+    }
+
+    /// An assistant flies here: `about` says with what. A real drone's is armed by `arm`.
+    pub fn host_assistant(&self, about: &str, arm: Option<ArmAssistant>) {
+        if let Some(arm) = arm {
+            self.controls.let_arm(arm);
+        }
+        self.hub.tell(Kept::Question, &json!({"type": "assistant", "about": about}));
     }
 
     /// A flight begins, and the page controls it.

@@ -63,7 +63,12 @@ struct Inner {
     checked: Option<Instant>,
     flight: Option<FlightControls>,
     waiting: Option<Waiting>,
+    /// Arms the assistant that flies, if one does and must be armed.
+    assistant: Option<ArmAssistant>,
 }
+
+/// Lets an assistant fly for so many minutes; 0 takes that back.
+pub type ArmAssistant = Box<dyn Fn(u8) + Send + Sync>;
 
 /// Where the first instruction goes, and how it is read.
 struct Waiting {
@@ -97,6 +102,7 @@ impl Controls {
             checked: None,
             flight: None,
             waiting: None,
+            assistant: None,
         };
         Self { inner: Mutex::new(inner), hub, pointing }
     }
@@ -223,6 +229,7 @@ impl Controls {
             _ if inner.pilot != Some(number) => return Err("this page only watches: ask for the controls first".to_owned()),
             Order::Give { page, yes } => return inner.answer(&self.hub, *page, *yes, now),
             Order::Instruction(text) => return inner.instruct(text.trim()),
+            Order::Assistant(minutes) => return inner.arm_assistant(*minutes),
             _ => {}
         }
         if inner.flight.is_none() {
@@ -250,7 +257,7 @@ impl Controls {
             Order::Unavoid(id) => vec![OperatorEvent::KeepOut(self.pointing.unavoid(*id)?)],
             Order::Look(side) => return self.point(&mut inner, Given::look((*side).into()), now),
             Order::Done => return self.point(&mut inner, Given::done(), now),
-            Order::Instruction(_) | Order::Ask | Order::Give { .. } => Vec::new(),
+            Order::Instruction(_) | Order::Assistant(_) | Order::Ask | Order::Give { .. } => Vec::new(),
         };
         for event in events {
             if !inner.send(event) {
@@ -282,6 +289,13 @@ impl Controls {
             true => Ok("your point is the next answer".to_owned()),
             false => Err("the flight is over".to_owned()),
         }
+    }
+
+    /// An assistant flies, and must be armed by this.
+    pub(crate) fn let_arm(&self, arm: ArmAssistant) {
+        let mut inner = self.inner();
+        inner.assistant = Some(arm);
+        inner.tell_roles();
     }
 
     /// A flight begins.
@@ -324,6 +338,15 @@ impl Inner {
             _ => self.stopped = Some(Instant::now()),
         }
         self.flight.as_ref().is_some_and(|flight| flight.operator.send(event).is_ok())
+    }
+
+    fn arm_assistant(&self, minutes: u8) -> Result<String, String> {
+        let arm = self.assistant.as_ref().ok_or("no assistant flies here")?;
+        arm(minutes);
+        Ok(match minutes {
+            0 => "the assistant may fly no longer: what flies holds, and lands".to_owned(),
+            minutes => format!("the assistant may fly, for {minutes} min and one flight"),
+        })
     }
 
     fn instruct(&mut self, text: &str) -> Result<String, String> {

@@ -25,6 +25,7 @@ mod watching;
 mod worker;
 
 pub use cockpit::{Announce, Cockpit, CockpitError};
+pub use controls::ArmAssistant;
 pub use flight_controls::{FlightControls, FlightEnd, ReadInstruction};
 pub use flights::Flights;
 pub use instruments::Instruments;

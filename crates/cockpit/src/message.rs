@@ -9,6 +9,9 @@ pub(crate) const LONGEST: usize = 16 * 1024;
 /// Maximum length of an instruction, characters, as on the command line.
 pub(crate) const LONGEST_INSTRUCTION: usize = 2000;
 
+/// Maximum time for which an assistant is armed, minutes.
+const LONGEST_ARMING: u8 = 30;
+
 /// Who connects. Without a token or a session: a spectator on the same machine.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -95,6 +98,8 @@ pub(crate) enum Order {
     Look(Side),
     /// Answer an open query: the instruction is fulfilled.
     Done,
+    /// Let the assistant fly for so many minutes, 1 to 30, and one flight; 0 takes that back.
+    Assistant(u8),
     /// Ask the pilot for the controls.
     Ask,
     /// Hand the controls over to who asks, or not.
@@ -170,6 +175,7 @@ impl Order {
             Self::Fly { .. } => "fly by hand",
             Self::Point { .. } | Self::Look(_) | Self::Done => "point",
             Self::Avoid { .. } | Self::Unavoid(_) => "keep away",
+            Self::Assistant(_) => "the assistant",
             Self::Ask | Self::Give { .. } => "the controls",
         }
     }
@@ -193,6 +199,7 @@ impl ToControls {
             Self::Order { order: Order::Instruction(text), .. } => {
                 !text.trim().is_empty() && text.chars().count() <= LONGEST_INSTRUCTION && !text.contains(char::is_control)
             }
+            Self::Order { order: Order::Assistant(minutes), .. } => *minutes <= LONGEST_ARMING,
             _ => true,
         };
         if finite { Ok(message) } else { Err("a value is outside its range".to_owned()) }
@@ -246,6 +253,8 @@ mod tests {
         assert!(avoid("[0.1,0.2,0.3,1]").is_ok() && avoid("[0.3,0.2,0.1,1]").is_err() && avoid("[0,0,1,1e999]").is_err());
         let say = |text: &str| read(&serde_json::json!({"order": {"id": 1, "do": {"instruction": text}}}).to_string());
         assert!(say("go on").is_ok() && say("  ").is_err() && say("a\u{1b}[2J").is_err() && say(&"x".repeat(2001)).is_err());
+        let arm = |minutes: &str| read(&format!(r#"{{"order":{{"id":1,"do":{{"assistant":{minutes}}}}}}}"#));
+        assert!(arm("0").is_ok() && arm("30").is_ok() && arm("31").is_err() && arm("-1").is_err() && arm("1.5").is_err());
         let secret = "5ec2e7";
         assert!(!read(&format!(r#"{{"hello":{{"tokn":"{secret}"}}}}"#)).unwrap_err().contains(secret));
     }

@@ -142,6 +142,17 @@ impl Pointing {
         }
     }
 
+    /// Whether it is known from where a frame was taken.
+    #[must_use]
+    pub fn knows(&self, frame: u64) -> bool {
+        self.inner().pose(FrameId(frame)).is_some()
+    }
+
+    /// Somebody answers every query from now on, or no longer: without a correction, queries wait.
+    pub fn answer_all(&self, all: bool) {
+        self.inner().human = all;
+    }
+
     /// A frame is asked about.
     pub fn asked(&self, id: FrameId, pose: Pose) {
         let mut inner = self.inner();
@@ -313,10 +324,11 @@ impl Vlm for Pointer {
         let points = matches!(request.query.kind, QueryKind::Point { .. });
         let corrected = if points { self.shared.take_correction(request.query.frame) } else { None };
         let grounding = self.image_spec(image.size()).grounding;
+        let waits = self.shared.inner().human;
         let pointed = match (corrected, &mut self.other) {
             (Some(pointed), _) => Ok(pointed),
-            (None, Some(other)) => return other.answer(request, image),
-            (None, None) => self.wait(request),
+            (None, Some(other)) if !waits => return other.answer(request, image),
+            (None, _) => self.wait(request),
         };
         let text = pointed.and_then(|pointed| told(request.query, pointed, &grounding));
         Answer { text, latency: began.elapsed(), model: HUMAN.to_owned(), account: Usage { requests: 1, ..Usage::default() } }

@@ -8,6 +8,7 @@ mod camera;
 mod cockpit;
 mod ground;
 mod log;
+mod mcp;
 mod methods;
 pub(crate) mod refused;
 mod screen;
@@ -29,6 +30,7 @@ pub(crate) use camera::{Camera, CameraArgs, CameraCalibrate, CameraTest, Times};
 pub(crate) use cockpit::Cockpit;
 pub(crate) use ground::Ground;
 pub(crate) use log::{Cat, Export, Info, Log, Open, Repair, Replay, Share, Video};
+pub(crate) use mcp::{Mcp, McpCommand};
 pub(crate) use screen::{Screen, ScreenCalibrate, ScreenPreview};
 pub(crate) use serve::Serve;
 pub(crate) use sim::{Dataset, Render, Scenes, Sim, SimWindow, View};
@@ -46,6 +48,7 @@ fn long_version() -> &'static str {
         let revision = if GIT_REV.is_empty() { "an unknown revision" } else { GIT_REV };
         let all = [
             ("onnx", cfg!(feature = "onnx")),
+            ("mcp", cfg!(feature = "mcp")),
             ("parquet", cfg!(feature = "parquet")),
             ("gstreamer", cfg!(feature = "gstreamer")),
             ("screen-native", cfg!(feature = "screen-native")),
@@ -89,6 +92,8 @@ pub(crate) enum Command {
     Fly(Box<Fly>),
     /// Fly, watch and point in a browser: wait for instructions, or look at recorded flights
     Cockpit(Box<Cockpit>),
+    /// Let an assistant look, fly and stop, by the Model Context Protocol
+    Mcp(Box<Mcp>),
     /// Run pre-flight checks: drone, battery, video, light, VLM, disk
     Doctor(Doctor),
     /// DJI Tello tools: show the state, land, stop, calibrate the stick response
@@ -148,6 +153,7 @@ impl Command {
             | Self::Camera(_)
             | Self::Screen(_)
             | Self::Log(_)
+            | Self::Mcp(_)
             | Self::Vlm(_)
             | Self::Track(_)
             | Self::Config(_)

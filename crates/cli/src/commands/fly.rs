@@ -4,7 +4,7 @@ mod aboard;
 #[cfg(all(debug_assertions, unix))]
 mod drill;
 mod manual;
-mod opening;
+pub(crate) mod opening;
 pub(crate) mod page;
 pub(crate) mod real;
 pub(crate) mod settings;
@@ -17,8 +17,10 @@ use std::sync::Arc;
 use std::sync::mpsc::channel;
 
 use serde::Serialize;
+#[cfg(feature = "mcp")]
+pub(crate) use spf_api::flight::not_started as flight_error;
 use spf_api::flight::{checked_instruction, not_started, out_dir};
-use spf_api::reading::Reader;
+use spf_api::reading::{Given, Reader};
 use spf_bench::run::shell_word;
 use spf_cockpit::{Cockpit, ReadInstruction};
 use spf_core::craft::Craft;
@@ -57,7 +59,7 @@ pub(crate) fn fly(args: &Fly, printer: Printer) -> Result<Exit, CliError> {
 /// Flies an instruction with these settings; a cockpit shows and controls the flight.
 pub(crate) fn flight(args: &Fly, mut settings: Settings, cockpit: Option<&Cockpit>, printer: Printer) -> Result<Exit, CliError> {
     let instruction = checked_instruction(&args.instruction)?;
-    let ready = opening::ready(args, &mut settings, instruction, cockpit, &printer)?;
+    let ready = opening::ready(args, &mut settings, instruction, Others::cockpit(cockpit), &printer)?;
     take_off(ready, &settings, instruction, cockpit, printer)
 }
 
@@ -79,16 +81,50 @@ pub(crate) fn instruction_reader(settings: &Settings) -> Result<(ReadInstruction
     Ok((page::read_by(reader), about))
 }
 
+/// Who watches and controls a flight besides the terminal.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Others<'a> {
+    pub(crate) cockpit: Option<&'a Cockpit>,
+    pub(crate) assistant: Option<Assistant<'a>>,
+}
+
+/// An assistant that calls tools.
+#[derive(Clone, Copy)]
+pub(crate) struct Assistant<'a> {
+    /// Where it points.
+    pub(crate) pointing: &'a Arc<spf_flight::pointing::Pointing>,
+    /// Whether it has given an instruction; else it points.
+    pub(crate) has_instructed: bool,
+}
+
+impl<'a> Others<'a> {
+    fn cockpit(cockpit: Option<&'a Cockpit>) -> Self {
+        Self { cockpit, ..Self::default() }
+    }
+
+    fn is_any(self) -> bool {
+        self.cockpit.is_some() || self.assistant.is_some()
+    }
+
+    /// How an instruction was given; `None` if there is none to be read.
+    fn given(self, realtime: bool) -> Option<Given> {
+        match self.assistant {
+            Some(assistant) => assistant.has_instructed.then_some(Given::ByAssistant),
+            None => Some(Given::for_flight(self.cockpit.is_some(), realtime)),
+        }
+    }
+}
+
 /// A prepared flight.
-struct Ready {
+pub(crate) struct Ready {
     /// The plan, without recording and operator.
-    plan: FlightPlan,
+    pub(crate) plan: FlightPlan,
     /// Messages before take-off.
-    announcements: Vec<String>,
+    pub(crate) announcements: Vec<String>,
     /// The craft for manual flight; `None` in virtual time.
-    by_hand: Option<Craft>,
+    pub(crate) by_hand: Option<Craft>,
     /// Checks the instructions typed in flight, where the VLM is the oracle.
-    reader: Option<Reader>,
+    pub(crate) reader: Option<Reader>,
     /// Whether take-off requires an operator at the keys.
     attended: bool,
     /// The camera whose video statistics are reported at the end.
@@ -306,7 +342,7 @@ fn errs_on_purpose(vlm: &str) -> bool {
 }
 
 /// The result of a flight in words.
-fn result(summary: &Summary) -> Vec<String> {
+pub(crate) fn result(summary: &Summary) -> Vec<String> {
     // The verdict is about a reported arrival; for a flight that gave up or was ended it would be meaningless.
     let verified = match summary.verified.filter(|_| summary.outcome == Outcome::Reached) {
         Some(true) => ", verified by the simulator's ground truth",

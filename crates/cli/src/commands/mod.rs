@@ -11,6 +11,8 @@ mod doctor;
 pub(crate) mod fly;
 pub(crate) mod ground;
 pub(crate) mod log;
+#[cfg(feature = "mcp")]
+pub(crate) mod mcp;
 mod reask;
 pub(crate) mod replay;
 pub(crate) mod screen;
@@ -26,3 +28,10 @@ pub(crate) use track::track;
 
 pub(crate) use spf_api::files::{load_scene, read};
 pub(crate) use spf_flight::pose::parse_pose;
+
+/// The error of a program that was built without the protocol.
+#[cfg(not(feature = "mcp"))]
+pub(crate) fn without_mcp() -> crate::error::CliError {
+    crate::error::CliError::usage("this program was built without `spf mcp`")
+        .hint("build it with `cargo build --release --features mcp`; that of the Python package has it")
+}

@@ -34,7 +34,7 @@ impl Inner {
             let flies = pilot == Some(*number);
             let role = json!({
                 "type": "role", "pilot": flies, "someone": pilot.is_some() && !lost, "pages": watching,
-                "asked": asking.filter(|_| flies), "asking": asking == Some(*number),
+                "asked": asking.filter(|_| flies), "asking": asking == Some(*number), "arms": flies && self.assistant.is_some(),
             });
             drop(page.to_page.try_send(json(&role)));
         }

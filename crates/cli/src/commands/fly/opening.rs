@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use spf_cockpit::Cockpit;
 use spf_core::craft::Craft;
 use spf_drone::driver::Target;
 use spf_envelope::Limits;
@@ -14,7 +13,7 @@ use super::settings::{
     Facts, brake, depends_on_boxes, method, method_words, prompt, refuse_contradictions, script, without_boxes,
 };
 use super::signals::flight_interrupts;
-use super::{Ready, no_keys, page, real, simulated};
+use super::{Others, Ready, no_keys, page, real, simulated};
 use crate::args::{CameraArgs, Fly};
 use crate::commands::camera::refuse_endless;
 use crate::commands::vlm::{Pace, is_human};
@@ -97,11 +96,11 @@ impl<'a> Carrier<'a> {
 }
 
 /// Prepares the flight. All that can be wrong in the command is said before anything is loaded or connected.
-pub(super) fn ready(
+pub(crate) fn ready(
     args: &Fly,
     settings: &mut Settings,
     instruction: &str,
-    cockpit: Option<&Cockpit>,
+    others: Others<'_>,
     printer: &Printer,
 ) -> Result<Ready, CliError> {
     let carrier = Carrier::of(settings, &args.flight.camera)?;
@@ -117,27 +116,30 @@ pub(super) fn ready(
     let prompt = prompt(settings, policy)?;
     let script = args.flight.events.as_deref().map(script).transpose()?.unwrap_or_default();
     // A flight in virtual time is over before anyone could watch it.
-    let is_watched = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || cockpit.is_some();
+    let is_watched = settings.fly.realtime.is_on()? || settings.fly.live.text().is_some() || others.is_any();
     let pace = if is_simulated && !is_watched { Pace::Virtual } else { Pace::Wall };
-    let pointing = page::pointing(cockpit, settings, prompt.clone(), pace)?;
+    let pointing = page::pointing(others, settings, prompt.clone(), pace)?;
     if pointing.is_oracle {
         carrier.refuse_oracle()?;
     }
     let unattended = settings.fly.unattended.is_on()?;
     let attended = carrier.is_real() && !unattended;
-    if attended && !Manual::is_possible() && cockpit.is_none() {
+    if attended && !Manual::is_possible() && !others.is_any() {
         return Err(no_keys());
     }
     let depth_network = depth_model::plan(settings)?;
     let (pointing, detector) = detector::combine(settings, pointing)?;
     let interrupts = flight_interrupts(carrier.is_real())?;
     let aboard = match &carrier {
-        Carrier::Simulated => simulated::board(settings, instruction, cockpit.is_some(), pace, pointing.is_oracle, &script)?,
+        Carrier::Simulated => {
+            let given = others.given(pace == Pace::Wall);
+            simulated::board(settings, instruction, given, pace, pointing.is_oracle, &script)?
+        }
         Carrier::Desk(url) => simulated::at_the_desk(&args.flight.camera, settings, url, printer)?,
         Carrier::Real(target, eyes) => real::board(&args.flight.camera, settings, target.as_ref(), *eyes, &pointing, printer)?,
     };
     // Whoever watches may give the next instruction.
-    let is_attended = if carrier.is_real() { attended } else { cockpit.is_some() };
+    let is_attended = if carrier.is_real() { attended } else { others.is_any() };
     let facts = Facts {
         has_ranges: aboard.has_ranges,
         lists_boxes: pointing.lists_boxes,
@@ -162,7 +164,7 @@ pub(super) fn ready(
         announcements.push(real::returning(&limits, &aboard.craft)?);
     }
     if carrier.is_real() {
-        announcements.extend(end_of_a_real_flight(method.at_end, unattended, is_human(&pointing.name) && cockpit.is_none()));
+        announcements.extend(end_of_a_real_flight(method.at_end, unattended, is_human(&pointing.name) && !others.is_any()));
     }
     let depth_network = depth_network.map(|(plan, sentence)| {
         announcements.push(sentence);

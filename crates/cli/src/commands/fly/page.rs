@@ -13,12 +13,14 @@ use spf_cockpit::{Cockpit, FlightControls, FlightEnd, Flights, ReadInstruction};
 use spf_core::craft::Craft;
 use spf_core::prompt::PromptText;
 use spf_flight::flight::Flown;
+use spf_flight::pointing::Pointer;
 use spf_flight::sim::VlmFactory;
 use spf_flight::words;
 use spf_pilot::OperatorEvent;
 use spf_vlm::Vlm;
 use spf_vlm::human::HUMAN;
 
+use super::{Assistant, Others};
 use crate::background;
 use crate::commands::vlm::{Pace, Pointing, is_human, pointing as of_settings};
 use crate::error::CliError;
@@ -80,13 +82,13 @@ pub(super) fn wait_for_pilot(cockpit: &Cockpit, interrupts: &AtomicU32, printer:
 }
 
 /// The operator's side of a flight, for the page.
-pub(super) fn controls(operator: Sender<OperatorEvent>, craft: Craft, reader: Option<Reader>, only: bool) -> FlightControls {
+pub(crate) fn controls(operator: Sender<OperatorEvent>, craft: Craft, reader: Option<Reader>, only: bool) -> FlightControls {
     let read = read_by(reader);
     FlightControls { operator, craft, read, only }
 }
 
 /// How a flight ended, for the page: the figures of its summary.
-pub(super) fn end(flown: &Flown, result: Vec<String>, folder: &Path) -> FlightEnd {
+pub(crate) fn end(flown: &Flown, result: Vec<String>, folder: &Path) -> FlightEnd {
     FlightEnd {
         outcome: words::outcome(flown.summary.outcome).to_owned(),
         result,
@@ -102,21 +104,48 @@ pub(super) fn read_by(reader: Option<Reader>) -> ReadInstruction {
     Arc::new(move |text: &str| reader.as_ref().map_or_else(|| Ok(String::new()), |reader| reader.understood(text)))
 }
 
-/// The VLM of a flight. With a cockpit a person points in the page instead of typing, and may correct any other VLM.
+/// The VLM of a flight. With a cockpit a person points in the page instead of typing, and may correct any other VLM; so may an
+/// assistant.
 pub(super) fn pointing(
-    cockpit: Option<&Cockpit>,
+    others: Others<'_>,
     settings: &Settings,
     prompt: Option<Arc<PromptText>>,
     pace: Pace,
 ) -> Result<Pointing, CliError> {
-    let Some(cockpit) = cockpit else { return of_settings(settings, prompt, pace) };
-    let pointers = cockpit.pointers();
+    let pointing = match (others.assistant, others.cockpit) {
+        (Some(Assistant { pointing: shared, .. }), _) => {
+            let shared = shared.clone();
+            pointed(settings, prompt, pace, "VLM: none. The assistant points.", move |other| {
+                Pointer::new(shared.clone(), Arc::new(|_| {}), other)
+            })?
+        }
+        (None, Some(cockpit)) => {
+            let pointers = cockpit.pointers();
+            return pointed(settings, prompt, pace, "VLM: you. Click in the cockpit's picture to point.", pointers);
+        }
+        (None, None) => return of_settings(settings, prompt, pace),
+    };
+    let Some(cockpit) = others.cockpit else { return Ok(pointing) };
+    // Whoever looks at the page corrects the assistant too.
+    let (pointers, inner) = (cockpit.pointers(), pointing.vlm_factory);
+    let vlm_factory: VlmFactory = Arc::new(move |world, seed| Ok(Box::new(pointers(Some(inner(world, seed)?))) as Box<dyn Vlm>));
+    Ok(Pointing { vlm_factory, ..pointing })
+}
+
+/// The VLM of the settings behind somebody who points, or, with `--vlm human`, nobody else.
+fn pointed(
+    settings: &Settings,
+    prompt: Option<Arc<PromptText>>,
+    pace: Pace,
+    alone: &str,
+    pointers: impl Fn(Option<Box<dyn Vlm>>) -> Pointer + Send + Sync + 'static,
+) -> Result<Pointing, CliError> {
     if is_human(settings.fly.vlm.text_or_default()) {
         return Ok(Pointing {
             name: HUMAN.to_owned(),
             vlm_factory: Arc::new(move |_, _| Ok(Box::new(pointers(None)) as Box<dyn Vlm>)),
             is_oracle: false,
-            sentence: "VLM: you. Click in the cockpit's picture to point.".to_owned(),
+            sentence: alone.to_owned(),
             latency: None,
             program: None,
             lists_boxes: false,

@@ -44,11 +44,11 @@ fn site(settings: &Settings, loaded: Arc<LoadedScene>, kind: CraftKind, realtime
     })
 }
 
-/// The craft in a scene with ground truth.
+/// The craft in a scene with ground truth; an instruction is read as one that was `given`, unless somebody points instead.
 pub(super) fn board(
     settings: &Settings,
     instruction: &str,
-    has_cockpit: bool,
+    given: Option<Given>,
     pace: Pace,
     is_oracle: bool,
     script: &Script,
@@ -60,7 +60,9 @@ pub(super) fn board(
     let reader = is_oracle.then(|| Reader::new(&loaded, site.start));
     let mut announcements = Vec::new();
     if let Some(reader) = &reader {
-        announcements.extend(reading::lines(instruction, &loaded, site.start, Given::for_flight(has_cockpit, realtime))?);
+        if let Some(given) = given {
+            announcements.extend(reading::lines(instruction, &loaded, site.start, given)?);
+        }
         for (at, text) in script.instructions() {
             announcements.extend(reader.scripted(at, text)?);
         }

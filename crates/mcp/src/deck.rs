@@ -1,0 +1,590 @@
+//! The craft of an assistant: at most one flight, who may order what, and what happens if nobody says anything any more.
+//!
+//! Every order ends as an [`OperatorEvent`] in the flight's operator channel, as those of the terminal's keys and of the cockpit do, and
+//! so goes through the safety envelope.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread::Builder;
+use std::time::{Duration, Instant};
+
+use spf_flight::flight::Flown;
+use spf_flight::pointing::{Given, Pointing};
+use spf_pilot::{Ending, OperatorEvent, Phase};
+use tokio::sync::watch;
+
+use crate::consent::Consent;
+use crate::watch::{Newest, Orders, Seen, Watch};
+
+/// A craft in the air whose assistant is gone, after holding so long, lands: as with a lost cockpit.
+const LOST: Duration = Duration::from_secs(20);
+/// A craft in the air that flies no instruction and that nobody asks about any more lands.
+const SILENT: Duration = Duration::from_secs(60);
+/// After an order to stop the craft holds for so long, and lands.
+const STOPPED: Duration = Duration::from_secs(5);
+/// How often the deck looks at the time.
+const TICK: Duration = Duration::from_millis(100);
+/// Calls per second that are carried out in the long run, and at once.
+const CALLS_PER_S: f64 = 10.0;
+const CALLS_AT_ONCE: f64 = 30.0;
+/// The instruction of a flight that begins without one.
+pub const POINTED: &str = "fly where the assistant points";
+
+/// What opens flights: the program, with its settings.
+pub trait Hangar: Send + Sync + 'static {
+    /// The craft in a few words, such as `simulated quad in city`.
+    fn craft(&self) -> String;
+
+    /// Who answers the queries of `fly`, in words; `None` if nobody does, so that only the assistant points.
+    fn answers(&self) -> Option<String>;
+
+    /// Whether the craft is real, and moves only after the operator has armed the assistant.
+    fn is_real(&self) -> bool;
+
+    /// How an instruction is read, if that is known before the flight.
+    ///
+    /// # Errors
+    /// Why it cannot be flown.
+    fn read(&self, wanted: &Wanted) -> Result<String, String>;
+
+    /// Flies, until the craft is on the ground.
+    ///
+    /// # Errors
+    /// Why the flight could not start.
+    fn fly(&self, wanted: Wanted, seat: Seat) -> Result<Flown, String>;
+}
+
+/// A flight that is wanted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Wanted {
+    /// The instruction; `None` for a flight that begins with a hover.
+    pub instruction: Option<String>,
+    /// The scene, instead of that of the settings.
+    pub scene: Option<String>,
+}
+
+impl Wanted {
+    /// The instruction to be recorded.
+    #[must_use]
+    pub fn words(&self) -> &str {
+        self.instruction.as_deref().unwrap_or(POINTED)
+    }
+}
+
+/// The assistant's seat in a flight.
+pub struct Seat {
+    /// Its orders.
+    pub operator: Receiver<OperatorEvent>,
+    /// Into the same channel, for somebody else, such as a cockpit.
+    pub orders: Sender<OperatorEvent>,
+    /// Its eyes: an observer of the flight.
+    pub watch: Watch,
+    /// Where it points: [`spf_flight::pointing::Pointer`]s of the flight's VLM take their answers from here.
+    pub pointing: Arc<Pointing>,
+    /// Set if the flight was given up while it was prepared: then it must not begin.
+    pub given_up: Arc<AtomicBool>,
+    /// To be set to the folder of the flight's files.
+    pub folder: Arc<OnceLock<PathBuf>>,
+}
+
+/// How a flight ended.
+#[derive(Clone, Debug)]
+pub enum Landed {
+    /// It was flown.
+    Flown(Box<Flown>),
+    /// It did not begin, and why.
+    Failed(String),
+}
+
+/// A flight that is under way, or that was the last one.
+#[derive(Clone)]
+pub struct Flight {
+    /// Its number in this process.
+    pub number: u64,
+    orders: Orders,
+    /// What is known of it.
+    pub seen: watch::Receiver<Seen>,
+    /// How it ended, once it has.
+    pub landed: watch::Receiver<Option<Landed>>,
+    pointing: Arc<Pointing>,
+    given_up: Arc<AtomicBool>,
+    folder: Arc<OnceLock<PathBuf>>,
+}
+
+impl Flight {
+    /// By which it is named: the name of its folder, once it has one.
+    #[must_use]
+    pub fn id(&self) -> String {
+        let name = self.folder.get().and_then(|folder| folder.file_name()).map(|name| name.to_string_lossy().into_owned());
+        name.unwrap_or_else(|| format!("flight-{}", self.number))
+    }
+
+    /// Whether this is its name before it had a folder.
+    #[must_use]
+    pub fn is_called(&self, id: &str) -> bool {
+        id == format!("flight-{}", self.number)
+    }
+
+    /// Whether the craft is on the ground again.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.landed.borrow().is_some()
+    }
+
+    /// Its phase; `None` while it is prepared.
+    #[must_use]
+    pub fn phase(&self) -> Option<Phase> {
+        self.seen.borrow().phase
+    }
+
+    /// Zero velocity now; a craft on the ground stays there, and the flight is over.
+    fn hold(&self) {
+        match self.phase() {
+            None | Some(Phase::Ground) => {
+                self.give_up();
+                self.orders.give([OperatorEvent::Land]);
+            }
+            _ => {
+                self.orders.give([OperatorEvent::Hold]);
+            }
+        }
+    }
+
+    /// A flight that has not begun does not begin.
+    fn give_up(&self) {
+        self.given_up.store(true, Ordering::Relaxed);
+    }
+
+    fn is_airborne(&self) -> bool {
+        !matches!(self.phase(), None | Some(Phase::Ground | Phase::Ended))
+    }
+
+    /// Whether it goes on without a word of anybody.
+    fn flies_by_itself(&self) -> bool {
+        matches!(self.phase(), Some(Phase::TakeOff | Phase::Flying | Phase::Landing | Phase::Returning))
+    }
+}
+
+/// Who is gone, and what was done about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    Holds(Instant),
+    Lands,
+}
+
+struct Inner {
+    flight: Option<Flight>,
+    flights: u64,
+    /// The last call of anybody.
+    called: Instant,
+    lost: Option<Lost>,
+    /// When the flight was stopped, or its consent ran out: it lands whatever an assistant says.
+    stopped: Option<Instant>,
+    /// How many orders of somebody else were heeded, and whether the last word was theirs.
+    overrides: u32,
+    operator_has_it: bool,
+    /// Calls that may be carried out at once, and when they were counted.
+    calls: (f64, Instant),
+}
+
+/// The deck.
+pub struct Deck {
+    hangar: Arc<dyn Hangar>,
+    consent: Arc<Consent>,
+    inner: Mutex<Inner>,
+}
+
+/// What a call did, in words, or why nothing was done.
+pub type Done = Result<String, String>;
+
+impl Deck {
+    /// A deck without a flight. The thread that watches over it ends with it.
+    ///
+    /// # Errors
+    /// The operating system's error if the thread cannot be started.
+    pub fn new(hangar: Arc<dyn Hangar>, consent: Arc<Consent>) -> std::io::Result<Arc<Self>> {
+        let now = Instant::now();
+        let inner = Inner {
+            flight: None,
+            flights: 0,
+            called: now,
+            lost: None,
+            stopped: None,
+            overrides: 0,
+            operator_has_it: false,
+            calls: (CALLS_AT_ONCE, now),
+        };
+        let deck = Arc::new(Self { hangar, consent, inner: Mutex::new(inner) });
+        let watched = Arc::downgrade(&deck);
+        Builder::new().name("deck".to_owned()).spawn(move || {
+            while let Some(deck) = watched.upgrade() {
+                deck.tick(Instant::now());
+                drop(deck);
+                std::thread::sleep(TICK);
+            }
+        })?;
+        Ok(deck)
+    }
+
+    fn inner(&self) -> MutexGuard<'_, Inner> {
+        // Consistent between calls.
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Who flies.
+    #[must_use]
+    pub fn hangar(&self) -> &dyn Hangar {
+        self.hangar.as_ref()
+    }
+
+    /// The operator's consent, in words.
+    #[must_use]
+    pub fn consent(&self) -> String {
+        self.consent.words(Instant::now())
+    }
+
+    /// The flight under way, or the last one.
+    #[must_use]
+    pub fn flight(&self) -> Option<Flight> {
+        self.inner().flight.clone()
+    }
+
+    /// Whether a flight is under way.
+    #[must_use]
+    pub fn is_flying(&self) -> bool {
+        self.inner().flight.as_ref().is_some_and(|flight| !flight.is_over())
+    }
+
+    /// Somebody calls. Calls that come faster than they can mean anything are refused; those that stop the craft never are.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn call(&self, stops: bool) -> Result<(), String> {
+        let (mut inner, now) = (self.inner(), Instant::now());
+        inner.called = now;
+        // Whoever was gone is back; a stop stays one.
+        inner.lost = None;
+        if let Some(flight) = inner.flight.clone()
+            && flight.phase() == Some(Phase::Hovering)
+            && inner.stopped.is_none()
+        {
+            // The hover at the end of an instruction lasts as long as somebody calls.
+            flight.orders.give([OperatorEvent::Hold]);
+        }
+        if stops {
+            return Ok(());
+        }
+        let (left, since) = inner.calls;
+        let left = (left + CALLS_PER_S * now.duration_since(since).as_secs_f64()).min(CALLS_AT_ONCE);
+        inner.calls = ((left - 1.0).max(0.0), now);
+        if left < 1.0 { Err(format!("too many calls: at most {CALLS_PER_S} per second; wait a moment")) } else { Ok(()) }
+    }
+
+    /// The operator arms the assistant for a time, half an hour at most, and one flight: the one under way, if there is one.
+    pub fn arm(&self, time: Duration) {
+        let mut inner = self.inner();
+        let in_flight = inner.flying().is_ok();
+        inner.operator_has_it = false;
+        self.consent.arm(time, in_flight, Instant::now());
+    }
+
+    /// The operator takes the consent back: a flight under way holds, and lands.
+    pub fn disarm(&self) {
+        let mut inner = self.inner();
+        match inner.flying() {
+            Ok(flight) => self.end(&mut inner, &flight),
+            Err(_) => self.consent.revoke(),
+        }
+    }
+
+    /// Begins a flight, or gives the one that holds in the air a new instruction. The flight, the number of the instruction in it, and
+    /// how it was read.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn fly(self: &Arc<Self>, wanted: Wanted) -> Result<(Flight, u32, String), String> {
+        let mut inner = self.inner();
+        let current = inner.flight.clone().filter(|flight| !flight.is_over());
+        let Some(flight) = current else {
+            let read = self.hangar.read(&wanted)?;
+            self.consent.begin(Instant::now())?;
+            let flight = self.begin(&mut inner, wanted).inspect_err(|_| self.consent.end())?;
+            return Ok((flight, 1, read));
+        };
+        let Some(instruction) = &wanted.instruction else {
+            return Err(format!("the drone is under way already, in the flight `{}`: `status` tells how", flight.id()));
+        };
+        if wanted.scene.is_some() {
+            return Err("the scene cannot change in flight: land first".to_owned());
+        }
+        inner.admits(&flight, "fly")?;
+        if flight.phase() == Some(Phase::Flying)
+            || flight.phase().is_none_or(|phase| matches!(phase, Phase::Ground | Phase::TakeOff))
+        {
+            return Err(format!(
+                "the flight `{}` is under way with \"{}\": wait for it with `wait_flight`, or `hold` first",
+                flight.id(),
+                flight.seen.borrow().instruction
+            ));
+        }
+        let read = self.hangar.read(&wanted)?;
+        self.consent.go_on(Instant::now())?;
+        if self.hangar.answers().is_none() {
+            return Err(NOBODY_ANSWERS.to_owned());
+        }
+        flight.pointing.answer_all(false);
+        inner.operator_has_it = false;
+        let number = flight.seen.borrow().instructions + 1;
+        match flight.orders.give([OperatorEvent::Instruction(instruction.clone()), OperatorEvent::Resume]) {
+            true => Ok((flight, number, read)),
+            false => Err("the flight is over".to_owned()),
+        }
+    }
+
+    fn begin(self: &Arc<Self>, inner: &mut Inner, wanted: Wanted) -> Result<Flight, String> {
+        if wanted.instruction.is_some() && self.hangar.answers().is_none() {
+            return Err(NOBODY_ANSWERS.to_owned());
+        }
+        let (send, operator) = channel();
+        let orders = Orders::new(send.clone());
+        let pointing = Arc::new(Pointing::default());
+        let (watch, seen) = Watch::new(orders.clone(), pointing.clone(), wanted.instruction.is_none());
+        let (landed_send, landed) = watch::channel(None);
+        let (given_up, folder) = (Arc::<AtomicBool>::default(), Arc::<OnceLock<PathBuf>>::default());
+        inner.flights += 1;
+        let number = inner.flights;
+        let flight = Flight {
+            number,
+            orders,
+            seen,
+            landed,
+            pointing: pointing.clone(),
+            given_up: given_up.clone(),
+            folder: folder.clone(),
+        };
+        let seat = Seat { operator, orders: send, watch, pointing, given_up, folder };
+        let deck = self.clone();
+        let fly = move || {
+            // Whatever happens, the flight is known to be over.
+            let flown = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| deck.hangar.fly(wanted, seat)));
+            let landed = match flown {
+                Ok(Ok(flown)) => Landed::Flown(Box::new(flown)),
+                Ok(Err(why)) => Landed::Failed(why),
+                Err(_) => Landed::Failed("internal error: the flight ended; its drone was told to land".to_owned()),
+            };
+            deck.consent.end();
+            deck.inner().stopped = None;
+            landed_send.send_replace(Some(landed));
+        };
+        let thread = Builder::new().name("flight".to_owned()).spawn(fly);
+        thread.map_err(|error| format!("cannot start a thread for the flight: {error}"))?;
+        (inner.stopped, inner.overrides, inner.operator_has_it) = (None, 0, false);
+        inner.flight = Some(flight.clone());
+        Ok(flight)
+    }
+
+    /// Flies one step towards a point of a picture: fractions from the left and from the top, and a depth label from 1 to 10. The
+    /// flight, and how many points had come to their end before.
+    ///
+    /// # Errors
+    /// Why it is refused.
+    pub fn point(&self, point: (f64, f64), depth: u8, frame: Option<u64>) -> Result<(Flight, u32), String> {
+        let mut inner = self.inner();
+        let flight = inner.flying()?;
+        inner.admits(&flight, "point")?;
+        self.consent.go_on(Instant::now())?;
+        match flight.phase() {
+            Some(Phase::Held | Phase::Hovering) => {}
+            Some(Phase::Flying) => {
+                return Err("the drone flies an instruction: `hold` first, then `look` and `point`".to_owned());
+            }
+            Some(Phase::Manual) => return Err("somebody flies the drone by hand in the cockpit".to_owned()),
+            Some(Phase::Landing | Phase::Returning) => return Err("the drone lands: `hold` stops that".to_owned()),
+            _ => return Err("the drone is not in the air yet: wait a moment, and look".to_owned()),
+        }
+        let frame = match frame {
+            Some(frame) => frame,
+            None => flight.seen.borrow().newest.as_ref().map(|newest| newest.frame).ok_or("there is no picture yet")?,
+        };
+        if !flight.pointing.knows(frame) {
+            return Err(format!("frame {frame} is too old, or was never there: `look` again, and point in that picture"));
+        }
+        flight.pointing.answer_all(true);
+        flight.pointing.correct(Given::point(point.0, point.1, depth, frame))?;
+        let points = flight.seen.borrow().points;
+        flight.orders.begin_point();
+        inner.operator_has_it = false;
+        // The place that is kept for what was pointed at before, or for an instruction, is forgotten.
+        let forgets = flight.pointing.instruction_to_repeat().is_some() || flight.seen.borrow().instruction != POINTED;
+        let anew = forgets.then(|| OperatorEvent::Instruction(POINTED.to_owned()));
+        let events = anew.into_iter().chain([OperatorEvent::Resume]);
+        if flight.orders.give(events) { Ok((flight.clone(), points)) } else { Err("the flight is over".to_owned()) }
+    }
+
+    /// Stops and stays in the air.
+    ///
+    /// # Errors
+    /// No flight is under way.
+    pub fn hold(&self) -> Done {
+        let inner = self.inner();
+        let flight = inner.flying()?;
+        if inner.stopped.is_some() {
+            return Ok("the drone was stopped: it holds, and lands in a moment".to_owned());
+        }
+        flight.hold();
+        Ok(match flight.phase() {
+            None | Some(Phase::Ground) => "the drone does not take off: the flight is over",
+            Some(Phase::TakeOff) => "it holds once it has taken off",
+            _ => "it holds: zero velocity, in the air. `fly`, `point` or `land` next; after 60 s without a call it lands",
+        }
+        .to_owned())
+    }
+
+    /// Lands where the craft is.
+    ///
+    /// # Errors
+    /// No flight is under way.
+    pub fn land(&self) -> Done {
+        let inner = self.inner();
+        let flight = inner.flying()?;
+        if flight.phase().is_none() {
+            flight.give_up();
+        }
+        flight.orders.give([OperatorEvent::Land]);
+        Ok("it lands where it is; `wait_flight` tells when it is down".to_owned())
+    }
+
+    /// Zero velocity at once, and the end of the flight: the craft holds, then lands. In every state. What was done, in words.
+    pub fn stop(&self) -> String {
+        let mut inner = self.inner();
+        let Ok(flight) = inner.flying() else { return "stopped: no flight is under way".to_owned() };
+        self.end(&mut inner, &flight);
+        match flight.phase() {
+            None | Some(Phase::Ground) => "stopped: the drone does not take off".to_owned(),
+            Some(Phase::Landing) => "stopped: it is landing already, and goes on".to_owned(),
+            _ => format!(
+                "stopped: zero velocity now; it holds for {} s, then lands. Nothing but the operator takes it back",
+                STOPPED.as_secs()
+            ),
+        }
+    }
+
+    /// Ends a flight: zero now, then a landing that no call of an assistant takes back.
+    fn end(&self, inner: &mut Inner, flight: &Flight) {
+        self.consent.revoke();
+        match flight.phase() {
+            // What lands goes on landing.
+            Some(Phase::Landing | Phase::Ended) => {}
+            _ => flight.hold(),
+        }
+        inner.stopped.get_or_insert_with(Instant::now);
+    }
+
+    /// A running call was cancelled, or its stream was closed: the craft holds.
+    pub fn cancelled(&self) {
+        let inner = self.inner();
+        if let Ok(flight) = inner.flying()
+            && inner.stopped.is_none()
+            && !matches!(flight.phase(), Some(Phase::Landing))
+        {
+            flight.hold();
+        }
+    }
+
+    /// The only client is gone, as when standard input ends.
+    pub fn leave(&self) {
+        let mut inner = self.inner();
+        if let Ok(flight) = inner.flying()
+            && inner.lost.is_none()
+        {
+            if flight.phase().is_none() {
+                flight.give_up();
+            }
+            flight.orders.give([OperatorEvent::Left]);
+            inner.lost = Some(Lost::Holds(Instant::now()));
+        }
+    }
+
+    /// Watches over the flight.
+    fn tick(&self, now: Instant) {
+        let mut inner = self.inner();
+        let Ok(flight) = inner.flying() else { return };
+        let overrides = flight.seen.borrow().overrides;
+        if core::mem::replace(&mut inner.overrides, overrides) < overrides {
+            // Whoever took the controls has them, and the assistant is armed anew, or not.
+            self.consent.revoke();
+            (inner.operator_has_it, inner.stopped, inner.lost) = (true, None, None);
+        }
+        if self.consent.runs_out(now) {
+            tracing::warn!("the operator's consent has run out: the drone holds, and lands");
+            self.end(&mut inner, &flight);
+        }
+        if inner.operator_has_it {
+            return;
+        }
+        let airborne = flight.is_airborne();
+        if airborne && let Some(stopped) = inner.stopped {
+            if now.duration_since(stopped) >= STOPPED && !matches!(flight.phase(), Some(Phase::Landing)) {
+                flight.orders.give([OperatorEvent::Land]);
+                // Again, should somebody else have interrupted it.
+                inner.stopped = Some(now);
+            }
+            return;
+        }
+        if let Some(Lost::Holds(since)) = inner.lost
+            && (now.duration_since(since) >= LOST || !airborne)
+        {
+            flight.orders.give([OperatorEvent::Abandoned]);
+            inner.lost = Some(Lost::Lands);
+        }
+        let silent = now.duration_since(inner.called) >= SILENT;
+        if airborne && silent && inner.lost.is_none() && !flight.flies_by_itself() {
+            tracing::warn!("no call for {} s: the drone lands", SILENT.as_secs());
+            flight.orders.give([OperatorEvent::Abandoned]);
+            inner.lost = Some(Lost::Lands);
+        }
+    }
+
+    /// The newest picture, which can be pointed in from now on.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn newest(&self) -> Result<Newest, String> {
+        let flight = self.flight().ok_or("there is no picture before the first flight: `take_off` or `fly`")?;
+        let newest = flight.seen.borrow().newest.clone().ok_or("there is no picture yet")?;
+        flight.pointing.asked(spf_core::frame::FrameId(newest.frame), newest.pose);
+        Ok(newest)
+    }
+}
+
+/// Why `fly` is refused where no model is set up.
+const NOBODY_ANSWERS: &str = "no vision-language model is set up for `fly` (start the server with --vlm, or set a key): \
+                              you can fly by yourself with `take_off`, `look` and `point`";
+
+impl Inner {
+    /// The flight under way.
+    fn flying(&self) -> Result<Flight, String> {
+        let flight = self.flight.clone().filter(|flight| !flight.is_over());
+        flight.ok_or_else(|| "no flight is under way: `take_off` or `fly` begins one".to_owned())
+    }
+
+    /// Whether an assistant may move the craft.
+    fn admits(&self, flight: &Flight, what: &str) -> Result<(), String> {
+        if self.stopped.is_some() {
+            return Err(format!("`{what}` refused: the flight was stopped, and lands"));
+        }
+        match flight.phase() {
+            Some(Phase::Manual) => Err(format!("`{what}` refused: somebody flies the drone by hand in the cockpit")),
+            Some(Phase::Ended) => Err("the flight is over".to_owned()),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Whether an instruction of a flight has come to its end, and how.
+#[must_use]
+pub fn ended(seen: &Seen, instruction: u32) -> Option<Ending> {
+    if seen.instructions < instruction { None } else { seen.settled.clone() }
+}

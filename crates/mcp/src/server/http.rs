@@ -1,0 +1,133 @@
+//! The protocol by HTTP, on this machine, for who has the token.
+
+use std::io;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use axum::extract::{Request, State};
+use axum::http::{StatusCode, header};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse as _, Response};
+use rmcp::transport::streamable_http_server::session::local::LocalSessionManager;
+use rmcp::transport::{StreamableHttpServerConfig, StreamableHttpService};
+use spf_guard::{Access, Manner};
+use tokio::sync::watch;
+
+use super::{LOOK_UP, Server, leave};
+
+/// Maximum number of connections: several clients, each with a running call and more beside it.
+const CONNECTIONS: usize = 64;
+/// Maximum wait for running calls at the end.
+const GRACE: Duration = Duration::from_millis(700);
+/// Maximum size of a request, bytes.
+const BODY: usize = 1 << 20;
+
+/// The token of a server, 128 random bits. Its `Debug` does not show it.
+#[derive(Clone, PartialEq, Eq)]
+pub struct Secret(String);
+
+impl Secret {
+    /// A new one.
+    ///
+    /// # Errors
+    /// The operating system gives no random numbers.
+    pub fn new() -> io::Result<Self> {
+        let mut bytes = [0; 16];
+        getrandom::fill(&mut bytes).map_err(|error| io::Error::other(error.to_string()))?;
+        Ok(Self(bytes.iter().map(|byte| format!("{byte:02x}")).collect()))
+    }
+
+    /// One that the user has chosen; `None` if it is shorter than 16 characters.
+    #[must_use]
+    pub fn chosen(text: &str) -> Option<Self> {
+        (text.len() >= 16 && text.bytes().all(|byte| byte.is_ascii_graphic())).then(|| Self(text.to_owned()))
+    }
+
+    /// The text, to be printed once.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether this is the secret; the time does not depend on where they differ.
+    fn is(&self, text: &str) -> bool {
+        let (own, other) = (self.0.as_bytes(), text.as_bytes());
+        own.len() == other.len() && own.iter().zip(other).fold(0, |differing, (a, b)| differing | (a ^ b)) == 0
+    }
+}
+
+impl core::fmt::Debug for Secret {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str("Secret(…)")
+    }
+}
+
+/// Serves `http://ADDRESS/mcp` until `stopped` says so, and then until the flight is over. Every request needs `Authorization: Bearer TOKEN`.
+///
+/// # Errors
+/// The listener cannot be used.
+pub fn serve_http(
+    server: Server,
+    listener: TcpListener,
+    secret: Secret,
+    stopped: impl Fn() -> bool + Send + 'static,
+) -> io::Result<()> {
+    let deck = server.deck.clone();
+    let address = listener.local_addr()?;
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+    let stop = watch::Sender::new(false);
+    let stopping = stop.subscribe();
+    let served = runtime.block_on(async {
+        drop(tokio::spawn(async move {
+            while !stopped() {
+                tokio::time::sleep(LOOK_UP).await;
+            }
+            stop.send_replace(true);
+        }));
+        let manner = Manner { most: CONNECTIONS, ..Manner::plain(GRACE) };
+        spf_guard::serve(listener, router(server, secret), Access::at(address), stopping, manner).await
+    });
+    leave(&deck);
+    runtime.shutdown_background();
+    served
+}
+
+fn router(server: Server, secret: Secret) -> Router {
+    // Host and Origin are checked for every request, before this one's own checks.
+    let config = StreamableHttpServerConfig::default().enforce_origin_validation().with_max_request_body_bytes(BODY);
+    let service = StreamableHttpService::new(move || Ok(server.clone()), LocalSessionManager::default().into(), config);
+    let guarded = middleware::from_fn_with_state(Arc::new(secret), bearer);
+    spf_guard::with_headers(Router::new().nest_service("/mcp", service).layer(guarded))
+}
+
+/// Refuses requests without the token.
+async fn bearer(State(secret): State<Arc<Secret>>, request: Request, next: Next) -> Response {
+    let given = request.headers().get(header::AUTHORIZATION).and_then(|value| value.to_str().ok()?.strip_prefix("Bearer "));
+    if given.is_some_and(|given| secret.is(given)) {
+        return next.run(request).await;
+    }
+    let why = "the token is missing or wrong: send `Authorization: Bearer TOKEN` with what `spf mcp --http` has printed\n";
+    (StatusCode::UNAUTHORIZED, [(header::WWW_AUTHENTICATE, "Bearer")], why).into_response()
+}
+
+/// The address of a server, for its clients.
+#[must_use]
+pub fn url(address: SocketAddr) -> String {
+    format!("http://{address}/mcp")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn secrets_are_recognised_and_not_shown() {
+        let (one, other) = (Secret::new().unwrap(), Secret::new().unwrap());
+        assert!(one.is(one.text()) && !one.is(other.text()) && !one.is(""));
+        assert_eq!(format!("{one:?}"), "Secret(…)");
+        assert!(Secret::chosen("short").is_none() && Secret::chosen("0123456789 abcdef").is_none());
+        assert!(Secret::chosen("0123456789abcdef").is_some());
+    }
+}
